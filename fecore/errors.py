@@ -1,0 +1,39 @@
+"""What can go wrong in the core.
+
+    FecoreError
+    ├── InputError            a value that was handed in is wrong; names the field
+    ├── ModelError            the finite element model cannot be built or solved
+    ├── IdentificationError   the measured data do not support an identification
+    └── UpdatingError         an update did not converge; carries the best iterate
+
+Every message says what was found, what was expected and, where there is something, what to do.
+"""
+
+
+class FecoreError(Exception):
+    """Root of all errors that the core raises on purpose."""
+
+
+class InputError(FecoreError):
+    """A value handed in is wrong.
+
+    Attributes:
+        field: dotted name of the faulty field, such as `geometry.thickness_m`.
+    """
+
+    def __init__(self, field: str, message: str) -> None:
+        super().__init__(f"{field}: {message}")
+        self.field = field
+        self.message = message
+
+    def __reduce__(self) -> tuple[type["InputError"], tuple[str, str]]:
+        """Survive pickling: the error crosses from the numerical child process to its parent."""
+        return type(self), (self.field, self.message)
+
+
+class ModelError(FecoreError):
+    """The finite element model cannot be built or solved."""
+
+
+class IdentificationError(FecoreError):
+    """The measured data do not support an identification; the message says what was seen and what to try."""

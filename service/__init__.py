@@ -1,0 +1,1 @@
+"""The measurement database and the service around the core: REST, jobs, storage."""
