@@ -1,0 +1,133 @@
+"""Frequency response functions: what they are measured between, and sets of them.
+
+A frequency response function (FRF) is the ratio of a response at one degree of freedom to a force at another,
+H(ω) = X(ω)/F(ω). Where X is an acceleration it is an accelerance, a velocity a mobility, a displacement a receptance:
+accelerance = iω·mobility = -ω²·receptance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+
+from fecore.arrays import ComplexArray, FloatArray
+from fecore.errors import InputError
+
+Quantity = Literal["accelerance", "mobility", "receptance"]
+
+_POWER_OF_I_OMEGA: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
+
+
+@dataclass(frozen=True, order=True)
+class Dof:
+    """A measurement point and a signed direction there.
+
+    Attributes:
+        point: label of the grid point.
+        direction: 1, 2, 3 for +x, +y, +z, 4, 5, 6 for rotations about them; negative for the opposite sense.
+    """
+
+    point: int
+    direction: int
+
+    def __post_init__(self) -> None:
+        if not 1 <= abs(self.direction) <= 6:
+            raise InputError("direction", f"is {self.direction}, expected ±1 … ±6")
+
+    @property
+    def axis(self) -> int:
+        """Direction without its sign, 1 to 6."""
+        return abs(self.direction)
+
+    @property
+    def sign(self) -> int:
+        """+1 or -1."""
+        return 1 if self.direction > 0 else -1
+
+
+@dataclass(frozen=True)
+class FrfSet:
+    """FRFs on one frequency axis.
+
+    Attributes:
+        frequency_hz: (L,) increasing frequency lines, Hz.
+        values: (N, L) complex FRFs, SI (m/s² per N, m/s per N or m per N).
+        responses: N response degrees of freedom.
+        references: N force degrees of freedom.
+        quantity: what kind of FRF all of them are.
+        variance: (N, L) variance of the complex noise E|n|² of each value, or None where it is not known.
+    """
+
+    frequency_hz: FloatArray
+    values: ComplexArray
+    responses: tuple[Dof, ...]
+    references: tuple[Dof, ...]
+    quantity: Quantity = "accelerance"
+    variance: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        lines, count = self.frequency_hz.size, len(self.responses)
+        if self.frequency_hz.ndim != 1 or lines == 0:
+            raise InputError(
+                "frequency_hz", f"has shape {self.frequency_hz.shape}, expected one axis of lines"
+            )
+        if np.any(np.diff(self.frequency_hz) <= 0) or self.frequency_hz[0] < 0:
+            raise InputError("frequency_hz", "must be non-negative and strictly increasing")
+        if self.values.shape != (count, lines):
+            raise InputError("values", f"has shape {self.values.shape}, expected ({count}, {lines})")
+        if len(self.references) != count:
+            raise InputError("references", f"has {len(self.references)} entries, expected {count}")
+        if self.quantity not in get_args(Quantity):
+            raise InputError(
+                "quantity", f"is {self.quantity!r}, expected one of {', '.join(get_args(Quantity))}"
+            )
+        if not np.all(np.isfinite(self.values)):
+            raise InputError("values", "holds NaN or infinite ordinates")
+        if self.variance is not None and self.variance.shape != self.values.shape:
+            raise InputError("variance", f"has shape {self.variance.shape}, expected {self.values.shape}")
+
+    @property
+    def omega(self) -> FloatArray:
+        """(L,) circular frequency of the lines, rad/s."""
+        return 2 * np.pi * self.frequency_hz
+
+    def band(self, low_hz: float, high_hz: float) -> FrfSet:
+        """The same FRFs on the lines from `low_hz` to `high_hz`, both included.
+
+        Raises:
+            InputError: the band holds no line.
+        """
+        keep = (self.frequency_hz >= low_hz) & (self.frequency_hz <= high_hz)
+        if not keep.any():
+            raise InputError("band_hz", f"no frequency line lies in {low_hz:g} to {high_hz:g} Hz")
+        return replace(
+            self,
+            frequency_hz=self.frequency_hz[keep],
+            values=self.values[:, keep],
+            variance=None if self.variance is None else self.variance[:, keep],
+        )
+
+    def select(self, rows: list[int]) -> FrfSet:
+        """The FRFs of the given rows, in that order."""
+        return replace(
+            self,
+            values=self.values[rows],
+            responses=tuple(self.responses[i] for i in rows),
+            references=tuple(self.references[i] for i in rows),
+            variance=None if self.variance is None else self.variance[rows],
+        )
+
+    def to_quantity(self, quantity: Quantity) -> FrfSet:
+        """The same FRFs as another quantity, multiplied by the right power of iω.
+
+        Raises:
+            InputError: the set has a line at 0 Hz and the conversion would divide by it.
+        """
+        power = _POWER_OF_I_OMEGA[quantity] - _POWER_OF_I_OMEGA[self.quantity]
+        if power < 0 and self.frequency_hz[0] == 0:
+            raise InputError("frequency_hz", f"a line at 0 Hz has no {quantity}; leave it out")
+        factor = (1j * self.omega) ** power
+        variance = None if self.variance is None else self.variance * np.abs(factor) ** 2
+        return replace(self, values=self.values * factor, quantity=quantity, variance=variance)

@@ -1,0 +1,60 @@
+"""Measured modes: natural frequencies, damping ratios and shapes with their uncertainty, however they were found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.arrays import ComplexArray, FloatArray
+from fecore.errors import InputError
+from fecore.frf import Dof
+
+
+@dataclass(frozen=True)
+class MeasuredModes:
+    """Modes of a structure as an experiment gave them, in ascending frequency.
+
+    Attributes:
+        frequency_hz: (n,) undamped natural frequencies ω_k/2π, Hz.
+        damping_ratio: (n,) viscous damping ratios ζ_k; NaN where not known.
+        shapes: (n, p) complex shapes at `dofs`, or None where only frequencies are known.
+        dofs: the p measurement degrees of freedom of the shapes (signed directions).
+        covariance: (2n, 2n) covariance of (f₁ … f_n in Hz, ζ₁ … ζ_n), or None where not known.
+    """
+
+    frequency_hz: FloatArray
+    damping_ratio: FloatArray
+    shapes: ComplexArray | None = None
+    dofs: tuple[Dof, ...] = ()
+    covariance: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        n = self.frequency_hz.size
+        if n == 0:
+            raise InputError("modes", "is empty, expected at least one mode")
+        if not np.all(np.isfinite(self.frequency_hz)) or np.any(self.frequency_hz <= 0):
+            raise InputError("frequency_hz", "must be positive and finite")
+        if np.any(np.diff(self.frequency_hz) < 0):
+            raise InputError("frequency_hz", "must ascend")
+        if self.damping_ratio.shape != (n,):
+            raise InputError("damping_ratio", f"has shape {self.damping_ratio.shape}, expected ({n},)")
+        if np.any(self.damping_ratio < 0) or np.any(self.damping_ratio >= 1):
+            raise InputError("damping_ratio", "must be at least 0 and below 1 (a ratio, not per cent)")
+        if self.shapes is not None and self.shapes.shape != (n, len(self.dofs)):
+            raise InputError("shapes", f"has shape {self.shapes.shape}, expected ({n}, {len(self.dofs)})")
+        if self.covariance is not None and self.covariance.shape != (2 * n, 2 * n):
+            raise InputError("covariance", f"has shape {self.covariance.shape}, expected ({2 * n}, {2 * n})")
+
+    def __len__(self) -> int:
+        return int(self.frequency_hz.size)
+
+    @property
+    def frequency_sd_hz(self) -> FloatArray | None:
+        """(n,) standard deviation of the frequencies, Hz, or None where not known."""
+        return None if self.covariance is None else np.sqrt(np.diag(self.covariance)[: len(self)])
+
+    @property
+    def damping_sd(self) -> FloatArray | None:
+        """(n,) standard deviation of the damping ratios, or None where not known."""
+        return None if self.covariance is None else np.sqrt(np.diag(self.covariance)[len(self) :])
