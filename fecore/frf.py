@@ -70,9 +70,7 @@ class FrfSet:
     def __post_init__(self) -> None:
         lines, count = self.frequency_hz.size, len(self.responses)
         if self.frequency_hz.ndim != 1 or lines == 0:
-            raise InputError(
-                "frequency_hz", f"has shape {self.frequency_hz.shape}, expected one axis of lines"
-            )
+            raise InputError("frequency_hz", f"has shape {self.frequency_hz.shape}, expected one axis of lines")
         if np.any(np.diff(self.frequency_hz) <= 0) or self.frequency_hz[0] < 0:
             raise InputError("frequency_hz", "must be non-negative and strictly increasing")
         if self.values.shape != (count, lines):
@@ -80,9 +78,7 @@ class FrfSet:
         if len(self.references) != count:
             raise InputError("references", f"has {len(self.references)} entries, expected {count}")
         if self.quantity not in get_args(Quantity):
-            raise InputError(
-                "quantity", f"is {self.quantity!r}, expected one of {', '.join(get_args(Quantity))}"
-            )
+            raise InputError("quantity", f"is {self.quantity!r}, expected one of {', '.join(get_args(Quantity))}")
         if not np.all(np.isfinite(self.values)):
             raise InputError("values", "holds NaN or infinite ordinates")
         if self.variance is not None and self.variance.shape != self.values.shape:
