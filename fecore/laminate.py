@@ -1,0 +1,150 @@
+"""Plies to section stiffness and inertia, by first-order shear deformation theory of an equivalent single layer.
+
+A laminate is a stack of orthotropic plies from bottom (z = -t/2) to top. With the plane-stress stiffness Q̄ of each ply in
+the specimen's axes (Reddy, *Mechanics of Laminated Composite Plates and Shells*, 2nd ed., sections 2.4 and 3.4):
+
+    A = ∫ Q̄ dz,   B = ∫ Q̄ z dz,   D = ∫ Q̄ z² dz        (force and moment resultants)
+    S = κ ∫ [[C̄55, C̄45], [C̄45, C̄44]] dz                 (transverse shear, on γxz and γyz)
+
+and the inertias per area I0 = ∫ρ dz, I1 = ∫ρz dz, I2 = ∫ρz² dz. A homogenised orthotropic material is the one-ply case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.errors import InputError
+
+SHEAR_CORRECTION = 5 / 6
+"""κ of a homogeneous rectangular section (Reissner 1945)."""
+
+
+@dataclass(frozen=True)
+class OrthotropicMaterial:
+    """Engineering constants of an orthotropic material in its own axes: moduli in Pa, density in kg/m³.
+
+    `nu_xy` is the Poisson's ratio of a contraction along y under stress along x, so nu_yx = nu_xy Ey / Ex.
+
+    Raises:
+        InputError: a modulus or the density is not positive, or the plane-stress stiffness is not positive definite
+            (nu_xy² Ey / Ex ≥ 1).
+    """
+
+    Ex: float
+    Ey: float
+    Gxy: float
+    Gxz: float
+    Gyz: float
+    nu_xy: float
+    density: float
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not np.isfinite(value):
+                raise InputError(f"material.{field.name}", f"is {value}, expected a finite number")
+            if field.name != "nu_xy" and value <= 0:
+                raise InputError(f"material.{field.name}", f"is {value:g}, expected a positive number")
+        if self.nu_xy**2 * self.Ey / self.Ex >= 1:
+            raise InputError(
+                "material.nu_xy",
+                f"nu_xy² Ey/Ex is {self.nu_xy**2 * self.Ey / self.Ex:.3g}: the material would not be positive definite; "
+                "expected below 1",
+            )
+
+    def plane_stress(self) -> FloatArray:
+        """(3, 3) plane-stress stiffness Q on (εx, εy, γxy), Pa."""
+        factor = 1 / (1 - self.nu_xy**2 * self.Ey / self.Ex)
+        return np.array(
+            [
+                [self.Ex * factor, self.nu_xy * self.Ey * factor, 0],
+                [self.nu_xy * self.Ey * factor, self.Ey * factor, 0],
+                [0, 0, self.Gxy],
+            ]
+        )
+
+    def transverse_shear(self) -> FloatArray:
+        """(2, 2) shear stiffness on (γxz, γyz), Pa."""
+        return np.diag([self.Gxz, self.Gyz])
+
+
+@dataclass(frozen=True)
+class Ply:
+    """One ply: a material turned by `angle_deg` about z from the specimen's x axis, of a thickness in m."""
+
+    material: OrthotropicMaterial
+    thickness: float
+    angle_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.thickness) and self.thickness > 0):
+            raise InputError("ply.thickness", f"is {self.thickness}, expected a positive number of metres")
+        if not np.isfinite(self.angle_deg):
+            raise InputError("ply.angle_deg", f"is {self.angle_deg}, expected a finite angle")
+
+    def plane_stress(self) -> FloatArray:
+        """(3, 3) stiffness Q̄ = T⁻¹ Q T⁻ᵀ in the specimen's axes, Pa (Reddy eq. 2.4.8)."""
+        c, s = np.cos(np.radians(self.angle_deg)), np.sin(np.radians(self.angle_deg))
+        strain = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]])
+        turned: FloatArray = strain.T @ self.material.plane_stress() @ strain
+        return turned
+
+    def transverse_shear(self) -> FloatArray:
+        """(2, 2) shear stiffness on (γxz, γyz) in the specimen's axes, Pa."""
+        c, s = np.cos(np.radians(self.angle_deg)), np.sin(np.radians(self.angle_deg))
+        turn = np.array([[c, s], [-s, c]])
+        turned: FloatArray = turn.T @ self.material.transverse_shear() @ turn
+        return turned
+
+
+@dataclass(frozen=True)
+class Section:
+    """Stiffness and inertia of a laminate per unit of its area.
+
+    Attributes:
+        A, B, D: (3, 3) membrane, coupling and bending stiffness, N/m, N, N·m.
+        S: (2, 2) transverse shear stiffness on (γxz, γyz), κ included, N/m.
+        inertia: (I0, I1, I2) in kg/m², kg/m, kg.
+        thickness: total thickness, m.
+    """
+
+    A: FloatArray
+    B: FloatArray
+    D: FloatArray
+    S: FloatArray
+    inertia: tuple[float, float, float]
+    thickness: float
+
+    @property
+    def is_coupled(self) -> bool:
+        """Whether bending and membrane forces couple (B ≠ 0 beyond round-off, or I1 ≠ 0)."""
+        scale = np.sqrt(np.abs(self.A).max() * np.abs(self.D).max())
+        inertia_scale = self.inertia[0] * self.thickness
+        return bool(np.abs(self.B).max() > 1e-10 * scale or abs(self.inertia[1]) > 1e-10 * inertia_scale)
+
+
+def section(plies: Sequence[Ply], shear_correction: float = SHEAR_CORRECTION) -> Section:
+    """Integrate a stack of plies, bottom to top, to its section stiffness and inertia.
+
+    Raises:
+        InputError: there is no ply.
+    """
+    if not plies:
+        raise InputError("laminate.plies", "is empty, expected at least one ply")
+    total = sum(ply.thickness for ply in plies)
+    A, B, D, S = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((2, 2))
+    inertia = np.zeros(3)
+    low = -total / 2
+    for ply in plies:
+        high = low + ply.thickness
+        moments = np.array([high - low, (high**2 - low**2) / 2, (high**3 - low**3) / 3])
+        Q = ply.plane_stress()
+        A, B, D = A + moments[0] * Q, B + moments[1] * Q, D + moments[2] * Q
+        S = S + shear_correction * moments[0] * ply.transverse_shear()
+        inertia += moments * ply.material.density
+        low = high
+    return Section(A, B, D, S, (float(inertia[0]), float(inertia[1]), float(inertia[2])), total)

@@ -1,0 +1,95 @@
+"""Structured meshes of 8-node serendipity quadrilaterals on a rectangle, and where in them a point lies.
+
+The rectangle spans x from 0 to `length` and y from -width/2 to width/2: the specimen's own axes. Element nodes are
+numbered corners first, counter-clockwise from (-1, -1), then mid-sides from the bottom edge, as in most texts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.arrays import FloatArray, IntArray
+from fecore.errors import InputError
+
+# A measured coordinate may miss the edge by this share of the specimen's length and still count as on it.
+_EDGE_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class RectangleMesh:
+    """`nx` by `ny` equal elements on a rectangle.
+
+    Attributes:
+        length, width: m.
+        nx, ny: number of elements along x and y.
+        nodes: (n, 2) node coordinates, m.
+        elements: (nx·ny, 8) node numbers of each element; element j·nx + i is column i of row j.
+    """
+
+    length: float
+    width: float
+    nx: int
+    ny: int
+    nodes: FloatArray
+    elements: IntArray
+
+    def locate(self, points: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Element in which each point lies, and its natural coordinates there.
+
+        Args:
+            points: (p, 2) coordinates, m.
+
+        Returns:
+            (p,) element numbers and (p, 2) natural coordinates in [-1, 1].
+
+        Raises:
+            InputError: a point lies off the specimen.
+        """
+        tolerance = _EDGE_TOLERANCE * self.length
+        low, high = np.array([0, -self.width / 2]), np.array([self.length, self.width / 2])
+        outside = np.any((points < low - tolerance) | (points > high + tolerance), axis=1)
+        if outside.any():
+            index = int(np.flatnonzero(outside)[0])
+            x, y = points[index]
+            raise InputError(
+                f"points[{index}]",
+                f"({x:g}, {y:g}) m lies off the specimen, which spans x 0 … {self.length:g} m, "
+                f"y {low[1]:g} … {high[1]:g} m",
+            )
+        counts = np.array([self.nx, self.ny])
+        scaled = (np.clip(points, low, high) - low) / (high - low) * counts
+        cell = np.minimum(scaled.astype(np.int64), counts - 1)
+        return cell[:, 1] * self.nx + cell[:, 0], 2 * (scaled - cell) - 1
+
+    def nodes_at_x(self, x: float) -> IntArray:
+        """Numbers of the nodes on the line at `x`."""
+        return np.flatnonzero(np.abs(self.nodes[:, 0] - x) < 1e-9 * self.length)
+
+    def nodes_at_y(self, y: float) -> IntArray:
+        """Numbers of the nodes on the line at `y`."""
+        return np.flatnonzero(np.abs(self.nodes[:, 1] - y) < 1e-9 * self.length)
+
+
+def rectangle(length: float, width: float, nx: int = 40, ny: int = 4) -> RectangleMesh:
+    """Mesh a rectangle with nx × ny equal 8-node elements.
+
+    Raises:
+        InputError: a dimension or a number of elements is not positive.
+    """
+    for name, size in (("length_m", length), ("width_m", width)):
+        if not (np.isfinite(size) and size > 0):
+            raise InputError(f"geometry.{name}", f"is {size}, expected a positive number of metres")
+    for name, number in (("nx", nx), ("ny", ny)):
+        if number < 1:
+            raise InputError(f"mesh.{name}", f"is {number}, expected at least one element")
+    column, row = np.meshgrid(np.arange(2 * nx + 1), np.arange(2 * ny + 1))
+    real = (column % 2 == 0) | (row % 2 == 0)  # the serendipity element has no centre node
+    number = np.where(real, np.cumsum(real).reshape(real.shape) - 1, -1)
+    nodes = np.column_stack([column[real] * length / (2 * nx), row[real] * width / (2 * ny) - width / 2])
+    i, j = np.meshgrid(2 * np.arange(nx), 2 * np.arange(ny))
+    i, j = i.ravel(), j.ravel()
+    corners_and_sides = ((0, 0), (0, 2), (2, 2), (2, 0), (0, 1), (1, 2), (2, 1), (1, 0))
+    elements = np.column_stack([number[j + dj, i + di] for dj, di in corners_and_sides])
+    return RectangleMesh(length, width, nx, ny, nodes, elements)
