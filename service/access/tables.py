@@ -1,0 +1,71 @@
+"""Tables of users, keys, projects, members and the audit trail."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any
+from uuid import UUID
+
+from sqlalchemy import CheckConstraint, ForeignKey, Index
+from sqlalchemy.orm import Mapped, mapped_column
+
+from service.db.base import Base, Identified
+
+
+class User(Identified, Base):
+    """A person or a script, known by name."""
+
+    __tablename__ = "users"
+
+    name: Mapped[str] = mapped_column(unique=True)
+
+
+class ApiKey(Identified, Base):
+    """An API key: its prefix finds the row, the SHA-256 of its secret proves it. The key itself is not kept."""
+
+    __tablename__ = "api_keys"
+
+    user_id: Mapped[UUID] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"), index=True)
+    name: Mapped[str]
+    prefix: Mapped[str] = mapped_column(unique=True)
+    secret_sha256: Mapped[bytes]
+    last_used_at: Mapped[datetime | None]
+    revoked_at: Mapped[datetime | None]
+
+
+class Project(Identified, Base):
+    """What people share: everything else belongs to one project."""
+
+    __tablename__ = "projects"
+
+    name: Mapped[str]
+    description: Mapped[str] = mapped_column(server_default="")
+
+
+class Member(Base):
+    """A user's role in a project."""
+
+    __tablename__ = "members"
+    __table_args__ = (CheckConstraint("role IN ('viewer', 'editor', 'owner')", "role"),)
+
+    project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"), primary_key=True)
+    user_id: Mapped[UUID] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"), primary_key=True, index=True)
+    role: Mapped[str]
+
+
+class AuditEvent(Identified, Base):
+    """Who did what to which thing, written in the transaction that did it."""
+
+    __tablename__ = "audit_events"
+    __table_args__ = (
+        Index("ix_audit_events_project_id_id", "project_id", "id"),
+        Index("ix_audit_events_user_id_id", "user_id", "id"),
+    )
+
+    user_id: Mapped[UUID | None] = mapped_column(ForeignKey("users.id", ondelete="SET NULL"))
+    project_id: Mapped[UUID | None] = mapped_column(ForeignKey("projects.id", ondelete="SET NULL"))
+    action: Mapped[str]
+    subject_type: Mapped[str]
+    subject_id: Mapped[UUID | None]
+    detail: Mapped[dict[str, Any]]
+    request_id: Mapped[str | None]

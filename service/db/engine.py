@@ -1,0 +1,41 @@
+"""Engine and sessions: synchronous SQLAlchemy on psycopg 3."""
+
+from __future__ import annotations
+
+from sqlalchemy import Engine, create_engine, make_url
+from sqlalchemy.orm import Session, sessionmaker
+
+Sessions = sessionmaker[Session]
+
+
+def sqlalchemy_url(url: str) -> str:
+    """A PostgreSQL URL as SQLAlchemy wants it for psycopg 3: `postgresql+psycopg://…`.
+
+    Raises:
+        ValueError: the URL names another database system.
+    """
+    parsed = make_url(url)
+    if parsed.get_backend_name() not in ("postgresql", "postgres"):
+        raise ValueError(f"the database is {parsed.get_backend_name()!r}, expected a postgresql:// URL")
+    return parsed.set(drivername="postgresql+psycopg").render_as_string(hide_password=False)
+
+
+def psycopg_url(url: str) -> str:
+    """A PostgreSQL URL as libpq wants it: `postgresql://…`."""
+    return make_url(sqlalchemy_url(url)).set(drivername="postgresql").render_as_string(hide_password=False)
+
+
+def make_engine(url: str, *, pool_size: int = 5, name: str = "modalbase") -> Engine:
+    """An engine that checks a connection before it hands it out, so that a restarted server goes unnoticed."""
+    return create_engine(
+        sqlalchemy_url(url),
+        pool_size=pool_size,
+        max_overflow=pool_size,
+        pool_pre_ping=True,
+        connect_args={"application_name": name, "options": "-c timezone=UTC", "connect_timeout": 10},
+    )
+
+
+def make_sessions(engine: Engine) -> Sessions:
+    """Sessions whose objects stay readable after commit."""
+    return sessionmaker(engine, expire_on_commit=False)

@@ -1,0 +1,53 @@
+"""What a kind of job is made of: load in the worker, compute in a child process, store in one transaction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+from uuid import UUID
+
+from sqlalchemy.orm import Session
+
+
+class Report(Protocol):
+    """Tells how far a computation is; callable from `compute` as often as it likes."""
+
+    def __call__(self, stage: str, progress: float) -> None:
+        """Report.
+
+        Args:
+            stage: what is being done, in words, such as `fitting damping`.
+            progress: share of the whole job that is done, 0 to 1.
+        """
+
+
+@dataclass(frozen=True)
+class JobKind:
+    """A kind of job.
+
+    Attributes:
+        name: as stored in `jobs.kind`.
+        load: (session, job id, workspace) -> inputs. In the worker, in a transaction of its own. The workspace is a
+            folder of this attempt, gone afterwards; large inputs go there as files. The inputs must pickle.
+        compute: (inputs, report) -> items. A generator function at the top of a module that imports no database and no
+            web (the child imports it). Runs in the child process; yields items that pickle, and is held up while
+            `store` is behind, so memory stays bounded. A `FecoreError` or `ServiceError` that it raises is the job's
+            failure, told to the user; anything else is reported as an internal error.
+        store: (session, job id, items) -> None. In the worker; consumes the items as the child yields them, in one
+            transaction that is committed with the state `succeeded`, or not at all.
+        queue: name of the queue.
+        max_attempts: how often a job of a worker that died is begun.
+        memory_bytes: memory that the child may take beyond that of an idle one; None: as the settings say.
+        wall_seconds: time that an attempt may take; None: as the settings say.
+    """
+
+    name: str
+    load: Callable[[Session, UUID, Path], Any]
+    compute: Callable[[Any, Report], Iterator[Any]]
+    store: Callable[[Session, UUID, Iterator[Any]], None]
+    queue: str = "jobs"
+    max_attempts: int = 3
+    memory_bytes: int | None = None
+    wall_seconds: float | None = None

@@ -1,0 +1,48 @@
+"""Routers whose JSON bodies are read strictly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+from fastapi.routing import APIRoute
+
+from service.problems.json_body import parse_json
+
+
+class StrictRequest(Request):
+    """A request whose JSON is `service.problems.json_body`'s, not Python's."""
+
+    strict_json: Any = None
+
+    async def json(self) -> Any:
+        """The body, already checked."""
+        return self.strict_json
+
+
+class StrictRoute(APIRoute):
+    """A route that refuses what cannot be stored before anything else looks at the body.
+
+    Only routes that declare a body read one here: uploads stream theirs themselves.
+    """
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """FastAPI's handler behind the strict reading."""
+        handle = super().get_route_handler()
+
+        async def strict(request: Request) -> Response:
+            kind = request.headers.get("content-type", "").split(";")[0].strip().lower()
+            if self.body_field is None or not (kind == "application/json" or kind.endswith("+json")):
+                return await handle(request)
+            checked = StrictRequest(request.scope, request.receive)
+            if body := await checked.body():
+                checked.strict_json = parse_json(body)
+            return await handle(checked)
+
+        return strict
+
+
+def api_router(*, tags: list[str]) -> APIRouter:
+    """A router for one feature, to be listed in `service.composition`; paths are relative to `/api/v1`."""
+    return APIRouter(route_class=StrictRoute, tags=list(tags))
