@@ -1,0 +1,290 @@
+"""How well two sets of shapes or FRFs agree, and which mode of one set is which of the other.
+
+Criteria are SCIENCE.md section 7's, with Hermitian products for complex data (the paper prints plain transposes).
+Shapes come as rows, (modes, dofs); FRFs as (FRFs, lines). A criterion of vectors without any magnitude is 0/0 and
+returned as NaN, for that
+entry alone: a dead channel must not hide the others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import linear_sum_assignment
+
+from fecore.arrays import ComplexArray, FloatArray
+from fecore.errors import InputError
+
+_FREQUENCY_SCALE = 0.2  # a model's frequency is expected within some 20 % (as ln ratio) of the measured one
+_FREQUENCY_WEIGHT = 0.25  # what lying that far off costs a pair: as much as a MAC of 0.98 in place of 1.00
+_UNLIKENESS = 0.05  # 1 - MAC that noise and model error make of a true pair
+
+
+def mac(a: ArrayLike, b: ArrayLike) -> FloatArray:
+    """Modal assurance criterion, MAC_jk = |a_jᴴb_k|² / (a_jᴴa_j · b_kᴴb_k) (Allemang and Brown 1982; Eq. 15 with
+    φ_nuᴴφ_nu).
+
+    Args:
+        a: (n, p) shapes, or (p,) one shape.
+        b: (m, p) shapes at the same dofs.
+
+    Returns:
+        (n, m) values from 0 to 1; NaN where a shape is zero.
+
+    Raises:
+        InputError: the shapes have different dofs, or are not finite.
+    """
+    left, right = _rows("a", a), _rows("b", b)
+    if left.shape[1] != right.shape[1]:
+        raise InputError("shapes", f"have {left.shape[1]} and {right.shape[1]} dofs, expected the same dofs")
+    left, right = _unit(left), _unit(right)
+    return np.asarray(np.minimum(np.abs(left.conj() @ right.T) ** 2, 1.0))
+
+
+def auto_mac(shapes: ArrayLike) -> FloatArray:
+    """MAC of a set of shapes with itself, (n, n): large off-diagonal values are modes that the dofs cannot tell."""
+    return mac(shapes, shapes)
+
+
+def comac(a: ArrayLike, b: ArrayLike) -> FloatArray:
+    """Coordinate MAC over paired modes (Lieven and Ewins 1988), (p,): where, not which, two models differ.
+
+    COMAC_i = (Σ_k |a_ki b_ki|)² / (Σ_k |a_ki|² Σ_k |b_ki|²); each shape is first scaled to unit length.
+
+    Args:
+        a: (n, p) shapes.
+        b: (n, p) shapes, row k paired with row k of `a`.
+
+    Raises:
+        InputError: the two arrays have different shapes, or are not finite.
+    """
+    left, right = _pair("shapes", a, b)
+    left, right = np.abs(_unit(left)), np.abs(_unit(right))
+    return _ratio(np.sum(left * right, axis=0) ** 2, np.sum(left**2, axis=0) * np.sum(right**2, axis=0))
+
+
+def frac(measured: ArrayLike, predicted: ArrayLike) -> FloatArray:
+    """Frequency response assurance criterion of each FRF over its lines, (N,): |H_eᴴH_n|² / (H_eᴴH_e · H_nᴴH_n).
+
+    Args:
+        measured: (N, L) FRFs.
+        predicted: (N, L) FRFs on the same lines.
+
+    Raises:
+        InputError: the two arrays have different shapes, or are not finite.
+    """
+    return _assurance(*_pair("frfs", measured, predicted), axis=1)
+
+
+def sac(measured: ArrayLike, predicted: ArrayLike) -> FloatArray:
+    """Signature assurance criterion of each FRF, (N,): FRAC of magnitudes (Eq. 16). Arguments as `frac`."""
+    left, right = _pair("frfs", measured, predicted)
+    return _assurance(np.abs(left).astype(complex), np.abs(right).astype(complex), axis=1)
+
+
+def csac(measured: ArrayLike, predicted: ArrayLike) -> FloatArray:
+    """Cross signature assurance criterion of each line over all FRFs, (L,) (Eq. 17). Arguments as `frac`."""
+    return _assurance(*_pair("frfs", measured, predicted), axis=0)
+
+
+def csf(measured: ArrayLike, predicted: ArrayLike) -> FloatArray:
+    """Cross signature scale factor of each line, (L,): 2|H_eᴴH_n| / (H_eᴴH_e + H_nᴴH_n) (Eq. 18); as `frac`."""
+    left, right = _pair("frfs", measured, predicted)
+    cross = np.abs(np.sum(left.conj() * right, axis=0))
+    return _ratio(2 * cross, np.sum(np.abs(left) ** 2 + np.abs(right) ** 2, axis=0))
+
+
+def fdac(measured: ArrayLike, predicted: ArrayLike) -> FloatArray:
+    """Frequency domain assurance criterion between lines, (L_e, L_n): MAC of the deflection at each pair of lines.
+
+    A ridge beside the diagonal says that the prediction's resonances lie at other frequencies (Pascual, Golinval and
+    Razeto 1997).
+
+    Args:
+        measured: (N, L_e) FRFs.
+        predicted: (N, L_n) FRFs between the same dofs; the lines may differ.
+    """
+    return mac(np.asarray(measured).T, np.asarray(predicted).T)
+
+
+def frequency_error(measured_hz: ArrayLike, predicted_hz: ArrayLike) -> FloatArray:
+    """(predicted - measured)/measured of paired natural frequencies, a ratio.
+
+    Raises:
+        InputError: lengths differ, or a measured frequency is not positive.
+    """
+    left, right = np.asarray(measured_hz, dtype=float), np.asarray(predicted_hz, dtype=float)
+    if left.shape != right.shape:
+        raise InputError("predicted_hz", f"has shape {right.shape}, expected {left.shape}")
+    if np.any(left <= 0):
+        raise InputError("measured_hz", "must be positive")
+    return np.asarray((right - left) / left)
+
+
+def damping_error(measured_ratio: ArrayLike, predicted_ratio: ArrayLike) -> FloatArray:
+    """(predicted - measured)/measured of paired damping ratios; NaN where the measured ratio is unknown (NaN) or zero.
+
+    Raises:
+        InputError: lengths differ.
+    """
+    left, right = np.asarray(measured_ratio, dtype=float), np.asarray(predicted_ratio, dtype=float)
+    if left.shape != right.shape:
+        raise InputError("predicted_ratio", f"has shape {right.shape}, expected {left.shape}")
+    return _ratio(right - left, left)
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """Which measured mode is which model mode.
+
+    Attributes:
+        pairs: (measured index, model index), ascending in the measured one.
+        mac: (n_measured, n_model) MAC matrix, or None where pairing went by frequency.
+        unpaired_measured: measured modes without a partner.
+        unpaired_model: model modes within the measured range of frequency without a partner.
+        ambiguous: (measured, model, other model) where the other fits nearly as well, within the margin.
+    """
+
+    pairs: tuple[tuple[int, int], ...]
+    mac: FloatArray | None
+    unpaired_measured: tuple[int, ...]
+    unpaired_model: tuple[int, ...]
+    ambiguous: tuple[tuple[int, int, int], ...]
+
+    def messages(self, measured_hz: ArrayLike, model_hz: ArrayLike) -> tuple[str, ...]:
+        """What a user must know of modes that are unpaired or ambiguous, in words."""
+        measured, model = np.asarray(measured_hz, dtype=float), np.asarray(model_hz, dtype=float)
+        lines = [
+            f"measured mode {i + 1} ({measured[i]:.2f} Hz) has no partner in the model" for i in self.unpaired_measured
+        ]
+        lines += [f"model mode {j + 1} ({model[j]:.2f} Hz) was not measured" for j in self.unpaired_model]
+        lines += [
+            f"measured mode {i + 1} ({measured[i]:.2f} Hz) is paired with model mode {j + 1} ({model[j]:.2f} Hz), but"
+            f" model mode {k + 1} ({model[k]:.2f} Hz) fits nearly as well"
+            for i, j, k in self.ambiguous
+        ]
+        return tuple(lines)
+
+
+def pair_modes(
+    measured_shapes: ArrayLike | None,
+    model_shapes: ArrayLike | None,
+    measured_hz: ArrayLike,
+    model_hz: ArrayLike,
+    minimum_mac: float = 0.5,
+    margin: float = 0.1,
+    maximum_frequency_ratio: float = 3.0,
+) -> Pairing:
+    """Pair measured with model modes as one assignment problem, never one by one.
+
+    Maximises the sum over pairs of MAC less a small penalty for the distance in frequency, (ln f_n/f_e)², which
+    settles which of two model modes is meant when sparse points make them look alike (spatial aliasing). Pairs below
+    `minimum_mac` or further apart than `maximum_frequency_ratio` are not made. Without shapes the order and distance in
+    frequency decide.
+
+    Args:
+        measured_shapes: (n, p) shapes, or None.
+        model_shapes: (m, p) shapes at the same dofs, or None.
+        measured_hz: (n,) measured frequencies.
+        model_hz: (m,) model frequencies.
+        minimum_mac: least MAC of a pair.
+        margin: a pair is ambiguous when another model mode within a factor 1.5 in frequency of the measured one comes
+            within this much MAC (without shapes: when another is nearly as near in frequency).
+        maximum_frequency_ratio: furthest ratio of frequencies of a pair.
+
+    Raises:
+        InputError: shapes and frequencies that do not fit together.
+    """
+    measured, model = np.asarray(measured_hz, dtype=float), np.asarray(model_hz, dtype=float)
+    if measured.ndim != 1 or model.ndim != 1 or not measured.size or not model.size:
+        raise InputError(
+            "measured_hz", f"and model_hz have shapes {measured.shape} and {model.shape}, expected two lists"
+        )
+    if np.any(measured <= 0) or not np.all(np.isfinite(measured)) or not np.all(np.isfinite(model)):
+        raise InputError("measured_hz", "must be positive and finite, model_hz finite")
+    distance = np.abs(np.log(np.maximum(model, 1e-9)[None, :] / measured[:, None]))
+    matrix = None
+    if measured_shapes is not None and model_shapes is not None:
+        matrix = mac(measured_shapes, model_shapes)
+        if matrix.shape != distance.shape:
+            raise InputError(
+                "measured_shapes", f"and model_shapes give {matrix.shape} pairs, frequencies {distance.shape}"
+            )
+    allowed = distance <= np.log(maximum_frequency_ratio)
+    if matrix is None:
+        score = np.exp(-distance / _FREQUENCY_SCALE)
+    else:
+        likeness = np.nan_to_num(matrix)
+        allowed &= likeness >= minimum_mac
+        far = np.minimum((distance / _FREQUENCY_SCALE) ** 2, 4.0)
+        score = -np.log(1 + _UNLIKENESS - likeness) - _FREQUENCY_WEIGHT * far
+    pairs = _assign(score, allowed)
+    ambiguous = _ambiguous(pairs, score if matrix is None else np.nan_to_num(matrix), distance, margin)
+    taken = {j for _, j in pairs}
+    low, high = measured.min() * (1 - _FREQUENCY_SCALE), measured.max() * (1 + _FREQUENCY_SCALE)
+    return Pairing(
+        pairs,
+        matrix,
+        tuple(i for i in range(measured.size) if i not in {i for i, _ in pairs}),
+        tuple(j for j in range(model.size) if j not in taken and low <= model[j] <= high),
+        ambiguous,
+    )
+
+
+def _assign(score: FloatArray, allowed: np.ndarray) -> tuple[tuple[int, int], ...]:
+    """Pairs of the largest total score; a mode may stay alone, which scores nothing but beats a forbidden pair."""
+    n, m = score.shape
+    benefit = np.where(allowed, np.maximum(score, 1e-6), -1.0)  # an allowed pair is better than leaving both alone
+    padded = np.zeros((n, m + n))
+    padded[:, :m] = benefit
+    rows, partners = linear_sum_assignment(padded, maximize=True)
+    return tuple((int(i), int(j)) for i, j in zip(rows, partners, strict=True) if j < m and allowed[i, j])
+
+
+def _ambiguous(
+    pairs: tuple[tuple[int, int], ...], likeness: FloatArray, distance: FloatArray, margin: float
+) -> tuple[tuple[int, int, int], ...]:
+    """Pairs whose runner-up, near in frequency, is within the margin."""
+    found = []
+    for i, j in pairs:
+        others = [k for k in range(likeness.shape[1]) if k != j and distance[i, k] <= np.log(1.5)]
+        rivals = [k for k in others if likeness[i, k] > likeness[i, j] - margin]
+        if rivals:
+            found.append((i, j, max(rivals, key=lambda k: float(likeness[i, k]))))
+    return tuple(found)
+
+
+def _rows(name: str, values: ArrayLike) -> ComplexArray:
+    rows = np.atleast_2d(np.asarray(values, dtype=complex))
+    if rows.ndim != 2:
+        raise InputError(name, f"has shape {rows.shape}, expected rows of vectors")
+    if not np.all(np.isfinite(rows)):
+        raise InputError(name, "holds NaN or infinite values")
+    return rows
+
+
+def _pair(name: str, a: ArrayLike, b: ArrayLike) -> tuple[ComplexArray, ComplexArray]:
+    left, right = _rows(name, a), _rows(name, b)
+    if left.shape != right.shape:
+        raise InputError(name, f"have shapes {left.shape} and {right.shape}, expected the same")
+    return left, right
+
+
+def _unit(rows: ComplexArray) -> ComplexArray:
+    """Rows at unit length (scaled by their largest entry first, so that nothing overflows); NaN for zero rows."""
+    largest = np.max(np.abs(rows), axis=1, keepdims=True, initial=0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        scaled = rows / largest
+        return np.asarray(scaled / np.sqrt(np.sum(np.abs(scaled) ** 2, axis=1, keepdims=True)))
+
+
+def _assurance(left: ComplexArray, right: ComplexArray, axis: int) -> FloatArray:
+    cross = np.abs(np.sum(left.conj() * right, axis=axis)) ** 2
+    return _ratio(cross, np.sum(np.abs(left) ** 2, axis=axis) * np.sum(np.abs(right) ** 2, axis=axis))
+
+
+def _ratio(top: FloatArray, bottom: FloatArray) -> FloatArray:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.where(bottom != 0, top / bottom, np.nan))

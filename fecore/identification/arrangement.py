@@ -1,0 +1,197 @@
+"""FRFs of a campaign laid out for identification: one axis, positive directions, a roving side and a fixed side.
+
+A roving hammer keeps the response fixed and a roving sensor the reference. By reciprocity H_ij = H_ji both give a
+column of the FRF matrix, and the mode shape is found at the dofs that rove. Campaigns with several fixed dofs, or
+with both rows
+and columns of the matrix, are covered too: the fixed dofs are the fewest that touch every FRF.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.errors import InputError
+from fecore.frf import Dof, FrfSet, Quantity
+
+#: Power of iω that turns a receptance into each quantity.
+POWER: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
+_AXIS_NAMES = ("X", "Y", "Z", "RX", "RY", "RZ")
+_SAME_LINE = 1e-6  # lines of two axes closer than this share of the smallest spacing are one line
+
+
+@dataclass(frozen=True)
+class Arrangement:
+    """All FRFs on one frequency axis, their signs turned to positive directions.
+
+    Attributes:
+        frequency_hz: (L,) union of the lines of all sets, Hz; no line at 0 Hz.
+        values: (N, L) complex FRFs, 0 where nothing was measured.
+        measured: (N, L) True where a value was measured.
+        variance: (N, L) noise variance handed in; NaN where it is not known.
+        pairs: N (response, reference) pairs of positive dofs, as measured.
+        quantity: what kind of FRF all of them are.
+        roving: p dofs at which shapes are found.
+        fixed: m dofs against which they are measured.
+        row: (N, 2) index into `roving` and into `fixed` of each FRF.
+    """
+
+    frequency_hz: FloatArray
+    values: ComplexArray
+    measured: BoolArray
+    variance: FloatArray
+    pairs: tuple[tuple[Dof, Dof], ...]
+    quantity: Quantity
+    roving: tuple[Dof, ...]
+    fixed: tuple[Dof, ...]
+    row: IntArray
+
+    @property
+    def omega(self) -> FloatArray:
+        """(L,) circular frequency of the lines, rad/s."""
+        return 2 * np.pi * self.frequency_hz
+
+    @property
+    def power(self) -> int:
+        """Power of iω that turns a receptance into these FRFs."""
+        return POWER[self.quantity]
+
+    @property
+    def spacing_hz(self) -> float:
+        """Usual distance of neighbouring lines, Hz."""
+        return float(np.median(np.diff(self.frequency_hz))) if self.frequency_hz.size > 1 else 0.0
+
+    def label(self, row: int) -> str:
+        """Name of an FRF, response first: `33Z/1Z`."""
+        return pair_label(*self.pairs[row])
+
+    def without(self, rows: Sequence[int]) -> Arrangement:
+        """The same without some FRFs.
+
+        Raises:
+            InputError: nothing is left.
+        """
+        keep = [i for i in range(len(self.pairs)) if i not in set(rows)]
+        if not keep:
+            raise InputError("frfs", "no usable FRF is left")
+        pairs = tuple(self.pairs[i] for i in keep)
+        roving, fixed, row = split_sides(pairs)
+        return replace(
+            self,
+            values=self.values[keep],
+            measured=self.measured[keep],
+            variance=self.variance[keep],
+            pairs=pairs,
+            roving=roving,
+            fixed=fixed,
+            row=row,
+        )
+
+
+def pair_label(response: Dof, reference: Dof) -> str:
+    """Name of an FRF as laboratories write it, response first: `33Z/1Z`."""
+    names = (f"{'-' if d.sign < 0 else ''}{_AXIS_NAMES[d.axis - 1]}" for d in (response, reference))
+    return "/".join(f"{d.point}{name}" for d, name in zip((response, reference), names, strict=True))
+
+
+def set_with_gaps(
+    frequency_hz: FloatArray,
+    values: ComplexArray,
+    responses: Sequence[Dof],
+    references: Sequence[Dof],
+    quantity: Quantity = "accelerance",
+    variance: FloatArray | None = None,
+) -> FrfSet:
+    """An FRF set from data with holes: values that are NaN or infinite are stored as 0 with an infinite variance.
+
+    An infinite variance is how this package marks a value that was not measured; NaN is a variance that is not known.
+    """
+    hole = ~np.isfinite(values)
+    known = np.full(values.shape, np.nan) if variance is None else np.array(variance, dtype=float)
+    known[hole] = np.inf
+    return FrfSet(
+        np.asarray(frequency_hz, dtype=float),
+        np.where(hole, 0, values).astype(complex),
+        tuple(responses),
+        tuple(references),
+        quantity,
+        known if hole.any() or variance is not None else None,
+    )
+
+
+def arrange(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None = None) -> Arrangement:
+    """Lay out one or several FRF sets (which may differ in frequency axis and quantity) for identification.
+
+    Lines at 0 Hz are left out (an accelerance is zero there by definition, a receptance infinite for a free body).
+
+    Raises:
+        InputError: no FRF, or no line in the band.
+    """
+    sets = [frfs] if isinstance(frfs, FrfSet) else list(frfs)
+    if not sets or not any(len(s.responses) for s in sets):
+        raise InputError("frfs", "is empty, expected at least one FRF")
+    low, high = band_hz if band_hz is not None else (0.0, np.inf)
+    if not 0 <= low < high:
+        raise InputError("band_hz", f"is {low:g} to {high:g} Hz, expected 0 <= low < high")
+    low = max(low, np.nextafter(0, 1))
+    sets = [s.band(low, high).to_quantity(sets[0].quantity) for s in sets if _has_line(s, low, high)]
+    if not sets:
+        raise InputError("band_hz", f"no FRF has a line in {low:g} to {high:g} Hz")
+    axis, places = _union_axis([s.frequency_hz for s in sets])
+    count = sum(len(s.responses) for s in sets)
+    values = np.zeros((count, axis.size), dtype=complex)
+    variance = np.full((count, axis.size), np.inf)
+    pairs: list[tuple[Dof, Dof]] = []
+    for frf_set, place in zip(sets, places, strict=True):
+        rows = slice(len(pairs), len(pairs) + len(frf_set.responses))
+        both = list(zip(frf_set.responses, frf_set.references, strict=True))
+        sign = np.array([a.sign * b.sign for a, b in both])
+        values[rows, place] = sign[:, None] * frf_set.values
+        variance[rows, place] = np.nan if frf_set.variance is None else frf_set.variance
+        pairs += [(Dof(a.point, a.axis), Dof(b.point, b.axis)) for a, b in both]
+    roving, fixed, row = split_sides(tuple(pairs))
+    measured = ~np.isposinf(variance)
+    return Arrangement(axis, values, measured, variance, tuple(pairs), sets[0].quantity, roving, fixed, row)
+
+
+def split_sides(pairs: tuple[tuple[Dof, Dof], ...]) -> tuple[tuple[Dof, ...], tuple[Dof, ...], IntArray]:
+    """Roving dofs, fixed dofs and for each pair the index into both; the fixed dofs are the fewest that touch all
+    pairs.
+
+    The cover is greedy (most pairs first, references before responses on a tie), which is exact for the arrangements
+    that laboratories use: one or several whole rows or columns.
+    """
+    fixed: list[Dof] = []
+    open_rows = set(range(len(pairs)))
+    while open_rows:
+        tally: dict[Dof, tuple[int, int]] = {}
+        for i in open_rows:
+            for side, dof in enumerate(pairs[i]):
+                touched, as_reference = tally.get(dof, (0, 0))
+                once = 0 if side == 1 and pairs[i][0] == pairs[i][1] else 1
+                tally[dof] = (touched + once, as_reference + side)
+        best = max(tally, key=lambda d: (tally[d], -d.point, -d.axis))
+        fixed.append(best)
+        open_rows = {i for i in open_rows if best not in pairs[i]}
+    oriented = [(a, b) if b in fixed else (b, a) for a, b in pairs]
+    roving = sorted({a for a, _ in oriented})
+    fixed = sorted({b for _, b in oriented})
+    row = np.array([(roving.index(a), fixed.index(b)) for a, b in oriented], dtype=np.int64)
+    return tuple(roving), tuple(fixed), row
+
+
+def _has_line(frf_set: FrfSet, low: float, high: float) -> bool:
+    return bool(np.any((frf_set.frequency_hz >= low) & (frf_set.frequency_hz <= high)))
+
+
+def _union_axis(axes: list[FloatArray]) -> tuple[FloatArray, list[IntArray]]:
+    """Union of frequency axes and where the lines of each fall on it."""
+    together = np.sort(np.concatenate(axes))
+    spacings = [float(np.diff(a).min()) for a in axes if a.size > 1]
+    tolerance = _SAME_LINE * (min(spacings) if spacings else 1.0)
+    union = together[np.concatenate(([True], np.diff(together) > tolerance))]
+    places = [np.searchsorted(union, a + tolerance, side="right") - 1 for a in axes]
+    return union, [p.astype(np.int64) for p in places]

@@ -1,0 +1,96 @@
+"""The modal series that all steps fit: pole terms, residual terms and their derivatives.
+
+A receptance is, with s = iω,
+
+    α(s) = Σ_k R_k/(s - s_k) + R̄_k/(s - s̄_k)  +  Σ_e c_e s^e  +  Σ_j d_j/(s + a_j),
+
+s_k = ω_k(-ζ_k + i√(1 - ζ_k²)). The middle sum is the residual terms: s⁻² and s⁻¹ stand for modes below the band
+(rigid body motion), s⁰, s¹, s² for modes above it; their coefficients are real because α is the transform of a real
+function. The last
+sum holds real poles: a body that floats in a viscous medium has α = 1/(m s (s + a)). A mobility or accelerance is α
+times s or s². Everything is linear in (Re R, Im R, c, d) for given poles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fecore.arrays import ComplexArray, FloatArray
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What a model of the FRFs is made of.
+
+    Attributes:
+        frequency_hz: (n,) undamped natural frequencies of the complex pole pairs, Hz.
+        damping_ratio: (n,) their damping ratios.
+        exponents: powers of s of the residual terms (of a receptance).
+        decay: (r,) rates a of real poles, 1/s.
+    """
+
+    frequency_hz: FloatArray
+    damping_ratio: FloatArray
+    exponents: tuple[int, ...] = (-2, 0)
+    decay: FloatArray = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def pairs(self) -> int:
+        """Number of complex pole pairs."""
+        return int(self.frequency_hz.size)
+
+    @property
+    def columns(self) -> int:
+        """Number of real linear coefficients of each FRF."""
+        return 2 * self.pairs + len(self.exponents) + int(self.decay.size)
+
+    @property
+    def parameters(self) -> int:
+        """Number of non-linear parameters: frequency and damping of each pair, rate of each real pole."""
+        return 2 * self.pairs + int(self.decay.size)
+
+
+def poles(frequency_hz: FloatArray, damping_ratio: FloatArray) -> ComplexArray:
+    """Poles with positive imaginary part, rad/s: s = 2πf(-ζ + i√(1 - ζ²))."""
+    omega = 2 * np.pi * np.asarray(frequency_hz, dtype=float)
+    zeta = np.asarray(damping_ratio, dtype=float)
+    return np.asarray(omega * (-zeta + 1j * np.sqrt(1 - zeta**2)))
+
+
+def columns(omega: FloatArray, terms: Terms, power: int) -> ComplexArray:
+    """(L, q) basis: for each pole pair the factors of Re R and Im R, then residual terms, then real poles.
+
+    Residual terms are taken in s/ω_ref (ω_ref = geometric mean of the first and the last line) to be of like size.
+    """
+    s = 1j * omega
+    lift = s[:, None] ** power
+    pole = poles(terms.frequency_hz, terms.damping_ratio)
+    direct, mirror = 1 / (s[:, None] - pole), 1 / (s[:, None] - pole.conj())
+    pairs = np.stack([direct + mirror, 1j * (direct - mirror)], axis=2).reshape(omega.size, -1)
+    scaled = s / np.sqrt(omega[0] * omega[-1])
+    residual = np.stack([scaled**e for e in terms.exponents], axis=1) if terms.exponents else np.empty((omega.size, 0))
+    real = 1 / (s[:, None] + terms.decay)
+    return np.asarray(lift * np.concatenate([pairs, residual, real], axis=1))
+
+
+def derivatives(omega: FloatArray, terms: Terms, power: int) -> ComplexArray:
+    """(L, 4n + r) derivatives of the basis, for ln ω_k and ζ_k of each pair and ln a of each real pole.
+
+    Columns 4k … 4k+3 are ∂(Re column)/∂ln ω_k, ∂(Im column)/∂ln ω_k, ∂(Re column)/∂ζ_k, ∂(Im column)/∂ζ_k;
+    from ∂/∂θ 1/(s - s_k) = (∂s_k/∂θ)/(s - s_k)².
+    """
+    s = 1j * omega
+    lift = s[:, None] ** power
+    zeta = np.asarray(terms.damping_ratio, dtype=float)
+    pole = poles(terms.frequency_hz, zeta)
+    by_zeta = 2 * np.pi * terms.frequency_hz * (-1 - 1j * zeta / np.sqrt(1 - zeta**2))
+    direct, mirror = 1 / (s[:, None] - pole) ** 2, 1 / (s[:, None] - pole.conj()) ** 2
+    parts = []
+    for slope in (pole, by_zeta):  # ∂s_k/∂ln ω_k = s_k
+        up, down = slope * direct, slope.conj() * mirror
+        parts += [up + down, 1j * (up - down)]
+    pairs = np.stack(parts, axis=2).reshape(omega.size, -1)
+    real = -terms.decay / (s[:, None] + terms.decay) ** 2
+    return np.asarray(lift * np.concatenate([pairs, real], axis=1))

@@ -1,0 +1,71 @@
+"""Weighted linear least squares of all FRFs at once, for given poles.
+
+Each FRF i has its own weights w_i² = 1/v_i, so its own normal matrix G_i = Re Φᴴ W_i² Φ. Since all share the basis Φ,
+all the G_i come from one product of the weights with the line-wise outer products of Φ. Columns are scaled to unit
+length in each FRF, which keeps the normal equations well conditioned for distinct poles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.arrays import ComplexArray, FloatArray
+from fecore.errors import IdentificationError
+
+
+@dataclass(frozen=True)
+class LinearFit:
+    """Coefficients of every FRF on one basis.
+
+    Attributes:
+        coefficients: (N, q) real coefficients.
+        covariance: (N, q, q) their covariance for the stated weights (inverse normal matrices).
+    """
+
+    coefficients: FloatArray
+    covariance: FloatArray
+
+
+def fit_linear(basis: ComplexArray, values: ComplexArray, weight: FloatArray) -> LinearFit:
+    """Least squares min Σ_l weight_il |values_il - (Φ c_i)_l|² with real c_i, for every FRF i.
+
+    The weight is 2/v for a complex noise of variance v = E|n|² (each of its two parts has v/2), so that the
+    inverse normal matrix is the covariance of c.
+
+    Args:
+        basis: (L, q) columns Φ.
+        values: (N, L) FRFs.
+        weight: (N, L) weights, 0 where nothing was measured.
+
+    Raises:
+        IdentificationError: the columns are dependent (two poles in one place), or too few lines were measured.
+    """
+    normal = normal_matrices(basis, weight)
+    right = ((weight * values) @ basis.conj()).real
+    scale = np.sqrt(np.einsum("nii->ni", normal))
+    if not np.all(scale > 0):
+        raise IdentificationError("a term has no weight on the measured lines of an FRF; leave that FRF out")
+    unit = normal / (scale[:, :, None] * scale[:, None, :])
+    try:
+        inverse = np.linalg.inv(np.linalg.cholesky(unit))
+    except np.linalg.LinAlgError:
+        raise IdentificationError(
+            "the model's terms cannot be told apart on the measured lines: two poles coincide, or there are fewer lines"
+            " than unknowns; use fewer poles or a wider band"
+        ) from None
+    covariance = np.matmul(inverse.transpose(0, 2, 1), inverse) / (scale[:, :, None] * scale[:, None, :])
+    return LinearFit(np.einsum("nij,nj->ni", covariance, right), covariance)
+
+
+def normal_matrices(basis: ComplexArray, weight: FloatArray) -> FloatArray:
+    """(N, q, q) normal matrices Re Φᴴ W_i² Φ of all FRFs, by one matrix product over the lines."""
+    q = basis.shape[1]
+    upper = np.triu_indices(q)
+    outer = basis.real[:, upper[0]] * basis.real[:, upper[1]] + basis.imag[:, upper[0]] * basis.imag[:, upper[1]]
+    packed = weight @ outer
+    normal = np.empty((weight.shape[0], q, q))
+    normal[:, upper[0], upper[1]] = packed
+    normal[:, upper[1], upper[0]] = packed
+    return normal

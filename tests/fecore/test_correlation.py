@@ -1,0 +1,205 @@
+"""Correlation criteria and pairing."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fecore.correlation import (
+    auto_mac,
+    comac,
+    csac,
+    csf,
+    damping_error,
+    fdac,
+    frac,
+    frequency_error,
+    mac,
+    pair_modes,
+    sac,
+)
+from fecore.errors import InputError
+
+RNG = np.random.default_rng(7)
+
+
+def random_complex(*shape: int, seed: int = 0) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
+
+
+def test_mac_of_a_worked_pair() -> None:
+    # |(1, 1j)ᴴ(1, 0)|² / (2 · 1) = 0.5; the transpose that the paper prints would give (1, 1j)ᵀ(1, 1j) = 0
+    assert mac([[1, 1j]], [[1, 0]])[0, 0] == pytest.approx(0.5, abs=1e-15)
+    assert mac([[1, 1j]], [[1, 1j]])[0, 0] == pytest.approx(1, abs=1e-15)
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(
+    st.integers(1, 5),
+    st.integers(1, 8),
+    st.floats(-150, 150),
+    st.floats(0, 6.28),
+    st.integers(0, 99),
+)
+def test_mac_does_not_see_scale_or_phase(n: int, p: int, power: float, phase: float, seed: int) -> None:
+    a, b = random_complex(n, p, seed=seed), random_complex(3, p, seed=seed + 1)
+    first = mac(a, b)
+    assert np.all((first >= 0) & (first <= 1))
+    assert np.allclose(mac(a * 10**power * np.exp(1j * phase), b), first, atol=1e-12)
+    assert np.allclose(mac(b, a), first.T, atol=1e-14)
+    assert np.allclose(np.diag(auto_mac(a)), 1, atol=1e-12)
+
+
+def test_a_zero_shape_is_nan_alone() -> None:
+    value = mac([[0, 0], [1, 2]], [[1, 2]])
+    assert np.isnan(value[0, 0])
+    assert value[1, 0] == pytest.approx(1)
+
+
+def test_criteria_of_frfs_against_their_definitions() -> None:
+    e, n = random_complex(4, 6, seed=1), random_complex(4, 6, seed=2)
+    for i in range(4):
+        top = abs(np.vdot(e[i], n[i])) ** 2 / (np.vdot(e[i], e[i]).real * np.vdot(n[i], n[i]).real)
+        assert frac(e, n)[i] == pytest.approx(top, rel=1e-13)
+        x, y = abs(e[i]), abs(n[i])
+        assert sac(e, n)[i] == pytest.approx((x @ y) ** 2 / (x @ x * (y @ y)), rel=1e-13)
+    for k in range(6):
+        x, y = e[:, k], n[:, k]
+        xx, yy, xy = np.vdot(x, x).real, np.vdot(y, y).real, abs(np.vdot(x, y))
+        assert csac(e, n)[k] == pytest.approx(xy**2 / (xx * yy), rel=1e-13)
+        assert csf(e, n)[k] == pytest.approx(2 * xy / (xx + yy), rel=1e-13)
+        assert fdac(e, n)[k, k] == pytest.approx(csac(e, n)[k], rel=1e-13)
+
+
+def test_csf_sees_scale_and_csac_does_not() -> None:
+    e = random_complex(5, 9)
+    assert np.allclose(csac(e, 2 * e), 1)
+    assert np.allclose(csf(e, 2 * e), 0.8)  # 2·2/(1 + 4)
+
+
+def test_fdac_ridge_follows_a_frequency_shift() -> None:
+    shapes = random_complex(6, 4, seed=3)
+    lines = np.linspace(0, 1, 50)
+
+    def response(centres: np.ndarray) -> np.ndarray:
+        return shapes @ (1 / (1e-3 + (lines - centres[:, None]) ** 2))
+
+    centres = np.array([0.1, 0.35, 0.6, 0.85])
+    grid = fdac(response(centres), response(centres + 5 / 49))
+    at = np.round(centres * 49).astype(int)[:3]
+    assert np.all(grid[at, at + 5] > 0.999)
+
+
+def test_comac_points_at_the_bad_dof() -> None:
+    shapes = np.random.default_rng(5).standard_normal((4, 6))
+    assert np.allclose(comac(shapes, -3 * shapes), 1)
+    moved = shapes.copy()
+    moved[:, 2] = np.roll(moved[:, 2], 1)
+    assert np.argmin(comac(shapes, moved)) == 2
+
+
+def test_dead_channels_and_lines_are_nan_alone() -> None:
+    e = random_complex(3, 4)
+    e[1] = 0
+    assert np.isnan(frac(e, e)[1])
+    assert np.allclose(frac(e, e)[[0, 2]], 1)
+    e[:, 3] = 0
+    assert np.isnan(csf(e, e)[3])
+
+
+def test_errors_are_relative_to_the_measured_value() -> None:
+    assert np.allclose(frequency_error([100.0, 200.0], [101.0, 198.0]), [0.01, -0.01])
+    assert np.allclose(damping_error([0.02, np.nan, 0.0], [0.03, 0.1, 0.1]), [0.5, np.nan, np.nan], equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: mac([[1, 2]], [[1, 2, 3]]),
+        lambda: mac([[1, np.nan]], [[1, 2]]),
+        lambda: frac(np.ones((2, 3)), np.ones((3, 2))),
+        lambda: frequency_error([0.0], [1.0]),
+        lambda: frequency_error([1.0, 2.0], [1.0]),
+        lambda: damping_error([1.0, 2.0], [1.0]),
+        lambda: pair_modes(None, None, [], [1.0]),
+        lambda: pair_modes(np.ones((2, 3)), np.ones((2, 3)), [1.0], [1.0, 2.0]),
+    ],
+)
+def test_wrong_arguments_are_named(call: object) -> None:
+    with pytest.raises(InputError):
+        call()  # type: ignore[operator]
+
+
+def test_pairing_is_the_best_of_all_permutations() -> None:
+    rng = np.random.default_rng(11)
+    for _ in range(20):
+        model = rng.standard_normal((5, 8))
+        measured = model[rng.permutation(5)[:4]] + 0.5 * rng.standard_normal((4, 8))
+        hz = np.linspace(100, 100.1, 5)  # so close that frequency does not matter
+        pairing = pair_modes(measured, model, hz[:4], hz, minimum_mac=0.0)
+        worth = np.maximum(-np.log(1.05 - mac(measured, model)), 1e-6)
+        best = max(itertools.permutations(range(5), 4), key=lambda order: sum(worth[range(4), list(order)]))
+        assert pairing.pairs == tuple(enumerate(best))
+
+
+def test_first_come_would_take_the_wrong_partner() -> None:
+    # MAC [[0.55, 0.45], [0.85, 0]]: taken in order, measured 0 would leave nothing for measured 1
+    measured = np.sqrt([[0.55, 0.45, 0], [0.85, 0, 0.15]])
+    pairing = pair_modes(measured, np.eye(3)[:2], [100, 100], [100, 100], minimum_mac=0.3)
+    assert pairing.pairs == ((0, 1), (1, 0))
+
+
+def test_one_good_pair_is_not_given_up_for_two_poor_ones() -> None:
+    # MAC [[0.99, 0.55], [0.6, 0]] (shapes need not be orthogonal)
+    measured = np.array([[1, 0, 0.1, 0], [np.sqrt(0.6), 0, 0, np.sqrt(0.4)]])
+    model = np.array([[1, 0, 0, 0], [np.sqrt(0.55), 0.67, 0, -np.sqrt(0.55 * 0.6 / 0.4)]])
+    matrix = mac(measured, model)
+    assert matrix[0, 0] > 0.98
+    assert matrix[1, 1] < 1e-3
+    assert 0.25 < matrix[0, 1] < 0.6
+    assert pair_modes(measured, model, [100, 100], [100, 100], minimum_mac=0.2).pairs == ((0, 0),)
+
+
+def test_unpaired_modes_of_both_sides_are_named() -> None:
+    model = np.eye(4)
+    measured = np.eye(4)[[0, 2]] + 0.01
+    pairing = pair_modes(np.vstack([measured, [1, 1, 1, 1]]), model, [10, 30, 35], [10, 20, 30, 400], minimum_mac=0.5)
+    assert pairing.pairs == ((0, 0), (1, 2))
+    assert pairing.unpaired_measured == (2,)
+    assert pairing.unpaired_model == (1,)  # 400 Hz is beyond what was measured
+    text = " ".join(pairing.messages([10, 30, 35], [10, 20, 30, 400]))
+    assert "35.00 Hz" in text
+    assert "20.00 Hz" in text
+
+
+def test_swapped_modes_are_paired_by_shape() -> None:
+    model = np.eye(3)
+    pairing = pair_modes(np.eye(3)[[0, 2, 1]], model, [25, 399, 443], [26, 410, 430])
+    assert pairing.pairs == ((0, 0), (1, 2), (2, 1))
+    assert pairing.ambiguous == ()
+
+
+def test_frequency_settles_spatial_aliasing_and_says_so() -> None:
+    # Two sampled shapes alike: only the frequency can tell
+    model = np.array([[1, 0, 0], [0.1, 1, 1], [0.1, 1, 1.02]])
+    pairing = pair_modes(model[[0, 2]], model, [100, 800], [100, 640, 810])
+    assert pairing.pairs == ((0, 0), (1, 2))
+    assert pairing.ambiguous == ((1, 2, 1),)
+
+
+def test_without_shapes_frequency_pairs() -> None:
+    pairing = pair_modes(None, None, [25, 160, 440], [26, 158, 400, 441, 900])
+    assert pairing.pairs == ((0, 0), (1, 1), (2, 3))
+    assert pairing.mac is None
+    assert pairing.unpaired_model == (2,)
+
+
+def test_a_mode_far_off_in_frequency_is_no_partner() -> None:
+    pairing = pair_modes(np.eye(2), np.eye(2), [10, 20], [10, 200])
+    assert pairing.pairs == ((0, 0),)
+    assert pairing.unpaired_measured == (1,)
