@@ -1,10 +1,11 @@
 """Undamped modes of K φ = λ M φ: block Lanczos with shift-invert and full reorthogonalisation.
 
-With a shift σ below the wanted eigenvalues, the operator (K - σM)⁻¹M has the eigenvalues 1/(λ - σ), so the lowest modes
-are its largest and converge first. A block of start vectors catches repeated and close modes together (Grimes, Lewis and
-Simon, SIAM J. Matrix Anal. Appl. 15, 1994). Rigid-body modes are known exactly, so the iteration is kept M-orthogonal to
-them and they are returned with λ = 0. The basis is orthogonalised in full, twice, so no ghost modes appear; and the
-inertia of K - μM (Sylvester: its negative eigenvalues are the modes below μ) proves that none is missing.
+With a shift σ below the wanted eigenvalues, the operator (K - σM)⁻¹M has the eigenvalues 1/(λ - σ), so the lowest
+modes are its largest and converge first. A block of start vectors catches repeated and close modes together (Grimes,
+Lewis and Simon, SIAM J. Matrix Anal. Appl. 15, 1994). Rigid-body modes are known exactly, so the iteration is kept
+M-orthogonal to them and they are returned with λ = 0. The basis is orthogonalised in full, twice, so no ghost modes
+appear; and the inertia of K - μM (Sylvester: its negative eigenvalues are the modes below μ) proves that none is
+missing.
 """
 
 from __future__ import annotations

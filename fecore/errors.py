@@ -9,6 +9,8 @@
 Every message says what was found, what was expected and, where there is something, what to do.
 """
 
+from collections.abc import Mapping
+
 
 class FecoreError(Exception):
     """Root of all errors that the core raises on purpose."""
@@ -37,3 +39,22 @@ class ModelError(FecoreError):
 
 class IdentificationError(FecoreError):
     """The measured data do not support an identification; the message says what was seen and what to try."""
+
+
+class UpdatingError(FecoreError):
+    """An update did not converge.
+
+    Attributes:
+        best: parameters of the best iterate, by name, SI.
+        history: cost of each iterate, first to last.
+    """
+
+    def __init__(self, message: str, best: Mapping[str, float], history: tuple[float, ...]) -> None:
+        super().__init__(message)
+        self.message = message
+        self.best = dict(best)
+        self.history = history
+
+    def __reduce__(self) -> tuple[type["UpdatingError"], tuple[str, dict[str, float], tuple[float, ...]]]:
+        """Survive pickling, as `InputError`."""
+        return type(self), (self.message, self.best, self.history)

@@ -20,6 +20,11 @@ Quantity = Literal["accelerance", "mobility", "receptance"]
 _POWER_OF_I_OMEGA: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
 
 
+def convert(omega: FloatArray, quantity: Quantity) -> ComplexArray:
+    """(L,) factor from receptance to another quantity: (iω)⁰, (iω)¹ or (iω)²."""
+    return (1j * omega) ** _POWER_OF_I_OMEGA[quantity]
+
+
 @dataclass(frozen=True, order=True)
 class Dof:
     """A measurement point and a signed direction there.
@@ -127,3 +132,46 @@ class FrfSet:
         factor = (1j * self.omega) ** power
         variance = None if self.variance is None else self.variance * np.abs(factor) ** 2
         return replace(self, values=self.values * factor, quantity=quantity, variance=variance)
+
+
+@dataclass(frozen=True)
+class ModalFrfModel:
+    """What the FRFs between measured degrees of freedom need from a model: Eq. 8 (with its erratum) and a residual.
+
+    With residues A_ik = φ_k(response i) φ_k(force i) the receptance is
+
+        H_i(ω) = Σ_k A_ik / (λ_k - ω² + iω c_k) + R0_i + (ω² - σ) R1_i,
+
+    where c_k = 2 ζ_k ω_k and the last two terms are the exact first terms of the series of the truncated modes in
+    (ω² - σ)/(λ - σ).
+
+    Attributes:
+        eigenvalue: (n,) λ_k = ω_k², rad²/s².
+        residues: (N, n) A_ik, signs of the directions included.
+        residual: (N, 2) R0 and R1.
+        shift: σ, rad²/s².
+    """
+
+    eigenvalue: FloatArray
+    residues: FloatArray
+    residual: FloatArray
+    shift: float
+
+    @property
+    def omega(self) -> FloatArray:
+        """(n,) undamped circular frequencies, rad/s."""
+        return np.sqrt(self.eigenvalue)
+
+    def synthesise(
+        self, frequency_hz: FloatArray, rate: FloatArray, quantity: Quantity = "accelerance"
+    ) -> ComplexArray:
+        """(N, L) FRFs at (L,) frequencies in Hz with (n,) modal damping rates c_k in 1/s."""
+        omega = 2 * np.pi * frequency_hz
+        denominator = self.eigenvalue[:, None] - omega**2 + 1j * omega * rate[:, None]
+        power = np.vstack([np.ones_like(omega), omega**2 - self.shift])
+        receptance = self.residues @ (1 / denominator) + self.residual @ power
+        return receptance * convert(omega, quantity)
+
+    def with_eigenvalue(self, eigenvalue: FloatArray) -> ModalFrfModel:
+        """The same residues on other eigenvalues."""
+        return replace(self, eigenvalue=eigenvalue)

@@ -1,7 +1,7 @@
 """Plies to section stiffness and inertia, by first-order shear deformation theory of an equivalent single layer.
 
-A laminate is a stack of orthotropic plies from bottom (z = -t/2) to top. With the plane-stress stiffness Q̄ of each ply in
-the specimen's axes (Reddy, *Mechanics of Laminated Composite Plates and Shells*, 2nd ed., sections 2.4 and 3.4):
+A laminate is a stack of orthotropic plies from bottom (z = -t/2) to top. With the plane-stress stiffness Q̄ of each
+ply in the specimen's axes (Reddy, *Mechanics of Laminated Composite Plates and Shells*, 2nd ed., sections 2.4 and 3.4):
 
     A = ∫ Q̄ dz,   B = ∫ Q̄ z dz,   D = ∫ Q̄ z² dz        (force and moment resultants)
     S = κ ∫ [[C̄55, C̄45], [C̄45, C̄44]] dz                 (transverse shear, on γxz and γyz)
@@ -52,8 +52,8 @@ class OrthotropicMaterial:
         if self.nu_xy**2 * self.Ey / self.Ex >= 1:
             raise InputError(
                 "material.nu_xy",
-                f"nu_xy² Ey/Ex is {self.nu_xy**2 * self.Ey / self.Ex:.3g}: the material would not be positive definite; "
-                "expected below 1",
+                f"nu_xy² Ey/Ex is {self.nu_xy**2 * self.Ey / self.Ex:.3g}, expected below 1: "
+                "the material would not be positive definite",
             )
 
     def plane_stress(self) -> FloatArray:

@@ -81,15 +81,14 @@ def rectangle(length: float, width: float, nx: int = 40, ny: int = 4) -> Rectang
     for name, size in (("length_m", length), ("width_m", width)):
         if not (np.isfinite(size) and size > 0):
             raise InputError(f"geometry.{name}", f"is {size}, expected a positive number of metres")
-    for name, number in (("nx", nx), ("ny", ny)):
-        if number < 1:
-            raise InputError(f"mesh.{name}", f"is {number}, expected at least one element")
+    for name, divisions in (("nx", nx), ("ny", ny)):
+        if divisions < 1:
+            raise InputError(f"mesh.{name}", f"is {divisions}, expected at least one element")
     column, row = np.meshgrid(np.arange(2 * nx + 1), np.arange(2 * ny + 1))
     real = (column % 2 == 0) | (row % 2 == 0)  # the serendipity element has no centre node
     number = np.where(real, np.cumsum(real).reshape(real.shape) - 1, -1)
     nodes = np.column_stack([column[real] * length / (2 * nx), row[real] * width / (2 * ny) - width / 2])
-    i, j = np.meshgrid(2 * np.arange(nx), 2 * np.arange(ny))
-    i, j = i.ravel(), j.ravel()
+    first_column, first_row = (start.ravel() for start in np.meshgrid(2 * np.arange(nx), 2 * np.arange(ny)))
     corners_and_sides = ((0, 0), (0, 2), (2, 2), (2, 0), (0, 1), (1, 2), (2, 1), (1, 0))
-    elements = np.column_stack([number[j + dj, i + di] for dj, di in corners_and_sides])
+    elements = np.column_stack([number[first_row + dy, first_column + dx] for dy, dx in corners_and_sides])
     return RectangleMesh(length, width, nx, ny, nodes, elements)

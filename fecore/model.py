@@ -17,7 +17,7 @@ from typing import Literal, get_args
 import numpy as np
 from scipy import sparse
 
-from fecore.arrays import FloatArray, IntArray
+from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.elements import shell8
 from fecore.errors import InputError
 from fecore.laminate import Section
@@ -133,7 +133,7 @@ class PlateModel:
         Raises:
             InputError: a point lies off the specimen.
         """
-        return _deflection(self.mesh, points)[:, self.free_dofs]
+        return sparse.csr_array(_deflection(self.mesh, points)[:, self.free_dofs])
 
 
 def stiffness_coefficients(section: Section) -> FloatArray:
@@ -184,7 +184,7 @@ class _Pattern:
     indptr: IntArray
     indices: IntArray
     slots: IntArray
-    kept: FloatArray
+    kept: BoolArray
 
     @classmethod
     def of(cls, dofs: IntArray, free: IntArray, total: int) -> _Pattern:
@@ -202,7 +202,7 @@ class _Pattern:
     ) -> AffineMatrix:
         data = [np.bincount(self.slots, term.ravel()[self.kept], minlength=self.indices.size) for term in terms]
         extra = extra or {}
-        return AffineMatrix(self.indptr, self.indices, np.array([*data, *extra.values()]), tuple([*names, *extra]))
+        return AffineMatrix(self.indptr, self.indices, np.array([*data, *extra.values()]), (*names, *extra))
 
     def gather(self, matrix: sparse.csc_array) -> FloatArray:
         """Values of a sparse matrix, whose entries all lie in the pattern, at the pattern's places."""
@@ -265,4 +265,5 @@ def _rigid_modes(mesh: RectangleMesh, free: IntArray) -> FloatArray:
     # A combination that does not move the held dofs is a rigid motion of the supported body.
     _, singular, directions = np.linalg.svd(motions[held], full_matrices=True)
     rank = int(np.sum(singular > 1e-9 * max(1.0, singular[0])))
-    return motions[free] @ directions[rank:].T
+    remaining: FloatArray = motions[free] @ directions[rank:].T
+    return remaining

@@ -5,7 +5,8 @@ Out-of-plane dofs a node: w, θx, θy, with u(z) = z θy and v(z) = -z θx. Bend
     κx = ∂θy/∂x,   κy = -∂θx/∂y,   κxy = ∂θy/∂y - ∂θx/∂x,   γxz = ∂w/∂x + θy,   γyz = ∂w/∂y - θx
 
 The stiffness is integrated with 2×2 Gauss points, which avoids shear locking and, with eight nodes, leaves no spurious
-zero-energy mode that two elements can share (Hughes, *The Finite Element Method*, section 5.3); the mass with 3×3, in full.
+zero-energy mode that two elements can share (Hughes, *The Finite Element Method*, section 5.3); the mass in full, with
+3×3.
 
 Stiffness is linear in the section's coefficients, so the element returns one matrix a coefficient (`TERMS`), each the
 derivative of the element stiffness by that coefficient.
@@ -49,7 +50,8 @@ def shape_functions(natural: FloatArray) -> FloatArray:
     corner = (1 + xi * xn) * (1 + eta * en) * (xi * xn + eta * en - 1) / 4
     on_horizontal = (1 - xi**2) * (1 + eta * en) / 2
     on_vertical = (1 + xi * xn) * (1 - eta**2) / 2
-    return np.where(xn == 0, on_horizontal, np.where(en == 0, on_vertical, corner))
+    functions: FloatArray = np.where(xn == 0, on_horizontal, np.where(en == 0, on_vertical, corner))
+    return functions
 
 
 def shape_derivatives(natural: FloatArray) -> FloatArray:

@@ -1,0 +1,52 @@
+"""A rectangular specimen as a laboratory describes it, and its finite element model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fecore.errors import InputError
+from fecore.laminate import OrthotropicMaterial, Ply, Section, section
+from fecore.mesh import rectangle
+from fecore.model import Boundary, PlateModel, PointMass, Supports, plate
+
+
+@dataclass(frozen=True)
+class Specimen:
+    """A strip of a homogenised orthotropic material; x along its length from the clamped end, z out of plane.
+
+    Attributes:
+        length, width, thickness: m.
+        material: nominal constants and density.
+        boundary: how it is held.
+        masses: what it carries, such as a sensor.
+        divisions: elements along the length and across the width.
+    """
+
+    length: float
+    width: float
+    thickness: float
+    material: OrthotropicMaterial
+    boundary: Boundary = "cantilever"
+    masses: tuple[PointMass, ...] = ()
+    divisions: tuple[int, int] = (40, 4)
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.thickness) and self.thickness > 0):
+            raise InputError("geometry.thickness_m", f"is {self.thickness}, expected a positive number of metres")
+
+    @property
+    def section(self) -> Section:
+        """The nominal section."""
+        return section([Ply(self.material, self.thickness)])
+
+    @cached_property
+    def model(self) -> PlateModel:
+        """The affine finite element model, which holds for any constants and thickness.
+
+        Raises:
+            InputError: the geometry or a mass's place is wrong.
+        """
+        return plate(rectangle(self.length, self.width, *self.divisions), Supports.of(self.boundary), self.masses)

@@ -1,0 +1,238 @@
+"""Stage 1: elastic constants from natural frequencies and mode shapes (Eqs. 12-14, Fig. 1).
+
+The maximum a posteriori estimate by Gauss-Newton,
+
+    Δθ = (SᵀC_e⁻¹S + C_p⁻¹)⁻¹ [SᵀC_e⁻¹ (f_exp - f(θ)) + C_p⁻¹ (θ₀ - θ)],     S = ∂f/∂θ analytic,
+
+with C_e = C_noise + diag((s f)²): the noise of the measured frequencies and the model's discrepancy s, which is estimated
+along the way. Measured and model modes are paired anew by MAC at every iterate, as constants move modes past each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.correlation import Pairing, pair_modes
+from fecore.errors import UpdatingError
+from fecore.modes import MeasuredModes
+from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.updating.posterior import Verdict, discrepancy, verdicts
+
+FREQUENCY_DISCREPANCY = 0.002
+"""Prior standard deviation of the model's error in a natural frequency, as a share of it."""
+
+_UNKNOWN_FREQUENCY_SD = 0.001  # a typed-in frequency is taken to be this sure, as a share of it
+_MAX_ITERATIONS = 40
+_MAX_HALVINGS = 12
+_STEP_TOLERANCE = 1e-6  # in posterior standard deviations
+
+
+@dataclass(frozen=True)
+class ElasticIterate:
+    """One row of the convergence history: parameters (p,), frequencies of the measured modes (n,; NaN unpaired), cost."""
+
+    theta: FloatArray
+    frequency_hz: FloatArray
+    cost: float
+
+
+@dataclass(frozen=True)
+class ElasticResult:
+    """Updated elastic parameters.
+
+    Attributes:
+        theta: (p,) estimate.
+        covariance: (p, p) posterior covariance, model discrepancy included.
+        noise_covariance: (p, p) covariance of the estimate under measurement noise alone.
+        initial, updated: the model at the prior means and at the estimate.
+        initial_pairing, pairing: measured to model modes, before and after.
+        verdicts: identifiability of each parameter.
+        null_directions: (q, p) unit vectors, in prior standard deviations, of which the data say next to nothing.
+        discrepancy: estimated relative model error of a frequency.
+        history: iterates, first to last.
+        warnings: what a user must know.
+    """
+
+    theta: FloatArray
+    covariance: FloatArray
+    noise_covariance: FloatArray
+    initial: ForwardState
+    updated: ForwardState
+    initial_pairing: Pairing
+    pairing: Pairing
+    verdicts: tuple[Verdict, ...]
+    null_directions: FloatArray
+    discrepancy: float
+    history: tuple[ElasticIterate, ...]
+    warnings: tuple[str, ...]
+
+
+def update_elastic(
+    forward: ForwardModel, modes: MeasuredModes, progress: Callable[[float], None] = lambda _: None
+) -> ElasticResult:
+    """Estimate the parameters from measured modes.
+
+    Args:
+        forward: the model; its points are those of the modes' shapes, in order, where there are shapes.
+        modes: measured modes; without shapes they are paired by frequency.
+        progress: told the share of the stage that is done.
+
+    Raises:
+        UpdatingError: no mode could be paired, or the iteration did not converge; it carries the best iterate.
+        ModelError: the eigenproblem could not be solved.
+    """
+    fit = _Fit(forward, modes)
+    theta = forward.parametrisation.prior_mean
+    state, initial_state = forward.solve(theta), None
+    spread = FREQUENCY_DISCREPANCY
+    history: list[ElasticIterate] = []
+    pairing = fit.pair(state)
+    initial_state, initial_pairing = state, pairing
+    for iteration in range(_MAX_ITERATIONS):
+        progress(1 - 0.6**iteration)
+        system = fit.linearise(state, pairing, spread)
+        history.append(ElasticIterate(state.theta, _measured_order(state, pairing, len(modes)), system.cost))
+        step = np.linalg.solve(system.hessian, -system.gradient)
+        if step @ system.hessian @ step < _STEP_TOLERANCE**2:
+            return fit.finish(state, pairing, spread, initial_state, initial_pairing, tuple(history))
+        state = fit.descend(state, pairing, spread, step, system.cost, history)
+        pairing = fit.pair(state)
+        spread = discrepancy(*fit.relative_residual(state, pairing, spread), FREQUENCY_DISCREPANCY)
+    raise UpdatingError(
+        f"the elastic update did not converge in {_MAX_ITERATIONS} iterations; check geometry, density, boundary and priors",
+        best=dict(zip(forward.parametrisation.names, map(float, state.theta), strict=True)),
+        history=tuple(iterate.cost for iterate in history),
+    )
+
+
+@dataclass(frozen=True)
+class _System:
+    """Gauss-Newton system of the negative log posterior at one iterate."""
+
+    cost: float
+    gradient: FloatArray
+    hessian: FloatArray
+    sensitivity: FloatArray
+    weight: FloatArray
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """The data of one elastic update."""
+
+    forward: ForwardModel
+    modes: MeasuredModes
+
+    def pair(self, state: ForwardState) -> Pairing:
+        with_shapes = self.modes.shapes is not None
+        pairing = pair_modes(
+            self.modes.shapes,
+            state.shapes if with_shapes else None,
+            self.modes.frequency_hz,
+            state.frequency_hz,
+        )
+        if not pairing.pairs:
+            raise UpdatingError(
+                "no measured mode is like any mode of the model; check the boundary, the grid points and the frame",
+                best=dict(zip(self.forward.parametrisation.names, map(float, state.theta), strict=True)),
+                history=(),
+            )
+        return pairing
+
+    def noise(self, rows: list[int]) -> FloatArray:
+        """(n, n) covariance of the paired measured frequencies by noise."""
+        if self.modes.covariance is None:
+            return np.diag((_UNKNOWN_FREQUENCY_SD * self.modes.frequency_hz[rows]) ** 2)
+        return self.modes.covariance[np.ix_(rows, rows)]
+
+    def linearise(self, state: ForwardState, pairing: Pairing, spread: float) -> _System:
+        rows, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
+        measured = self.modes.frequency_hz[rows]
+        weight = np.linalg.inv(self.noise(rows) + np.diag((spread * measured) ** 2))
+        residual = measured - state.frequency_hz[columns]
+        S = state.frequency_jacobian[columns]
+        prior = self.forward.parametrisation
+        away = (state.theta - prior.prior_mean) / prior.prior_sd
+        return _System(
+            cost=float(residual @ weight @ residual + away @ away) / 2,
+            gradient=-S.T @ weight @ residual + away / prior.prior_sd,
+            hessian=S.T @ weight @ S + np.diag(prior.prior_sd**-2),
+            sensitivity=S,
+            weight=weight,
+        )
+
+    def descend(
+        self,
+        state: ForwardState,
+        pairing: Pairing,
+        spread: float,
+        step: FloatArray,
+        cost: float,
+        history: list[ElasticIterate],
+    ) -> ForwardState:
+        """The next iterate: the full step, halved until it is physical and the cost does not grow."""
+        for halving in range(_MAX_HALVINGS):
+            theta = state.theta + step / 2**halving
+            if not self.forward.parametrisation.is_physical(theta):
+                continue
+            candidate = self.forward.solve(theta)
+            if self.linearise(candidate, pairing, spread).cost <= cost * (1 + 1e-12):
+                return candidate
+        raise UpdatingError(
+            "the elastic update diverges: no step along the Gauss-Newton direction lowers the misfit",
+            best=dict(zip(self.forward.parametrisation.names, map(float, state.theta), strict=True)),
+            history=tuple(iterate.cost for iterate in history),
+        )
+
+    def relative_residual(self, state: ForwardState, pairing: Pairing, spread: float) -> tuple[FloatArray, float]:
+        """Residuals as shares of the frequencies, and how many parameters they determine: tr(H⁻¹ SᵀWS)."""
+        rows, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
+        system = self.linearise(state, pairing, spread)
+        informed = system.hessian - np.diag(self.forward.parametrisation.prior_sd**-2)
+        fitted = float(np.trace(np.linalg.solve(system.hessian, informed)))
+        return state.frequency_hz[columns] / self.modes.frequency_hz[rows] - 1, fitted
+
+    def finish(
+        self,
+        state: ForwardState,
+        pairing: Pairing,
+        spread: float,
+        initial: ForwardState,
+        initial_pairing: Pairing,
+        history: tuple[ElasticIterate, ...],
+    ) -> ElasticResult:
+        system = self.linearise(state, pairing, spread)
+        covariance = np.linalg.inv(system.hessian)
+        gain = covariance @ system.sensitivity.T @ system.weight
+        rows = [row for row, _ in pairing.pairs]
+        prior = self.forward.parametrisation
+        scaled = covariance / np.outer(prior.prior_sd, prior.prior_sd)
+        share, directions = np.linalg.eigh(scaled)
+        return ElasticResult(
+            theta=state.theta,
+            covariance=covariance,
+            noise_covariance=gain @ self.noise(rows) @ gain.T,
+            initial=initial,
+            updated=state,
+            initial_pairing=initial_pairing,
+            pairing=pairing,
+            verdicts=verdicts(prior.names, prior.prior_sd, np.sqrt(np.diag(covariance))),
+            null_directions=directions.T[share > _NULL_SHARE],
+            discrepancy=spread,
+            history=history,
+            warnings=pairing.messages(self.modes.frequency_hz, state.frequency_hz),
+        )
+
+
+_NULL_SHARE = 0.9  # of the prior variance left along a direction that counts as unknown to the data
+
+
+def _measured_order(state: ForwardState, pairing: Pairing, count: int) -> FloatArray:
+    frequencies = np.full(count, np.nan)
+    for row, column in pairing.pairs:
+        frequencies[row] = state.frequency_hz[column]
+    return frequencies
