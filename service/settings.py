@@ -23,22 +23,24 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix="MODALBASE_", extra="ignore", frozen=True)
 
     database_url: str | None = Field(
-        None,
+        default=None,
         repr=False,  # holds a password
         description="PostgreSQL 18 server, `postgresql://user:password@host/database`; without it the embedded one",
     )
     data: Path = Field(default_factory=default_data_folder, description="folder of the embedded database")
-    host: str = Field("127.0.0.1", description="address that the API listens on")
-    port: int = Field(8000, ge=0, le=65535, description="port that the API listens on")
+    host: str = Field(default="127.0.0.1", description="address that the API listens on")
+    port: int = Field(default=8000, ge=0, le=65535, description="port that the API listens on")
     log_format: Literal["console", "json"] = "console"
     log_level: Literal["debug", "info", "warning", "error"] = "info"
 
-    database_pool: PositiveInt = Field(10, description="database connections a process keeps")
-    json_limit_bytes: PositiveInt = Field(16 * MIB, description="largest JSON body")
-    upload_limit_bytes: PositiveInt = Field(1024 * MIB, description="largest uploaded file")
+    database_pool: PositiveInt = Field(default=10, description="database connections a process keeps")
+    json_limit_bytes: PositiveInt = Field(default=16 * MIB, description="largest JSON body")
+    upload_limit_bytes: PositiveInt = Field(default=1024 * MIB, description="largest uploaded file")
 
-    worker_concurrency: PositiveInt = Field(1, description="jobs that one worker process runs at a time")
-    job_memory_bytes: PositiveInt = Field(4096 * MIB, description="memory that one job may take")
-    job_wall_seconds: PositiveFloat = Field(3600.0, description="time that one job may take")
-    job_lease_seconds: PositiveFloat = Field(30.0, description="silence after which a worker counts as dead")
-    job_drain_seconds: PositiveFloat = Field(20.0, description="time that running jobs get when a worker is told to end")
+    worker_concurrency: PositiveInt = Field(default=1, description="jobs that one worker process runs at a time")
+    job_memory_bytes: PositiveInt = Field(default=4096 * MIB, description="memory that one job may take")
+    job_wall_seconds: PositiveFloat = Field(default=3600.0, description="time that one job may take")
+    job_lease_seconds: PositiveFloat = Field(default=30.0, description="silence after which a worker counts as dead")
+    job_drain_seconds: PositiveFloat = Field(
+        20.0, description="time that running jobs get when a worker is told to end"
+    )

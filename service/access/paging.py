@@ -21,7 +21,7 @@ Row = TypeVar("Row")
 
 
 def paged(
-    session: Session, query: Select[tuple[Row]], key: Any, cursor: Cursor, limit: Limit, *, newest_first: bool = False
+    session: Session, query: Select[Row], key: Any, cursor: Cursor, limit: Limit, *, newest_first: bool = False
 ) -> tuple[Sequence[Row], str | None]:
     """One page of a query's rows and the cursor of the next one.
 

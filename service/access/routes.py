@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Annotated
 from uuid import UUID
 
@@ -91,10 +92,8 @@ def delete_member(project_id: UUID, member: str, session: SessionDep, user: Curr
 def _user(session: Session, name_or_id: str) -> User:
     """A user by name or id; `NotFound` where there is none."""
     wanted: ColumnElement[bool] = User.name == name_or_id
-    try:
+    with suppress(ValueError):  # not an id, so a name
         wanted = or_(wanted, User.id == UUID(name_or_id))
-    except ValueError:
-        pass  # not an id, so a name
     found = session.scalars(select(User).where(wanted)).first() if "\0" not in name_or_id else None
     if found is None:
         raise NotFound("user", name_or_id)

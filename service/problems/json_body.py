@@ -88,7 +88,9 @@ def _scalar_fault(value: Any) -> str | None:
 def _text_fault(value: str) -> str | None:
     if "\0" in value:
         return "holds a NUL character"
-    if any("\ud800" <= c <= "\udfff" for c in value):
+    try:
+        value.encode()
+    except UnicodeEncodeError:
         return "holds a lone surrogate"
     return None
 

@@ -6,9 +6,12 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 from fastapi import APIRouter, Request, Response
+from fastapi.concurrency import run_in_threadpool
 from fastapi.routing import APIRoute
 
 from service.problems.json_body import parse_json
+
+LARGE = 65536  # bytes beyond which parsing would hold up other requests
 
 
 class StrictRequest(Request):
@@ -37,7 +40,9 @@ class StrictRoute(APIRoute):
                 return await handle(request)
             checked = StrictRequest(request.scope, request.receive)
             if body := await checked.body():
-                checked.strict_json = parse_json(body)
+                checked.strict_json = (
+                    await run_in_threadpool(parse_json, body) if len(body) > LARGE else parse_json(body)
+                )
             return await handle(checked)
 
         return strict

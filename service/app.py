@@ -1,0 +1,84 @@
+"""The API: everything under `/api/v1`, health, metrics, and documentation pages that need no internet."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from fastapi import FastAPI, Response
+from fastapi_offline import FastAPIOffline
+from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
+from sqlalchemy import text
+from sqlalchemy.exc import SQLAlchemyError
+from starlette.concurrency import run_in_threadpool
+
+from fecore import __version__
+from service.composition import ROUTERS
+from service.db.engine import make_engine, make_sessions
+from service.db.schema import SchemaError, require_head
+from service.problems import Unavailable
+from service.problems.http import add_problem_handlers
+from service.problems.middleware import BodyLimitMiddleware, RequestMiddleware
+from service.settings import Settings
+
+PREFIX = "/api/v1"
+
+
+def create_app(settings: Settings) -> FastAPI:
+    """The ASGI application on the database of `settings.database_url`.
+
+    Raises:
+        SchemaError: the database's schema is not this version's.
+        sqlalchemy.exc.OperationalError: the database does not answer.
+    """
+    if settings.database_url is None:
+        raise ValueError("settings.database_url is not set; `service.db.opening.open_database` gives the embedded one")
+    engine = make_engine(settings.database_url, pool_size=settings.database_pool, name="modalbase api")
+    try:
+        require_head(engine)
+    except BaseException:
+        engine.dispose()
+        raise
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        yield
+        await run_in_threadpool(engine.dispose)
+
+    app: FastAPI = FastAPIOffline(
+        title="modalbase",
+        summary="Structural test campaigns, and finite element models updated to them",
+        version=__version__,
+        lifespan=lifespan,
+    )
+    app.state.settings, app.state.engine, app.state.sessions = settings, engine, make_sessions(engine)
+    for router in ROUTERS:
+        app.include_router(router, prefix=PREFIX)
+    _add_health(app)
+    add_problem_handlers(app)
+    app.add_middleware(BodyLimitMiddleware, settings=settings)
+    app.add_middleware(RequestMiddleware)
+    return app
+
+
+def _add_health(app: FastAPI) -> None:
+    @app.get("/healthz", tags=["health"])
+    async def healthz() -> dict[str, str]:
+        """Is the process up?"""
+        return {"status": "ok", "version": __version__}
+
+    @app.get("/readyz", tags=["health"])
+    def readyz() -> dict[str, str]:
+        """Does the database answer, and is its schema this version's?"""
+        try:
+            with app.state.engine.connect() as connection:
+                connection.execute(text("SELECT 1"))
+            require_head(app.state.engine)
+        except (SchemaError, SQLAlchemyError) as error:
+            raise Unavailable(str(error)) from error
+        return {"status": "ok"}
+
+    @app.get("/metrics", include_in_schema=False)
+    def metrics() -> Response:
+        """Metrics of this process for Prometheus."""
+        return Response(generate_latest(), media_type=CONTENT_TYPE_LATEST)

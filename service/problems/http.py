@@ -1,0 +1,118 @@
+"""The one place where errors become HTTP: RFC 9457 problem details with a JSON pointer for each fault."""
+
+from __future__ import annotations
+
+import http
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import structlog
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from sqlalchemy.exc import DataError, IntegrityError, OperationalError
+from starlette.exceptions import HTTPException
+
+from fecore.errors import FecoreError, InputError
+from service.problems import errors as e
+from service.problems.json_body import escape
+from service.problems.request_id import current_request_id
+
+STATUS: dict[type[e.ServiceError], int] = {
+    e.NotFound: 404,
+    e.Unauthorized: 401,
+    e.Forbidden: 403,
+    e.Conflict: 409,
+    e.Invalid: 422,
+    e.PayloadTooLarge: 413,
+    e.UnsupportedMediaType: 415,
+    e.NotAcceptable: 406,
+    e.PreconditionFailed: 412,
+    e.PreconditionRequired: 428,
+    e.TooManyRequests: 429,
+    e.Unavailable: 503,
+}
+
+log = structlog.stdlib.get_logger("modalbase.http")
+
+
+def problem(
+    status: int, detail: str, faults: Sequence[e.Fault] = (), headers: Mapping[str, str] | None = None
+) -> JSONResponse:
+    """A problem document."""
+    body: dict[str, Any] = {
+        "type": "about:blank",
+        "title": http.HTTPStatus(status).phrase,
+        "status": status,
+        "detail": detail,
+        "request_id": current_request_id(),
+    }
+    if faults:
+        body["errors"] = [{"pointer": fault.pointer, "detail": fault.detail} for fault in faults]
+    return JSONResponse(body, status, headers=dict(headers or {}), media_type="application/problem+json")
+
+
+def add_problem_handlers(app: FastAPI) -> None:
+    """Have every error of the app answered as a problem; unexpected ones are the middleware's."""
+    for kind, handler in (
+        (e.ServiceError, _service_error),
+        (FecoreError, _core_error),
+        (RequestValidationError, _validation_error),
+        (HTTPException, _http_exception),
+        (DataError, _data_error),
+        (IntegrityError, _integrity_error),
+        (OperationalError, _operational_error),
+    ):
+        app.add_exception_handler(kind, handler)
+
+
+def _service_error(_: Request, error: Exception) -> JSONResponse:
+    status = next((STATUS[kind] for kind in type(error).__mro__ if kind in STATUS), 500)
+    faults = error.faults if isinstance(error, e.Invalid) else ()
+    headers = {"WWW-Authenticate": "Bearer"} if status == 401 else {}
+    return problem(status, str(error), faults, headers)
+
+
+def _core_error(_: Request, error: Exception) -> JSONResponse:
+    faults = [e.Fault(_pointer(error.field.split(".")), error.message)] if isinstance(error, InputError) else []
+    return problem(422, str(error), faults)
+
+
+def _validation_error(_: Request, error: Exception) -> JSONResponse:
+    """FastAPI's own validation. A path that cannot name anything names nothing: 404."""
+    assert isinstance(error, RequestValidationError)
+    found = error.errors()
+    if any(fault["loc"][0] == "path" for fault in found):
+        return problem(404, "no such thing: " + "; ".join(f"{f['loc'][-1]}: {f['msg']}" for f in found))
+    faults = [e.Fault(_location(fault["loc"]), fault["msg"]) for fault in found]
+    return problem(422, str(e.Invalid(faults)), faults)
+
+
+def _http_exception(_: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, HTTPException)
+    return problem(error.status_code, str(error.detail), headers=error.headers)
+
+
+def _data_error(_: Request, error: Exception) -> JSONResponse:
+    """A value that got past the models and that PostgreSQL cannot hold."""
+    log.warning("value refused by the database", error=str(error))
+    return problem(422, "a value is beyond what the database can hold: out of range, or text with a NUL character")
+
+
+def _integrity_error(_: Request, error: Exception) -> JSONResponse:
+    log.warning("conflict in the database", error=str(error))
+    return problem(409, "the request contradicts what is stored, or what another request stored at the same moment")
+
+
+def _operational_error(_: Request, error: Exception) -> JSONResponse:
+    log.error("database does not answer", error=str(error))
+    return problem(503, "the database does not answer; try again", headers={"Retry-After": "2"})
+
+
+def _location(loc: Sequence[Any]) -> str:
+    """Pydantic's location: a pointer into the body, or a parameter's name."""
+    return _pointer(loc[1:]) if loc[0] == "body" else ".".join(str(step) for step in loc[1:])
+
+
+def _pointer(steps: Sequence[Any]) -> str:
+    return "".join(f"/{escape(step)}" for step in steps)

@@ -1,0 +1,142 @@
+"""Fixtures at the level a user stands: a real PostgreSQL, real processes, real HTTP.
+
+    server      URL of an embedded PostgreSQL that lives as long as the test session
+    database    URL of a fresh, migrated database of its own (a copy of a template: a few hundredths of a second)
+    sessions    SQLAlchemy sessions on `database`
+    service     a running modalbase for the session: API process and worker process, on free ports
+    api         an httpx client of `service`, with a key of a user of its own: sees nothing of other tests
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from uuid import uuid4
+
+import httpx
+import psycopg
+import pytest
+from sqlalchemy import Engine, make_url
+
+from service.access.keys import create_key, user_named
+from service.db.embedded import embedded_server
+from service.db.engine import Sessions, make_engine, make_sessions
+from service.db.schema import upgrade
+from service.settings import Settings
+from service.supervisor import LocalService
+
+TEMPLATE = "test_template"
+
+
+def _on(server: str, database: str) -> str:
+    return make_url(server).set(database=database).render_as_string(hide_password=False)
+
+
+def _admin(server: str, statement: str) -> None:
+    with psycopg.connect(_on(server, "postgres"), autocommit=True) as connection:
+        connection.execute(statement)
+
+
+@pytest.fixture(scope="session")
+def short_folder() -> Iterator[Path]:
+    """A folder whose path is short enough for a Unix socket, which pytest's are not."""
+    folder = Path(tempfile.mkdtemp(prefix="mb-"))
+    yield folder
+    shutil.rmtree(folder)
+
+
+@pytest.fixture(scope="session")
+def server(short_folder: Path) -> Iterator[str]:
+    with embedded_server(short_folder) as url:
+        yield url
+
+
+@pytest.fixture(scope="session")
+def new_database(server: str) -> Callable[[], str]:
+    """Makes migrated databases: each call a fresh one."""
+    _admin(server, f"CREATE DATABASE {TEMPLATE}")
+    engine = make_engine(_on(server, TEMPLATE))
+    upgrade(engine)
+    engine.dispose()
+
+    def make() -> str:
+        name = f"test_{uuid4().hex}"
+        _admin(server, f"CREATE DATABASE {name} TEMPLATE {TEMPLATE} STRATEGY file_copy")
+        return _on(server, name)
+
+    return make
+
+
+def _drop(server: str, url: str) -> None:
+    _admin(server, f"DROP DATABASE {make_url(url).database} WITH (FORCE)")
+
+
+@pytest.fixture
+def database(server: str, new_database: Callable[[], str]) -> Iterator[str]:
+    url = new_database()
+    yield url
+    _drop(server, url)
+
+
+@pytest.fixture
+def empty_database(server: str) -> Iterator[str]:
+    url = _on(server, f"test_{uuid4().hex}")
+    _admin(server, f"CREATE DATABASE {make_url(url).database}")
+    yield url
+    _drop(server, url)
+
+
+@pytest.fixture
+def engine(database: str) -> Iterator[Engine]:
+    engine = make_engine(database)
+    yield engine
+    engine.dispose()
+
+
+@pytest.fixture
+def sessions(engine: Engine) -> Sessions:
+    return make_sessions(engine)
+
+
+@pytest.fixture(scope="session")
+def service(new_database: Callable[[], str]) -> Iterator[LocalService]:
+    settings = Settings(database_url=new_database(), port=0, log_level="warning")
+    with LocalService(settings) as running:
+        yield running
+
+
+@pytest.fixture
+def new_client(service: LocalService) -> Iterator[Callable[[], httpx.Client]]:
+    """Makes clients of the running service, each with a new user's key."""
+    clients: list[httpx.Client] = []
+
+    def make() -> httpx.Client:
+        key = service.new_key(f"tester-{uuid4().hex}")
+        clients.append(
+            httpx.Client(
+                base_url=f"{service.url}/api/v1/", headers={"Authorization": f"Bearer {key}"}, timeout=60, trust_env=False
+            )
+        )
+        return clients[-1]
+
+    yield make
+    for client in clients:
+        client.close()
+
+
+@pytest.fixture
+def api(new_client: Callable[[], httpx.Client]) -> httpx.Client:
+    return new_client()
+
+
+@pytest.fixture
+def key_of(sessions: Sessions) -> Callable[[str], str]:
+    """Makes a key in `database` for a user of that name."""
+
+    def make(name: str) -> str:
+        with sessions.begin() as session:
+            return create_key(session, user_named(session, name), "test")[1]
+
+    return make
