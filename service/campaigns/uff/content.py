@@ -1,7 +1,7 @@
 """What a Universal File Format (UFF) file holds, as frozen values in SI units.
 
-Reading a file yields, for each dataset, its content and then one `DatasetReport`. Content is never yielded for a dataset
-that is refused.
+Reading a file yields, for each dataset, its content and then one `DatasetReport`. A dataset that is refused yields no
+content.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import Quantity
 
+Samples = NDArray[np.float32] | NDArray[np.float64] | NDArray[np.complex64] | NDArray[np.complex128]
 Outcome = Literal["read", "ignored", "refused"]
 
 FUNCTION_NAMES: dict[int, str] = {
@@ -208,7 +209,7 @@ class Function:
 
     Attributes:
         function_type: set 58's number of what it is; see `FUNCTION_NAMES`.
-        abscissa: abscissae in the unit `abscissa_unit`; always Hz for a frequency and s for a time where these are stated.
+        abscissa: abscissae as the file has them.
         abscissa_unit: unit label of the abscissa.
         values: (L,) float32, float64, complex64 or complex128 as the file had it.
         unit: unit label of the ordinate, empty where the file states none.
@@ -224,7 +225,7 @@ class Function:
     reference_direction: int
     abscissa: Axis
     abscissa_unit: str
-    values: NDArray[np.float32] | FloatArray | NDArray[np.complex64] | ComplexArray
+    values: Samples
     unit: str
 
     @property
@@ -286,14 +287,16 @@ class Limits:
 
     Attributes:
         dataset_bytes: largest dataset, bytes; memory follows the largest dataset.
+        cross_check_bytes: datasets up to this size are read by pyuff as well and the two readings compared; 0 for none.
         datasets: number of datasets in a file.
         line_bytes: longest text line, bytes.
         blank_bytes: bytes of white space between datasets.
         quantity: what an FRF is whose file states neither a data type nor a unit; None refuses such FRFs.
     """
 
-    dataset_bytes: int = 256 * 1024 * 1024
-    datasets: int = 1_000_000
+    dataset_bytes: int = 128 * 1024 * 1024
+    cross_check_bytes: int = 16 * 1024 * 1024
+    datasets: int = 200_000
     line_bytes: int = 4096
     blank_bytes: int = 1024 * 1024
     quantity: Quantity | None = None
