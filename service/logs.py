@@ -43,9 +43,6 @@ def configure_logs(settings: Settings) -> None:
 
 
 def _writers(form: str) -> list[Processor]:
-    last: Processor
-    if form == "json":
-        last = structlog.processors.JSONRenderer()
-    else:
-        last = structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty())
+    in_color = structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty())
+    last: Processor = structlog.processors.JSONRenderer() if form == "json" else in_color
     return [structlog.stdlib.ProcessorFormatter.remove_processors_meta, last]

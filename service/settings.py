@@ -42,5 +42,5 @@ class Settings(BaseSettings):
     job_wall_seconds: PositiveFloat = Field(default=3600.0, description="time that one job may take")
     job_lease_seconds: PositiveFloat = Field(default=30.0, description="silence after which a worker counts as dead")
     job_drain_seconds: PositiveFloat = Field(
-        20.0, description="time that running jobs get when a worker is told to end"
+        default=20.0, description="time that running jobs get when a worker is told to end"
     )

@@ -1,10 +1,10 @@
 """Fixtures at the level a user stands: a real PostgreSQL, real processes, real HTTP.
 
-    server      URL of an embedded PostgreSQL that lives as long as the test session
-    database    URL of a fresh, migrated database of its own (a copy of a template: a few hundredths of a second)
-    sessions    SQLAlchemy sessions on `database`
-    service     a running modalbase for the session: API process and worker process, on free ports
-    api         an httpx client of `service`, with a key of a user of its own: sees nothing of other tests
+server      URL of an embedded PostgreSQL that lives as long as the test session
+database    URL of a fresh, migrated database of its own (a copy of a template: a few hundredths of a second)
+sessions    SQLAlchemy sessions on `database`
+service     a running modalbase for the session: API process and worker process, on free ports
+api         an httpx client of `service`, with a key of a user of its own: sees nothing of other tests
 """
 
 from __future__ import annotations
@@ -116,7 +116,10 @@ def new_client(service: LocalService) -> Iterator[Callable[[], httpx.Client]]:
         key = service.new_key(f"tester-{uuid4().hex}")
         clients.append(
             httpx.Client(
-                base_url=f"{service.url}/api/v1/", headers={"Authorization": f"Bearer {key}"}, timeout=60, trust_env=False
+                base_url=f"{service.url}/api/v1/",
+                headers={"Authorization": f"Bearer {key}"},
+                timeout=60,
+                trust_env=False,
             )
         )
         return clients[-1]

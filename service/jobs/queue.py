@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from uuid import UUID
 
 from procrastinate import App, SyncPsycopgConnector
@@ -41,3 +42,17 @@ def dispatch(session: Session, job: Job) -> None:
     """Hand a queued job's id to the queue, in the caller's transaction."""
     raw = session.connection().connection.driver_connection
     _dispatcher.configure_task(TASK, queue=job.queue, priority=job.priority, connection=raw).defer(job_id=str(job.id))
+
+
+def request_cancel(session: Session, job_id: UUID) -> Job:
+    """Ask for a job's end, in the caller's transaction: a waiting one is cancelled now, a running one by its worker.
+
+    A job that has ended already stays as it is; look at `state`.
+    """
+    job = session.get_one(Job, job_id, with_for_update=True, populate_existing=True)
+    if job.state == "queued":
+        job.state, job.message, job.finished_at = "cancelled", "cancelled on request", datetime.now(UTC)
+    if job.state == "running":
+        job.cancel_requested = True
+    session.flush()
+    return job

@@ -1,0 +1,144 @@
+"""The child process: where the numbers are made. This side of the pipe runs in the child.
+
+A child is forked from a server process that has the libraries loaded already, so it starts in some 20 ms. It has a
+memory limit, and it dies with its worker: the kernel kills it with the fork server, which ends when the worker does
+(Linux), and a thread of its own ends it when the worker's end of a pipe closes (everywhere).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any
+
+from fecore.errors import FecoreError, InputError
+from service.jobs.kinds import Report
+from service.problems.errors import Invalid, ServiceError
+
+PR_SET_PDEATHSIG = 1
+REPORT_SECONDS = 0.05
+ORPHANED = 86  # exit status of a child whose worker is gone
+
+
+@dataclass(frozen=True)
+class Progress:
+    """The computation has come so far."""
+
+    stage: str
+    share: float
+
+
+@dataclass(frozen=True)
+class Item:
+    """The computation yielded something to store."""
+
+    value: Any
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a job failed, as kept in `jobs.error`.
+
+    Attributes:
+        reason: `refused` (the input or the data do not allow it), `memory`, `time`, `crash`, `lost` (its workers died)
+            or `internal`.
+        type: name of the error.
+        detail: what is told to the user.
+        field: the faulty field, where there is one.
+        extra: further JSON values that the error carries as `details`, such as the best iterate.
+        trace: stack trace of an internal error, for the log; not stored.
+    """
+
+    reason: str
+    type: str
+    detail: str
+    field: str | None = None
+    extra: dict[str, Any] | None = None
+    trace: str | None = None
+
+
+@dataclass(frozen=True)
+class Done:
+    """The computation is complete."""
+
+
+Message = Progress | Item | Failure | Done
+Compute = Callable[[Any, Report], Iterator[Any]]
+
+
+def failure_of(error: BaseException) -> Failure:
+    """What an error means for the job."""
+    name = type(error).__name__
+    if isinstance(error, FecoreError | ServiceError):
+        field = error.field if isinstance(error, InputError) else None
+        if isinstance(error, Invalid):
+            field = error.faults[0].pointer
+        return Failure("refused", name, str(error), field, getattr(error, "details", None))
+    if isinstance(error, MemoryError):
+        return Failure("memory", name, "the job needs more memory than a job may take")
+    trace = "".join(traceback.format_exception(error))
+    return Failure("internal", name, f"internal error ({name}); the worker's log has it", trace=trace)
+
+
+def run_child(channel: Connection, lifeline: Connection, compute: Compute, inputs: Any, memory_bytes: int) -> None:
+    """Compute, and send what comes of it through the channel. Entry of the child process."""
+    _die_with_worker(lifeline)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the worker, which decides about its children
+    _limit_memory(memory_bytes)
+    last: Message = Done()
+    try:
+        for value in compute(inputs, _reporter(channel)):
+            channel.send(Item(value))
+    except BaseException as error:  # noqa: BLE001  whatever it is, the worker is told
+        last = failure_of(error)
+        error.__traceback__ = None  # lets go of what filled the memory
+    channel.send(last)
+    channel.close()
+
+
+def _reporter(channel: Connection) -> Report:
+    """A report function that sends each new stage at once and progress within one now and then."""
+    last_stage, last_time = "", -REPORT_SECONDS
+
+    def report(stage: str, progress: float) -> None:
+        nonlocal last_stage, last_time
+        now = time.monotonic()
+        if stage != last_stage or now - last_time >= REPORT_SECONDS:
+            last_stage, last_time = stage, now
+            channel.send(Progress(stage, min(max(float(progress), 0.0), 1.0)))
+
+    return report
+
+
+def _die_with_worker(lifeline: Connection) -> None:
+    if sys.platform == "linux":
+        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+    def watch() -> None:
+        try:
+            lifeline.recv_bytes()
+        except (EOFError, OSError):
+            os._exit(ORPHANED)
+
+    threading.Thread(target=watch, daemon=True, name="lifeline").start()
+
+
+def _limit_memory(memory_bytes: int) -> None:
+    """Limit the address space to what an idle child has mapped already plus `memory_bytes` (Linux)."""
+    if sys.platform != "linux":
+        return
+    import resource
+
+    with open("/proc/self/statm") as statm:
+        mapped = int(statm.read().split()[0]) * resource.getpagesize()
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    limit = mapped + memory_bytes
+    resource.setrlimit(resource.RLIMIT_AS, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))

@@ -1,0 +1,109 @@
+"""The child process seen from the worker: start, listen, kill, and say why it ended."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterable, Iterator
+from multiprocessing import forkserver
+from typing import Any
+
+from service.jobs.child import Compute, Done, Failure, Item, Message, Progress, run_child
+from service.jobs.kinds import JobKind
+
+_METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+_context: Any = multiprocessing.get_context(_METHOD)  # the contexts have no common type
+
+PRELOADED = ("numpy", "scipy.linalg", "scipy.sparse.linalg", "fecore", "service.jobs.child")
+SINGLE_THREADED = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+
+
+def prepare_children(kinds: Iterable[JobKind]) -> None:
+    """Start the server that children are forked from, with the libraries of every kind loaded, BLAS single-threaded."""
+    for name in SINGLE_THREADED:
+        os.environ[name] = "1"
+    if _METHOD == "forkserver":
+        _context.set_forkserver_preload([*PRELOADED, *sorted({kind.compute.__module__ for kind in kinds})])
+        forkserver.ensure_running()
+
+
+class ChildEnded(Exception):  # noqa: N818
+    """The computation did not complete.
+
+    Attributes:
+        failure: why.
+    """
+
+    def __init__(self, failure: Failure) -> None:
+        super().__init__(failure.detail)
+        self.failure = failure
+
+
+class Child:
+    """One computation in a process of its own. `kill` may be called from any thread."""
+
+    def __init__(self, compute: Compute, inputs: Any, memory_bytes: int) -> None:
+        self._killed_for: Failure | None = None
+        self._lock = threading.Lock()
+        self._channel, theirs = _context.Pipe(duplex=False)
+        their_lifeline, self._lifeline = _context.Pipe(duplex=False)
+        self._process = _context.Process(
+            target=run_child, args=(theirs, their_lifeline, compute, inputs, memory_bytes), daemon=True
+        )
+        try:
+            self._process.start()
+        finally:
+            theirs.close()
+            their_lifeline.close()
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return int(self._process.pid)
+
+    def messages(self) -> Iterator[Progress | Item]:
+        """What the child sends, until it is done.
+
+        Raises:
+            ChildEnded: it failed, died or was killed.
+        """
+        while True:
+            try:
+                message: Message = self._channel.recv()
+            except (EOFError, OSError):
+                raise ChildEnded(self._post_mortem()) from None
+            if isinstance(message, Failure):
+                raise ChildEnded(message)
+            if isinstance(message, Done):
+                return
+            yield message
+
+    def kill(self, why: Failure) -> None:
+        """End the child now, for a reason that `messages` then gives."""
+        with self._lock:
+            if self._killed_for is None:
+                self._killed_for = why
+                self._process.kill()
+
+    def close(self) -> None:
+        """Leave nothing behind."""
+        self.kill(Failure("internal", "Closed", "no longer wanted"))
+        self._process.join()
+        self._process.close()
+        self._channel.close()
+        self._lifeline.close()
+
+    def _post_mortem(self) -> Failure:
+        self._process.join()
+        if self._killed_for is not None:
+            return self._killed_for
+        status = self._process.exitcode
+        if status == -signal.SIGKILL:
+            detail = "the computation was killed from outside, most likely because the machine ran out of memory"
+        elif status < 0:
+            detail = f"the computation crashed with {signal.Signals(-status).name}"
+        else:
+            detail = f"the computation ended with status {status} and without a word"
+        return Failure("crash", "Crash", detail)

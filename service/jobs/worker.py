@@ -1,0 +1,179 @@
+"""The worker: takes job ids from the queue, runs each in a child, keeps leases alive, drains when told to end.
+
+The event loop never computes and never waits for the database: both happen in threads, the numbers in children.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import socket
+import time
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from datetime import timedelta
+from uuid import UUID, uuid4
+
+import structlog
+from procrastinate import App, PsycopgConnector
+from procrastinate.app import WorkerOptions
+from sqlalchemy.exc import SQLAlchemyError
+
+from service.db.engine import Sessions, make_engine, make_sessions, psycopg_url
+from service.db.schema import require_head
+from service.jobs import attempt as ends
+from service.jobs import ledger
+from service.jobs.attempt import Attempt
+from service.jobs.child import Failure
+from service.jobs.kinds import JobKind
+from service.jobs.process import prepare_children
+from service.jobs.queue import TASK
+from service.jobs.reaper import reap
+from service.settings import Settings
+
+TICK_SECONDS = 0.25
+POLL_SECONDS = 5.0  # for dispatches whose notification was lost with a connection
+
+log = structlog.stdlib.get_logger("modalbase.worker")
+
+
+def run_worker(settings: Settings, kinds: Sequence[JobKind], queues: Iterable[str] | None = None) -> None:
+    """Work until SIGTERM or SIGINT: then take no more jobs, give running ones `job_drain_seconds`, put the rest back.
+
+    Args:
+        settings: with `database_url`.
+        kinds: every kind of job that this worker knows.
+        queues: names of the queues to serve; all of them by default.
+
+    Raises:
+        SchemaError: the database's schema is not this version's.
+    """
+    if settings.database_url is None:
+        raise ValueError("settings.database_url is not set; `service.db.opening.open_database` gives the embedded one")
+    engine = make_engine(settings.database_url, pool_size=2 * settings.worker_concurrency + 2, name="modalbase worker")
+    try:
+        require_head(engine)
+        prepare_children(kinds)
+        asyncio.run(_Worker(settings, kinds, make_sessions(engine)).run(list(queues) if queues else None))
+    finally:
+        engine.dispose()
+
+
+class _Worker:
+    def __init__(self, settings: Settings, kinds: Sequence[JobKind], sessions: Sessions) -> None:
+        self.settings, self.sessions = settings, sessions
+        self.kinds = {kind.name: kind for kind in kinds}
+        self.name = f"{socket.gethostname()}:{os.getpid()}:{uuid4().hex[:8]}"
+        self.lease = timedelta(seconds=settings.job_lease_seconds)
+        self.running: dict[UUID, Attempt] = {}
+        self.threads = ThreadPoolExecutor(settings.worker_concurrency + 2, thread_name_prefix="job")
+
+    async def run(self, queues: list[str] | None) -> None:
+        url = psycopg_url(self.settings.database_url or "")
+        queue = App(connector=PsycopgConnector(conninfo=url, min_size=1, max_size=3))
+        queue.task(name=TASK)(self._job)
+        async with queue.open_async():
+            options = WorkerOptions(
+                name=self.name,
+                concurrency=self.settings.worker_concurrency,
+                fetch_job_polling_interval=POLL_SECONDS,
+                delete_jobs="always",
+                install_signal_handlers=False,
+            )
+            if queues:
+                options["queues"] = queues
+            work = asyncio.create_task(queue.run_worker_async(**options))
+            self._end_on_signals(work)
+            watch = asyncio.create_task(self._watch())
+            log.info("worker ready", worker=self.name, kinds=sorted(self.kinds), queues=queues or "all")
+            try:
+                await work
+            except asyncio.CancelledError:
+                log.info("worker drained", worker=self.name)
+            finally:
+                watch.cancel()
+        self.threads.shutdown()
+
+    def _end_on_signals(self, work: asyncio.Task[None]) -> None:
+        loop = asyncio.get_running_loop()
+
+        def put_back() -> None:
+            for running in self.running.values():
+                running.stop(ends.DRAINED)
+
+        def drain() -> None:
+            if work.cancelling():  # told twice: at once
+                put_back()
+                return
+            log.info("worker draining", jobs=len(self.running), seconds=self.settings.job_drain_seconds)
+            work.cancel()
+            loop.call_later(self.settings.job_drain_seconds, put_back)
+
+        for name in (signal.SIGTERM, signal.SIGINT):
+            loop.add_signal_handler(name, drain)
+
+    async def _job(self, job_id: str) -> None:
+        """The queue's only task."""
+        await asyncio.get_running_loop().run_in_executor(self.threads, self._run, UUID(job_id))
+
+    def _run(self, job_id: UUID) -> None:
+        structlog.contextvars.clear_contextvars()
+        with self.sessions.begin() as session:
+            job = ledger.claim(session, job_id, self.name, self.lease)
+        if job is None:
+            return
+        structlog.contextvars.bind_contextvars(job_id=str(job_id), attempt=job.attempt, kind=job.kind)
+        kind = self.kinds.get(job.kind)
+        if kind is None:
+            failure = Failure("internal", "UnknownKind", f"this version's workers know no job of kind {job.kind!r}")
+            with self.sessions.begin() as session:
+                ledger.fail(session, job_id, job.attempt, failure)
+            return
+        began = time.perf_counter()
+        attempt = self.running[job_id] = Attempt(self.sessions, self.settings, kind, job_id, job.attempt)
+        try:
+            outcome = attempt.run()
+        finally:
+            del self.running[job_id]
+        log.info("job ended", outcome=outcome, seconds=round(time.perf_counter() - began, 3))
+
+    async def _watch(self) -> None:
+        """Leases, limits, cancellations, and other workers' deaths."""
+        loop = asyncio.get_running_loop()
+        renewal = reaping = 0.0
+        while True:
+            await asyncio.sleep(TICK_SECONDS)
+            now = time.monotonic()
+            try:
+                if self.running:
+                    await loop.run_in_executor(self.threads, self._stop_unwanted)
+                if self.running and now >= renewal:
+                    renewal = now + self.settings.job_lease_seconds / 3
+                    await loop.run_in_executor(self.threads, self._renew)
+                if now >= reaping:
+                    reaping = now + self.settings.job_lease_seconds / 2
+                    await loop.run_in_executor(self.threads, self._reap)
+            except SQLAlchemyError as error:
+                log.warning("the database does not answer; trying again", error=str(error))
+
+    def _stop_unwanted(self) -> None:
+        running = dict(self.running)
+        for attempt in running.values():
+            if time.monotonic() > attempt.deadline:
+                attempt.out_of_time()
+        with self.sessions.begin() as session:
+            for job_id in ledger.cancel_requests(session, list(running)):
+                running[job_id].stop(ends.CANCELLED)
+
+    def _renew(self) -> None:
+        running = dict(self.running)
+        with self.sessions.begin() as session:
+            mine = ledger.renew(session, self.name, list(running), self.lease)
+        for job_id in running.keys() - mine:
+            running[job_id].stop(ends.SUPERSEDED)
+
+    def _reap(self) -> None:
+        with self.sessions.begin() as session:
+            for job_id, action in reap(session, self.lease):
+                log.warning("job without a worker", job_id=job_id, action=action)
