@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.frf import Quantity
 
 Samples = NDArray[np.float32] | NDArray[np.float64] | NDArray[np.complex64] | NDArray[np.complex128]
@@ -254,7 +254,7 @@ class ModeShape:
     mode: int
     frequency_hz: float
     damping_ratio: float
-    points: NDArray[np.int64]
+    points: IntArray
     values: ComplexArray
     kind: Literal["normal", "complex"]
 
@@ -287,7 +287,8 @@ class Limits:
 
     Attributes:
         dataset_bytes: largest dataset, bytes; memory follows the largest dataset.
-        cross_check_bytes: datasets up to this size are read by pyuff as well and the two readings compared; 0 for none.
+        cross_check_bytes: of each dataset type, the first so many bytes are read by pyuff as well and the two readings
+            compared; 0 for none.
         datasets: number of datasets in a file.
         line_bytes: longest text line, bytes.
         blank_bytes: bytes of white space between datasets.
@@ -295,7 +296,7 @@ class Limits:
     """
 
     dataset_bytes: int = 128 * 1024 * 1024
-    cross_check_bytes: int = 16 * 1024 * 1024
+    cross_check_bytes: int = 8 * 1024 * 1024
     datasets: int = 200_000
     line_bytes: int = 4096
     blank_bytes: int = 1024 * 1024

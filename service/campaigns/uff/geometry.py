@@ -1,8 +1,9 @@
 """Sets 15 and 2411 (grid points), 18 and 2420 (coordinate systems): everything ends in the file's global system.
 
-A grid point names two systems: the one its coordinates are given in and the one its directions are measured along. Both
-are applied; system 0, or none, is global. Where a system is not defined in the file nothing is guessed, except that
-label 1 stands for the global system in files that define none, as the programs that write it mean it.
+A grid point names two systems. The first is the one that its coordinates are given in (set 15), or were displayed in when
+the file was written (set 2411, whose coordinates are always in the part's global system). The second is the one that its
+directions are measured along. System 0 is global. Where a system is not defined in the file nothing is guessed, except
+that label 1 stands for the global system in files that define none, as the programs that write it mean it.
 """
 
 from __future__ import annotations
@@ -118,15 +119,15 @@ def rows_15(body: bytes) -> list[PointRow]:
 
 
 def rows_2411(body: bytes) -> list[PointRow]:
-    """Set 2411: FORMAT(4I10) and FORMAT(1P3D25.16), two lines a point."""
+    """Set 2411: FORMAT(4I10) and FORMAT(1P3D25.16), two lines a point; coordinates in the part's system."""
     cursor = Cursor(body)
     points = []
     while cursor:
         row = cursor.next("a grid point")
-        labels = cursor.integers(row, ["grid point", "definition system", "displacement system", ""])
+        label, _, displacement, _ = cursor.integers(row, ["grid point", "export system", "displacement system", ""])
         if row[40:].strip():
             raise cursor.refuse("more than four numbers in the first line of a grid point")
-        what = f"coordinates of grid point {labels[0]}"
+        what = f"coordinates of grid point {label}"
         row = cursor.next(what)
         tokens = row.split()
         # Labels of two points look alike to a count of values; coordinates carry a decimal point.
@@ -137,7 +138,7 @@ def rows_2411(body: bytes) -> list[PointRow]:
                 raise cursor.refuse(f"{what}: {error}") from None
         else:
             x, y, z = cursor.reals(row, 3, 25, what)
-        points.append(_point(cursor, labels, (x, y, z)))
+        points.append(_point(cursor, [label, 0, displacement], (x, y, z)))
     return points
 
 
@@ -184,7 +185,6 @@ def grid_points(rows: list[PointRow], units: Units | None, geometry: Geometry, k
     known.update(points)
     claims: dict[str, object] = {
         "node_nums": [row.label for row in rows],
-        "def_cs": [row.definition_system for row in rows],
         "disp_cs": [row.displacement_system for row in rows],
         **{axis: [row.coordinates[i] for row in rows] for i, axis in enumerate("xyz")},
     }

@@ -2,7 +2,7 @@
 
 The framing of the whole file is checked first (`scan`). Units, coordinate systems and the points that are not measured
 along global axes are gathered next, for they may stand anywhere in the file. Then each dataset is read by our own
-columns and counts, held against pyuff's reading of the same set, and yielded.
+columns and counts, held against pyuff's reading of the same set (the first megabytes of each type), and yielded.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class _Reading:
         """Contents and reports, in the order of the file."""
         self._gather()
         with TemporaryDirectory(prefix="modalbase-uff-") as folder:
-            second = SecondReader(Path(folder))
+            second = SecondReader(Path(folder), self._limits.cross_check_bytes)
             for frame in self._frames:
                 yield from self._dataset(frame, second)
 
@@ -76,7 +76,7 @@ class _Reading:
         try:
             body = self._body(frame)
             parsed = self._parse(frame, body)
-            if parsed.claims is not None and len(body) <= self._limits.cross_check_bytes:
+            if parsed.claims is not None and second.has_time_for(frame):
                 parsed.notes += filter(None, [self._second_opinion(second, frame, body, parsed)])
         except Refusal as refusal:
             yield DatasetReport(
