@@ -77,6 +77,38 @@ RAYLEIGH = CaugheySeries("rayleigh", (0, 1))
 """C = a0 M + a1 K (Eq. 1): ζ = ½ (a0/ω + a1 ω), ω in rad/s (Eq. 9 with its erratum)."""
 
 
+@dataclass(frozen=True)
+class ModalDamping:
+    """A damping ratio of its own for each of some modes, linear in between and constant beyond.
+
+    Attributes:
+        knots: (p,) ascending circular frequencies of the modes, rad/s.
+    """
+
+    knots: tuple[float, ...]
+
+    @property
+    def name(self) -> str:
+        """`modal`."""
+        return "modal"
+
+    @property
+    def coefficient_names(self) -> tuple[str, ...]:
+        """zeta1 … zetap."""
+        return tuple(f"zeta{number}" for number in range(1, len(self.knots) + 1))
+
+    @property
+    def coefficient_units(self) -> tuple[str, ...]:
+        """Ratios."""
+        return ("1",) * len(self.knots)
+
+    def basis(self, omega: FloatArray) -> FloatArray:
+        """(n, p) rates 2ω of the modes whose knots lie next to ω."""
+        hats = [np.interp(omega, self.knots, row) for row in np.eye(len(self.knots))]
+        rates: FloatArray = 2 * omega[:, None] * np.column_stack(hats)
+        return rates
+
+
 def damping_rate(law: DampingLaw, coefficients: FloatArray, omega: FloatArray) -> FloatArray:
     """(n,) modal damping rates c = 2 ζ ω of a law, 1/s."""
     rate: FloatArray = law.basis(omega) @ coefficients

@@ -125,7 +125,7 @@ def _shift(stiffness: sparse.csc_array, mass: sparse.csc_array) -> float:
 def _lanczos(factor: SuperLU, mass: sparse.csc_array, rigid: FloatArray, wanted: int) -> tuple[FloatArray, FloatArray]:
     """The `wanted` largest eigenpairs of (K - σM)⁻¹M outside the rigid modes, M-orthonormal."""
     dofs = mass.shape[0]
-    block = np.random.default_rng(0).standard_normal((dofs, _BLOCK))
+    block: FloatArray = np.random.default_rng(0).standard_normal((dofs, _BLOCK))
     basis, mass_basis = np.zeros((dofs, 0)), np.zeros((dofs, 0))
     rigid_mass = mass @ rigid
     projected = np.zeros((0, 0))
@@ -169,7 +169,7 @@ def _orthonormalise(
     weight, vectors = eigh(gram)
     keep = weight > (1e-14 * scale) ** 2
     root = np.sqrt(weight[keep])
-    orthonormal = block @ (vectors[:, keep] / root)
+    orthonormal: FloatArray = block @ (vectors[:, keep] / root)
     for space, mass_space in against:
         orthonormal = orthonormal - space @ (mass_space.T @ orthonormal)
     # The small eigenvalues of the Gram matrix carry squared round-off: one more pass restores orthonormality.

@@ -42,8 +42,8 @@ class DampingFit:
         eigenvalue, rate: (m,) modes as fitted: λ_k (1 + δ_k)², c_k.
         cost: misfit E, weighted.
         noise_covariance: (p, p) covariance of the coefficients by measurement noise alone.
-        gain: (p, 2m) derivative of the estimate by a change of the data that looks like one of (λ, c): how a wrong model
-            moves the estimate.
+        response: (p, 2m) derivative of the estimate by the misfit's gradient in (λ, c): how a wrong model moves it.
+        normal: normal equations at the estimate.
         history: (iterations, p) coefficients, first to last.
     """
 
@@ -55,13 +55,13 @@ class DampingFit:
     rate: FloatArray
     cost: float
     noise_covariance: FloatArray
-    gain: FloatArray
+    response: FloatArray
+    normal: NormalEquations
     history: FloatArray
-    normal: _Normal
 
 
 @dataclass(frozen=True)
-class _Normal:
+class NormalEquations:
     """Normal equations of the misfit by u = (λ_1 … λ_m, c_1 … c_m) at one point: cost, (2m,) gradient, (2m, 2m) hessian."""
 
     cost: float
@@ -105,23 +105,22 @@ class FrfMisfit:
         if self.weighting == "log":
             # r = H ln(H_exp/H) has the derivative -∂H of the log residual times H, to first order.
             return predicted * np.log(values / predicted), np.abs(predicted) ** -2
-        weight = {
-            "linear": lambda: np.ones_like(self.variance),
-            "relative": lambda: np.abs(values) ** -2,
-            "noise": lambda: 1 / self.variance,
-        }[self.weighting]()
-        return values - predicted, weight
+        if self.weighting == "noise":
+            return values - predicted, 1 / self.variance
+        if self.weighting == "relative":
+            return values - predicted, np.abs(values) ** -2
+        return values - predicted, np.ones(values.shape)
 
     def cost(self, eigenvalue: FloatArray, rate: FloatArray) -> float:
         """E at given eigenvalues and rates."""
         residual, weight = self.residual(self.predict(eigenvalue, rate))
         return float(np.sum(weight * np.abs(residual) ** 2))
 
-    def normal(self, eigenvalue: FloatArray, rate: FloatArray) -> _Normal:
+    def normal(self, eigenvalue: FloatArray, rate: FloatArray) -> NormalEquations:
         """Normal equations at given eigenvalues and rates."""
         residual, weight = self.residual(self.predict(eigenvalue, rate))
         by = self.derivatives(eigenvalue, rate)
-        return _Normal(
+        return NormalEquations(
             float(np.sum(weight * np.abs(residual) ** 2)),
             self.gradient(by, weight * residual),
             self.hessian(by, weight),
@@ -146,7 +145,7 @@ class FrfMisfit:
         m = A.shape[1]
         pairs = (A[:, :, None] * A[:, None, :]).reshape(len(A), m * m)
         coupling = (weight.T @ pairs).reshape(-1, m, m)
-        both = 2 * np.real(np.einsum("akl,bjl,lkj->akbj", by.conj(), by, coupling, optimize=True))
+        both: FloatArray = 2 * np.real(np.einsum("akl,bjl,lkj->akbj", by.conj(), by, coupling, optimize=True))
         return both.reshape(2 * m, 2 * m)
 
 
@@ -238,7 +237,7 @@ class _Problem:
         in_band = self.misfit.model.omega <= self.misfit.measured.omega[-1]
         return bool(np.all(rate[in_band] > 0) and np.all(np.abs(x[self.count :]) < _LARGEST_SHIFT))
 
-    def finish(self, x: FloatArray, normal: _Normal, history: FloatArray) -> DampingFit:
+    def finish(self, x: FloatArray, normal: NormalEquations, history: FloatArray) -> DampingFit:
         eigenvalue, rate = self.modes(x)
         T = self.chain(x)
         inverse = np.linalg.inv(T.T @ normal.hessian @ T)
@@ -256,7 +255,7 @@ class _Problem:
             rate=rate,
             cost=normal.cost,
             noise_covariance=covariance[: self.count, : self.count],
-            gain=(inverse @ T.T @ normal.hessian)[: self.count],
-            history=history,
+            response=(inverse @ T.T)[: self.count],
             normal=normal,
+            history=history,
         )

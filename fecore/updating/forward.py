@@ -113,12 +113,19 @@ class ForwardState:
         )
 
     @cached_property
-    def frequency_jacobian(self) -> FloatArray:
-        """(n, p) ∂f/∂θ in Hz per SI unit: ∂λ/∂θ = φᵀ(∂K/∂θ - λ ∂M/∂θ)φ, f = √λ / 2π."""
+    def eigenvalue_jacobian(self) -> FloatArray:
+        """(m, p) ∂λ/∂θ = φᵀ(∂K/∂θ - λ ∂M/∂θ)φ of all modes; 0 for rigid ones."""
         K, M = self.projected_derivatives[:, 0], self.projected_derivatives[:, 1]
-        by = np.einsum("pkk->kp", K) - self.modes.eigenvalue[:, None] * np.einsum("pkk->kp", M)
-        elastic = slice(self.modes.rigid, None)
-        gradient: FloatArray = by[elastic] / (8 * np.pi**2 * self.frequency_hz[:, None])
+        by: FloatArray = np.einsum("pkk->kp", K) - self.modes.eigenvalue[:, None] * np.einsum("pkk->kp", M)
+        by[: self.modes.rigid] = 0
+        return by
+
+    @property
+    def frequency_jacobian(self) -> FloatArray:
+        """(n, p) ∂f/∂θ of the elastic modes, Hz per SI unit, f = √λ / 2π."""
+        gradient: FloatArray = self.eigenvalue_jacobian[self.modes.rigid :] / (
+            8 * np.pi**2 * self.frequency_hz[:, None]
+        )
         return gradient
 
     @cached_property
@@ -184,4 +191,4 @@ def modes_to_cover(specimen: Specimen, highest_hz: float, at_least: int) -> int:
     stiffness = model.stiffness.at(stiffness_coefficients(specimen.section))
     mass = model.mass.at(mass_coefficients(specimen.section))
     below = modes_below(stiffness, mass, (2 * np.pi * 2 * highest_hz) ** 2)
-    return max(below, at_least + model.rigid_modes.shape[1])
+    return max(below, at_least + int(model.rigid_modes.shape[1]))

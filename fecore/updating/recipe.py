@@ -1,0 +1,42 @@
+"""Recipes: how a measurement is to be used. Data only, so the same recipe can be run again years later."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from fecore.updating.damping import Weighting
+from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
+
+
+@dataclass(frozen=True)
+class HoldOut:
+    """What is kept from the fits and predicted afterwards.
+
+    Attributes:
+        points: grid points whose FRFs are held out.
+        band_hz: lines that are held out, Hz.
+    """
+
+    points: tuple[int, ...] = ()
+    band_hz: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """All choices of one update; the defaults suit a first look.
+
+    Attributes:
+        parameters: elastic parameters with their priors.
+        damping_models: names of the damping laws to fit; the first is reported as parameters.
+        weighting: residual of the damping update.
+        band_hz: lines for the damping update; by default up to half-way past the highest measured mode.
+        hold_out: data kept for validation.
+        seed: of everything random.
+    """
+
+    parameters: tuple[Parameter, ...] = DEFAULT_PARAMETERS
+    damping_models: tuple[str, ...] = ("rayleigh",)
+    weighting: Weighting = "noise"
+    band_hz: tuple[float, float] | None = None
+    hold_out: HoldOut = field(default_factory=HoldOut)
+    seed: int = 0

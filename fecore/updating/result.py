@@ -1,0 +1,123 @@
+"""What an update returns: frozen, in SI, with both uncertainties of every estimate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fecore.arrays import ComplexArray, FloatArray
+from fecore.frf import Dof
+
+
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """One updated parameter.
+
+    Attributes:
+        name, unit: such as Ex in Pa, a0 in 1/s.
+        initial: value of the model before; None for damping, which starts from the measured ratios.
+        estimate: value after.
+        standard_deviation: with the model's discrepancy included.
+        noise_standard_deviation: under measurement noise alone.
+        interval_95: central 95 % interval, discrepancy included.
+        identifiable: whether the data tell more than half of what is known of it.
+        prior_mean, prior_sd: None where the parameter had no prior.
+    """
+
+    name: str
+    unit: str
+    initial: float | None
+    estimate: float
+    standard_deviation: float
+    noise_standard_deviation: float
+    interval_95: tuple[float, float]
+    identifiable: bool
+    prior_mean: float | None
+    prior_sd: float | None
+
+
+@dataclass(frozen=True)
+class ModeComparison:
+    """One measured mode beside the model's; None where there is no partner or nothing was measured."""
+
+    number: int
+    measured_hz: float
+    initial_hz: float | None
+    updated_hz: float | None
+    error_percent: float | None
+    mac: float | None
+    measured_damping: float | None
+    predicted_damping: float | None
+
+
+@dataclass(frozen=True)
+class FrfCorrelation:
+    """Agreement of measured and predicted FRFs: (N,) SAC and FRAC, (L,) CSAC and CSF."""
+
+    sac: FloatArray
+    frac: FloatArray
+    csac: FloatArray
+    csf: FloatArray
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Agreement before and after.
+
+    Attributes:
+        initial, updated: over the fitted FRFs and band; the initial model has the damping that the measured ratios give.
+        held_out: over what the recipe kept from the fit, or None.
+        mac_matrix: (measured, model) MAC of the updated model, or None without shapes.
+    """
+
+    initial: FrfCorrelation
+    updated: FrfCorrelation
+    held_out: FrfCorrelation | None
+    mac_matrix: FloatArray | None
+
+
+@dataclass(frozen=True)
+class DampingModelFit:
+    """One fitted damping law: its coefficients by name, and the misfit in noise variances a real residual."""
+
+    name: str
+    coefficients: dict[str, float]
+    misfit: float
+    history: FloatArray
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Measured and predicted FRFs on all lines, for figures and export: (N, L) each."""
+
+    frequency_hz: FloatArray
+    responses: tuple[Dof, ...]
+    references: tuple[Dof, ...]
+    measured: ComplexArray
+    initial: ComplexArray
+    updated: ComplexArray
+
+
+@dataclass(frozen=True)
+class ConvergenceStep:
+    """One iterate of stage 1: parameters by name, frequencies of the measured modes, cost."""
+
+    parameters: dict[str, float]
+    frequency_hz: FloatArray
+    cost: float
+
+
+@dataclass(frozen=True)
+class UpdateResult:
+    """Everything an update found."""
+
+    parameters: tuple[ParameterEstimate, ...]
+    modes: tuple[ModeComparison, ...]
+    correlation: Correlation
+    damping_models: tuple[DampingModelFit, ...]
+    convergence: tuple[ConvergenceStep, ...]
+    null_directions: tuple[dict[str, float], ...]
+    frequency_discrepancy: float
+    damping_discrepancy: float
+    band_hz: tuple[float, float]
+    prediction: Prediction
+    warnings: tuple[str, ...]
