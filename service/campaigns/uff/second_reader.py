@@ -48,7 +48,10 @@ class SecondReader:
         """
         if frame.type == "58b" and b"    -1" in body:
             return "its data hold the bytes of a delimiter, which pyuff cannot read past; read by its byte count alone"
-        self._file.write_bytes(_TAG + frame.type_line + body + _TAG)
+        mode = "r+b" if self._file.exists() else "w+b"  # truncating to nothing first would wait for the disk
+        with self._file.open(mode) as file:
+            file.write(_TAG + frame.type_line + body + _TAG)
+            file.truncate()
         try:
             found = pyuff.UFF(str(self._file)).read_sets()
         except Exception:  # noqa: BLE001 - pyuff raises bare Exception for whatever went wrong

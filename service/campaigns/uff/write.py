@@ -222,7 +222,7 @@ def _rows(table: FloatArray, *, double: bool, even: bool) -> str:
         row = [wide] * 4
     else:
         row = [narrow, wide] * 2 if table.shape[1] == 2 else [narrow, wide, wide]
-    flat: list[float | str] = table.ravel().tolist()
+    flat: list[float | str] = [*table.ravel().tolist()]
     if not even:
         flat[:: table.shape[1]] = [_fixed(x, 12) for x in table[:, 0].tolist()]
         row = ["%13s" if i % table.shape[1] == 0 else form for i, form in enumerate(row)]
