@@ -54,6 +54,8 @@ def embedded_server(folder: Path) -> Iterator[str]:
             if inside.acquire_write_lock(blocking=False):  # nobody else is in
                 _stop(server)
                 inside.release_write_lock()
+            else:
+                inside.lockfile.close()  # the library leaves it open where it did not get the lock
 
 
 def _start(pgdata: Path) -> PostgresServer:

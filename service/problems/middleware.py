@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 import structlog
+from prometheus_client import Histogram
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -12,6 +13,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from service.problems.http import problem
 from service.problems.request_id import HEADER, adopt_request_id
 from service.settings import Settings
+
+METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS")
+SECONDS = Histogram("modalbase_http_request_seconds", "Time to answer", ["method", "route", "status"])
 
 log = structlog.stdlib.get_logger("modalbase.http")
 
@@ -47,8 +51,9 @@ class RequestMiddleware:
                 raise
             answer = problem(500, "an unexpected error; the log has it under the request id")
             await answer(scope, receive, send_with_id)
-        took = round(1000 * (time.perf_counter() - began), 1)
-        log.info("request", method=scope["method"], path=scope["path"], status=status, ms=took)
+        seconds = time.perf_counter() - began
+        SECONDS.labels(_method(scope), _route(scope), status).observe(seconds)
+        log.info("request", method=scope["method"], path=scope["path"], status=status, ms=round(1000 * seconds, 1))
 
 
 class BodyLimitMiddleware:
@@ -81,6 +86,15 @@ class BodyLimitMiddleware:
             return message
 
         await self.app(scope, limited, send)
+
+
+def _method(scope: Scope) -> str:
+    return scope["method"] if scope["method"] in METHODS else "other"
+
+
+def _route(scope: Scope) -> str:
+    """The route's template, so that the number of series is bounded."""
+    return getattr(scope.get("route"), "path", "none")
 
 
 def _too_large(limit: int) -> str:

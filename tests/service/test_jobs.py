@@ -58,11 +58,15 @@ def put(sessions: Sessions, kind: str, count: int = 1) -> list[UUID]:
         return [enqueue(session, kind=job_kinds.KINDS[kind], project_id=project.id).id for _ in range(count)]
 
 
+def look(sessions: Sessions, job_id: UUID) -> Job:
+    with sessions() as session:
+        return session.get_one(Job, job_id)
+
+
 def wait(sessions: Sessions, job_id: UUID, until: Callable[[Job], bool] = lambda job: job.state in ENDED) -> Job:
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end:
-        with sessions() as session:
-            job = session.get_one(Job, job_id)
+        job = look(sessions, job_id)
         if until(job):
             return job
         time.sleep(0.02)
@@ -170,7 +174,7 @@ def test_superseded_attempt_stores_nothing(sessions: Sessions, database: str) ->
         with sessions.begin() as session:
             session.execute(update(Job).where(Job.id == job_id).values(attempt=7, lease_until=None))
         assert wait(sessions, put(sessions, "echo")[0]).state == "succeeded"  # it came after the slow one
-        after = wait(sessions, job_id, lambda job: True)
+        after = look(sessions, job_id)
     assert (after.state, after.attempt) == ("running", 7)
     assert items(sessions, job_id) == []
 
@@ -182,7 +186,7 @@ def test_told_to_end_it_finishes_what_runs(sessions: Sessions, database: str) ->
         process.send_signal(signal.SIGTERM)
         assert process.wait(PATIENCE) == 0
     assert wait(sessions, first).state == "succeeded"
-    assert wait(sessions, second, lambda job: True).state == "queued"
+    assert look(sessions, second).state == "queued"
 
 
 def test_told_to_end_it_puts_back_what_does_not_end(sessions: Sessions, database: str) -> None:
@@ -191,7 +195,7 @@ def test_told_to_end_it_puts_back_what_does_not_end(sessions: Sessions, database
         wait(sessions, job_id, lambda job: job.progress > 0)
         process.send_signal(signal.SIGTERM)
         assert process.wait(PATIENCE) == 0
-    assert wait(sessions, job_id, lambda job: True).state == "queued"
+    assert look(sessions, job_id).state == "queued"
     with worker(database):
         job = wait(sessions, job_id)
     assert (job.state, job.attempt) == ("succeeded", 2)

@@ -1,0 +1,127 @@
+"""The API as a client meets it: problems, limits, health, documentation without internet."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+
+import httpx
+import pytest
+
+from service.settings import Settings
+from service.supervisor import LocalService
+
+JSON = {"Content-Type": "application/json"}
+
+
+def is_problem(answer: httpx.Response, status: int) -> dict[str, object]:
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    body: dict[str, object] = answer.json()
+    assert body["status"] == status
+    assert body["title"]
+    assert body["request_id"] == answer.headers["x-request-id"]
+    return body
+
+
+@pytest.mark.parametrize(
+    ("body", "pointer", "says"),
+    [
+        (b'{"name": ', "", "not JSON: Expecting value at line 1, column 10"),
+        (b"", "", "Field required"),
+        (b"\xff\xfe", "", "not UTF-8"),
+        (b'{"name": NaN}', "/name", "is NaN"),
+        (b'{"name": {"a~b/c": [1, -Infinity]}}', "/name/a~0b~1c/1", "is -Infinity"),
+        (b'{"name": 1e999}', "/name", "double precision"),
+        (rb'{"name": "a\u0000b"}', "/name", "NUL"),
+        (rb'{"name": "\ud800"}', "/name", "lone surrogate"),
+        (rb'{"a\u0000": 1, "name": "x"}', "", "NUL"),
+        (b'{"name": 9223372036854775808}', "/name", "64-bit"),
+        (b'{"name": ' + b"9" * 5000 + b"}", "", "thousands of digits"),
+        (b"[" * 200_000, "", "nested too deeply"),
+        (b'{"name": "x", "colour": 1}', "/colour", "not permitted"),
+        (b'{"name": 5}', "/name", "valid string"),
+        (b'{"name": ""}', "/name", "at least 1"),
+        (b"[]", "", "valid dictionary"),
+    ],
+)
+def test_wrong_bodies_are_422_with_a_pointer(api: httpx.Client, body: bytes, pointer: str, says: str) -> None:
+    problem = is_problem(api.post("projects", content=body, headers=JSON), 422)
+    errors = problem["errors"]
+    assert isinstance(errors, list)
+    assert any(error["pointer"] == pointer and says in error["detail"] for error in errors), errors
+
+
+def test_every_fault_is_listed(api: httpx.Client) -> None:
+    problem = is_problem(api.post("projects", content=b'{"name": NaN, "description": Infinity}', headers=JSON), 422)
+    errors = problem["errors"]
+    assert isinstance(errors, list)
+    assert {error["pointer"] for error in errors} == {"/name", "/description"}
+
+
+@pytest.mark.parametrize(
+    ("query", "name"),
+    [
+        ({"limit": "0"}, "limit"),
+        ({"limit": "9" * 30}, "limit"),
+        ({"cursor": "\0"}, "cursor"),
+        ({"cursor": "é"}, "cursor"),
+    ],
+)
+def test_wrong_parameters_are_422(api: httpx.Client, query: dict[str, str], name: str) -> None:
+    problem = is_problem(api.get("projects", params=query), 422)
+    assert problem["errors"][0]["pointer"] == name  # type: ignore[index]
+
+
+@pytest.mark.parametrize("path", ["nowhere", "projects/1", "projects/01a1fd61-dc65-7a99-9916-7e787830264d"])
+def test_unknown_things_are_404(api: httpx.Client, path: str) -> None:
+    is_problem(api.get(path), 404)
+
+
+def test_wrong_method_is_405(api: httpx.Client) -> None:
+    answer = api.put("projects", json={})
+    is_problem(answer, 405)
+    assert answer.headers["allow"]
+
+
+@pytest.mark.parametrize(
+    "header", [None, "", "Bearer", "Bearer x", "Basic eDp5", "Bearer mb_000000000000_", "Bearer mb_é_x"]
+)
+def test_without_a_valid_key_401(service: LocalService, header: str | None) -> None:
+    headers = {} if header is None else {b"Authorization": header.encode("latin-1")}
+    answer = httpx.get(f"{service.url}/api/v1/projects", headers=headers, trust_env=False)  # type: ignore[arg-type]
+    is_problem(answer, 401)
+    assert answer.headers["www-authenticate"] == "Bearer"
+
+
+def test_body_over_the_limit_is_413(new_database: Callable[[], str]) -> None:
+    limits = Settings(database_url=new_database(), port=0, json_limit_bytes=1000, log_level="error")
+    with LocalService(limits, worker=False) as small:
+        headers = {"Authorization": f"Bearer {small.new_key('k')}", **JSON}
+        with httpx.Client(base_url=f"{small.url}/api/v1/", headers=headers, trust_env=False) as client:
+            long = json.dumps({"name": "x", "description": "y" * 2000}).encode()
+            is_problem(client.post("projects", content=long), 413)
+            is_problem(client.post("projects", content=iter([long[:900], long[900:]])), 413)  # of undeclared length
+            assert client.get("projects").json()["items"] == []
+            assert client.post("projects", json={"name": "x"}).status_code == 201
+
+
+def test_request_id_is_the_clients_where_sane(api: httpx.Client) -> None:
+    assert api.get("projects", headers={"X-Request-ID": "lab-42"}).headers["x-request-id"] == "lab-42"
+    assert re.fullmatch("[0-9a-f]{32}", api.get("projects", headers={"X-Request-ID": "a b"}).headers["x-request-id"])
+
+
+def test_health_metrics_and_documentation_need_no_key_and_no_internet(service: LocalService) -> None:
+    with httpx.Client(base_url=service.url, trust_env=False) as client:
+        assert client.get("/healthz").json()["status"] == "ok"
+        assert client.get("/readyz").json() == {"status": "ok"}
+        assert "modalbase_http_request_seconds_bucket" in client.get("/metrics").text
+        page = client.get("/docs").text
+        assert "https://" not in page.replace("https://fastapi", "")
+        for asset in re.findall(r'(?:src|href)="(/[^"]+)"', page):
+            assert client.get(asset).is_success, asset
+        assert all(
+            path.startswith("/api/v1/") or path in ("/healthz", "/readyz")
+            for path in client.get("/openapi.json").json()["paths"]
+        )

@@ -1,0 +1,148 @@
+"""The command `modalbase` as a person meets it."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx
+import psutil
+import pytest
+
+from fecore import __version__
+
+COMMAND = Path(sys.executable).with_name("modalbase")
+
+
+def environment(**more: str) -> dict[str, str]:
+    clean = {name: value for name, value in os.environ.items() if not name.startswith("MODALBASE_")}
+    return clean | {"MODALBASE_LOG_LEVEL": "warning"} | more
+
+
+def modalbase(*words: str, **env: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [str(COMMAND), *words], capture_output=True, text=True, timeout=60, check=False, env=environment(**env)
+    )
+
+
+@contextmanager
+def up(data: Path) -> Iterator[tuple[subprocess.Popen[str], str, str]]:
+    """A running `modalbase up`: process, URL, and the first key where it printed one."""
+    process = subprocess.Popen(
+        [str(COMMAND), "up", "--port", "0", "--data", str(data)], stdout=subprocess.PIPE, text=True, env=environment()
+    )
+    assert process.stdout is not None
+    try:
+        said = ""
+        while "Ctrl-C" not in said:
+            line = process.stdout.readline()
+            assert line, f"it ended: {said}"
+            said += line
+        url = re.findall(r"http://\S+/api/v1", said)[0]
+        yield process, url, next(iter(re.findall(r"mb_\w+_\S+", said)), "")
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+def living(data: Path) -> list[str]:
+    """Processes that have to do with a data folder, by their command line or environment."""
+    found = []
+    for process in psutil.process_iter(["cmdline", "status", "pid"]):
+        try:
+            words = " ".join(process.info["cmdline"] or []) + str(process.environ().get("MODALBASE_DATA"))
+        except (psutil.AccessDenied, psutil.NoSuchProcess):
+            words = " ".join(process.info["cmdline"] or [])
+        if str(data) in words and process.info["status"] != psutil.STATUS_ZOMBIE:
+            found.append(words)
+    return found
+
+
+def gone(data: Path, seconds: float = 20.0) -> bool:
+    end = time.monotonic() + seconds
+    while living(data) and time.monotonic() < end:
+        time.sleep(0.05)
+    return not living(data)
+
+
+def status(url: str, key: str) -> int:
+    return httpx.get(f"{url}/projects", headers={"Authorization": f"Bearer {key}"}, trust_env=False).status_code
+
+
+def test_version() -> None:
+    assert modalbase("--version").stdout == f"modalbase {__version__}\n"
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_up_and_down(short_folder: Path, how: signal.Signals) -> None:
+    """The first start makes a key and prints it, keys can be made meanwhile, and the end leaves nothing running."""
+    data = short_folder / f"up-{how.value}"
+    with up(data) as (process, url, key):
+        assert status(url, key) == 200
+        made = modalbase("keys", "create", "--name", "ada", "--data", str(data))
+        assert made.returncode == 0, made.stderr
+        assert re.fullmatch(r"mb_[0-9a-f]{12}_\S+\n", made.stdout)
+        assert status(url, made.stdout.strip()) == 200
+        assert len(living(data)) >= 4  # the command, the API, the worker, PostgreSQL
+        process.send_signal(how)
+        assert process.wait(30) == 0
+    assert living(data) == []
+    with up(data) as (process, url, second):
+        assert second == ""  # there is a key already
+        assert status(url, key) == 200
+        process.send_signal(how)
+        assert process.wait(30) == 0
+    assert living(data) == []
+
+
+def test_killed_up_leaves_nothing_running(short_folder: Path) -> None:
+    data = short_folder / "killed"
+    with up(data) as (process, _, _key):
+        process.kill()
+        process.wait()
+        assert gone(data), living(data)
+
+
+def test_port_in_use_is_a_clear_error(short_folder: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        ended = modalbase("up", "--port", str(port), "--data", str(short_folder / "port"))
+    assert ended.returncode == 1
+    assert ended.stderr == (
+        f"modalbase: cannot listen on 127.0.0.1 port {port}: Address already in use; choose another with --port\n"
+    )
+
+
+def test_schema_that_is_not_at_head_is_refused_with_the_command_that_mends_it(empty_database: str) -> None:
+    for command in (["serve", "--port", "0"], ["worker"], ["up", "--port", "0"], ["keys", "create", "--name", "x"]):
+        ended = modalbase(*command, MODALBASE_DATABASE_URL=empty_database)
+        assert (ended.returncode, ended.stdout) == (1, "")
+        assert "run `modalbase db upgrade`" in ended.stderr
+        assert "Traceback" not in ended.stderr
+    assert modalbase("db", "current", MODALBASE_DATABASE_URL=empty_database).stdout == "empty\n"
+    assert modalbase("db", "upgrade", MODALBASE_DATABASE_URL=empty_database).returncode == 0
+    assert modalbase("keys", "create", "--name", "x", MODALBASE_DATABASE_URL=empty_database).returncode == 0
+
+
+@pytest.mark.parametrize("url", ["postgresql://u:secret@127.0.0.1:1/d", "mysql://u:secret@h/d", "nonsense"])
+def test_database_that_does_not_answer_is_a_clear_error(url: str) -> None:
+    ended = modalbase("keys", "create", "--name", "x", MODALBASE_DATABASE_URL=url)
+    assert (ended.returncode, ended.stdout) == (1, "")
+    assert ended.stderr.startswith("modalbase: ")
+    assert "Traceback" not in ended.stderr
+    assert "secret" not in ended.stderr
+
+
+def test_wrong_setting_is_a_clear_error() -> None:
+    ended = modalbase("worker", MODALBASE_JOB_WALL_SECONDS="soon")
+    assert ended.returncode == 1
+    assert ended.stderr.startswith("modalbase: settings: job_wall_seconds: ")
