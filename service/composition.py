@@ -9,10 +9,18 @@ from __future__ import annotations
 from fastapi import APIRouter
 
 from service.access.routes import router as access
+from service.campaigns.frf_routes import router as frfs
+from service.campaigns.grid_point_routes import router as grid_points
+from service.campaigns.import_routes import router as imports
+from service.campaigns.imports import IMPORT
+from service.campaigns.mode_set_routes import router as mode_sets
+from service.campaigns.routes import router as campaigns
+from service.coupons.routes import router as coupons
 from service.jobs import JobKind
+from service.structures.routes import router as structures
 
-ROUTERS: tuple[APIRouter, ...] = (access,)
+ROUTERS: tuple[APIRouter, ...] = (access, structures, campaigns, imports, grid_points, frfs, mode_sets, coupons)
 """Everything under `/api/v1`, in the order of the documentation page."""
 
-KINDS: tuple[JobKind, ...] = ()
+KINDS: tuple[JobKind, ...] = (IMPORT,)
 """Every kind of job that a worker can run."""

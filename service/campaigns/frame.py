@@ -1,0 +1,76 @@
+"""The specimen's frame and the measured file's coordinates.
+
+The specimen's frame has x along the length from the clamped end, y across from -b/2 to b/2 and z out of plane. A file may
+have been measured in other axes; a campaign's `frame` states where they put the specimen: the origin and the unit vectors
+e_x, e_y of the specimen's axes in the file's coordinates. With E = [e_x, e_y, e_x × e_y] (columns),
+
+    x_specimen = Eᵀ (x_file - origin).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.errors import InputError
+from fecore.frf import Dof
+
+ORTHONORMAL_TOLERANCE = 1e-3
+"""Axes typed with four digits pass; what is left of the error is removed by Gram-Schmidt."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Where a file's coordinates put the specimen.
+
+    Attributes:
+        origin_m: (3,) origin of the specimen's frame, in the file's coordinates, m.
+        axes: (3, 3) right-handed orthonormal; columns are the specimen's x, y, z in the file's coordinates.
+    """
+
+    origin_m: FloatArray
+    axes: FloatArray
+
+    def points(self, file_m: FloatArray) -> FloatArray:
+        """(n, 3) points of the file, m, in the specimen's frame, m."""
+        return (file_m - self.origin_m) @ self.axes
+
+    def dof(self, dof: Dof) -> Dof:
+        """A degree of freedom of the file, with its direction in the specimen's frame.
+
+        Raises:
+            InputError: the file's direction is not along an axis of the specimen.
+        """
+        rotation = 3 if dof.axis > 3 else 0
+        along = dof.sign * self.axes[dof.axis - 1 - rotation]  # the file's unit vector, in the specimen's axes
+        axis = int(np.argmax(np.abs(along)))
+        if abs(along[axis]) < 1 - 1e-6:
+            raise InputError(
+                "frame", f"direction {dof.direction} of point {dof.point} is along none of the specimen's axes"
+            )
+        return Dof(dof.point, (axis + 1 + rotation) * (1 if along[axis] > 0 else -1))
+
+
+def make_frame(origin_m: tuple[float, ...], x_axis: tuple[float, ...], y_axis: tuple[float, ...]) -> Frame:
+    """A frame from its origin and two axes.
+
+    Raises:
+        InputError: an axis is not of unit length, or they are not at right angles.
+    """
+    x, y = np.asarray(x_axis, float), np.asarray(y_axis, float)
+    for field, axis in (("x_axis", x), ("y_axis", y)):
+        length = float(np.linalg.norm(axis))
+        if abs(length - 1) > ORTHONORMAL_TOLERANCE:
+            raise InputError(field, f"has length {length:.6g}, expected a unit vector")
+    if abs(float(x @ y)) > ORTHONORMAL_TOLERANCE:
+        raise InputError("y_axis", f"is not at right angles to x_axis (their product is {float(x @ y):.6g})")
+    x = x / np.linalg.norm(x)
+    y = y - (x @ y) * x
+    y = y / np.linalg.norm(y)
+    return Frame(np.asarray(origin_m, float), np.column_stack([x, y, np.cross(x, y)]))
+
+
+SPECIMEN = make_frame((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+"""The default: the file is in the specimen's frame already."""

@@ -1,0 +1,133 @@
+"""Spectra out of the database: read in batches, verified, cut to a band and stride."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from uuid import UUID
+
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from fecore.arrays import FloatArray, IntArray
+from service.campaigns.spectra import Axis, Spectrum, decode
+from service.campaigns.tables import Frf
+from service.problems import Conflict, Invalid
+
+SPECTRA_AT_ONCE = 32
+
+Values = NDArray[np.complexfloating]
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Which lines of a spectrum: from `fmin` to `fmax`, Hz, both included, every `stride`-th of them."""
+
+    fmin: float | None = None
+    fmax: float | None = None
+    stride: int = 1
+
+    def lines(self, frequency_hz: FloatArray) -> IntArray:
+        """Indices of the lines.
+
+        Raises:
+            Invalid: there is none.
+        """
+        low = -np.inf if self.fmin is None else self.fmin
+        high = np.inf if self.fmax is None else self.fmax
+        kept = np.flatnonzero((frequency_hz >= low) & (frequency_hz <= high))[:: self.stride]
+        if kept.size == 0:
+            raise Invalid(
+                "fmin",
+                f"no line lies in {low:g} to {high:g} Hz; the lines go from {frequency_hz[0]:g} to {frequency_hz[-1]:g} Hz",
+            )
+        return kept
+
+
+@dataclass(frozen=True)
+class FrfTable:
+    """FRFs on one frequency axis, spectra still in the database.
+
+    Attributes:
+        frfs: N rows without their spectra.
+        frequency_hz: (L,) the lines that are wanted.
+        lines: (L,) their indices in the stored spectra.
+    """
+
+    frfs: Sequence[Frf]
+    frequency_hz: FloatArray
+    lines: IntArray
+
+    @property
+    def dtype(self) -> np.dtype[np.complexfloating]:
+        """The narrowest complex type that holds all spectra."""
+        return np.result_type(*{frf.dtype for frf in self.frfs})
+
+    @property
+    def has_coherence(self) -> bool:
+        """Whether any of the FRFs has one."""
+        return any(frf.coherence_sha256 is not None for frf in self.frfs)
+
+    def spectra(self, session: Session) -> Iterator[tuple[Frf, Values]]:
+        """Each FRF with its (L,) values, in order."""
+        for frf, data in _fetch(session, self.frfs, "data"):
+            assert data is not None
+            spectrum = Spectrum(frf.dtype, frf.lines, data, frf.sha256)  # type: ignore[arg-type]
+            yield frf, np.asarray(decode(spectrum)[self.lines], dtype=frf.dtype)
+
+    def coherences(self, session: Session) -> Iterator[tuple[Frf, FloatArray | None]]:
+        """Each FRF with its (L,) coherence γ², or None."""
+        for frf, data in _fetch(session, self.frfs, "coherence"):
+            yield frf, None if data is None else read_coherence(frf, data)[self.lines]
+
+
+def read_coherence(frf: Frf, data: bytes) -> FloatArray:
+    """A stored coherence, verified."""
+    assert frf.coherence_dtype is not None
+    assert frf.coherence_sha256 is not None
+    spectrum = Spectrum(frf.coherence_dtype, frf.lines, data, frf.coherence_sha256)  # type: ignore[arg-type]
+    return decode(spectrum).real.astype(np.float64)
+
+
+def frequency_axis(session: Session, frf: Frf) -> FloatArray:
+    """(lines,) frequency lines of an FRF, Hz."""
+    stored = None if frf.step_hz is not None else session.scalars(select(Frf.axis).where(Frf.id == frf.id)).one()
+    return Axis(frf.start_hz, frf.step_hz, frf.lines, stored).frequency_hz()
+
+
+def make_table(session: Session, frfs: Sequence[Frf], cut: Cut) -> FrfTable:
+    """FRFs as one table.
+
+    Raises:
+        Conflict: they are not on one frequency axis, or not of one quantity.
+        Invalid: the cut leaves no line.
+    """
+    kinds = {frf.quantity for frf in frfs}
+    if len(kinds) > 1:
+        raise Conflict(f"the FRFs are of several quantities ({', '.join(sorted(kinds))}); choose one with ?quantity=")
+    frequency = frequency_axis(session, frfs[0])
+    for frf in frfs[1:]:
+        same = (frf.start_hz, frf.step_hz, frf.lines) == (frfs[0].start_hz, frfs[0].step_hz, frfs[0].lines)
+        if not same or (frf.step_hz is None and not np.array_equal(frequency_axis(session, frf), frequency)):
+            raise Conflict(
+                f"the FRFs are on different frequency axes: {frfs[0].id} has {_axis(frfs[0])}, {frf.id} has {_axis(frf)}; "
+                "choose with ?import_id=, ?point= or ?reference=, or read them one by one"
+            )
+    lines = cut.lines(frequency)
+    return FrfTable(frfs, frequency[lines], lines)
+
+
+def _axis(frf: Frf) -> str:
+    return f"{frf.lines} lines from {frf.start_hz:g} to {frf.end_hz:g} Hz"
+
+
+def _fetch(session: Session, frfs: Sequence[Frf], column: str) -> Iterator[tuple[Frf, bytes | None]]:
+    """A spectrum column of the rows, in their order, a batch at a time."""
+    for first in range(0, len(frfs), SPECTRA_AT_ONCE):
+        batch = frfs[first : first + SPECTRA_AT_ONCE]
+        query = select(Frf.id, getattr(Frf, column)).where(Frf.id.in_([frf.id for frf in batch]))
+        found: dict[UUID, bytes | None] = {row[0]: row[1] for row in session.execute(query)}
+        for frf in batch:
+            yield frf, found[frf.id]

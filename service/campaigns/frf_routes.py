@@ -1,0 +1,168 @@
+"""Routes of FRFs and their spectra."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from typing import Annotated
+from uuid import UUID
+
+from fastapi import Depends, Header, Query, Request, Response
+from fastapi.responses import FileResponse
+from sqlalchemy.orm import Session
+from starlette.background import BackgroundTask
+
+from fecore.frf import Quantity
+from service.access import CurrentUser, Cursor, Limit, SessionDep, SettingsDep, paged
+from service.campaigns import frf_bodies, frfs
+from service.campaigns.frf_data import Cut, FrfTable, make_table
+from service.campaigns.frf_formats import FORMATS
+from service.campaigns.frf_schemas import FrfOut, FrfsIn
+from service.campaigns.negotiation import choose_format
+from service.campaigns.operations import campaign_for
+from service.campaigns.tables import Frf
+from service.campaigns.uploads import UploadDep
+from service.problems import Invalid, NotFound, Page, PayloadTooLarge, UnsupportedMediaType, api_router
+
+router = api_router(tags=["FRFs"])
+
+MEDIA_TYPES = {name: media_type for name, (media_type, _) in FORMATS.items()}
+NPZ = ("application/x-npz", "application/octet-stream", "application/zip")
+BODY = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "application/json": {"schema": FrfsIn.model_json_schema(ref_template="#/components/schemas/{model}")},
+            "application/x-npz": {"schema": {"type": "string", "format": "binary"}},
+        },
+    }
+}
+FILES = {200: {"content": {media_type: {} for media_type in MEDIA_TYPES.values()}, "description": "The spectra."}}
+
+Hertz = Annotated[float | None, Query(ge=0, le=1e12, allow_inf_nan=False)]
+Whole = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
+
+
+def _filter(
+    point: Annotated[Whole, Query(description="response point")] = None,
+    direction: Annotated[int | None, Query(ge=-6, le=6, description="signed response direction")] = None,
+    reference: Annotated[Whole, Query(description="reference point")] = None,
+    quantity: Quantity | None = None,
+    import_id: UUID | None = None,
+    fmin: Annotated[Hertz, Query(description="Hz")] = None,
+    fmax: Annotated[Hertz, Query(description="Hz")] = None,
+) -> frfs.FrfFilter:
+    if fmin is not None and fmax is not None and fmin > fmax:
+        raise Invalid("fmin", f"is {fmin:g} Hz and above fmax, {fmax:g} Hz")
+    return frfs.FrfFilter(point, direction, reference, quantity, import_id, fmin, fmax)
+
+
+FilterDep = Annotated[frfs.FrfFilter, Depends(_filter)]
+Stride = Annotated[int, Query(ge=1, le=1_000_000, description="every how many-th line")]
+Format = Annotated[str | None, Query(alias="format", description="json, npz or csv; else by Accept")]
+Accept = Annotated[str | None, Header(include_in_schema=False)]
+
+
+@router.get("/campaigns/{campaign_id}/frfs")
+def list_frfs(
+    campaign_id: UUID,
+    wanted: FilterDep,
+    session: SessionDep,
+    user: CurrentUser,
+    cursor: Cursor = None,
+    limit: Limit = 100,
+) -> Page[FrfOut]:
+    """FRFs of a campaign, without their spectra."""
+    campaign = campaign_for(session, user, campaign_id)
+    rows, following = paged(session, wanted.query(campaign.id), Frf.id, cursor, limit)
+    return Page(items=[frfs.describe(row) for row in rows], next_cursor=following)
+
+
+@router.post("/campaigns/{campaign_id}/frfs", status_code=201, openapi_extra=BODY)
+def create_frfs(
+    campaign_id: UUID, upload: UploadDep, session: SessionDep, user: CurrentUser, settings: SettingsDep
+) -> Page[FrfOut]:
+    """Send FRFs of a script, as npz (arrays as `GET …/frfs/data` writes them) or as JSON; all are stored, or none."""
+    if upload.file.size == 0:
+        raise Invalid("", "the body is empty, expected FRFs as npz or JSON")
+    if upload.content_type == "application/json":
+        if upload.file.size > settings.json_limit_bytes:
+            raise PayloadTooLarge(f"the JSON has more than {settings.json_limit_bytes} bytes; send npz instead")
+        new = frf_bodies.from_json(upload.file.path.read_bytes())
+    elif upload.content_type in NPZ:
+        new = frf_bodies.from_npz(upload.file.path, settings.upload_limit_bytes)
+    else:
+        raise UnsupportedMediaType(
+            f"the body is {upload.content_type or 'of no stated type'}, expected application/x-npz or application/json"
+        )
+    campaign = campaign_for(session, user, campaign_id, "editor")
+    return Page(items=[frfs.describe(row) for row in frfs.store_frfs(session, user, campaign, new)])
+
+
+@router.get("/campaigns/{campaign_id}/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
+def get_campaign_data(
+    campaign_id: UUID,
+    wanted: FilterDep,
+    session: SessionDep,
+    user: CurrentUser,
+    request: Request,
+    stride: Stride = 1,
+    file_format: Format = None,
+    accept: Accept = None,
+) -> Response:
+    """Spectra of a campaign's FRFs that share a frequency axis, as JSON, npz or CSV."""
+    campaign = campaign_for(session, user, campaign_id)
+    rows = session.scalars(wanted.query(campaign.id).order_by(Frf.id)).all()
+    if not rows:
+        raise NotFound("FRF that matches in this campaign")
+    table = make_table(session, rows, Cut(wanted.fmin, wanted.fmax, stride))
+    return _file(session, table, choose_format(file_format, accept, MEDIA_TYPES), request)
+
+
+@router.get("/frfs/{frf_id}")
+def get_frf(frf_id: UUID, session: SessionDep, user: CurrentUser) -> FrfOut:
+    """An FRF without its spectrum."""
+    return frfs.describe(frfs.frf_for(session, user, frf_id))
+
+
+@router.get("/frfs/{frf_id}/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
+def get_frf_data(
+    frf_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    request: Request,
+    fmin: Hertz = None,
+    fmax: Hertz = None,
+    stride: Stride = 1,
+    file_format: Format = None,
+    accept: Accept = None,
+) -> Response:
+    """Spectrum of one FRF, in a band and with a stride if wanted, as JSON, npz or CSV."""
+    row = frfs.frf_for(session, user, frf_id)
+    table = make_table(session, [row], Cut(fmin, fmax, stride))
+    return _file(session, table, choose_format(file_format, accept, MEDIA_TYPES), request)
+
+
+def _file(session: Session, table: FrfTable, file_format: str, request: Request) -> Response:
+    """The table as a file on disk that is sent and then removed; 304 where the client has it."""
+    media_type, write = FORMATS[file_format]
+    headers = {"ETag": _etag(table, file_format), "Vary": "Accept"}
+    if headers["ETag"] in (tag.strip() for tag in request.headers.get("if-none-match", "").split(",")):
+        return Response(status_code=304, headers=headers)
+    spool = tempfile.NamedTemporaryFile(prefix="modalbase-frfs-")  # noqa: SIM115  closed once it is sent
+    try:
+        write(session, table, spool.file)
+        spool.flush()
+    except BaseException:
+        spool.close()
+        raise
+    headers["Content-Disposition"] = f'attachment; filename="frfs.{file_format}"'
+    return FileResponse(spool.name, media_type=media_type, headers=headers, background=BackgroundTask(spool.close))
+
+
+def _etag(table: FrfTable, file_format: str) -> str:
+    digest = hashlib.sha256(file_format.encode())
+    digest.update(table.lines.tobytes())
+    for frf in table.frfs:
+        digest.update(frf.id.bytes + frf.sha256 + (frf.coherence_sha256 or b""))
+    return f'"{digest.hexdigest()[:32]}"'

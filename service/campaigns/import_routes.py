@@ -1,0 +1,80 @@
+"""Routes of imports and of the original files."""
+
+from __future__ import annotations
+
+from typing import Annotated
+from uuid import UUID
+
+from fastapi import Query, Response
+from sqlalchemy import select
+
+from fecore.frf import Quantity
+from service.access import CurrentUser, Cursor, Limit, SessionDep, paged
+from service.campaigns import imports
+from service.campaigns.operations import campaign_for
+from service.campaigns.schemas import ImportOut
+from service.campaigns.tables import Import
+from service.campaigns.uploads import UploadDep
+from service.problems import Invalid, Name, Page, api_router
+
+router = api_router(tags=["imports"])
+
+BODY = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "application/octet-stream": {"schema": {"type": "string", "format": "binary"}},
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["file"],
+                    "properties": {"file": {"type": "string", "format": "binary"}},
+                }
+            },
+        },
+    }
+}
+
+
+@router.post("/campaigns/{campaign_id}/imports", status_code=202, openapi_extra=BODY)
+def start_import(
+    campaign_id: UUID,
+    upload: UploadDep,
+    session: SessionDep,
+    user: CurrentUser,
+    response: Response,
+    filename: Annotated[Name | None, Query(description="name of a file that is sent as raw body")] = None,
+    dry_run: Annotated[bool, Query(description="only report what the file holds")] = False,
+    quantity: Annotated[
+        Quantity | None, Query(description="what an FRF is whose file states neither data type nor unit")
+    ] = None,
+) -> ImportOut:
+    """Send a UFF file as raw body or as multipart field `file`; a job reads it.
+
+    The answer is 202 with the import's address in `Location`. Bytes that are in the campaign already are not read again:
+    then it is 200 with the address of the import that has them, and `already_imported` is true.
+    """
+    if upload.file.size == 0:
+        raise Invalid("", "the body is empty, expected a Universal File Format file")
+    wanted = imports.ImportRequest(upload.file, filename or upload.filename or "upload.uff", dry_run, quantity)
+    row, new = imports.start_import(session, user, campaign_id, wanted)
+    response.status_code = 202 if new else 200
+    response.headers["Location"] = f"/api/v1/imports/{row.id}"
+    return imports.describe(session, row, already_imported=not new)
+
+
+@router.get("/campaigns/{campaign_id}/imports")
+def list_imports(
+    campaign_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+) -> Page[ImportOut]:
+    """Imports into a campaign, oldest first."""
+    campaign = campaign_for(session, user, campaign_id)
+    query = select(Import).where(Import.campaign_id == campaign.id)
+    rows, following = paged(session, query, Import.id, cursor, limit)
+    return Page(items=[imports.describe(session, row) for row in rows], next_cursor=following)
+
+
+@router.get("/imports/{import_id}")
+def get_import(import_id: UUID, session: SessionDep, user: CurrentUser) -> ImportOut:
+    """How far an import is, what it brought in, and what became of each dataset."""
+    return imports.describe(session, imports.import_for(session, user, import_id))

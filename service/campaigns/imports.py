@@ -1,0 +1,127 @@
+"""Imports: an uploaded file, its job, and what became of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from uuid import UUID
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from fecore.frf import Quantity
+from service.access import User, audit
+from service.campaigns.intake import store_import
+from service.campaigns.operations import campaign_for, project_of
+from service.campaigns.originals import Spooled, keep_original, write_original
+from service.campaigns.reading import ReadingInputs, read_upload
+from service.campaigns.schemas import Counts, DatasetOutcome, ImportOut
+from service.campaigns.tables import Campaign, Import, Original
+from service.jobs import Job, JobKind, enqueue, job_state
+from service.problems import NotFound
+
+
+def _load(session: Session, job_id: UUID, workspace: Path) -> ReadingInputs:
+    """Put the original on the worker's disk."""
+    row = session.get_one(Import, job_id)
+    path = workspace / "original"
+    write_original(session, row.sha256, path)
+    return ReadingInputs(path, row.quantity)  # type: ignore[arg-type]  # the column holds what Upload let in
+
+
+IMPORT = JobKind("import", load=_load, compute=read_upload, store=store_import)
+
+
+@dataclass(frozen=True)
+class ImportRequest:
+    """What to do with an uploaded file.
+
+    Attributes:
+        file: where it lies, with its SHA-256.
+        filename: what the client calls it.
+        dry_run: only report.
+        quantity: what an FRF is whose file states neither data type nor unit.
+    """
+
+    file: Spooled
+    filename: str
+    dry_run: bool
+    quantity: Quantity | None
+
+
+def start_import(session: Session, user: User, campaign_id: UUID, wanted: ImportRequest) -> tuple[Import, bool]:
+    """Store the file and queue its reading, in one transaction.
+
+    The same bytes are not read into a campaign twice: the import that has them, or is about to, is returned instead.
+
+    Returns:
+        The import, and whether it is a new one.
+    """
+    campaign = campaign_for(session, user, campaign_id, "editor")
+    session.refresh(campaign, with_for_update=True)
+    if not wanted.dry_run and (known := _same_bytes(session, campaign, wanted.file.sha256)) is not None:
+        return known, False
+    keep_original(session, wanted.file)
+    project_id = project_of(session, campaign)
+    job = enqueue(session, kind=IMPORT, project_id=project_id)
+    row = Import(
+        id=job.id,
+        campaign_id=campaign.id,
+        filename=wanted.filename,
+        sha256=wanted.file.sha256,
+        dry_run=wanted.dry_run,
+        quantity=wanted.quantity,
+    )
+    session.add(row)
+    session.flush()
+    audit(session, user, "import.create", "import", row.id, project_id, sha256=wanted.file.sha256.hex())
+    return row, True
+
+
+def import_for(session: Session, user: User, import_id: UUID) -> Import:
+    """The import, if the user may see its campaign.
+
+    Raises:
+        NotFound: there is none, it is other people's, or its campaign is deleted.
+    """
+    row = session.get(Import, import_id)
+    if row is None:
+        raise NotFound("import", import_id)
+    try:
+        campaign_for(session, user, row.campaign_id)
+    except NotFound:
+        raise NotFound("import", import_id) from None
+    return row
+
+
+def describe(session: Session, row: Import, *, already_imported: bool = False) -> ImportOut:
+    """An import as clients see it: its own row and its job's."""
+    size = session.scalars(select(Original.size).where(Original.sha256 == row.sha256)).one()
+    return ImportOut(
+        **job_state(session.get_one(Job, row.id)),
+        campaign_id=row.campaign_id,
+        filename=row.filename,
+        size=size,
+        sha256=row.sha256.hex(),
+        dry_run=row.dry_run,
+        quantity=row.quantity,  # type: ignore[arg-type]
+        already_imported=already_imported,
+        counts=None if row.counts is None else Counts.model_validate(row.counts),
+        datasets=[DatasetOutcome.model_validate(d) for d in row.datasets or []],
+        warnings=row.warnings or [],
+    )
+
+
+def _same_bytes(session: Session, campaign: Campaign, sha256: bytes) -> Import | None:
+    return session.scalars(
+        select(Import)
+        .join(Job, Job.id == Import.id)
+        .where(
+            Import.campaign_id == campaign.id,
+            Import.sha256 == sha256,
+            ~Import.dry_run,
+            Job.state.in_(("queued", "running", "succeeded")),
+        )
+        .order_by(Import.id)
+        .limit(1)
+    ).one_or_none()

@@ -1,0 +1,237 @@
+"""Storing what the child process read of a file: grid points, FRFs, coherences, modes and the reports, in one transaction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+from uuid import UUID
+
+import numpy as np
+from sqlalchemy import insert, update
+from sqlalchemy.orm import Session
+
+from service.campaigns.grid_points import stored_points
+from service.campaigns.mode_sets import shape_columns
+from service.campaigns.reading import Kept
+from service.campaigns.spectra import Axis, encode, encode_axis
+from service.campaigns.tables import Campaign, Frf, GridPoint, Import, Mode, ModeSet
+from service.campaigns.uff import DatasetReport, Function, ModeShape
+from service.campaigns.uff import Frf as ReadFrf
+from service.campaigns.uff import GridPoint as ReadPoint
+from service.problems import Conflict, Invalid
+
+FRFS_AT_ONCE = 32
+SAME_POINT_M = 1e-6
+"""Coordinates of one point in two files may differ by this: a file may have them in single precision."""
+MOST_NAMED = 10
+
+Pair = tuple[int, int, int, int, int]
+
+
+def store_import(session: Session, job_id: UUID, items: Iterator[Kept]) -> None:
+    """Take in a file. A dry run goes the same way and writes the report alone.
+
+    Raises:
+        Conflict: a grid point of the file lies elsewhere than the campaign has it.
+        Invalid: nothing at all of the file could be read.
+    """
+    row = session.get_one(Import, job_id)
+    session.get_one(Campaign, row.campaign_id, with_for_update=True)
+    intake = _Intake(session, row)
+    for item in items:
+        intake.take(item)
+    intake.finish()
+
+
+class _Intake:
+    """One import's way into the tables."""
+
+    def __init__(self, session: Session, row: Import) -> None:
+        self.session = session
+        self.row = row
+        self.reports: list[DatasetReport] = []
+        self.points = stored_points(session, row.campaign_id)
+        self.frfs: list[dict[str, Any]] = []
+        self.pairs: dict[Pair, int] = {}
+        self.coherences: list[tuple[int, Pair, Function]] = []
+        self.modes: list[ModeShape] = []
+        self.counts = {"frfs": 0, "grid_points": 0, "modes": 0}
+        self.named: set[int] = set()
+        self.seen: set[int] = set()
+
+    def take(self, item: Kept) -> None:
+        """One item, in the file's order."""
+        if isinstance(item, list):
+            self._take_points(item)
+        elif isinstance(item, ReadFrf):
+            self._take_frf(item)
+        elif isinstance(item, Function):
+            self.coherences.append((item.dataset, _pair(item), item))
+        elif isinstance(item, ModeShape):
+            self.modes.append(item)
+            self.counts["modes"] += 1
+        else:
+            self.reports.append(item)
+
+    def finish(self) -> None:
+        """What can only be stored once the whole file was seen."""
+        self._write_frfs()
+        self._write_coherences()
+        self._write_modes()
+        if not any(self.counts.values()) and not self.row.dry_run:
+            self._refuse_nothing()
+        self.row.counts = self.counts
+        self.row.datasets = [_report(report) for report in self.reports]
+        self.row.warnings = self._warnings()
+        self.session.flush()
+
+    def _take_points(self, points: list[ReadPoint]) -> None:
+        new = []
+        for point in points:
+            known = self.points.get(point.number)
+            if known is None:
+                self.points[point.number] = point.xyz_m
+                new.append(point)
+            elif np.max(np.abs(np.subtract(known, point.xyz_m))) > SAME_POINT_M:
+                raise Conflict(
+                    f"grid point {point.number} lies at {_metres(point.xyz_m)} in the file and at {_metres(known)} in the "
+                    "campaign, or it is in the file twice; correct the one that is wrong (PUT grid-points), or import "
+                    "into a campaign of its own"
+                )
+        self.seen |= {point.number for point in points}
+        self.counts["grid_points"] = len(self.seen)
+        if new and not self.row.dry_run:
+            self.session.execute(
+                insert(GridPoint),
+                [
+                    {
+                        "campaign_id": self.row.campaign_id,
+                        "label": p.number,
+                        "x_m": p.xyz_m[0],
+                        "y_m": p.xyz_m[1],
+                        "z_m": p.xyz_m[2],
+                    }
+                    for p in new
+                ],
+            )
+
+    def _take_frf(self, frf: ReadFrf) -> None:
+        self.counts["frfs"] += 1
+        self.pairs[_pair(frf)] = frf.dataset
+        self.named |= {frf.response_point, frf.reference_point}
+        if self.row.dry_run:
+            return
+        even = frf.frequency.values is None and frf.frequency.count > 1
+        axis = (
+            Axis(frf.frequency.start, frf.frequency.step, frf.frequency.count)
+            if even
+            else encode_axis(frf.frequency.points())
+        )
+        spectrum = encode(frf.values)
+        self.frfs.append(
+            {
+                "campaign_id": self.row.campaign_id,
+                "import_id": self.row.id,
+                "dataset": frf.dataset,
+                "label": frf.label,
+                "response_point": frf.response_point,
+                "response_direction": frf.response_direction,
+                "reference_point": frf.reference_point,
+                "reference_direction": frf.reference_direction,
+                "quantity": frf.quantity,
+                **axis.columns(),
+                **spectrum.columns(),
+            }
+        )
+        if len(self.frfs) >= FRFS_AT_ONCE:
+            self._write_frfs()
+
+    def _write_frfs(self) -> None:
+        if self.frfs:
+            self.session.execute(insert(Frf), self.frfs)
+            self.frfs = []
+
+    def _write_coherences(self) -> None:
+        """Each coherence goes to the FRF between the same points; one that has none is reported as ignored."""
+        orphans: dict[int, str] = {}
+        for dataset, pair, function in self.coherences:
+            frf = self.pairs.get(pair)
+            if frf is None:
+                orphans[dataset] = "is a coherence of two points between which the file has no FRF on as many lines"
+            elif not self.row.dry_run:
+                spectrum = encode(function.values.real)
+                self.session.execute(
+                    update(Frf)
+                    .where(Frf.import_id == self.row.id, Frf.dataset == frf)
+                    .values(coherence=spectrum.data, coherence_dtype=spectrum.dtype, coherence_sha256=spectrum.sha256)
+                )
+        self.reports = [
+            replace(r, outcome="ignored", reason=orphans[r.number]) if r.number in orphans else r for r in self.reports
+        ]
+
+    def _write_modes(self) -> None:
+        if not self.modes or self.row.dry_run:
+            return
+        modes = sorted(self.modes, key=lambda m: m.frequency_hz)
+        mode_set = ModeSet(
+            campaign_id=self.row.campaign_id, import_id=self.row.id, name=self.row.filename, origin="file", details={}
+        )
+        self.session.add(mode_set)
+        self.session.flush()
+        self.session.execute(
+            insert(Mode),
+            [
+                {
+                    "mode_set_id": mode_set.id,
+                    "number": number,
+                    "frequency_hz": mode.frequency_hz,
+                    "damping_ratio": None if np.isnan(mode.damping_ratio) else mode.damping_ratio,
+                    "shape": shape_columns(mode.points, mode.values),
+                }
+                for number, mode in enumerate(modes, 1)
+            ],
+        )
+
+    def _refuse_nothing(self) -> None:
+        why = [f"dataset {r.number} (type {r.type}, byte {r.offset}): {r.reason}" for r in self.reports if r.reason]
+        more = f"; and {len(why) - MOST_NAMED} more" if len(why) > MOST_NAMED else ""
+        raise Invalid("file", "nothing in it can be stored. " + "; ".join(why[:MOST_NAMED]) + more)
+
+    def _warnings(self) -> list[str]:
+        warnings = []
+        refused = sum(r.outcome == "refused" for r in self.reports)
+        if refused:
+            warnings.append(f"{refused} of {len(self.reports)} datasets were refused; see datasets for the reasons")
+        unknown = sorted(self.named - self.points.keys())
+        if unknown:
+            shown = ", ".join(map(str, unknown[:MOST_NAMED])) + (" …" if len(unknown) > MOST_NAMED else "")
+            warnings.append(f"FRFs name grid points that have no coordinates yet: {shown}; PUT grid-points adds them")
+        return warnings
+
+
+def _pair(item: ReadFrf | Function) -> Pair:
+    """Between which points and axes; the sense of a direction does not matter to a coherence."""
+    lines = item.frequency.count if isinstance(item, ReadFrf) else item.abscissa.count
+    return (
+        item.response_point,
+        abs(item.response_direction),
+        item.reference_point,
+        abs(item.reference_direction),
+        lines,
+    )
+
+
+def _report(report: DatasetReport) -> dict[str, Any]:
+    return {
+        "number": report.number,
+        "type": report.type,
+        "offset": report.offset,
+        "outcome": report.outcome,
+        "reason": report.reason,
+        "notes": list(report.notes),
+    }
+
+
+def _metres(xyz: tuple[float, float, float]) -> str:
+    return "(" + ", ".join(f"{v:.6g}" for v in xyz) + ") m"

@@ -1,0 +1,153 @@
+"""A campaign as the updating core wants it: structure, points and FRFs in the specimen's frame, SI, with their digests."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from uuid import UUID
+
+import numpy as np
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from fecore.arrays import FloatArray
+from fecore.frf import Dof, FrfSet
+from service.campaigns.frame import Frame
+from service.campaigns.frf_data import Cut, FrfTable, frequency_axis, make_table
+from service.campaigns.grid_points import stored_points
+from service.campaigns.operations import frame_of
+from service.campaigns.schemas import Instruments
+from service.campaigns.tables import Campaign, Frf
+from service.structures.operations import current_version, describe_version
+from service.structures.schemas import StructureIn
+from service.structures.tables import Structure
+
+
+@dataclass(frozen=True)
+class MeasuredFrfs:
+    """FRFs of one quantity on one frequency axis.
+
+    Attributes:
+        frfs: in the specimen's frame; `variance` where every FRF has a coherence and a number of averages.
+        ids: N ids of their rows.
+        sha256s: N digests of their spectra, hexadecimal.
+    """
+
+    frfs: FrfSet
+    ids: tuple[UUID, ...]
+    sha256s: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """All that an update needs to know of a campaign.
+
+    Attributes:
+        campaign_id: its key.
+        structure_version_id: key of the structure's version that this was read with.
+        structure_version: its number.
+        structure: what the structure is in that version.
+        boundary: cantilever, free or simply_supported.
+        sensor_mass_kg: mass of the sensor, 0 where none is stated.
+        sensor_point: grid point where the sensor sits; None where it roves or is not stated.
+        points: label to coordinates in the specimen's frame, m.
+        frf_sets: one per quantity and frequency axis, the largest first.
+        warnings: what was left out, and why.
+    """
+
+    campaign_id: UUID
+    structure_version_id: UUID
+    structure_version: int
+    structure: StructureIn
+    boundary: str
+    sensor_mass_kg: float
+    sensor_point: int | None
+    points: dict[int, tuple[float, float, float]]
+    frf_sets: tuple[MeasuredFrfs, ...]
+    warnings: tuple[str, ...]
+
+
+def load_measurement(session: Session, campaign_id: UUID) -> Measurement:
+    """Read a campaign with its spectra.
+
+    Raises:
+        InputError: the campaign's frame does not fit the directions of its FRFs.
+    """
+    campaign = session.get_one(Campaign, campaign_id)
+    structure = session.get_one(Structure, campaign.structure_id)
+    version = current_version(session, structure)
+    instruments = Instruments.model_validate(campaign.instruments)
+    frame = frame_of(campaign)
+    warnings: list[str] = []
+    return Measurement(
+        campaign_id=campaign.id,
+        structure_version_id=version.id,
+        structure_version=version.number,
+        structure=describe_version(version, structure.name),
+        boundary=campaign.boundary,
+        sensor_mass_kg=instruments.sensor_mass_kg or 0.0,
+        sensor_point=instruments.sensor_point,
+        points=specimen_points(session, campaign),
+        frf_sets=tuple(_frf_sets(session, campaign, frame, warnings)),
+        warnings=tuple(warnings),
+    )
+
+
+def specimen_points(session: Session, campaign: Campaign) -> dict[int, tuple[float, float, float]]:
+    """Label to coordinates in the specimen's frame, m."""
+    stored = stored_points(session, campaign.id)
+    if not stored:
+        return {}
+    moved = frame_of(campaign).points(np.array(list(stored.values())))
+    return {label: (float(x), float(y), float(z)) for label, (x, y, z) in zip(stored, moved, strict=True)}
+
+
+def _frf_sets(session: Session, campaign: Campaign, frame: Frame, warnings: list[str]) -> list[MeasuredFrfs]:
+    rows = session.scalars(select(Frf).where(Frf.campaign_id == campaign.id).order_by(Frf.id)).all()
+    usable = []
+    for row in rows:
+        if 0 in (row.response_point, row.response_direction, row.reference_point, row.reference_direction):
+            warnings.append(f"FRF {row.id} ({row.label}) states no point or direction and is left out")
+        else:
+            usable.append(row)
+    tables = [make_table(session, group, Cut()) for group in _by_axis(session, usable)]
+    sets = [_measured(session, table, frame) for table in tables]
+    return sorted(sets, key=lambda s: -s.frfs.values.size)
+
+
+def _by_axis(session: Session, rows: list[Frf]) -> Iterator[list[Frf]]:
+    """Rows of one quantity on one axis each, in the order of the first of them."""
+    groups: dict[tuple[object, ...], list[Frf]] = {}
+    for row in rows:
+        uneven = frequency_axis(session, row).tobytes() if row.step_hz is None else None
+        groups.setdefault((row.quantity, row.start_hz, row.step_hz, row.lines, uneven), []).append(row)
+    yield from groups.values()
+
+
+def _measured(session: Session, table: FrfTable, frame: Frame) -> MeasuredFrfs:
+    rows = list(table.frfs)
+    values = np.array([spectrum for _, spectrum in table.spectra(session)], dtype=np.complex128)
+    frfs = FrfSet(
+        frequency_hz=table.frequency_hz,
+        values=values,
+        responses=tuple(frame.dof(Dof(row.response_point, row.response_direction)) for row in rows),
+        references=tuple(frame.dof(Dof(row.reference_point, row.reference_direction)) for row in rows),
+        quantity=rows[0].quantity,  # type: ignore[arg-type]  # the column holds what was checked on the way in
+        variance=_variance(session, table, values),
+    )
+    return MeasuredFrfs(frfs, tuple(row.id for row in rows), tuple(row.sha256.hex() for row in rows))
+
+
+def _variance(session: Session, table: FrfTable, values: np.ndarray) -> FloatArray | None:
+    """E|n|² = |H|² (1 - γ²) / (γ² n_d) of an H1 estimate from n_d averages (Bendat & Piersol, Random Data, 9.2.4).
+
+    None unless every FRF has a coherence strictly between 0 and 1 and at least two averages.
+    """
+    if not all(row.coherence_sha256 is not None and (row.averages or 0) > 1 for row in table.frfs):
+        return None
+    gamma = np.array([coherence for _, coherence in table.coherences(session)], dtype=np.float64)
+    if not ((gamma > 0) & (gamma < 1)).all():
+        return None
+    averages = np.array([[row.averages] for row in table.frfs], dtype=np.float64)
+    variance: FloatArray = np.abs(values) ** 2 * (1 - gamma) / (gamma * averages)
+    return variance

@@ -1,0 +1,45 @@
+"""Routes of mode sets."""
+
+from __future__ import annotations
+
+from uuid import UUID
+
+from fastapi import Response
+from sqlalchemy import select
+
+from service.access import CurrentUser, Cursor, Limit, SessionDep, paged
+from service.campaigns import mode_sets
+from service.campaigns.mode_schemas import ModeSetIn, ModeSetOut
+from service.campaigns.operations import campaign_for
+from service.campaigns.tables import ModeSet
+from service.problems import Page, api_router
+
+router = api_router(tags=["mode sets"])
+
+
+@router.post("/campaigns/{campaign_id}/mode-sets", status_code=201)
+def create_mode_set(
+    campaign_id: UUID, body: ModeSetIn, session: SessionDep, user: CurrentUser, response: Response
+) -> ModeSetOut:
+    """Type in modes that were identified elsewhere: frequencies, and where known damping ratios and shapes."""
+    campaign = campaign_for(session, user, campaign_id, "editor")
+    mode_set = mode_sets.create_mode_set(session, user, campaign, body)
+    response.headers["Location"] = f"/api/v1/mode-sets/{mode_set.id}"
+    return mode_sets.describe_all(session, [mode_set])[0]
+
+
+@router.get("/campaigns/{campaign_id}/mode-sets")
+def list_mode_sets(
+    campaign_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+) -> Page[ModeSetOut]:
+    """Mode sets of a campaign."""
+    campaign = campaign_for(session, user, campaign_id)
+    query = select(ModeSet).where(ModeSet.campaign_id == campaign.id)
+    rows, following = paged(session, query, ModeSet.id, cursor, limit)
+    return Page(items=mode_sets.describe_all(session, rows), next_cursor=following)
+
+
+@router.get("/mode-sets/{mode_set_id}")
+def get_mode_set(mode_set_id: UUID, session: SessionDep, user: CurrentUser) -> ModeSetOut:
+    """A mode set."""
+    return mode_sets.describe_all(session, [mode_sets.mode_set_for(session, user, mode_set_id)])[0]

@@ -1,0 +1,207 @@
+"""Mode sets: typed in, from a file or identified; stored by ascending frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+from uuid import UUID
+
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy import insert, select
+from sqlalchemy.orm import Session
+
+from fecore.arrays import ComplexArray
+from fecore.frf import Dof
+from fecore.modes import MeasuredModes
+from service.access import Role, User, audit
+from service.campaigns.mode_schemas import ModeIn, ModeOut, ModeSetIn, ModeSetOut, ShapeValue
+from service.campaigns.operations import campaign_for, project_of
+from service.campaigns.tables import Campaign, Mode, ModeSet
+from service.problems import NotFound
+
+
+def mode_set_for(session: Session, user: User, mode_set_id: UUID, role: Role = "viewer") -> ModeSet:
+    """The mode set, if the user has at least this role in its project.
+
+    Raises:
+        NotFound: there is none, it is other people's, or its campaign is deleted.
+    """
+    mode_set = session.get(ModeSet, mode_set_id)
+    if mode_set is None:
+        raise NotFound("mode set", mode_set_id)
+    try:
+        campaign_for(session, user, mode_set.campaign_id, role)
+    except NotFound:
+        raise NotFound("mode set", mode_set_id) from None
+    return mode_set
+
+
+def create_mode_set(session: Session, user: User, campaign: Campaign, body: ModeSetIn) -> ModeSet:
+    """Store modes that a person or a script knows."""
+    mode_set = ModeSet(campaign_id=campaign.id, name=body.name, origin="typed", details={})
+    session.add(mode_set)
+    session.flush()
+    modes = sorted(body.modes, key=lambda mode: mode.frequency_hz)
+    session.execute(insert(Mode), [_row(mode_set.id, number, mode) for number, mode in enumerate(modes, 1)])
+    session.refresh(mode_set)
+    audit(session, user, "mode_set.create", "mode_set", mode_set.id, project_of(session, campaign), name=body.name)
+    return mode_set
+
+
+def store_identified(
+    session: Session, campaign_id: UUID, name: str, modes: MeasuredModes, *, job_id: UUID, details: dict[str, Any]
+) -> ModeSet:
+    """Store modes that a job has identified, with their covariance; `details` says how they were found."""
+    mode_set = ModeSet(
+        campaign_id=campaign_id,
+        job_id=job_id,
+        name=name,
+        origin="identified",
+        covariance=None if modes.covariance is None else modes.covariance.tolist(),
+        details=details,
+    )
+    session.add(mode_set)
+    session.flush()
+    sd_f, sd_z = modes.frequency_sd_hz, modes.damping_sd
+    session.execute(
+        insert(Mode),
+        [
+            {
+                "mode_set_id": mode_set.id,
+                "number": k + 1,
+                "frequency_hz": float(modes.frequency_hz[k]),
+                "damping_ratio": _finite(modes.damping_ratio[k]),
+                "frequency_sd_hz": None if sd_f is None else _finite(sd_f[k]),
+                "damping_sd": None if sd_z is None else _finite(sd_z[k]),
+                "shape": None if modes.shapes is None else _columns(modes.dofs, modes.shapes[k]),
+            }
+            for k in range(len(modes))
+        ],
+    )
+    return mode_set
+
+
+def load_modes(session: Session, mode_set_id: UUID) -> MeasuredModes:
+    """A mode set as the core wants it, directions in the file's coordinates.
+
+    Rigid-body modes of a file (0 Hz) are left out. Shapes are given where every mode has one, at the degrees of freedom
+    that all of them share. Typed-in standard deviations become a diagonal covariance where every mode has them.
+    """
+    mode_set = session.get_one(ModeSet, mode_set_id)
+    rows = [row for row in _modes(session, [mode_set.id])[mode_set.id] if row.frequency_hz > 0]
+    dofs = _shared_dofs(rows)
+    return MeasuredModes(
+        frequency_hz=np.array([row.frequency_hz for row in rows]),
+        damping_ratio=np.array([np.nan if row.damping_ratio is None else row.damping_ratio for row in rows]),
+        shapes=np.array([_values_at(row, dofs) for row in rows]) if dofs else None,
+        dofs=tuple(dofs),
+        covariance=_covariance(mode_set, rows),
+    )
+
+
+def describe_all(session: Session, mode_sets: Sequence[ModeSet]) -> list[ModeSetOut]:
+    """Mode sets as clients see them."""
+    modes = _modes(session, [mode_set.id for mode_set in mode_sets])
+    return [
+        ModeSetOut(
+            id=s.id,
+            campaign_id=s.campaign_id,
+            name=s.name,
+            origin=s.origin,  # type: ignore[arg-type]  # written by this module and by intake alone
+            import_id=s.import_id,
+            job_id=s.job_id,
+            modes=[_mode(row) for row in modes[s.id]],
+            details=s.details,
+            created_at=s.created_at,
+        )
+        for s in mode_sets
+    ]
+
+
+def shape_columns(points: NDArray[np.int64], values: ComplexArray) -> dict[str, Any]:
+    """A file's shape, (p, 3) or (p, 6) at p points, as it is stored: a list a column."""
+    count, axes = values.shape
+    return {
+        "point": np.repeat(points, axes).tolist(),
+        "direction": np.tile(np.arange(1, axes + 1), count).tolist(),
+        "real": values.real.ravel().tolist(),
+        "imag": values.imag.ravel().tolist(),
+    }
+
+
+def _columns(dofs: Sequence[Dof], values: ComplexArray) -> dict[str, Any]:
+    return {
+        "point": [dof.point for dof in dofs],
+        "direction": [dof.direction for dof in dofs],
+        "real": values.real.tolist(),
+        "imag": values.imag.tolist(),
+    }
+
+
+def _row(mode_set_id: UUID, number: int, mode: ModeIn) -> dict[str, Any]:
+    shape = mode.shape and {
+        column: [getattr(value, column) for value in mode.shape] for column in ("point", "direction", "real", "imag")
+    }
+    return {"mode_set_id": mode_set_id, "number": number, **mode.model_dump(exclude={"shape"}), "shape": shape}
+
+
+def _mode(row: Mode) -> ModeOut:
+    shape = row.shape and [
+        ShapeValue(point=p, direction=d, real=re, imag=im)
+        for p, d, re, im in zip(
+            row.shape["point"], row.shape["direction"], row.shape["real"], row.shape["imag"], strict=True
+        )
+    ]
+    return ModeOut(
+        number=row.number,
+        frequency_hz=row.frequency_hz,
+        damping_ratio=row.damping_ratio,
+        frequency_sd_hz=row.frequency_sd_hz,
+        damping_sd=row.damping_sd,
+        shape=shape or None,
+    )
+
+
+def _modes(session: Session, ids: Sequence[UUID]) -> dict[UUID, list[Mode]]:
+    found: dict[UUID, list[Mode]] = {i: [] for i in ids}
+    for row in session.scalars(select(Mode).where(Mode.mode_set_id.in_(ids)).order_by(Mode.mode_set_id, Mode.number)):
+        found[row.mode_set_id].append(row)
+    return found
+
+
+def _shape_of(row: Mode) -> dict[tuple[int, int], complex]:
+    """(point, axis) to the value along the positive axis."""
+    shape = row.shape or {"point": [], "direction": [], "real": [], "imag": []}
+    return {
+        (p, abs(d)): complex(re, im) * (1 if d > 0 else -1)
+        for p, d, re, im in zip(shape["point"], shape["direction"], shape["real"], shape["imag"], strict=True)
+    }
+
+
+def _shared_dofs(rows: Sequence[Mode]) -> list[Dof]:
+    """Degrees of freedom that every mode has; axes along which no mode moves anywhere were not measured."""
+    if not rows or any(row.shape is None for row in rows):
+        return []
+    shapes = [_shape_of(row) for row in rows]
+    moving = {axis for shape in shapes for (_, axis), value in shape.items() if value != 0}
+    shared = set.intersection(*(set(shape) for shape in shapes))
+    return [Dof(point, axis) for point, axis in sorted(shared) if axis in moving]
+
+
+def _values_at(row: Mode, dofs: Sequence[Dof]) -> list[complex]:
+    shape = _shape_of(row)
+    return [shape[dof.point, dof.axis] for dof in dofs]
+
+
+def _covariance(mode_set: ModeSet, rows: Sequence[Mode]) -> NDArray[np.float64] | None:
+    if mode_set.covariance is not None:
+        return np.array(mode_set.covariance, dtype=np.float64)
+    sds = [row.frequency_sd_hz for row in rows] + [row.damping_sd for row in rows]
+    if any(sd is None for sd in sds):
+        return None
+    return np.diag(np.square(np.array(sds, dtype=np.float64)))
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

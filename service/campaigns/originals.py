@@ -1,0 +1,81 @@
+"""Uploaded files in the database: in chunks, under their SHA-256, each stored once however often it is uploaded."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from sqlalchemy import select
+from sqlalchemy.dialects.postgresql import insert
+from sqlalchemy.orm import Session
+
+from service.campaigns.tables import Original, OriginalChunk
+from service.problems import ServiceError
+
+CHUNK_BYTES = 1024 * 1024
+
+
+class DamagedOriginalError(ServiceError):
+    """The stored bytes of a file do not have the SHA-256 that they are stored under."""
+
+
+@dataclass(frozen=True)
+class Spooled:
+    """A file on this machine's disk, hashed while it was written.
+
+    Attributes:
+        path: where it lies.
+        size: bytes.
+        sha256: digest of the bytes.
+    """
+
+    path: Path
+    size: int
+    sha256: bytes
+
+
+def keep_original(session: Session, file: Spooled) -> None:
+    """Store the file's bytes, unless they are stored already.
+
+    A second upload of the same bytes at the same moment waits for the first one's commit here.
+    """
+    new = session.execute(
+        insert(Original).values(sha256=file.sha256, size=file.size).on_conflict_do_nothing().returning(Original.sha256)
+    ).one_or_none()
+    if new is None:
+        return
+    with file.path.open("rb") as stream:
+        number = 0
+        while data := stream.read(CHUNK_BYTES):
+            session.execute(insert(OriginalChunk).values(sha256=file.sha256, number=number, data=data))
+            number += 1
+
+
+def original_chunks(session: Session, sha256: bytes) -> Iterator[bytes]:
+    """The bytes of a stored file, chunk by chunk."""
+    number = 0
+    while True:
+        data = session.scalars(
+            select(OriginalChunk.data).where(OriginalChunk.sha256 == sha256, OriginalChunk.number == number)
+        ).one_or_none()
+        if data is None:
+            return
+        yield data
+        number += 1
+
+
+def write_original(session: Session, sha256: bytes, path: Path) -> None:
+    """Write a stored file to disk.
+
+    Raises:
+        DamagedOriginalError: what was stored is not what was uploaded.
+    """
+    digest = hashlib.sha256()
+    with path.open("wb") as stream:
+        for chunk in original_chunks(session, sha256):
+            digest.update(chunk)
+            stream.write(chunk)
+    if digest.digest() != sha256:
+        raise DamagedOriginalError(f"the stored file {sha256.hex()} fails its checksum; restore it from a backup")

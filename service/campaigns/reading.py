@@ -1,0 +1,97 @@
+"""Reading an uploaded file in the child process: what of it is kept, and a report on every dataset.
+
+This module imports no database and no web, since the child imports it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Protocol
+
+from fecore.errors import InputError
+from fecore.frf import Quantity
+from service.campaigns.uff import (
+    Content,
+    DatasetReport,
+    Element,
+    Frf,
+    Function,
+    GridPoint,
+    Limits,
+    ModeShape,
+    TraceLine,
+    UffError,
+    read_file,
+)
+
+COHERENCE = 6
+POINTS_AT_ONCE = 5000
+
+Kept = list[GridPoint] | Frf | Function | ModeShape | DatasetReport
+"""What goes to the database; of functions that are not FRFs, only ordinary coherences."""
+
+
+class Report(Protocol):
+    """Tells how far the reading is."""
+
+    def __call__(self, stage: str, progress: float) -> None:
+        """Stage in words, and share of the work that is done."""
+
+
+@dataclass(frozen=True)
+class ReadingInputs:
+    """A file to read.
+
+    Attributes:
+        path: where it lies.
+        quantity: what an FRF is whose file states neither data type nor unit.
+    """
+
+    path: Path
+    quantity: Quantity | None
+
+
+def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
+    """What is kept of a UFF file, dataset by dataset, each followed by its report.
+
+    Raises:
+        InputError: the framing of the file is broken; nothing was yielded before.
+    """
+    size = inputs.path.stat().st_size
+    report("checking the file", 0.0)
+    try:
+        items = read_file(inputs.path, Limits(quantity=inputs.quantity))
+        points: list[GridPoint] = []
+        unused: str | None = None
+        for item in items:
+            if isinstance(item, GridPoint) and len(points) < POINTS_AT_ONCE:
+                points.append(item)
+                continue
+            if points:
+                yield points
+                points = []
+            if isinstance(item, DatasetReport):
+                report(f"reading dataset {item.number}", min(1.0, item.offset / size))
+                yield replace(item, outcome="ignored", reason=unused) if unused and item.outcome == "read" else item
+                unused = None
+            elif isinstance(item, GridPoint):
+                points.append(item)
+            elif (reason := _why_unused(item)) is not None:
+                unused = reason
+            elif isinstance(item, Frf | Function | ModeShape):
+                yield item
+    except UffError as error:
+        raise InputError("file", f"{error.reason} (byte {error.offset})") from error
+
+
+def _why_unused(item: Content) -> str | None:
+    """Why a sound content is not stored; None where it is, or where it only serves to read the rest."""
+    if isinstance(item, Function) and item.function_type != COHERENCE:
+        return f"is a {item.name}; of functions, FRFs and coherences are stored"
+    if isinstance(item, TraceLine):
+        return "is a trace line of the drawing; it stays in the original file"
+    if isinstance(item, Element):
+        return "holds elements of the drawing; they stay in the original file"
+    return None

@@ -1,0 +1,90 @@
+"""Routes of campaigns and their grid points."""
+
+from __future__ import annotations
+
+from typing import Annotated
+from uuid import UUID
+
+from fastapi import Query, Request, Response
+from sqlalchemy import select
+
+from service.access import CurrentUser, Cursor, Limit, SessionDep, etag_of, paged, require_match
+from service.campaigns import operations
+from service.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch
+from service.campaigns.tables import Campaign
+from service.problems import Invalid, Page, api_router
+from service.structures.operations import structure_for
+
+router = api_router(tags=["campaigns"])
+
+
+@router.post("/structures/{structure_id}/campaigns", status_code=201)
+def create_campaign(
+    structure_id: UUID, body: CampaignIn, session: SessionDep, user: CurrentUser, response: Response
+) -> CampaignOut:
+    """Describe a measurement: boundary, date, climate, instruments, and the frame of the file's coordinates."""
+    campaign = operations.create_campaign(session, user, structure_id, body)
+    response.headers["Location"] = f"/api/v1/campaigns/{campaign.id}"
+    return _shown(campaign, response)
+
+
+@router.get("/structures/{structure_id}/campaigns")
+def list_campaigns(
+    structure_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    cursor: Cursor = None,
+    limit: Limit = 100,
+    deleted: Annotated[bool, Query(description="list deleted campaigns, which can be restored, instead")] = False,
+) -> Page[CampaignOut]:
+    """Campaigns of a structure."""
+    structure = structure_for(session, user, structure_id)
+    hidden = Campaign.deleted_at.is_not(None) if deleted else Campaign.deleted_at.is_(None)
+    query = select(Campaign).where(Campaign.structure_id == structure.id, hidden)
+    rows, following = paged(session, query, Campaign.id, cursor, limit)
+    return Page(items=[operations.describe(row) for row in rows], next_cursor=following)
+
+
+@router.get("/campaigns/{campaign_id}")
+def get_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> CampaignOut:
+    """A campaign."""
+    return _shown(operations.campaign_for(session, user, campaign_id), response)
+
+
+@router.patch("/campaigns/{campaign_id}")
+def change_campaign(
+    campaign_id: UUID, body: CampaignPatch, session: SessionDep, user: CurrentUser, request: Request, response: Response
+) -> CampaignOut:
+    """Change what is known of a campaign; results that exist keep what they used."""
+    campaign = operations.campaign_for(session, user, campaign_id, "editor")
+    session.refresh(campaign, with_for_update=True)
+    require_match(request, etag_of(operations.describe(campaign)))
+    if not body.model_fields_set:
+        raise Invalid("", "names nothing to change")
+    operations.change_campaign(session, user, campaign, body)
+    return _shown(campaign, response)
+
+
+@router.delete("/campaigns/{campaign_id}", status_code=204)
+def delete_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser, request: Request) -> None:
+    """Hide a campaign and what is in it. It stays stored and can be restored."""
+    campaign = operations.campaign_for(session, user, campaign_id, "editor")
+    session.refresh(campaign, with_for_update=True)
+    if "if-match" in request.headers:
+        require_match(request, etag_of(operations.describe(campaign)))
+    operations.delete_campaign(session, user, campaign)
+
+
+@router.post("/campaigns/{campaign_id}/restore")
+def restore_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> CampaignOut:
+    """Bring a deleted campaign back."""
+    campaign = operations.campaign_for(session, user, campaign_id, "editor", deleted=True)
+    session.refresh(campaign, with_for_update=True)
+    operations.restore_campaign(session, user, campaign)
+    return _shown(campaign, response)
+
+
+def _shown(campaign: Campaign, response: Response) -> CampaignOut:
+    shown = operations.describe(campaign)
+    response.headers["ETag"] = etag_of(shown)
+    return shown

@@ -1,0 +1,191 @@
+"""What can be done with coupon batches: record, summarise, hand over as a prior."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from uuid import UUID
+
+from sqlalchemy import func, select
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+
+from service.access import Role, User, audit
+from service.coupons.schemas import (
+    BatchIn,
+    BatchOut,
+    Constant,
+    CouponIn,
+    CouponOut,
+    Excluded,
+    PublishedMean,
+    Statistic,
+    Summary,
+)
+from service.coupons.statistics import FEWEST_SPECIMENS, Statistics, statistics
+from service.coupons.tables import Coupon, CouponBatch
+from service.problems import Conflict, Fault, Invalid, NotFound
+from service.structures.operations import structure_for
+from service.structures.tables import Structure
+
+PROPERTY_OF: dict[Constant, str] = {"Ex": "E_Pa", "Ey": "E_Pa", "Gxy": "G_Pa", "nu_xy": "nu"}
+"""Which measured property of a specimen a constant of the structure is."""
+
+UNITS = {"E_Pa": "Pa", "G_Pa": "Pa", "nu": "1", "strength_Pa": "Pa", "ultimate_strain": "1"}
+
+
+def batch_for(session: Session, user: User, batch_id: UUID, role: Role = "viewer") -> CouponBatch:
+    """The batch, if the user has at least this role in its project.
+
+    Raises:
+        NotFound: there is none, or it is other people's.
+        Forbidden: the user's role is too low.
+    """
+    batch = session.get(CouponBatch, batch_id)
+    if batch is None:
+        raise NotFound("coupon batch", batch_id)
+    try:
+        structure_for(session, user, batch.structure_id, role)
+    except NotFound:
+        raise NotFound("coupon batch", batch_id) from None
+    return batch
+
+
+def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn) -> CouponBatch:
+    """A new batch of coupons of a structure's material."""
+    structure = structure_for(session, user, structure_id, "editor")
+    batch = CouponBatch(
+        structure_id=structure.id,
+        name=body.name,
+        constants=list(body.constants),
+        published={name: value.model_dump() for name, value in body.published.items()},
+        conditions=body.conditions,
+    )
+    session.add(batch)
+    session.flush()
+    session.refresh(batch)
+    audit(session, user, "coupon_batch.create", "coupon_batch", batch.id, structure.project_id, name=body.name)
+    return batch
+
+
+def add_coupons(session: Session, user: User, batch: CouponBatch, bodies: Sequence[CouponIn]) -> list[Coupon]:
+    """Record specimens; all or none.
+
+    Raises:
+        Invalid: a specimen measures what the batch does not give without saying of which direction it is.
+        Conflict: a specimen of that name is in the batch already.
+    """
+    along = [name for name in ("Ex", "Ey") if name in batch.constants]
+    faults = [
+        Fault(
+            f"/{i}/E_Pa" if len(bodies) > 1 else "/E_Pa", "the batch gives Ex and Ey; record each direction in a batch"
+        )
+        for i, body in enumerate(bodies)
+        if body.E_Pa is not None and len(along) == 2
+    ]
+    if faults:
+        raise Invalid(faults)
+    rows = [Coupon(batch_id=batch.id, **body.model_dump()) for body in bodies]
+    session.add_all(rows)
+    try:
+        session.flush()
+    except IntegrityError as error:
+        if "uq_coupons_batch_id_specimen" not in str(error.orig):
+            raise
+        raise Conflict(
+            "a specimen of that name is in the batch already; every specimen has a name of its own"
+        ) from None
+    for row in rows:
+        session.refresh(row)
+    project_id = session.scalars(select(Structure.project_id).where(Structure.id == batch.structure_id)).one()
+    audit(session, user, "coupon.create", "coupon_batch", batch.id, project_id, count=len(rows))
+    return rows
+
+
+def summarise(session: Session, batch: CouponBatch) -> Summary:
+    """Statistics of the specimens that count, and the constants that follow; published means stand in where none do."""
+    coupons = session.scalars(select(Coupon).where(Coupon.batch_id == batch.id).order_by(Coupon.id)).all()
+    counted = [coupon for coupon in coupons if not coupon.excluded]
+    measured: dict[str, Statistics] = {}
+    for name in UNITS:
+        values = [value for coupon in counted if (value := getattr(coupon, name)) is not None]
+        if values:
+            measured[name] = statistics(values)
+    constants, warnings = _constants(batch, measured)
+    return Summary(
+        batch_id=batch.id,
+        properties={name: _statistic(s, UNITS[name], "specimens") for name, s in measured.items()},
+        constants=constants,
+        excluded=[Excluded(specimen=c.specimen, reason=c.exclusion_reason or "") for c in coupons if c.excluded],
+        warnings=warnings,
+    )
+
+
+def batch_prior(session: Session, batch_id: UUID) -> Summary:
+    """A batch as a prior of stage 1: `constants` has mean and between-specimen standard deviation of each constant.
+
+    Where the standard deviation is null (one specimen, or a published mean without one), the recipe must state it.
+    """
+    return summarise(session, session.get_one(CouponBatch, batch_id))
+
+
+def describe_all(session: Session, batches: Sequence[CouponBatch]) -> list[BatchOut]:
+    """Batches as clients see them."""
+    counts = session.execute(
+        select(Coupon.batch_id, func.count())
+        .where(Coupon.batch_id.in_([b.id for b in batches]))
+        .group_by(Coupon.batch_id)
+    )
+    number = {row[0]: row[1] for row in counts}
+    return [
+        BatchOut(
+            id=batch.id,
+            structure_id=batch.structure_id,
+            name=batch.name,
+            constants=batch.constants,
+            published={name: PublishedMean.model_validate(v) for name, v in batch.published.items()},  # type: ignore[misc]
+            conditions=batch.conditions,
+            coupons=number.get(batch.id, 0),
+            created_at=batch.created_at,
+        )
+        for batch in batches
+    ]
+
+
+def describe_coupon(coupon: Coupon) -> CouponOut:
+    """A specimen as clients see it."""
+    return CouponOut.model_validate({name: getattr(coupon, name) for name in CouponOut.model_fields})
+
+
+def _constants(batch: CouponBatch, measured: dict[str, Statistics]) -> tuple[dict[Constant, Statistic], list[str]]:
+    constants: dict[Constant, Statistic] = {}
+    warnings: list[str] = []
+    for name in batch.constants:
+        unit = "1" if name == "nu_xy" else "Pa"
+        own, published = measured.get(PROPERTY_OF[name]), batch.published.get(name)
+        if own is not None:
+            constants[name] = _statistic(own, unit, "specimens")
+            if published is not None:
+                warnings.append(f"{name}: the specimens are used, not the published mean")
+            if own.n is not None and own.n < FEWEST_SPECIMENS:
+                warnings.append(f"{name}: {own.n} valid specimens; D3039 asks for at least {FEWEST_SPECIMENS}")
+        elif published is not None:
+            value = PublishedMean.model_validate(published)
+            constants[name] = _statistic(Statistics(value.n, value.mean, value.standard_deviation), unit, "published")
+            if value.n is None:
+                warnings.append(f"{name}: a published mean that does not say how many specimens it stands for")
+            elif value.n < FEWEST_SPECIMENS:
+                warnings.append(f"{name}: {value.n} specimens; D3039 asks for at least {FEWEST_SPECIMENS}")
+        else:
+            warnings.append(f"{name}: no valid specimen and no published mean")
+    return constants, warnings
+
+
+def _statistic(value: Statistics, unit: str, source: str) -> Statistic:
+    return Statistic(
+        n=value.n,
+        mean=value.mean,
+        standard_deviation=value.standard_deviation,
+        cv_percent=value.cv_percent,
+        unit=unit,
+        source=source,  # type: ignore[arg-type]  # one of two, by this module
+    )

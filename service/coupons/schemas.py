@@ -1,0 +1,156 @@
+"""What a client sends and gets about coupon batches and coupons. Moduli and strengths in Pa."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Literal, Self
+from uuid import UUID
+
+from pydantic import Field, field_validator, model_validator
+from pydantic_core import PydanticCustomError
+
+from service.coupons.failure_codes import check_failure_code
+from service.problems import Name, StrictModel, Text
+
+Constant = Literal["Ex", "Ey", "Gxy", "nu_xy"]
+Standard = Literal["D3039", "D3518"]
+
+Modulus = Annotated[float, Field(gt=0, le=1e13, description="Pa")]
+Strength = Annotated[float, Field(gt=0, le=1e11, description="Pa")]
+
+
+class PublishedMean(StrictModel):
+    """A mean that is known without its specimens, from a paper or a data sheet."""
+
+    mean: float = Field(description="Pa; a Poisson's ratio has no unit")
+    standard_deviation: float | None = Field(None, gt=0, description="between specimens, in the mean's unit")
+    n: int | None = Field(None, ge=1, le=1_000_000, description="how many specimens it stands for")
+
+
+class BatchIn(StrictModel):
+    """A batch: which constants of the structure it gives, and a published mean of each that has no specimens here."""
+
+    name: Name
+    constants: list[Constant] = Field(min_length=1, max_length=4, description="elastic constants that the batch gives")
+    published: dict[Constant, PublishedMean] = Field(default_factory=dict)
+    conditions: dict[Text, Text] = Field(
+        default_factory=dict, max_length=50, description="conditioning, speed, machine, gauge, grips, in words"
+    )
+
+    @field_validator("constants")
+    @classmethod
+    def _each_once(cls, constants: list[Constant]) -> list[Constant]:
+        if len(set(constants)) != len(constants):
+            raise PydanticCustomError("twice", "a constant is named twice")
+        return constants
+
+    @model_validator(mode="after")
+    def _published_is_given(self) -> Self:
+        for name, value in self.published.items():
+            if name not in self.constants:
+                raise PydanticCustomError(
+                    "not_given", "published has {name}, which constants does not name", {"name": name}
+                )
+            if name != "nu_xy" and value.mean <= 0:
+                raise PydanticCustomError(
+                    "not_positive", "the published mean of {name} must be positive", {"name": name}
+                )
+        return self
+
+
+class BatchOut(StrictModel):
+    """A coupon batch."""
+
+    id: UUID
+    structure_id: UUID
+    name: str
+    constants: list[Constant]
+    published: dict[Constant, PublishedMean]
+    conditions: dict[Text, Text]
+    coupons: int = Field(description="how many specimens are recorded, excluded ones included")
+    created_at: datetime
+
+
+class CouponIn(StrictModel):
+    """Results of one specimen."""
+
+    specimen: Name
+    standard: Standard = "D3039"
+    E_Pa: Modulus | None = Field(None, description="tensile chord modulus along the specimen")
+    G_Pa: Modulus | None = Field(None, description="in-plane shear chord modulus (D3518)")
+    nu: float | None = Field(None, gt=-10, lt=10, description="Poisson's ratio")
+    strength_Pa: Strength | None = None
+    ultimate_strain: float | None = Field(None, gt=0, lt=10, description="m/m")
+    failure_code: Text | None = Field(None, max_length=20, description="three parts: type, area, location")
+    excluded: bool = False
+    exclusion_reason: Text | None = Field(None, min_length=1, max_length=1000)
+
+    @field_validator("failure_code")
+    @classmethod
+    def _is_a_code(cls, code: str | None) -> str | None:
+        if code is None:
+            return None
+        try:
+            return check_failure_code(code)
+        except ValueError as error:
+            raise PydanticCustomError("failure_code", "{why}", {"why": str(error)}) from None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.excluded != (self.exclusion_reason is not None):
+            raise PydanticCustomError(
+                "exclusion_reason", "a specimen is excluded with a reason, and a reason excludes: state both or neither"
+            )
+        if self.standard == "D3518" and (self.E_Pa is not None or self.nu is not None):
+            raise PydanticCustomError("not_of_d3518", "D3518 gives a shear modulus G_Pa, not E_Pa or nu")
+        if self.standard == "D3039" and self.G_Pa is not None:
+            raise PydanticCustomError("not_of_d3039", "D3039 gives E_Pa and nu; a shear modulus comes from D3518")
+        if all(value is None for value in (self.E_Pa, self.G_Pa, self.nu, self.strength_Pa, self.ultimate_strain)):
+            raise PydanticCustomError("no_result", "the specimen has no result")
+        return self
+
+
+class CouponOut(StrictModel):
+    """A recorded specimen."""
+
+    id: UUID
+    batch_id: UUID
+    specimen: str
+    standard: Standard
+    E_Pa: float | None
+    G_Pa: float | None
+    nu: float | None
+    strength_Pa: float | None
+    ultimate_strain: float | None
+    failure_code: str | None
+    excluded: bool
+    exclusion_reason: str | None
+    created_at: datetime
+
+
+class Statistic(StrictModel):
+    """Mean and scatter of a property over the specimens that count."""
+
+    n: int | None = Field(description="specimens that count; null where a published mean does not say")
+    mean: float
+    standard_deviation: float | None = Field(description="n-1 in the denominator; null below two specimens")
+    cv_percent: float | None = Field(description="coefficient of variation, 100 standard_deviation / |mean|")
+    unit: str
+    source: Literal["specimens", "published"]
+
+
+class Excluded(StrictModel):
+    """A specimen that does not count, and why."""
+
+    specimen: str
+    reason: str
+
+
+class Summary(StrictModel):
+    """A batch in numbers: what was measured, and what it gives as constants of the structure."""
+
+    batch_id: UUID
+    properties: dict[str, Statistic] = Field(description="per measured property: E_Pa, G_Pa, nu, strength_Pa, ...")
+    constants: dict[Constant, Statistic] = Field(description="per constant that the batch gives")
+    excluded: list[Excluded]
+    warnings: list[str]

@@ -1,0 +1,80 @@
+"""Routes of structures."""
+
+from __future__ import annotations
+
+from uuid import UUID
+
+from fastapi import Request, Response
+from sqlalchemy import select
+
+from service.access import CurrentUser, Cursor, Limit, SessionDep, etag_of, paged, project_for, require_match
+from service.problems import Invalid, NotFound, Page, api_router
+from service.structures import operations
+from service.structures.schemas import StructureIn, StructureOut, StructurePatch
+from service.structures.tables import Structure, StructureVersion
+
+router = api_router(tags=["structures"])
+
+
+@router.post("/projects/{project_id}/structures", status_code=201)
+def create_structure(
+    project_id: UUID, body: StructureIn, session: SessionDep, user: CurrentUser, response: Response
+) -> StructureOut:
+    """Describe a structure: geometry, density and either plies or a homogenised material, nominal values."""
+    structure = operations.create_structure(session, user, project_id, body)
+    response.headers["Location"] = f"/api/v1/structures/{structure.id}"
+    return _shown(operations.describe(session, structure), response)
+
+
+@router.get("/projects/{project_id}/structures")
+def list_structures(
+    project_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+) -> Page[StructureOut]:
+    """Structures of a project."""
+    project = project_for(session, user, project_id)
+    query = select(Structure).where(Structure.project_id == project.id)
+    rows, following = paged(session, query, Structure.id, cursor, limit)
+    return Page(items=operations.describe_all(session, rows), next_cursor=following)
+
+
+@router.get("/structures/{structure_id}")
+def get_structure(structure_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> StructureOut:
+    """A structure in its current version."""
+    structure = operations.structure_for(session, user, structure_id)
+    return _shown(operations.describe(session, structure), response)
+
+
+@router.get("/structures/{structure_id}/versions/{number}")
+def get_structure_version(structure_id: UUID, number: int, session: SessionDep, user: CurrentUser) -> StructureIn:
+    """What a structure was in an earlier version; results refer to it by number."""
+    structure = operations.structure_for(session, user, structure_id)
+    if not 1 <= number <= structure.version:
+        raise NotFound("version", number)
+    version = session.scalars(
+        select(StructureVersion).where(StructureVersion.structure_id == structure.id, StructureVersion.number == number)
+    ).one()
+    return operations.describe_version(version, structure.name)
+
+
+@router.patch("/structures/{structure_id}")
+def change_structure(
+    structure_id: UUID,
+    body: StructurePatch,
+    session: SessionDep,
+    user: CurrentUser,
+    request: Request,
+    response: Response,
+) -> StructureOut:
+    """Change a structure. Geometry, density or section make a new version; what a result used stays as it was."""
+    structure = operations.structure_for(session, user, structure_id, "editor")
+    session.refresh(structure, with_for_update=True)
+    require_match(request, etag_of(operations.describe(session, structure)))
+    if not body.model_fields_set:
+        raise Invalid("", "names nothing to change")
+    operations.change_structure(session, user, structure, body)
+    return _shown(operations.describe(session, structure), response)
+
+
+def _shown(structure: StructureOut, response: Response) -> StructureOut:
+    response.headers["ETag"] = etag_of(structure)
+    return structure

@@ -1,0 +1,143 @@
+"""What a client sends and gets about structures; every value is checked for physical sense here.
+
+Units are part of the names: m, kg/m³, Pa, degrees.
+"""
+
+from __future__ import annotations
+
+import math
+from datetime import datetime
+from typing import Annotated, Self
+from uuid import UUID
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic_core import PydanticCustomError
+
+from service.problems import Name, StrictModel
+
+Length = Annotated[float, Field(gt=0, le=1000, description="m")]
+Density = Annotated[float, Field(gt=0, le=50_000, description="kg/m³")]
+Modulus = Annotated[float, Field(gt=0, le=1e13, description="Pa")]
+Poisson = Annotated[float, Field(gt=-10, lt=10)]
+
+THICKNESS_AGREEMENT = 0.05
+"""How far, relatively, the plies' thicknesses may add up to something else than the measured thickness."""
+
+
+class Geometry(StrictModel):
+    """A strip: x along the length, y across the width, z through the thickness."""
+
+    length_m: Length
+    width_m: Length
+    thickness_m: Length
+
+    @field_validator("thickness_m")
+    @classmethod
+    def _thinner_than_long(cls, thickness: float, info: ValidationInfo) -> float:
+        length = info.data.get("length_m")
+        if length is not None and thickness >= length:
+            raise PydanticCustomError(
+                "not_a_strip", "a thickness of {t} m is not below the length of {l} m", {"t": thickness, "l": length}
+            )
+        return thickness
+
+
+def _check_poisson(nu: float, along: float | None, across: float | None) -> float:
+    """Refuse ν with ν² E_across / E_along ≥ 1: the plane-stress stiffness would not be positive definite."""
+    if along is not None and across is not None and nu * nu * across / along >= 1:
+        raise PydanticCustomError(
+            "not_positive_definite",
+            "{nu} makes the stiffness not positive definite: its magnitude must be below {limit}, the root of E1/E2",
+            {"nu": nu, "limit": float(f"{math.sqrt(along / across):.6g}")},
+        )
+    return nu
+
+
+class Material(StrictModel):
+    """A homogenised orthotropic material in the specimen's axes, nominal values."""
+
+    Ex_Pa: Modulus
+    Ey_Pa: Modulus
+    Gxy_Pa: Modulus
+    Gxz_Pa: Modulus
+    Gyz_Pa: Modulus
+    nu_xy: Poisson
+
+    @field_validator("nu_xy")
+    @classmethod
+    def _positive_definite(cls, nu: float, info: ValidationInfo) -> float:
+        return _check_poisson(nu, info.data.get("Ex_Pa"), info.data.get("Ey_Pa"))
+
+
+class Ply(StrictModel):
+    """One ply; 1 is the fibre direction, at `angle_deg` from x towards y."""
+
+    E1_Pa: Modulus
+    E2_Pa: Modulus
+    G12_Pa: Modulus
+    G13_Pa: Modulus
+    G23_Pa: Modulus
+    nu_12: Poisson
+    density_kg_m3: Density | None = Field(None, description="kg/m³; the structure's density where it is not given")
+    thickness_m: Length
+    angle_deg: float = Field(ge=-360, le=360)
+
+    @field_validator("nu_12")
+    @classmethod
+    def _positive_definite(cls, nu: float, info: ValidationInfo) -> float:
+        return _check_poisson(nu, info.data.get("E1_Pa"), info.data.get("E2_Pa"))
+
+
+class Laminate(StrictModel):
+    """Plies from the bottom (z = -t/2) to the top."""
+
+    plies: list[Ply] = Field(min_length=1, max_length=1000)
+
+
+class StructureIn(StrictModel):
+    """A structure as a client describes it: with a laminate or with a material, not both."""
+
+    name: Name
+    geometry: Geometry
+    density_kg_m3: Density
+    laminate: Laminate | None = None
+    material: Material | None = None
+
+    @model_validator(mode="after")
+    def _one_section(self) -> Self:
+        if (self.laminate is None) == (self.material is None):
+            raise PydanticCustomError("one_section", "state exactly one of laminate and material")
+        if self.laminate is not None:
+            total, measured = sum(ply.thickness_m for ply in self.laminate.plies), self.geometry.thickness_m
+            if abs(total - measured) > THICKNESS_AGREEMENT * measured:
+                raise PydanticCustomError(
+                    "thickness_disagrees",
+                    "the plies are {total} m thick together, the geometry says {measured} m",
+                    {"total": float(f"{total:.6g}"), "measured": measured},
+                )
+        return self
+
+
+class StructurePatch(StrictModel):
+    """Members to change. A laminate replaces a material and the other way round; null is not a value here."""
+
+    name: Name | None = None
+    geometry: Geometry | None = None
+    density_kg_m3: Density | None = None
+    laminate: Laminate | None = None
+    material: Material | None = None
+
+
+class StructureOut(StrictModel):
+    """A structure in its current version."""
+
+    id: UUID
+    project_id: UUID
+    name: str
+    version: int = Field(description="counts from 1; every change of geometry, density or section makes a new one")
+    geometry: Geometry
+    density_kg_m3: float
+    laminate: Laminate | None
+    material: Material | None
+    created_at: datetime
+    updated_at: datetime
