@@ -18,9 +18,11 @@ from service.campaigns.routes import router as campaigns
 from service.coupons.routes import router as coupons
 from service.jobs import JobKind
 from service.structures.routes import router as structures
+from service.updating.operations import UPDATE
+from service.updating.routes import router as updating
 
-ROUTERS: tuple[APIRouter, ...] = (access, structures, campaigns, imports, grid_points, frfs, mode_sets, coupons)
+ROUTERS: tuple[APIRouter, ...] = (access, structures, campaigns, imports, grid_points, frfs, mode_sets, coupons, updating)
 """Everything under `/api/v1`, in the order of the documentation page."""
 
-KINDS: tuple[JobKind, ...] = (IMPORT,)
+KINDS: tuple[JobKind, ...] = (IMPORT, UPDATE)
 """Every kind of job that a worker can run."""

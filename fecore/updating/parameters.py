@@ -159,7 +159,7 @@ def _nominal(specimen: Specimen) -> dict[str, float]:
 def _check(parameters: Sequence[Parameter]) -> None:
     by_name = {p.name: p for p in parameters}
     for index, p in enumerate(parameters):
-        where = f"parameters[{index}]"
+        where = f"parameters.{index}"
         if p.name not in CONSTANTS:
             raise InputError(f"{where}.name", f"is {p.name!r}, expected one of {', '.join(CONSTANTS)}")
         if by_name[p.name] is not p:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fecore.damping import RAYLEIGH, DampingLaw
 from fecore.errors import InputError
-from fecore.frf import FrfSet
+from fecore.frf import Dof, FrfSet
 from fecore.identification.residues import shapes_at_poles
 from fecore.modes import MeasuredModes
 from fecore.specimen import Specimen
@@ -83,7 +83,7 @@ def _laws(recipe: Recipe) -> tuple[DampingLaw, ...]:
         raise InputError("damping_models", "is empty, expected at least one")
     for index, name in enumerate(recipe.damping_models):
         if name not in LAWS:
-            raise InputError(f"damping_models[{index}]", f"is {name!r}, expected one of {', '.join(LAWS)}")
+            raise InputError(f"damping_models.{index}", f"is {name!r}, expected one of {', '.join(LAWS)}")
     return tuple(LAWS[name] for name in recipe.damping_models)
 
 
@@ -131,7 +131,7 @@ def _split(frfs: FrfSet, recipe: Recipe) -> tuple[FrfSet, FrfSet | None]:
 def _with_shapes(frfs: FrfSet, modes: MeasuredModes) -> tuple[MeasuredModes, tuple[str, ...]]:
     """The modes with shapes at measured points; where none were given, from the FRFs at the given poles."""
     if modes.shapes is not None:
-        return modes, ()
+        return _out_of_plane_shapes(frfs, modes)
     if np.any(np.isnan(modes.damping_ratio)) or np.any(modes.damping_ratio == 0):
         return modes, ("modes were paired by frequency: without damping ratios their shapes cannot be found from FRFs",)
     # Above the last mode's skirt the FRFs belong to modes that were not typed in.
@@ -140,6 +140,18 @@ def _with_shapes(frfs: FrfSet, modes: MeasuredModes) -> tuple[MeasuredModes, tup
         frfs, modes.frequency_hz, modes.damping_ratio, band_hz=(float(frfs.frequency_hz[0]), float(top))
     )
     return replace(modes, shapes=found.shapes, dofs=found.dofs), ()
+
+
+def _out_of_plane_shapes(frfs: FrfSet, modes: MeasuredModes) -> tuple[MeasuredModes, tuple[str, ...]]:
+    """The modes with their shapes along +z at points that have FRFs; without such dofs the shapes are of no use."""
+    points = {dof.point for dof in (*frfs.responses, *frfs.references)}
+    columns = [i for i, dof in enumerate(modes.dofs) if dof.axis == OUT_OF_PLANE and dof.point in points]
+    if not columns or modes.shapes is None:
+        warning = "modes were paired by frequency: their shapes have no out-of-plane value at a point with FRFs"
+        return replace(modes, shapes=None, dofs=()), (warning,)
+    sign = np.array([modes.dofs[i].sign for i in columns])
+    dofs = tuple(Dof(modes.dofs[i].point, OUT_OF_PLANE) for i in columns)
+    return replace(modes, shapes=modes.shapes[:, columns] * sign, dofs=dofs), ()
 
 
 def _forward(

@@ -1,0 +1,57 @@
+"""A result as the REST contract shows it: plain JSON, NaN as null."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.updating.result import Correlation, FrfCorrelation, UpdateResult
+
+
+def describe(result: UpdateResult, warnings: Iterable[str], provenance: dict[str, Any]) -> dict[str, Any]:
+    """The document that `GET /update-jobs/{id}/result` answers."""
+    return {
+        "parameters": [{**asdict(p), "interval_95": list(p.interval_95)} for p in result.parameters],
+        "modes": [asdict(mode) for mode in result.modes],
+        "correlation": _correlation(result.correlation),
+        "damping_models": [
+            {"name": fit.name, "coefficients": fit.coefficients, "misfit": fit.misfit, "history": fit.history.tolist()}
+            for fit in result.damping_models
+        ],
+        "convergence": [
+            {"parameters": step.parameters, "frequency_hz": _numbers(step.frequency_hz), "cost": step.cost}
+            for step in result.convergence
+        ],
+        "identifiability": {"null_directions": list(result.null_directions)},
+        "discrepancy": {"frequency": result.frequency_discrepancy, "damping": result.damping_discrepancy},
+        "band_hz": list(result.band_hz),
+        "warnings": [*warnings, *result.warnings],
+        "provenance": provenance,
+    }
+
+
+def _correlation(correlation: Correlation) -> dict[str, Any]:
+    matrix = correlation.mac_matrix
+    return {
+        **_agreement(correlation.updated),
+        "initial": _agreement(correlation.initial),
+        "held_out": None if correlation.held_out is None else _agreement(correlation.held_out),
+        "mac_matrix": None if matrix is None else [_numbers(row) for row in matrix],
+    }
+
+
+def _agreement(agreement: FrfCorrelation) -> dict[str, Any]:
+    return {
+        "sac": _numbers(agreement.sac),
+        "frac": _numbers(agreement.frac),
+        "csac_mean": float(np.nanmean(agreement.csac)),
+        "csf_mean": float(np.nanmean(agreement.csf)),
+    }
+
+
+def _numbers(values: FloatArray) -> list[float | None]:
+    return [float(value) if np.isfinite(value) else None for value in values]

@@ -1,0 +1,141 @@
+"""From stored rows to what the core takes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+from sqlalchemy.orm import Session
+
+from fecore.errors import InputError
+from fecore.laminate import OrthotropicMaterial
+from fecore.model import PointMass
+from fecore.modes import MeasuredModes
+from fecore.specimen import Specimen
+from fecore.updating.parameters import Parameter
+from fecore.updating.pipeline import Measurement
+from service.campaigns import measurement as stored
+from service.campaigns.frame import Frame
+from service.campaigns.mode_sets import load_modes
+from service.campaigns.operations import frame_of
+from service.campaigns.tables import Campaign
+from service.coupons.operations import batch_prior
+from service.structures.operations import describe_version
+from service.structures.schemas import StructureIn
+from service.structures.tables import StructureVersion
+from service.updating.computation import UpdateInputs
+from service.updating.schemas import RecipeIn
+from service.updating.tables import UpdateJob
+
+
+def load_update(session: Session, job_id: UUID, _workspace: Path) -> UpdateInputs:
+    """Everything that a queued update needs.
+
+    Raises:
+        InputError: the campaign has no FRFs, or its contents do not fit together.
+    """
+    job = session.get_one(UpdateJob, job_id)
+    recipe = RecipeIn.model_validate(job.recipe)
+    campaign = _as_of(session, job, stored.load_measurement(session, job.campaign_id))
+    if not campaign.frf_sets:
+        raise InputError("campaign", "has no FRFs; import a UFF file first")
+    frame = frame_of(session.get_one(Campaign, job.campaign_id))
+    if recipe.mode_set is None:
+        raise InputError("mode_set", "name a mode set of this campaign")
+    used = campaign.frf_sets[0]
+    parameters, prior_warnings = _parameters(session, recipe)
+    specimen, sensor_warnings = specimen_of(campaign)
+    return UpdateInputs(
+        measurement=Measurement(
+            used.frfs, campaign.points, modes_in_frame(load_modes(session, recipe.mode_set), frame)
+        ),
+        specimen=specimen,
+        recipe=replace(recipe.to_core(), parameters=parameters),
+        warnings=(*campaign.warnings, *_left_out(campaign), *prior_warnings, *sensor_warnings),
+        provenance=_provenance(job, campaign, used),
+    )
+
+
+def _as_of(session: Session, job: UpdateJob, campaign: stored.Measurement) -> stored.Measurement:
+    """The campaign with the structure as it was when the job was queued, whatever became of it since."""
+    version = session.get_one(StructureVersion, job.structure_version_id)
+    described = describe_version(version, campaign.structure.name)
+    return replace(campaign, structure=described, structure_version_id=version.id, structure_version=version.number)
+
+
+def specimen_of(campaign: stored.Measurement) -> tuple[Specimen, tuple[str, ...]]:
+    """The specimen that was measured, with its sensor where one sits at a point; and what is not modelled, in words."""
+    structure = campaign.structure
+    warnings: list[str] = []
+    masses: tuple[PointMass, ...] = ()
+    if campaign.sensor_mass_kg and campaign.sensor_point is None:
+        warnings.append("the sensor's mass is not modelled: no sensor_point is stated, so it is taken to rove")
+    elif campaign.sensor_mass_kg and campaign.sensor_point is not None:
+        if campaign.sensor_point not in campaign.points:
+            raise InputError("instruments.sensor_point", f"{campaign.sensor_point} is not a grid point of the campaign")
+        x, y, _ = campaign.points[campaign.sensor_point]
+        masses = (PointMass(x, y, campaign.sensor_mass_kg),)
+    return nominal_specimen(structure, campaign.boundary, masses), tuple(warnings)
+
+
+def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointMass, ...] = ()) -> Specimen:
+    """A structure as the core's specimen, with nominal constants.
+
+    Raises:
+        InputError: the structure is a laminate, which the updating of a homogenised strip does not take.
+    """
+    if structure.material is None:
+        raise InputError("structure.laminate", "updating needs a homogenised material; give the structure a `material`")
+    m, g = structure.material, structure.geometry
+    material = OrthotropicMaterial(
+        Ex=m.Ex_Pa, Ey=m.Ey_Pa, Gxy=m.Gxy_Pa, Gxz=m.Gxz_Pa, Gyz=m.Gyz_Pa, nu_xy=m.nu_xy, density=structure.density_kg_m3
+    )
+    return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses)  # type: ignore[arg-type]
+
+
+def modes_in_frame(modes: MeasuredModes, frame: Frame) -> MeasuredModes:
+    """Modes of a file with the directions of their shapes in the specimen's frame."""
+    return replace(modes, dofs=tuple(frame.dof(dof) for dof in modes.dofs))
+
+
+def _parameters(session: Session, recipe: RecipeIn) -> tuple[tuple[Parameter, ...], list[str]]:
+    """The recipe's parameters, with a coupon batch's mean and scatter where the recipe states none."""
+    parameters: Sequence[Parameter] = recipe.to_core().parameters
+    if recipe.prior_from_coupon_batch is None:
+        return tuple(parameters), []
+    summary = batch_prior(session, recipe.prior_from_coupon_batch)
+    warnings = [f"coupons: {warning}" for warning in summary.warnings]
+    filled = []
+    for parameter in parameters:
+        known = summary.constants.get(parameter.name)  # type: ignore[call-overload]
+        if known is None:
+            filled.append(parameter)
+            continue
+        mean = known.mean if parameter.prior_mean is None else parameter.prior_mean
+        free = not parameter.fixed and parameter.tied_to is None
+        spread = known.standard_deviation if parameter.prior_sd is None and free else parameter.prior_sd
+        if free and spread is None:
+            warnings.append(f"{parameter.name}: the batch states no scatter, so the prior is its mean ± 30 %")
+        filled.append(replace(parameter, prior_mean=mean, prior_sd=spread))
+    return tuple(filled), warnings
+
+
+def _left_out(campaign: stored.Measurement) -> list[str]:
+    return [
+        f"{len(other.ids)} FRFs ({other.frfs.quantity}, {other.frfs.frequency_hz.size} lines) lie on another frequency axis "
+        "or are of another quantity than the largest set, and were not used"
+        for other in campaign.frf_sets[1:]
+    ]
+
+
+def _provenance(job: UpdateJob, campaign: stored.Measurement, used: stored.MeasuredFrfs) -> dict[str, Any]:
+    return {
+        "update_job": str(job.id),
+        "campaign": str(campaign.campaign_id),
+        "structure_version": str(campaign.structure_version_id),
+        "frfs": [{"id": str(key), "sha256": digest} for key, digest in zip(used.ids, used.sha256s, strict=True)],
+        "recipe": job.recipe,
+    }

@@ -1,0 +1,147 @@
+"""What can be done with update jobs: start, look at, cancel, read the result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+from uuid import UUID
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from fecore.errors import InputError
+from fecore.updating.parameters import parametrise
+from service.access import User, audit, project_for
+from service.campaigns.mode_sets import mode_set_for
+from service.campaigns.operations import campaign_for, project_of
+from service.campaigns.tables import Campaign
+from service.coupons.operations import batch_for
+from service.jobs import Job, JobKind, enqueue, job_state, request_cancel
+from service.problems import Conflict, Invalid, NotFound
+from service.structures.operations import current_version, describe_version
+from service.structures.tables import Structure
+from service.updating.computation import UpdateOutput, compute_update
+from service.updating.loading import load_update, nominal_specimen
+from service.updating.schemas import RecipeIn, UpdateJobOut
+from service.updating.tables import UpdateJob, UpdateResult
+
+
+def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> None:
+    for output in items:
+        session.add(UpdateResult(id=job_id, document=output.document, prediction=output.prediction))
+
+
+UPDATE = JobKind("update", load=load_update, compute=compute_update, store=_store)
+
+
+def start_update(
+    session: Session, user: User, campaign_id: UUID, recipe: RecipeIn, idempotency_key: str | None
+) -> UpdateJob:
+    """Queue an update, in the caller's transaction. The same key and recipe again: the job that is there.
+
+    Raises:
+        Invalid: the recipe contradicts itself or names what is not this campaign's, or the key came with another recipe.
+    """
+    campaign = campaign_for(session, user, campaign_id, "editor")
+    project_id = project_of(session, campaign)
+    sent = recipe.model_dump(mode="json")
+    if idempotency_key is not None:
+        session.refresh(campaign, with_for_update=True)  # two requests with one key: the second waits for the first
+        known = session.scalars(
+            select(UpdateJob).where(UpdateJob.project_id == project_id, UpdateJob.idempotency_key == idempotency_key)
+        ).one_or_none()
+        if known is not None:
+            if known.recipe != sent or known.campaign_id != campaign.id:
+                raise Invalid("Idempotency-Key", "was used for another request; use a new key for a new job")
+            return known
+    structure = session.get_one(Structure, campaign.structure_id)
+    version = current_version(session, structure)
+    _check(session, user, campaign, recipe)
+    _check_parameters(recipe, describe_version(version, structure.name), campaign)
+    job = enqueue(session, kind=UPDATE, project_id=project_id)
+    row = UpdateJob(
+        id=job.id,
+        project_id=project_id,
+        campaign_id=campaign.id,
+        structure_version_id=version.id,
+        recipe=sent,
+        idempotency_key=idempotency_key,
+    )
+    session.add(row)
+    session.flush()
+    audit(session, user, "update_job.create", "update_job", row.id, project_id)
+    return row
+
+
+def _check(session: Session, user: User, campaign: Campaign, recipe: RecipeIn) -> None:
+    """What the recipe names must be the user's and this campaign's."""
+    if recipe.mode_set is not None:
+        try:
+            mode_set = mode_set_for(session, user, recipe.mode_set)
+        except NotFound as error:
+            raise Invalid("/mode_set", str(error)) from None
+        if mode_set.campaign_id != campaign.id:
+            raise Invalid("/mode_set", f"{mode_set.id} belongs to another campaign")
+    if recipe.prior_from_coupon_batch is not None:
+        try:
+            batch = batch_for(session, user, recipe.prior_from_coupon_batch)
+        except NotFound as error:
+            raise Invalid("/prior_from_coupon_batch", str(error)) from None
+        if batch.structure_id != campaign.structure_id:
+            raise Invalid("/prior_from_coupon_batch", f"{batch.id} belongs to another structure")
+
+
+def _check_parameters(recipe: RecipeIn, structure: Any, campaign: Campaign) -> None:
+    """A recipe that contradicts itself is refused at the door, with the core's own words."""
+    core = recipe.to_core()
+    parametrise(nominal_specimen(structure, campaign.boundary), core.parameters)
+    if recipe.band_hz is not None and not recipe.band_hz[0] < recipe.band_hz[1]:
+        raise InputError("band_hz", "expected its low end below its high end")
+
+
+def update_job_for(session: Session, user: User, job_id: UUID) -> UpdateJob:
+    """The update job, if the user may see its campaign.
+
+    Raises:
+        NotFound: there is none, or it is other people's.
+    """
+    row = session.get(UpdateJob, job_id)
+    if row is None:
+        raise NotFound("update job", job_id)
+    try:
+        campaign_for(session, user, row.campaign_id, deleted=True)
+    except NotFound:
+        raise NotFound("update job", job_id) from None
+    return row
+
+
+def cancel_update(session: Session, user: User, row: UpdateJob) -> None:
+    """Ask for a job's end."""
+    project_for(session, user, row.project_id, "editor")
+    request_cancel(session, row.id)
+    audit(session, user, "update_job.cancel", "update_job", row.id, row.project_id)
+
+
+def describe(session: Session, row: UpdateJob) -> UpdateJobOut:
+    """An update job as clients see it."""
+    job = session.get_one(Job, row.id, populate_existing=True)
+    return UpdateJobOut(
+        **job_state(job),
+        campaign_id=row.campaign_id,
+        structure_version_id=row.structure_version_id,
+        recipe=RecipeIn.model_validate(row.recipe),
+    )
+
+
+def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
+    """The result.
+
+    Raises:
+        Conflict: the job has none, yet or ever; the message says which.
+    """
+    result = session.get(UpdateResult, row.id)
+    if result is None:
+        job = session.get_one(Job, row.id, populate_existing=True)
+        more = "; it is not done yet" if job.state in ("queued", "running") else f": {job.message or 'see its error'}"
+        raise Conflict(f"update job {row.id} has no result: it is {job.state}{more}")
+    return result.document

@@ -1,0 +1,85 @@
+"""Recipes as clients send them, and update jobs as they see them. Every recipe field is optional."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+from uuid import UUID
+
+from pydantic import Field
+
+from fecore.updating import recipe as core
+from fecore.updating.damping import Weighting
+from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
+from service.problems import Int64, StrictModel
+
+ConstantName = Literal["Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy", "density", "thickness"]
+DampingModel = Literal["rayleigh"]
+Frequency = Annotated[float, Field(ge=0, le=1e7, description="Hz")]
+Band = tuple[Frequency, Frequency]
+
+
+class ParameterIn(StrictModel):
+    """A constant to update; SI. Without a mean the structure's nominal value, without a spread 30 % of the mean."""
+
+    name: ConstantName
+    prior_mean: float | None = None
+    prior_sd: float | None = None
+    fixed: bool = False
+    tied_to: ConstantName | None = Field(None, description="follows that parameter in the ratio of the nominal values")
+
+
+class HoldOutIn(StrictModel):
+    """What the fits do not see and the result is checked against."""
+
+    points: list[Int64] = Field(default_factory=list, max_length=10_000)
+    band_hz: Band | None = None
+
+
+class RecipeIn(StrictModel):
+    """How to use a campaign; `{}` will do for a first look."""
+
+    mode_set: UUID | None = Field(None, description="measured modes")
+    parameters: list[ParameterIn] | None = Field(
+        None, max_length=20, description="default: Ex, Ey, Gxy, Gxz, and Gyz tied to Gxz, nominal ± 30 %"
+    )
+    prior_from_coupon_batch: UUID | None = Field(
+        None, description="means and spreads of the constants that the batch gives, where the recipe states none"
+    )
+    damping_models: list[DampingModel] = Field(["rayleigh"], min_length=1, max_length=10)
+    weighting: Weighting = "noise"
+    band_hz: Band | None = Field(None, description="lines of the damping update; default: past the highest mode")
+    hold_out: HoldOutIn = Field(default_factory=HoldOutIn)
+    posterior: Literal["laplace"] = "laplace"
+    seed: int = Field(0, ge=0, le=2**32 - 1)
+
+    def to_core(self) -> core.Recipe:
+        """The recipe as the core takes it; priors of a coupon batch are put in by who loads the batch."""
+        return core.Recipe(
+            parameters=DEFAULT_PARAMETERS
+            if self.parameters is None
+            else tuple(Parameter(**parameter.model_dump()) for parameter in self.parameters),
+            damping_models=tuple(self.damping_models),
+            weighting=self.weighting,
+            band_hz=self.band_hz,
+            hold_out=core.HoldOut(tuple(self.hold_out.points), self.hold_out.band_hz),
+            seed=self.seed,
+        )
+
+
+class UpdateJobOut(StrictModel):
+    """An update job: how far it is, or what became of it."""
+
+    id: UUID
+    campaign_id: UUID
+    structure_version_id: UUID
+    recipe: RecipeIn
+    status: Literal["queued", "running", "succeeded", "failed", "cancelled"]
+    stage: str | None
+    progress: float
+    attempt: int
+    message: str | None
+    error: dict[str, Any] | None
+    created_at: datetime
+    started_at: datetime | None
+    finished_at: datetime | None

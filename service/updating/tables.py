@@ -1,0 +1,41 @@
+"""Tables of update jobs and their results."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any
+from uuid import UUID
+
+from sqlalchemy import ForeignKey, Index, LargeBinary, func
+from sqlalchemy.dialects.postgresql import JSONB
+from sqlalchemy.orm import Mapped, deferred, mapped_column
+
+from service.db.base import Base
+
+
+class UpdateJob(Base):
+    """One update of a campaign; its key is its job's, and so is its status."""
+
+    __tablename__ = "update_jobs"
+    __table_args__ = (
+        Index(None, "campaign_id", "id"),
+        Index(None, "project_id", "idempotency_key", unique=True),
+    )
+
+    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id"), primary_key=True)
+    project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    structure_version_id: Mapped[UUID] = mapped_column(ForeignKey("structure_versions.id"))
+    recipe: Mapped[dict[str, Any]]
+    idempotency_key: Mapped[str | None]
+
+
+class UpdateResult(Base):
+    """The result of a job, as the contract shows it, and its predicted FRFs as npz."""
+
+    __tablename__ = "update_results"
+
+    id: Mapped[UUID] = mapped_column(ForeignKey("update_jobs.id", ondelete="CASCADE"), primary_key=True)
+    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    document: Mapped[dict[str, Any]] = mapped_column(JSONB)
+    prediction: Mapped[bytes] = deferred(mapped_column(LargeBinary))
