@@ -36,6 +36,7 @@ def main() -> None:
     """Run the command; what goes wrong on purpose is one line on standard error."""
     from sqlalchemy.exc import OperationalError
 
+    from service.db.engine import DatabaseUrlError
     from service.db.schema import SchemaError
     from service.problems.errors import ServiceError
     from service.supervisor import StartError
@@ -43,7 +44,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _leave)
     try:
         app()
-    except (SchemaError, StartError, ServiceError) as error:
+    except (DatabaseUrlError, SchemaError, StartError, ServiceError) as error:
         _stop_with(str(error))
     except OperationalError as error:
         _stop_with(f"the database does not answer: {error.orig}")

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 from sqlalchemy import Engine, create_engine, make_url
+from sqlalchemy.exc import ArgumentError
 from sqlalchemy.orm import Session, sessionmaker
 
 Sessions = sessionmaker[Session]
+
+
+class DatabaseUrlError(ValueError):
+    """The database's URL is not one of PostgreSQL."""
 
 
 def sqlalchemy_url(url: str) -> str:
     """A PostgreSQL URL as SQLAlchemy wants it for psycopg 3: `postgresql+psycopg://…`.
 
     Raises:
-        ValueError: the URL names another database system.
+        DatabaseUrlError: it is no URL, or names another database system.
     """
-    parsed = make_url(url)
+    try:
+        parsed = make_url(url)
+    except ArgumentError:
+        raise DatabaseUrlError("the database's URL cannot be read, expected postgresql://user@host/database") from None
     if parsed.get_backend_name() not in ("postgresql", "postgres"):
-        raise ValueError(f"the database is {parsed.get_backend_name()!r}, expected a postgresql:// URL")
+        raise DatabaseUrlError(f"the database is {parsed.get_backend_name()!r}, expected a postgresql:// URL")
     return parsed.set(drivername="postgresql+psycopg").render_as_string(hide_password=False)
 
 

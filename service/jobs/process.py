@@ -10,6 +10,8 @@ from collections.abc import Iterable, Iterator
 from multiprocessing import forkserver
 from typing import Any
 
+import psutil
+
 from service.jobs.child import Compute, Done, Failure, Item, Message, Progress, run_child
 from service.jobs.kinds import JobKind
 
@@ -27,6 +29,21 @@ def prepare_children(kinds: Iterable[JobKind]) -> None:
     if _METHOD == "forkserver":
         _context.set_forkserver_preload([*PRELOADED, *sorted({kind.compute.__module__ for kind in kinds})])
         forkserver.ensure_running()
+
+
+def dismiss_children() -> None:
+    """End the fork server, and with it every child, so that nothing outlives the worker."""
+    ours = [process for process in psutil.Process().children() if _is_fork_server(process)]
+    for process in ours:
+        process.kill()
+    psutil.wait_procs(ours)
+
+
+def _is_fork_server(process: psutil.Process) -> bool:
+    try:
+        return any("multiprocessing.forkserver" in word for word in process.cmdline())
+    except psutil.NoSuchProcess:
+        return False
 
 
 class ChildEnded(Exception):  # noqa: N818

@@ -27,7 +27,7 @@ from service.jobs import ledger
 from service.jobs.attempt import Attempt
 from service.jobs.child import Failure
 from service.jobs.kinds import JobKind
-from service.jobs.process import prepare_children
+from service.jobs.process import dismiss_children, prepare_children
 from service.jobs.queue import TASK
 from service.jobs.reaper import reap
 from service.settings import Settings
@@ -57,6 +57,7 @@ def run_worker(settings: Settings, kinds: Sequence[JobKind], queues: Iterable[st
         prepare_children(kinds)
         asyncio.run(_Worker(settings, kinds, make_sessions(engine)).run(list(queues) if queues else None))
     finally:
+        dismiss_children()
         engine.dispose()
 
 
@@ -66,26 +67,29 @@ class _Worker:
         self.kinds = {kind.name: kind for kind in kinds}
         self.name = f"{socket.gethostname()}:{os.getpid()}:{uuid4().hex[:8]}"
         self.lease = timedelta(seconds=settings.job_lease_seconds)
+        self.told_to_end = asyncio.Event()
         self.running: dict[UUID, Attempt] = {}
         self.threads = ThreadPoolExecutor(settings.worker_concurrency + 2, thread_name_prefix="job")
 
     async def run(self, queues: list[str] | None) -> None:
+        for name in (signal.SIGTERM, signal.SIGINT):
+            asyncio.get_running_loop().add_signal_handler(name, self._end)
         url = psycopg_url(self.settings.database_url or "")
         queue = App(connector=PsycopgConnector(conninfo=url, min_size=1, max_size=3))
         queue.task(name=TASK)(self._job)
+        options = WorkerOptions(
+            name=self.name,
+            concurrency=self.settings.worker_concurrency,
+            fetch_job_polling_interval=POLL_SECONDS,
+            delete_jobs="always",
+            install_signal_handlers=False,
+        )
+        if queues:
+            options["queues"] = queues
         async with queue.open_async():
-            options = WorkerOptions(
-                name=self.name,
-                concurrency=self.settings.worker_concurrency,
-                fetch_job_polling_interval=POLL_SECONDS,
-                delete_jobs="always",
-                install_signal_handlers=False,
-            )
-            if queues:
-                options["queues"] = queues
             work = asyncio.create_task(queue.run_worker_async(**options))
-            self._end_on_signals(work)
             watch = asyncio.create_task(self._watch())
+            end = asyncio.create_task(self._drain_when_told(work))
             log.info("worker ready", worker=self.name, kinds=sorted(self.kinds), queues=queues or "all")
             try:
                 await work
@@ -93,25 +97,25 @@ class _Worker:
                 log.info("worker drained", worker=self.name)
             finally:
                 watch.cancel()
+                end.cancel()
         self.threads.shutdown()
 
-    def _end_on_signals(self, work: asyncio.Task[None]) -> None:
-        loop = asyncio.get_running_loop()
+    def _end(self) -> None:
+        """A signal to end. Told twice, it does not wait for running jobs."""
+        if self.told_to_end.is_set():
+            self._put_back()
+        self.told_to_end.set()
 
-        def put_back() -> None:
-            for running in self.running.values():
-                running.stop(ends.DRAINED)
+    def _put_back(self) -> None:
+        for running in list(self.running.values()):
+            running.stop(ends.DRAINED)
 
-        def drain() -> None:
-            if work.cancelling():  # told twice: at once
-                put_back()
-                return
-            log.info("worker draining", jobs=len(self.running), seconds=self.settings.job_drain_seconds)
-            work.cancel()
-            loop.call_later(self.settings.job_drain_seconds, put_back)
-
-        for name in (signal.SIGTERM, signal.SIGINT):
-            loop.add_signal_handler(name, drain)
+    async def _drain_when_told(self, work: asyncio.Task[None]) -> None:
+        await self.told_to_end.wait()
+        log.info("worker draining", jobs=len(self.running), seconds=self.settings.job_drain_seconds)
+        work.cancel()  # takes no more jobs, and waits for those that run
+        await asyncio.sleep(self.settings.job_drain_seconds)
+        self._put_back()
 
     async def _job(self, job_id: str) -> None:
         """The queue's only task."""

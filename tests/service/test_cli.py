@@ -95,13 +95,13 @@ def test_up_and_down(short_folder: Path, how: signal.Signals) -> None:
         assert len(living(data)) >= 4  # the command, the API, the worker, PostgreSQL
         process.send_signal(how)
         assert process.wait(30) == 0
-    assert living(data) == []
+    assert gone(data, 2.0), living(data)
     with up(data) as (process, url, second):
         assert second == ""  # there is a key already
         assert status(url, key) == 200
         process.send_signal(how)
         assert process.wait(30) == 0
-    assert living(data) == []
+    assert gone(data, 2.0), living(data)
 
 
 def test_killed_up_leaves_nothing_running(short_folder: Path) -> None:
