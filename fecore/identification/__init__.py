@@ -1,7 +1,28 @@
-"""FRFs to modes: natural frequencies, damping ratios and shapes, with their covariance."""
+"""FRFs to modes: natural frequencies, damping ratios and shapes, with their covariance.
+
+`identify` does it all; `shapes_at_poles` finds shapes at poles that a user has typed in. The files in the order of
+the data: arrangement, screening, noise, lscf, stabilisation, basis, linear, refinement, selection, outliers, guards,
+shapes, residues, result, identify.
+"""
 
 from fecore.identification.arrangement import set_with_gaps
+from fecore.identification.identify import Options, identify
 from fecore.identification.residues import shapes_at_poles
+from fecore.identification.result import Identification, RefusedPole
+from fecore.identification.screening import Refused
 from fecore.identification.shapes import Shapes, phase_collinearity, turn_real
+from fecore.identification.stabilisation import Stabilisation
 
-__all__ = ["Shapes", "phase_collinearity", "set_with_gaps", "shapes_at_poles", "turn_real"]
+__all__ = [
+    "Identification",
+    "Options",
+    "Refused",
+    "RefusedPole",
+    "Shapes",
+    "Stabilisation",
+    "identify",
+    "phase_collinearity",
+    "set_with_gaps",
+    "shapes_at_poles",
+    "turn_real",
+]

@@ -2,13 +2,13 @@
 
 A receptance is, with s = iω,
 
-    α(s) = Σ_k R_k/(s - s_k) + R̄_k/(s - s̄_k)  +  Σ_e c_e s^e  +  Σ_j d_j/(s + a_j),
+    α(s) = Σ_k R_k/(s - s_k) + R̄_k/(s - s̄_k)  +  Σ_e c_e s^e  +  Σ_j d_j/(s(s + a_j)),
 
-s_k = ω_k(-ζ_k + i√(1 - ζ_k²)). The middle sum is the residual terms: s⁻² and s⁻¹ stand for modes below the band
-(rigid body motion), s⁰, s¹, s² for modes above it; their coefficients are real because α is the transform of a real
-function. The last
-sum holds real poles: a body that floats in a viscous medium has α = 1/(m s (s + a)). A mobility or accelerance is α
-times s or s². Everything is linear in (Re R, Im R, c, d) for given poles.
+s_k = ω_k(-ζ_k + i√(1 - ζ_k²)). The middle sum is the residual terms: s⁻² and s⁻¹ stand for modes below the band (rigid
+body motion), s⁰, s¹, s² for modes above it; their coefficients are real because α is the transform of a real function.
+The last sum holds floating bodies: mass m in a viscous medium has α = 1/(m s(s + a)), a = c/m, and so has the rigid
+motion of a free body with mass-proportional damping. A mobility or accelerance is α times s or s². Everything is
+linear in (Re R, Im R, c, d) for given poles.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import BoolArray, ComplexArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -28,13 +28,20 @@ class Terms:
         frequency_hz: (n,) undamped natural frequencies of the complex pole pairs, Hz.
         damping_ratio: (n,) their damping ratios.
         exponents: powers of s of the residual terms (of a receptance).
-        decay: (r,) rates a of real poles, 1/s.
+        decay: (r,) rates a of floating bodies, 1/s.
+        held: (n,) True for pole pairs that keep their place: too vague in the data to be moved, as are those far
+            outside the band.
     """
 
     frequency_hz: FloatArray
     damping_ratio: FloatArray
     exponents: tuple[int, ...] = (-2, 0)
     decay: FloatArray = field(default_factory=lambda: np.empty(0))
+    held: BoolArray = field(default_factory=lambda: np.empty(0, dtype=bool))
+
+    def __post_init__(self) -> None:
+        if self.held.size != self.frequency_hz.size:  # poles are free unless it is said otherwise
+            object.__setattr__(self, "held", np.zeros(self.frequency_hz.size, dtype=bool))
 
     @property
     def pairs(self) -> int:
@@ -48,7 +55,7 @@ class Terms:
 
     @property
     def parameters(self) -> int:
-        """Number of non-linear parameters: frequency and damping of each pair, rate of each real pole."""
+        """Number of non-linear parameters: frequency and damping of each pair, rate of each body."""
         return 2 * self.pairs + int(self.decay.size)
 
 
@@ -60,7 +67,7 @@ def poles(frequency_hz: FloatArray, damping_ratio: FloatArray) -> ComplexArray:
 
 
 def columns(omega: FloatArray, terms: Terms, power: int) -> ComplexArray:
-    """(L, q) basis: for each pole pair the factors of Re R and Im R, then residual terms, then real poles.
+    """(L, q) basis: for each pole pair the factors of Re R and Im R, then residual terms, then bodies.
 
     Residual terms are taken in s/ω_ref (ω_ref = geometric mean of the first and the last line) to be of like size.
     """
@@ -71,12 +78,12 @@ def columns(omega: FloatArray, terms: Terms, power: int) -> ComplexArray:
     pairs = np.stack([direct + mirror, 1j * (direct - mirror)], axis=2).reshape(omega.size, -1)
     scaled = s / np.sqrt(omega[0] * omega[-1])
     residual = np.stack([scaled**e for e in terms.exponents], axis=1) if terms.exponents else np.empty((omega.size, 0))
-    real = 1 / (s[:, None] + terms.decay)
+    real = 1 / (s[:, None] * (s[:, None] + terms.decay))
     return np.asarray(lift * np.concatenate([pairs, residual, real], axis=1))
 
 
 def derivatives(omega: FloatArray, terms: Terms, power: int) -> ComplexArray:
-    """(L, 4n + r) derivatives of the basis, for ln ω_k and ζ_k of each pair and ln a of each real pole.
+    """(L, 4n + r) derivatives of the basis, for ln ω_k and ζ_k of each pair and ln a of each body.
 
     Columns 4k … 4k+3 are ∂(Re column)/∂ln ω_k, ∂(Im column)/∂ln ω_k, ∂(Re column)/∂ζ_k, ∂(Im column)/∂ζ_k;
     from ∂/∂θ 1/(s - s_k) = (∂s_k/∂θ)/(s - s_k)².
@@ -92,5 +99,5 @@ def derivatives(omega: FloatArray, terms: Terms, power: int) -> ComplexArray:
         up, down = slope * direct, slope.conj() * mirror
         parts += [up + down, 1j * (up - down)]
     pairs = np.stack(parts, axis=2).reshape(omega.size, -1)
-    real = -terms.decay / (s[:, None] + terms.decay) ** 2
+    real = -terms.decay / (s[:, None] * (s[:, None] + terms.decay) ** 2)
     return np.asarray(lift * np.concatenate([pairs, real], axis=1))

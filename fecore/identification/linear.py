@@ -1,7 +1,7 @@
 """Weighted linear least squares of all FRFs at once, for given poles.
 
 Each FRF i has its own weights w_i² = 1/v_i, so its own normal matrix G_i = Re Φᴴ W_i² Φ. Since all share the basis Φ,
-all the G_i come from one product of the weights with the line-wise outer products of Φ. Columns are scaled to unit
+all the G_i come from products of the weights with the line-wise outer products of Φ. Columns are scaled to unit
 length in each FRF, which keeps the normal equations well conditioned for distinct poles.
 """
 
@@ -60,12 +60,13 @@ def fit_linear(basis: ComplexArray, values: ComplexArray, weight: FloatArray) ->
 
 
 def normal_matrices(basis: ComplexArray, weight: FloatArray) -> FloatArray:
-    """(N, q, q) normal matrices Re Φᴴ W_i² Φ of all FRFs, by one matrix product over the lines."""
-    q = basis.shape[1]
-    upper = np.triu_indices(q)
-    outer = basis.real[:, upper[0]] * basis.real[:, upper[1]] + basis.imag[:, upper[0]] * basis.imag[:, upper[1]]
-    packed = weight @ outer
-    normal = np.empty((weight.shape[0], q, q))
-    normal[:, upper[0], upper[1]] = packed
-    normal[:, upper[1], upper[0]] = packed
-    return normal
+    """(N, q, q) normal matrices Re Φᴴ W_i² Φ of all FRFs, by matrix products over the lines."""
+    q, rows = basis.shape[1], weight.shape[0]
+    real, imag = np.ascontiguousarray(basis.real.T), np.ascontiguousarray(basis.imag.T)
+    across = np.ascontiguousarray(weight.T)
+    normal = np.empty((q, q, rows))
+    for i in range(q):  # one row of the matrices at a time: its products stay in the cache
+        outer = real[i:] * real[i] + imag[i:] * imag[i]
+        normal[i, i:] = outer @ across
+        normal[i:, i] = normal[i, i:]
+    return np.ascontiguousarray(normal.transpose(2, 0, 1))

@@ -14,7 +14,8 @@ import numpy as np
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
 
 _ITERATIONS = 8
-_FLOOR = 1e-6  # of the rms of a record: below this nothing is believed, so that clean data keep finite weights
+_POLISH = 8
+_FLOOR = 1e-5  # of the rms of a record: below this nothing is believed, so that clean data keep finite weights
 
 
 def rough_variance(values: ComplexArray, measured: BoolArray) -> FloatArray:
@@ -29,7 +30,7 @@ def rough_variance(values: ComplexArray, measured: BoolArray) -> FloatArray:
     return _two_part(jump, level, whole, values, measured, robust=True)
 
 
-def residual_variance(residual: ComplexArray, model: ComplexArray, measured: BoolArray, columns: int) -> FloatArray:
+def residual_variance(residual: ComplexArray, model: ComplexArray, measured: BoolArray, columns: float) -> FloatArray:
     """(N, L) variance from the residual of a fit with `columns` real coefficients an FRF."""
     lines = measured.sum(axis=1)
     spare = np.maximum(2 * lines - columns, 1) / np.maximum(2 * lines, 1)
@@ -59,8 +60,16 @@ def _two_part(
         weight = use / (constant[:, None] + slope[:, None] * level) ** 2
         constant, slope = _regress(square, level, weight)
         constant = np.maximum(constant, _FLOOR**2)
+    for _ in range(_POLISH):  # a step that cannot lower the likelihood, for residuals that are not just noise
+        v = constant[:, None] + slope[:, None] * level
+        pull, hold = use * square / v**2, use / v
+        constant = constant * np.sqrt(pull.sum(1) / np.maximum(hold.sum(1), 1e-300))
+        slope = slope * np.sqrt((pull * level).sum(1) / np.maximum((hold * level).sum(1), 1e-300))
+    v = constant[:, None] + slope[:, None] * level
+    scale = np.maximum(np.sum(use * square / v, axis=1) / count, _FLOOR**2)
+    constant = np.maximum(constant * scale, _FLOOR**2)
     full = np.abs(shape_of) ** 2
-    return np.asarray(constant[:, None] * power[:, None] + slope[:, None] * full)
+    return np.asarray(constant[:, None] * power[:, None] + (slope * scale)[:, None] * full)
 
 
 def _regress(square: FloatArray, level: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:

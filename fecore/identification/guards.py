@@ -1,0 +1,115 @@
+"""Which poles of a fitted series are modes, and what else must be told of them.
+
+A pole is a mode when it lies in the band, is physical, is determined by the data, pays by the Bayesian criterion, and
+would still pay without the line that it stands on. What fails is named with its reason, and is no mode.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.arrays import FloatArray, IntArray
+from fecore.identification.arrangement import Arrangement
+from fecore.identification.refinement import Fit, evaluate
+from fecore.identification.result import RefusedPole
+from fecore.identification.selection import in_band, price, worth
+from fecore.identification.shapes import Shapes
+
+_OVERDAMPED = 0.6  # a pole damped more than this is a trend of the record, not a resonance
+_VAGUE_FREQUENCY = 0.03
+_VAGUE_DAMPING = 0.5
+_FEW_LINES = 2.0  # lines in the half-power bandwidth below which the damping is not resolved
+_COMPLEX = 0.8  # modal phase collinearity below which a mode is called complex
+_CLOSE = 1.5  # distance of two modes in their mean bandwidth from which their shapes mix little
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Poles that are modes (indices into the terms, ascending in frequency), their significance, and the others."""
+
+    kept: IntArray
+    significance: FloatArray
+    refused: tuple[RefusedPole, ...]
+
+
+def judge(arrangement: Arrangement, fit: Fit) -> Verdict:
+    """Decide which poles of the series are modes."""
+    terms = fit.terms
+    n = terms.pairs
+    sd = np.sqrt(np.maximum(np.diag(fit.parameter_covariance), 0))
+    significance = worth(fit)[0] / price(fit, 2, 2)[1]
+    kept, refused = [], []
+    for k in np.argsort(terms.frequency_hz):
+        f, zeta = float(terms.frequency_hz[k]), float(terms.damping_ratio[k])
+        if not in_band(arrangement, terms.frequency_hz[[k]])[0]:
+            continue
+        reason = None
+        if zeta > _OVERDAMPED:
+            reason = f"damping of {100 * zeta:.0f} % is a trend of the record, not a resonance"
+        elif significance[k] < 1:
+            reason = "it lowers the misfit by less than its unknowns are worth"
+        elif sd[k] > _VAGUE_FREQUENCY or sd[n + k] > _VAGUE_DAMPING * max(zeta, arrangement.spacing_hz / f):
+            reason = f"the data hardly determine it (± {100 * sd[k]:.1f} % in frequency, ± {sd[n + k] / zeta:.0%} of damping)"
+        elif _rests_on_one_line(arrangement, fit, int(k)):
+            reason = "it rests on a single line: interference rather than a resonance"
+        if reason is None:
+            kept.append(int(k))
+        else:
+            refused.append(RefusedPole(f, zeta, reason))
+    chosen = np.array(kept, dtype=np.int64)
+    return Verdict(chosen, significance[chosen], tuple(refused))
+
+
+def remarks(arrangement: Arrangement, fit: Fit, verdict: Verdict, shapes: Shapes) -> list[str]:
+    """What a user should know of the modes that were kept."""
+    f, zeta = fit.terms.frequency_hz[verdict.kept], fit.terms.damping_ratio[verdict.kept]
+    sd = np.sqrt(np.diag(fit.parameter_covariance))[fit.terms.pairs + verdict.kept]
+    notes = []
+    for k in range(f.size):
+        name = f"mode {k + 1} ({f[k]:.2f} Hz)"
+        lines = 2 * zeta[k] * f[k] / max(arrangement.spacing_hz, 1e-300)
+        if lines < _FEW_LINES:
+            notes.append(
+                f"{name}: its half-power bandwidth covers {lines:.1f} lines, so its damping rests on the window and on"
+                " leakage; measure with a finer line spacing"
+            )
+        if shapes.collinearity[k] < _COMPLEX:
+            notes.append(f"{name}: complex shape (modal phase collinearity {shapes.collinearity[k]:.2f})")
+        if sd[k] > 0.1 * zeta[k]:
+            notes.append(f"{name}: damping is known to ± {100 * sd[k] / zeta[k]:.0f} % only")
+        if k and (f[k] - f[k - 1]) < _CLOSE * (zeta[k] * f[k] + zeta[k - 1] * f[k - 1]) / 2:
+            notes.append(f"modes {k} and {k + 1} ({f[k - 1]:.2f} and {f[k]:.2f} Hz) overlap: a close pair")
+    return notes + _driving_points(arrangement, fit, verdict)
+
+
+def _rests_on_one_line(arrangement: Arrangement, fit: Fit, k: int) -> bool:
+    """True where the pole does not pay once the line nearest to it is left out (asked only of poles narrower than lines)."""
+    f, zeta = float(fit.terms.frequency_hz[k]), float(fit.terms.damping_ratio[k])
+    if 2 * zeta * f > arrangement.spacing_hz:
+        return False
+    nearest = int(np.argmin(np.abs(arrangement.frequency_hz - f)))
+    variance = fit.variance.copy()
+    variance[:, nearest] *= 1e12
+    others = evaluate(arrangement, fit.terms, variance)
+    return bool(worth(others)[0][k] < price(fit, 2, 2)[1])
+
+
+def _driving_points(arrangement: Arrangement, fit: Fit, verdict: Verdict) -> list[str]:
+    """A driving point has positive modal masses; where most come out negative, one of its signs is wrong."""
+    notes = []
+    f, zeta = fit.terms.frequency_hz[verdict.kept], fit.terms.damping_ratio[verdict.kept]
+    damped = 2 * np.pi * f * np.sqrt(1 - zeta**2)
+    for row, (a, b) in enumerate(arrangement.pairs):
+        if a != b:
+            continue
+        c = fit.linear.coefficients[row]
+        modal = (2j * damped * (c[2 * verdict.kept] + 1j * c[2 * verdict.kept + 1])).real
+        if modal.size and np.sum(modal[modal < 0]) < -0.5 * np.sum(np.abs(modal)):
+            notes.append(
+                f"driving point {arrangement.label(row)}: {int(np.sum(modal < 0))} of {modal.size} modes have a negative modal"
+                " mass there, so the sign of hammer or sensor is wrong (a hit along -Z entered as +Z?); all shapes of"
+                " this fixed dof are turned if it is the sensor, one entry if it is the hit"
+            )
+    return notes

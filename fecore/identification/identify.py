@@ -1,0 +1,190 @@
+"""FRFs in, modes out: the steps in their order.
+
+screen       what can be used, and what is wrong with the rest
+stabilise    linear p-LSCF poles over many orders: candidates
+select       poles that the data support, refined by maximum likelihood, with residual terms
+judge        which of them are modes
+shapes       residues to complex, real and mass-normalised shapes
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fecore.arrays import ComplexArray, FloatArray
+from fecore.errors import IdentificationError, InputError
+from fecore.frf import FrfSet
+from fecore.identification.arrangement import Arrangement
+from fecore.identification.basis import poles
+from fecore.identification.guards import Verdict, judge, remarks
+from fecore.identification.outliers import leave_out_outliers
+from fecore.identification.refinement import Fit
+from fecore.identification.result import Identification
+from fecore.identification.screening import screen
+from fecore.identification.selection import select
+from fecore.identification.shapes import Shapes, shapes_from_residues
+from fecore.identification.stabilisation import Stabilisation, first_variance, stabilise
+from fecore.modes import MeasuredModes
+
+_BEYOND = np.array([1.02, 1.06, 1.12, 1.2, 1.35, 1.6])  # candidate frequencies above the band, in its end
+_BELOW = np.array([0.5, 0.8, 0.95])  # ... and below it, in its start
+_WIDTHS = np.array([0.01, 0.03, 0.1])
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to identify; the defaults need no human.
+
+    Attributes:
+        band_hz: lines to use; all where None. Modes outside are not reported.
+        highest_order: largest order of the linear stage (poles of one fixed dof).
+        most_modes: largest number of pole pairs of the fitted series.
+    """
+
+    band_hz: tuple[float, float] | None = None
+    highest_order: int = 40
+    most_modes: int = 40
+
+    def __post_init__(self) -> None:
+        if not 4 <= self.highest_order <= 200:
+            raise InputError("highest_order", f"is {self.highest_order}, expected 4 to 200")
+        if not 1 <= self.most_modes <= 200:
+            raise InputError("most_modes", f"is {self.most_modes}, expected 1 to 200")
+
+
+def identify(frfs: FrfSet | Sequence[FrfSet], options: Options | None = None) -> Identification:
+    """Natural frequencies, damping ratios and shapes of all modes in the band, with their covariance.
+
+    Args:
+        frfs: the FRFs of one campaign: one set, or several with different axes or quantities.
+        options: band, order and number of modes; defaults suit an unattended run.
+
+    Raises:
+        InputError: the FRFs or options cannot be read as such.
+        IdentificationError: the data support no mode; the message says what was seen and what to try.
+    """
+    options = options or Options()
+    clock = _Clock()
+    screened = screen(frfs, options.band_hz)
+    arrangement, notes = screened.arrangement, list(screened.warnings)
+    clock.lap("screening")
+    variance = first_variance(arrangement)
+    diagram = stabilise(arrangement, variance, _orders(arrangement, options.highest_order))
+    clock.lap("linear stage")
+    hz, zeta = _candidates(arrangement, diagram)
+    most = min(options.most_modes, int(arrangement.measured.sum(axis=1).min()) // 4)
+    fit = select(arrangement, hz, zeta, variance, most)
+    arrangement, fit, told = leave_out_outliers(arrangement, fit)
+    clock.lap("refinement")
+    verdict = judge(arrangement, fit)
+    if not verdict.kept.size:
+        raise IdentificationError(_nothing(arrangement, diagram, verdict))
+    shapes = _shapes(arrangement, fit, verdict)
+    notes += [*told, *remarks(arrangement, fit, verdict, shapes), *_noise_remarks(arrangement, fit)]
+    clock.lap("shapes")
+    return Identification(
+        modes=_modes(arrangement, fit, verdict, shapes),
+        shapes=shapes,
+        significance=verdict.significance,
+        terms=fit.terms,
+        stabilisation=diagram,
+        used=tuple(arrangement.label(r) for r in range(len(arrangement.pairs))),
+        refused=screened.refused,
+        refused_poles=verdict.refused,
+        warnings=tuple(notes + [f"FRF {r.frf} was not used: {r.reason}" for r in screened.refused]),
+        frequency_hz=arrangement.frequency_hz,
+        quantity=arrangement.quantity,
+        measured=np.where(arrangement.measured, arrangement.values, np.nan),
+        predicted=fit.model(arrangement),
+        noise_variance=fit.variance,
+        noise_ratio=fit.chi_squared / fit.freedom,
+        seconds=clock.laps,
+    )
+
+
+def _orders(arrangement: Arrangement, highest: int) -> tuple[int, ...]:
+    """Orders of the linear stage: with m fixed dofs each order has m poles, and a line can carry half an unknown."""
+    p, m = len(arrangement.roving), len(arrangement.fixed)
+    shared = m if m > 1 and p * m == len(arrangement.pairs) else 1
+    top = min(max(6, 2 * highest // (shared + 1)), int(arrangement.measured.sum(axis=1).min()) // 3)
+    return tuple(range(2, max(top, 3) + 1))
+
+
+def _candidates(arrangement: Arrangement, diagram: Stabilisation) -> tuple[FloatArray, FloatArray]:
+    """Poles of every fourth and of the highest two orders, once each, and a few beyond the band."""
+    top = int(diagram.order.max())
+    keep = (diagram.order % 4 == 0) | (diagram.order >= top - 1)
+    high, low = arrangement.frequency_hz[-1] * _BEYOND, arrangement.frequency_hz[0] * _BELOW
+    low = low[low > 2 * arrangement.spacing_hz]
+    outside_hz, outside_zeta = (v.ravel() for v in np.meshgrid(np.append(low, high), _WIDTHS))
+    hz = np.append(diagram.frequency_hz[keep], outside_hz)
+    zeta = np.append(diagram.damping_ratio[keep], outside_zeta)
+    order = np.argsort(hz, kind="stable")
+    hz, zeta = hz[order], zeta[order]
+    fresh = np.append(True, (np.diff(hz) > 1e-3 * hz[1:] * zeta[1:]) | (np.abs(np.diff(np.log(zeta))) > 0.01))
+    return hz[fresh], zeta[fresh]
+
+
+def _shapes(arrangement: Arrangement, fit: Fit, verdict: Verdict) -> Shapes:
+    residues, spread = fit.residues()
+    kept = verdict.kept
+    damped = poles(fit.terms.frequency_hz[kept], fit.terms.damping_ratio[kept]).imag
+    return shapes_from_residues(arrangement, residues[:, kept], spread[:, kept], damped)
+
+
+def _modes(arrangement: Arrangement, fit: Fit, verdict: Verdict, shapes: Shapes) -> MeasuredModes:
+    kept, n = verdict.kept, fit.terms.pairs
+    f = fit.terms.frequency_hz[kept]
+    both = np.concatenate([kept, n + kept])
+    covariance = fit.parameter_covariance[np.ix_(both, both)]
+    scale = np.concatenate([f, np.ones(f.size)])  # from ln f to f
+    covariance = covariance * np.outer(scale, scale)
+    return MeasuredModes(f, fit.terms.damping_ratio[kept], shapes.complex, arrangement.roving, covariance)
+
+
+def _noise_remarks(arrangement: Arrangement, fit: Fit) -> list[str]:
+    """Compare the stated noise with the residual."""
+    known = arrangement.measured & np.isfinite(arrangement.variance)
+    if not known.any():
+        return []
+    ratio = float(np.mean(np.abs(fit.residual[known]) ** 2 / fit.variance[known]))
+    if ratio < 2:
+        return []
+    return [
+        f"the residual is {np.sqrt(ratio):.1f} times the noise that coherence and averages state: the model does not explain"
+        " all of the data (non-linearity, leakage, a moving sensor mass); the standard deviations were enlarged by as much"
+    ]
+
+
+def _nothing(arrangement: Arrangement, diagram: Stabilisation, verdict: Verdict) -> str:
+    """What was seen and what to try, for a record without a mode."""
+    band = f"{arrangement.frequency_hz[0]:g} to {arrangement.frequency_hz[-1]:g} Hz"
+    stable = np.unique(np.round(diagram.frequency_hz[diagram.damping_stable], -1))
+    seen = [f"{p.frequency_hz:.1f} Hz ({p.reason})" for p in verdict.refused]
+    return (
+        f"no mode is supported by the {len(arrangement.pairs)} FRFs from {band}. "
+        + (f"Poles seen and refused: {'; '.join(seen)}. " if seen else "No pole lowers the misfit by what it costs. ")
+        + (
+            f"Poles that came back from order to order lie near {', '.join(f'{f:g}' for f in stable[:8])} Hz. "
+            if stable.size
+            else ""
+        )
+        + "Try a band around a resonance, more averages, or a higher order; check that responses and forces are not swapped."
+    )
+
+
+class _Clock:
+    """Seconds of each step."""
+
+    def __init__(self) -> None:
+        self.laps: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        now = time.perf_counter()
+        self.laps[name] = now - self._last
+        self._last = now
