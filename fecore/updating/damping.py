@@ -5,7 +5,12 @@ The modes and their residues come from the updated elastic model and stay; the l
 
     E(a, δ) = Σ_i Σ_l w_il |r_il|²,    r = H_exp - H(λ_k (1 + δ_k)², c(a, ω_k))   (or ln H_exp/H for `log`)
 
-by Levenberg-Marquardt. Every derivative goes through the modes' eigenvalues λ_k and damping rates c_k, of which there are
+by Levenberg-Marquardt. A law is never exact: where a relative discrepancy s of the damping ratios is stated, each measured
+mode's rate is c_k exp(ε_k) with ε_k ~ N(0, s²), and ½ Σ ε_k²/s² is added to E, which for `noise` weights is the negative
+log likelihood. A law that fits keeps ε at zero; one that does not is then fitted to all modes alike, in place of to the one
+with the strongest signal.
+
+Every derivative goes through the modes' eigenvalues λ_k and damping rates c_k, of which there are
 few: ∂H_i/∂λ_k = -f A_ik/D_k² and ∂H_i/∂c_k = iω ∂H_i/∂λ_k. So the normal equations are accumulated once for (λ, c), and
 any law is a small matrix on top of them.
 """
@@ -14,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
@@ -39,8 +45,10 @@ class DampingFit:
         coefficients: (p,) estimate.
         shift: (s,) relative frequency shifts of the shifted modes.
         shifted: (s,) numbers of those modes among the model's.
-        eigenvalue, rate: (m,) modes as fitted: λ_k (1 + δ_k)², c_k.
-        cost: misfit E, weighted.
+        deviation: (s,) ε_k of the shifted modes; zeros where the law was taken as exact.
+        eigenvalue: (m,) eigenvalues as fitted, λ_k (1 + δ_k)².
+        rate: (m,) damping rates as fitted, deviations included; law_rate: (m,) those of the law alone.
+        cost: misfit E of the data, weighted.
         noise_covariance: (p, p) covariance of the coefficients by measurement noise alone.
         response: (p, 2m) derivative of the estimate by the misfit's gradient in (λ, c): how a wrong model moves it.
         normal: normal equations at the estimate.
@@ -51,8 +59,10 @@ class DampingFit:
     coefficients: FloatArray
     shift: FloatArray
     shifted: IntArray
+    deviation: FloatArray
     eigenvalue: FloatArray
     rate: FloatArray
+    law_rate: FloatArray
     cost: float
     noise_covariance: FloatArray
     response: FloatArray
@@ -155,6 +165,7 @@ def fit_law(
     start: FloatArray,
     shifted: IntArray,
     shift: FloatArray,
+    deviation_sd: float | None = None,
     progress: Callable[[float], None] = lambda _: None,
 ) -> DampingFit:
     """Fit a law's coefficients and the modes' frequency shifts.
@@ -165,28 +176,32 @@ def fit_law(
         start: (p,) first coefficients.
         shifted: (s,) numbers of the modes that carry a shift, among the model's.
         shift: (s,) first shifts, relative.
+        deviation_sd: s, how far a mode's damping may lie off the law, relative; None takes the law as exact.
         progress: told the share that is done.
 
     Raises:
         UpdatingError: no convergence; it carries the best iterate.
     """
-    problem = _Problem(misfit, law, shifted)
-    x = np.concatenate([start, shift])
+    problem = _Problem(misfit, law, shifted, deviation_sd)
+    x = problem.start(start, shift)
     history = [start]
     normal = misfit.normal(*problem.modes(x))
+    total = normal.cost + problem.penalty(x)
     damping = 1e-3
     for iteration in range(_MAX_ITERATIONS):
         progress(1 - 0.7**iteration)
         T = problem.chain(x)
-        hessian, gradient = T.T @ normal.hessian @ T, T.T @ normal.gradient
+        hessian = T.T @ normal.hessian @ T + np.diag(problem.precision)
+        gradient = T.T @ normal.gradient - problem.precision * x
         scale = np.sqrt(np.diag(hessian))
         step = np.linalg.solve(hessian / np.outer(scale, scale) + damping * np.eye(x.size), gradient / scale) / scale
         candidate = x + step
-        cost = misfit.cost(*problem.modes(candidate)) if problem.is_allowed(candidate) else np.inf
-        small = float(np.max(np.abs(step) * scale)) <= _TOLERANCE * np.sqrt(normal.cost)
-        if cost <= normal.cost:
-            settled = small and normal.cost - cost <= _TOLERANCE * normal.cost
-            x, damping = candidate, damping / 10
+        allowed = problem.is_allowed(candidate)
+        cost = misfit.cost(*problem.modes(candidate)) + problem.penalty(candidate) if allowed else np.inf
+        small = float(np.max(np.abs(step) * scale)) <= _TOLERANCE * np.sqrt(total)
+        if cost <= total:
+            settled = small and total - cost <= _TOLERANCE * total
+            x, total, damping = candidate, cost, damping / 10
             normal = misfit.normal(*problem.modes(x))
             history.append(x[: start.size])
             if settled:
@@ -204,43 +219,75 @@ def fit_law(
 
 @dataclass(frozen=True)
 class _Problem:
-    """The map from x = (coefficients, shifts) to the modes' eigenvalues and rates."""
+    """The map from x = (coefficients, shifts, deviations) to the modes' eigenvalues and rates."""
 
     misfit: FrfMisfit
     law: DampingLaw
     shifted: IntArray
+    deviation_sd: float | None
 
     @property
     def count(self) -> int:
         return len(self.law.coefficient_names)
 
+    def start(self, coefficients: FloatArray, shift: FloatArray) -> FloatArray:
+        none = np.zeros(0 if self.deviation_sd is None else self.shifted.size)
+        return np.concatenate([coefficients, shift, none])
+
+    def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coefficients, shifts and deviations (zeros where there are none)."""
+        ends = (self.count, self.count + self.shifted.size)
+        deviation = x[ends[1] :] if self.deviation_sd is not None else np.zeros(self.shifted.size)
+        return x[: ends[0]], x[ends[0] : ends[1]], deviation
+
+    @cached_property
+    def precision(self) -> FloatArray:
+        """(x,) prior precision: 1/s² of the deviations, nothing of the rest."""
+        rest = np.zeros(self.count + self.shifted.size)
+        if self.deviation_sd is None:
+            return rest
+        return np.concatenate([rest, np.full(self.shifted.size, self.deviation_sd**-2)])
+
+    def penalty(self, x: FloatArray) -> float:
+        return float(self.precision @ x**2) / 2
+
+    def omega(self, x: FloatArray) -> FloatArray:
+        stretch = np.ones_like(self.misfit.model.omega)
+        stretch[self.shifted] += self.split(x)[1]
+        return self.misfit.model.omega * stretch
+
+    def law_rate(self, x: FloatArray) -> FloatArray:
+        rate: FloatArray = self.law.basis(self.omega(x)) @ x[: self.count]
+        return rate
+
     def modes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        base = self.misfit.model.omega
-        stretch = np.ones_like(base)
-        stretch[self.shifted] += x[self.count :]
-        omega = base * stretch
-        return omega**2, self.law.basis(omega) @ x[: self.count]
+        rate = self.law_rate(x)
+        rate[self.shifted] *= np.exp(self.split(x)[2])
+        return self.omega(x) ** 2, rate
 
     def chain(self, x: FloatArray) -> FloatArray:
         """(2m, x) ∂(λ, c)/∂x; the law's dependence on a shifted ω is left to the next iterate (it is second order)."""
-        base = self.misfit.model.omega
-        eigenvalue, _ = self.modes(x)
-        m = base.size
+        base, omega, law_rate = self.misfit.model.omega, self.omega(x), self.law_rate(x)
+        m, first = base.size, self.count + self.shifted.size
+        factor = np.ones(m)
+        factor[self.shifted] = np.exp(self.split(x)[2])
         T = np.zeros((2 * m, x.size))
-        T[m:, : self.count] = self.law.basis(np.sqrt(eigenvalue))
-        for column, mode in enumerate(self.shifted, start=self.count):
-            T[mode, column] = 2 * base[mode] * np.sqrt(eigenvalue[mode])
+        T[m:, : self.count] = factor[:, None] * self.law.basis(omega)
+        for k, mode in enumerate(self.shifted):
+            T[mode, self.count + k] = 2 * base[mode] * omega[mode]
+            if self.deviation_sd is not None:
+                T[m + mode, first + k] = factor[mode] * law_rate[mode]
         return T
 
     def is_allowed(self, x: FloatArray) -> bool:
-        _, rate = self.modes(x)
         in_band = self.misfit.model.omega <= self.misfit.measured.omega[-1]
-        return bool(np.all(rate[in_band] > 0) and np.all(np.abs(x[self.count :]) < _LARGEST_SHIFT))
+        positive = np.all(self.law_rate(x)[in_band] > 0)
+        return bool(positive and np.all(np.abs(self.split(x)[1]) < _LARGEST_SHIFT))
 
     def finish(self, x: FloatArray, normal: NormalEquations, history: FloatArray) -> DampingFit:
         eigenvalue, rate = self.modes(x)
         T = self.chain(x)
-        inverse = np.linalg.inv(T.T @ normal.hessian @ T)
+        inverse = np.linalg.inv(T.T @ normal.hessian @ T + np.diag(self.precision))
         by = self.misfit.derivatives(eigenvalue, rate)
         _, weight = self.misfit.residual(self.misfit.predict(eigenvalue, rate))
         # Circular noise of variance v: cov(2 Re Jᴴ W n) = 2 Re Jᴴ W² V J, which is the hessian with weights w²v.
@@ -249,10 +296,12 @@ class _Problem:
         return DampingFit(
             law=self.law,
             coefficients=x[: self.count],
-            shift=x[self.count :],
+            shift=self.split(x)[1],
             shifted=self.shifted,
+            deviation=self.split(x)[2],
             eigenvalue=eigenvalue,
             rate=rate,
+            law_rate=self.law_rate(x),
             cost=normal.cost,
             noise_covariance=covariance[: self.count, : self.count],
             response=(inverse @ T.T)[: self.count],

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
-from fecore.damping import DampingLaw, ModalDamping, fit_ratios
+from fecore.damping import DampingLaw, ModalDamping, damping_ratio, fit_ratios
 from fecore.frf import FrfSet, ModalFrfModel, convert
 from fecore.identification.noise import residual_variance
 from fecore.modes import MeasuredModes
@@ -18,7 +18,10 @@ from fecore.updating.elastic import ElasticResult
 from fecore.updating.posterior import discrepancy
 
 DAMPING_DISCREPANCY = 0.02
-"""Prior standard deviation of a damping ratio about its law, as a share of it."""
+"""Prior standard deviation of a damping ratio about its law, as a share of it, for the intervals."""
+
+LAW_DISCREPANCY = 0.002
+"""The same for the estimate, as `elastic.THEORY_DISCREPANCY` is to `elastic.FREQUENCY_DISCREPANCY`."""
 
 _FIRST_RATIO = 0.02  # of modes whose damping was not measured
 
@@ -92,13 +95,26 @@ class DampingStage:
         progress(0.4)
         modal = fit_law(misfit, modal_law, self.start(modal_law), self.shifted, self.shift)
         progress(0.6)
-        fit = fit_law(misfit, law, start, self.shifted, self.shift)
+        missed = self._missed_by(law, modal)
+        tight = discrepancy(missed, len(law.coefficient_names), LAW_DISCREPANCY)
+        spread = discrepancy(missed, len(law.coefficient_names), DAMPING_DISCREPANCY)
+        # Only with noise weights is the misfit a likelihood, which a prior on deviations can be added to.
+        fit = fit_law(misfit, law, start, self.shifted, self.shift, tight if self.weighting == "noise" else None)
         progress(0.9)
-        law_ratio = fit.rate[self.shifted] / np.sqrt(fit.eigenvalue[self.shifted])
-        own_ratio = modal.rate[self.shifted] / np.sqrt(modal.eigenvalue[self.shifted])
-        spread = discrepancy(law_ratio / own_ratio - 1, len(law.coefficient_names), DAMPING_DISCREPANCY)
         covariance = fit.noise_covariance + self._law_spread(fit, spread) + self._elastic_spread(fit, misfit)
         return DampingResult(fit, start, modal, covariance, spread, misfit)
+
+    def _missed_by(self, law: DampingLaw, modal: DampingFit) -> FloatArray:
+        """(s,) how far the law that comes nearest misses the ratios of a modal fit, as ln(law/modal)."""
+        omega = np.sqrt(modal.eigenvalue[self.shifted])
+        ratio = modal.rate[self.shifted] / (2 * omega)
+        if omega.size <= len(law.coefficient_names):
+            return np.zeros(omega.size)
+        near = fit_ratios(law, omega, ratio)
+        if np.any(law.basis(omega) @ near <= 0):
+            near = fit_ratios(law, omega, np.full(omega.size, np.median(ratio)))
+        missed: FloatArray = np.log(damping_ratio(law, near, omega) / ratio)
+        return missed
 
     def _misfit(self, modal_law: ModalDamping) -> FrfMisfit:
         """The misfit with a noise variance: the measured one, or one from the residual of an unweighted modal fit."""
@@ -114,7 +130,7 @@ class DampingStage:
     def _law_spread(self, fit: DampingFit, relative: float) -> FloatArray:
         """(p, p) covariance by each measured mode's ratio deviating from the law by its share."""
         modes = fit.eigenvalue.size
-        by_rate = (fit.response @ fit.normal.hessian)[:, modes + self.shifted] * fit.rate[self.shifted] * relative
+        by_rate = (fit.response @ fit.normal.hessian)[:, modes + self.shifted] * fit.law_rate[self.shifted] * relative
         spread: FloatArray = by_rate @ by_rate.T
         return spread
 

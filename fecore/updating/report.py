@@ -144,7 +144,7 @@ class Report:
         predicted = None
         if updated is not None:
             number = updated + self.elastic.updated.modes.rigid
-            predicted = float(self.damping.fit.rate[number] / (2 * np.sqrt(self.damping.fit.eigenvalue[number])))
+            predicted = float(self.damping.fit.law_rate[number] / (2 * np.sqrt(self.damping.fit.eigenvalue[number])))
         return ModeComparison(
             number=row + 1,
             measured_hz=measured,
@@ -181,7 +181,7 @@ class Report:
     def _damping_warnings(self) -> list[str]:
         law, own = self.damping.fit, self.damping.modal
         numbers = [column + self.elastic.updated.modes.rigid for _, column in self.elastic.pairing.pairs]
-        ratio = law.rate[numbers] / np.sqrt(law.eigenvalue[numbers])
+        ratio = law.law_rate[numbers] / np.sqrt(law.eigenvalue[numbers])
         modal = own.rate[numbers] / np.sqrt(own.eigenvalue[numbers])
         missed = [
             f"mode {row + 1} by {100 * (ratio[i] / modal[i] - 1):+.0f} %"
