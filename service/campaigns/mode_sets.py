@@ -119,7 +119,7 @@ def describe_all(session: Session, mode_sets: Sequence[ModeSet]) -> list[ModeSet
     ]
 
 
-def shape_columns(points: NDArray[np.int64], values: ComplexArray) -> dict[str, Any]:
+def shape_columns(points: NDArray[np.integer], values: ComplexArray) -> dict[str, Any]:
     """A file's shape, (p, 3) or (p, 6) at p points, as it is stored: a list a column."""
     count, axes = values.shape
     return {

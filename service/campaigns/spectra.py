@@ -14,7 +14,7 @@ from service.problems import ServiceError
 
 Stored = Literal["<c8", "<c16", "<f4", "<f8"]
 
-AXIS_TOLERANCE = 1e-9
+AXIS_TOLERANCE = 1e-12
 """Relative to the last line: an axis that strays less from even steps than this is stored as start, step, count."""
 
 

@@ -8,7 +8,7 @@ from uuid import UUID
 
 from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, LargeBinary, func, text
 from sqlalchemy.dialects.postgresql import JSONB
-from sqlalchemy.orm import Mapped, deferred, mapped_column
+from sqlalchemy.orm import Mapped, mapped_column
 
 from service.db.base import Base, Identified
 
@@ -113,9 +113,9 @@ class Frf(Identified, Base):
     sha256: Mapped[bytes]
     coherence_dtype: Mapped[str | None]
     coherence_sha256: Mapped[bytes | None]
-    axis: Mapped[bytes | None] = deferred(mapped_column(LargeBinary))
-    data: Mapped[bytes] = deferred(mapped_column(LargeBinary))
-    coherence: Mapped[bytes | None] = deferred(mapped_column(LargeBinary))
+    axis: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
+    data: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+    coherence: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
 
 
 class ModeSet(Identified, Base):

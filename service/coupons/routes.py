@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 from uuid import UUID
 
 from fastapi import Body, Response
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 from sqlalchemy import select
 
 from service.access import CurrentUser, Cursor, Limit, SessionDep, paged
@@ -18,7 +18,13 @@ from service.structures.operations import structure_for
 
 router = api_router(tags=["coupons"])
 
-Coupons = CouponIn | Annotated[list[CouponIn], Field(min_length=1, max_length=1000)]
+
+def _as_list(body: Any) -> Any:
+    """A specimen that is sent alone is a list of one, and its faults keep their own pointers."""
+    return body if isinstance(body, list) else [CouponIn.model_validate(body)]
+
+
+Coupons = Annotated[list[CouponIn], BeforeValidator(_as_list), Field(min_length=1, max_length=1000)]
 
 
 @router.post("/structures/{structure_id}/coupon-batches", status_code=201)
@@ -54,7 +60,7 @@ def create_coupons(
 ) -> Page[CouponOut]:
     """Record the results of one specimen, or of several as a list; all are stored, or none."""
     batch = operations.batch_for(session, user, batch_id, "editor")
-    rows = operations.add_coupons(session, user, batch, body if isinstance(body, list) else [body])
+    rows = operations.add_coupons(session, user, batch, body)
     return Page(items=[operations.describe_coupon(row) for row in rows])
 
 

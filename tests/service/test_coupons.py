@@ -1,0 +1,158 @@
+"""Coupon batches over HTTP: results in, statistics out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+from uuid import uuid4
+
+import httpx
+import pytest
+
+from service.coupons.failure_codes import check_failure_code
+
+Checked = Callable[[httpx.Response, int], Any]
+
+MODULI = [32.1e9, 33.4e9, 33.0e9, 34.2e9, 32.8e9]
+
+
+@pytest.fixture
+def batch(api: httpx.Client, structure: str, checked: Checked) -> str:
+    body = {"name": "0 degrees", "constants": ["Ex", "nu_xy"], "conditions": {"speed": "2 mm/min"}}
+    return str(checked(api.post(f"structures/{structure}/coupon-batches", json=body), 201)["id"])
+
+
+def test_a_batch_of_specimens_in_numbers(api: httpx.Client, structure: str, batch: str, checked: Checked) -> None:
+    specimens = [{"specimen": f"A{i}", "E_Pa": e, "nu": 0.15, "failure_code": "lgm"} for i, e in enumerate(MODULI)]
+    slipped = {"specimen": "A9", "E_Pa": 20e9, "excluded": True, "exclusion_reason": "slipped in the grip"}
+    stored = checked(api.post(f"coupon-batches/{batch}/coupons", json=[*specimens, slipped]), 201)["items"]
+    assert [c["failure_code"] for c in stored] == ["LGM"] * 5 + [None]
+    summary = checked(api.get(f"coupon-batches/{batch}/summary"), 200)
+    # by hand: mean 33.1; deviations -1, .3, -.1, 1.1, -.3; squares sum 2.40; s = sqrt(2.40/4) = .774597
+    modulus = summary["constants"]["Ex"]
+    assert modulus == summary["properties"]["E_Pa"]
+    assert (modulus["n"], modulus["unit"], modulus["source"]) == (5, "Pa", "specimens")
+    assert modulus["mean"] == pytest.approx(33.1e9, rel=1e-12)
+    assert modulus["standard_deviation"] == pytest.approx(0.6**0.5 * 1e9, rel=1e-9)
+    assert modulus["cv_percent"] == pytest.approx(100 * 0.6**0.5 / 33.1, rel=1e-9)
+    assert summary["constants"]["nu_xy"]["standard_deviation"] == 0
+    assert summary["excluded"] == [{"specimen": "A9", "reason": "slipped in the grip"}]
+    assert summary["warnings"] == []
+    (listed,) = checked(api.get(f"structures/{structure}/coupon-batches"), 200)["items"]
+    assert (listed["coupons"], listed["conditions"]) == (6, {"speed": "2 mm/min"})
+    assert checked(api.get(f"coupon-batches/{batch}/coupons"), 200)["items"] == stored
+
+
+def test_fewer_than_five_specimens_are_a_warning(api: httpx.Client, batch: str, checked: Checked) -> None:
+    checked(api.post(f"coupon-batches/{batch}/coupons", json={"specimen": "A1", "E_Pa": 33e9}), 201)
+    summary = checked(api.get(f"coupon-batches/{batch}/summary"), 200)
+    assert summary["constants"]["Ex"]["standard_deviation"] is None
+    assert summary["warnings"] == [
+        "Ex: 1 valid specimens; D3039 asks for at least 5",
+        "nu_xy: no valid specimen and no published mean",
+    ]
+
+
+def test_published_means_stand_without_specimens(api: httpx.Client, structure: str, checked: Checked) -> None:
+    body = {
+        "name": "Table 4",
+        "constants": ["Ex", "Ey", "Gxy", "nu_xy"],
+        "published": {
+            "Ex": {"mean": 33.05e9, "standard_deviation": 1e9, "n": 5},
+            "Ey": {"mean": 31.8e9},
+            "Gxy": {"mean": 5.73e9},
+            "nu_xy": {"mean": 0.15},
+        },
+    }
+    batch = checked(api.post(f"structures/{structure}/coupon-batches", json=body), 201)
+    assert batch["published"]["Ey"] == {"mean": 31.8e9, "standard_deviation": None, "n": None}
+    constants = checked(api.get(f"coupon-batches/{batch['id']}/summary"), 200)["constants"]
+    assert {name: c["mean"] for name, c in constants.items()} == {
+        "Ex": 33.05e9,
+        "Ey": 31.8e9,
+        "Gxy": 5.73e9,
+        "nu_xy": 0.15,
+    }
+    assert {c["source"] for c in constants.values()} == {"published"}
+    assert (constants["Ex"]["standard_deviation"], constants["Ey"]["standard_deviation"]) == (1e9, None)
+    problem = checked(api.post(f"coupon-batches/{batch['id']}/coupons", json={"specimen": "A1", "E_Pa": 1e9}), 422)
+    assert problem["errors"][0]["pointer"] == "/E_Pa"
+
+
+def test_a_shear_batch(api: httpx.Client, structure: str, checked: Checked) -> None:
+    body = {"name": "±45", "constants": ["Gxy"]}
+    batch = checked(api.post(f"structures/{structure}/coupon-batches", json=body), 201)["id"]
+    coupon = {"specimen": "S1", "standard": "D3518", "G_Pa": 5.7e9, "strength_Pa": 60e6}
+    checked(api.post(f"coupon-batches/{batch}/coupons", json=coupon), 201)
+    assert checked(api.get(f"coupon-batches/{batch}/summary"), 200)["constants"]["Gxy"]["mean"] == 5.7e9
+
+
+@pytest.mark.parametrize(
+    ("coupon", "pointer"),
+    [
+        ({"specimen": "A", "E_Pa": 0}, "/E_Pa"),
+        ({"specimen": "A"}, ""),
+        ({"specimen": "A", "E_Pa": 1e9, "failure_code": "XYZ"}, "/failure_code"),
+        ({"specimen": "A", "E_Pa": 1e9, "excluded": True}, ""),
+        ({"specimen": "A", "E_Pa": 1e9, "exclusion_reason": "ugly"}, ""),
+        ({"specimen": "A", "G_Pa": 1e9}, ""),
+        ({"specimen": "A", "standard": "D3518", "E_Pa": 1e9}, ""),
+        ({"specimen": "A", "standard": "D638", "E_Pa": 1e9}, "/standard"),
+        ({"specimen": "A", "E_GPa": 33}, "/E_GPa"),
+    ],
+)
+def test_a_senseless_specimen_is_refused_with_its_pointer(
+    api: httpx.Client, batch: str, checked: Checked, coupon: dict[str, Any], pointer: str
+) -> None:
+    problem = checked(api.post(f"coupon-batches/{batch}/coupons", json=coupon), 422)
+    assert pointer in {error["pointer"] for error in problem["errors"]}
+    listed = checked(api.post(f"coupon-batches/{batch}/coupons", json=[{"specimen": "B", "nu": 0.1}, coupon]), 422)
+    assert f"/1{pointer}" in {error["pointer"] for error in listed["errors"]}
+    assert checked(api.get(f"coupon-batches/{batch}/coupons"), 200)["items"] == []
+
+
+def test_a_specimen_is_recorded_once(api: httpx.Client, batch: str, checked: Checked) -> None:
+    coupon = {"specimen": "A1", "E_Pa": 33e9}
+    checked(api.post(f"coupon-batches/{batch}/coupons", json=coupon), 201)
+    checked(api.post(f"coupon-batches/{batch}/coupons", json=[{"specimen": "A2", "nu": 0.1}, coupon]), 409)
+    assert len(checked(api.get(f"coupon-batches/{batch}/coupons"), 200)["items"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "pointer"),
+    [
+        ({"constants": []}, "/constants"),
+        ({"constants": ["Ez"]}, "/constants/0"),
+        ({"constants": ["Ex", "Ex"]}, "/constants"),
+        ({"published": {"Ey": {"mean": 1e9}}}, ""),
+        ({"published": {"Ex": {"mean": -1e9}}}, ""),
+        ({"published": {"Ex": {"mean": 1e9, "standard_deviation": 0}}}, "/published/Ex/standard_deviation"),
+    ],
+)
+def test_a_senseless_batch_is_refused_with_its_pointer(
+    api: httpx.Client, structure: str, checked: Checked, change: dict[str, Any], pointer: str
+) -> None:
+    body = {"name": "x", "constants": ["Ex"], **change}
+    problem = checked(api.post(f"structures/{structure}/coupon-batches", json=body), 422)
+    assert {error["pointer"] for error in problem["errors"]} == {pointer}
+
+
+def test_other_peoples_batches_do_not_exist(
+    new_client: Callable[[], httpx.Client], structure: str, batch: str, checked: Checked
+) -> None:
+    stranger = new_client()
+    for path in (f"coupon-batches/{batch}", f"coupon-batches/{uuid4()}/summary", f"coupon-batches/{batch}/coupons"):
+        checked(stranger.get(path), 404)
+    checked(stranger.get(f"structures/{structure}/coupon-batches"), 404)
+    checked(stranger.post(f"coupon-batches/{batch}/coupons", json={"specimen": "A", "nu": 0.1}), 404)
+
+
+@pytest.mark.parametrize("code", ["LGM", "lgm", " LIT ", "AGM(1)", "M(DL)GM", "OVU", "SAB", "XMV"])
+def test_codes_of_the_standard(code: str) -> None:
+    assert check_failure_code(code) == code.strip().upper()
+
+
+@pytest.mark.parametrize("code", ["", "L", "LG", "LGMM", "QGM", "LQM", "LGQ", "L(DG)GM", "M(M)GM", "M(Q)GM", "LGM(12)"])
+def test_codes_that_the_standard_has_not(code: str) -> None:
+    with pytest.raises(ValueError, match=r"code|expected|multi-mode"):
+        check_failure_code(code)

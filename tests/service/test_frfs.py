@@ -1,0 +1,312 @@
+"""FRFs over HTTP: from scripts in, in several formats out, and stored bytes that are checked on the way."""
+
+from __future__ import annotations
+
+import csv
+import io
+import zipfile
+from collections.abc import Callable
+from typing import Any
+from uuid import UUID, uuid4
+
+import httpx
+import numpy as np
+import psycopg
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fecore.frf import Dof
+from service.campaigns.frame import make_frame
+from service.campaigns.measurement import load_measurement
+from service.campaigns.spectra import DamagedSpectrumError, Spectrum, decode, encode, encode_axis
+from service.db.engine import make_engine, make_sessions, psycopg_url
+from service.supervisor import LocalService
+
+Checked = Callable[[httpx.Response, int], Any]
+NPZ = {"Content-Type": "application/x-npz"}
+
+
+def arrays(dtype: str = "complex128", count: int = 4, lines: int = 50) -> dict[str, Any]:
+    rng = np.random.default_rng(5)
+    values = rng.standard_normal((count, lines)) + 1j * rng.standard_normal((count, lines))
+    return {
+        "frequency_hz": np.arange(1, lines + 1) * 0.5,
+        "values": values.astype(dtype),
+        "response_point": np.arange(1, count + 1),
+        "response_direction": np.full(count, 3),
+        "reference_point": np.int64(33),
+        "reference_direction": np.int64(-3),
+        "quantity": np.array("mobility"),
+    }
+
+
+def npz(**named: Any) -> bytes:
+    buffer = io.BytesIO()
+    np.savez(buffer, **named)
+    return buffer.getvalue()
+
+
+def post(api: httpx.Client, campaign: str, **named: Any) -> httpx.Response:
+    return api.post(f"campaigns/{campaign}/frfs", content=npz(**named), headers=NPZ)
+
+
+@pytest.mark.parametrize("dtype", ["complex64", "complex128"])
+def test_npz_goes_in_and_comes_out_bit_for_bit(api: httpx.Client, campaign: str, checked: Checked, dtype: str) -> None:
+    sent = arrays(dtype)
+    stored = checked(post(api, campaign, **sent), 201)["items"]
+    assert [f["response_point"] for f in stored] == [1, 2, 3, 4]
+    assert {(f["reference_point"], f["reference_direction"], f["quantity"], f["unit"], f["dtype"]) for f in stored} == {
+        (33, -3, "mobility", "m/s/N", dtype)
+    }
+    answer = api.get(f"campaigns/{campaign}/frfs/data", headers={"Accept": "application/x-npz"})
+    assert answer.headers["content-type"] == "application/x-npz"
+    with np.load(io.BytesIO(answer.content)) as got:
+        assert got["values"].dtype == np.dtype(dtype)
+        np.testing.assert_array_equal(got["values"], sent["values"])
+        np.testing.assert_array_equal(got["frequency_hz"], sent["frequency_hz"])
+        np.testing.assert_array_equal(got["reference_direction"], [-3] * 4)
+        assert str(got["quantity"]) == "mobility"
+        assert got["id"].tolist() == [f["id"] for f in stored]
+        assert "coherence" not in got
+        again = {name: got[name] for name in got.files}
+    second = checked(api.post(f"campaigns/{campaign}/frfs", content=npz(**again), headers=NPZ), 201)["items"]
+    assert [f["sha256"] for f in second] == [f["sha256"] for f in stored]
+
+
+def test_json_goes_in_and_comes_out(api: httpx.Client, campaign: str, checked: Checked) -> None:
+    frf = {
+        "response_point": 1,
+        "response_direction": 3,
+        "reference_point": 2,
+        "reference_direction": -3,
+        "real": [0.1, 0.2, 0.3],
+        "imag": [1e-9, -2.5, 0.0],
+        "coherence": [0.9, 0.8, 0.7],
+        "averages": 10,
+        "label": "tip, µm/N",
+    }
+    bare = {**frf, "response_point": 2, "coherence": None, "averages": None}
+    body = {"quantity": "receptance", "frequency_hz": [1.0, 1.5, 7.25], "frfs": [frf, bare]}
+    stored = checked(api.post(f"campaigns/{campaign}/frfs", json=body), 201)["items"]
+    assert [(f["step_hz"], f["averages"], f["has_coherence"]) for f in stored] == [
+        (None, 10, True),
+        (None, None, False),
+    ]
+    data = checked(api.get(f"campaigns/{campaign}/frfs/data"), 200)
+    assert data["frequency_hz"] == [1.0, 1.5, 7.25]
+    assert (data["quantity"], data["unit"]) == ("receptance", "m/N")
+    assert [{key: got[key] for key in frf} for got in data["frfs"]] == [frf, bare]
+    with np.load(io.BytesIO(api.get(f"campaigns/{campaign}/frfs/data", params={"format": "npz"}).content)) as got:
+        np.testing.assert_array_equal(got["coherence"], [[0.9, 0.8, 0.7], [np.nan] * 3])
+
+
+def test_csv_has_a_line_a_value(api: httpx.Client, campaign: str, checked: Checked) -> None:
+    sent = arrays(count=2, lines=3)
+    first = checked(post(api, campaign, **sent), 201)["items"][0]
+    answer = api.get(f"frfs/{first['id']}/data", headers={"Accept": "text/csv"})
+    rows = list(csv.reader(io.StringIO(answer.text)))
+    assert rows[0][4:7] == ["frequency_hz", "real", "imag"]
+    got = [complex(float(row[5]), float(row[6])) for row in rows[1:]]
+    np.testing.assert_array_equal(got, sent["values"][0])
+    assert len(api.get(f"campaigns/{campaign}/frfs/data", params={"format": "csv"}).text.splitlines()) == 1 + 2 * 3
+
+
+def test_a_band_and_a_stride(api: httpx.Client, campaign: str, checked: Checked) -> None:
+    sent = arrays()
+    first = checked(post(api, campaign, **sent), 201)["items"][0]
+    path = f"frfs/{first['id']}/data"
+    data = checked(api.get(path, params={"fmin": 2, "fmax": 5, "stride": 3}), 200)
+    assert data["frequency_hz"] == [2.0, 3.5, 5.0]
+    assert data["frfs"][0]["real"] == sent["values"][0].real[[3, 6, 9]].tolist()
+    checked(api.get(path, params={"fmin": 100}), 422)
+    checked(api.get(path, params={"stride": 0}), 422)
+    checked(api.get(path, params={"fmin": "nan"}), 422)
+    checked(api.get(path, params={"format": "xlsx"}), 422)
+    checked(api.get(path, headers={"Accept": "image/png"}), 406)
+    answer = api.get(path)
+    unchanged = api.get(path, headers={"If-None-Match": answer.headers["ETag"]})
+    assert (unchanged.status_code, unchanged.content) == (304, b"")
+    part = api.get(path, headers={"Range": "bytes=0-9"})
+    assert (part.status_code, part.content) == (206, answer.content[:10])
+
+
+def test_filters_and_pages(api: httpx.Client, campaign: str, checked: Checked) -> None:
+    checked(post(api, campaign, **arrays()), 201)
+    checked(post(api, campaign, **{**arrays(count=2), "quantity": np.array("accelerance")}), 201)
+    path = f"campaigns/{campaign}/frfs"
+
+    def count(**params: Any) -> int:
+        return len(checked(api.get(path, params=params), 200)["items"])
+
+    assert [count(), count(point=1), count(point=9), count(direction=3), count(direction=-3)] == [6, 2, 0, 6, 0]
+    assert [count(reference=33), count(quantity="mobility"), count(fmin=30), count(fmax=0.1)] == [6, 4, 0, 0]
+    assert count(point=1, quantity="accelerance") == 1
+    page = checked(api.get(path, params={"limit": 4}), 200)
+    rest = checked(api.get(path, params={"limit": 4, "cursor": page["next_cursor"]}), 200)
+    assert (len(page["items"]), len(rest["items"]), rest["next_cursor"]) == (4, 2, None)
+    for params in ({"point": 1e30}, {"quantity": "loudness"}, {"fmin": 5, "fmax": 1}, {"cursor": "?"}):
+        checked(api.get(path, params=params), 422)
+    mixed = checked(api.get(f"{path}/data"), 409)
+    assert "quantity" in mixed["detail"]
+    assert len(checked(api.get(f"{path}/data", params={"quantity": "mobility"}), 200)["frfs"]) == 4
+    checked(api.get(f"{path}/data", params={"point": 9}), 404)
+
+
+def test_different_axes_are_named(api: httpx.Client, campaign: str, checked: Checked) -> None:
+    checked(post(api, campaign, **arrays(lines=50)), 201)
+    checked(post(api, campaign, **arrays(lines=40)), 201)
+    problem = checked(api.get(f"campaigns/{campaign}/frfs/data"), 409)
+    assert "50 lines" in problem["detail"]
+    assert "40 lines" in problem["detail"]
+
+
+@pytest.mark.parametrize(
+    ("change", "pointer"),
+    [
+        ({"values": np.ones((4, 50))}, "/values"),
+        ({"values": np.ones((4, 49), complex)}, "/values"),
+        ({"values": np.full((4, 50), complex(np.nan, 0))}, "/values"),
+        ({"frequency_hz": np.arange(50)[::-1]}, "/frequency_hz"),
+        ({"frequency_hz": np.full(50, np.inf)}, "/frequency_hz"),
+        ({"frequency_hz": np.arange(50).astype(str)}, "/frequency_hz"),
+        ({"response_point": np.arange(3)}, "/response_point"),
+        ({"response_point": np.array([1, 2, 3, 0])}, "/response_point"),
+        ({"response_point": np.array([1.5, 2, 3, 4])}, "/response_point"),
+        ({"response_direction": np.full(4, 7)}, "/direction"),
+        ({"quantity": np.array("loudness")}, "/quantity"),
+        ({"quantity": np.array(3)}, "/quantity"),
+        ({"coherence": np.full((4, 50), 1.5)}, "/coherence"),
+        ({"coherence": np.ones((4, 49))}, "/coherence"),
+        ({"label": np.array(["a\0b", "b", "c", "d"])}, "/label"),
+        ({"temperature": np.array(20.0)}, "/temperature.npy"),
+    ],
+)
+def test_senseless_arrays_are_refused_by_name(
+    api: httpx.Client, campaign: str, checked: Checked, change: dict[str, Any], pointer: str
+) -> None:
+    problem = checked(post(api, campaign, **{**arrays(), **change}), 422)
+    assert {error["pointer"] for error in problem["errors"]} == {pointer}
+    assert checked(api.get(f"campaigns/{campaign}/frfs"), 200)["items"] == []
+
+
+def test_broken_archives_are_refused(api: httpx.Client, campaign: str, checked: Checked) -> None:
+    whole = npz(**arrays())
+    claims = io.BytesIO()
+    with zipfile.ZipFile(claims, "w", zipfile.ZIP_DEFLATED) as archive:
+        header = io.BytesIO()
+        np.lib.format.write_array_header_1_0(header, {"descr": "<c16", "fortran_order": False, "shape": (10**6, 10**6)})
+        archive.writestr("values.npy", header.getvalue())
+    pickled = io.BytesIO()
+    np.savez(pickled, values=np.array([{"a": 1}], dtype=object))  # type: ignore[arg-type]
+    for content in (b"", b"PK", whole[:-40], whole[: len(whole) // 2], claims.getvalue(), pickled.getvalue(), npz()):
+        checked(api.post(f"campaigns/{campaign}/frfs", content=content, headers=NPZ), 422)
+    flipped = bytearray(whole)
+    flipped[len(whole) // 3] ^= 0xFF
+    checked(api.post(f"campaigns/{campaign}/frfs", content=bytes(flipped), headers=NPZ), 422)
+    checked(api.post(f"campaigns/{campaign}/frfs", content=whole, headers={"Content-Type": "text/plain"}), 415)
+    assert checked(api.get(f"campaigns/{campaign}/frfs"), 200)["items"] == []
+
+
+def test_broken_json_is_refused_with_its_pointer(api: httpx.Client, campaign: str, checked: Checked) -> None:
+    frf = dict.fromkeys(("response_point", "response_direction", "reference_point", "reference_direction"), 1)
+    good = {"quantity": "accelerance", "frequency_hz": [1, 2], "frfs": [{**frf, "real": [1, 2], "imag": [0, 0]}]}
+    for change, pointer in (
+        ({"quantity": "x"}, "/quantity"),
+        ({"frequency_hz": [2, 1]}, "/frequency_hz"),
+        ({"frequency_hz": [1, 2, 3]}, "/frfs/0/real"),
+        ({"frfs": []}, "/frfs"),
+        ({"frfs": [{**frf, "real": [1], "imag": [1, 2]}]}, "/frfs/0"),
+        ({"frfs": [{**frf, "real": [1, 2], "imag": [1, 2], "coherence": [0.5]}]}, "/frfs/0/coherence"),
+    ):
+        problem = checked(api.post(f"campaigns/{campaign}/frfs", json={**good, **change}), 422)
+        assert {error["pointer"] for error in problem["errors"]} == {pointer}
+    checked(api.post(f"campaigns/{campaign}/frfs", json=good), 201)
+
+
+def test_other_peoples_frfs_do_not_exist(
+    api: httpx.Client, new_client: Callable[[], httpx.Client], campaign: str, checked: Checked
+) -> None:
+    frf = checked(post(api, campaign, **arrays()), 201)["items"][0]["id"]
+    stranger = new_client()
+    for path in (f"frfs/{frf}", f"frfs/{frf}/data", f"frfs/{uuid4()}", f"campaigns/{campaign}/frfs"):
+        checked(stranger.get(path), 404)
+    checked(post(stranger, campaign, **arrays()), 404)
+
+
+def test_a_spectrum_that_was_damaged_in_the_database_is_not_handed_out(
+    api: httpx.Client, service: LocalService, campaign: str, checked: Checked
+) -> None:
+    frf = checked(post(api, campaign, **arrays()), 201)["items"][0]["id"]
+    assert service.settings.database_url is not None
+    with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
+        connection.execute("UPDATE frfs SET data = set_byte(data, 5, 255 - get_byte(data, 5)) WHERE id = %s", [frf])
+    answer = api.get(f"frfs/{frf}/data")
+    assert answer.status_code == 500
+    assert "checksum" in answer.text
+
+
+def test_the_core_gets_the_campaign_in_the_specimens_frame(
+    api: httpx.Client, service: LocalService, new_campaign: Callable[..., str], checked: Checked
+) -> None:
+    """The file's x is the specimen's y, its y the specimen's -x; z stays."""
+    campaign = new_campaign(
+        frame={"origin_m": [1.0, 2.0, 0.0], "x_axis": [0.0, -1.0, 0.0], "y_axis": [1.0, 0.0, 0.0]},
+        instruments={"sensor_mass_kg": 0.0048, "sensor_point": 2},
+    )
+    items = [{"label": 1, "x_m": 1.0, "y_m": 1.9, "z_m": 0.005}, {"label": 2, "x_m": 1.02, "y_m": 1.5, "z_m": 0.005}]
+    checked(api.put(f"campaigns/{campaign}/grid-points", json={"items": items}), 200)
+    sent = {**arrays(), "response_direction": np.array([3, 2, 1, -1])}
+    sent["coherence"], sent["averages"] = np.full((4, 50), 0.9), np.int64(9)
+    checked(post(api, campaign, **sent), 201)
+    checked(post(api, campaign, **arrays("complex64", lines=10)), 201)
+    assert service.settings.database_url is not None
+    engine = make_engine(service.settings.database_url)
+    with make_sessions(engine)() as session:
+        measured = load_measurement(session, UUID(campaign))
+    engine.dispose()
+    np.testing.assert_allclose(measured.points[1], (0.1, 0.0, 0.005), atol=1e-15)
+    np.testing.assert_allclose(measured.points[2], (0.5, 0.02, 0.005), atol=1e-15)
+    assert (measured.boundary, measured.sensor_mass_kg, measured.sensor_point) == ("cantilever", 0.0048, 2)
+    assert (measured.structure_version, measured.structure.density_kg_m3) == (1, 2012.0)
+    large, small = measured.frf_sets
+    assert large.frfs.responses == (Dof(1, 3), Dof(2, -1), Dof(3, 2), Dof(4, -2))
+    np.testing.assert_array_equal(large.frfs.values, sent["values"])
+    assert large.frfs.variance is not None
+    np.testing.assert_allclose(large.frfs.variance, np.abs(sent["values"]) ** 2 * 0.1 / (0.9 * 9), rtol=1e-12)
+    assert (small.frfs.values.shape, small.frfs.values.dtype, small.frfs.variance) == ((4, 10), np.complex128, None)
+
+
+def test_a_frame_turns_points_and_directions_alike() -> None:
+    rng = np.random.default_rng(1)
+    q, _ = np.linalg.qr(rng.standard_normal((3, 3)))
+    q[:, 2] = np.cross(q[:, 0], q[:, 1])
+    frame = make_frame(tuple(rng.standard_normal(3)), tuple(q[:, 0]), tuple(q[:, 1]))
+    specimen = rng.standard_normal((5, 3))
+    np.testing.assert_allclose(frame.points(specimen @ q.T + frame.origin_m), specimen, atol=1e-14)
+
+
+@settings(max_examples=50, deadline=None, derandomize=True)
+@given(st.lists(st.complex_numbers(allow_nan=True, allow_infinity=True), min_size=1, max_size=40))
+def test_every_spectrum_survives_bit_for_bit(values: list[complex]) -> None:
+    for dtype in ("c16", ">c16", "c8"):
+        with np.errstate(over="ignore"):
+            array = np.array(values).astype(dtype)
+        stored = encode(array)
+        assert decode(stored).tobytes() == array.astype(array.dtype.newbyteorder("<")).tobytes()
+        broken = Spectrum(stored.dtype, stored.count, stored.data[:-1] + bytes([stored.data[-1] ^ 1]), stored.sha256)
+        with pytest.raises(DamagedSpectrumError):
+            decode(broken)
+
+
+@settings(max_examples=50, deadline=None, derandomize=True)
+@given(st.floats(0, 1e5), st.floats(1e-3, 100), st.integers(1, 500))
+def test_an_axis_keeps_its_lines(start: float, step: float, count: int) -> None:
+    even = start + step * np.arange(count)
+    stored = encode_axis(even)
+    assert (stored.lines is None) == (count > 1)
+    np.testing.assert_allclose(stored.frequency_hz(), even, rtol=0, atol=1e-12 * even[-1])
+    if count > 2:
+        uneven = even.copy()
+        uneven[1] += 0.25 * step
+        np.testing.assert_array_equal(encode_axis(uneven).frequency_hz(), uneven)
