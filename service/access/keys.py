@@ -8,9 +8,9 @@ from __future__ import annotations
 import hashlib
 import hmac
 import secrets
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 
-from sqlalchemy import func, or_, select, update
+from sqlalchemy import func, select, update
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Session
 
@@ -59,8 +59,9 @@ def user_of_key(session: Session, key: str) -> User:
 
 def _touch(session: Session, key: ApiKey) -> None:
     """Note when the key was last used, to the minute, and never wait for another request that does the same."""
-    stale = or_(ApiKey.last_used_at.is_(None), ApiKey.last_used_at < func.now() - USED_RESOLUTION)
-    row = select(ApiKey.id).where(ApiKey.id == key.id, stale).with_for_update(skip_locked=True)
+    if key.last_used_at is not None and datetime.now(UTC) - key.last_used_at < USED_RESOLUTION:
+        return
+    row = select(ApiKey.id).where(ApiKey.id == key.id).with_for_update(skip_locked=True)
     session.execute(
         update(ApiKey).where(ApiKey.id.in_(row)).values(last_used_at=func.now()),
         execution_options={"synchronize_session": False},

@@ -18,6 +18,7 @@ from uuid import UUID, uuid4
 import structlog
 from procrastinate import App, PsycopgConnector
 from procrastinate.app import WorkerOptions
+from procrastinate.exceptions import ConnectorException
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.db.engine import Sessions, make_engine, make_sessions, psycopg_url
@@ -33,6 +34,7 @@ from service.jobs.reaper import reap
 from service.settings import Settings
 
 TICK_SECONDS = 0.25
+RECONNECT_SECONDS = 1.0
 POLL_SECONDS = 5.0  # for dispatches whose notification was lost with a connection
 
 log = structlog.stdlib.get_logger("modalbase.worker")
@@ -87,7 +89,7 @@ class _Worker:
         if queues:
             options["queues"] = queues
         async with queue.open_async():
-            work = asyncio.create_task(queue.run_worker_async(**options))
+            work = asyncio.create_task(self._take_jobs(queue, options))
             watch = asyncio.create_task(self._watch())
             end = asyncio.create_task(self._drain_when_told(work))
             log.info("worker ready", worker=self.name, kinds=sorted(self.kinds), queues=queues or "all")
@@ -99,6 +101,16 @@ class _Worker:
                 watch.cancel()
                 end.cancel()
         self.threads.shutdown()
+
+    async def _take_jobs(self, queue: App, options: WorkerOptions) -> None:
+        """Serve the queue, also when the database goes away and comes back."""
+        while True:
+            try:
+                await queue.run_worker_async(**options)
+            except ConnectorException as error:
+                log.warning("the queue does not answer", error=str(error))
+            log.warning("connecting to the queue again", seconds=RECONNECT_SECONDS)
+            await asyncio.sleep(RECONNECT_SECONDS)
 
     def _end(self) -> None:
         """A signal to end. Told twice, it does not wait for running jobs."""

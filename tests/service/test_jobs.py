@@ -248,6 +248,19 @@ def test_two_workers_share_without_doing_anything_twice(sessions: Sessions, data
     assert all(len(items(sessions, job.id)) == 2 for job in jobs)
 
 
+def test_worker_comes_back_when_the_database_cut_it_off(sessions: Sessions, database: str) -> None:
+    cut = text(
+        "SELECT pg_terminate_backend(pid) FROM pg_stat_activity"
+        " WHERE datname = current_database() AND pid <> pg_backend_pid()"
+    )
+    with worker(database) as process:
+        assert wait(sessions, put(sessions, "echo")[0]).state == "succeeded"
+        with sessions.begin() as session:
+            assert len(session.execute(cut).all()) >= 2
+        assert wait(sessions, put(sessions, "echo")[0]).state == "succeeded"
+        assert process.poll() is None
+
+
 def test_workspace_is_gone_afterwards(shared: Sessions) -> None:
     where = items(shared, run(shared, "echo").id)[1]
     assert not Path(where["file"]).parent.exists()
