@@ -295,8 +295,8 @@ class Limits:
         quantity: what an FRF is whose file states neither a data type nor a unit; None refuses such FRFs.
     """
 
-    dataset_bytes: int = 128 * 1024 * 1024
-    cross_check_bytes: int = 8 * 1024 * 1024
+    dataset_bytes: int = 124 * 1024 * 1024
+    cross_check_bytes: int = 4 * 1024 * 1024
     datasets: int = 200_000
     line_bytes: int = 4096
     blank_bytes: int = 1024 * 1024

@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fecore.arrays import FloatArray
 from service.campaigns.uff.content import FUNCTION_NAMES, Axis, Samples
@@ -15,6 +16,7 @@ from service.campaigns.uff.text import Cursor, Refusal, decoded, real_block, sho
 HEADER_LINES = 11
 _REAL_SINGLE, _REAL_DOUBLE, _COMPLEX_SINGLE, _COMPLEX_DOUBLE = 2, 4, 5, 6
 _E13, _E20 = 13, 20
+_ABSURD_DECADES = 24.0
 
 
 @dataclass(frozen=True)
@@ -227,11 +229,37 @@ def _binary_data(frame: Frame, data: bytes, shape: _Shape) -> tuple[FloatArray, 
             6,
         )
     table = np.frombuffer(data, np.dtype(layout))
-    flat = np.hstack([table[name].astype(np.float64) for name in table.dtype.names or ()])
+    flat = _doubles(table)
+    if _swapped(table):
+        raise Refusal(
+            f"its numbers make no sense as {'little' if header.little_endian else 'big'} endian, and do the other way"
+            " round: the byte order in its header is wrong"
+        )
     bad = np.flatnonzero(~np.isfinite(flat).all(axis=1))
     if bad.size:
         raise Refusal(f"{bad.size} points are NaN or infinite, the first is number {bad[0] + 1}")
     return flat, "" if layout == layouts[0] else "its abscissa is in single precision, its ordinates in double"
+
+
+def _doubles(table: NDArray[np.void]) -> FloatArray:
+    """Rows of a binary table as doubles."""
+    with np.errstate(invalid="ignore"):  # a signalling NaN warns; NaNs are refused by name
+        return np.hstack([table[name].astype(np.float64) for name in table.dtype.names or ()])
+
+
+def _swapped(table: NDArray[np.void]) -> bool:
+    """Whether the bytes are in the other order: as read, the magnitudes are strewn over all exponents."""
+    some = table[:: max(1, len(table) // 64)]
+    return _decades(_doubles(some)) > _ABSURD_DECADES and _decades(_doubles(some.byteswap())) < _ABSURD_DECADES / 2
+
+
+def _decades(values: FloatArray) -> float:
+    """Scatter of the magnitudes, decades between the 10th and the 90th percentile; infinite where most are no numbers."""
+    sizes = np.sort(np.abs(values[np.isfinite(values) & (values != 0)]))
+    if sizes.size * 2 < np.count_nonzero(values):
+        return float("inf")
+    tenth = sizes.size // 10
+    return float(np.log10(sizes[-1 - tenth]) - np.log10(sizes[tenth])) if sizes.size else 0.0
 
 
 def _assembled(table: FloatArray, shape: _Shape) -> tuple[Axis, Samples, list[str]]:

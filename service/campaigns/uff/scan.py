@@ -18,7 +18,7 @@ from typing import BinaryIO
 from service.campaigns.uff.content import Limits, UffError
 from service.campaigns.uff.text import shown
 
-CHUNK = 1 << 20
+SMALL_CHUNK, LARGE_CHUNK = 1 << 13, 1 << 20
 ODD_DELIMITERS = 1000
 _DELIMITER_LINE = re.compile(rb"\n([ \t]*)-1[ \t]*\r?(?=\n|\Z)")
 _TYPE_LINE = re.compile(rb"( {0,5}[0-9]{1,6})([bB].*|[ \t]*)")
@@ -136,9 +136,11 @@ def _dataset(file: BinaryIO, number: int, offset: int, position: int, size: int,
 def _closing(file: BinaryIO, number: int, start: int, offset: int, size: int, limits: Limits) -> tuple[int, int, str]:
     """Byte of the closing delimiter of a text dataset, the byte after it, and a note where it is oddly placed."""
     position, odd = start - 1, 0  # from the line end before, so that each line has one
+    size_read = SMALL_CHUNK  # growing, so that many small datasets are not read many times over
     while position < size:
         file.seek(position)
-        chunk = file.read(CHUNK)
+        chunk = file.read(size_read)
+        size_read = min(2 * size_read, LARGE_CHUNK)
         last = position + len(chunk) >= size
         if not last and not (chunk := chunk[: chunk.rfind(b"\n") + 1])[1:]:
             raise UffError(f"a line is longer than {limits.line_bytes} bytes, so this is no sound UFF file", position)

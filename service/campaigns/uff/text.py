@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from fecore.arrays import FloatArray
 
 _REAL = re.compile(rb"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?:[eEdD]([+-]?[0-9]{1,4})|([+-][0-9]{3}))?")
+_WHOLE = re.compile(rb"[+-][0-9]+")
 _PLAIN = b"0123456789+-.eE \r\n"
 _D_TO_E = bytes.maketrans(b"dD", b"eE")
 _GB2312 = re.compile(rb"(?:[\x00-\x7f]|[\xa1-\xf7][\xa1-\xfe])*")
@@ -102,7 +103,7 @@ class Cursor:
         values = []
         for index, name in enumerate(names):
             text = row[start + index * width : start + (index + 1) * width].strip()
-            if not re.fullmatch(rb"[+-]?[0-9]+", text) and (name or text):
+            if not text.isdigit() and not _WHOLE.fullmatch(text) and (name or text):
                 raise self.refuse(f"{name or 'a field'} is {shown(text)}, expected a whole number")
             values.append(int(text or 0))
         return values

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 
 from fecore.frf import Quantity
 from service.campaigns.uff.content import Units
@@ -75,6 +76,7 @@ def times(a: Dimension, b: Dimension, power: int = 1) -> Dimension:
     return (a[0] + power * b[0], a[1] + power * b[1], a[2] + power * b[2])
 
 
+@lru_cache(maxsize=256)
 def read_label(text: str) -> Label | None:
     """Meaning of a unit label; None where it states none or is not understood."""
     tokens: list[str] = []

@@ -1,0 +1,315 @@
+"""What becomes of damaged UFF files: seeded variants of files that our own writer makes, and the verdict on each.
+
+A variant passes when the file is refused, when a dataset is refused or its change noted, when it reads equal, or when
+the damage made another sound number and exactly that number is read (a digit flipped in an ordinate: nothing in the
+format could tell). Anything else is a silent change, and there must be none.
+"""
+
+from __future__ import annotations
+
+import re
+import resource
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from service.campaigns.uff import (
+    Axis,
+    DatasetReport,
+    FileHeader,
+    Frf,
+    Function,
+    GridPoint,
+    ModeShape,
+    UffError,
+    read_file,
+)
+from service.campaigns.uff.write import encode
+
+VERDICTS = ("file refused", "dataset refused or noted", "equal", "reads what is written", "SILENT CHANGE")
+FLOODS = {
+    "20 MB of newlines": b"\n" * 20_000_000,
+    "20 MB of newlines in a dataset": b"    -1\n    15\n" + b"\n" * 20_000_000 + b"    -1\n",
+    "28 MB of -1 lines": b"    -1\n" * 4_000_000,
+    "28 MB of odd -1 lines in a dataset": b"    -1\n    58\n" + b"  -1\n" * 5_600_000 + b"    -1\n",
+    "28 MB of empty datasets": b"    -1\n   999\n    -1\n" * 1_330_000,
+    "20 MB without a line end": b"    -1\n    58\n" + b"1" * 20_000_000,
+}
+_IDS = ("beam", "run 1", "21-Nov-15 09:00:00", "NONE", "NONE")
+_NUMBER = re.compile(rb"[+-]?[0-9]+\.?[0-9]*(?:[eEdD][+-]?[0-9]+)?")
+
+
+@dataclass
+class Reading:
+    """Contents and reports of a file, by dataset."""
+
+    contents: list[list[object]]
+    reports: list[DatasetReport]
+
+
+def sample(seed: int, *, single: bool, even: bool) -> list[FileHeader | GridPoint | Frf | Function | ModeShape]:
+    """Contents of a small campaign."""
+    rng = np.random.default_rng(seed)
+    lines = 47
+    axis = Axis(0.5, 0.5, lines) if even else Axis(0.5, 0.0, lines, np.cumsum(rng.integers(1, 9, lines)) * 0.25)
+    points = [GridPoint(i + 1, (float(x), float(y), 0.005)) for i, (x, y) in enumerate(rng.uniform(0, 0.5, (5, 2)))]
+    frfs = []
+    for point in points:
+        values = rng.standard_normal(lines) * 10 ** rng.uniform(-4, 3, lines) + 1j * rng.standard_normal(lines)
+        values = values.astype(np.complex64) if single else values
+        frfs.append(Frf(0, f"FRF {point.number}Z/1Z", _IDS, point.number, 3, 1, -3, "accelerance", axis, values))
+    coherence = Function(0, "coherence", _IDS, 6, 2, 3, 1, -3, axis, "Hz", rng.uniform(0, 1, lines), "")
+    shape = rng.standard_normal((5, 3)) + 1j * rng.standard_normal((5, 3))
+    modes = [
+        ModeShape(0, "mode", 1, 25.63, 0.02, np.arange(1, 6), shape, "complex"),
+        ModeShape(0, "mode", 2, 160.04, 0.01, np.arange(1, 6), shape.real.astype(complex), "normal"),
+    ]
+    return [FileHeader(0, "BEAM", "damage", "modalbase", "21-Nov-15"), *points, *frfs, coherence, *modes]
+
+
+def originals() -> dict[str, bytes]:
+    """The sound files: text and binary, single and double, even and uneven, LF and CRLF."""
+    files = {}
+    for single in (False, True):
+        for even in (True, False):
+            for binary in (False, True):
+                name = f"{'binary' if binary else 'text'} {'single' if single else 'double'} {'even' if even else 'uneven'}"
+                points = "15" if single else "2411"
+                files[name] = b"".join(encode(sample(7, single=single, even=even), binary=binary, points=points))
+    files["text double even CRLF"] = files["text double even"].replace(b"\n", b"\r\n")
+    return files
+
+
+def load(path: Path) -> Reading:
+    """Read a file to its end."""
+    reading = Reading([], [])
+    current: list[object] = []
+    for item in read_file(path):
+        if isinstance(item, DatasetReport):
+            reading.contents.append(current)
+            reading.reports.append(item)
+            current = []
+        else:
+            current.append(item)
+    return reading
+
+
+def cut(data: bytes, rng: np.random.Generator) -> bytes:
+    """The file ends early."""
+    return data[: rng.integers(0, len(data))]
+
+
+def flip(data: bytes, rng: np.random.Generator) -> bytes:
+    """One byte becomes another: any other, a bit of it, or a character that numbers are made of."""
+    place = int(rng.integers(0, len(data)))
+    new = (
+        int(rng.integers(0, 256)),
+        data[place] ^ (1 << int(rng.integers(0, 8))),
+        b"0123456789+-.eED \n"[rng.integers(0, 18)],
+    )
+    return data[:place] + bytes([new[rng.integers(0, 3)]]) + data[place + 1 :]
+
+
+def stray_tag(data: bytes, rng: np.random.Generator) -> bytes:
+    """One or two delimiter lines too many."""
+    starts = [0, *(match.end() for match in re.finditer(rb"\n", data))]
+    place = starts[rng.integers(0, len(starts))] if rng.random() < 0.8 else int(rng.integers(0, len(data)))
+    return data[:place] + b"    -1\n" * int(rng.integers(1, 3)) + data[place:]
+
+
+def _recount(data: bytes, rng: np.random.Generator, new: Callable[[int], int]) -> bytes:
+    """Another number of points, or of binary bytes, in one set 58."""
+    forms = list(re.finditer(rb"(?<=\n)( {9}[2456])( {6,8}[1-9][0-9]{1,3})( {9}[01])(?=[^\n]{39})", data))
+    heads = list(re.finditer(rb"(    58b {5}1 {5}2 {10}11)([ 0-9]{12})", data))
+    found = heads if heads and rng.random() < 0.5 else forms
+    match = found[rng.integers(0, len(found))]
+    width = len(match[2])
+    text = str(new(int(match[2])))[:width].rjust(width).encode()
+    return data[: match.start(2)] + text + data[match.end(2) :]
+
+
+def inflated(data: bytes, rng: np.random.Generator) -> bytes:
+    """A count that is too large, up to absurd."""
+    return _recount(data, rng, lambda count: int(count * rng.choice([2, 10, 1e4, 1e7])) + int(rng.integers(1, 99)))
+
+
+def negative(data: bytes, rng: np.random.Generator) -> bytes:
+    """A count below zero."""
+    return _recount(data, rng, lambda count: -count)
+
+
+def not_finite(data: bytes, rng: np.random.Generator) -> bytes:
+    """An ordinate that is NaN or infinite."""
+    text = [b"NaN", b"Inf", b"-Infinity", b"1.0E+999", b"**********"][rng.integers(0, 5)]
+    numbers = list(re.finditer(rb" *-?[0-9]\.[0-9]+[eE][+-][0-9]+", data))
+    heads = list(re.finditer(rb"    58b[ 0-9]{36}", data))
+    if heads:
+        head = heads[rng.integers(0, len(heads))]
+        end = data.index(b"    -1\n", head.end())
+        item = b"\x00\x00\xc0\x7f" if rng.random() < 0.5 else b"\x00\x00\x80\xff"
+        start = end - int(head[0][31:43])
+        double = b"         4" in data[head.start() : start] or b"         6" in data[head.start() : start]
+        if double:
+            item = b"\x00\x00\x00\x00\x00\x00" + (b"\xf8\x7f" if rng.random() < 0.5 else b"\xf0\xff")
+        place = start + len(item) * int(rng.integers(0, (end - start) // len(item)))
+        return data[:place] + item + data[place + len(item) :]
+    match = numbers[rng.integers(0, len(numbers))]
+    width = match.end() - match.start()
+    return data[: match.start()] + text.rjust(width)[:width] + data[match.end() :]
+
+
+DAMAGES: dict[str, tuple[Callable[[bytes, np.random.Generator], bytes], float]] = {
+    "cut": (cut, 0.2),
+    "byte flip": (flip, 0.4),
+    "stray tag": (stray_tag, 0.15),
+    "inflated count": (inflated, 0.1),
+    "negative count": (negative, 0.05),
+    "NaN or Inf": (not_finite, 0.1),
+}
+
+
+def leaves(content: object) -> list[tuple[str, object]]:
+    """The values of a content, array by element; what two fields state together counts once."""
+    found: list[tuple[str, object]] = []
+    for field in fields(content):  # type: ignore[arg-type]
+        value = getattr(content, field.name)
+        if field.name in ("dataset", "label") and hasattr(content, "id_lines"):
+            continue
+        if isinstance(content, ModeShape) and field.name == "damping_ratio":
+            continue  # of a complex mode it changes with the frequency
+        if isinstance(value, Axis):
+            value = (value.start, value.step) if value.values is None else value.values
+        if isinstance(value, np.ndarray) and value.dtype.kind == "c":
+            found += [
+                (f"{field.name} {i}", x) for i, x in enumerate(np.stack((value.real, value.imag)).ravel().tolist())
+            ]
+        elif isinstance(value, np.ndarray | tuple):
+            found += [(f"{field.name} {i}", x) for i, x in enumerate(np.asarray(value).ravel().tolist())]
+        else:
+            found.append((field.name, value))
+    if isinstance(content, ModeShape) and content.kind == "normal":
+        found.append(("damping_ratio", content.damping_ratio))
+    return found
+
+
+def changes(sound: list[object], damaged: list[object]) -> int:
+    """How many values differ; a content of another kind or number counts as one value where its type alone changed."""
+    if len(sound) != len(damaged):
+        return 1000
+    count = 0
+    for a, b in zip(sound, damaged, strict=True):
+        if type(a) is not type(b):
+            count += 1  # the function type: what was an FRF is reported as what it says it is now
+            continue
+        one, other = leaves(a), leaves(b)
+        count += 1000 if len(one) != len(other) else sum(repr(x) != repr(y) for x, y in zip(one, other, strict=True))
+    return count
+
+
+def judge(sound: Reading, damaged: Reading, kind: str) -> str:
+    """The verdict on a file that could be read."""
+    n = len(damaged.reports)
+    if n < len(sound.reports) and kind != "cut":
+        return VERDICTS[4]
+    verdict = VERDICTS[2]
+    for i in range(n):
+        was, now = sound.reports[i], damaged.reports[i]
+        differing = changes(sound.contents[i], damaged.contents[i])
+        if differing == 0:
+            continue
+        if now.outcome != "read" or set(now.notes) - set(was.notes):
+            verdict = VERDICTS[1]
+        elif differing > 1:
+            return VERDICTS[4]
+        elif verdict == VERDICTS[2]:
+            verdict = VERDICTS[3]
+    return verdict
+
+
+def run(count: int, seed: int, folder: Path) -> tuple[dict[str, Counter[str]], float, list[tuple[str, str, bytes]]]:
+    """Verdicts by damage, the longest time for a file in seconds, and the silent changes."""
+    rng = np.random.default_rng(seed)
+    path = folder / "variant.uff"
+    files = originals()
+    sound: dict[str, Reading] = {}
+    for name, data in files.items():
+        path.write_bytes(data)
+        sound[name] = load(path)
+    table: dict[str, Counter[str]] = {kind: Counter() for kind in DAMAGES}
+    longest, silent = 0.0, []
+    for name, kind, data in _variants(files, count, rng):
+        path.write_bytes(data)
+        began = time.perf_counter()
+        try:
+            verdict = judge(sound[name], load(path), kind)
+        except UffError:
+            verdict = VERDICTS[0]
+        longest = max(longest, time.perf_counter() - began)
+        table[kind][verdict] += 1
+        if verdict == VERDICTS[4]:
+            silent.append((name, kind, data))
+    return table, longest, silent
+
+
+def _variants(files: dict[str, bytes], count: int, rng: np.random.Generator) -> Iterator[tuple[str, str, bytes]]:
+    """Damaged files: the sound one's name, the damage, the bytes."""
+    names, kinds = list(files), list(DAMAGES)
+    shares = [DAMAGES[kind][1] for kind in kinds]
+    for _ in range(count):
+        name, kind = names[rng.integers(0, len(names))], str(rng.choice(kinds, p=shares))
+        yield name, kind, DAMAGES[kind][0](files[name], rng)
+
+
+_FLOOD = """
+import re, sys, time
+from pathlib import Path
+from service.campaigns.uff import DatasetReport, UffError, read_file
+def peak():  # of this process alone: ru_maxrss begins with its parent's
+    return int(re.search(r"VmHWM:\\s*(\\d+)", Path("/proc/self/status").read_text())[1])
+before = peak()
+began = time.perf_counter()
+try:
+    outcome = "; ".join(f"{r.outcome}: {r.reason}" for r in read_file(Path(sys.argv[1])) if isinstance(r, DatasetReport))
+except UffError as error:
+    outcome = f"file refused: {error}"
+print(f"{(peak() - before) / 1024:.1f}|{time.perf_counter() - began:.2f}|{outcome}")
+"""
+
+
+def flood(data: bytes, path: Path, timeout: float = 120) -> tuple[float, float, str]:
+    """MiB that reading a file adds to a fresh process, its time in seconds, and what became of it."""
+    path.write_bytes(data)
+    done = subprocess.run(
+        [sys.executable, "-c", _FLOOD, str(path)], capture_output=True, text=True, timeout=timeout, check=True
+    )
+    memory, seconds, outcome = done.stdout.strip().split("|", 2)
+    return float(memory), float(seconds), outcome
+
+
+def main(count: int = 2000, seed: int = 2015) -> None:
+    """Print the table of verdicts, and memory and time of the floods."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        table, longest, silent = run(count, seed, folder)
+        print(f"{count} damaged UFF files, seed {seed}; longest reading {longest:.2f} s,"
+              f" peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")  # fmt: skip
+        print(f"{'damage':<16}{'n':>6}" + "".join(f"{verdict:>26}" for verdict in VERDICTS))
+        for kind, counts in table.items():
+            print(f"{kind:<16}{counts.total():>6}" + "".join(f"{counts[verdict]:>26}" for verdict in VERDICTS))
+        print(f"{'all':<16}{count:>6}" + "".join(f"{sum(c[v] for c in table.values()):>26}" for v in VERDICTS))
+        for kind, data in FLOODS.items():
+            memory, seconds, outcome = flood(data, folder / "flood.uff")
+            print(f"{kind:<36} +{memory:.0f} MiB {seconds:.2f} s  {outcome[:90]}")
+    if silent:
+        raise SystemExit(f"{len(silent)} silent changes")
+
+
+if __name__ == "__main__":
+    main()
