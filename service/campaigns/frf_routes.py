@@ -22,7 +22,7 @@ from service.campaigns.negotiation import choose_format
 from service.campaigns.operations import campaign_for
 from service.campaigns.tables import Frf
 from service.campaigns.uploads import UploadDep
-from service.problems import Invalid, NotFound, Page, PayloadTooLarge, UnsupportedMediaType, api_router
+from service.problems import Invalid, NotFound, Page, UnsupportedMediaType, api_router
 
 router = api_router(tags=["FRFs"])
 
@@ -86,8 +86,6 @@ def create_frfs(
     if upload.file.size == 0:
         raise Invalid("", "the body is empty, expected FRFs as npz or JSON")
     if upload.content_type == "application/json":
-        if upload.file.size > settings.json_limit_bytes:
-            raise PayloadTooLarge(f"the JSON has more than {settings.json_limit_bytes} bytes; send npz instead")
         new = frf_bodies.from_json(upload.file.path.read_bytes())
     elif upload.content_type in NPZ:
         new = frf_bodies.from_npz(upload.file.path, settings.upload_limit_bytes)

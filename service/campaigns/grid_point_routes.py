@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from service.access import CurrentUser, SessionDep, SettingsDep, audit, etag_of, require_match
 from service.campaigns import grid_points
 from service.campaigns.negotiation import choose_format
-from service.campaigns.operations import campaign_for, project_of
+from service.campaigns.operations import campaign_for, lock_campaign, project_of
 from service.campaigns.schemas import GridPoints
 from service.campaigns.uploads import UploadDep
 from service.problems import Fault, Invalid, PayloadTooLarge, UnsupportedMediaType, api_router
@@ -68,7 +68,7 @@ def put_grid_points(
         raise PayloadTooLarge(f"the body has {upload.file.size} bytes, the operator allows {settings.json_limit_bytes}")
     points = _read(upload.file.path.read_bytes(), upload.content_type)
     campaign = campaign_for(session, user, campaign_id, "editor")
-    session.refresh(campaign, with_for_update=True)
+    lock_campaign(session, campaign)
     before = grid_points.list_points(session, campaign.id)
     if before.items or "if-match" in request.headers:
         after = GridPoints(items=sorted(points.items, key=lambda point: point.label))

@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from fecore.frf import Quantity
 from service.access import User, audit
 from service.campaigns.intake import store_import
-from service.campaigns.operations import campaign_for, project_of
+from service.campaigns.operations import campaign_for, lock_campaign, project_of
 from service.campaigns.originals import Spooled, keep_original, write_original
 from service.campaigns.reading import ReadingInputs, read_upload
 from service.campaigns.schemas import Counts, DatasetOutcome, ImportOut
@@ -58,7 +58,7 @@ def start_import(session: Session, user: User, campaign_id: UUID, wanted: Import
         The import, and whether it is a new one.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
-    session.refresh(campaign, with_for_update=True)
+    lock_campaign(session, campaign)
     if not wanted.dry_run and (known := _same_bytes(session, campaign, wanted.file.sha256)) is not None:
         return known, False
     keep_original(session, wanted.file)

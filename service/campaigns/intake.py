@@ -8,14 +8,14 @@ from typing import Any
 from uuid import UUID
 
 import numpy as np
-from sqlalchemy import insert, update
+from sqlalchemy import func, insert, select, update
 from sqlalchemy.orm import Session
 
 from service.campaigns.grid_points import stored_points
 from service.campaigns.mode_sets import shape_columns
 from service.campaigns.reading import Kept
 from service.campaigns.spectra import Axis, encode, encode_axis
-from service.campaigns.tables import Campaign, Frf, GridPoint, Import, Mode, ModeSet
+from service.campaigns.tables import Frf, GridPoint, Import, Mode, ModeSet
 from service.campaigns.uff import DatasetReport, Function, ModeShape
 from service.campaigns.uff import Frf as ReadFrf
 from service.campaigns.uff import GridPoint as ReadPoint
@@ -37,7 +37,8 @@ def store_import(session: Session, job_id: UUID, items: Iterator[Kept]) -> None:
         Invalid: nothing at all of the file could be read.
     """
     row = session.get_one(Import, job_id)
-    session.get_one(Campaign, row.campaign_id, with_for_update=True)
+    # Imports into one campaign are stored one after the other, so that each sees the points of the one before.
+    session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(str(row.campaign_id), 0))))
     intake = _Intake(session, row)
     for item in items:
         intake.take(item)

@@ -44,6 +44,14 @@ def campaign_for(
     return campaign
 
 
+def lock_campaign(session: Session, campaign: Campaign) -> None:
+    """Read the campaign again and keep other edits of it out until the transaction ends.
+
+    The lock lets rows that refer to the campaign come in: an edit does not wait for an import that is being stored.
+    """
+    session.refresh(campaign, with_for_update={"key_share": True})
+
+
 def project_of(session: Session, campaign: Campaign) -> UUID:
     """The project that a campaign belongs to."""
     return session.scalars(select(Structure.project_id).where(Structure.id == campaign.structure_id)).one()

@@ -57,7 +57,7 @@ def change_campaign(
 ) -> CampaignOut:
     """Change what is known of a campaign; results that exist keep what they used."""
     campaign = operations.campaign_for(session, user, campaign_id, "editor")
-    session.refresh(campaign, with_for_update=True)
+    operations.lock_campaign(session, campaign)
     require_match(request, etag_of(operations.describe(campaign)))
     if not body.model_fields_set:
         raise Invalid("", "names nothing to change")
@@ -69,7 +69,7 @@ def change_campaign(
 def delete_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser, request: Request) -> None:
     """Hide a campaign and what is in it. It stays stored and can be restored."""
     campaign = operations.campaign_for(session, user, campaign_id, "editor")
-    session.refresh(campaign, with_for_update=True)
+    operations.lock_campaign(session, campaign)
     if "if-match" in request.headers:
         require_match(request, etag_of(operations.describe(campaign)))
     operations.delete_campaign(session, user, campaign)
@@ -79,7 +79,7 @@ def delete_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser, r
 def restore_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> CampaignOut:
     """Bring a deleted campaign back."""
     campaign = operations.campaign_for(session, user, campaign_id, "editor", deleted=True)
-    session.refresh(campaign, with_for_update=True)
+    operations.lock_campaign(session, campaign)
     operations.restore_campaign(session, user, campaign)
     return _shown(campaign, response)
 

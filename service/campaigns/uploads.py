@@ -16,11 +16,10 @@ from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from starlette.datastructures import UploadFile
 from starlette.formparsers import MultiPartException, MultiPartParser
 
-from service.access import SettingsDep
 from service.access.keys import user_of_key
 from service.campaigns.operations import campaign_for
 from service.campaigns.originals import Spooled
-from service.problems import Invalid, PayloadTooLarge, Unauthorized
+from service.problems import Invalid, Unauthorized
 
 BLOCK_BYTES = 1024 * 1024
 
@@ -45,7 +44,6 @@ class Upload:
 async def _receive(
     request: Request,
     campaign_id: UUID,
-    settings: SettingsDep,
     credentials: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
 ) -> AsyncIterator[Upload]:
     """The body as a file. Whoever may not upload is told before a byte is read.
@@ -53,13 +51,9 @@ async def _receive(
     No transaction is open while the bytes arrive: a slow line must not hold a database connection.
     """
     await run_in_threadpool(_check_access, request, campaign_id, credentials)
-    limit = settings.upload_limit_bytes
-    declared = request.headers.get("content-length", "")
-    if declared.isdecimal() and int(declared) > limit:
-        raise PayloadTooLarge(f"the body has {declared} bytes, the operator allows {limit}")
     content_type = request.headers.get("content-type", "").split(";")[0].strip().lower()
     with tempfile.NamedTemporaryFile(prefix="modalbase-upload-") as spool:
-        body = _limited(request.stream(), limit)
+        body = request.stream()
         if content_type == "multipart/form-data":
             filename, content_type, size, sha256 = await _multipart(request, body, spool)
         else:
@@ -76,16 +70,6 @@ def _check_access(request: Request, campaign_id: UUID, credentials: HTTPAuthoriz
         raise Unauthorized("send `Authorization: Bearer KEY`; make a key with `modalbase keys create --name NAME`")
     with request.app.state.sessions.begin() as session:
         campaign_for(session, user_of_key(session, credentials.credentials), campaign_id, "editor")
-
-
-async def _limited(stream: AsyncIterator[bytes], limit: int) -> AsyncIterator[bytes]:
-    """The stream, broken off where it grows beyond what is allowed."""
-    size = 0
-    async for block in stream:
-        size += len(block)
-        if size > limit:
-            raise PayloadTooLarge(f"the body has more than the {limit} bytes that the operator allows")
-        yield block
 
 
 async def _raw(body: AsyncIterator[bytes], spool: IO[bytes]) -> tuple[int, bytes]:

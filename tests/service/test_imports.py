@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import http.client
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
 import httpx
+import psycopg
 import pytest
+
+from service.db.engine import psycopg_url
+from service.supervisor import LocalService
 
 Checked = Callable[[httpx.Response, int], Any]
 Imported = Callable[..., dict[str, Any]]
@@ -279,3 +285,30 @@ def test_a_senseless_parameter_is_refused(
     api: httpx.Client, campaign: str, checked: Checked, params: dict[str, str]
 ) -> None:
     checked(api.post(f"campaigns/{campaign}/imports", params=params, content=small_file()), 422)
+
+
+def test_a_body_beyond_the_limit_is_refused_before_it_is_sent(
+    api: httpx.Client, service: LocalService, campaign: str
+) -> None:
+    connection = http.client.HTTPConnection(api.base_url.host, api.base_url.port, timeout=30)
+    with contextlib.closing(connection):
+        connection.putrequest("POST", f"/api/v1/campaigns/{campaign}/imports")
+        connection.putheader("Authorization", api.headers["Authorization"])
+        connection.putheader("Content-Length", str(service.settings.upload_limit_bytes + 1))
+        connection.endheaders()
+        answer = connection.getresponse()
+        assert answer.status == 413
+        assert b"larger than" in answer.read()
+
+
+def test_an_edit_does_not_wait_for_an_import_that_is_being_stored(
+    api: httpx.Client, service: LocalService, campaign: str, checked: Checked
+) -> None:
+    assert service.settings.database_url is not None
+    with psycopg.connect(psycopg_url(service.settings.database_url)) as storing:
+        storing.execute(
+            "INSERT INTO mode_sets (campaign_id, name, origin) VALUES (%s, 'in flight', 'typed')", [campaign]
+        )
+        checked(api.patch(f"campaigns/{campaign}", json={"name": "x"}, headers={"If-Match": "*"}, timeout=10), 200)
+        checked(api.post(f"campaigns/{campaign}/imports", content=small_file(), timeout=10), 202)
+        storing.rollback()
