@@ -42,8 +42,12 @@ class Instruments(StrictModel):
     hammer: dict[str, JsonValue] = Field(default_factory=dict, max_length=100)
     sensor: dict[str, JsonValue] = Field(default_factory=dict, max_length=100)
     analyser: dict[str, JsonValue] = Field(default_factory=dict, max_length=100)
-    sensor_mass_kg: float | None = Field(default=None, ge=0, le=1000, description="kg; 0 for a sensor that does not touch")
-    sensor_point: Point | None = Field(default=None, description="grid point where the sensor sits; none where it roves")
+    sensor_mass_kg: float | None = Field(
+        default=None, ge=0, le=1000, description="kg; 0 for a sensor that does not touch"
+    )
+    sensor_point: Point | None = Field(
+        default=None, description="grid point where the sensor sits; none where it roves"
+    )
 
 
 class CampaignIn(StrictModel):
