@@ -51,7 +51,11 @@ def judge(arrangement: Arrangement, fit: Fit) -> Verdict:
         elif significance[k] < 1:
             reason = "it lowers the misfit by less than its unknowns are worth"
         elif sd[k] > _VAGUE_FREQUENCY or sd[n + k] > _VAGUE_DAMPING * max(zeta, arrangement.spacing_hz / f):
-            reason = f"the data hardly determine it (± {100 * sd[k]:.1f} % in frequency, ± {sd[n + k] / zeta:.0%} of damping)"
+            vague = f"± {100 * sd[k]:.1f} % in frequency, ± {100 * sd[n + k] / zeta:.0f} % of its damping"
+            reason = f"the data hardly determine it ({vague})"
+        elif len(seeing := _seen_in(fit, int(k))) < min(2, (len(arrangement.pairs) + 1) // 2):
+            which = f"only {arrangement.label(seeing[0])} shows" if seeing else "no single FRF shows"
+            reason = f"{which} it: a fault of that record rather than a mode of the structure"
         elif _rests_on_one_line(arrangement, fit, int(k)):
             reason = "it rests on a single line: interference rather than a resonance"
         if reason is None:
@@ -84,8 +88,16 @@ def remarks(arrangement: Arrangement, fit: Fit, verdict: Verdict, shapes: Shapes
     return notes + _driving_points(arrangement, fit, verdict)
 
 
+def _seen_in(fit: Fit, k: int) -> list[int]:
+    """FRFs in which the residue of pole k pays for itself."""
+    part = slice(2 * k, 2 * k + 2)
+    c, V = fit.linear.coefficients[:, part], fit.linear.covariance[:, part, part]
+    worth_of = np.einsum("ni,ni->n", c, np.linalg.solve(V, c[:, :, None])[:, :, 0])
+    return [int(r) for r in np.flatnonzero(worth_of > price(fit, 2, 2)[1] / len(c))]
+
+
 def _rests_on_one_line(arrangement: Arrangement, fit: Fit, k: int) -> bool:
-    """True where the pole does not pay once the line nearest to it is left out (asked only of poles narrower than lines)."""
+    """True where the pole, narrower than the lines lie apart, does not pay without the line nearest to it."""
     f, zeta = float(fit.terms.frequency_hz[k]), float(fit.terms.damping_ratio[k])
     if 2 * zeta * f > arrangement.spacing_hz:
         return False

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import FloatArray
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
 from fecore.identification.arrangement import Arrangement
@@ -84,6 +84,7 @@ def identify(frfs: FrfSet | Sequence[FrfSet], options: Options | None = None) ->
     if not verdict.kept.size:
         raise IdentificationError(_nothing(arrangement, diagram, verdict))
     shapes = _shapes(arrangement, fit, verdict)
+    notes += [f"no mode at {p.frequency_hz:.2f} Hz: {p.reason}" for p in verdict.refused]
     notes += [*told, *remarks(arrangement, fit, verdict, shapes), *_noise_remarks(arrangement, fit)]
     clock.lap("shapes")
     return Identification(
@@ -155,8 +156,9 @@ def _noise_remarks(arrangement: Arrangement, fit: Fit) -> list[str]:
     if ratio < 2:
         return []
     return [
-        f"the residual is {np.sqrt(ratio):.1f} times the noise that coherence and averages state: the model does not explain"
-        " all of the data (non-linearity, leakage, a moving sensor mass); the standard deviations were enlarged by as much"
+        f"the residual is {np.sqrt(ratio):.1f} times the noise that coherence and averages state: the model does not"
+        " explain all of the data (non-linearity, leakage, a moving sensor mass); the standard deviations were enlarged"
+        " by as much"
     ]
 
 
@@ -165,15 +167,13 @@ def _nothing(arrangement: Arrangement, diagram: Stabilisation, verdict: Verdict)
     band = f"{arrangement.frequency_hz[0]:g} to {arrangement.frequency_hz[-1]:g} Hz"
     stable = np.unique(np.round(diagram.frequency_hz[diagram.damping_stable], -1))
     seen = [f"{p.frequency_hz:.1f} Hz ({p.reason})" for p in verdict.refused]
+    again = f"Poles that came back from order to order lie near {', '.join(f'{f:g}' for f in stable[:8])} Hz. "
     return (
         f"no mode is supported by the {len(arrangement.pairs)} FRFs from {band}. "
         + (f"Poles seen and refused: {'; '.join(seen)}. " if seen else "No pole lowers the misfit by what it costs. ")
-        + (
-            f"Poles that came back from order to order lie near {', '.join(f'{f:g}' for f in stable[:8])} Hz. "
-            if stable.size
-            else ""
-        )
-        + "Try a band around a resonance, more averages, or a higher order; check that responses and forces are not swapped."
+        + (again if stable.size else "")
+        + "Try a band around a resonance, more averages, or a higher order; check that responses and forces are not"
+        " swapped."
     )
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fecore.arrays import BoolArray
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.refinement import Fit, noise_of, refine_with_noise
 from fecore.identification.screening import lines_in_words
@@ -16,6 +17,14 @@ _PASSES = 2
 _MOST = 0.01  # share of a record that may be left out
 
 
+def _near_poles(arrangement: Arrangement, fit: Fit) -> BoolArray:
+    """(L,) lines at a resonance, where the model's own error may be meant."""
+    off = np.abs(arrangement.frequency_hz[:, None] - fit.terms.frequency_hz)
+    reach = 3 * np.maximum(fit.terms.frequency_hz * fit.terms.damping_ratio, arrangement.spacing_hz)
+    narrow = fit.terms.damping_ratio * fit.terms.frequency_hz < arrangement.spacing_hz
+    return np.asarray(((off < reach) & narrow).any(axis=1))
+
+
 def leave_out_outliers(arrangement: Arrangement, fit: Fit) -> tuple[Arrangement, Fit, list[str]]:
     """Fit without isolated outliers. A misfit at a resonance spans several lines and is not one."""
     notes: list[str] = []
@@ -24,7 +33,7 @@ def leave_out_outliers(arrangement: Arrangement, fit: Fit) -> tuple[Arrangement,
         beside = np.zeros_like(square)
         beside[:, 1:-1] = np.maximum(square[:, :-2], square[:, 2:])
         beside[:, 0], beside[:, -1] = square[:, 1], square[:, -2]
-        found = (square > _FAR) & (beside < _NEAR)
+        found = (square > _FAR) & (beside < _NEAR) & ~_near_poles(arrangement, fit)
         many = found.sum(axis=1) > np.maximum(1, _MOST * arrangement.measured.sum(axis=1))
         found[many] = False
         if not found.any():

@@ -191,7 +191,7 @@ def moved(terms: Terms, step: FloatArray) -> Terms:
 
 
 def _step(fit: Fit, damping: float) -> tuple[FloatArray, float]:
-    """Damped step and the decrease of χ² that the quadratic model predicts for it, limited to the width of each pole."""
+    """Damped step, limited to the width of each pole, and the decrease of χ² that the quadratic model predicts."""
     scale = np.maximum(np.diag(fit.information), 1e-300)
     step = np.linalg.solve(fit.information + damping * np.diag(scale) + 1e-14 * np.diag(scale), fit.gradient)
     zeta = fit.terms.damping_ratio

@@ -104,10 +104,11 @@ def _without_zeros(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     """Values that are exactly zero in a living FRF were not measured; say which lines are missing."""
     zero: BoolArray = np.equal(arrangement.values, 0) & arrangement.measured
     alive = (np.abs(arrangement.values) > 0).any(axis=1)
-    measured = arrangement.measured & ~(zero & alive[:, None])
+    marked = np.asarray(zero & alive[:, None], dtype=bool)
+    measured = arrangement.measured & ~marked
     notes = []
-    for row in np.flatnonzero((zero & alive[:, None]).any(axis=1)):
-        words = lines_in_words(arrangement.frequency_hz[zero[row]])
+    for row in np.flatnonzero(marked.any(axis=1)):
+        words = lines_in_words(arrangement.frequency_hz[marked[row]])
         notes.append(f"{arrangement.label(int(row))} is exactly zero at {words}: taken as not measured")
     return replace(arrangement, measured=measured), notes
 

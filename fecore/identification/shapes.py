@@ -112,7 +112,7 @@ def _rank_one(
             shared = np.abs(known) * (other != 0)
             factor[column] = np.vdot(known, other) / np.sum(shared**2) if np.any(shared) else 0.0
     vector = np.zeros(p, dtype=complex)
-    information = np.ones(p)
+    information: FloatArray = np.ones(p)
     for _ in range(_ITERATIONS if m > 1 else 1):
         information = _add_up(i, weight * np.abs(factor[j]) ** 2, p)
         vector = _scatter(i, weight * factor[j].conj() * entries, p) / np.maximum(information, 1e-300)

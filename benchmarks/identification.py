@@ -1,0 +1,129 @@
+"""Identification: bias, scatter and stated uncertainty over seeds; time and memory by size.
+
+Run as `python -m benchmarks identification`. The FRFs are the paper's cantilever (five modes in band, two above it) by closed
+forms, so truth is known. Where sdypy-EMA is installed it identifies the same data by its own recipe (LSCF, poles nearest to the
+true frequencies picked for it, which is more help than an unattended run would have).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import os
+import time
+import tracemalloc
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.correlation import mac
+from fecore.frf import FrfSet
+from fecore.identification import Options, identify
+from tests.fecore.identification.beams import PAPER_HZ, PAPER_ZETA, cantilever_shapes, grid, many_frfs, paper_frfs
+
+SEEDS = int(os.environ.get("IDENTIFICATION_SEEDS", "30"))
+
+
+@dataclass
+class Tally:
+    """Estimates of all seeds at one noise level."""
+
+    frequency: np.ndarray
+    damping: np.ndarray
+    frequency_sd: np.ndarray
+    damping_sd: np.ndarray
+    worst_mac: np.ndarray
+    faults: int
+    seconds: float
+
+
+def main() -> None:
+    """Print the tables."""
+    for noise in (0.01, 0.05):
+        _print(noise, _run(noise))
+        _print_peer(noise)
+    _print_sizes()
+
+
+def _run(noise: float) -> Tally:
+    true = cantilever_shapes(grid())[:5]
+    rows, macs, faults, began = [], [], 0, time.perf_counter()
+    for seed in range(SEEDS):
+        found = identify(paper_frfs(noise, seed)).modes
+        if len(found) != 5 or np.any(np.abs(found.frequency_hz / PAPER_HZ - 1) > 0.02):
+            faults += 1
+            continue
+        assert found.shapes is not None
+        assert found.frequency_sd_hz is not None
+        assert found.damping_sd is not None
+        rows.append((found.frequency_hz, found.damping_ratio, found.frequency_sd_hz, found.damping_sd))
+        macs.append(np.diag(mac(found.shapes.real, true)))
+    f, zeta, f_sd, zeta_sd = (np.array(v) for v in zip(*rows, strict=True))
+    return Tally(f, zeta, f_sd, zeta_sd, np.min(macs, axis=0), faults, (time.perf_counter() - began) / SEEDS)
+
+
+def _print(noise: float, tally: Tally) -> None:
+    print(
+        f"\n33 FRFs x 1000 lines, {100 * noise:g} % noise, {SEEDS} seeds: {tally.faults} with a lost, repeated or swapped mode;"
+    )
+    print(f"{tally.seconds:.2f} s each. sd ratio = stated standard deviation / scatter over seeds.")
+    print("   f true   f bias %   sd ratio    ζ true %   ζ bias %   ζ scatter %   sd ratio   worst MAC")
+    for k in range(5):
+        f, zeta = tally.frequency[:, k], tally.damping[:, k]
+        print(
+            f"{PAPER_HZ[k]:9.2f} {100 * (f.mean() / PAPER_HZ[k] - 1):10.4f} {tally.frequency_sd[:, k].mean() / f.std(ddof=1):10.2f}"
+            f" {100 * PAPER_ZETA[k]:11.2f} {100 * (zeta.mean() / PAPER_ZETA[k] - 1):10.3f}"
+            f" {100 * zeta.std(ddof=1) / PAPER_ZETA[k]:13.3f} {tally.damping_sd[:, k].mean() / zeta.std(ddof=1):10.2f}"
+            f" {tally.worst_mac[k]:11.5f}"
+        )
+
+
+def _print_peer(noise: float) -> None:
+    """Bias of sdypy-EMA on some of the same seeds, where it is installed."""
+    try:
+        ema = importlib.import_module("sdypy.EMA")
+    except ImportError:
+        print("(sdypy-EMA is not installed: no peer beside this table)")
+        return
+    rows = []
+    began = time.perf_counter()
+    for seed in range(min(SEEDS, 5)):
+        frfs = paper_frfs(noise, seed)
+        with contextlib.redirect_stdout(io.StringIO()):
+            model = ema.Model(
+                frf=frfs.values, freq=frfs.frequency_hz, lower=5, upper=1000, pol_order_high=60, frf_type="accelerance"
+            )
+            model.get_poles(show_progress=False)
+            model.select_closest_poles(list(PAPER_HZ))
+        rows.append((model.nat_freq, model.nat_xi))
+    f, zeta = (np.array(v, dtype=float) for v in zip(*rows, strict=True))
+    print(
+        f"sdypy-EMA beside it ({len(rows)} seeds, {(time.perf_counter() - began) / len(rows):.2f} s each), told where to look:"
+    )
+    for k in range(5):
+        off = np.abs(f[:, k] / PAPER_HZ[k] - 1) > 0.02
+        print(
+            f"{PAPER_HZ[k]:9.2f} {100 * (f[:, k].mean() / PAPER_HZ[k] - 1):10.4f} {'':10}"
+            f" {100 * PAPER_ZETA[k]:11.2f} {100 * (zeta[:, k].mean() / PAPER_ZETA[k] - 1):10.3f}"
+            f"   {'wrong pole in ' + str(int(off.sum())) + ' seeds' if off.any() else ''}"
+        )
+
+
+def _print_sizes() -> None:
+    """Time by step, and memory, for two sizes."""
+    print("\nTime by step (wall clock) and peak memory of arrays")
+    for name, frfs in (("33 x 3200", paper_frfs(0.02, 1, lines=3200)), ("222 x 1600", many_frfs(222, 1600, 0.02))):
+        _print_size(name, frfs)
+
+
+def _print_size(name: str, frfs: FrfSet) -> None:
+    began = time.perf_counter()
+    found = identify(frfs, Options(highest_order=40))
+    total = time.perf_counter() - began
+    shares = ", ".join(f"{step} {100 * t / total:.0f} %" for step, t in found.seconds.items())
+    tracemalloc.start()
+    identify(frfs, Options(highest_order=40))
+    peak = tracemalloc.get_traced_memory()[1] / 1e6
+    tracemalloc.stop()
+    print(f"{name:>11}, order 40: {total:6.2f} s ({shares}); {len(found.modes)} modes; {peak:.0f} MB")
