@@ -119,6 +119,14 @@ class Section:
     inertia: tuple[float, float, float]
     thickness: float
 
+    def coefficients(self) -> dict[str, float]:
+        """The entries of A, B, D and S by name: A11, B16, D66, S55 (γxz), S44 (γyz) and so on."""
+        voigt = {"11": (0, 0), "12": (0, 1), "22": (1, 1), "66": (2, 2), "16": (0, 2), "26": (1, 2)}
+        plane = {
+            letter + index: float(getattr(self, letter)[place]) for letter in "ABD" for index, place in voigt.items()
+        }
+        return plane | {"S55": float(self.S[0, 0]), "S44": float(self.S[1, 1]), "S45": float(self.S[0, 1])}
+
     @property
     def is_coupled(self) -> bool:
         """Whether bending and membrane forces couple (B ≠ 0 beyond round-off, or I1 ≠ 0)."""

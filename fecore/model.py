@@ -1,269 +1,278 @@
-"""Geometry, supports and masses to an affine finite element system.
+"""Geometry, supports, springs and masses of a plate to an affine finite element system.
 
-The stiffness is linear in the section's coefficients and the mass in its inertias,
+The stiffness is linear in the section's coefficients and the springs, the mass in the section's inertias,
 
     K(c) = Σ_k c_k K_k,     M(m) = Σ_j m_j M_j,
 
-so the K_k and M_j are assembled once, a new section is a weighted sum of arrays on one sparsity pattern, and the
-derivative of K by a coefficient is K_k itself.
+so the K_k and M_j are assembled once; see `fecore.affine`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, Protocol
 
 import numpy as np
 from scipy import sparse
 
+from fecore.affine import AffineMatrix, Pattern
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.elements import shell8
+from fecore.elements.shell8 import Shell8
 from fecore.errors import InputError
 from fecore.laminate import Section
 from fecore.mesh import RectangleMesh
+from fecore.supports import Boundary, PointMass, Spring, Supports
 
-EdgeSupport = Literal["free", "clamped", "simply_supported"]
-Boundary = Literal["cantilever", "free", "simply_supported"]
+__all__ = ["Boundary", "Model", "ModeKind", "PlateModel", "PointMass", "Spring", "Supports", "plate"]
 
+ModeKind = Literal["rigid", "bending", "torsion", "in-plane"]
 
-@dataclass(frozen=True)
-class Supports:
-    """How each edge of the rectangle is held: `start` is x = 0, `end` x = L, `lower` and `upper` y = ∓b/2.
-
-    A simply supported edge holds w and the rotation along the edge's own tangent direction ("hard" support).
-    """
-
-    start: EdgeSupport = "free"
-    end: EdgeSupport = "free"
-    lower: EdgeSupport = "free"
-    upper: EdgeSupport = "free"
-
-    @classmethod
-    def of(cls, boundary: Boundary) -> Supports:
-        """The supports of a strip by the name of its boundary.
-
-        Raises:
-            InputError: the name is not a known boundary.
-        """
-        if boundary not in get_args(Boundary):
-            raise InputError("boundary", f"is {boundary!r}, expected one of {', '.join(get_args(Boundary))}")
-        if boundary == "cantilever":
-            return cls(start="clamped")
-        if boundary == "simply_supported":
-            return cls(start="simply_supported", end="simply_supported")
-        return cls()
+_DOF_OF_DIRECTION = {1: "u", 2: "v", 3: "w", 4: "rx", 5: "ry"}
 
 
-@dataclass(frozen=True)
-class PointMass:
-    """A mass in kg at (x, y) in m, with a rotary inertia in kg·m² about x and y: an accelerometer, say."""
-
-    x: float
-    y: float
-    mass: float
-    rotary_inertia: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not (np.isfinite(self.mass) and self.mass >= 0):
-            raise InputError("point_mass.mass", f"is {self.mass}, expected a mass in kg that is not negative")
-        if not (np.isfinite(self.rotary_inertia) and self.rotary_inertia >= 0):
-            raise InputError("point_mass.rotary_inertia", f"is {self.rotary_inertia}, expected kg·m², not negative")
-        if not (np.isfinite(self.x) and np.isfinite(self.y)):
-            raise InputError("point_mass", f"a mass of {self.mass:g} kg has no place; expected finite x and y in m")
-
-
-@dataclass(frozen=True)
-class AffineMatrix:
-    """Σ_k c_k A_k, every symmetric A_k on one compressed-column sparsity pattern.
-
-    Attributes:
-        indptr, indices: the pattern, as in `scipy.sparse.csc_array`.
-        terms: (k, nnz) values of each A_k.
-        names: the k coefficients' names.
-    """
-
-    indptr: IntArray
-    indices: IntArray
-    terms: FloatArray
-    names: tuple[str, ...]
+class Model(Protocol):
+    """What every finite element model of a specimen offers; shapes and matrices are over its free dofs."""
 
     @property
-    def size(self) -> int:
-        """Number of rows and columns."""
-        return int(self.indptr.size - 1)
+    def stiffness(self) -> AffineMatrix:
+        """K(c): section coefficients first, then the springs by name."""
+        ...
 
-    def at(self, coefficients: FloatArray) -> sparse.csc_array:
-        """The matrix at (k,) coefficients."""
-        return self._matrix(coefficients @ self.terms)
+    @property
+    def mass(self) -> AffineMatrix:
+        """M(m): section inertias first, then 1 for the point masses."""
+        ...
 
-    def term(self, k: int) -> sparse.csc_array:
-        """A_k, the derivative of the matrix by its k-th coefficient."""
-        return self._matrix(self.terms[k])
+    @property
+    def rigid_modes(self) -> FloatArray:
+        """(dofs, r) exact zero-energy motions of the supported body."""
+        ...
 
-    def quadratic_forms(self, shapes: FloatArray) -> FloatArray:
-        """(k, n) forms φ_iᵀ A_k φ_i of the columns of the (size, n) shapes."""
-        return np.array([np.einsum("di,di->i", shapes, self.term(k) @ shapes) for k in range(len(self.names))])
+    def observation(self, points: FloatArray, directions: IntArray) -> sparse.csr_array:
+        """(p, dofs) displacement at (p, 2) points along (p,) directions 1 … 6."""
+        ...
 
-    def _matrix(self, data: FloatArray) -> sparse.csc_array:
-        return sparse.csc_array((data, self.indices, self.indptr), shape=(self.size, self.size))
+    def kinds(self, shapes: FloatArray) -> tuple[ModeKind, ...]:
+        """What kind of motion each column of (dofs, n) elastic shapes is."""
+        ...
 
 
 @dataclass(frozen=True)
 class PlateModel:
-    """An affine finite element model of a rectangular specimen, bending only.
+    """An affine finite element model of a rectangular specimen by `Shell8`.
 
     Attributes:
         mesh: the mesh.
+        element: with membrane dofs or without.
         stiffness: K(c) over the free dofs, c as `stiffness_coefficients` makes it.
         mass: M(m) over the free dofs, m as `mass_coefficients` makes it.
-        free_dofs: numbers of the free dofs among all 3·nodes.
-        rigid_modes: (dofs, r) exact zero-energy motions of the supported body, r = 3 for a free one.
+        springs: the springs, whose stiffnesses are the last coefficients of K.
+        free_dofs: numbers of the free dofs among all.
+        rigid_modes: (dofs, r) exact zero-energy motions of the supported body.
     """
 
     mesh: RectangleMesh
+    element: Shell8
     stiffness: AffineMatrix
     mass: AffineMatrix
+    springs: tuple[Spring, ...]
     free_dofs: IntArray
     rigid_modes: FloatArray
 
+    def stiffness_coefficients(self, section: Section) -> FloatArray:
+        """(k,) coefficients of `stiffness` by name: D11 D12 D22 D66 D16 D26 S55 S44 S45, after A and B if there are
+        membrane dofs, and the springs' stiffnesses.
+
+        Raises:
+            InputError: the laminate couples bending and membrane forces and the model has no membrane dofs.
+        """
+        if section.is_coupled and not self.element.membrane:
+            raise InputError("laminate", "couples bending and membrane forces (B ≠ 0); the model needs membrane dofs")
+        values = section.coefficients()
+        return np.array([*(values[name] for name in self.element.terms), *(s.stiffness for s in self.springs)])
+
+    def mass_coefficients(self, section: Section) -> FloatArray:
+        """(j,) coefficients of `mass`: the section's inertias, and 1 for the point masses."""
+        inertia = dict(zip(("I0", "I1", "I2"), section.inertia, strict=True))
+        return np.array([*(inertia[name] for name in self.element.mass_terms_names), 1.0])
+
+    def observation(self, points: FloatArray, directions: IntArray) -> sparse.csr_array:
+        """(p, dofs) displacement or rotation of the mid-surface at (p, 2) points along (p,) directions 1 … 6.
+
+        It interpolates with the element's own shape functions, never from the nearest node.
+
+        Raises:
+            InputError: a point lies off the specimen, or the model does not have a direction.
+        """
+        names = self.element.displacements
+        for index, direction in enumerate(directions):
+            if _DOF_OF_DIRECTION.get(int(direction)) not in names:
+                raise InputError(f"directions[{index}]", f"is {direction}; this model has {', '.join(names)} alone")
+        dof = np.array([names.index(_DOF_OF_DIRECTION[int(direction)]) for direction in directions], dtype=np.int64)
+        return sparse.csr_array(sparse.csc_array(_interpolation(self.mesh, self.element, points, dof))[:, self.free_dofs])
+
     def deflection(self, points: FloatArray) -> sparse.csr_array:
-        """(p, dofs) matrix that interpolates w at (p, 2) points with the element's shape functions.
+        """(p, dofs) matrix that interpolates w at (p, 2) points.
 
         Raises:
             InputError: a point lies off the specimen.
         """
-        return sparse.csr_array(_deflection(self.mesh, points)[:, self.free_dofs])
+        return self.observation(points, np.full(len(points), 3))
 
-
-def stiffness_coefficients(section: Section) -> FloatArray:
-    """(9,) coefficients of `PlateModel.stiffness`: D11 D12 D22 D66 D16 D26 S55 S44 S45.
-
-    Raises:
-        InputError: the laminate couples bending and membrane forces, which a bending model cannot represent.
-    """
-    if section.is_coupled:
-        raise InputError(
-            "laminate", "couples bending and membrane forces (B ≠ 0); this model is for symmetric laminates"
+    def kinds(self, shapes: FloatArray) -> tuple[ModeKind, ...]:
+        """Kind of each (dofs, n) elastic shape by the larger share of its motion over the nodes: in-plane (u, v)
+        against w, and of w the part odd in y (torsion) against the even part (bending)."""
+        names = self.element.displacements
+        everywhere = np.zeros((len(self.mesh.nodes) * len(names), shapes.shape[1]))
+        everywhere[self.free_dofs] = shapes
+        motion = everywhere.reshape(len(self.mesh.nodes), len(names), -1)
+        w = motion[:, names.index("w")]
+        mirrored = w[_mirror(self.mesh)]
+        even, odd = np.sum((w + mirrored) ** 2, axis=0) / 4, np.sum((w - mirrored) ** 2, axis=0) / 4
+        flat = np.zeros_like(even)
+        if self.element.membrane:
+            flat = np.sum(motion[:, : names.index("w")] ** 2, axis=(0, 1))
+        return tuple(
+            "in-plane" if p > e + o else "torsion" if o > e else "bending"
+            for p, e, o in zip(flat, even, odd, strict=True)
         )
-    D, S = section.D, section.S
-    return np.array([D[0, 0], D[0, 1], D[1, 1], D[2, 2], D[0, 2], D[1, 2], S[0, 0], S[1, 1], S[0, 1]])
 
 
-def mass_coefficients(section: Section) -> FloatArray:
-    """(3,) coefficients of `PlateModel.mass`: I0, I2, and 1 for the point masses."""
-    return np.array([section.inertia[0], section.inertia[2], 1.0])
-
-
-def plate(mesh: RectangleMesh, supports: Supports, masses: Sequence[PointMass] = ()) -> PlateModel:
+def plate(
+    mesh: RectangleMesh,
+    supports: Supports,
+    masses: Sequence[PointMass] = (),
+    springs: Sequence[Spring] = (),
+    *,
+    membrane: bool = False,
+) -> PlateModel:
     """Assemble the affine model of a rectangular specimen.
 
+    Args:
+        mesh: the mesh.
+        supports: held edges.
+        masses: point masses.
+        springs: elastic supports.
+        membrane: give the nodes u and v too, for in-plane modes and for laminates with B ≠ 0.
+
     Raises:
-        InputError: a point mass lies off the specimen.
+        InputError: a point mass or a spring lies off the specimen, or a spring acts on nothing that can move.
     """
+    element = Shell8(membrane)
     coordinates = mesh.nodes[mesh.elements]
-    dofs = (shell8.DOFS_PER_NODE * mesh.elements[:, :, None] + np.arange(shell8.DOFS_PER_NODE)).reshape(-1, 24)
-    free = _free_dofs(mesh, supports)
-    stiffness_terms = shell8.stiffness_terms(coordinates)
-    mass_terms = shell8.mass_terms(coordinates)
-    pattern = _Pattern.of(dofs, free, shell8.DOFS_PER_NODE * len(mesh.nodes))
-    point_term = pattern.gather(_point_mass_matrix(mesh, masses)[free][:, free])
+    free = _free_dofs(mesh, element, supports)
+    pattern = Pattern.of(mesh.elements, len(mesh.nodes), len(element.displacements), free)
+    elastic = _spring_matrices(mesh, element, springs, free)
+    carried = {"point_masses": _point_mass_matrix(mesh, element, masses)}
     return PlateModel(
         mesh=mesh,
-        stiffness=pattern.affine(stiffness_terms, shell8.TERMS),
-        mass=pattern.affine(mass_terms, shell8.MASS_TERMS, extra={"point_masses": point_term}),
+        element=element,
+        stiffness=pattern.affine(element.stiffness_terms(coordinates), element.terms, element.blocks, elastic),
+        mass=pattern.affine(element.mass_terms(coordinates), element.mass_terms_names, (), carried),
+        springs=tuple(springs),
         free_dofs=free,
-        rigid_modes=_rigid_modes(mesh, free),
+        rigid_modes=rigid_motions(_motions(mesh, element), free, list(elastic.values())),
     )
 
 
-@dataclass(frozen=True)
-class _Pattern:
-    """The sparsity pattern of the free dofs, and where in it each entry of each element matrix lands."""
-
-    indptr: IntArray
-    indices: IntArray
-    slots: IntArray
-    kept: BoolArray
-
-    @classmethod
-    def of(cls, dofs: IntArray, free: IntArray, total: int) -> _Pattern:
-        number = np.full(total, -1)
-        number[free] = np.arange(free.size)
-        rows = np.repeat(number[dofs], dofs.shape[1], axis=1).ravel()
-        columns = np.tile(number[dofs], dofs.shape[1]).ravel()
-        kept = (rows >= 0) & (columns >= 0)
-        keys, slots = np.unique(columns[kept] * free.size + rows[kept], return_inverse=True)
-        indptr = np.searchsorted(keys, np.arange(free.size + 1) * free.size)
-        return cls(indptr, keys % free.size, slots, kept)
-
-    def affine(
-        self, terms: FloatArray, names: tuple[str, ...], extra: dict[str, FloatArray] | None = None
-    ) -> AffineMatrix:
-        data = [np.bincount(self.slots, term.ravel()[self.kept], minlength=self.indices.size) for term in terms]
-        extra = extra or {}
-        return AffineMatrix(self.indptr, self.indices, np.array([*data, *extra.values()]), (*names, *extra))
-
-    def gather(self, matrix: sparse.csc_array) -> FloatArray:
-        """Values of a sparse matrix, whose entries all lie in the pattern, at the pattern's places."""
-        size = self.indptr.size - 1
-        entries = matrix.tocoo()
-        keys = np.repeat(np.arange(size), np.diff(self.indptr)) * size + self.indices
-        data = np.zeros(self.indices.size)
-        np.add.at(data, np.searchsorted(keys, entries.col.astype(np.int64) * size + entries.row), entries.data)
-        return data
+def rigid_motions(motions: FloatArray, free: IntArray, springs: Sequence[sparse.csc_array]) -> FloatArray:
+    """(dofs, r) combinations of rigid motions that move no held dof and stretch no spring, over the free dofs."""
+    held = np.ones(len(motions), dtype=bool)
+    held[free] = False
+    resisted = np.vstack([motions[held], *(spring @ motions for spring in springs)])
+    if resisted.shape[0] == 0 or not resisted.any():
+        return motions[free]
+    _, singular, directions = np.linalg.svd(resisted, full_matrices=True)
+    rank = int(np.sum(singular > 1e-9 * singular[0]))
+    remaining: FloatArray = motions[free] @ directions[rank:].T
+    return remaining
 
 
-def _free_dofs(mesh: RectangleMesh, supports: Supports) -> IntArray:
-    held = np.zeros((len(mesh.nodes), shell8.DOFS_PER_NODE), dtype=bool)
-    w, turn_x, turn_y = 0, 1, 2
+def _free_dofs(mesh: RectangleMesh, element: Shell8, supports: Supports) -> IntArray:
+    names = element.displacements
+    held: BoolArray = np.zeros((len(mesh.nodes), len(names)), dtype=bool)
+    # A simple support on an edge along y keeps w constant along it, so it holds θx = ∂w/∂y too; and v.
+    along_y, along_x = {"w", "rx", "v"}, {"w", "ry", "u"}
     edges = (
-        (supports.start, mesh.nodes_at_x(0), turn_x),
-        (supports.end, mesh.nodes_at_x(mesh.length), turn_x),
-        (supports.lower, mesh.nodes_at_y(-mesh.width / 2), turn_y),
-        (supports.upper, mesh.nodes_at_y(mesh.width / 2), turn_y),
+        (supports.start, mesh.nodes_at_x(0), along_y),
+        (supports.end, mesh.nodes_at_x(mesh.length), along_y),
+        (supports.lower, mesh.nodes_at_y(-mesh.width / 2), along_x),
+        (supports.upper, mesh.nodes_at_y(mesh.width / 2), along_x),
     )
     for support, nodes, tangential in edges:
-        if support == "clamped":
-            held[nodes] = True
-        elif support == "simply_supported":
-            held[nodes, w] = True
-            held[nodes, tangential] = True
+        if support != "free":
+            kept = [i for i, name in enumerate(names) if support == "clamped" or name in tangential]
+            held[np.ix_(nodes, kept)] = True
     return np.flatnonzero(~held.ravel())
 
 
-def _deflection(mesh: RectangleMesh, points: FloatArray) -> sparse.csr_array:
-    element, natural = mesh.locate(points)
+def _interpolation(mesh: RectangleMesh, element: Shell8, points: FloatArray, dof: IntArray) -> sparse.csr_array:
+    """(p, all dofs) interpolation of a dof at each point."""
+    number, natural = mesh.locate(points)
     N = shell8.shape_functions(natural)
+    d = len(element.displacements)
+    columns = (d * mesh.elements[number] + dof[:, None]).ravel()
     rows = np.repeat(np.arange(len(points)), 8)
-    columns = shell8.DOFS_PER_NODE * mesh.elements[element].ravel()
-    return sparse.csr_array((N.ravel(), (rows, columns)), shape=(len(points), shell8.DOFS_PER_NODE * len(mesh.nodes)))
+    return sparse.csr_array((N.ravel(), (rows, columns)), shape=(len(points), d * len(mesh.nodes)))
 
 
-def _point_mass_matrix(mesh: RectangleMesh, masses: Sequence[PointMass]) -> sparse.csc_array:
+def _point_mass_matrix(mesh: RectangleMesh, element: Shell8, masses: Sequence[PointMass]) -> sparse.csc_array:
     """Σ m NᵀN over the masses, and their rotary inertia on the interpolated rotations."""
-    size = shell8.DOFS_PER_NODE * len(mesh.nodes)
-    if not masses:
-        return sparse.csc_array((size, size))
-    w = _deflection(mesh, np.array([[mass.x, mass.y] for mass in masses])).tocoo()
+    size = len(element.displacements) * len(mesh.nodes)
     total = sparse.csc_array((size, size))
-    for dof, inertia in ((0, "mass"), (1, "rotary_inertia"), (2, "rotary_inertia")):
-        N = sparse.csr_array((w.data, (w.row, w.col + dof)), shape=w.shape)
-        total = total + N.T @ sparse.diags_array([getattr(mass, inertia) for mass in masses]) @ N
+    if not masses:
+        return total
+    places = np.array([[mass.x, mass.y] for mass in masses])
+    for dof, name in enumerate(element.displacements):
+        inertia = [mass.rotary_inertia if name in ("rx", "ry") else mass.mass for mass in masses]
+        N = _interpolation(mesh, element, places, np.full(len(masses), dof))
+        total = total + N.T @ sparse.diags_array(inertia) @ N
     return sparse.csc_array(total)
 
 
-def _rigid_modes(mesh: RectangleMesh, free: IntArray) -> FloatArray:
-    """Rigid motions (heave, roll about x, pitch about y) that the supports leave; others would stretch a support."""
-    x, y = mesh.nodes.T
+def _spring_matrices(
+    mesh: RectangleMesh, element: Shell8, springs: Sequence[Spring], free: IntArray
+) -> dict[str, sparse.csc_array]:
+    """By name, the stiffness of each spring at unit stiffness: NᵀN at its point, or ∫NᵀN ds along its edge."""
+    matrices: dict[str, sparse.csc_array] = {}
+    for spring in springs:
+        if spring.name in matrices or spring.name in element.terms:
+            raise InputError("springs", f"two are named {spring.name}, or it is the name of a section coefficient")
+        name = _DOF_OF_DIRECTION.get(spring.direction)
+        if name not in element.displacements:
+            raise InputError("spring.direction", f"of {spring.name}: the model has {', '.join(element.displacements)}")
+        if spring.point is not None:
+            points, weights = np.array([spring.point]), np.ones(1)
+        else:
+            points, weights = mesh.edge_quadrature(spring.edge or "start")
+        dof = np.full(len(points), element.displacements.index(name))
+        N = _interpolation(mesh, element, points, dof)
+        matrix = sparse.csc_array(N.T @ sparse.diags_array(weights) @ N)
+        if matrix[free][:, free].count_nonzero() == 0:
+            raise InputError("spring", f"{spring.name} acts on a support that is already held")
+        matrices[spring.name] = matrix
+    return matrices
+
+
+def _motions(mesh: RectangleMesh, element: Shell8) -> FloatArray:
+    """(all dofs, r) rigid motions: shifts along x, y and turn about z where there are u and v; heave, roll, pitch."""
+    x, y = mesh.nodes[:, 0] - mesh.length / 2, mesh.nodes[:, 1]
     one, none = np.ones_like(x), np.zeros_like(x)
-    heave, roll, pitch = (one, none, none), (y, one, none), (-(x - mesh.length / 2), none, one)
-    motions = np.column_stack([np.column_stack(motion).ravel() for motion in (heave, roll, pitch)])
-    held = np.setdiff1d(np.arange(len(motions)), free)
-    if held.size == 0:
-        return motions
-    # A combination that does not move the held dofs is a rigid motion of the supported body.
-    _, singular, directions = np.linalg.svd(motions[held], full_matrices=True)
-    rank = int(np.sum(singular > 1e-9 * max(1.0, singular[0])))
-    remaining: FloatArray = motions[free] @ directions[rank:].T
-    return remaining
+    bending = [(none, none, one, none, none), (none, none, y, one, none), (none, none, -x, none, one)]
+    if not element.membrane:
+        return np.column_stack([np.column_stack(motion[2:]).ravel() for motion in bending])
+    flat = [(one, none, none, none, none), (none, one, none, none, none), (-y, x, none, none, none)]
+    return np.column_stack([np.column_stack(motion).ravel() for motion in (*flat, *bending)])
+
+
+def _mirror(mesh: RectangleMesh) -> IntArray:
+    """(n,) number of the node at (x, -y) of each node."""
+    x, y = mesh.nodes.T
+    scale = np.array([mesh.length, mesh.width]) * 1e-9
+    grid = np.rint(np.column_stack([x, y]) / scale).astype(np.int64)
+    here, there = np.lexsort((grid[:, 1], grid[:, 0])), np.lexsort((-grid[:, 1], grid[:, 0]))
+    mirror = np.empty_like(here)
+    mirror[here] = there
+    return mirror

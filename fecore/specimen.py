@@ -10,7 +10,8 @@ import numpy as np
 from fecore.errors import InputError
 from fecore.laminate import OrthotropicMaterial, Ply, Section, section
 from fecore.mesh import rectangle
-from fecore.model import Boundary, PlateModel, PointMass, Supports, plate
+from fecore.model import PlateModel, plate
+from fecore.supports import Boundary, PointMass, Supports
 
 
 @dataclass(frozen=True)

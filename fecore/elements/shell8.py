@@ -1,44 +1,30 @@
 """Eight-node serendipity plate element with first-order shear deformation (the family of Abaqus' S8R).
 
-Out-of-plane dofs a node: w, θx, θy, with u(z) = z θy and v(z) = -z θx. Bending strains and transverse shears:
+Dofs a node: u, v, w, θx, θy, with u(z) = u + z θy and v(z) = v - z θx. Membrane strains, curvatures, transverse shears:
 
+    εx = ∂u/∂x,    εy = ∂v/∂y,     γxy = ∂u/∂y + ∂v/∂x
     κx = ∂θy/∂x,   κy = -∂θx/∂y,   κxy = ∂θy/∂y - ∂θx/∂x,   γxz = ∂w/∂x + θy,   γyz = ∂w/∂y - θx
+
+A bending element has w, θx, θy and the last five strains alone.
 
 The stiffness is integrated with 2×2 Gauss points, which avoids shear locking and, with eight nodes, leaves no spurious
 zero-energy mode that two elements can share (Hughes, *The Finite Element Method*, section 5.3); the mass in full, with
-3×3.
-
-Stiffness is linear in the section's coefficients, so the element returns one matrix a coefficient (`TERMS`), each the
+3×3. Stiffness is linear in the section's coefficients, so the element returns one matrix a coefficient, each the
 derivative of the element stiffness by that coefficient.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from fecore.arrays import FloatArray
+from fecore.arrays import FloatArray, IntArray
 
-DOFS_PER_NODE = 3
-"""w, θx, θy."""
+DISPLACEMENTS = ("u", "v", "w", "rx", "ry")
+"""All dofs of a node; a bending element has the last three."""
 
-# (name, row, column) of the strain vector (κx, κy, κxy, γxz, γyz) that a section coefficient couples.
-_COUPLED_STRAINS = {
-    "D11": (0, 0),
-    "D12": (0, 1),
-    "D22": (1, 1),
-    "D66": (2, 2),
-    "D16": (0, 2),
-    "D26": (1, 2),
-    "S55": (3, 3),
-    "S44": (4, 4),
-    "S45": (3, 4),
-}
-TERMS = tuple(_COUPLED_STRAINS)
-"""Section coefficients in the order of the stiffness terms."""
-
-MASS_TERMS = ("I0", "I2")
-"""Section inertias in the order of the mass terms: translation, rotation."""
-
+_VOIGT = {"11": (0, 0), "12": (0, 1), "22": (1, 1), "66": (2, 2), "16": (0, 2), "26": (1, 2)}
 _CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 _NODES = np.vstack([_CORNERS, [[0, -1], [1, 0], [0, 1], [-1, 0]]]).astype(float)
 
@@ -72,58 +58,140 @@ def gauss(order: int) -> tuple[FloatArray, FloatArray]:
     return points, np.outer(w, w).ravel()
 
 
+@dataclass(frozen=True)
+class Shell8:
+    """The element with membrane dofs, or for bending alone.
+
+    Attributes:
+        membrane: whether u and v are among the dofs.
+    """
+
+    membrane: bool = False
+
+    @property
+    def displacements(self) -> tuple[str, ...]:
+        """Names of the dofs of a node."""
+        return DISPLACEMENTS if self.membrane else DISPLACEMENTS[2:]
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Section coefficients in the order of the stiffness terms: (A11 … A26, B11 … B26,) D11 … D26, S55, S44, S45."""
+        sets = "ABD" if self.membrane else "D"
+        return (*(letter + index for letter in sets for index in _VOIGT), "S55", "S44", "S45")
+
+    @property
+    def mass_terms_names(self) -> tuple[str, ...]:
+        """Section inertias in the order of the mass terms."""
+        return ("I0", "I1", "I2") if self.membrane else ("I0", "I2")
+
+    @property
+    def blocks(self) -> tuple[IntArray, ...]:
+        """Where the coefficients stand in the section's stiffness: [[A, B], [B, D]] or D, and S."""
+        at = {name: number for number, name in enumerate(self.terms)}
+
+        def square(letter: str) -> IntArray:
+            return np.array([[at[letter + index] for index in row] for row in _SYMMETRIC])
+
+        bending = square("D")
+        if self.membrane:
+            bending = np.block([[square("A"), square("B")], [square("B"), bending]])
+        return bending, np.array([[at["S55"], at["S45"]], [at["S45"], at["S44"]]])
+
+    def _pairs(self, name: str) -> list[tuple[int, int]]:
+        """Rows of the strain matrix that a coefficient couples."""
+        shift = 3 if self.membrane else 0
+        if name[0] == "S":
+            first = shift + 3
+            return [{"S55": (first, first), "S44": (first + 1, first + 1), "S45": (first, first + 1)}[name]]
+        i, j = _VOIGT[name[1:]]
+        if name[0] == "A":
+            return [(i, j)]
+        if name[0] == "D":
+            return [(i + shift, j + shift)]
+        return [(i, j + 3)] if i == j else [(i, j + 3), (j, i + 3)]
+
+    def strain_matrix(self, coordinates: FloatArray, natural: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Strains from the dofs of an element, node by node.
+
+        Args:
+            coordinates: (e, 8, 2) node coordinates of each element, m.
+            natural: (p, 2) natural coordinates.
+
+        Returns:
+            (e, p, strains, dofs) strain matrices and (e, p) Jacobian determinants.
+        """
+        by_xy, determinant = _jacobians(coordinates, natural)
+        N = shape_functions(natural)
+        by_x, by_y = by_xy[:, :, 0], by_xy[:, :, 1]
+        B = np.zeros((*by_xy.shape[:2], 8, 8, 5))
+        u, v, w, rx, ry = range(5)
+        for strain, entries in enumerate(
+            (
+                ((u, by_x),),
+                ((v, by_y),),
+                ((u, by_y), (v, by_x)),
+                ((ry, by_x),),
+                ((rx, -by_y),),
+                ((rx, -by_x), (ry, by_y)),
+                ((w, by_x), (ry, N)),
+                ((w, by_y), (rx, -N)),
+            )
+        ):
+            for dof, values in entries:
+                B[:, :, strain, :, dof] = values
+        if not self.membrane:
+            B = B[:, :, 3:, :, 2:]
+        return B.reshape(*B.shape[:3], -1), determinant
+
+    def stiffness_terms(self, coordinates: FloatArray) -> FloatArray:
+        """(k, e, d, d) element stiffness by each section coefficient of `terms`, for (e, 8, 2) node coordinates."""
+        natural, weights = gauss(2)
+        coordinates, count = _distinct(coordinates)
+        B, determinant = self.strain_matrix(coordinates, natural)
+        scaled = B * (determinant * weights)[:, :, None, None]
+        # (e, strain, strain, d, d) by matrix products over the Gauss points
+        left, right = scaled.transpose(0, 2, 3, 1), B.transpose(0, 2, 1, 3)
+        terms = np.empty((len(self.terms), len(coordinates), B.shape[3], B.shape[3]))
+        for k, name in enumerate(self.terms):
+            half = sum(left[:, i] @ right[:, j] for i, j in self._pairs(name))
+            alike = all(i == j for i, j in self._pairs(name))
+            terms[k] = half if alike else half + half.transpose(0, 2, 1)
+        return np.repeat(terms, count, axis=1)
+
+    def mass_terms(self, coordinates: FloatArray) -> FloatArray:
+        """(j, e, d, d) consistent element mass by each inertia of `mass_terms_names`, rotary inertia included."""
+        natural, weights = gauss(3)
+        coordinates, count = _distinct(coordinates)
+        _, determinant = _jacobians(coordinates, natural)
+        N = shape_functions(natural)
+        plain = np.einsum("ep,pi,pj->eij", determinant * weights, N, N, optimize=True)
+        at = {name: place for place, name in enumerate(self.displacements)}
+        coupled = {"I0": [("u", "u", 1), ("v", "v", 1), ("w", "w", 1)], "I2": [("rx", "rx", 1), ("ry", "ry", 1)]}
+        coupled["I1"] = [("u", "ry", 1), ("ry", "u", 1), ("v", "rx", -1), ("rx", "v", -1)]
+        d = len(at)
+        terms = np.zeros((len(self.mass_terms_names), len(coordinates), 8, d, 8, d))
+        for term, name in zip(terms, self.mass_terms_names, strict=True):
+            for left, right, sign in coupled[name]:
+                if left in at and right in at:
+                    term[:, :, at[left], :, at[right]] = sign * plain
+        return np.repeat(terms.reshape(*terms.shape[:2], 8 * d, 8 * d), count, axis=1)
+
+
+_SYMMETRIC = (("11", "12", "16"), ("12", "22", "26"), ("16", "26", "66"))
+
+
+def _distinct(coordinates: FloatArray) -> tuple[FloatArray, int]:
+    """One element for all where all are congruent (up to round-off), and how often to repeat it."""
+    placed = coordinates - coordinates[:, :1]
+    size = np.abs(placed).max()
+    if np.abs(placed - placed[0]).max() > 1e-12 * (size + np.abs(coordinates).max()):
+        return coordinates, 1
+    return placed[:1], len(coordinates)
+
+
 def _jacobians(coordinates: FloatArray, natural: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(e, p, 2, 8) derivatives by x, y and (e, p) determinants at the natural points of each element."""
     by_natural = shape_derivatives(natural)
     jacobian = np.einsum("pan,enx->epax", by_natural, coordinates)
     by_xy: FloatArray = np.einsum("epxa,pan->epxn", np.linalg.inv(jacobian), by_natural)
     return by_xy, np.linalg.det(jacobian)
-
-
-def strain_matrix(coordinates: FloatArray, natural: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Strains (κx, κy, κxy, γxz, γyz) from the 24 dofs (w, θx, θy node by node).
-
-    Args:
-        coordinates: (e, 8, 2) node coordinates of each element, m.
-        natural: (p, 2) natural coordinates.
-
-    Returns:
-        (e, p, 5, 24) strain matrices and (e, p) Jacobian determinants.
-    """
-    by_xy, determinant = _jacobians(coordinates, natural)
-    N = shape_functions(natural)
-    B = np.zeros((*by_xy.shape[:2], 5, 8, DOFS_PER_NODE))
-    B[:, :, 0, :, 2] = by_xy[:, :, 0]
-    B[:, :, 1, :, 1] = -by_xy[:, :, 1]
-    B[:, :, 2, :, 1] = -by_xy[:, :, 0]
-    B[:, :, 2, :, 2] = by_xy[:, :, 1]
-    B[:, :, 3, :, 0] = by_xy[:, :, 0]
-    B[:, :, 3, :, 2] = N
-    B[:, :, 4, :, 0] = by_xy[:, :, 1]
-    B[:, :, 4, :, 1] = -N
-    return B.reshape(*by_xy.shape[:2], 5, 24), determinant
-
-
-def stiffness_terms(coordinates: FloatArray) -> FloatArray:
-    """(9, e, 24, 24) element stiffness by each section coefficient of `TERMS`, for (e, 8, 2) node coordinates."""
-    natural, weights = gauss(2)
-    B, determinant = strain_matrix(coordinates, natural)
-    scale = determinant * weights
-    terms = np.empty((len(TERMS), len(coordinates), 24, 24))
-    for k, (row, column) in enumerate(_COUPLED_STRAINS.values()):
-        half = np.einsum("ep,epi,epj->eij", scale, B[:, :, row], B[:, :, column], optimize=True)
-        terms[k] = half if row == column else half + half.transpose(0, 2, 1)
-    return terms
-
-
-def mass_terms(coordinates: FloatArray) -> FloatArray:
-    """(2, e, 24, 24) consistent element mass by each inertia of `MASS_TERMS`, rotary inertia included."""
-    natural, weights = gauss(3)
-    _, determinant = _jacobians(coordinates, natural)
-    N = shape_functions(natural)
-    plain = np.einsum("ep,pi,pj->eij", determinant * weights, N, N, optimize=True)
-    terms = np.zeros((len(MASS_TERMS), len(coordinates), 8, DOFS_PER_NODE, 8, DOFS_PER_NODE))
-    terms[0, :, :, 0, :, 0] = plain
-    terms[1, :, :, 1, :, 1] = plain
-    terms[1, :, :, 2, :, 2] = plain
-    return terms.reshape(len(MASS_TERMS), len(coordinates), 24, 24)

@@ -13,7 +13,6 @@ from fecore.arrays import FloatArray, IntArray
 from fecore.eigen import NormalModes, modes_below, normal_modes
 from fecore.errors import InputError
 from fecore.frf import Dof, ModalFrfModel
-from fecore.model import mass_coefficients, stiffness_coefficients
 from fecore.specimen import Specimen
 from fecore.updating.parameters import Coefficients, Parametrisation
 
@@ -188,7 +187,7 @@ def modes_to_cover(specimen: Specimen, highest_hz: float, at_least: int) -> int:
     The factor is the margin for constants that come out lower than nominal, and for the residual series.
     """
     model = specimen.model
-    stiffness = model.stiffness.at(stiffness_coefficients(specimen.section))
-    mass = model.mass.at(mass_coefficients(specimen.section))
+    stiffness = model.stiffness.at(model.stiffness_coefficients(specimen.section))
+    mass = model.mass.at(model.mass_coefficients(specimen.section))
     below = modes_below(stiffness, mass, (2 * np.pi * 2 * highest_hz) ** 2)
     return max(below, at_least + int(model.rigid_modes.shape[1]))
