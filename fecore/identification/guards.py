@@ -6,12 +6,13 @@ would still pay without the line that it stands on. What fails is named with its
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.identification.arrangement import Arrangement
+from fecore.identification.basis import columns
 from fecore.identification.refinement import Fit, evaluate
 from fecore.identification.result import RefusedPole
 from fecore.identification.selection import in_band, price, worth
@@ -22,6 +23,7 @@ _VAGUE_FREQUENCY = 0.03
 _VAGUE_DAMPING = 0.5
 _FEW_LINES = 2.0  # lines in the half-power bandwidth below which the damping is not resolved
 _COMPLEX = 0.8  # modal phase collinearity below which a mode is called complex
+_WEAK = 0.5  # share of an FRF at its own frequency below which a mode is called weak
 _CLOSE = 1.5  # distance of two modes in their mean bandwidth from which their shapes mix little
 
 
@@ -79,6 +81,8 @@ def remarks(arrangement: Arrangement, fit: Fit, verdict: Verdict, shapes: Shapes
                 f"{name}: its half-power bandwidth covers {lines:.1f} lines, so its damping rests on the window and on"
                 " leakage; measure with a finer line spacing"
             )
+        if (share := _largest_share(arrangement, fit, int(verdict.kept[k]))) < _WEAK:
+            notes.append(f"{name}: weak, at most {100 * share:.0f} % of any FRF at its own frequency")
         if shapes.collinearity[k] < _COMPLEX:
             notes.append(f"{name}: complex shape (modal phase collinearity {shapes.collinearity[k]:.2f})")
         if sd[k] > 0.1 * zeta[k]:
@@ -86,6 +90,16 @@ def remarks(arrangement: Arrangement, fit: Fit, verdict: Verdict, shapes: Shapes
         if k and (f[k] - f[k - 1]) < _CLOSE * (zeta[k] * f[k] + zeta[k - 1] * f[k - 1]) / 2:
             notes.append(f"modes {k} and {k + 1} ({f[k - 1]:.2f} and {f[k]:.2f} Hz) overlap: a close pair")
     return notes + _driving_points(arrangement, fit, verdict)
+
+
+def _largest_share(arrangement: Arrangement, fit: Fit, k: int) -> float:
+    """Largest magnitude of the mode in an FRF, at the mode's own frequency, over that FRF's magnitude there."""
+    omega = 2 * np.pi * fit.terms.frequency_hz[[k]]
+    own = columns(omega, replace(fit.terms, exponents=(), decay=np.empty(0)), arrangement.power)[0, 2 * k : 2 * k + 2]
+    line = int(np.argmin(np.abs(arrangement.omega - omega)))
+    whole = np.abs(fit.model(arrangement)[:, line])
+    mode = np.abs(fit.linear.coefficients[:, 2 * k : 2 * k + 2] @ own)
+    return float(np.max(mode / np.maximum(whole, np.sqrt(fit.variance[:, line]))))
 
 
 def _seen_in(fit: Fit, k: int) -> list[int]:

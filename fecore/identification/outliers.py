@@ -14,6 +14,7 @@ from fecore.identification.screening import lines_in_words
 _FAR = 36.0  # |residual|²/variance; one in 10¹⁵ of Gaussian values is beyond
 _NEAR = 9.0  # ... of both neighbours, which are ordinary beside a true outlier
 _PASSES = 2
+_SHARED = 0.25
 _MOST = 0.01  # share of a record that may be left out
 
 
@@ -34,6 +35,7 @@ def leave_out_outliers(arrangement: Arrangement, fit: Fit) -> tuple[Arrangement,
         beside[:, 1:-1] = np.maximum(square[:, :-2], square[:, 2:])
         beside[:, 0], beside[:, -1] = square[:, 1], square[:, -2]
         found = (square > _FAR) & (beside < _NEAR) & ~_near_poles(arrangement, fit)
+        found[:, found.sum(axis=0) > max(1, _SHARED * len(found))] = False  # what many show is not one record's fault
         many = found.sum(axis=1) > np.maximum(1, _MOST * arrangement.measured.sum(axis=1))
         found[many] = False
         if not found.any():

@@ -20,6 +20,8 @@ from fecore.identification.arrangement import Arrangement, arrange, pair_label
 
 _FEWEST_LINES = 16
 _SPIKE = 400.0  # jump squared over the local median of jumps squared
+_JUMP = 30.0  # ... that is worth comparing between FRFs
+_SHARED = 0.25  # share of the FRFs that may show a spike at one line
 _RAISED = 2.0  # neighbours of a true resonance stand this much above the lines further off; those of a spike do not
 _SAME = 0.9  # correlation from which two FRFs between the same dofs are the same FRF
 _DEAD = 1e-9  # of the strongest record's rms: below it a channel is dead
@@ -102,7 +104,7 @@ def _notes_on_axes(sets: list[FrfSet]) -> list[str]:
 
 def _without_zeros(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     """Values that are exactly zero in a living FRF were not measured; say which lines are missing."""
-    zero: BoolArray = np.equal(arrangement.values, 0) & arrangement.measured
+    zero = np.asarray(arrangement.values == 0, dtype=bool) & arrangement.measured
     alive = (np.abs(arrangement.values) > 0).any(axis=1)
     marked = np.asarray(zero & alive[:, None], dtype=bool)
     measured = arrangement.measured & ~marked
@@ -128,7 +130,9 @@ def _unusable(arrangement: Arrangement) -> dict[int, str]:
 
 def _without_spikes(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     """Leave out single lines that stand out of a smooth record, as an overload or a mains line makes them."""
-    spikes = np.array([_spikes(v, m) for v, m in zip(arrangement.values, arrangement.measured, strict=True)])
+    pairs = zip(arrangement.values, arrangement.measured, strict=True)
+    spikes, jumps = (np.array(marks) for marks in zip(*(_spikes(v, m) for v, m in pairs), strict=True))
+    spikes &= jumps.sum(axis=0) <= max(1, _SHARED * len(jumps))  # what most records show is a resonance
     if not spikes.any():
         return arrangement, []
     notes = []
@@ -147,13 +151,13 @@ def _without_spikes(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     return replace(arrangement, measured=measured, values=np.where(measured, arrangement.values, 0)), notes
 
 
-def _spikes(record: ComplexArray, measured: BoolArray) -> BoolArray:
-    """(L,) lines whose jump is far beyond the local scatter while their neighbours are not raised."""
-    spikes = np.zeros(record.size, dtype=bool)
+def _spikes(record: ComplexArray, measured: BoolArray) -> tuple[BoolArray, BoolArray]:
+    """(L,) lines whose jump is far beyond the local scatter while their neighbours are not raised; (L,) all jumps."""
+    spikes, jumps = np.zeros(record.size, dtype=bool), np.zeros(record.size, dtype=bool)
     at = np.flatnonzero(measured)
     values = record[at]
     if values.size < _FEWEST_LINES:
-        return spikes
+        return spikes, jumps
     middle = values[2:-2]
     beside = (values[1:-3] + values[3:-1]) / 2
     jump = np.abs(middle - beside) ** 2
@@ -166,7 +170,8 @@ def _spikes(record: ComplexArray, measured: BoolArray) -> BoolArray:
     largest = jump >= np.maximum(np.append(jump[1:], 0), np.append(0, jump[:-1]))
     found = (jump > _SPIKE * (usual + floor)) & (near < _RAISED * far) & largest & (np.abs(middle) > 3 * near)
     spikes[at[2:-2][found]] = True
-    return spikes
+    jumps[at[2:-2][jump > _JUMP * (usual + floor)]] = True
+    return spikes, jumps
 
 
 def _merge_repeated(arrangement: Arrangement) -> tuple[Arrangement, list[Refused], list[str]]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.correlation import mac
@@ -27,6 +28,8 @@ _APART = 2.0  # ... and lie this many summed half bandwidths from each other
 _ALONE = 1e-6  # share of a candidate's power that the model's own terms leave: below it nothing new is in it
 _VAGUE_FREQUENCY = 0.05  # standard deviation of ln ω from which a pole is no longer moved
 _VAGUE_DAMPING = 0.7  # ... and of ln ζ
+_SCALES = (1, 5, 25)  # lines over which the residual is averaged to find its peaks
+_PEAKS = 6
 _BEYOND = 3  # most poles outside the band
 _SAME_SHAPE = 0.9  # MAC of the residues of two near poles from which they are one mode
 RESIDUAL_TERMS = (-2, -1, 0, 1, 2)
@@ -66,22 +69,11 @@ def select(
         most: largest number of poles.
     """
     fit = refine(arrangement, Terms(np.empty(0), np.empty(0), (0,)), variance, steps=0)
-    seen: set[tuple[int, ...]] = set()
-    hz, zeta = candidate_hz, candidate_zeta
-    for _ in range(_ROUNDS):
-        grown = _grow(arrangement, fit, hz, zeta, most)
-        if grown is None:
-            break
-        fit = refine(arrangement, grown, fit.variance, steps=8)
-        held = hold_vague(fit, ~in_band(arrangement, fit.terms.frequency_hz))
-        fit = _prune(arrangement, evaluate(arrangement, held, noise_of(arrangement, fit)))
-        fit, shut = _unique(arrangement, fit)
-        for low, high in shut:
-            hz, zeta = hz[(hz < low) | (hz > high)], zeta[(hz < low) | (hz > high)]
-        signature = (*fit.terms.exponents, *np.round(fit.terms.frequency_hz * 10).astype(int))
-        if signature in seen:
-            break
-        seen.add(signature)
+    shut: list[tuple[float, float]] = []
+    pool = (candidate_hz, candidate_zeta)
+    fit = _grow_all(arrangement, fit, pool, shut, most, None)
+    # a mode that is missing can pass for noise: look again with the noise that the records' roughness states
+    fit = _grow_all(arrangement, evaluate(arrangement, fit.terms, variance), pool, shut, most, variance)
     free = replace(fit.terms, held=np.zeros(fit.terms.pairs, dtype=bool))
     fit = refine(arrangement, free, noise_of(arrangement, fit), steps=8)
     held = hold_vague(fit, ~in_band(arrangement, fit.terms.frequency_hz))
@@ -90,6 +82,54 @@ def select(
     if thrifty is not fit:
         fit = refine_with_noise(arrangement, thrifty.terms, noise_of(arrangement, thrifty))
     return evaluate(arrangement, _ascending(fit.terms), fit.variance)
+
+
+def _grow_all(
+    arrangement: Arrangement,
+    fit: Fit,
+    pool: tuple[FloatArray, FloatArray],
+    shut: list[tuple[float, float]],
+    most: int,
+    variance: FloatArray | None,
+) -> Fit:
+    """Add terms, refine and prune until nothing pays; the noise is `variance`, or follows the residual where None."""
+    seen: set[tuple[int, ...]] = set()
+    for _ in range(_ROUNDS):
+        hz, zeta = (np.concatenate(both) for both in zip(pool, residual_peaks(arrangement, fit), strict=True))
+        open_ = np.all([(hz < low) | (hz > high) for low, high in shut] or [np.ones(hz.size, dtype=bool)], axis=0)
+        grown = _grow(arrangement, fit, hz[open_], zeta[open_], most)
+        if grown is None:
+            return fit
+        fit = refine(arrangement, grown, fit.variance, steps=8)
+        held = hold_vague(fit, ~in_band(arrangement, fit.terms.frequency_hz))
+        noise = noise_of(arrangement, fit) if variance is None else variance
+        fit, closed = _unique(arrangement, _prune(arrangement, evaluate(arrangement, held, noise)))
+        shut += closed
+        signature = (*fit.terms.exponents, *np.round(fit.terms.frequency_hz * 10).astype(int))
+        if signature in seen:
+            break
+        seen.add(signature)
+    return fit
+
+
+def residual_peaks(arrangement: Arrangement, fit: Fit) -> tuple[FloatArray, FloatArray]:
+    """Poles to try where the residual of all FRFs together stands out: frequencies (Hz) and damping ratios.
+
+    The weighted square of the residual is averaged over one, five and twenty-five lines; each average's highest peaks
+    are tried with half bandwidths of its own width. So a mode is found that the linear stage has missed.
+    """
+    square = np.where(arrangement.measured, np.abs(fit.residual) ** 2 / fit.variance, 0.0).sum(axis=0)
+    found = []
+    for lines in _SCALES:
+        level = uniform_filter1d(square, lines, mode="nearest")
+        inner = level[1:-1]
+        peak = 1 + np.flatnonzero((inner >= level[:-2]) & (inner > level[2:]))
+        best = peak[np.argsort(-level[peak])][:_PEAKS]
+        width = np.array([0.2, 0.5, 1.5]) * lines * arrangement.spacing_hz
+        hz = arrangement.frequency_hz[best]
+        found += [np.stack([hz, np.clip(w / hz, 1e-4, 0.5)]) for w in width]
+    pairs = np.concatenate(found, axis=1)
+    return pairs[0], pairs[1]
 
 
 def _ascending(terms: Terms) -> Terms:
@@ -129,7 +169,7 @@ def _unique(arrangement: Arrangement, fit: Fit) -> tuple[Fit, list[tuple[float, 
         if pair is None:
             return fit, shut
         k, keep = pair
-        width = max(fit.terms.damping_ratio[keep] * fit.terms.frequency_hz[keep], arrangement.spacing_hz)
+        width = 0.5 * max(fit.terms.damping_ratio[keep] * fit.terms.frequency_hz[keep], arrangement.spacing_hz)
         shut.append((fit.terms.frequency_hz[keep] - width, fit.terms.frequency_hz[keep] + width))
         fit = _prune(arrangement, refine(arrangement, without_pole(fit.terms, k), fit.variance, steps=8))
 
