@@ -45,7 +45,7 @@ def from_json(body: bytes) -> NewFrfs:
     coherence = None
     if any(frf.coherence is not None for frf in sent.frfs):
         coherence = np.array([frf.coherence or [np.nan] * lines for frf in sent.frfs], dtype=np.float64)
-    return _checked(
+    return checked(
         np.array(sent.frequency_hz),
         values,
         {key: np.array([getattr(frf, key) for frf in sent.frfs]) for key in DOFS},
@@ -76,7 +76,7 @@ def from_npz(path: Path, limit_bytes: int) -> NewFrfs:
         raise Invalid("/frequency_hz", f"is {frequency.dtype} of shape {frequency.shape}, expected real numbers (L,)")
     count = values.shape[0]
     averages = _integers("averages", arrays["averages"], count) if "averages" in arrays else np.zeros(count, np.int64)
-    return _checked(
+    return checked(
         frequency.astype(np.float64),
         values.astype(values.dtype.newbyteorder("<")),
         {name: _integers(name, arrays[name], count) for name in DOFS},
@@ -87,7 +87,7 @@ def from_npz(path: Path, limit_bytes: int) -> NewFrfs:
     )
 
 
-def _checked(
+def checked(
     frequency: Array,
     values: Array,
     dofs: dict[str, Array],

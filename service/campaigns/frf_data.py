@@ -97,26 +97,40 @@ def frequency_axis(session: Session, frf: Frf) -> FloatArray:
     return Axis(frf.start_hz, frf.step_hz, frf.lines, stored).frequency_hz()
 
 
-def make_table(session: Session, frfs: Sequence[Frf], cut: Cut) -> FrfTable:
-    """FRFs as one table.
+def make_tables(session: Session, frfs: Sequence[Frf], cut: Cut) -> list[FrfTable]:
+    """FRFs as tables of one quantity and one frequency axis each, in the order of their first rows.
+
+    Raises:
+        Invalid: the cut leaves no line.
+    """
+    groups: dict[tuple[object, ...], list[Frf]] = {}
+    for frf in frfs:
+        uneven = frequency_axis(session, frf).tobytes() if frf.step_hz is None else None
+        groups.setdefault((frf.quantity, frf.start_hz, frf.step_hz, frf.lines, uneven), []).append(frf)
+    tables = []
+    for rows in groups.values():
+        frequency = frequency_axis(session, rows[0])
+        lines = cut.lines(frequency)
+        tables.append(FrfTable(rows, frequency[lines], lines))
+    return tables
+
+
+def only_table(tables: Sequence[FrfTable]) -> FrfTable:
+    """The table of FRFs that make one.
 
     Raises:
         Conflict: they are not on one frequency axis, or not of one quantity.
-        Invalid: the cut leaves no line.
     """
-    kinds = {frf.quantity for frf in frfs}
+    kinds = {table.frfs[0].quantity for table in tables}
     if len(kinds) > 1:
         raise Conflict(f"the FRFs are of several quantities ({', '.join(sorted(kinds))}); choose one with ?quantity=")
-    frequency = frequency_axis(session, frfs[0])
-    for frf in frfs[1:]:
-        same = (frf.start_hz, frf.step_hz, frf.lines) == (frfs[0].start_hz, frfs[0].step_hz, frfs[0].lines)
-        if not same or (frf.step_hz is None and not np.array_equal(frequency_axis(session, frf), frequency)):
-            raise Conflict(
-                f"the FRFs are on different frequency axes: {frfs[0].id} has {_axis(frfs[0])}, {frf.id} has {_axis(frf)}; "
-                "choose with ?import_id=, ?point= or ?reference=, or read them one by one"
-            )
-    lines = cut.lines(frequency)
-    return FrfTable(frfs, frequency[lines], lines)
+    if len(tables) > 1:
+        first, second = tables[0].frfs[0], tables[1].frfs[0]
+        raise Conflict(
+            f"the FRFs are on different frequency axes: {first.id} has {_axis(first)}, {second.id} has {_axis(second)}; "
+            "choose with ?import_id=, ?point= or ?reference=, read them one by one, or all as ?format=uff"
+        )
+    return tables[0]
 
 
 def _axis(frf: Frf) -> str:

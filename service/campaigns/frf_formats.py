@@ -1,25 +1,30 @@
-"""Tables of FRFs as files: JSON, npz, CSV. Written row by row, so that memory does not grow with their number."""
+"""Tables of FRFs as files: JSON, npz, CSV, UFF. Written row by row, so that memory does not grow with their number."""
 
 from __future__ import annotations
 
 import csv
 import io
+import itertools
 import json
 import zipfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import IO, Any
 
 import numpy as np
 from numpy.lib import format as npy
 from sqlalchemy.orm import Session
 
-from service.campaigns.frf_data import FrfTable
+from service.campaigns import uff
+from service.campaigns.frf_data import FrfTable, only_table
 from service.campaigns.frf_schemas import UNITS
+from service.campaigns.grid_points import stored_points
+from service.campaigns.reading import COHERENCE
 from service.campaigns.tables import Frf
+from service.campaigns.uff.write import encode
 
 KEYS = ("response_point", "response_direction", "reference_point", "reference_direction")
-
-Writer = Callable[[Session, FrfTable, IO[bytes]], None]
 
 
 def write_json(session: Session, table: FrfTable, file: IO[bytes]) -> None:
@@ -79,12 +84,87 @@ def write_csv(session: Session, table: FrfTable, file: IO[bytes]) -> None:
     text.detach()
 
 
-FORMATS: dict[str, tuple[str, Writer]] = {
-    "json": ("application/json", write_json),
-    "npz": ("application/x-npz", write_npz),
-    "csv": ("text/csv", write_csv),
+def write_uff(session: Session, tables: Sequence[FrfTable], file: IO[bytes], *, binary: bool) -> None:
+    """Grid points of the campaign (set 2411), FRFs and their coherences (set 58b, or 58 as text), SI.
+
+    The binary form keeps every bit; the text keeps 13 digits.
+    """
+    points = stored_points(session, tables[0].frfs[0].campaign_id)
+    contents: Iterator[uff.Content] = (uff.GridPoint(label, xyz) for label, xyz in points.items())
+    for block in encode(itertools.chain(contents, _functions(session, tables)), binary=binary):
+        file.write(block)
+
+
+@dataclass(frozen=True)
+class Format:
+    """A way to write FRFs.
+
+    Attributes:
+        media_type: of the file.
+        suffix: of its name.
+        write: writes tables; where `one_table`, there is one.
+        one_table: only FRFs of one quantity on one axis can be written.
+    """
+
+    media_type: str
+    suffix: str
+    write: Callable[[Session, Sequence[FrfTable], IO[bytes]], None]
+    one_table: bool = True
+
+
+def _alone(write: Callable[[Session, FrfTable, IO[bytes]], None]) -> Callable[..., None]:
+    return lambda session, tables, file: write(session, only_table(tables), file)
+
+
+FORMATS: dict[str, Format] = {
+    "json": Format("application/json", "json", _alone(write_json)),
+    "npz": Format("application/x-npz", "npz", _alone(write_npz)),
+    "csv": Format("text/csv", "csv", _alone(write_csv)),
+    "uff": Format("application/x-uff", "uff", partial(write_uff, binary=True), one_table=False),
+    "uff-ascii": Format("text/x-uff", "uff", partial(write_uff, binary=False), one_table=False),
 }
-"""Name in `?format=` to media type and writer."""
+"""By their names in `?format=`."""
+
+
+def _functions(session: Session, tables: Sequence[FrfTable]) -> Iterator[uff.Content]:
+    """Each FRF, and its coherence after it."""
+    for table in tables:
+        axis = _uff_axis(table)
+        both = zip(table.spectra(session), table.coherences(session), strict=True)
+        for (frf, values), (_, coherence) in both:
+            dofs = {key: getattr(frf, key) for key in KEYS}
+            ids = (frf.label, "NONE", "NONE", "NONE", "NONE")
+            yield uff.Frf(
+                dataset=0,
+                label=frf.label,
+                id_lines=ids,
+                **dofs,
+                quantity=frf.quantity,  # type: ignore[arg-type]  # the column holds what was checked on the way in
+                frequency=axis,
+                values=values,
+            )
+            if coherence is not None:
+                yield uff.Function(
+                    dataset=0,
+                    label=frf.label,
+                    id_lines=ids,
+                    function_type=COHERENCE,
+                    **dofs,
+                    abscissa=axis,
+                    abscissa_unit="Hz",
+                    values=coherence,
+                    unit="",
+                )
+
+
+def _uff_axis(table: FrfTable) -> uff.Axis:
+    """Start and step where they give the lines exactly, else the lines."""
+    frequency = table.frequency_hz
+    if frequency.size > 1:
+        even = uff.Axis(float(frequency[0]), float(frequency[1] - frequency[0]), frequency.size)
+        if np.array_equal(even.points(), frequency):
+            return even
+    return uff.Axis(float(frequency[0]), 0.0, frequency.size, frequency)
 
 
 def _head(frf: Frf) -> tuple[int, ...]:

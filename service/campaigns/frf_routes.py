@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from typing import Annotated
 from uuid import UUID
 
 from fastapi import Depends, Header, Query, Request, Response
 from fastapi.responses import FileResponse
 from sqlalchemy.orm import Session
-from starlette.background import BackgroundTask
 
 from fecore.frf import Quantity
 from service.access import CurrentUser, Cursor, Limit, SessionDep, SettingsDep, paged
 from service.campaigns import frf_bodies, frfs
-from service.campaigns.frf_data import Cut, FrfTable, make_table
+from service.campaigns.downloads import spooled
+from service.campaigns.frf_csv import from_csv
+from service.campaigns.frf_data import Cut, FrfTable, make_tables
 from service.campaigns.frf_formats import FORMATS
 from service.campaigns.frf_schemas import FrfOut, FrfsIn
+from service.campaigns.grid_points import stored_points
 from service.campaigns.negotiation import choose_format
 from service.campaigns.operations import campaign_for
 from service.campaigns.tables import Frf
@@ -26,7 +27,7 @@ from service.problems import Invalid, NotFound, Page, UnsupportedMediaType, api_
 
 router = api_router(tags=["FRFs"])
 
-MEDIA_TYPES = {name: media_type for name, (media_type, _) in FORMATS.items()}
+MEDIA_TYPES = {name: form.media_type for name, form in FORMATS.items()}
 NPZ = ("application/x-npz", "application/octet-stream", "application/zip")
 BODY = {
     "requestBody": {
@@ -34,6 +35,7 @@ BODY = {
         "content": {
             "application/json": {"schema": FrfsIn.model_json_schema(ref_template="#/components/schemas/{model}")},
             "application/x-npz": {"schema": {"type": "string", "format": "binary"}},
+            "text/csv": {"schema": {"type": "string"}},
         },
     }
 }
@@ -59,7 +61,7 @@ def _filter(
 
 FilterDep = Annotated[frfs.FrfFilter, Depends(_filter)]
 Stride = Annotated[int, Query(ge=1, le=1_000_000, description="every how many-th line")]
-Format = Annotated[str | None, Query(alias="format", description="json, npz or csv; else by Accept")]
+Format = Annotated[str | None, Query(alias="format", description="json, npz, csv, uff (58b), uff-ascii (58)")]
 Accept = Annotated[str | None, Header(include_in_schema=False)]
 
 
@@ -80,18 +82,28 @@ def list_frfs(
 
 @router.post("/campaigns/{campaign_id}/frfs", status_code=201, openapi_extra=BODY)
 def create_frfs(
-    campaign_id: UUID, upload: UploadDep, session: SessionDep, user: CurrentUser, settings: SettingsDep
+    campaign_id: UUID,
+    upload: UploadDep,
+    session: SessionDep,
+    user: CurrentUser,
+    settings: SettingsDep,
+    quantity: Annotated[Quantity | None, Query(description="what a CSV holds, in SI units")] = None,
 ) -> Page[FrfOut]:
-    """Send FRFs of a script, as npz (arrays as `GET …/frfs/data` writes them) or as JSON; all are stored, or none."""
+    """Send FRFs of a script as npz, JSON or CSV, as `GET …/frfs/data` writes them; all are stored, or none."""
     if upload.file.size == 0:
         raise Invalid("", "the body is empty, expected FRFs as npz or JSON")
     if upload.content_type == "application/json":
         new = frf_bodies.from_json(upload.file.path.read_bytes())
     elif upload.content_type in NPZ:
         new = frf_bodies.from_npz(upload.file.path, settings.upload_limit_bytes)
+    elif upload.content_type == "text/csv":
+        if quantity is None:
+            raise Invalid("quantity", "is missing: a CSV does not say what it holds, so ?quantity= must")
+        new = from_csv(upload.file.path, quantity)
     else:
         raise UnsupportedMediaType(
-            f"the body is {upload.content_type or 'of no stated type'}, expected application/x-npz or application/json"
+            f"the body is {upload.content_type or 'of no stated type'}, "
+            "expected application/x-npz, application/json or text/csv"
         )
     campaign = campaign_for(session, user, campaign_id, "editor")
     return Page(items=[frfs.describe(row) for row in frfs.store_frfs(session, user, campaign, new)])
@@ -108,13 +120,16 @@ def get_campaign_data(
     file_format: Format = None,
     accept: Accept = None,
 ) -> Response:
-    """Spectra of a campaign's FRFs that share a frequency axis, as JSON, npz or CSV."""
+    """Spectra of a campaign's FRFs, with their band and stride, as JSON, npz, CSV or UFF.
+
+    UFF holds the grid points too, and FRFs of any axes and quantities; the others need one axis and one quantity.
+    """
     campaign = campaign_for(session, user, campaign_id)
     rows = session.scalars(wanted.query(campaign.id).order_by(Frf.id)).all()
     if not rows:
         raise NotFound("FRF that matches in this campaign")
-    table = make_table(session, rows, Cut(wanted.fmin, wanted.fmax, stride))
-    return _file(session, table, choose_format(file_format, accept, MEDIA_TYPES), request)
+    tables = make_tables(session, rows, Cut(wanted.fmin, wanted.fmax, stride))
+    return _file(session, tables, choose_format(file_format, accept, MEDIA_TYPES), request)
 
 
 @router.get("/frfs/{frf_id}")
@@ -135,32 +150,34 @@ def get_frf_data(
     file_format: Format = None,
     accept: Accept = None,
 ) -> Response:
-    """Spectrum of one FRF, in a band and with a stride if wanted, as JSON, npz or CSV."""
+    """Spectrum of one FRF, in a band and with a stride if wanted, as JSON, npz, CSV or UFF."""
     row = frfs.frf_for(session, user, frf_id)
-    table = make_table(session, [row], Cut(fmin, fmax, stride))
-    return _file(session, table, choose_format(file_format, accept, MEDIA_TYPES), request)
+    tables = make_tables(session, [row], Cut(fmin, fmax, stride))
+    return _file(session, tables, choose_format(file_format, accept, MEDIA_TYPES), request)
 
 
-def _file(session: Session, table: FrfTable, file_format: str, request: Request) -> Response:
-    """The table as a file on disk that is sent and then removed; 304 where the client has it."""
-    media_type, write = FORMATS[file_format]
-    headers = {"ETag": _etag(table, file_format), "Vary": "Accept"}
+def _file(session: Session, tables: list[FrfTable], file_format: str, request: Request) -> Response:
+    """The tables as a file on disk that is sent and then removed; 304 where the client has it."""
+    form = FORMATS[file_format]
+    headers = {"ETag": _etag(session, tables, file_format), "Vary": "Accept"}
     if headers["ETag"] in (tag.strip() for tag in request.headers.get("if-none-match", "").split(",")):
         return Response(status_code=304, headers=headers)
-    spool = tempfile.NamedTemporaryFile(prefix="modalbase-frfs-")  # noqa: SIM115  closed once it is sent
-    try:
-        write(session, table, spool.file)
-        spool.flush()
-    except BaseException:
-        spool.close()
-        raise
-    headers["Content-Disposition"] = f'attachment; filename="frfs.{file_format}"'
-    return FileResponse(spool.name, media_type=media_type, headers=headers, background=BackgroundTask(spool.close))
+    return spooled(lambda file: form.write(session, tables, file), form.media_type, f"frfs.{form.suffix}", headers)
 
 
-def _etag(table: FrfTable, file_format: str) -> str:
+def _etag(session: Session, tables: list[FrfTable], file_format: str) -> str:
     digest = hashlib.sha256(file_format.encode())
-    digest.update(table.lines.tobytes())
-    for frf in table.frfs:
-        digest.update(frf.id.bytes + frf.sha256 + (frf.coherence_sha256 or b""))
+    for table in tables:
+        digest.update(table.lines.tobytes())
+        for frf in table.frfs:
+            digest.update(frf.id.bytes + frf.sha256 + (frf.coherence_sha256 or b""))
+    if not FORMATS[file_format].one_table:  # such a file holds the grid points too
+        digest.update(repr(stored_points(session, tables[0].frfs[0].campaign_id)).encode())
     return f'"{digest.hexdigest()[:32]}"'
+
+
+for _path, _handler in (
+    ("/campaigns/{campaign_id}/frfs/data", get_campaign_data),
+    ("/frfs/{frf_id}/data", get_frf_data),
+):
+    router.head(_path, include_in_schema=False)(_handler)

@@ -5,13 +5,16 @@ from __future__ import annotations
 from typing import Annotated
 from uuid import UUID
 
-from fastapi import Query, Response
+from fastapi import Query, Request, Response
+from fastapi.responses import FileResponse
 from sqlalchemy import select
 
 from fecore.frf import Quantity
 from service.access import CurrentUser, Cursor, Limit, SessionDep, paged
 from service.campaigns import imports
+from service.campaigns.downloads import spooled
 from service.campaigns.operations import campaign_for
+from service.campaigns.originals import copy_original
 from service.campaigns.schemas import ImportOut
 from service.campaigns.tables import Import
 from service.campaigns.uploads import UploadDep
@@ -71,10 +74,25 @@ def list_imports(
     campaign = campaign_for(session, user, campaign_id)
     query = select(Import).where(Import.campaign_id == campaign.id)
     rows, following = paged(session, query, Import.id, cursor, limit)
-    return Page(items=[imports.describe(session, row) for row in rows], next_cursor=following)
+    return Page(items=imports.describe_all(session, rows), next_cursor=following)
 
 
 @router.get("/imports/{import_id}")
 def get_import(import_id: UUID, session: SessionDep, user: CurrentUser) -> ImportOut:
     """How far an import is, what it brought in, and what became of each dataset."""
     return imports.describe(session, imports.import_for(session, user, import_id))
+
+
+@router.get("/imports/{import_id}/original", response_class=FileResponse)
+def get_original(import_id: UUID, session: SessionDep, user: CurrentUser, request: Request) -> Response:
+    """The file as it was uploaded, byte for byte; its ETag is its SHA-256."""
+    row = imports.import_for(session, user, import_id)
+    headers = {"ETag": f'"{row.sha256.hex()}"'}
+    if headers["ETag"] in (tag.strip() for tag in request.headers.get("if-none-match", "").split(",")):
+        return Response(status_code=304, headers=headers)
+    return spooled(
+        lambda file: copy_original(session, row.sha256, file), "application/octet-stream", row.filename, headers
+    )
+
+
+router.head("/imports/{import_id}/original", include_in_schema=False)(get_original)

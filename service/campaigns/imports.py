@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from uuid import UUID
@@ -95,17 +96,34 @@ def import_for(session: Session, user: User, import_id: UUID) -> Import:
 
 
 def describe(session: Session, row: Import, *, already_imported: bool = False) -> ImportOut:
-    """An import as clients see it: its own row and its job's."""
-    size = session.scalars(select(Original.size).where(Original.sha256 == row.sha256)).one()
+    """An import as clients see it."""
+    return describe_all(session, [row])[0].model_copy(update={"already_imported": already_imported})
+
+
+def describe_all(session: Session, rows: Sequence[Import]) -> list[ImportOut]:
+    """Imports as clients see them: their own rows and their jobs', read at one moment, so that a job that has succeeded
+    never stands beside an import that has no counts yet.
+    """
+    query = (
+        select(Import, Job, Original.size)
+        .join(Job, Job.id == Import.id)
+        .join(Original, Original.sha256 == Import.sha256)
+        .where(Import.id.in_([row.id for row in rows]))
+        .order_by(Import.id)
+        .execution_options(populate_existing=True)
+    )
+    return [_described(row, job, size) for row, job, size in session.execute(query)]
+
+
+def _described(row: Import, job: Job, size: int) -> ImportOut:
     return ImportOut(
-        **job_state(session.get_one(Job, row.id)),
+        **job_state(job),
         campaign_id=row.campaign_id,
         filename=row.filename,
         size=size,
         sha256=row.sha256.hex(),
         dry_run=row.dry_run,
-        quantity=row.quantity,  # type: ignore[arg-type]
-        already_imported=already_imported,
+        quantity=row.quantity,  # type: ignore[arg-type]  # the column holds what was checked on the way in
         counts=None if row.counts is None else Counts.model_validate(row.counts),
         datasets=[DatasetOutcome.model_validate(d) for d in row.datasets or []],
         warnings=row.warnings or [],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from uuid import UUID
 
@@ -13,7 +12,7 @@ from sqlalchemy.orm import Session
 from fecore.arrays import FloatArray
 from fecore.frf import Dof, FrfSet
 from service.campaigns.frame import Frame
-from service.campaigns.frf_data import Cut, FrfTable, frequency_axis, make_table
+from service.campaigns.frf_data import Cut, FrfTable, make_tables
 from service.campaigns.grid_points import stored_points
 from service.campaigns.operations import frame_of
 from service.campaigns.schemas import Instruments
@@ -110,18 +109,8 @@ def _frf_sets(session: Session, campaign: Campaign, frame: Frame, warnings: list
             warnings.append(f"FRF {row.id} ({row.label}) states no point or direction and is left out")
         else:
             usable.append(row)
-    tables = [make_table(session, group, Cut()) for group in _by_axis(session, usable)]
-    sets = [_measured(session, table, frame) for table in tables]
+    sets = [_measured(session, table, frame) for table in make_tables(session, usable, Cut())]
     return sorted(sets, key=lambda s: -s.frfs.values.size)
-
-
-def _by_axis(session: Session, rows: list[Frf]) -> Iterator[list[Frf]]:
-    """Rows of one quantity on one axis each, in the order of the first of them."""
-    groups: dict[tuple[object, ...], list[Frf]] = {}
-    for row in rows:
-        uneven = frequency_axis(session, row).tobytes() if row.step_hz is None else None
-        groups.setdefault((row.quantity, row.start_hz, row.step_hz, row.lines, uneven), []).append(row)
-    yield from groups.values()
 
 
 def _measured(session: Session, table: FrfTable, frame: Frame) -> MeasuredFrfs:

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 from sqlalchemy import select
 from sqlalchemy.dialects.postgresql import insert
@@ -72,10 +73,19 @@ def write_original(session: Session, sha256: bytes, path: Path) -> None:
     Raises:
         DamagedOriginalError: what was stored is not what was uploaded.
     """
+    with path.open("wb") as file:
+        copy_original(session, sha256, file)
+
+
+def copy_original(session: Session, sha256: bytes, file: IO[bytes]) -> None:
+    """Copy a stored file into an open one.
+
+    Raises:
+        DamagedOriginalError: what was stored is not what was uploaded.
+    """
     digest = hashlib.sha256()
-    with path.open("wb") as stream:
-        for chunk in original_chunks(session, sha256):
-            digest.update(chunk)
-            stream.write(chunk)
+    for chunk in original_chunks(session, sha256):
+        digest.update(chunk)
+        file.write(chunk)
     if digest.digest() != sha256:
         raise DamagedOriginalError(f"the stored file {sha256.hex()} fails its checksum; restore it from a backup")

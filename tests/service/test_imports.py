@@ -263,6 +263,21 @@ def test_a_real_file_of_three_frfs(
     assert [f["lines"] for f in frfs] == [1001] * 3
 
 
+def test_the_original_can_be_fetched_again(
+    api: httpx.Client, new_client: Callable[[], httpx.Client], campaign: str, imported: Imported, checked: Checked
+) -> None:
+    content = small_file() + b" " * 3_000_000 + b"\n"
+    done = imported(campaign, b"nonsense" + content, filename="beam.uff")
+    path = f"imports/{done['id']}/original"
+    answer = api.get(path)
+    assert answer.content == b"nonsense" + content
+    assert answer.headers["ETag"] == f'"{done["sha256"]}"'
+    assert 'filename="beam.uff"' in answer.headers["Content-Disposition"]
+    assert api.get(path, headers={"Range": "bytes=2-5"}).content == b"nsen"
+    assert api.get(path, headers={"If-None-Match": answer.headers["ETag"]}).status_code == 304
+    checked(new_client().get(path), 404)
+
+
 def test_other_peoples_imports_do_not_exist(
     new_client: Callable[[], httpx.Client], campaign: str, imported: Imported, checked: Checked
 ) -> None:
