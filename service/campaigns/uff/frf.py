@@ -79,7 +79,9 @@ def frf_of(
             (raw.reference_point, raw.reference_direction, "reference"),
         )
     )
-    double = raw.values.astype(np.complex128) * factor
+    double = raw.values.astype(np.complex128)
+    if factor != 1.0:
+        double.view(np.float64)[:] *= factor  # part by part: a complex product would lose the sign of zeros
     values: NDArray[np.complex64] | ComplexArray = double
     if raw.values.dtype == np.complex64 and _fits_single(double):
         values = double.astype(np.complex64)

@@ -208,6 +208,7 @@ class _Reading:
 
 def _claims(raw: RawFunction) -> dict[str, object]:
     """What pyuff must find in a set 58, by its names."""
+    plain = (raw.ordinate.name + raw.ordinate.unit).isascii()  # else pyuff's columns are shifted
     return {
         "func_type": raw.function_type,
         "ord_data_type": raw.ordinate_type,
@@ -216,7 +217,7 @@ def _claims(raw: RawFunction) -> dict[str, object]:
         "rsp_dir": raw.response_direction,
         "ref_node": raw.reference_point,
         "ref_dir": raw.reference_direction,
-        "ordinate_axis_units_lab": raw.ordinate.unit,
+        **({"ordinate_axis_units_lab": raw.ordinate.unit} if plain else {}),
         "x": raw.axis.points(),
         "data": raw.values,
     }

@@ -4,9 +4,9 @@ Everything is written in SI units under a set 164 that says so. What survives th
 
 - binary FRFs and functions (58b): every bit of the ordinates, and of the abscissa; an even abscissa whose start or step
   has no decimal of 13 characters is written value by value.
-- ASCII FRFs and functions (58): 13 significant digits of doubles (E20.12), 6 to 8 of single precision and abscissae.
-- grid points: every bit in set 2411 (D25.16), 6 to 8 digits in set 15.
-- mode shapes (55): 6 to 8 digits, whatever the format's columns of 13 hold.
+- ASCII FRFs and functions (58): 13 significant digits of doubles (E20.12), 6 or more of single precision and abscissae.
+- grid points: every bit in set 2411 (D25.16), 6 digits or more in set 15.
+- mode shapes (55): 6 digits or more, whatever the format's columns of 13 hold.
 """
 
 from __future__ import annotations
@@ -102,17 +102,20 @@ def _line(text: str) -> str:
 
 
 def _fixed(value: float, width: int = 13) -> str:
-    """A real in `width` columns with as many digits as they hold: the shortest exact decimal, else a rounded one."""
+    """A real in `width` columns, with as many digits as they hold."""
     if not np.isfinite(value):
         raise ValueError(f"{value} cannot be written to a UFF file")
-    exact = repr(float(value))
-    if len(exact) <= width:
-        return f"{exact:>{width}}"
-    for digits in range(width - 6, 0, -1):
-        rounded = f"{value:.{digits}e}"
-        if len(rounded) <= width:
-            return f"{rounded:>{width}}"
+    for digits in range(17, 0, -1):
+        mantissa, e, exponent = f"{value:#.{digits}g}".partition("e")
+        shortest = mantissa.rstrip("0") + e + exponent  # the point stays: FORTRAN would imply one elsewhere
+        if len(shortest) <= width:
+            return f"{shortest:>{width}}"
     raise ValueError(f"{value} does not fit into {width} columns")
+
+
+def _apart(value: float) -> str:
+    """A real in 13 columns of which the first is blank, for readers that split at blanks."""
+    return " " + _fixed(value, 12)
 
 
 def _whole(value: int, width: int) -> str:
@@ -142,7 +145,7 @@ def _grid_points(points: list[GridPoint], kind: str) -> bytes:
             raise ValueError(f"grid point {point.number} is at {point.xyz_m}")
         labels = _whole(point.number, 10) + _whole(0, 10) * 2 + _whole(1, 10)
         if kind == "15":
-            rows.append(labels + "".join(_fixed(x) for x in point.xyz_m) + "\n")
+            rows.append(labels + "".join(_apart(x) for x in point.xyz_m) + "\n")
         else:
             rows.append(labels + "\n" + "".join(f"{x:25.16e}".replace("e", "D") for x in point.xyz_m) + "\n")
     return _dataset(kind, "".join(rows))
@@ -224,7 +227,7 @@ def _rows(table: FloatArray, *, double: bool, even: bool) -> str:
         row = [narrow, wide] * 2 if table.shape[1] == 2 else [narrow, wide, wide]
     flat: list[float | str] = [*table.ravel().tolist()]
     if not even:
-        flat[:: table.shape[1]] = [_fixed(x, 12) for x in table[:, 0].tolist()]
+        flat[:: table.shape[1]] = [_apart(x) for x in table[:, 0].tolist()]
         row = ["%13s" if i % table.shape[1] == 0 else form for i, form in enumerate(row)]
     full = len(flat) // len(row)
     text = ("".join(row) + "\n") * full % tuple(flat[: full * len(row)])
@@ -250,10 +253,10 @@ def _mode_shape(mode: ModeShape) -> bytes:
         _line(mode.label) + _line("NONE") * 4,
         "".join(_whole(number, 10) for number in definition) + "\n",
         "".join(_whole(number, 10) for number in (2, len(parameters), 1, mode.mode)) + "\n",
-        "".join(_fixed(number) for number in parameters) + "\n",
+        "".join(_apart(number) for number in parameters) + "\n",
     ]
     for point, values in zip(mode.points.tolist(), mode.values, strict=True):
         row = np.ascontiguousarray(values).view(np.float64) if complex_values else values.real
         lines.append(_whole(point, 10) + "\n")
-        lines += ["".join(_fixed(x) for x in row[i : i + 6]) + "\n" for i in range(0, len(row), 6)]
+        lines += ["".join(_apart(x) for x in row[i : i + 6]) + "\n" for i in range(0, len(row), 6)]
     return _dataset("55", "".join(lines))
