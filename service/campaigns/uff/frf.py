@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fecore.arrays import ComplexArray
 from fecore.frf import Quantity
 from service.campaigns.uff.content import Axis, Frf, Function, Limits, Units
-from service.campaigns.uff.function import AxisDescription, RawFunction
+from service.campaigns.uff.function import AxisDescription, RawFunction, fits_single
 from service.campaigns.uff.geometry import Geometry
 from service.campaigns.uff.text import Refusal
 from service.campaigns.uff.units import FORCE, NO_LABEL, RESPONSE, Dimension, Label, read_label, times
@@ -83,7 +83,7 @@ def frf_of(
     if factor != 1.0:
         double.view(np.float64)[:] *= factor  # part by part: a complex product would lose the sign of zeros
     values: NDArray[np.complex64] | ComplexArray = double
-    if raw.values.dtype == np.complex64 and _fits_single(double):
+    if raw.values.dtype == np.complex64 and fits_single(double.view(np.float64)):
         values = double.astype(np.complex64)
     frf = Frf(
         dataset,
@@ -99,13 +99,6 @@ def frf_of(
         raw.load_case,
     )
     return frf, notes
-
-
-def _fits_single(values: ComplexArray) -> bool:
-    """Whether single precision holds the values: none overflows, none becomes denormal."""
-    size = np.abs(values.view(np.float64))
-    limits = np.finfo(np.float32)
-    return bool(size.max() <= limits.max and not np.any((size < limits.tiny) & (size > 0)))
 
 
 def _frequency(raw: RawFunction, notes: list[str]) -> Axis:

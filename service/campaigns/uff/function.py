@@ -17,6 +17,7 @@ HEADER_LINES = 11
 _REAL_SINGLE, _REAL_DOUBLE, _COMPLEX_SINGLE, _COMPLEX_DOUBLE = 2, 4, 5, 6
 _E13, _E20 = 13, 20
 _ABSURD_DECADES = 24.0
+_ENOUGH_POINTS = 16
 
 
 @dataclass(frozen=True)
@@ -250,6 +251,8 @@ def _doubles(table: NDArray[np.void]) -> FloatArray:
 def _swapped(table: NDArray[np.void]) -> bool:
     """Whether the bytes are in the other order: as read, the magnitudes are strewn over all exponents."""
     some = table[:: max(1, len(table) // 64)]
+    if len(some) < _ENOUGH_POINTS:
+        return False
     return _decades(_doubles(some)) > _ABSURD_DECADES and _decades(_doubles(some.byteswap())) < _ABSURD_DECADES / 2
 
 
@@ -260,6 +263,13 @@ def _decades(values: FloatArray) -> float:
         return float("inf")
     tenth = sizes.size // 10
     return float(np.log10(sizes[-1 - tenth]) - np.log10(sizes[tenth])) if sizes.size else 0.0
+
+
+def fits_single(values: FloatArray) -> bool:
+    """Whether single precision holds the values to its full six digits, neither too large nor too small for it."""
+    with np.errstate(over="ignore"):
+        back = values.astype(np.float32).astype(np.float64)
+    return bool(np.all(np.abs(back - values) <= 1e-6 * np.abs(values)))
 
 
 def _assembled(table: FloatArray, shape: _Shape) -> tuple[Axis, Samples, list[str]]:
@@ -277,9 +287,7 @@ def _assembled(table: FloatArray, shape: _Shape) -> tuple[Axis, Samples, list[st
     )
     if shape.double:
         return axis, values, notes
-    size = np.abs(ordinates)
-    limits = np.finfo(np.float32)
-    if np.any(size > limits.max) or np.any((size < limits.tiny) & (size > 0)):
+    if not fits_single(ordinates):
         notes.append("ordinates of single precision that only a double holds were kept as doubles")
         return axis, values, notes
     single = values.astype(np.complex64) if shape.complex_values else values.astype(np.float32)
