@@ -113,6 +113,21 @@ def up(port: Port = None, data: Data = None, host: Host = None) -> None:
 
 
 @app.command()
+def demo(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result document alone on standard output")] = False,
+    keep: Annotated[bool, typer.Option("--keep", help="Leave the service up to look around; Ctrl-C ends it")] = False,
+) -> None:
+    """Update the paper's beam, from an empty database to parameters and metrics, through REST alone."""
+    from service.demo.laboratory import DemoError
+    from service.demo.run import run_demo
+
+    try:
+        run_demo(as_json=as_json, keep=keep)
+    except DemoError as error:
+        _stop_with(str(error))
+
+
+@app.command()
 def serve(
     port: Port = None,
     data: Data = None,

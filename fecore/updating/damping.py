@@ -33,6 +33,7 @@ Weighting = Literal["linear", "relative", "log", "noise"]
 
 _MAX_ITERATIONS = 100
 _TOLERANCE = 1e-9  # relative fall of the misfit, and step in posterior standard deviations, at convergence
+_ROUND_OFF = 1e-12  # of the weighted signal: noise-free data cannot be fitted better
 _LARGEST_SHIFT = 0.1  # a mode further off than this was not paired rightly
 
 
@@ -121,6 +122,14 @@ class FrfMisfit:
             return values - predicted, np.abs(values) ** -2
         return values - predicted, np.ones(values.shape)
 
+    def signal(self) -> float:
+        """Weighted sum of squares that the data themselves are worth."""
+        values = self.measured.values
+        if self.weighting in ("relative", "log"):
+            return float(values.size)
+        weight = 1 / self.variance if self.weighting == "noise" else 1.0
+        return float(np.sum(weight * np.abs(values) ** 2))
+
     def cost(self, eigenvalue: FloatArray, rate: FloatArray) -> float:
         """E at given eigenvalues and rates."""
         residual, weight = self.residual(self.predict(eigenvalue, rate))
@@ -187,6 +196,7 @@ def fit_law(
     history = [start]
     normal = misfit.normal(*problem.modes(x))
     total = normal.cost + problem.penalty(x)
+    floor = _ROUND_OFF * np.sqrt(misfit.signal())
     damping = 1e-3
     for iteration in range(_MAX_ITERATIONS):
         progress(1 - 0.7**iteration)
@@ -198,7 +208,7 @@ def fit_law(
         candidate = x + step
         allowed = problem.is_allowed(candidate)
         cost = misfit.cost(*problem.modes(candidate)) + problem.penalty(candidate) if allowed else np.inf
-        small = float(np.max(np.abs(step) * scale)) <= _TOLERANCE * np.sqrt(total)
+        small = float(np.max(np.abs(step) * scale)) <= _TOLERANCE * np.sqrt(total) + floor
         if cost <= total:
             settled = small and total - cost <= _TOLERANCE * total
             x, total, damping = candidate, cost, damping / 10

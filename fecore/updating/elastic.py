@@ -36,8 +36,8 @@ THEORY_DISCREPANCY = 0.0005
 _UNKNOWN_FREQUENCY_SD = 0.0002  # a typed-in frequency is taken to be this sure, as a share of it
 _MAX_ITERATIONS = 40
 _MAX_HALVINGS = 12
-_STEP_TOLERANCE = 1e-5  # in posterior standard deviations
-_COST_ROUND_OFF = 1e-9  # eigenvalues are good to some 1e-10, so a smaller rise of the cost means nothing
+_STEP_TOLERANCE = 1e-4  # in posterior standard deviations
+_COST_ROUND_OFF = 1e-7  # eigenvalues are good to some 1e-9, so a smaller rise of the cost means nothing
 
 
 @dataclass(frozen=True)

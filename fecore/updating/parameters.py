@@ -162,7 +162,7 @@ def _check(parameters: Sequence[Parameter]) -> None:
         where = f"parameters.{index}"
         if p.name not in CONSTANTS:
             raise InputError(f"{where}.name", f"is {p.name!r}, expected one of {', '.join(CONSTANTS)}")
-        if by_name[p.name] is not p:
+        if p.name in {before.name for before in parameters[:index]}:
             raise InputError(f"{where}.name", f"{p.name} is named twice")
         if p.prior_mean is not None and not (np.isfinite(p.prior_mean) and (p.prior_mean > 0 or p.name == "nu_xy")):
             raise InputError(f"{where}.prior_mean", f"is {p.prior_mean}, expected a positive number")

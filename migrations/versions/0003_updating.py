@@ -28,7 +28,7 @@ def upgrade() -> None:
         "update_results",
         sa.Column("id", sa.Uuid(), sa.ForeignKey("update_jobs.id", ondelete="CASCADE"), primary_key=True),
         sa.Column("created_at", sa.DateTime(timezone=True), server_default=sa.func.now(), nullable=False),
-        sa.Column("document", JSONB(), nullable=False),
+        sa.Column("document", sa.JSON(), nullable=False),
         sa.Column("prediction", sa.LargeBinary(), nullable=False),
     )
     op.execute("ALTER TABLE update_results ALTER COLUMN prediction SET STORAGE EXTERNAL")

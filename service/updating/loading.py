@@ -108,7 +108,7 @@ def _parameters(session: Session, recipe: RecipeIn) -> tuple[tuple[Parameter, ..
         return tuple(parameters), []
     summary = batch_prior(session, recipe.prior_from_coupon_batch)
     warnings = [f"coupons: {warning}" for warning in summary.warnings]
-    filled = []
+    filled, without_scatter = [], []
     for parameter in parameters:
         known = summary.constants.get(parameter.name)  # type: ignore[call-overload]
         if known is None:
@@ -118,8 +118,11 @@ def _parameters(session: Session, recipe: RecipeIn) -> tuple[tuple[Parameter, ..
         free = not parameter.fixed and parameter.tied_to is None
         spread = known.standard_deviation if parameter.prior_sd is None and free else parameter.prior_sd
         if free and spread is None:
-            warnings.append(f"{parameter.name}: the batch states no scatter, so the prior is its mean ± 30 %")
+            without_scatter.append(parameter.name)
         filled.append(replace(parameter, prior_mean=mean, prior_sd=spread))
+    if without_scatter:
+        names = ", ".join(without_scatter)
+        warnings.append(f"{names}: the coupon batch states no scatter, so the prior is its mean ± 30 %")
     return tuple(filled), warnings
 
 

@@ -6,9 +6,8 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import ForeignKey, Index, LargeBinary, func
-from sqlalchemy.dialects.postgresql import JSONB
-from sqlalchemy.orm import Mapped, deferred, mapped_column
+from sqlalchemy import JSON, ForeignKey, Index, LargeBinary, func
+from sqlalchemy.orm import Mapped, mapped_column
 
 from service.db.base import Base
 
@@ -37,5 +36,5 @@ class UpdateResult(Base):
 
     id: Mapped[UUID] = mapped_column(ForeignKey("update_jobs.id", ondelete="CASCADE"), primary_key=True)
     created_at: Mapped[datetime] = mapped_column(server_default=func.now())
-    document: Mapped[dict[str, Any]] = mapped_column(JSONB)
-    prediction: Mapped[bytes] = deferred(mapped_column(LargeBinary))
+    document: Mapped[dict[str, Any]] = mapped_column(JSON)  # keeps the order of its members, which JSONB does not
+    prediction: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)

@@ -1,0 +1,1 @@
+"""The demonstration: the paper's beam through a running service, by REST alone."""
