@@ -3,9 +3,9 @@
 With a shift σ below the wanted eigenvalues, the operator (K - σM)⁻¹M has the eigenvalues 1/(λ - σ), so the lowest
 modes are its largest and converge first. A block of start vectors catches repeated and close modes together (Grimes,
 Lewis and Simon, SIAM J. Matrix Anal. Appl. 15, 1994). Rigid-body modes are known exactly, so the iteration is kept
-M-orthogonal to them and they are returned with λ = 0. The basis is orthogonalised in full, twice, so no ghost modes
-appear; and the inertia of K - μM (Sylvester: its negative eigenvalues are the modes below μ) proves that none is
-missing.
+M-orthogonal to them and they are returned with λ = 0. The basis is orthogonalised in full, twice and once more after
+scaling, so no ghost modes appear; and the inertia of K - μM (Sylvester: its negative eigenvalues are the modes below
+μ) proves that none is missing.
 """
 
 from __future__ import annotations
@@ -14,15 +14,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import eigh
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.linalg import LinAlgError, eigh
 
 from fecore.arrays import FloatArray
-from fecore.errors import ModelError
+from fecore.errors import InputError, ModelError
+from fecore.factor import Factor, factorise, negative_eigenvalues
 
-_BLOCK = 4
-_MAX_BASIS = 40  # blocks; beyond it the iteration has failed
-_TOLERANCE = 1e-12  # relative residual of 1/(λ - σ)
+_BLOCK = 3
+_MOST_STEPS = 60  # blocks; beyond it the iteration has failed
+_TOLERANCE = 1e-11  # relative residual of 1/(λ - σ); the eigenvalue's own error is its square
+_DEPENDENT = 1e-12  # a direction that shrank so much in orthogonalisation is round-off
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class NormalModes:
     shapes: FloatArray
     rigid: int
     shift: float
-    factor: SuperLU
+    factor: Factor
 
     @property
     def omega(self) -> FloatArray:
@@ -54,32 +55,18 @@ class NormalModes:
         return self.omega / (2 * np.pi)
 
 
-def factorise(matrix: sparse.csc_array) -> SuperLU:
-    """Factorise a sparse symmetric matrix without pivoting, so that the signs of the pivots give its inertia.
-
-    Raises:
-        ModelError: the matrix is singular.
-    """
-    try:
-        return splu(
-            sparse.csc_matrix(matrix),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-    except RuntimeError as error:
-        raise ModelError(
-            f"the stiffness cannot be factorised ({error}); are the supports and constants right?"
-        ) from error
-
-
 def modes_below(stiffness: sparse.csc_array, mass: sparse.csc_array, eigenvalue: float) -> int:
     """Number of modes with λ < `eigenvalue`, from the inertia of K - λM."""
-    return int(np.sum(factorise(stiffness - eigenvalue * mass).U.diagonal() < 0))
+    return negative_eigenvalues(stiffness - eigenvalue * mass)
 
 
 def normal_modes(
-    stiffness: sparse.csc_array, mass: sparse.csc_array, count: int, rigid_modes: FloatArray | None = None
+    stiffness: sparse.csc_array,
+    mass: sparse.csc_array,
+    count: int,
+    rigid_modes: FloatArray | None = None,
+    *,
+    prove: bool = True,
 ) -> NormalModes:
     """The `count` lowest modes of K φ = λ M φ, rigid-body modes included.
 
@@ -88,107 +75,161 @@ def normal_modes(
         mass: (dofs, dofs) M, positive definite.
         count: how many modes.
         rigid_modes: (dofs, r) a basis of the null space of K; None where K is definite.
+        prove: count the modes by a second factorisation, and so prove that none is missing.
 
     Raises:
-        ModelError: K - σM cannot be factorised, the iteration does not converge, or a mode is missing.
+        InputError: there are not so many modes.
+        ModelError: K - σM is not positive definite, the iteration does not converge, or a mode is missing.
     """
-    rigid = _mass_orthonormal(rigid_modes, mass)
-    wanted = count - rigid.shape[1]
-    if wanted < 1 or wanted > stiffness.shape[0] - rigid.shape[1]:
-        raise ModelError(
-            f"{count} modes cannot be had from {stiffness.shape[0]} dofs with {rigid.shape[1]} rigid modes"
+    rigid = mass_orthonormal(rigid_modes, mass)
+    free = rigid.shape[1]
+    wanted = count - free
+    if wanted < 1 or wanted > stiffness.shape[0] - free:
+        raise InputError(
+            "count",
+            f"is {count}, expected at least {free + 1} and at most {stiffness.shape[0]}: "
+            f"the model has {stiffness.shape[0]} dofs and {free} rigid-body modes",
         )
-    shift = _shift(stiffness, mass) if rigid.shape[1] else 0.0
-    factor = factorise(stiffness - shift * mass)
+    shift = _shift(stiffness, mass, rigid) if free else 0.0
+    factor = factorise(stiffness - shift * mass if shift else stiffness)
     value, vectors = _lanczos(factor, mass, rigid, wanted)
     eigenvalue = shift + 1 / value
-    order = np.argsort(eigenvalue)
-    eigenvalue, vectors = eigenvalue[order], vectors[:, order]
-    _prove_complete(stiffness, mass, eigenvalue, rigid.shape[1])
+    if prove:
+        _prove_complete(stiffness, mass, eigenvalue, free)
     shapes = np.hstack([rigid, vectors])
-    return NormalModes(np.concatenate([np.zeros(rigid.shape[1]), eigenvalue]), shapes, rigid.shape[1], shift, factor)
+    return NormalModes(np.concatenate([np.zeros(free), eigenvalue]), shapes, free, shift, factor)
 
 
-def _mass_orthonormal(vectors: FloatArray | None, mass: sparse.csc_array) -> FloatArray:
+def mass_orthonormal(vectors: FloatArray | None, mass: sparse.csc_array) -> FloatArray:
+    """(dofs, r) M-orthonormal basis of the span of (dofs, r) vectors; none for None."""
     if vectors is None or vectors.shape[1] == 0:
         return np.zeros((mass.shape[0], 0))
-    scaled = vectors / np.linalg.norm(vectors, axis=0)
-    lower = np.linalg.cholesky(scaled.T @ (mass @ scaled))
-    return np.linalg.solve(lower, scaled.T).T
+    scaled: FloatArray = vectors / np.linalg.norm(vectors, axis=0)
+    for _ in range(2):  # the second pass removes what the Gram matrix squared of the round-off
+        lower = np.linalg.cholesky(scaled.T @ (mass @ scaled))
+        scaled = scaled @ np.linalg.inv(lower).T
+    return scaled
 
 
-def _shift(stiffness: sparse.csc_array, mass: sparse.csc_array) -> float:
-    """A negative shift, far below the elastic modes on the scale of the matrices, so that K - σM is definite."""
-    return -1e-9 * float(np.median(stiffness.diagonal() / mass.diagonal()))
+def _shift(stiffness: sparse.csc_array, mass: sparse.csc_array, rigid: FloatArray) -> float:
+    """A negative shift of about the first elastic eigenvalue, so that K - σM is definite and well conditioned.
 
-
-def _lanczos(factor: SuperLU, mass: sparse.csc_array, rigid: FloatArray, wanted: int) -> tuple[FloatArray, FloatArray]:
-    """The `wanted` largest eigenpairs of (K - σM)⁻¹M outside the rigid modes, M-orthonormal."""
-    dofs = mass.shape[0]
-    block: FloatArray = np.random.default_rng(0).standard_normal((dofs, _BLOCK))
-    basis, mass_basis = np.zeros((dofs, 0)), np.zeros((dofs, 0))
-    rigid_mass = mass @ rigid
-    projected = np.zeros((0, 0))
-    block, _ = _orthonormalise(block, [(rigid, rigid_mass)], mass)
-    for _ in range(_MAX_BASIS):
-        mass_block = mass @ block
-        basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
-        image = factor.solve(np.ascontiguousarray(mass_block))
-        column = mass_basis.T @ image
-        size = basis.shape[1]
-        grown = np.zeros((size, size))
-        grown[: size - block.shape[1], : size - block.shape[1]] = projected
-        grown[:, size - block.shape[1] :] = column
-        grown[size - block.shape[1] :, :] = column.T
-        projected = grown
-        following, coupling = _orthonormalise(image, [(rigid, rigid_mass), (basis, mass_basis)], mass)
-        value, small = eigh(projected)
-        value, small = value[::-1], small[:, ::-1]
-        if size >= wanted:
-            residual = np.linalg.norm(coupling @ small[size - block.shape[1] :, :wanted], axis=0)
-            if np.all(residual <= _TOLERANCE * value[:wanted]):
-                return value[:wanted], basis @ small[:, :wanted]
-        if following.shape[1] == 0:
-            break
-        block = following
-    raise ModelError(f"block Lanczos found fewer than {wanted} modes in a basis of {basis.shape[1]} vectors")
-
-
-def _orthonormalise(
-    block: FloatArray, against: list[tuple[FloatArray, FloatArray]], mass: sparse.csc_array
-) -> tuple[FloatArray, FloatArray]:
-    """M-orthonormal basis of the part of `block` outside the given spaces, and the coupling R of block = … + QR.
-
-    Twice is enough for orthogonality to round-off (Kahan and Parlett).
+    That eigenvalue's scale is the Rayleigh quotient after one inverse iteration with a shift far below everything.
     """
-    scale = np.sqrt(np.einsum("di,di->i", block, mass @ block)).max()
-    for _ in range(2):
-        for space, mass_space in against:
-            block = block - space @ (mass_space.T @ block)
-    gram = block.T @ (mass @ block)
-    weight, vectors = eigh(gram)
-    keep = weight > (1e-14 * scale) ** 2
-    root = np.sqrt(weight[keep])
-    orthonormal: FloatArray = block @ (vectors[:, keep] / root)
-    for space, mass_space in against:
-        orthonormal = orthonormal - space @ (mass_space.T @ orthonormal)
-    # The small eigenvalues of the Gram matrix carry squared round-off: one more pass restores orthonormality.
-    lower = np.linalg.cholesky(orthonormal.T @ (mass @ orthonormal))
-    orthonormal = np.linalg.solve(lower, orthonormal.T).T
-    return orthonormal, lower.T @ (root[:, None] * vectors[:, keep].T)
+    tiny = -1e-9 * float(np.median(stiffness.diagonal() / mass.diagonal()))
+    start = np.random.default_rng(0).standard_normal(mass.shape[0])
+    vector = factorise(stiffness - tiny * mass).solve(mass @ (start - rigid @ (rigid.T @ (mass @ start))))
+    vector = vector - rigid @ (rigid.T @ (mass @ vector))
+    return -float((vector @ (stiffness @ vector)) / (vector @ (mass @ vector)))
+
+
+def _lanczos(factor: Factor, mass: sparse.csc_array, rigid: FloatArray, wanted: int) -> tuple[FloatArray, FloatArray]:
+    """The `wanted` largest eigenpairs of (K - σM)⁻¹M outside the rigid modes, descending, M-orthonormal."""
+    dofs, free = rigid.shape
+    basis = _Basis(rigid, mass)
+    basis.append(basis.orthonormalise(np.random.default_rng(0).standard_normal((dofs, min(_BLOCK, dofs - free)))))
+    projected = np.zeros((0, 0))
+    for _ in range(_MOST_STEPS):
+        done = projected.shape[0]
+        image = factor.solve(basis.mass_images[:, free + done :])
+        column = basis.mass_images[:, free:].T @ image
+        size = len(column)
+        grown = np.empty((size, size))
+        grown[:done, :done] = projected
+        grown[:, done:] = column
+        grown[done:, :] = column.T
+        projected = grown
+        block = basis.orthonormalise(image)
+        exhausted = block.vectors.shape[1] == 0
+        if size >= wanted:
+            value, small = eigh(projected)
+            value, small = value[: -wanted - 1 : -1], small[:, : -wanted - 1 : -1]
+            residual = np.linalg.norm(block.coupling @ small[done:], axis=0)
+            if exhausted or np.all(residual <= _TOLERANCE * value):
+                return value, basis.vectors[:, free:] @ small
+        if exhausted:
+            break
+        basis.append(block)
+    raise ModelError(f"block Lanczos did not find {wanted} modes in a basis of {projected.shape[0]} vectors")
+
+
+@dataclass(frozen=True)
+class _Block:
+    """(dofs, b) M-orthonormal vectors X, their images MX, and R of the block that they were made from: … + XR."""
+
+    vectors: FloatArray
+    mass_images: FloatArray
+    coupling: FloatArray
+
+
+class _Basis:
+    """An M-orthonormal basis that grows by blocks, with the images of its vectors under M."""
+
+    def __init__(self, vectors: FloatArray, mass: sparse.csc_array) -> None:
+        # M is symmetric: its columns are its rows, and products by rows are the faster ones. Its pattern is K's, so
+        # most of what it stores is zero.
+        self._mass = sparse.csr_array((mass.data, mass.indices, mass.indptr), shape=mass.shape, copy=True)
+        self._mass.eliminate_zeros()
+        self._store = np.array([vectors.T, (self._mass @ vectors).T])
+        self._size = vectors.shape[1]
+
+    @property
+    def vectors(self) -> FloatArray:
+        """(dofs, s) basis."""
+        return self._store[0, : self._size].T
+
+    @property
+    def mass_images(self) -> FloatArray:
+        """(dofs, s) M times the basis."""
+        return self._store[1, : self._size].T
+
+    def append(self, block: _Block) -> None:
+        """Take in a block."""
+        size, width = self._size, block.vectors.shape[1]
+        if size + width > self._store.shape[1]:
+            grown = np.empty((2, 2 * size + 8 * width, len(block.vectors)))
+            grown[:, :size] = self._store[:, :size]
+            self._store = grown
+        self._store[0, size : size + width] = block.vectors.T
+        self._store[1, size : size + width] = block.mass_images.T
+        self._size += width
+
+    def orthonormalise(self, block: FloatArray) -> _Block:
+        """M-orthonormal basis of what of `block` lies outside the space.
+
+        Twice is enough for orthogonality to round-off (Kahan and Parlett); once more after scaling restores what a
+        block that shrank has lost.
+        """
+        image = self._mass @ block
+        scale = float(np.einsum("di,di->i", block, image).max(initial=0))
+        for _ in range(2):
+            inside = self.mass_images.T @ block
+            block = block - self.vectors @ inside
+            image = image - self.mass_images @ inside
+        weight, turn = np.linalg.eigh(block.T @ image)
+        keep = weight > _DEPENDENT**2 * scale
+        root, turn = np.sqrt(weight[keep]), turn[:, keep]
+        scaled = block @ (turn / root)
+        scaled = scaled - self.vectors @ (self.mass_images.T @ scaled)
+        image = self._mass @ scaled
+        try:
+            lower = np.linalg.cholesky(scaled.T @ image)
+        except LinAlgError as error:
+            raise ModelError("the mass matrix is not positive definite: is the density right?") from error
+        upper_inverse = np.linalg.inv(lower).T
+        return _Block(scaled @ upper_inverse, image @ upper_inverse, lower.T @ (root[:, None] * turn.T))
 
 
 def _prove_complete(stiffness: sparse.csc_array, mass: sparse.csc_array, eigenvalue: FloatArray, rigid: int) -> None:
-    """Sturm check just above the last well-separated mode.
+    """Sturm check in the last gap between well-separated modes.
 
     Raises:
         ModelError: the inertia counts more modes than were found.
     """
-    ratio = eigenvalue[1:] / eigenvalue[:-1]
-    gaps = np.flatnonzero(ratio > 1 + 1e-6)
+    gaps = np.flatnonzero(eigenvalue[1:] > eigenvalue[:-1] * (1 + 1e-6))
     if gaps.size == 0:
         return
     last = int(gaps[-1])
     counted = modes_below(stiffness, mass, float(np.sqrt(eigenvalue[last] * eigenvalue[last + 1])))
     if counted != last + 1 + rigid:
-        raise ModelError(f"{counted} modes lie below the {last + 2}th found, {last + 1 + rigid} of which were found")
+        raise ModelError(f"{counted} modes lie below the {last + 2}th elastic one, and {last + 1 + rigid} were found")

@@ -7,6 +7,7 @@ numbered corners first, counter-clockwise from (-1, -1), then mid-sides from the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -99,12 +100,10 @@ def rectangle(length: float, width: float, nx: int = 40, ny: int = 4) -> Rectang
     column, row = np.meshgrid(np.arange(2 * nx + 1), np.arange(2 * ny + 1))
     real = (column % 2 == 0) | (row % 2 == 0)  # the serendipity element has no centre node
     # Numbered along the side with fewer elements first, which keeps the matrices' band narrow.
-    order = "F" if ny <= nx else "C"
+    order: Literal["F", "C"] = "F" if ny <= nx else "C"
     number = np.where(real, np.cumsum(real.ravel(order)).reshape(real.shape, order=order) - 1, -1)
     nodes = np.empty((int(real.sum()), 2))
-    nodes[number[real]] = np.column_stack(
-        [column[real] * length / (2 * nx), row[real] * width / (2 * ny) - width / 2]
-    )
+    nodes[number[real]] = np.column_stack([column[real] * length / (2 * nx), row[real] * width / (2 * ny) - width / 2])
     first_column, first_row = (start.ravel() for start in np.meshgrid(2 * np.arange(nx), 2 * np.arange(ny)))
     corners_and_sides = ((0, 0), (0, 2), (2, 2), (2, 0), (0, 1), (1, 2), (2, 1), (1, 0))
     elements = np.column_stack([number[first_row + dy, first_column + dx] for dy, dx in corners_and_sides])

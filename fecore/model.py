@@ -25,7 +25,7 @@ from fecore.laminate import Section
 from fecore.mesh import RectangleMesh
 from fecore.supports import Boundary, PointMass, Spring, Supports
 
-__all__ = ["Boundary", "Model", "ModeKind", "PlateModel", "PointMass", "Spring", "Supports", "plate"]
+__all__ = ["Boundary", "ModeKind", "Model", "PlateModel", "PointMass", "Spring", "Supports", "plate"]
 
 ModeKind = Literal["rigid", "bending", "torsion", "in-plane"]
 
@@ -111,7 +111,9 @@ class PlateModel:
             if _DOF_OF_DIRECTION.get(int(direction)) not in names:
                 raise InputError(f"directions[{index}]", f"is {direction}; this model has {', '.join(names)} alone")
         dof = np.array([names.index(_DOF_OF_DIRECTION[int(direction)]) for direction in directions], dtype=np.int64)
-        return sparse.csr_array(sparse.csc_array(_interpolation(self.mesh, self.element, points, dof))[:, self.free_dofs])
+        return sparse.csr_array(
+            sparse.csc_array(_interpolation(self.mesh, self.element, points, dof))[:, self.free_dofs]
+        )
 
     def deflection(self, points: FloatArray) -> sparse.csr_array:
         """(p, dofs) matrix that interpolates w at (p, 2) points.
@@ -123,7 +125,8 @@ class PlateModel:
 
     def kinds(self, shapes: FloatArray) -> tuple[ModeKind, ...]:
         """Kind of each (dofs, n) elastic shape by the larger share of its motion over the nodes: in-plane (u, v)
-        against w, and of w the part odd in y (torsion) against the even part (bending)."""
+        against w, and of w the part odd in y (torsion) against the even part (bending).
+        """
         names = self.element.displacements
         everywhere = np.zeros((len(self.mesh.nodes) * len(names), shapes.shape[1]))
         everywhere[self.free_dofs] = shapes
@@ -204,7 +207,7 @@ def _free_dofs(mesh: RectangleMesh, element: Shell8, supports: Supports) -> IntA
     for support, nodes, tangential in edges:
         if support != "free":
             kept = [i for i, name in enumerate(names) if support == "clamped" or name in tangential]
-            held[np.ix_(nodes, kept)] = True
+            held[nodes[:, None], kept] = True
     return np.flatnonzero(~held.ravel())
 
 
@@ -243,10 +246,7 @@ def _spring_matrices(
         name = _DOF_OF_DIRECTION.get(spring.direction)
         if name not in element.displacements:
             raise InputError("spring.direction", f"of {spring.name}: the model has {', '.join(element.displacements)}")
-        if spring.point is not None:
-            points, weights = np.array([spring.point]), np.ones(1)
-        else:
-            points, weights = mesh.edge_quadrature(spring.edge or "start")
+        points, weights = _places(mesh, spring)
         dof = np.full(len(points), element.displacements.index(name))
         N = _interpolation(mesh, element, points, dof)
         matrix = sparse.csc_array(N.T @ sparse.diags_array(weights) @ N)
@@ -254,6 +254,13 @@ def _spring_matrices(
             raise InputError("spring", f"{spring.name} acts on a support that is already held")
         matrices[spring.name] = matrix
     return matrices
+
+
+def _places(mesh: RectangleMesh, spring: Spring) -> tuple[FloatArray, FloatArray]:
+    """Points at which a spring acts, and their weights: 1, or metres of edge."""
+    if spring.edge is not None:
+        return mesh.edge_quadrature(spring.edge)
+    return np.array([spring.point]), np.ones(1)
 
 
 def _motions(mesh: RectangleMesh, element: Shell8) -> FloatArray:

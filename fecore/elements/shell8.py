@@ -153,8 +153,9 @@ class Shell8:
         left, right = scaled.transpose(0, 2, 3, 1), B.transpose(0, 2, 1, 3)
         terms = np.empty((len(self.terms), len(coordinates), B.shape[3], B.shape[3]))
         for k, name in enumerate(self.terms):
-            half = sum(left[:, i] @ right[:, j] for i, j in self._pairs(name))
-            alike = all(i == j for i, j in self._pairs(name))
+            pairs = self._pairs(name)
+            half = np.sum([left[:, i] @ right[:, j] for i, j in pairs], axis=0)
+            alike = all(i == j for i, j in pairs)
             terms[k] = half if alike else half + half.transpose(0, 2, 1)
         return np.repeat(terms, count, axis=1)
 
