@@ -180,7 +180,7 @@ def leaves(content: object) -> list[tuple[str, object]]:
     found: list[tuple[str, object]] = []
     for field in fields(content):  # type: ignore[arg-type]
         value = getattr(content, field.name)
-        if field.name in ("dataset", "label") and hasattr(content, "id_lines"):
+        if field.name == "dataset" or (field.name == "label" and hasattr(content, "id_lines")):
             continue
         if isinstance(content, ModeShape) and field.name == "damping_ratio":
             continue  # of a complex mode it changes with the frequency
@@ -216,8 +216,8 @@ def changes(sound: list[object], damaged: list[object]) -> int:
 def judge(sound: Reading, damaged: Reading, kind: str) -> str:
     """The verdict on a file that could be read."""
     n = len(damaged.reports)
-    if n < len(sound.reports) and kind != "cut":
-        return VERDICTS[4]
+    if n > len(sound.reports) or (n < len(sound.reports) and kind != "cut"):
+        return _judge_other_framing(sound, damaged)
     verdict = VERDICTS[2]
     for i in range(n):
         was, now = sound.reports[i], damaged.reports[i]
@@ -231,6 +231,14 @@ def judge(sound: Reading, damaged: Reading, kind: str) -> str:
         elif verdict == VERDICTS[2]:
             verdict = VERDICTS[3]
     return verdict
+
+
+def _judge_other_framing(sound: Reading, damaged: Reading) -> str:
+    """The verdict where datasets ran together or fell apart: one must be refused, and what is read must be unchanged."""
+    read = [c for c, report in zip(damaged.contents, damaged.reports, strict=True) if report.outcome == "read"]
+    unchanged = all(any(changes(one, other) == 0 for one in sound.contents) for other in read)
+    refused = any(report.outcome == "refused" for report in damaged.reports)
+    return VERDICTS[1] if unchanged and refused else VERDICTS[4]
 
 
 def run(count: int, seed: int, folder: Path) -> tuple[dict[str, Counter[str]], float, list[tuple[str, str, bytes]]]:

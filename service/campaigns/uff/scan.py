@@ -23,6 +23,7 @@ ODD_DELIMITERS = 1000
 _DELIMITER_LINE = re.compile(rb"\n([ \t]*)-1[ \t]*\r?(?=\n|\Z)")
 _TYPE_LINE = re.compile(rb"( {0,5}[0-9]{1,6})([bB].*|[ \t]*)")
 _ASCII_LINES_58B = 11
+_SHORT_TYPES = (15, 18, 55, 56, 57, 58, 82, 90, 91, 95)  # others below 100 are rather the label of a node
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +170,7 @@ def _closes(file: BinaryIO, position: int, size: int, limits: Limits) -> bool:
     if opening is None:
         return True
     match = _TYPE_LINE.fullmatch(_line(file, opening[1], limits).rstrip(b"\r\n"))
-    return match is not None
+    return match is not None and (int(match[1]) in _SHORT_TYPES or int(match[1]) >= 100)
 
 
 def binary_header(line: bytes) -> BinaryHeader:
