@@ -10,6 +10,12 @@ from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
 
+class _File(FileResponse):
+    """A file sent in large blocks: each block costs a change of thread."""
+
+    chunk_size = 1024 * 1024
+
+
 def spooled(
     write: Callable[[IO[bytes]], None], media_type: str, filename: str, headers: Mapping[str, str]
 ) -> FileResponse:
@@ -25,7 +31,7 @@ def spooled(
     except BaseException:
         spool.close()
         raise
-    return FileResponse(
+    return _File(
         spool.name,
         media_type=media_type,
         filename=filename,

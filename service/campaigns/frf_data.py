@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal
 from uuid import UUID
 
 import numpy as np
@@ -12,6 +13,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from fecore.arrays import FloatArray, IntArray
+from service.campaigns.bytea import select_bytes
 from service.campaigns.spectra import Axis, Spectrum, decode
 from service.campaigns.tables import Frf
 from service.problems import Conflict, Invalid
@@ -137,11 +139,13 @@ def _axis(frf: Frf) -> str:
     return f"{frf.lines} lines from {frf.start_hz:g} to {frf.end_hz:g} Hz"
 
 
-def _fetch(session: Session, frfs: Sequence[Frf], column: str) -> Iterator[tuple[Frf, bytes | None]]:
+def _fetch(
+    session: Session, frfs: Sequence[Frf], column: Literal["data", "coherence"]
+) -> Iterator[tuple[Frf, bytes | None]]:
     """A spectrum column of the rows, in their order, a batch at a time."""
     for first in range(0, len(frfs), SPECTRA_AT_ONCE):
         batch = frfs[first : first + SPECTRA_AT_ONCE]
-        query = select(Frf.id, getattr(Frf, column)).where(Frf.id.in_([frf.id for frf in batch]))
-        found: dict[UUID, bytes | None] = {row[0]: row[1] for row in session.execute(query)}
+        query = f"SELECT id, {column} FROM frfs WHERE id = ANY(%s)"
+        found: dict[UUID, bytes | None] = dict(select_bytes(session, query, [[frf.id for frf in batch]]))
         for frf in batch:
             yield frf, found[frf.id]

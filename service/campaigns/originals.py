@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
-from sqlalchemy import select
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Session
 
+from service.campaigns.bytea import select_bytes
 from service.campaigns.tables import Original, OriginalChunk
 from service.problems import ServiceError
 
@@ -58,12 +58,12 @@ def original_chunks(session: Session, sha256: bytes) -> Iterator[bytes]:
     """The bytes of a stored file, chunk by chunk."""
     number = 0
     while True:
-        data = session.scalars(
-            select(OriginalChunk.data).where(OriginalChunk.sha256 == sha256, OriginalChunk.number == number)
-        ).one_or_none()
-        if data is None:
+        rows = select_bytes(
+            session, "SELECT data FROM original_chunks WHERE sha256 = %s AND number = %s", [sha256, number]
+        )
+        if not rows:
             return
-        yield data
+        yield rows[0][0]
         number += 1
 
 

@@ -73,7 +73,7 @@ def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
                 yield points
                 points = []
             if isinstance(item, DatasetReport):
-                report(f"reading dataset {item.number}", min(1.0, item.offset / size))
+                report("reading datasets", min(1.0, item.offset / size))
                 yield replace(item, outcome="ignored", reason=unused) if unused and item.outcome == "read" else item
                 unused = None
             elif isinstance(item, GridPoint):
