@@ -6,6 +6,7 @@ import csv
 import io
 import zipfile
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 from uuid import UUID, uuid4
 
@@ -13,6 +14,7 @@ import httpx
 import numpy as np
 import psycopg
 import pytest
+import pyuff
 
 from fecore.frf import Dof
 from service.campaigns.measurement import load_measurement
@@ -271,3 +273,96 @@ def test_the_core_gets_the_campaign_in_the_specimens_frame(
     assert large.frfs.variance is not None
     np.testing.assert_allclose(large.frfs.variance, np.abs(sent["values"]) ** 2 * 0.1 / (0.9 * 9), rtol=1e-12)
     assert (small.frfs.values.shape, small.frfs.values.dtype, small.frfs.variance) == ((4, 10), np.complex128, None)
+
+
+def test_csv_comes_back_in(api: httpx.Client, campaign: str, checked: Checked) -> None:
+    sent = {**arrays(), "coherence": np.full((4, 50), 0.75)}
+    stored = checked(post(api, campaign, **sent), 201)["items"]
+    text = api.get(f"campaigns/{campaign}/frfs/data", params={"format": "csv"}).content
+    csv_type = {"Content-Type": "text/csv"}
+    path = f"campaigns/{campaign}/frfs"
+    again = checked(api.post(path, content=text, headers=csv_type, params={"quantity": "mobility"}), 201)["items"]
+    assert [f["sha256"] for f in again] == [f["sha256"] for f in stored]
+    assert all(f["has_coherence"] for f in again)
+    for content, told in (
+        (text, "quantity"),
+        (b"\n", "line 1"),
+        (text.splitlines()[0], "line 2"),
+        (text.replace(b"0.5,", b"1/2,", 1), "line 2, frequency_hz"),
+        (b"\n".join(text.splitlines()[:52]), "frequency_hz"),
+        (text.replace(b"1,3,33,-3,0.5", b"1,3,33,-3", 1), "line 2"),
+        (b"\xff" + text, "UTF-8"),
+    ):
+        params = {} if content is text else {"quantity": "mobility"}
+        problem = checked(api.post(path, content=content, headers=csv_type, params=params), 422)
+        assert told in str(problem["errors"])
+    assert len(checked(api.get(path), 200)["items"]) == 8
+
+
+@pytest.mark.parametrize("dtype", ["complex64", "complex128"])
+def test_uff_goes_out_and_comes_back_in_bit_for_bit(
+    api: httpx.Client,
+    campaign: str,
+    new_campaign: Callable[..., str],
+    imported: Callable[..., dict[str, Any]],
+    checked: Checked,
+    tmp_path: Path,
+    dtype: str,
+) -> None:
+    points = [{"label": n, "x_m": 0.1 * n, "y_m": -0.02, "z_m": 1 / 3} for n in (1, 2, 3, 4, 33)]
+    checked(api.put(f"campaigns/{campaign}/grid-points", json={"items": points}), 200)
+    sent = arrays(dtype)
+    sent["coherence"] = np.linspace(0.1, 0.9, 200).reshape(4, 50)
+    checked(post(api, campaign, **sent), 201)
+    checked(
+        post(api, campaign, **{**arrays(dtype, lines=7), "frequency_hz": np.array([1, 1.5, 3, 3.25, 4, 8, 9])}), 201
+    )
+    answer = api.get(f"campaigns/{campaign}/frfs/data", headers={"Accept": "application/x-uff"})
+    assert answer.headers["content-type"] == "application/x-uff"
+    other = new_campaign(name="copy")
+    done = imported(other, answer.content)
+    assert (done["status"], done["counts"]) == ("succeeded", {"frfs": 8, "grid_points": 5, "modes": 0}), done
+    assert checked(api.get(f"campaigns/{other}/grid-points"), 200) == {"items": points}
+    was, now = (checked(api.get(f"campaigns/{c}/frfs"), 200)["items"] for c in (campaign, other))
+    same = ("response_point", "response_direction", "reference_point", "reference_direction", "quantity", "sha256")
+    assert [[f[key] for key in (*same, "dtype", "lines", "has_coherence")] for f in was] == [
+        [f[key] for key in (*same, "dtype", "lines", "has_coherence")] for f in now
+    ]
+    for a, b in zip(was, now, strict=True):
+        old, new = (checked(api.get(f"frfs/{f['id']}/data"), 200) for f in (a, b))
+        assert old["frequency_hz"] == new["frequency_hz"]
+        assert old["frfs"][0]["coherence"] == new["frfs"][0]["coherence"]
+    (tmp_path / "out.uff").write_bytes(answer.content)
+    sets = pyuff.UFF(str(tmp_path / "out.uff"))
+    frfs = [s for s in sets.read_sets() if s["type"] == 58 and s["func_type"] == 4]
+    assert len(frfs) == 8
+    for mine, theirs in zip(sent["values"], frfs[:4], strict=True):
+        np.testing.assert_array_equal(theirs["data"], mine)
+
+
+def test_uff_as_text_keeps_thirteen_digits(
+    api: httpx.Client,
+    campaign: str,
+    new_campaign: Callable[..., str],
+    imported: Callable[..., dict[str, Any]],
+    checked: Checked,
+) -> None:
+    sent = arrays()
+    checked(post(api, campaign, **sent), 201)
+    text = api.get(f"campaigns/{campaign}/frfs/data", params={"format": "uff-ascii", "fmin": 2, "stride": 2}).content
+    assert text.isascii()
+    other = new_campaign(name="copy")
+    assert imported(other, text)["counts"]["frfs"] == 4
+    data = checked(api.get(f"campaigns/{other}/frfs/data"), 200)
+    np.testing.assert_allclose(data["frequency_hz"], sent["frequency_hz"][3::2], rtol=1e-12)
+    got = np.array([np.array(f["real"]) + 1j * np.array(f["imag"]) for f in data["frfs"]])
+    np.testing.assert_allclose(got, sent["values"][:, 3::2], rtol=1e-12)
+
+
+def test_head_tells_without_sending(api: httpx.Client, campaign: str, checked: Checked) -> None:
+    frf = checked(post(api, campaign, **arrays()), 201)["items"][0]["id"]
+    for path in (f"frfs/{frf}/data", f"campaigns/{campaign}/frfs/data"):
+        head, whole = api.head(path), api.get(path)
+        assert (head.status_code, head.content) == (200, b"")
+        assert head.headers["Content-Length"] == str(len(whole.content))
+        assert head.headers["ETag"] == whole.headers["ETag"]
