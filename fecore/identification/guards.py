@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.identification.arrangement import Arrangement
@@ -19,11 +20,13 @@ from fecore.identification.selection import in_band, price, worth
 from fecore.identification.shapes import Shapes
 
 _OVERDAMPED = 0.6  # a pole damped more than this is a trend of the record, not a resonance
+_FIRST_LINES = 3.0
 _VAGUE_FREQUENCY = 0.03
 _VAGUE_DAMPING = 0.5
 _FEW_LINES = 2.0  # lines in the half-power bandwidth below which the damping is not resolved
 _COMPLEX = 0.8  # modal phase collinearity below which a mode is called complex
 _WEAK = 0.5  # share of an FRF at its own frequency below which a mode is called weak
+_UNEXPLAINED = 4.0  # mean square of the residual over the noise, over five lines, that is worth telling
 _CLOSE = 1.5  # distance of two modes in their mean bandwidth from which their shapes mix little
 
 
@@ -48,7 +51,9 @@ def judge(arrangement: Arrangement, fit: Fit) -> Verdict:
         if not in_band(arrangement, terms.frequency_hz[[k]])[0]:
             continue
         reason = None
-        if zeta > _OVERDAMPED:
+        if f < _FIRST_LINES * arrangement.spacing_hz:
+            reason = f"it lies within {_FIRST_LINES:g} lines of 0 Hz, as drift and rigid-body motion do"
+        elif zeta > _OVERDAMPED:
             reason = f"damping of {100 * zeta:.0f} % is a trend of the record, not a resonance"
         elif significance[k] < 1:
             reason = "it lowers the misfit by less than its unknowns are worth"
@@ -110,6 +115,23 @@ def _seen_in(fit: Fit, k: int) -> list[int]:
     return [int(r) for r in np.flatnonzero(worth_of > price(fit, 2, 2)[1] / len(c))]
 
 
+def unexplained(arrangement: Arrangement, fit: Fit, rough: FloatArray) -> list[str]:
+    """Where the residual of all FRFs together is far above the noise that their own roughness states."""
+    square = np.where(arrangement.measured, np.abs(fit.residual) ** 2 / rough, 0.0).sum(axis=0)
+    level = uniform_filter1d(square / np.maximum(arrangement.measured.sum(axis=0), 1), 5, mode="nearest")
+    at: list[int] = []
+    for line in np.argsort(-level)[:50]:
+        if level[line] > _UNEXPLAINED and len(at) < 4 and all(abs(line - other) > 10 for other in at):
+            at.append(int(line))
+    if not at:
+        return []
+    where = ", ".join(f"{arrangement.frequency_hz[line]:g} Hz ({np.sqrt(level[line]):.1f} times)" for line in at)
+    return [
+        f"the residual stands above the noise near {where}: a mode that the lines do not separate, a non-linear one,"
+        " leakage or interference; try a finer line spacing"
+    ]
+
+
 def _rests_on_one_line(arrangement: Arrangement, fit: Fit, k: int) -> bool:
     """True where the pole, narrower than the lines lie apart, does not pay without the line nearest to it."""
     f, zeta = float(fit.terms.frequency_hz[k]), float(fit.terms.damping_ratio[k])
@@ -134,8 +156,8 @@ def _driving_points(arrangement: Arrangement, fit: Fit, verdict: Verdict) -> lis
         modal = (2j * damped * (c[2 * verdict.kept] + 1j * c[2 * verdict.kept + 1])).real
         if modal.size and np.sum(modal[modal < 0]) < -0.5 * np.sum(np.abs(modal)):
             notes.append(
-                f"driving point {arrangement.label(row)}: {int(np.sum(modal < 0))} of {modal.size} modes have a negative modal"
-                " mass there, so the sign of hammer or sensor is wrong (a hit along -Z entered as +Z?); all shapes of"
+                f"driving point {arrangement.label(row)}: {int(np.sum(modal < 0))} of {modal.size} modes have a negative"
+                " modal mass there, so the sign of hammer or sensor is wrong (a hit along -Z entered as +Z?); all shapes of"
                 " this fixed dof are turned if it is the sensor, one entry if it is the hit"
             )
     return notes

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,8 @@ from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.basis import poles
-from fecore.identification.guards import Verdict, judge, remarks
+from fecore.identification.guards import Verdict, judge, remarks, unexplained
+from fecore.identification.noise import believable, rough_variance
 from fecore.identification.outliers import leave_out_outliers
 from fecore.identification.refinement import Fit
 from fecore.identification.result import Identification
@@ -32,6 +33,7 @@ from fecore.modes import MeasuredModes
 
 _BEYOND = np.array([1.02, 1.06, 1.12, 1.2, 1.35, 1.6])  # candidate frequencies above the band, in its end
 _BELOW = np.array([0.5, 0.8, 0.95])  # ... and below it, in its start
+_LOOK_BACK = 40
 _WIDTHS = np.array([0.01, 0.03, 0.1])
 
 
@@ -72,6 +74,8 @@ def identify(frfs: FrfSet | Sequence[FrfSet], options: Options | None = None) ->
     screened = screen(frfs, options.band_hz)
     arrangement, notes = screened.arrangement, list(screened.warnings)
     clock.lap("screening")
+    arrangement, doubts = _doubt_variance(arrangement)
+    notes += doubts
     variance = first_variance(arrangement)
     diagram = stabilise(arrangement, variance, _orders(arrangement, options.highest_order))
     clock.lap("linear stage")
@@ -86,6 +90,7 @@ def identify(frfs: FrfSet | Sequence[FrfSet], options: Options | None = None) ->
     shapes = _shapes(arrangement, fit, verdict)
     notes += [f"no mode at {p.frequency_hz:.2f} Hz: {p.reason}" for p in verdict.refused]
     notes += [*told, *remarks(arrangement, fit, verdict, shapes), *_noise_remarks(arrangement, fit)]
+    notes += unexplained(arrangement, fit, variance)
     clock.lap("shapes")
     return Identification(
         modes=_modes(arrangement, fit, verdict, shapes),
@@ -126,7 +131,11 @@ def _candidates(arrangement: Arrangement, diagram: Stabilisation) -> tuple[Float
     zeta = np.append(diagram.damping_ratio[keep], outside_zeta)
     order = np.argsort(hz, kind="stable")
     hz, zeta = hz[order], zeta[order]
-    fresh = np.append(True, (np.diff(hz) > 1e-3 * hz[1:] * zeta[1:]) | (np.abs(np.diff(np.log(zeta))) > 0.01))
+    fresh = np.ones(hz.size, dtype=bool)
+    for k in range(1, hz.size):  # a pole within a tenth of its bandwidth of one that is there adds nothing to the scan
+        near = slice(max(0, k - _LOOK_BACK), k)
+        like = np.abs(hz[near] - hz[k]) < 0.1 * zeta[k] * hz[k]
+        fresh[k] = not np.any(like & fresh[near] & (np.abs(np.log(zeta[near] / zeta[k])) < 0.15))
     return hz[fresh], zeta[fresh]
 
 
@@ -145,6 +154,20 @@ def _modes(arrangement: Arrangement, fit: Fit, verdict: Verdict, shapes: Shapes)
     scale = np.concatenate([f, np.ones(f.size)])  # from ln f to f
     covariance = covariance * np.outer(scale, scale)
     return MeasuredModes(f, fit.terms.damping_ratio[kept], shapes.complex, arrangement.roving, covariance)
+
+
+def _doubt_variance(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
+    """Enlarge a stated noise that the records themselves contradict, and say so."""
+    rough = rough_variance(arrangement.values, arrangement.measured)
+    variance, factor = believable(arrangement.variance, rough, arrangement.measured)
+    if np.all(factor == 1):
+        return arrangement, []
+    worst = int(np.argmax(factor))
+    note = (
+        f"{int(np.sum(factor > 1))} FRFs scatter more from line to line than the noise that coherence and averages state (most"
+        f" in {arrangement.label(worst)}: {np.sqrt(factor[worst]):.1f} times the noise); the stated noise was enlarged there"
+    )
+    return replace(arrangement, variance=variance), [note]
 
 
 def _noise_remarks(arrangement: Arrangement, fit: Fit) -> list[str]:

@@ -30,6 +30,21 @@ def rough_variance(values: ComplexArray, measured: BoolArray) -> FloatArray:
     return _two_part(jump, level, whole, values, measured, robust=True)
 
 
+def believable(variance: FloatArray, rough: FloatArray, measured: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Stated variance, enlarged for each FRF whose own roughness is larger by more than a factor 2: (N, L), (N,)
+    factors.
+
+    Coherence that was averaged over few hits, or stated for the wrong estimator, is often too good by far.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(measured & np.isfinite(variance), rough / variance, np.nan)
+    factor = np.ones(len(ratio))
+    stated = np.isfinite(ratio).any(axis=1)
+    factor[stated] = np.nanmedian(ratio[stated], axis=1)
+    factor = np.where(factor > 2, factor, 1.0)
+    return variance * factor[:, None], factor
+
+
 def residual_variance(residual: ComplexArray, model: ComplexArray, measured: BoolArray, columns: float) -> FloatArray:
     """(N, L) variance from the residual of a fit with `columns` real coefficients an FRF."""
     lines = measured.sum(axis=1)

@@ -22,7 +22,8 @@ from fecore.identification.basis import Terms, columns
 from fecore.identification.refinement import Fit, evaluate, noise_of, refine, refine_with_noise
 from fecore.identification.residues import weights
 
-_ROUNDS = 60
+_ROUNDS = 30
+_SECOND_LOOK = 6  # rounds with the records' own noise: a misfit of another kind must not be chased for long
 _BATCH = 0.03  # candidates added in one round have at least this share of the round's largest gain
 _APART = 2.0  # ... and lie this many summed half bandwidths from each other
 _ALONE = 1e-6  # share of a candidate's power that the model's own terms leave: below it nothing new is in it
@@ -94,7 +95,7 @@ def _grow_all(
 ) -> Fit:
     """Add terms, refine and prune until nothing pays; the noise is `variance`, or follows the residual where None."""
     seen: set[tuple[int, ...]] = set()
-    for _ in range(_ROUNDS):
+    for _ in range(_ROUNDS if variance is None else _SECOND_LOOK):
         hz, zeta = (np.concatenate(both) for both in zip(pool, residual_peaks(arrangement, fit), strict=True))
         open_ = np.all([(hz < low) | (hz > high) for low, high in shut] or [np.ones(hz.size, dtype=bool)], axis=0)
         grown = _grow(arrangement, fit, hz[open_], zeta[open_], most)
@@ -164,14 +165,14 @@ def _unique(arrangement: Arrangement, fit: Fit) -> tuple[Fit, list[tuple[float, 
     the same shape, or when the lines cannot resolve them at all. True double modes differ in shape.
     """
     shut: list[tuple[float, float]] = []
-    while True:
-        pair = _same_pole(arrangement, fit)
-        if pair is None:
-            return fit, shut
+    if _same_pole(arrangement, fit) is not None:  # near poles share their residues until they have come to rest
+        fit = refine(arrangement, fit.terms, fit.variance)
+    while (pair := _same_pole(arrangement, fit)) is not None:
         k, keep = pair
         width = 0.5 * max(fit.terms.damping_ratio[keep] * fit.terms.frequency_hz[keep], arrangement.spacing_hz)
         shut.append((fit.terms.frequency_hz[keep] - width, fit.terms.frequency_hz[keep] + width))
         fit = _prune(arrangement, refine(arrangement, without_pole(fit.terms, k), fit.variance, steps=8))
+    return fit, shut
 
 
 def _same_pole(arrangement: Arrangement, fit: Fit) -> tuple[int, int] | None:
@@ -312,7 +313,7 @@ def _prune(arrangement: Arrangement, fit: Fit) -> Fit:
         )
         if not dear.size or dear.min() >= 0:
             return fit
-        fit = refine(arrangement, _without(fit.terms, int(dear.argmin())), fit.variance, steps=8)
+        fit = refine(arrangement, _without(fit.terms, int(dear.argmin())), fit.variance, steps=3)
 
 
 def _without(terms: Terms, which: int) -> Terms:
