@@ -1,0 +1,182 @@
+"""A monitor's judgement: series of watched parameters and a recipe in; states, charts, change points and rates out.
+
+Each parameter's scores (baseline.py) go through one chart for each direction in which it is watched (charts.py), and the
+outside and inside campaigns through the states (states.py). The false-alarm rate is the whole family's: with m
+charts each gets 1/m of the probability of a call within the horizon, which holds whatever the dependence between the
+parameters (Bonferroni).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+
+from fecore.arrays import BoolArray, FloatArray
+from fecore.errors import InputError
+from fecore.trend.baseline import Baseline, Scores, complete_campaigns, fit_baseline, score
+from fecore.trend.change import ChangePoint, change_point
+from fecore.trend.charts import Limits
+from fecore.trend.rates import Rate, rate
+from fecore.trend.run_length import KNOWN, control_limits
+from fecore.trend.series import Series, days_since, in_time_order
+from fecore.trend.states import State, worst
+from fecore.trend.timeline import Acknowledgement, Moment, timeline
+from fecore.trend.watch import SIDES, Direction, Watch
+
+_FEWEST_FOR_RATE = 3  # watched campaigns
+
+
+@dataclass(frozen=True)
+class ParameterTrend:
+    """One watched parameter, judged.
+
+    Attributes:
+        name, direction: as in the recipe.
+        series: all campaigns in time order.
+        baseline: None while there are too few campaigns.
+        watched: campaigns after the baseline, None where there are none.
+        scores: of the watched campaigns.
+        statistic: chart values S of the watched campaigns, by direction (`fall`, `rise`).
+        limits: h of the charts' values and c of single scores.
+        outside: (m,) whether a campaign is outside in any direction.
+        timeline: states as they followed each other.
+        change: where the change began, if any campaign is outside.
+        rate: of change over all campaigns, None below three watched ones.
+        notes: what was put in order, left out, extrapolated.
+    """
+
+    name: str
+    direction: Direction
+    series: Series
+    baseline: Baseline | None
+    watched: Series | None
+    scores: Scores | None
+    statistic: Mapping[str, FloatArray]
+    limits: Limits | None
+    outside: BoolArray
+    timeline: tuple[Moment, ...]
+    change: ChangePoint | None
+    rate: Rate | None
+    notes: tuple[str, ...]
+
+    @property
+    def state(self) -> State:
+        """The state now."""
+        return self.timeline[-1].state if self.timeline else State.NO_DATA
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """All watched parameters, judged; `state` is the worst of theirs."""
+
+    parameters: Mapping[str, ParameterTrend]
+
+    @property
+    def state(self) -> State:
+        """The worst state."""
+        return worst(tuple(p.state for p in self.parameters.values()))
+
+
+def assess(
+    series: Mapping[str, Series],
+    watch: Watch,
+    as_of: datetime | None = None,
+    acknowledgements: Sequence[Acknowledgement] = (),
+) -> Assessment:
+    """Judge the series of a structure.
+
+    Args:
+        series: by parameter; campaigns in any order.
+        watch: the recipe.
+        as_of: now, so that a late campaign can be told; by default the last campaign.
+        acknowledgements: of alarms, in any order.
+
+    Raises:
+        InputError: a watched parameter without a series, two campaigns at one time, faulty values, an acknowledgement
+            where there was no alarm.
+    """
+    for name in watch.directions:
+        if name not in series:
+            raise InputError(f"series.{name}", f"is missing; there are {', '.join(series) or 'none'}")
+    for note in acknowledgements:
+        if note.parameter not in watch.directions:
+            raise InputError("acknowledgements.parameter", f"{note.parameter!r} is not watched")
+    return Assessment(
+        {name: _parameter(series[name], direction, watch, as_of, acknowledgements)
+         for name, direction in watch.directions.items()}
+    )  # fmt: skip
+
+
+def _parameter(
+    series: Series, direction: Direction, watch: Watch, as_of: datetime | None, notes: Sequence[Acknowledgement]
+) -> ParameterTrend:
+    ordered, said = in_time_order(series)
+    complete = complete_campaigns(ordered, watch.covariates).size
+    if complete < watch.baseline:
+        short = f"no baseline yet: {complete} of {watch.baseline} campaigns" + (
+            f" with {' and '.join(watch.covariates)}" if watch.covariates else ""
+        )
+        return ParameterTrend(
+            series.name, direction, ordered, None, None, None, {}, None, np.zeros(0, bool), (), None, None,
+            (*said, short),
+        )  # fmt: skip
+    baseline, watched, left_out = fit_baseline(ordered, watch.baseline, watch.covariates)
+    limits = _limits(baseline, watch)
+    scores = None if watched is None else score(baseline, watched)
+    z = np.zeros(0) if scores is None else scores.score
+    judged = {side: watch.chart.outside(sign * z, limits) for side, sign in SIDES[direction].items()}
+    statistic = {side: values for side, (values, _) in judged.items()}
+    outside = np.any([out for _, out in judged.values()], axis=0)
+    begin = ordered.dates[list(ordered.labels).index(baseline.labels[-1])]
+    seen = [note.date for note in notes if note.parameter == series.name]
+    moments = timeline(begin, watched, outside, seen, watch.pending, watch.expected_interval_days, as_of)
+    change = speed = None
+    if watched is not None and scores is not None and len(watched) >= _FEWEST_FOR_RATE:
+        speed = rate(ordered, watch.covariates, baseline.mean)
+        if np.any(outside):
+            change = _change(begin, watched, scores, baseline)
+    return ParameterTrend(
+        series.name, direction, ordered, baseline, watched, scores, statistic, limits, outside, moments, change, speed,
+        (*said, *left_out, *_cautions(watched, scores, baseline)),
+    )  # fmt: skip
+
+
+def _limits(baseline: Baseline, watch: Watch) -> Limits:
+    """The charts' limits; what they depend on is rounded, to the safe side, so that limits are found once."""
+    nu = baseline.fit.degrees_of_freedom
+    rounded = float(np.floor(nu)) if nu < 20 else 20.0 * np.floor(nu / 20) if nu < 200 else KNOWN
+    shared = float(np.ceil(50 * baseline.shared) / 50)
+    return control_limits(watch.chart, watch.side_probability, watch.horizon, watch.pending, shared, max(rounded, 1.0))
+
+
+def _change(begin: datetime, watched: Series, scores: Scores, baseline: Baseline) -> ChangePoint:
+    dates = (begin, *watched.dates)
+    return change_point(
+        dates, days_since(begin, dates), scores.residual, scores.covariance, baseline.fit.degrees_of_freedom
+    )
+
+
+def _cautions(watched: Series | None, scores: Scores | None, baseline: Baseline) -> tuple[str, ...]:
+    """What a reader of the chart must know about its covariates."""
+    if watched is None or scores is None:
+        return ()
+    said = []
+    labels = np.array(watched.labels)
+    if np.any(scores.extrapolated):
+        ranges = ", ".join(
+            f"{name} {low:g} to {high:g}"
+            for name, low, high in zip(baseline.covariates, baseline.low, baseline.high, strict=True)
+        )
+        said.append(
+            f"beyond the baseline's covariates ({ranges}), judged with more uncertainty: "
+            + ", ".join(labels[scores.extrapolated])
+        )
+    if np.any(scores.missing):
+        said.append(
+            "a covariate was not measured, judged as if it could be anything that the baseline saw: "
+            + ", ".join(labels[scores.missing])
+        )
+    return tuple(said)

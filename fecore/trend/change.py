@@ -1,0 +1,111 @@
+"""When a change began: a step or a ramp at an unknown campaign.
+
+After the baseline r = Δ g_τ + η, with g_τ the pattern of a change that began with campaign τ (a step: 1 from τ on; a ramp:
+the time since the campaign before τ), and η ~ N(0, σ² C) with C the campaigns' own variances and the baseline's error that
+they share. With a flat prior on Δ and τ, and the baseline's ν degrees of freedom for σ² (1 in expectation), whitening by
+C = LLᵀ leaves
+
+    p(τ | r) ∝ (g̃ᵀg̃)^{−1/2} (ν + Q_τ)^{−(ν + m − 1)/2},   Q_τ = |r̃|² − (g̃ᵀr̃)² / g̃ᵀg̃
+
+(a Bayesian change point, Smith 1975). The interval is the shortest set of campaigns that holds 95 % of it, filled up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Literal
+
+import numpy as np
+from scipy import linalg, special
+
+from fecore.arrays import FloatArray
+from fecore.errors import InputError
+
+Pattern = Literal["step", "ramp"]
+
+
+@dataclass(frozen=True)
+class ChangePoint:
+    """Where a change began.
+
+    Attributes:
+        pattern: what fits better: a `step`, or a `ramp` that still goes on.
+        index: of the first changed campaign, counted from the first one after the baseline; the most probable.
+        interval: (first, last) index of the 95 % interval.
+        date, date_interval: the same as dates. A change lies between the campaign before and the first changed one, so
+            the interval begins at the date of the campaign before; the baseline's end where there is none.
+        size: step: change of the parameter; ramp: change a year. In the parameter's unit.
+        size_sd: its standard deviation, given the index.
+    """
+
+    pattern: Pattern
+    index: int
+    interval: tuple[int, int]
+    date: datetime
+    date_interval: tuple[datetime, datetime]
+    size: float
+    size_sd: float
+
+
+def change_point(
+    dates: tuple[datetime, ...],
+    days: FloatArray,
+    residual: FloatArray,
+    covariance: FloatArray,
+    degrees_of_freedom: float,
+    probability: float = 0.95,
+    pattern: Pattern | None = None,
+) -> ChangePoint:
+    """Estimate the change point of m campaigns after the baseline.
+
+    Args:
+        dates: (1 + m,) the baseline's last campaign, then the m campaigns.
+        days: (1 + m,) the same as days.
+        residual: (m,) against the baseline.
+        covariance: (m, m) of the residuals of an unchanged structure.
+        degrees_of_freedom: of the baseline's scatter.
+        probability: of the interval.
+        pattern: `step` or `ramp`; by default the one under which the residuals are more probable.
+
+    Raises:
+        InputError: fewer than two campaigns.
+    """
+    m = residual.size
+    if m < 2:
+        raise InputError("points", f"{m} campaigns after the baseline, expected at least 2 for a change point")
+    root = linalg.cholesky(covariance, lower=True)
+    white = linalg.solve_triangular(root, residual, lower=True)
+    candidates: tuple[Pattern, ...] = ("step", "ramp") if pattern is None else (pattern,)
+    found = []
+    for kind in candidates:
+        g = linalg.solve_triangular(root, _patterns(kind, days), lower=True)
+        size = np.sum(g**2, axis=0)
+        along = g.T @ white
+        misfit = white @ white - along**2 / size
+        log_p = -0.5 * np.log(size) - (degrees_of_freedom + m - 1) / 2 * np.log(degrees_of_freedom + misfit)
+        found.append((float(misfit.min()), kind, log_p, along / size, size, misfit))
+    _, kind, log_p, amplitude, size, misfit = min(found, key=lambda item: item[0])
+    posterior = np.exp(log_p - special.logsumexp(log_p))
+    index = int(np.argmax(posterior))
+    ranked = np.argsort(-posterior)
+    held = ranked[: int(np.searchsorted(np.cumsum(posterior[ranked]), probability)) + 1]
+    first, last = int(held.min()), int(held.max())
+    scale = (degrees_of_freedom + misfit[index]) / (degrees_of_freedom + m - 1)
+    return ChangePoint(
+        kind,
+        index,
+        (first, last),
+        dates[index + 1],
+        (dates[first], dates[last + 1]),
+        float(amplitude[index]),
+        float(np.sqrt(scale / size[index])),
+    )
+
+
+def _patterns(kind: Pattern, days: FloatArray) -> FloatArray:
+    """(m, m) pattern of a change that began with campaign τ, a column each; a ramp in years."""
+    m = days.size - 1
+    if kind == "step":
+        return np.tril(np.ones((m, m)))
+    return np.maximum(0.0, days[1:, None] - days[None, :-1]) / 365.25

@@ -1,0 +1,63 @@
+"""How fast a parameter changes: stiffness loss and damping rise a year, with intervals.
+
+The slope of a straight line through all campaigns, baseline included, fitted together with the covariates, so that what
+time and temperature share is in the slope's uncertainty: y = β₀ + Σ β_k (c_k − c̄_k) + ρ (t − t̄). The scatter τ between
+campaigns is estimated anew from the line's own residuals; where a step rather than a line is in the data, it widens ρ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from fecore.errors import InputError
+from fecore.trend.baseline import complete_campaigns
+from fecore.trend.regression import fit_with_scatter
+from fecore.trend.series import Series, select
+
+DAYS_A_YEAR = 365.25
+
+
+@dataclass(frozen=True)
+class Rate:
+    """Rate of change of a parameter.
+
+    Attributes:
+        per_year: ρ, the parameter's unit a year; a stiffness loss is negative, a damping rise positive.
+        standard_deviation: of `per_year`.
+        interval_95: from Student's t.
+        relative_per_year: ρ over the baseline's mean, 1/year.
+        relative_interval_95: the same for the interval.
+    """
+
+    per_year: float
+    standard_deviation: float
+    interval_95: tuple[float, float]
+    relative_per_year: float
+    relative_interval_95: tuple[float, float]
+
+
+def rate(series: Series, covariates: Sequence[str], baseline_mean: float) -> Rate:
+    """Rate of change over a series in time order.
+
+    Campaigns that miss a covariate say nothing about the rate and are left out.
+
+    Raises:
+        InputError: fewer complete campaigns than coefficients and two more, or a baseline of 0.
+    """
+    if baseline_mean == 0:
+        raise InputError("baseline_mean", "is 0, so a rate relative to it means nothing")
+    complete = select(series, complete_campaigns(series, covariates).tolist())
+    years = complete.days / DAYS_A_YEAR
+    c = [complete.covariates[name] - complete.covariates[name].mean() for name in covariates]
+    X = np.column_stack([np.ones(len(complete)), *c, years - years.mean()])
+    fit = fit_with_scatter(X, complete.estimate, complete.standard_deviation)
+    slope, sd = float(fit.coefficients[-1]), float(np.sqrt(fit.covariance[-1, -1]))
+    half = float(stats.t.ppf(0.975, fit.degrees_of_freedom)) * sd
+    relative = sorted(((slope - half) / baseline_mean, (slope + half) / baseline_mean))
+    return Rate(
+        slope, sd, (slope - half, slope + half), slope / baseline_mean, (float(relative[0]), float(relative[1]))
+    )

@@ -1,0 +1,213 @@
+"""How long a chart runs before it calls: run lengths by Markov chain (Brook and Evans 1972), and limits from them.
+
+The chart's value is cut into cells; a score's distribution gives the probability of going from the middle of one cell into
+another, and powers of that matrix the distribution of the run length N.
+
+A limit is set from a false-alarm rate α a campaign: over the first H campaigns after the baseline the probability that
+an unchanged structure is called shall be 1 − (1 − α)^H. The baseline is short, so its mean and scatter are wrong by amounts
+that all later scores share. Given the error e of its mean (in standard deviations of a campaign) and the ratio q of its
+scatter to the true one, scores are independent with
+
+    P(z ≤ u | e, q) = Φ(q √(1+g) T_ν⁻¹(Φ(u)) + e),   e ~ N(0, g),  q² ~ χ²_ν / ν
+
+g = the variance of the baseline's mean over that of a campaign (1/n for n equal campaigns). P(N ≤ H) is averaged over e
+(Gauss–Hermite) and q (Gauss–Legendre in probability). Limits from known parameters would call two to four times too often.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy import optimize, special, stats
+
+from fecore.arrays import FloatArray
+from fecore.errors import InputError
+from fecore.trend.charts import CAP, Chart, Limits
+
+Cdf = Callable[[FloatArray], FloatArray]
+
+CELLS = 60
+"""Cells between 0 and the limit; 60 hold the average run length of usual charts to 0.5 %."""
+
+KNOWN = 1000.0
+"""Degrees of freedom from which the scatter counts as known."""
+
+_SHIFTS = 11  # quadrature nodes of e
+_RATIOS = 8  # quadrature nodes of q
+_LOG_LIMITS = (np.log(0.02), np.log(60.0))  # between which limits are looked for
+_ENDLESS = 10_000_000  # steps after which an average run length is given up
+
+
+def average_run_length(chart: Chart, limits: Limits, shift: float = 0.0, pending: int = 1, cells: int = CELLS) -> float:
+    """Mean number of campaigns up to the alarm, for independent normal scores with mean `shift` and S₀ = 0.
+
+    Args:
+        chart: kind and constants.
+        limits: h and c.
+        shift: mean of the scores, standard deviations.
+        pending: consecutive campaigns outside that make an alarm.
+        cells: of the Markov chain between 0 and h.
+    """
+    chain = _chain(chart, limits, cells, pending, lambda u: special.ndtr(u - shift))
+    return _mean_run_length(chain)
+
+
+def alarm_probability(
+    chart: Chart,
+    limits: Limits,
+    campaigns: int,
+    pending: int = 1,
+    shared: float = 0.0,
+    degrees_of_freedom: float = KNOWN,
+) -> float:
+    """P(N ≤ campaigns) of an unchanged structure, averaged over what the baseline does not know.
+
+    Args:
+        chart: kind and constants.
+        limits: h and c.
+        campaigns: H.
+        pending: consecutive campaigns outside that make an alarm.
+        shared: g, variance of the baseline's mean in units of a campaign's variance; 0 where it is known.
+        degrees_of_freedom: ν of the baseline's scatter.
+    """
+    total = 0.0
+    for e, q, weight in _unknowns(shared, degrees_of_freedom):
+        cdf = _score_cdf(e, q, shared, degrees_of_freedom)
+        total += weight * _called_within(_chain(chart, limits, CELLS, pending, cdf), campaigns)
+    return total
+
+
+@lru_cache(maxsize=512)
+def control_limits(
+    chart: Chart,
+    probability: float,
+    campaigns: int,
+    pending: int = 1,
+    shared: float = 0.0,
+    degrees_of_freedom: float = KNOWN,
+) -> Limits:
+    """The limits at which `alarm_probability` is `probability`, `chart.jump_share` of it from single scores.
+
+    Raises:
+        InputError: a probability or number of campaigns out of range.
+    """
+    if not 0 < probability < 1:
+        raise InputError("probability", f"is {probability}, expected between 0 and 1")
+    if campaigns < pending or pending < 1:
+        raise InputError("campaigns", f"{campaigns} campaigns and a pending period of {pending}: nothing can be called")
+
+    def solve(kind: Chart, target: float, score: float) -> float:
+        def excess(log_limit: float) -> float:
+            limits = Limits(float(np.exp(log_limit)), score)
+            called = alarm_probability(kind, limits, campaigns, pending, shared, degrees_of_freedom)
+            return float(special.logit(np.clip(called, 1e-12, 1 - 1e-12)) - special.logit(target))
+
+        return float(np.exp(optimize.brentq(excess, *_LOG_LIMITS, xtol=1e-3)))
+
+    if chart.kind == "shewhart" or chart.jump_share == 0:
+        return Limits(solve(chart, probability, float("inf")))
+    score = solve(Chart("shewhart"), probability * chart.jump_share, float("inf"))
+    return Limits(solve(chart, probability, score), score)
+
+
+def _unknowns(shared: float, degrees_of_freedom: float) -> list[tuple[float, float, float]]:
+    """Nodes (e, q) and their weights."""
+    if shared > 0:
+        x, w = np.polynomial.hermite_e.hermegauss(_SHIFTS)
+        shifts = list(zip(np.sqrt(shared) * x, w / w.sum(), strict=True))
+    else:
+        shifts = [(0.0, 1.0)]
+    if degrees_of_freedom < KNOWN:
+        x, w = np.polynomial.legendre.leggauss(_RATIOS)
+        q = np.sqrt(stats.chi2.ppf((1 + x) / 2, degrees_of_freedom) / degrees_of_freedom)
+        ratios = list(zip(q, w / 2, strict=True))
+    else:
+        ratios = [(1.0, 1.0)]
+    return [(float(e), float(q), float(we * wq)) for e, we in shifts for q, wq in ratios]
+
+
+def _score_cdf(e: float, q: float, shared: float, degrees_of_freedom: float) -> Cdf:
+    scale = q * np.sqrt(1 + shared)
+    if degrees_of_freedom >= KNOWN:
+        return lambda u: special.ndtr(scale * u + e)
+    grid, quantile = _t_of_normal(degrees_of_freedom)
+    return lambda u: special.ndtr(scale * np.interp(u, grid, quantile) + e)
+
+
+@lru_cache(maxsize=64)
+def _t_of_normal(degrees_of_freedom: float) -> tuple[FloatArray, FloatArray]:
+    """T_ν⁻¹(Φ(u)) on a grid of u; linear between, which is exact to 1e-4 of a standard deviation."""
+    half = np.linspace(0, 8, 801)
+    t = stats.t.isf(special.ndtr(-half), degrees_of_freedom)
+    return np.concatenate([-half[:0:-1], half]), np.concatenate([-t[:0:-1], t])
+
+
+@dataclass(frozen=True)
+class _Chain:
+    """Markov chain of a chart: transitions by scores within c, by scores above c, and how many cells are inside h."""
+
+    within: FloatArray
+    above: FloatArray
+    inside: int
+    pending: int
+
+    def start(self) -> FloatArray:
+        """S₀ = 0; row j holds the distribution of charts that were outside j times running."""
+        waiting = np.zeros((self.pending, self.within.shape[0]))
+        waiting[0, 0] = 1.0
+        return waiting
+
+    def advance(self, waiting: FloatArray) -> FloatArray:
+        """One campaign later; what is missing has been called."""
+        moved = waiting @ self.within
+        following = np.zeros_like(waiting)
+        following[0, : self.inside] = moved[:, : self.inside].sum(axis=0)
+        following[1:, self.inside :] = moved[:-1, self.inside :]
+        following[1:] += waiting[:-1] @ self.above
+        return following
+
+
+def _chain(chart: Chart, limits: Limits, cells: int, pending: int, cdf: Cdf) -> _Chain:
+    """Cell 0 is [0, w/2] and stands for 0; h is the upper edge of the last cell inside.
+
+    Where one campaign outside is an alarm, the cells above the limit are not needed.
+    """
+    a, b, c = chart.recursion
+    width = limits.chart / (cells - 0.5)
+    number = cells if pending == 1 else int(np.ceil(CAP * limits.chart / width))
+    middle = width * np.arange(number)
+    edges = middle + width / 2
+    scores = (edges[None, :] + c - a * middle[:, None]) / b
+    if pending > 1:
+        scores[:, -1] = np.inf  # the cap
+    whole = cdf(scores)
+    below = cdf(np.minimum(scores, limits.score))
+    within = np.diff(below, axis=1, prepend=0.0)
+    return _Chain(within, np.diff(whole - below, axis=1, prepend=0.0), cells, pending)
+
+
+def _called_within(chain: _Chain, campaigns: int) -> float:
+    """P(N ≤ campaigns)."""
+    waiting = chain.start()
+    for _ in range(campaigns):
+        waiting = chain.advance(waiting)
+    return float(1 - waiting.sum())
+
+
+def _mean_run_length(chain: _Chain) -> float:
+    """Σ P(N > i): (I − Q)⁻¹ 1 where one campaign outside is enough, else summed until the tail is geometric."""
+    if chain.pending == 1:
+        n = chain.within.shape[0]
+        return float(np.linalg.solve(np.eye(n) - chain.within, np.ones(n))[0])
+    waiting, total, alive, ratio = chain.start(), 0.0, 1.0, 0.0
+    for _ in range(_ENDLESS):
+        total += alive
+        waiting = chain.advance(waiting)
+        left = float(waiting.sum())
+        if left < 1e-12 or abs(left / alive - ratio) < 1e-12:
+            return total + (left / (1 - left / alive) if left < alive else 0.0)
+        alive, ratio = left, left / alive
+    return float("inf")

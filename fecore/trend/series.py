@@ -1,0 +1,116 @@
+"""Dated estimates of one parameter, campaign after campaign, with their own uncertainty and their covariates."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.errors import InputError
+
+SECONDS_A_DAY = 86400.0
+
+
+@dataclass(frozen=True)
+class Series:
+    """Estimates θ(t) of one watched parameter.
+
+    Attributes:
+        name: of the parameter, such as `Ex` or `damping_ratio_1`.
+        dates: when each campaign was performed; all with a time zone, or all without.
+        estimate: (n,) in the parameter's unit.
+        standard_deviation: (n,) of each estimate, the part that differs from one campaign to the next: the noise-only
+            posterior. A model error that all campaigns share moves the whole series and hides no change.
+        covariates: by name (`temperature_c`, `humidity_percent`), (n,) each; NaN where it was not measured.
+        labels: of the campaigns, such as their ids; "1", "2" … by default.
+    """
+
+    name: str
+    dates: Sequence[datetime]
+    estimate: FloatArray
+    standard_deviation: FloatArray
+    covariates: Mapping[str, FloatArray] = field(default_factory=dict)
+    labels: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.dates)
+        if n == 0:
+            raise InputError("dates", f"the series {self.name} is empty, expected at least one campaign")
+        if not self.labels:
+            object.__setattr__(self, "labels", tuple(str(i + 1) for i in range(n)))
+        if len(self.labels) != n:
+            raise InputError("labels", f"{len(self.labels)} labels for {n} campaigns")
+        _check_values("estimate", self.estimate, self.labels)
+        _check_values("standard_deviation", self.standard_deviation, self.labels)
+        if np.any(self.standard_deviation <= 0):
+            at = self.labels[int(np.argmax(self.standard_deviation <= 0))]
+            raise InputError(
+                "standard_deviation", f"of campaign {at} is not positive; an exact estimate does not exist"
+            )
+        for name, values in self.covariates.items():
+            if values.shape != (n,):
+                raise InputError(f"covariates.{name}", f"has shape {values.shape}, expected ({n},)")
+            if np.any(np.isinf(values)):
+                raise InputError(f"covariates.{name}", "is infinite; use NaN where it was not measured")
+        if len({d.tzinfo is None for d in self.dates}) > 1:
+            raise InputError("dates", "some have a time zone and some have none; give all of them one")
+
+    def __len__(self) -> int:
+        return len(self.dates)
+
+    @property
+    def days(self) -> FloatArray:
+        """(n,) days since the first campaign."""
+        return days_since(self.dates[0], self.dates)
+
+
+def days_since(origin: datetime, dates: Sequence[datetime]) -> FloatArray:
+    """Days from an origin to each date."""
+    return np.array([(d - origin).total_seconds() / SECONDS_A_DAY for d in dates])
+
+
+def in_time_order(series: Series) -> tuple[Series, tuple[str, ...]]:
+    """The series in ascending time, and a note that names the campaigns that were handed in late.
+
+    Raises:
+        InputError: two campaigns have the same date and time; which one counts is for the laboratory to say.
+    """
+    order = sorted(range(len(series)), key=lambda i: series.dates[i])
+    for a, b in itertools.pairwise(order):
+        if series.dates[a] == series.dates[b]:
+            raise InputError(
+                "dates",
+                f"campaigns {series.labels[a]} and {series.labels[b]} are both of {series.dates[a].isoformat()}; "
+                "leave one out, or correct its date",
+            )
+    late = [series.labels[i] for i in range(1, len(series)) if series.dates[i] < max(series.dates[:i])]
+    if not late:
+        return series, ()
+    note = f"put into time order: {', '.join(late)} came after later campaigns; the states were judged anew"
+    return select(series, order), (note,)
+
+
+def select(series: Series, indices: Sequence[int]) -> Series:
+    """The campaigns of these indices, in their order."""
+    at = np.asarray(indices, int)
+    return Series(
+        series.name,
+        tuple(series.dates[i] for i in at),
+        series.estimate[at],
+        series.standard_deviation[at],
+        {name: values[at] for name, values in series.covariates.items()},
+        tuple(series.labels[i] for i in at),
+    )
+
+
+def _check_values(name: str, values: FloatArray, labels: Sequence[str]) -> None:
+    if values.shape != (len(labels),):
+        raise InputError(name, f"has shape {values.shape}, expected ({len(labels)},)")
+    bad = ~np.isfinite(values)
+    if np.any(bad):
+        at = labels[int(np.argmax(bad))]
+        raise InputError(name, f"of campaign {at} is not a finite number; leave a campaign without an estimate out")
