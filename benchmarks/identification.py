@@ -90,10 +90,8 @@ def _print_peer(noise: float) -> None:
     began = time.perf_counter()
     for seed in range(min(SEEDS, 5)):
         frfs = paper_frfs(noise, seed)
-        with contextlib.redirect_stdout(io.StringIO()):
-            model = ema.Model(
-                frf=frfs.values, freq=frfs.frequency_hz, lower=5, upper=1000, pol_order_high=60, frf_type="accelerance"
-            )
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            model = ema.Model(frf=frfs.values, freq=frfs.frequency_hz, lower=5, upper=1000, pol_order_high=60)
             model.get_poles(show_progress=False)
             model.select_closest_poles(list(PAPER_HZ))
         rows.append((model.nat_freq, model.nat_xi))

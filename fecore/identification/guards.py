@@ -25,6 +25,7 @@ _VAGUE_FREQUENCY = 0.03
 _VAGUE_DAMPING = 0.5
 _FEW_LINES = 2.0  # lines in the half-power bandwidth below which the damping is not resolved
 _COMPLEX = 0.8  # modal phase collinearity below which a mode is called complex
+_WEAK_PRICE = 10.0  # times the Bayesian price that a weak mode must be worth
 _WEAK = 0.5  # share of an FRF at its own frequency below which a mode is called weak
 _UNEXPLAINED = 4.0  # mean square of the residual over the noise, over five lines, that is worth telling
 _CLOSE = 1.5  # distance of two modes in their mean bandwidth from which their shapes mix little
@@ -64,7 +65,9 @@ def judge(arrangement: Arrangement, fit: Fit) -> Verdict:
             which = f"only {arrangement.label(seeing[0])} shows" if seeing else "no single FRF shows"
             reason = f"{which} it: a fault of that record rather than a mode of the structure"
         elif _rests_on_one_line(arrangement, fit, int(k)):
-            reason = "it rests on a single line: interference rather than a resonance"
+            reason = "it rests on one line and its neighbours: interference rather than a resonance"
+        elif significance[k] < _WEAK_PRICE and _largest_share(arrangement, fit, int(k)) < _WEAK:
+            reason = "it is weak in every FRF and hardly pays: more likely a misfit than a mode"
         if reason is None:
             kept.append(int(k))
         else:
@@ -133,13 +136,16 @@ def unexplained(arrangement: Arrangement, fit: Fit, rough: FloatArray) -> list[s
 
 
 def _rests_on_one_line(arrangement: Arrangement, fit: Fit, k: int) -> bool:
-    """True where the pole, narrower than the lines lie apart, does not pay without the line nearest to it."""
+    """True where the pole, narrower than the lines lie apart, does not pay without the three lines nearest to it.
+
+    A true resonance has tails that fall with the distance; a tone has what the window makes of it, three lines.
+    """
     f, zeta = float(fit.terms.frequency_hz[k]), float(fit.terms.damping_ratio[k])
     if 2 * zeta * f > arrangement.spacing_hz:
         return False
     nearest = int(np.argmin(np.abs(arrangement.frequency_hz - f)))
     variance = fit.variance.copy()
-    variance[:, nearest] *= 1e12
+    variance[:, max(0, nearest - 1) : nearest + 2] *= 1e12
     others = evaluate(arrangement, fit.terms, variance)
     return bool(worth(others)[0][k] < price(fit, 2, 2)[1])
 
@@ -157,7 +163,7 @@ def _driving_points(arrangement: Arrangement, fit: Fit, verdict: Verdict) -> lis
         if modal.size and np.sum(modal[modal < 0]) < -0.5 * np.sum(np.abs(modal)):
             notes.append(
                 f"driving point {arrangement.label(row)}: {int(np.sum(modal < 0))} of {modal.size} modes have a negative"
-                " modal mass there, so the sign of hammer or sensor is wrong (a hit along -Z entered as +Z?); all shapes of"
-                " this fixed dof are turned if it is the sensor, one entry if it is the hit"
+                " modal mass there, so the sign of hammer or sensor is wrong (a hit along -Z entered as +Z?); all shapes"
+                " of this fixed dof are turned if it is the sensor, one entry if it is the hit"
             )
     return notes

@@ -164,8 +164,9 @@ def _doubt_variance(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
         return arrangement, []
     worst = int(np.argmax(factor))
     note = (
-        f"{int(np.sum(factor > 1))} FRFs scatter more from line to line than the noise that coherence and averages state (most"
-        f" in {arrangement.label(worst)}: {np.sqrt(factor[worst]):.1f} times the noise); the stated noise was enlarged there"
+        f"{int(np.sum(factor > 1))} FRFs scatter more from line to line than the noise that coherence and averages"
+        f" state (most in {arrangement.label(worst)}: {np.sqrt(factor[worst]):.1f} times the noise); the stated noise was"
+        " enlarged there"
     )
     return replace(arrangement, variance=variance), [note]
 

@@ -104,8 +104,8 @@ def _notes_on_axes(sets: list[FrfSet]) -> list[str]:
 
 def _without_zeros(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     """Values that are exactly zero in a living FRF were not measured; say which lines are missing."""
-    zero: BoolArray = (np.abs(arrangement.values) == 0) & arrangement.measured
-    alive = (np.abs(arrangement.values) > 0).any(axis=1)
+    zero = np.asarray(arrangement.values == 0, dtype=bool) & arrangement.measured
+    alive: BoolArray = np.asarray(np.any(arrangement.values, axis=1), dtype=bool)
     marked = np.asarray(zero & alive[:, None], dtype=bool)
     measured = arrangement.measured & ~marked
     notes = []

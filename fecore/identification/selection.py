@@ -23,6 +23,7 @@ from fecore.identification.refinement import Fit, evaluate, noise_of, refine, re
 from fecore.identification.residues import weights
 
 _ROUNDS = 30
+_PATIENCE = 2  # rounds without a better Bayesian criterion before growing ends
 _SECOND_LOOK = 6  # rounds with the records' own noise: a misfit of another kind must not be chased for long
 _BATCH = 0.03  # candidates added in one round have at least this share of the round's largest gain
 _APART = 2.0  # ... and lie this many summed half bandwidths from each other
@@ -94,23 +95,23 @@ def _grow_all(
     variance: FloatArray | None,
 ) -> Fit:
     """Add terms, refine and prune until nothing pays; the noise is `variance`, or follows the residual where None."""
-    seen: set[tuple[int, ...]] = set()
+    best, best_score, idle = fit, np.inf, 0
     for _ in range(_ROUNDS if variance is None else _SECOND_LOOK):
         hz, zeta = (np.concatenate(both) for both in zip(pool, residual_peaks(arrangement, fit), strict=True))
         open_ = np.all([(hz < low) | (hz > high) for low, high in shut] or [np.ones(hz.size, dtype=bool)], axis=0)
         grown = _grow(arrangement, fit, hz[open_], zeta[open_], most)
         if grown is None:
-            return fit
+            break
         fit = refine(arrangement, grown, fit.variance, steps=8)
         held = hold_vague(fit, ~in_band(arrangement, fit.terms.frequency_hz))
         noise = noise_of(arrangement, fit) if variance is None else variance
         fit, closed = _unique(arrangement, _prune(arrangement, evaluate(arrangement, held, noise)))
         shut += closed
-        signature = (*fit.terms.exponents, *np.round(fit.terms.frequency_hz * 10).astype(int))
-        if signature in seen:
+        score = fit.misfit(arrangement.measured) + np.log(fit.freedom + fit.unknowns) * fit.unknowns
+        best, best_score, idle = (fit, score, 0) if score < best_score else (best, best_score, idle + 1)
+        if idle == _PATIENCE:
             break
-        seen.add(signature)
-    return fit
+    return best
 
 
 def residual_peaks(arrangement: Arrangement, fit: Fit) -> tuple[FloatArray, FloatArray]:
