@@ -12,7 +12,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import BoolArray, ComplexArray, FloatArray
 from fecore.errors import InputError
 
 Quantity = Literal["accelerance", "mobility", "receptance"]
@@ -22,7 +22,8 @@ _POWER_OF_I_OMEGA: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accel
 
 def convert(omega: FloatArray, quantity: Quantity) -> ComplexArray:
     """(L,) factor from receptance to another quantity: (iω)⁰, (iω)¹ or (iω)²."""
-    return (1j * omega) ** _POWER_OF_I_OMEGA[quantity]
+    factor: ComplexArray = (1j * omega) ** _POWER_OF_I_OMEGA[quantity]
+    return factor
 
 
 @dataclass(frozen=True, order=True)
@@ -94,6 +95,17 @@ class FrfSet:
         """(L,) circular frequency of the lines, rad/s."""
         return 2 * np.pi * self.frequency_hz
 
+    def without(self, low_hz: float, high_hz: float) -> FrfSet:
+        """The same FRFs but for the lines from `low_hz` to `high_hz`.
+
+        Raises:
+            InputError: no line is left.
+        """
+        keep = (self.frequency_hz < low_hz) | (self.frequency_hz > high_hz)
+        if not keep.any():
+            raise InputError("band_hz", f"{low_hz:g} to {high_hz:g} Hz are all the lines there are")
+        return self._lines(keep)
+
     def band(self, low_hz: float, high_hz: float) -> FrfSet:
         """The same FRFs on the lines from `low_hz` to `high_hz`, both included.
 
@@ -103,6 +115,9 @@ class FrfSet:
         keep = (self.frequency_hz >= low_hz) & (self.frequency_hz <= high_hz)
         if not keep.any():
             raise InputError("band_hz", f"no frequency line lies in {low_hz:g} to {high_hz:g} Hz")
+        return self._lines(keep)
+
+    def _lines(self, keep: BoolArray) -> FrfSet:
         return replace(
             self,
             frequency_hz=self.frequency_hz[keep],
@@ -170,7 +185,8 @@ class ModalFrfModel:
         denominator = self.eigenvalue[:, None] - omega**2 + 1j * omega * rate[:, None]
         power = np.vstack([np.ones_like(omega), omega**2 - self.shift])
         receptance = self.residues @ (1 / denominator) + self.residual @ power
-        return receptance * convert(omega, quantity)
+        converted: ComplexArray = receptance * convert(omega, quantity)
+        return converted
 
     def with_eigenvalue(self, eigenvalue: FloatArray) -> ModalFrfModel:
         """The same residues on other eigenvalues."""

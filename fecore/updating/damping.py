@@ -49,7 +49,7 @@ class DampingFit:
         deviation: (s,) ε_k of the shifted modes; zeros where the law was taken as exact.
         eigenvalue: (m,) eigenvalues as fitted, λ_k (1 + δ_k)².
         rate: (m,) damping rates as fitted, deviations included; law_rate: (m,) those of the law alone.
-        cost: misfit E of the data, weighted.
+        cost: misfit E of the data, weighted; objective: with the deviations' prior.
         noise_covariance: (p, p) covariance of the coefficients by measurement noise alone.
         response: (p, 2m) derivative of the estimate by the misfit's gradient in (λ, c): how a wrong model moves it.
         normal: normal equations at the estimate.
@@ -65,6 +65,7 @@ class DampingFit:
     rate: FloatArray
     law_rate: FloatArray
     cost: float
+    objective: float
     noise_covariance: FloatArray
     response: FloatArray
     normal: NormalEquations
@@ -313,6 +314,7 @@ class _Problem:
             rate=rate,
             law_rate=self.law_rate(x),
             cost=normal.cost,
+            objective=normal.cost + self.penalty(x),
             noise_covariance=covariance[: self.count, : self.count],
             response=(inverse @ T.T)[: self.count],
             normal=normal,

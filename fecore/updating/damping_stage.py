@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
-from fecore.damping import DampingLaw, ModalDamping, damping_ratio, fit_ratios
+from fecore.damping import DampingLaw, ModalDamping, fit_ratios
+from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, ModalFrfModel, convert
 from fecore.identification.noise import residual_variance
 from fecore.modes import MeasuredModes
@@ -24,6 +25,8 @@ LAW_DISCREPANCY = 0.002
 """The same for the estimate, as `elastic.THEORY_DISCREPANCY` is to `elastic.FREQUENCY_DISCREPANCY`."""
 
 _FIRST_RATIO = 0.02  # of modes whose damping was not measured
+_SAME_OPTIMUM = 1e-3  # relative distance of coefficients that counts as one point
+_SPREAD_OF_STARTS = 5.0
 
 
 @dataclass(frozen=True)
@@ -31,20 +34,41 @@ class DampingResult:
     """A damping law from FRFs, with its spread.
 
     Attributes:
-        fit: the fitted law.
+        fit: the fitted law, the best of all starts.
         start: (p,) coefficients that the measured damping ratios give: the model before stage 2.
+        starts: how many starts were tried.
+        optima: coefficients of every different point that the starts converged to, the best first.
         modal: the same data fitted with a ratio of its own for every measured mode.
         covariance: (p, p) with noise, stage 1's uncertainty and the law's discrepancy.
+        by_elastic: (p, q) derivative of the estimate by the elastic parameters.
         discrepancy: estimated relative deviation of a damping ratio from the law.
         misfit: what was minimised, with the noise variance that was used.
     """
 
     fit: DampingFit
     start: FloatArray
+    starts: int
+    optima: tuple[FloatArray, ...]
     modal: DampingFit
     covariance: FloatArray
+    by_elastic: FloatArray
     discrepancy: float
     misfit: FrfMisfit
+
+
+@dataclass(frozen=True)
+class MeasuredRatios:
+    """Damping ratios of the paired modes.
+
+    Attributes:
+        omega: (n,) circular frequencies, rad/s.
+        ratio: (n,) damping ratios.
+        relative_covariance: (n, n) covariance of their noise, relative.
+    """
+
+    omega: FloatArray
+    ratio: FloatArray
+    relative_covariance: FloatArray
 
 
 @dataclass(frozen=True)
@@ -61,71 +85,105 @@ class DampingStage:
         """The updated elastic model between the measured dofs."""
         return self.elastic.updated.frf_model(self.frfs.responses, self.frfs.references)
 
-    @property
+    @cached_property
     def shifted(self) -> IntArray:
         """Numbers, among all modes, of those that were measured: they carry a frequency shift."""
         rigid = self.elastic.updated.modes.rigid
         return np.array([rigid + column for _, column in self.elastic.pairing.pairs])
 
-    @property
+    @cached_property
     def shift(self) -> FloatArray:
         """(s,) first relative shifts: measured over model frequency."""
         pairs = self.elastic.pairing.pairs
         return np.array([self.modes.frequency_hz[i] / self.elastic.updated.frequency_hz[j] - 1 for i, j in pairs])
 
-    def start(self, law: DampingLaw) -> FloatArray:
-        """(p,) coefficients that come nearest to the measured damping ratios (2 % where none was measured)."""
-        ratio = np.nan_to_num(self.modes.damping_ratio, nan=_FIRST_RATIO)
-        ratio = np.where(ratio > 0, ratio, _FIRST_RATIO)
-        omega = 2 * np.pi * self.modes.frequency_hz
-        coefficients = fit_ratios(law, omega, ratio)
-        if np.all(law.basis(omega) @ coefficients > 0):
-            return coefficients
-        return fit_ratios(law, omega, np.full_like(ratio, float(np.median(ratio))))
+    @cached_property
+    def modal_law(self) -> ModalDamping:
+        """A damping ratio of its own for every shifted mode."""
+        return ModalDamping(tuple(np.sort(self.model.omega[self.shifted])))
 
-    def fit(self, law: DampingLaw, progress: Callable[[float], None] = lambda _: None) -> DampingResult:
-        """Fit a law and a modal reference, weighted by the noise of the FRFs.
-
-        Raises:
-            UpdatingError: no convergence.
-        """
-        start = self.start(law)
-        modal_law = ModalDamping(tuple(np.sort(self.model.omega[self.shifted])))
-        misfit = self._misfit(modal_law)
-        progress(0.4)
-        modal = fit_law(misfit, modal_law, self.start(modal_law), self.shifted, self.shift)
-        progress(0.6)
-        missed = self._missed_by(law, modal)
-        tight = discrepancy(missed, len(law.coefficient_names), LAW_DISCREPANCY)
-        spread = discrepancy(missed, len(law.coefficient_names), DAMPING_DISCREPANCY)
-        # Only with noise weights is the misfit a likelihood, which a prior on deviations can be added to.
-        fit = fit_law(misfit, law, start, self.shifted, self.shift, tight if self.weighting == "noise" else None)
-        progress(0.9)
-        covariance = fit.noise_covariance + self._law_spread(fit, spread) + self._elastic_spread(fit, misfit)
-        return DampingResult(fit, start, modal, covariance, spread, misfit)
-
-    def _missed_by(self, law: DampingLaw, modal: DampingFit) -> FloatArray:
-        """(s,) how far the law that comes nearest misses the ratios of a modal fit, as ln(law/modal)."""
-        omega = np.sqrt(modal.eigenvalue[self.shifted])
-        ratio = modal.rate[self.shifted] / (2 * omega)
-        if omega.size <= len(law.coefficient_names):
-            return np.zeros(omega.size)
-        near = fit_ratios(law, omega, ratio)
-        if np.any(law.basis(omega) @ near <= 0):
-            near = fit_ratios(law, omega, np.full(omega.size, np.median(ratio)))
-        missed: FloatArray = np.log(damping_ratio(law, near, omega) / ratio)
-        return missed
-
-    def _misfit(self, modal_law: ModalDamping) -> FrfMisfit:
+    @cached_property
+    def misfit(self) -> FrfMisfit:
         """The misfit with a noise variance: the measured one, or one from the residual of an unweighted modal fit."""
         if self.frfs.variance is not None:
             return FrfMisfit(self.frfs, self.model, self.weighting, self.frfs.variance)
         even = FrfMisfit(self.frfs, self.model, "linear", np.ones(self.frfs.values.shape))
-        first = fit_law(even, modal_law, self.start(modal_law), self.shifted, self.shift)
+        first = fit_law(even, self.modal_law, self.start(self.modal_law), self.shifted, self.shift)
         predicted = even.predict(first.eigenvalue, first.rate)
         measured = np.ones(predicted.shape, dtype=bool)
         variance = residual_variance(self.frfs.values - predicted, predicted, measured, 0)
         return FrfMisfit(self.frfs, self.model, self.weighting, variance)
+
+    @cached_property
+    def modal(self) -> DampingFit:
+        """The reference of every law: a ratio of its own for every measured mode."""
+        return fit_law(self.misfit, self.modal_law, self.start(self.modal_law), self.shifted, self.shift)
+
+    @cached_property
+    def ratios(self) -> MeasuredRatios:
+        """Damping ratios of the paired modes: as measured where they were, else from the modal fit."""
+        rows = [row for row, _ in self.elastic.pairing.pairs]
+        measured = self.modes.damping_ratio[rows]
+        if np.all(np.nan_to_num(measured) > 0):
+            covariance = np.zeros((len(rows), len(rows)))
+            if self.modes.covariance is not None:
+                places = len(self.modes) + np.array(rows)
+                covariance = self.modes.covariance[np.ix_(places, places)]
+            omega = 2 * np.pi * self.modes.frequency_hz[rows]
+            return MeasuredRatios(omega, measured, covariance / np.outer(measured, measured))
+        omega = np.sqrt(self.modal.eigenvalue[self.shifted])
+        ratio = self.modal.rate[self.shifted] / (2 * omega)
+        order = np.argsort(self.model.omega[self.shifted])  # the modal law's coefficients ascend with their knots
+        covariance = np.empty((len(rows), len(rows)))
+        covariance[np.ix_(order, order)] = self.modal.noise_covariance
+        return MeasuredRatios(omega, ratio, covariance / np.outer(ratio, ratio))
+
+    def start(self, law: DampingLaw) -> FloatArray:
+        """(p,) coefficients that come nearest to the measured damping ratios (2 % where none was measured)."""
+        ratio = np.nan_to_num(self.modes.damping_ratio, nan=_FIRST_RATIO)
+        return nearest_positive(law, 2 * np.pi * self.modes.frequency_hz, np.where(ratio > 0, ratio, _FIRST_RATIO))
+
+    def fit(self, law: DampingLaw, *, many_starts: bool, progress: Callable[[float], None]) -> DampingResult:
+        """Fit a law, from one start or from several that lie far apart.
+
+        Raises:
+            UpdatingError: no start converged.
+        """
+        start = self.start(law)
+        missed = np.log(law_ratio(law, self.ratios.omega, self.ratios.ratio) / self.ratios.ratio)
+        tight = discrepancy(missed, len(law.coefficient_names), LAW_DISCREPANCY)
+        spread = discrepancy(missed, len(law.coefficient_names), DAMPING_DISCREPANCY)
+        starts = self._starts(law, start) if many_starts else [start]
+        fits: list[DampingFit] = []
+        for done, first in enumerate(starts):
+            progress(done / len(starts))
+            fits += self._try(law, first, tight, last_hope=not fits and done == len(starts) - 1)
+        fits.sort(key=lambda fit: fit.objective)
+        best = fits[0]
+        by_elastic = self._by_elastic(best)
+        covariance = (
+            best.noise_covariance + self._law_spread(best, spread) + by_elastic @ self.elastic.covariance @ by_elastic.T
+        )
+        optima = _different([fit.coefficients for fit in fits])
+        return DampingResult(best, start, len(starts), optima, self.modal, covariance, by_elastic, spread, self.misfit)
+
+    def _starts(self, law: DampingLaw, start: FloatArray) -> list[FloatArray]:
+        """The measured ratios' law, it scaled up and down, and each coefficient alone."""
+        omega, ratio = self.ratios.omega, np.median(self.ratios.ratio)
+        basis = law.basis(omega)
+        alone = [np.median(2 * omega * ratio / basis[:, j]) * row for j, row in enumerate(np.eye(basis.shape[1]))]
+        allowed = [row for row in alone if np.all(np.isfinite(row)) and np.all(basis @ row > 0)]
+        return [start, start * _SPREAD_OF_STARTS, start / _SPREAD_OF_STARTS, *allowed]
+
+    def _try(self, law: DampingLaw, start: FloatArray, tight: float, *, last_hope: bool) -> list[DampingFit]:
+        # Only with noise weights is the misfit a likelihood, which a prior on deviations can be added to.
+        deviation = tight if self.weighting == "noise" else None
+        try:
+            return [fit_law(self.misfit, law, start, self.shifted, self.shift, deviation)]
+        except UpdatingError:
+            if last_hope:
+                raise
+            return []
 
     def _law_spread(self, fit: DampingFit, relative: float) -> FloatArray:
         """(p, p) covariance by each measured mode's ratio deviating from the law by its share."""
@@ -134,9 +192,9 @@ class DampingStage:
         spread: FloatArray = by_rate @ by_rate.T
         return spread
 
-    def _elastic_spread(self, fit: DampingFit, misfit: FrfMisfit) -> FloatArray:
-        """(p, p) covariance by stage 1: wrong constants move shapes and the modes that carry no shift."""
-        state = self.elastic.updated
+    def _by_elastic(self, fit: DampingFit) -> FloatArray:
+        """(p, q) derivative of the estimate by stage 1's: constants move shapes, and the modes that carry no shift."""
+        state, misfit = self.elastic.updated, self.misfit
         omega = self.frfs.omega
         denominator = fit.eigenvalue[:, None] - omega**2 + 1j * omega * fit.rate[:, None]
         by_residue = state.residue_jacobian(self.frfs.responses, self.frfs.references) @ (
@@ -147,6 +205,34 @@ class DampingStage:
         gradients = np.array([misfit.gradient(by, weight * change) for change in by_residue])
         by_eigenvalue = np.zeros_like(gradients)
         by_eigenvalue[:, : fit.eigenvalue.size] = state.eigenvalue_jacobian.T
-        moved = -(gradients + by_eigenvalue @ fit.normal.hessian) @ fit.response.T
-        spread: FloatArray = moved.T @ self.elastic.covariance @ moved
-        return spread
+        moved: FloatArray = -fit.response @ (gradients + by_eigenvalue @ fit.normal.hessian).T
+        return moved
+
+
+def law_ratio(law: DampingLaw, omega: FloatArray, ratio: FloatArray) -> FloatArray:
+    """(n,) ratios of the law that comes nearest to given ones."""
+    near: FloatArray = law.basis(omega) @ nearest_positive(law, omega, ratio) / (2 * omega)
+    return near
+
+
+def nearest_positive(law: DampingLaw, omega: FloatArray, ratio: FloatArray) -> FloatArray:
+    """Coefficients nearest to given ratios; where those would damp a mode negatively, nearest to their median."""
+    if omega.size < len(law.coefficient_names):
+        raise UpdatingError(
+            f"{omega.size} modes cannot fix the {len(law.coefficient_names)} coefficients of the {law.name} law",
+            best={},
+            history=(),
+        )
+    coefficients = fit_ratios(law, omega, ratio)
+    if np.all(law.basis(omega) @ coefficients > 0):
+        return coefficients
+    return fit_ratios(law, omega, np.full_like(ratio, float(np.median(ratio))))
+
+
+def _different(points: list[FloatArray]) -> tuple[FloatArray, ...]:
+    """Points that are further than round-off from all before them."""
+    kept: list[FloatArray] = []
+    for point in points:
+        if all(np.max(np.abs(point - other) / np.maximum(np.abs(other), 1e-300)) > _SAME_OPTIMUM for other in kept):
+            kept.append(point)
+    return tuple(kept)

@@ -13,11 +13,11 @@ class HoldOut:
     """What is kept from the fits and predicted afterwards.
 
     Attributes:
-        points: grid points whose FRFs are held out.
-        band_hz: lines that are held out, Hz.
+        points: grid points whose FRFs are held out; None holds out every eighth FRF, () none.
+        band_hz: lines that are held out, Hz; lines above the fitted band always are.
     """
 
-    points: tuple[int, ...] = ()
+    points: tuple[int, ...] | None = None
     band_hz: tuple[float, float] | None = None
 
 
@@ -27,7 +27,7 @@ class Recipe:
 
     Attributes:
         parameters: elastic parameters with their priors.
-        damping_models: names of the damping laws to fit; the first is reported as parameters.
+        damping_models: names of the damping laws to rank; the first is reported as parameters.
         weighting: residual of the damping update.
         band_hz: lines for the damping update; by default up to half-way past the highest measured mode.
         hold_out: data kept for validation.
@@ -35,7 +35,7 @@ class Recipe:
     """
 
     parameters: tuple[Parameter, ...] = DEFAULT_PARAMETERS
-    damping_models: tuple[str, ...] = ("rayleigh",)
+    damping_models: tuple[str, ...] = ("rayleigh", "caughey3", "caughey4", "modal")
     weighting: Weighting = "noise"
     band_hz: tuple[float, float] | None = None
     hold_out: HoldOut = field(default_factory=HoldOut)

@@ -7,25 +7,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray
-from fecore.correlation import csac, csf, frac, sac
 from fecore.damping import damping_rate
 from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic import ElasticResult
 from fecore.updating.forward import ForwardState
+from fecore.updating.ladder import Ladder, Rung
+from fecore.updating.measurement import Prepared
 from fecore.updating.parameters import CONSTANTS, UNITS
 from fecore.updating.posterior import interval_95
 from fecore.updating.result import (
     ConvergenceStep,
     Correlation,
     DampingModelFit,
-    FrfCorrelation,
+    HeldOut,
     ModeComparison,
     ParameterEstimate,
     Prediction,
     UpdateResult,
 )
+from fecore.updating.validation import Predictor, agreement
+
+_FEWEST_LINES = 10  # of a held-out band that is worth comparing
 
 
 @dataclass(frozen=True)
@@ -33,56 +37,65 @@ class Report:
     """Collects the stages' results.
 
     Attributes:
-        elastic, damping: the two stages.
-        modes: measured modes.
-        frfs: all usable FRFs; fitted: those used in the fits; held: those held out, or None.
+        elastic, damping, ladder: the stages.
+        data: the measurement as it was used.
         band: lines of stage 2, Hz.
+        held_band: lines that the recipe held out, or None.
     """
 
     elastic: ElasticResult
     damping: DampingResult
-    modes: MeasuredModes
-    frfs: FrfSet
-    fitted: FrfSet
-    held: FrfSet | None
+    ladder: Ladder
+    data: Prepared
     band: tuple[float, float]
+    held_band: tuple[float, float] | None
+
+    @property
+    def modes(self) -> MeasuredModes:
+        """The measured modes."""
+        return self.data.modes
 
     def result(self) -> UpdateResult:
         """The whole result."""
-        law = self.damping.fit.law
-        lines = 2 * self.fitted.band(*self.band).values.size
         names = self.elastic.updated.forward.parametrisation.names
+        law, frfs = self.damping.fit.law, self.data.frfs
         return UpdateResult(
             parameters=(*self._constants(), *self._coefficients()),
             modes=tuple(self._mode(row) for row in range(len(self.modes))),
             correlation=self._correlation(),
-            damping_models=(
-                DampingModelFit(
-                    law.name,
-                    dict(zip(law.coefficient_names, map(float, self.damping.fit.coefficients), strict=True)),
-                    2 * self.damping.fit.cost / lines,
-                    self.damping.fit.history,
-                ),
-            ),
+            damping_models=tuple(self._law(rung) for rung in self.ladder.rungs),
+            damping_starts=self.damping.starts,
+            damping_optima=tuple(_named(law.coefficient_names, point) for point in self.damping.optima),
+            damping_history=self.damping.fit.history,
             convergence=tuple(
-                ConvergenceStep(dict(zip(names, map(float, step.theta), strict=True)), step.frequency_hz, step.cost)
+                ConvergenceStep(_named(names, step.theta), step.frequency_hz, step.cost)
                 for step in self.elastic.history
             ),
-            null_directions=tuple(
-                dict(zip(names, map(float, direction), strict=True)) for direction in self.elastic.null_directions
-            ),
+            null_directions=tuple(_named(names, direction) for direction in self.elastic.null_directions),
             frequency_discrepancy=self.elastic.discrepancy,
             damping_discrepancy=self.damping.discrepancy,
             band_hz=self.band,
             prediction=Prediction(
-                self.frfs.frequency_hz,
-                self.frfs.responses,
-                self.frfs.references,
-                self.frfs.values,
-                self._initial(self.frfs),
-                self._updated(self.frfs),
+                frfs.frequency_hz,
+                frfs.responses,
+                frfs.references,
+                frfs.values,
+                self._initial(frfs),
+                self._updated(frfs),
             ),
-            warnings=(*self.elastic.warnings, *self._damping_warnings()),
+            identification=self.data.identification,
+            warnings=(*self.elastic.warnings, *self.ladder.sentences(), *self._optima_warnings()),
+        )
+
+    def _law(self, rung: Rung) -> DampingModelFit:
+        first = rung is self.ladder.rungs[0]
+        coefficients = self.damping.fit.coefficients if first else rung.coefficients
+        return DampingModelFit(
+            name=rung.law.name,
+            coefficients=_named(rung.law.coefficient_names, coefficients),
+            bic=rung.bic,
+            preferred=rung is self.ladder.preferred,
+            missed=rung.missed,
         )
 
     def _constants(self) -> list[ParameterEstimate]:
@@ -157,13 +170,33 @@ class Report:
         )
 
     def _correlation(self) -> Correlation:
-        inside = self.fitted.band(*self.band)
+        inside = self.data.fitted.band(*self.band)
         return Correlation(
-            initial=_agreement(inside.values, self._initial(inside)),
-            updated=_agreement(inside.values, self._updated(inside)),
-            held_out=None if self.held is None else _agreement(self.held.values, self._updated(self.held)),
+            initial=agreement(inside.values, self._initial(inside)),
+            updated=agreement(inside.values, self._updated(inside)),
+            held_out_frfs=self._held_out_frfs(),
+            held_out_band=self._held_out_band(),
             mac_matrix=self.elastic.pairing.mac,
         )
+
+    def _held_out_frfs(self) -> HeldOut | None:
+        if self.data.held is None:
+            return None
+        frfs = self.data.held.band(*self.band)
+        points = {dof.point for dof in (*frfs.responses, *frfs.references)}
+        fixed = {dof.point for dof in (*self.data.fitted.responses, *self.data.fitted.references)}
+        held = tuple(sorted(points - fixed)) or tuple(sorted(points))
+        return Predictor(self.elastic, self.damping).hold_against(frfs, held, self.band)
+
+    def _held_out_band(self) -> HeldOut | None:
+        """The recipe's band, or the lines above the fitted one."""
+        lines = self.data.fitted.frequency_hz
+        above = (float(np.nextafter(self.band[1], np.inf)), float(lines[-1]))
+        low, high = self.held_band or above
+        if np.sum((lines >= low) & (lines <= high)) < _FEWEST_LINES:
+            return None
+        frfs = self.data.fitted.band(low, high)
+        return Predictor(self.elastic, self.damping).hold_against(frfs, (), (low, high))
 
     def _initial(self, frfs: FrfSet) -> ComplexArray:
         """FRFs of the model before: nominal constants, damping that the measured ratios give."""
@@ -178,34 +211,22 @@ class Report:
         rate = damping_rate(self.damping.fit.law, coefficients, model.omega)
         return model.synthesise(frfs.frequency_hz, rate, frfs.quantity)
 
-    def _damping_warnings(self) -> list[str]:
-        law, own = self.damping.fit, self.damping.modal
-        numbers = [column + self.elastic.updated.modes.rigid for _, column in self.elastic.pairing.pairs]
-        ratio = law.law_rate[numbers] / np.sqrt(law.eigenvalue[numbers])
-        modal = own.rate[numbers] / np.sqrt(own.eigenvalue[numbers])
-        missed = [
-            f"mode {row + 1} by {100 * (ratio[i] / modal[i] - 1):+.0f} %"
-            for i, (row, _) in enumerate(self.elastic.pairing.pairs)
-            if abs(ratio[i] / modal[i] - 1) > _ADEQUATE
-        ]
-        if not missed:
+    def _optima_warnings(self) -> list[str]:
+        if len(self.damping.optima) == 1:
             return []
-        return [f"the {law.law.name} law does not describe this damping: it misses {', '.join(missed)}"]
+        law = self.damping.fit.law
+        points = [
+            ", ".join(f"{name} = {value:.4g}" for name, value in _named(law.coefficient_names, point).items())
+            for point in self.damping.optima
+        ]
+        return [f"the {law.name} fit has {len(points)} optima, of which the first is reported: {'; '.join(points)}"]
 
 
-_ADEQUATE = 0.1  # relative miss of a damping ratio above which a law is called inadequate
+def _named(names: tuple[str, ...], values: FloatArray) -> dict[str, float]:
+    return dict(zip(names, map(float, values), strict=True))
 
 
 def _spread(by: FloatArray, covariance: FloatArray) -> FloatArray:
     """(n,) standard deviations of by·θ."""
     variance: FloatArray = np.einsum("ip,pq,iq->i", by, covariance, by)
     return np.sqrt(np.maximum(variance, 0))
-
-
-def _agreement(measured: ComplexArray, predicted: ComplexArray) -> FrfCorrelation:
-    return FrfCorrelation(
-        sac=sac(measured, predicted),
-        frac=frac(measured, predicted),
-        csac=csac(measured, predicted),
-        csf=csf(measured, predicted),
-    )

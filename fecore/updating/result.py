@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import Dof
+from fecore.identification import Identification
 
 
 @dataclass(frozen=True)
@@ -60,29 +61,56 @@ class FrfCorrelation:
 
 
 @dataclass(frozen=True)
+class HeldOut:
+    """Validation on data that no fit has seen.
+
+    Attributes:
+        points: points of held-out FRFs; empty for a held-out band of the fitted FRFs.
+        band_hz: lines compared, Hz.
+        agreement: measured against predicted.
+        coverage_95: share of real and imaginary parts that lie in their 95 % prediction intervals.
+    """
+
+    points: tuple[int, ...]
+    band_hz: tuple[float, float]
+    agreement: FrfCorrelation
+    coverage_95: float
+
+
+@dataclass(frozen=True)
 class Correlation:
     """Agreement before and after.
 
     Attributes:
         initial, updated: over the fitted FRFs and band; the initial model has the damping that the measured ratios give.
-        held_out: over what the recipe kept from the fit, or None.
+        held_out_frfs: over FRFs kept from the fit, or None; held_out_band: over lines kept from it, or None.
         mac_matrix: (measured, model) MAC of the updated model, or None without shapes.
     """
 
     initial: FrfCorrelation
     updated: FrfCorrelation
-    held_out: FrfCorrelation | None
+    held_out_frfs: HeldOut | None
+    held_out_band: HeldOut | None
     mac_matrix: FloatArray | None
 
 
 @dataclass(frozen=True)
 class DampingModelFit:
-    """One fitted damping law: its coefficients by name, and the misfit in noise variances a real residual."""
+    """One law of the ladder.
+
+    Attributes:
+        name: of the law.
+        coefficients: by name, SI: the first law's from the FRFs, the others' from the modal damping ratios.
+        bic: Bayesian information criterion on the damping ratios; infinite where the law cannot be had.
+        preferred: whether it has the least of all.
+        missed: (n,) relative miss of each paired mode's ratio.
+    """
 
     name: str
     coefficients: dict[str, float]
-    misfit: float
-    history: FloatArray
+    bic: float
+    preferred: bool
+    missed: FloatArray
 
 
 @dataclass(frozen=True)
@@ -114,10 +142,14 @@ class UpdateResult:
     modes: tuple[ModeComparison, ...]
     correlation: Correlation
     damping_models: tuple[DampingModelFit, ...]
+    damping_starts: int
+    damping_optima: tuple[dict[str, float], ...]
+    damping_history: FloatArray
     convergence: tuple[ConvergenceStep, ...]
     null_directions: tuple[dict[str, float], ...]
     frequency_discrepancy: float
     damping_discrepancy: float
     band_hz: tuple[float, float]
     prediction: Prediction
+    identification: Identification | None
     warnings: tuple[str, ...]

@@ -1,0 +1,162 @@
+"""What was measured, made ready for updating: usable FRFs, what is held out of them, modes with shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fecore.correlation import pair_modes
+from fecore.errors import IdentificationError, InputError
+from fecore.frf import Dof, FrfSet
+from fecore.identification import Identification, identify, shapes_at_poles
+from fecore.modes import MeasuredModes
+from fecore.updating.forward import OUT_OF_PLANE
+from fecore.updating.recipe import HoldOut
+
+_SAME_POLE = 1.05  # ratio of frequencies within which a typed mode and an identified one are the same
+_HELD_OUT_OF = 8  # every eighth FRF is held out unless the recipe says otherwise
+_FEWEST_TO_HOLD_OUT = 16
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What was measured on a specimen.
+
+    Attributes:
+        frfs: FRFs in SI.
+        points: coordinates (x, y, z) in m of each grid point, in the specimen's frame.
+        modes: measured modes; None to identify them from the FRFs. Shapes are found from the FRFs where they have none.
+    """
+
+    frfs: FrfSet
+    points: Mapping[int, tuple[float, float, float]]
+    modes: MeasuredModes | None = None
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A measurement ready for updating.
+
+    Attributes:
+        frfs: all usable FRFs.
+        fitted: those that the fits see.
+        held: those that are held out, or None.
+        modes: measured modes, with shapes along +z where the data give them.
+        identification: how the modes were found; None where they were handed in.
+        warnings: what a user must know.
+    """
+
+    frfs: FrfSet
+    fitted: FrfSet
+    held: FrfSet | None
+    modes: MeasuredModes
+    identification: Identification | None
+    warnings: tuple[str, ...]
+
+
+def prepare(measurement: Measurement, hold_out: HoldOut) -> Prepared:
+    """Choose FRFs and find modes.
+
+    Raises:
+        InputError: no FRF can be used, a point has no coordinates, or the hold-out leaves nothing.
+        IdentificationError: no modes were handed in and the FRFs support none.
+    """
+    frfs, warnings = _out_of_plane(measurement)
+    fitted, held = _split(frfs, hold_out)
+    if measurement.modes is None:
+        found = identify(fitted)
+        return Prepared(frfs, fitted, held, found.modes, found, (*warnings, *found.warnings))
+    modes, more = _with_shapes(fitted, measurement.modes)
+    return Prepared(frfs, fitted, held, modes, None, (*warnings, *more))
+
+
+def _out_of_plane(measurement: Measurement) -> tuple[FrfSet, tuple[str, ...]]:
+    """The FRFs between ±z directions of known points, without a line at 0 Hz; what was left out, in words."""
+    frfs = measurement.frfs
+    pairs = list(zip(frfs.responses, frfs.references, strict=True))
+    flat = [i for i, pair in enumerate(pairs) if all(dof.axis == OUT_OF_PLANE for dof in pair)]
+    missing = sorted({dof.point for i in flat for dof in pairs[i]} - set(measurement.points))
+    if missing:
+        raise InputError("grid_points", f"points {', '.join(map(str, missing))} have FRFs but no coordinates; add them")
+    if not flat:
+        raise InputError("frfs", "none is out of plane (±Z to ±Z), which is what the bending model predicts")
+    left = len(pairs) - len(flat)
+    warnings = (f"{left} FRFs are not out of plane (±Z to ±Z) and were left out",) if left else ()
+    chosen = frfs.select(flat)
+    if chosen.frequency_hz[0] == 0:
+        chosen = chosen.band(float(np.nextafter(0, 1)), float(chosen.frequency_hz[-1]))
+    return chosen, warnings
+
+
+def _split(frfs: FrfSet, hold_out: HoldOut) -> tuple[FrfSet, FrfSet | None]:
+    """FRFs to fit, and those held out: of the recipe's points, or every eighth where it names none."""
+    roving = _roving_points(frfs)
+    if hold_out.points is None:
+        many = len(roving) >= _FEWEST_TO_HOLD_OUT
+        held = [i for i in range(_HELD_OUT_OF // 2, len(roving), _HELD_OUT_OF) if many and not _is_driving(frfs, i)]
+    else:
+        points = set(hold_out.points)
+        unknown = points - set().union(*roving)
+        if unknown:
+            raise InputError("hold_out.points", f"{sorted(unknown)} have no FRF of their own in this campaign")
+        held = [i for i, places in enumerate(roving) if places & points]
+    kept = [i for i in range(len(roving)) if i not in set(held)]
+    if not kept:
+        raise InputError("hold_out.points", "holds out every FRF, so nothing is left to fit")
+    return frfs.select(kept), frfs.select(held) if held else None
+
+
+def _roving_points(frfs: FrfSet) -> list[set[int]]:
+    """The points that tell one FRF from another: a fixed dof belongs to every FRF, so holding it out means its own."""
+    fixed = {dofs[0].point for dofs in (frfs.responses, frfs.references) if len(set(dofs)) == 1}
+    pairs = zip(frfs.responses, frfs.references, strict=True)
+    return [{dof.point for dof in pair} - fixed or {pair[0].point} for pair in pairs]
+
+
+def _is_driving(frfs: FrfSet, row: int) -> bool:
+    return frfs.responses[row].point == frfs.references[row].point
+
+
+def _with_shapes(frfs: FrfSet, modes: MeasuredModes) -> tuple[MeasuredModes, tuple[str, ...]]:
+    """Modes that were handed in, with shapes: their own, or those that the FRFs have at their poles.
+
+    Modes that the FRFs hold but that were not typed in take part in that fit, so that they do not bend the shapes.
+    """
+    if modes.shapes is not None:
+        return _out_of_plane_shapes(frfs, modes)
+    try:
+        others = identify(frfs).modes
+    except IdentificationError:
+        others = None
+    frequency, ratio = modes.frequency_hz, modes.damping_ratio
+    if others is not None:
+        pairs = pair_modes(None, None, frequency, others.frequency_hz, maximum_frequency_ratio=_SAME_POLE).pairs
+        ratio = ratio.copy()
+        for mine, theirs in pairs:
+            if not ratio[mine] > 0:
+                ratio[mine] = others.damping_ratio[theirs]
+        alone = [k for k in range(len(others)) if k not in {theirs for _, theirs in pairs}]
+        frequency = np.concatenate([frequency, others.frequency_hz[alone]])
+        ratio = np.concatenate([ratio, others.damping_ratio[alone]])
+    if not np.all(ratio > 0):
+        return modes, ("modes were paired by frequency: without damping ratios their shapes cannot be found from FRFs",)
+    order = np.argsort(frequency, kind="stable")
+    found, _ = shapes_at_poles(frfs, frequency[order], ratio[order])
+    if found.shapes is None:
+        return modes, ()
+    places = np.argsort(order, kind="stable")[: len(modes)]
+    return replace(modes, shapes=found.shapes[places], dofs=found.dofs), ()
+
+
+def _out_of_plane_shapes(frfs: FrfSet, modes: MeasuredModes) -> tuple[MeasuredModes, tuple[str, ...]]:
+    """The modes with their shapes along +z at points that have FRFs; without such dofs the shapes are of no use."""
+    points = {dof.point for dof in (*frfs.responses, *frfs.references)}
+    columns = [i for i, dof in enumerate(modes.dofs) if dof.axis == OUT_OF_PLANE and dof.point in points]
+    if not columns or modes.shapes is None:
+        warning = "modes were paired by frequency: their shapes have no out-of-plane value at a point with FRFs"
+        return replace(modes, shapes=None, dofs=()), (warning,)
+    sign = np.array([modes.dofs[i].sign for i in columns])
+    dofs = tuple(Dof(modes.dofs[i].point, OUT_OF_PLANE) for i in columns)
+    return replace(modes, shapes=modes.shapes[:, columns] * sign, dofs=dofs), ()

@@ -1,0 +1,120 @@
+"""Validation on what the fits did not see: predicted FRFs with intervals, and how many measured values lie in them.
+
+A prediction is uncertain by the elastic constants θ, the law's coefficients a (which follow θ: ∂a/∂θ is known from stage 2),
+by each mode's own deviation from the model in frequency and in damping, and by the noise of the new measurement. All of it
+is carried through the derivatives of the FRF, for real and imaginary parts apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.arrays import ComplexArray, FloatArray
+from fecore.correlation import csac, csf, frac, sac
+from fecore.frf import FrfSet, ModalFrfModel, convert
+from fecore.updating.damping_stage import DampingResult
+from fecore.updating.elastic import ElasticResult
+from fecore.updating.result import FrfCorrelation, HeldOut
+
+_REACH = 1.959963984540054  # of the central 95 % of a Gaussian, in standard deviations
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """The updated model with its uncertainty."""
+
+    elastic: ElasticResult
+    damping: DampingResult
+
+    def predict(self, frfs: FrfSet) -> tuple[ComplexArray, FloatArray]:
+        """(N, L) predicted FRFs, and (2, N, L) variances of their real and imaginary parts, noise not included."""
+        model = self.elastic.updated.frf_model(frfs.responses, frfs.references)
+        rate = self.damping.fit.law.basis(model.omega) @ self.damping.fit.coefficients
+        predicted = model.synthesise(frfs.frequency_hz, rate, frfs.quantity)
+        changes = self._changes(frfs, model, rate)
+        variance = np.stack([np.sum(part**2, axis=0) for part in (changes.real, changes.imag)])
+        return predicted, variance
+
+    def _changes(self, frfs: FrfSet, model: ModalFrfModel, rate: FloatArray) -> ComplexArray:
+        """(q, N, L) change of the FRFs by one standard deviation of each of q independent causes."""
+        omega, state = frfs.omega, self.elastic.updated
+        factor = convert(omega, frfs.quantity)
+        flexibility = 1 / (model.eigenvalue[:, None] - omega**2 + 1j * omega * rate[:, None])
+        by_eigenvalue = -factor * flexibility**2
+        by_rate = 1j * omega * by_eigenvalue
+        A = model.residues
+        basis = self.damping.fit.law.basis(model.omega)
+        by_theta = state.residue_jacobian(frfs.responses, frfs.references) @ (factor * flexibility)
+        by_theta = by_theta + np.einsum("nk,kp,kl->pnl", A, state.eigenvalue_jacobian, by_eigenvalue, optimize=True)
+        by_law = np.einsum("nk,kp,kl->pnl", A, basis, by_rate, optimize=True)
+        by_both = np.concatenate([by_theta, by_law])
+        joint = np.einsum("pq,pnl->qnl", _root(self._covariance()), by_both, optimize=True)
+        shifted = self.damping.fit.shifted
+        own = A[:, shifted].T[:, :, None]
+        by_shift = (
+            own
+            * (2 * model.eigenvalue[shifted] * self.elastic.discrepancy)[:, None, None]
+            * by_eigenvalue[shifted, None]
+        )
+        by_deviation = own * (rate[shifted] * self.damping.discrepancy)[:, None, None] * by_rate[shifted, None]
+        return np.concatenate([joint, by_shift, by_deviation])
+
+    def _covariance(self) -> FloatArray:
+        """(q+p, q+p) joint covariance of θ and a: a = â + (∂a/∂θ)(θ - θ̂) + its own noise."""
+        by = np.vstack([np.eye(self.elastic.theta.size), self.damping.by_elastic])
+        joint: FloatArray = by @ self.elastic.covariance @ by.T
+        q = self.elastic.theta.size
+        joint[q:, q:] += self.damping.fit.noise_covariance
+        return joint
+
+    def hold_against(self, frfs: FrfSet, points: tuple[int, ...], band_hz: tuple[float, float]) -> HeldOut:
+        """Compare held-out FRFs with their prediction; the noise level is that of the fitted data."""
+        predicted, variance = self.predict(frfs)
+        noise = frfs.variance if frfs.variance is not None else self._noise(predicted)
+        error = frfs.values - predicted
+        inside = [
+            np.abs(part) <= _REACH * np.sqrt(spread + noise / 2)
+            for part, spread in zip((error.real, error.imag), variance, strict=True)
+        ]
+        return HeldOut(
+            points=points,
+            band_hz=band_hz,
+            agreement=agreement(frfs.values, predicted),
+            coverage_95=float(np.mean(inside)),
+        )
+
+    def _noise(self, predicted: ComplexArray) -> FloatArray:
+        """(N, L) noise variance of unseen FRFs: the fitted ones' v = a² + b²|H|², with the median a² and b²."""
+        seen = self.damping.misfit
+        level = np.abs(seen.predict(self.damping.modal.eigenvalue, self.damping.modal.rate)) ** 2
+        pairs = np.array([_line(row, floor) for row, floor in zip(level, seen.variance, strict=True)])
+        slope, constant = np.median(pairs, axis=0)
+        variance: FloatArray = constant + slope * np.abs(predicted) ** 2
+        return variance
+
+
+def agreement(measured: ComplexArray, predicted: ComplexArray) -> FrfCorrelation:
+    """SAC, FRAC, CSAC and CSF of some FRFs."""
+    return FrfCorrelation(
+        sac=sac(measured, predicted),
+        frac=frac(measured, predicted),
+        csac=csac(measured, predicted),
+        csf=csf(measured, predicted),
+    )
+
+
+def _line(level: FloatArray, variance: FloatArray) -> FloatArray:
+    """Slope and constant of v = a² + b² level, neither below zero."""
+    slope = float(np.polyfit(level, variance, 1)[0]) if np.ptp(level) > 0 else 0.0
+    slope = max(slope, 0.0)
+    return np.array([slope, max(float(np.mean(variance - slope * level)), float(variance.min()))])
+
+
+def _root(covariance: FloatArray) -> FloatArray:
+    """R with RRᵀ = covariance, which may be singular; scaled first, as SI units spread over fifteen decades."""
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    value, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root: FloatArray = scale[:, None] * vectors * np.sqrt(np.maximum(value, 0))
+    return root
