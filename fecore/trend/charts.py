@@ -53,7 +53,7 @@ class Chart:
     """
 
     kind: Kind = "ewma"
-    weight: float = 0.2
+    weight: float = 0.3
     reference: float = 0.5
     jump_share: float = 0.5
 

@@ -1,0 +1,178 @@
+"""Batches: statistics of specimens (ASTM D3039, section 13), and what they say as a prior of an elastic constant.
+
+    x̄ = Σ x_i / n,   s = √(Σ (x_i − x̄)² / (n − 1)),   CV = 100 s / |x̄|
+
+As a prior the batch stands for one more piece of the same material, the structure: its constant is spread about x̄ like
+another specimen. With n specimens that is a t distribution with n − 1 degrees of freedom and scale s √(1 + 1/n); the
+prior is the normal distribution with the same 95 % interval, so its standard deviation is
+
+    s √(1 + 1/n) · t_{0.975, n−1} / 1.960
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import stats
+
+from fecore.coupons.failure import check_failure_code, failed_at_grip
+from fecore.errors import InputError
+
+FEWEST_SPECIMENS = 5
+"""D3039, 8.1: at least five specimens per condition."""
+
+ASSUMED_CV = 0.30
+"""Scatter of a constant of which only one value is known, as a share of it: the same as of a handbook value."""
+
+
+@dataclass(frozen=True)
+class Specimen:
+    """Reduced results of a specimen.
+
+    Attributes:
+        name: unique in its batch.
+        values: by property, SI; a property that was not measured is left out.
+        failure_code: of D3039, or None.
+        exclusion_reason: why it does not count; None where it counts. It is kept either way.
+    """
+
+    name: str
+    values: Mapping[str, float] = field(default_factory=dict)
+    failure_code: str | None = None
+    exclusion_reason: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.failure_code is not None:
+            check_failure_code(self.failure_code)
+        if self.exclusion_reason is not None and not self.exclusion_reason.strip():
+            raise InputError("exclusion_reason", f"specimen {self.name} is excluded without a reason")
+        for name, value in self.values.items():
+            if not np.isfinite(value):
+                raise InputError(f"values.{name}", f"of specimen {self.name} is not a number; leave it out")
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Mean and scatter of a property.
+
+    Attributes:
+        n: number of values; None where a published mean does not say.
+        mean: x̄.
+        standard_deviation: s, with n − 1; None below two values.
+    """
+
+    n: int | None
+    mean: float
+    standard_deviation: float | None
+
+    @property
+    def cv_percent(self) -> float | None:
+        """Coefficient of variation; None where s is not known or the mean is 0."""
+        if self.standard_deviation is None or self.mean == 0:
+            return None
+        return 100 * self.standard_deviation / abs(self.mean)
+
+
+@dataclass(frozen=True)
+class BatchSummary:
+    """A batch in numbers.
+
+    Attributes:
+        properties: statistics of each property over the specimens that count.
+        excluded: (name, reason) of those that do not.
+        warnings: fewer than five specimens, failures at the grips.
+    """
+
+    properties: Mapping[str, Statistics]
+    excluded: tuple[tuple[str, str], ...]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Prior:
+    """A constant before an update.
+
+    Attributes:
+        mean: x̄.
+        standard_deviation: of the structure's constant.
+        between_specimens: s, None where it is assumed.
+        basis: in words, for the report.
+    """
+
+    mean: float
+    standard_deviation: float
+    between_specimens: float | None
+    basis: str
+
+
+def statistics(values: Sequence[float]) -> Statistics:
+    """Statistics of at least one value.
+
+    Raises:
+        InputError: there is none.
+    """
+    x = np.asarray(values, float)
+    if x.size == 0:
+        raise InputError("values", "is empty, expected at least one specimen")
+    return Statistics(x.size, float(x.mean()), float(x.std(ddof=1)) if x.size > 1 else None)
+
+
+def summarise(specimens: Sequence[Specimen]) -> BatchSummary:
+    """Summary of a batch.
+
+    Raises:
+        InputError: two specimens of one name, or none that counts.
+    """
+    names = [s.name for s in specimens]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError("specimens", f"{', '.join(twice)} is in the batch twice; every specimen has a name of its own")
+    counted = [s for s in specimens if s.exclusion_reason is None]
+    if not counted:
+        raise InputError("specimens", f"none of {len(specimens)} counts")
+    properties = {
+        name: statistics([s.values[name] for s in counted if name in s.values])
+        for name in dict.fromkeys(name for s in counted for name in s.values)
+    }
+    warnings = [
+        f"{name}: {found.n} valid specimens; D3039 asks for at least {FEWEST_SPECIMENS}"
+        for name, found in properties.items()
+        if found.n is not None and found.n < FEWEST_SPECIMENS
+    ]
+    coded = [s.failure_code for s in counted if s.failure_code is not None]
+    at_grip = sum(failed_at_grip(code) for code in coded)
+    if coded and 2 * at_grip > len(coded):
+        warnings.append(f"{at_grip} of {len(coded)} failed in or next to the grips: see how force enters the specimens")
+    excluded = tuple((s.name, s.exclusion_reason) for s in specimens if s.exclusion_reason is not None)
+    return BatchSummary(properties, excluded, tuple(warnings))
+
+
+def prior(found: Statistics, assumed_cv: float = ASSUMED_CV) -> Prior:
+    """Prior of a constant from its batch, or from a published mean.
+
+    A published mean without a scatter, or a single specimen, says nothing about how far the structure may be from it; the
+    scatter is then assumed, and the basis says so.
+
+    Raises:
+        InputError: an assumed scatter that is not positive, or a mean of 0 with an assumed scatter.
+    """
+    if not assumed_cv > 0:
+        raise InputError("assumed_cv", f"is {assumed_cv}, expected a positive share such as 0.3")
+    n, s = found.n, found.standard_deviation
+    if s is None:
+        if found.mean == 0:
+            raise InputError("mean", "is 0, so a relative scatter means nothing; state the standard deviation")
+        many = "one value" if n in (None, 1) else f"a mean of {n} specimens"
+        return Prior(
+            found.mean, assumed_cv * abs(found.mean), None, f"{many} without a scatter; {100 * assumed_cv:g} % assumed"
+        )
+    if s <= 0:
+        raise InputError("standard_deviation", "is 0; specimens that agree to the last digit were not measured")
+    if n is None:
+        return Prior(found.mean, s, s, "published mean and standard deviation, number of specimens not known")
+    if n < 2:
+        raise InputError("n", f"is {n}, but a scatter needs at least two specimens")
+    widening = float(np.sqrt(1 + 1 / n) * stats.t.ppf(0.975, n - 1) / stats.norm.ppf(0.975))
+    return Prior(found.mean, s * widening, s, f"{n} specimens; their scatter times {widening:.3f} for one more piece")

@@ -1,0 +1,146 @@
+"""ASTM D3039: tensile properties of one specimen from its raw curve and its dimension readings.
+
+    A = w̄ t̄                     area, from the mean width and the mean thickness readings
+    F = P_max / A                strength;  ε_u = ε at P_max, ultimate strain
+    E = Δσ / Δε                  chord modulus, 1000–3000 µε; 25–50 % of ε_u where the specimen fails below 6000 µε
+    ν = −Δε_t / Δε               over the same range
+    B = 100 |ε_f − ε_b| / |ε_f + ε_b|   percent bending of two gauged faces, at the middle of the chord range
+
+The standard takes the area as the mean of w t at three places; the product of the means differs from it by the covariance of
+width and thickness, below 0.01 % for readings that vary by 1 %.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.coupons.curves import Chord, Curve, Ends, chord, mean_dimension, single_run
+from fecore.coupons.transition import transition_strain
+from fecore.errors import InputError
+
+CHORD_RANGE = (1000e-6, 3000e-6)
+"""m/m; within the lower half of the curve of a specimen that reaches 6000 µε."""
+
+SHORT_RANGE = (0.25, 0.50)
+"""Share of the ultimate strain, for a specimen that fails below `LOW_ULTIMATE`."""
+
+LOW_ULTIMATE = 6000e-6
+"""m/m."""
+
+MOST_BENDING_PERCENT = 5.0
+"""Bending above which the standard sees poor alignment (3 to 5 %)."""
+
+
+@dataclass(frozen=True)
+class TensileResult:
+    """What D3039 reports of a specimen, SI.
+
+    Attributes:
+        width_m, thickness_m, area_m2: means of the readings, and their product.
+        maximum_force_n, strength_pa: P_max and F.
+        ultimate_strain: m/m; None where the gauge was lost before the maximum force.
+        modulus_pa: chord modulus E; None without a strain.
+        chord_range: strains that were used, m/m.
+        poisson_ratio: None without a transverse strain.
+        transition_strain: None where the curve has no knee.
+        bending_percent: None where one face is gauged.
+        warnings: what a reader of the report must know.
+    """
+
+    width_m: float
+    thickness_m: float
+    area_m2: float
+    maximum_force_n: float
+    strength_pa: float
+    ultimate_strain: float | None
+    modulus_pa: float
+    chord_range: tuple[float, float]
+    poisson_ratio: float | None
+    transition_strain: float | None
+    bending_percent: float | None
+    warnings: tuple[str, ...]
+
+
+def reduce(
+    curve: Curve,
+    width_m: Sequence[float],
+    thickness_m: Sequence[float],
+    chord_range: tuple[float, float] | None = None,
+    ends: Ends = "nearest",
+) -> TensileResult:
+    """Reduce one specimen.
+
+    Args:
+        curve: a single run.
+        width_m: readings along the gauge section, m; three by the standard.
+        thickness_m: the same for the thickness.
+        chord_range: strains between which the modulus is taken, where neither of the standard's ranges suits.
+        ends: `nearest` measured points, as the standard says, or `interpolated`.
+
+    Raises:
+        InputError: readings, a curve or a range that cannot be reduced; says which and where.
+    """
+    width, thickness = mean_dimension("width_m", width_m), mean_dimension("thickness_m", thickness_m)
+    area = width * thickness
+    run = single_run(curve)
+    strain, stress = run.mean_strain, run.force_n / area
+    force = float(run.force_n.max())
+    ultimate = float(strain[-1]) if np.isfinite(strain[-1]) else None
+    warnings: list[str] = []
+    start, stop = chord_range or _standard_range(strain, run.force_n, ultimate, warnings)
+    if not 0 <= start < stop:
+        raise InputError("chord_range", f"is {start} to {stop}, expected two rising strains, m/m")
+    line = chord(strain, start, stop, ends)
+    modulus = line.slope(stress)
+    if modulus <= 0:
+        raise InputError("curve", "the force falls over the chord range; are force and strain of one test?")
+    bending = _bending_percent(run, line)
+    if bending is not None and bending > MOST_BENDING_PERCENT:
+        warnings.append(f"{bending:.1f} % bending, more than {MOST_BENDING_PERCENT:.0f} %: see to the alignment")
+    return TensileResult(
+        width, thickness, area, force, force / area, ultimate, modulus, (line.start, line.stop),
+        _poisson_ratio(run, line), transition_strain(strain, stress), bending, tuple(warnings),
+    )  # fmt: skip
+
+
+def _standard_range(
+    strain: FloatArray, force: FloatArray, ultimate: float | None, warnings: list[str]
+) -> tuple[float, float]:
+    """The standard's range for this specimen, by its ultimate strain, or by an estimate where the gauge was lost."""
+    if ultimate is None:
+        last = int(np.flatnonzero(np.isfinite(strain))[-1])
+        reached = float(strain[last] * force.max() / force[last])
+        warnings.append(
+            f"the strain ends at {strain[last] * 1e6:.0f} µε before the maximum force; no ultimate strain "
+            f"(about {reached * 1e6:.0f} µε in proportion to the force)"
+        )
+    else:
+        reached = ultimate
+    if reached >= LOW_ULTIMATE:
+        return CHORD_RANGE
+    if ultimate is None:
+        raise InputError("strain", "was lost too early to tell the chord range; state chord_range")
+    warnings.append(f"failed at {ultimate * 1e6:.0f} µε, below 6000: the chord is from 25 to 50 % of it")
+    return SHORT_RANGE[0] * ultimate, SHORT_RANGE[1] * ultimate
+
+
+def _poisson_ratio(run: Curve, line: Chord) -> float | None:
+    if run.transverse_strain is None:
+        return None
+    ratio = -line.slope(run.transverse_strain)
+    if not np.isfinite(ratio):
+        raise InputError("transverse_strain", "was lost within the chord range")
+    return ratio
+
+
+def _bending_percent(run: Curve, line: Chord) -> float | None:
+    if run.strain_back is None:
+        return None
+    middle = (line.start + line.stop) / 2
+    at = int(np.nanargmin(np.abs(run.mean_strain - middle)))
+    front, back = float(run.strain[at]), float(run.strain_back[at])
+    return 100 * abs(front - back) / abs(front + back)

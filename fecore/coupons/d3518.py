@@ -1,0 +1,126 @@
+"""ASTM D3518: in-plane shear response from a tensile test of a ±45° laminate.
+
+τ = P / 2A,  γ = ε_x − ε_y
+G = Δτ / Δγ                  over 4000 ± 200 µε, starting between 1500 and 2500 µε
+offset strength              where the line τ = G (γ − 0.2 %) meets the curve
+τ_max                        the largest τ at or below γ = 5 %; beyond it fibres have turned too far
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.coupons.curves import Curve, Ends, chord, mean_dimension, single_run
+from fecore.errors import InputError
+
+START_RANGE = (1500e-6, 2500e-6)
+"""γ at which the chord may start."""
+
+CHORD_LENGTH = 4000e-6
+"""Length of the chord in γ."""
+
+CHORD_TOLERANCE = 200e-6
+"""How much the length between measured points may differ."""
+
+OFFSET = 0.002
+"""γ by which the modulus line is moved."""
+
+LARGEST_STRAIN = 0.05
+"""γ at which the test ends."""
+
+
+@dataclass(frozen=True)
+class ShearResult:
+    """What D3518 reports of a specimen, SI.
+
+    Attributes:
+        width_m, thickness_m, area_m2: means of the readings, and their product.
+        modulus_pa: chord modulus G.
+        chord_range: γ that were used.
+        offset_strength_pa, offset_strain: where the 0.2 % line meets the curve; None where it failed before.
+        maximum_stress_pa, maximum_stress_strain: τ_max and its γ.
+        reached_limit: whether the test was cut at γ = 5 %.
+        warnings: what a reader of the report must know.
+    """
+
+    width_m: float
+    thickness_m: float
+    area_m2: float
+    modulus_pa: float
+    chord_range: tuple[float, float]
+    offset_strength_pa: float | None
+    offset_strain: float | None
+    maximum_stress_pa: float
+    maximum_stress_strain: float
+    reached_limit: bool
+    warnings: tuple[str, ...]
+
+
+def reduce(
+    curve: Curve,
+    width_m: Sequence[float],
+    thickness_m: Sequence[float],
+    chord_start: float = 2000e-6,
+    ends: Ends = "nearest",
+) -> ShearResult:
+    """Reduce one specimen.
+
+    Args:
+        curve: a single run with a transverse strain.
+        width_m: readings along the gauge section, m; three by the standard.
+        thickness_m: the same for the thickness.
+        chord_start: γ at which the chord starts; the middle of what the standard allows by default.
+        ends: `nearest` measured points, as the standard says, or `interpolated`.
+
+    Raises:
+        InputError: readings, a curve or a range that cannot be reduced; says which and where.
+    """
+    if not START_RANGE[0] <= chord_start <= START_RANGE[1]:
+        raise InputError("chord_start", f"is {chord_start * 1e6:.0f} µε, expected 1500 to 2500")
+    width, thickness = mean_dimension("width_m", width_m), mean_dimension("thickness_m", thickness_m)
+    run = single_run(curve)
+    if run.transverse_strain is None:
+        raise InputError("transverse_strain", "is missing; γ = ε_x − ε_y needs it")
+    gamma = run.mean_strain - run.transverse_strain
+    tau = run.force_n / (2 * width * thickness)
+    known = np.isfinite(gamma)
+    warnings = [] if known.all() else ["a strain was lost before the maximum force; stresses after it are left out"]
+    gamma, tau = gamma[known], tau[known]
+    line = chord(gamma, chord_start, chord_start + CHORD_LENGTH, ends, field="shear_strain")
+    if (
+        not START_RANGE[0] <= line.start <= START_RANGE[1]
+        or abs(line.stop - line.start - CHORD_LENGTH) > CHORD_TOLERANCE
+    ):
+        raise InputError(
+            "shear_strain",
+            f"the closest points span {line.start * 1e6:.0f}–{line.stop * 1e6:.0f} µε, expected 4000 ± 200 µε "
+            "from a start between 1500 and 2500; move chord_start or ask for interpolated ends",
+        )
+    modulus = line.slope(tau)
+    if modulus <= 0:
+        raise InputError("curve", "the force falls over the chord range; are force and strains of one test?")
+    allowed = gamma <= LARGEST_STRAIN
+    at = int(np.argmax(np.where(allowed, tau, -np.inf)))
+    offset = _offset_strength(gamma, tau, modulus)
+    if offset is None:
+        warnings.append("failed before the 0.2 % offset line: no offset strength")
+    return ShearResult(
+        width, thickness, width * thickness, modulus, (line.start, line.stop),
+        None if offset is None else offset[1], None if offset is None else offset[0],
+        float(tau[at]), float(gamma[at]), bool(not allowed.all()), tuple(warnings),
+    )  # fmt: skip
+
+
+def _offset_strength(gamma: FloatArray, tau: FloatArray, modulus: float) -> tuple[float, float] | None:
+    """(γ, τ) of the first crossing of τ = G (γ − offset), linear between points."""
+    above = tau - modulus * (gamma - OFFSET)
+    beyond = np.flatnonzero((gamma > OFFSET) & (above <= 0))
+    if beyond.size == 0 or beyond[0] == 0:
+        return None
+    i = int(beyond[0])
+    share = above[i - 1] / (above[i - 1] - above[i])
+    return float(gamma[i - 1] + share * (gamma[i] - gamma[i - 1])), float(tau[i - 1] + share * (tau[i] - tau[i - 1]))
