@@ -37,10 +37,16 @@ class Settings(BaseSettings):
     json_limit_bytes: PositiveInt = Field(default=16 * MIB, description="largest JSON body")
     upload_limit_bytes: PositiveInt = Field(default=1024 * MIB, description="largest uploaded file")
 
+    event_streams: PositiveInt = Field(default=500, description="streams of events that an API process keeps open")
+
     worker_concurrency: PositiveInt = Field(default=1, description="jobs that one worker process runs at a time")
+    job_threads: PositiveInt = Field(default=1, description="threads of the linear algebra of one job")
     job_memory_bytes: PositiveInt = Field(default=4096 * MIB, description="memory that one job may take")
     job_wall_seconds: PositiveFloat = Field(default=3600.0, description="time that one job may take")
     job_lease_seconds: PositiveFloat = Field(default=30.0, description="silence after which a worker counts as dead")
+    project_job_limit: PositiveInt | None = Field(
+        default=None, description="jobs of one project that run at a time, over all workers; no limit by default"
+    )
     job_drain_seconds: PositiveFloat = Field(
         default=20.0, description="time that running jobs get when a worker is told to end"
     )

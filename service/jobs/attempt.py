@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -14,16 +13,19 @@ import structlog
 from sqlalchemy.exc import DBAPIError
 
 from service.db.engine import Sessions
-from service.jobs import ledger
-from service.jobs.child import Failure, Item, Progress, failure_of
+from service.jobs import checkpoints, ledger
+from service.jobs.child import Checkpoint, Failure, Item, Order, Progress, failure_of
 from service.jobs.kinds import JobKind
+from service.jobs.outages import Replay, passes
 from service.jobs.process import Child, ChildEnded
 from service.settings import Settings
 
 PROGRESS_SECONDS = 0.1
+AGAIN_SECONDS = 1.0  # between two tries to reach the database
+RECORD_SECONDS = 120.0  # for which the end of an attempt is kept in hand while the database is away
 
 CANCELLED = Failure("cancelled", "Cancelled", "cancelled on request")
-DRAINED = Failure("drained", "Drained", "the worker was told to end")
+DRAINED = Failure("drained", "Drained", "the worker was told to end; queued again")
 SUPERSEDED = Failure("superseded", "Superseded", "another attempt has the job")
 
 log = structlog.stdlib.get_logger("modalbase.jobs")
@@ -38,14 +40,16 @@ class Attempt:
         self.deadline = time.monotonic() + (kind.wall_seconds or settings.job_wall_seconds)
         self._child: Child | None = None
         self._stopped: Failure | None = None
+        self._told_to_stop = threading.Event()
         self._lock = threading.Lock()
-        self._last_written = -PROGRESS_SECONDS
+        self._write_at = 0.0
         self._last: Progress | None = None
 
     def stop(self, why: Failure) -> None:
         """End the attempt as soon as can be: a running child at once, else before the child is started."""
         with self._lock:
             self._stopped = self._stopped or why
+            self._told_to_stop.set()
             if self._child is not None:
                 self._child.kill(why)
 
@@ -54,21 +58,23 @@ class Attempt:
         seconds = self.kind.wall_seconds or self.settings.job_wall_seconds
         self.stop(Failure("time", "TimeLimit", f"the job took longer than the {seconds:g} s that a job may take"))
 
-    def run(self) -> str:
+    def run(self, workspace: Path) -> str:
         """Carry the attempt out and put its outcome in the row.
+
+        Args:
+            workspace: a folder of this attempt alone.
 
         Returns:
             The outcome: `succeeded`, `failed`, `cancelled`, `drained`, `superseded` or `abandoned`.
         """
         try:
-            with tempfile.TemporaryDirectory(prefix="modalbase-") as folder:
-                self._compute(Path(folder))
+            self._store(self._start(*self._load(workspace)))
         except ledger.SupersededError:
             return "superseded"
         except DBAPIError as error:
-            if not error.connection_invalidated:
+            if not passes(error):
                 return self._record(failure_of(error))
-            log.exception("the database went away; the job is left to whoever finds its lease lapsed")
+            log.exception("the database went away; the job is given back when it answers again")
             return "abandoned"
         except ChildEnded as ended:
             return self._record(ended.failure)
@@ -79,62 +85,104 @@ class Attempt:
                 self._child.close()
         return "succeeded"
 
-    def _compute(self, workspace: Path) -> None:
+    def _load(self, workspace: Path) -> tuple[Any, bytes | None]:
         with self.sessions.begin() as session:
-            inputs = self.kind.load(session, self.job_id, workspace)
-        child = self._start(inputs)
-        del inputs
-        with self.sessions.begin() as session:
-            items = self._items(child)
-            self.kind.store(session, self.job_id, items)
-            for _ in items:  # what it left; the child must have come to its end before the job has
-                pass
-            if self._last is not None:
-                self._write(self._last)
-            ledger.succeed(session, self.job_id, self.number)
+            return self.kind.load(session, self.job_id, workspace), checkpoints.load(session, self.job_id)
 
-    def _start(self, inputs: Any) -> Child:
+    def _start(self, inputs: Any, restored: bytes | None) -> Child:
+        order = Order(self.kind.compute, inputs, restored, self.kind.memory_bytes or self.settings.job_memory_bytes)
         with self._lock:
             if self._stopped is not None:
                 raise ChildEnded(self._stopped)
-            self._child = Child(self.kind.compute, inputs, self.kind.memory_bytes or self.settings.job_memory_bytes)
+            self._child = Child(order)
             return self._child
 
-    def _items(self, child: Child) -> Iterator[Any]:
-        """The child's items; its progress goes to the row on the way."""
-        for message in child.messages():
-            if isinstance(message, Item):
-                yield message.value
+    def _store(self, child: Child) -> None:
+        """Store what the child yields, with the state `succeeded`, in one transaction; in another one, from the first
+        item on, where the database went away in between.
+        """
+        items = Replay(self._items(child))
+        while True:
+            try:
+                with self.sessions.begin() as session:
+                    stream = iter(items)
+                    self.kind.store(session, self.job_id, stream)
+                    for _ in stream:  # what it left; the child must have come to its end before the job has
+                        pass
+                    if self._last is not None:
+                        self._write(self._last)
+                    ledger.succeed(session, self.job_id, self.number)
+            except DBAPIError as error:
+                if not (passes(error) and items.complete):
+                    raise
+                log.warning("the database does not take the result; trying again", error=str(error.orig))
+                self._pause()
             else:
-                self._progress(message)
+                return
+
+    def _pause(self) -> None:
+        if self._told_to_stop.wait(AGAIN_SECONDS) and self._stopped is not None:
+            raise ChildEnded(self._stopped)
+
+    def _items(self, child: Child) -> Iterator[Any]:
+        """The child's items; its progress and its checkpoints go to the database on the way."""
+        for message in child.messages():
+            match message:
+                case Item(value):
+                    yield value
+                case Checkpoint(data):
+                    self._aside(lambda session, data=data: checkpoints.save(session, self.job_id, self.number, data))
+                case Progress():
+                    self._progress(message)
 
     def _progress(self, progress: Progress) -> None:
-        due = time.monotonic() - self._last_written >= PROGRESS_SECONDS
-        if due or self._last is None or progress.stage != self._last.stage:
+        if time.monotonic() >= self._write_at or self._last is None or progress.stage != self._last.stage:
             self._write(progress)
         self._last = progress
 
     def _write(self, progress: Progress) -> None:
-        self._last_written = time.monotonic()
-        with self.sessions.begin() as session:
-            ledger.advance(session, self.job_id, self.number, progress.stage, progress.share)
+        self._write_at = time.monotonic() + PROGRESS_SECONDS
+        self._aside(
+            lambda session: ledger.advance(session, self.job_id, self.number, progress.stage, progress.share),
+        )
+
+    def _aside(self, write: Any) -> None:
+        """Write in a transaction of its own what the work can do without, should the database be away."""
+        try:
+            with self.sessions.begin() as session:
+                write(session)
+        except DBAPIError as error:
+            if not passes(error):
+                raise
+            self._write_at = time.monotonic() + AGAIN_SECONDS
+            log.warning("the database does not answer; the work goes on", error=str(error.orig))
 
     def _record(self, failure: Failure) -> str:
         """Put the end of an attempt that did not succeed in the row."""
-        outcome = failure.reason if failure.reason in ("cancelled", "drained", "superseded") else "failed"
         if failure.trace:
             log.error("internal error in a job", trace=failure.trace)
-        try:
-            with self.sessions.begin() as session:
-                if outcome == "cancelled":
+        end = time.monotonic() + RECORD_SECONDS
+        while True:
+            try:
+                return self._write_end(failure)
+            except ledger.SupersededError:
+                return "superseded"
+            except DBAPIError as error:
+                if time.monotonic() > end or not passes(error) or failure.reason == "drained":
+                    log.exception("the database went away; the job is left to whoever finds its lease lapsed")
+                    return "abandoned"
+                time.sleep(AGAIN_SECONDS)
+
+    def _write_end(self, failure: Failure) -> str:
+        with self.sessions.begin() as session:
+            match failure.reason:
+                case "superseded":
+                    return "superseded"
+                case "cancelled":
                     ledger.cancelled(session, self.job_id, self.number)
-                elif outcome == "drained":
+                    return "cancelled"
+                case "drained":
                     ledger.give_back(session, ledger.locked(session, self.job_id, self.number), failure.detail)
-                elif outcome == "failed":
-                    ledger.fail(session, self.job_id, self.number, failure)
-        except ledger.SupersededError:
-            return "superseded"
-        except DBAPIError:
-            log.exception("the database went away; the job is left to whoever finds its lease lapsed")
-            return "abandoned"
-        return outcome
+                    return "drained"
+            ledger.fail(session, self.job_id, self.number, failure)
+            return "failed"

@@ -25,6 +25,7 @@ from service.problems.errors import Invalid, ServiceError
 
 PR_SET_PDEATHSIG = 1
 REPORT_SECONDS = 0.05
+CHECKPOINT_BYTES = 64 * 1024 * 1024
 ORPHANED = 86  # exit status of a child whose worker is gone
 
 
@@ -34,6 +35,13 @@ class Progress:
 
     stage: str
     share: float
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """The computation can go on from here."""
+
+    data: bytes
 
 
 @dataclass(frozen=True)
@@ -70,7 +78,7 @@ class Done:
     """The computation is complete."""
 
 
-Message = Progress | Item | Failure | Done
+Message = Progress | Checkpoint | Item | Failure | Done
 Compute = Callable[[Any, Report], Iterator[Any]]
 
 
@@ -88,14 +96,31 @@ def failure_of(error: BaseException) -> Failure:
     return Failure("internal", name, f"internal error ({name}); the worker's log has it", trace=trace)
 
 
-def run_child(channel: Connection, lifeline: Connection, compute: Compute, inputs: Any, memory_bytes: int) -> None:
+@dataclass(frozen=True)
+class Order:
+    """What a child is to do.
+
+    Attributes:
+        compute: the kind's computation.
+        inputs: what the kind's `load` gave.
+        restored: the checkpoint of an earlier attempt.
+        memory_bytes: memory beyond that of an idle child.
+    """
+
+    compute: Compute
+    inputs: Any
+    restored: bytes | None
+    memory_bytes: int
+
+
+def run_child(channel: Connection, lifeline: Connection, order: Order) -> None:
     """Compute, and send what comes of it through the channel. Entry of the child process."""
     _die_with_worker(lifeline)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the worker, which decides about its children
-    _limit_memory(memory_bytes)
+    _limit_memory(order.memory_bytes)
     last: Message = Done()
     try:
-        for value in compute(inputs, _reporter(channel)):
+        for value in order.compute(order.inputs, _Reporter(channel, order.restored)):
             channel.send(Item(value))
     except BaseException as error:  # noqa: BLE001  whatever it is, the worker is told
         last = failure_of(error)
@@ -104,18 +129,24 @@ def run_child(channel: Connection, lifeline: Connection, compute: Compute, input
     channel.close()
 
 
-def _reporter(channel: Connection) -> Report:
-    """A report function that sends each new stage at once and progress within one now and then."""
-    last_stage, last_time = "", -REPORT_SECONDS
+class _Reporter:
+    """Sends each new stage at once, progress within one now and then, and every checkpoint."""
 
-    def report(stage: str, progress: float) -> None:
-        nonlocal last_stage, last_time
+    def __init__(self, channel: Connection, restored: bytes | None) -> None:
+        self.restored = restored
+        self._channel = channel
+        self._stage, self._time = "", -REPORT_SECONDS
+
+    def __call__(self, stage: str, progress: float) -> None:
         now = time.monotonic()
-        if stage != last_stage or now - last_time >= REPORT_SECONDS:
-            last_stage, last_time = stage, now
-            channel.send(Progress(stage, min(max(float(progress), 0.0), 1.0)))
+        if stage != self._stage or now - self._time >= REPORT_SECONDS:
+            self._stage, self._time = stage, now
+            self._channel.send(Progress(stage, min(max(float(progress), 0.0), 1.0)))
 
-    return report
+    def checkpoint(self, data: bytes) -> None:
+        if len(data) > CHECKPOINT_BYTES:
+            raise ValueError(f"a checkpoint of {len(data)} bytes, at most {CHECKPOINT_BYTES} are kept")
+        self._channel.send(Checkpoint(data))
 
 
 def _die_with_worker(lifeline: Connection) -> None:

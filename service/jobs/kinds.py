@@ -12,14 +12,40 @@ from sqlalchemy.orm import Session
 
 
 class Report(Protocol):
-    """Tells how far a computation is; callable from `compute` as often as it likes."""
+    """What a computation has of the world outside: it says how far it is, and saves what a restart goes on from.
+
+    A long computation resumes like this::
+
+        chain = read(report.restored) if report.restored is not None else start(inputs)
+        while chain.step < steps:
+            chain.advance()
+            report("sampling", chain.step / steps)
+            if chain.step % 100 == 0:
+                report.checkpoint(chain.to_bytes())
+
+    A checkpoint holds everything that the rest depends on, the state of the random generator included, so that a
+    resumed computation gives the same bits as one that was not interrupted.
+    """
+
+    restored: bytes | None
+    """The last checkpoint of an earlier attempt at this job, or None where there is none."""
 
     def __call__(self, stage: str, progress: float) -> None:
-        """Report.
+        """Report; as often as the computation likes.
 
         Args:
             stage: what is being done, in words, such as `fitting damping`.
             progress: share of the whole job that is done, 0 to 1.
+        """
+
+    def checkpoint(self, data: bytes) -> None:
+        """Save a state to go on from, in place of the one before. It is gone when the job ends.
+
+        Args:
+            data: what `restored` will be, 64 MiB at most. Not pickles: a worker of a later version may read it.
+
+        Raises:
+            ValueError: the state is too large.
         """
 
 
@@ -38,7 +64,7 @@ class JobKind:
         store: (session, job id, items) -> None. In the worker; consumes the items as the child yields them, in one
             transaction that is committed with the state `succeeded`, or not at all.
         queue: name of the queue.
-        max_attempts: how often a job of a worker that died is begun.
+        max_attempts: how many workers may die with a job before it is given up.
         memory_bytes: memory that the child may take beyond that of an idle one; None: as the settings say.
         wall_seconds: time that an attempt may take; None: as the settings say.
     """

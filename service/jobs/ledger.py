@@ -14,6 +14,7 @@ from sqlalchemy import CursorResult, Update, cast, func, select, update
 from sqlalchemy.dialects.postgresql import INTERVAL
 from sqlalchemy.orm import Session
 
+from service.jobs import checkpoints
 from service.jobs.child import Failure
 from service.jobs.queue import dispatch
 from service.jobs.tables import Job
@@ -23,26 +24,6 @@ UNTOLD = ("extra", "trace")
 
 class SupersededError(Exception):
     """The job is no longer this attempt's: it was cancelled, or another worker has it."""
-
-
-def claim(session: Session, job_id: UUID, worker: str, lease: timedelta) -> Job | None:
-    """Begin the next attempt of a queued job; None where the job is not waiting any more."""
-    return session.scalars(
-        update(Job)
-        .where(Job.id == job_id, Job.state == "queued")
-        .values(
-            state="running",
-            attempt=Job.attempt + 1,
-            worker=worker,
-            lease_until=_from_now(lease),
-            started_at=func.now(),
-            stage="starting",
-            progress=0,
-            message=None,
-            error=None,
-        )
-        .returning(Job)
-    ).one_or_none()
 
 
 def advance(session: Session, job_id: UUID, attempt: int, stage: str, progress: float) -> None:
@@ -78,11 +59,30 @@ def cancelled(session: Session, job_id: UUID, attempt: int) -> None:
 
 
 def give_back(session: Session, job: Job, why: str) -> None:
-    """Put a running job in the queue again, with its dispatch."""
+    """Put a running job in the queue again, with its dispatch. What it has saved stays."""
     job.state, job.worker, job.lease_until, job.message = "queued", None, None, why
-    job.stage, job.progress = None, 0.0
+    job.stage, job.progress, job.queued_at = None, 0.0, func.now()
     session.flush()
     dispatch(session, job)
+
+
+def lose(session: Session, job: Job, why: str) -> str:
+    """Decide about a running job, locked, whose attempt is lost: cancel it if that was asked for, queue it again, or
+    fail it when that has happened too often.
+
+    Returns:
+        What was done, for the log.
+    """
+    job.losses += 1
+    if job.cancel_requested:
+        cancelled(session, job.id, job.attempt)
+        return "cancelled"
+    if job.losses < job.max_attempts:
+        give_back(session, job, f"{why}; queued again")
+        return "queued again"
+    detail = f"lost {job.losses} times, the last time because {why}; it is not tried again by itself"
+    fail(session, job.id, job.attempt, Failure("lost", "WorkerDied", detail))
+    return "failed"
 
 
 def locked(session: Session, job_id: UUID, attempt: int) -> Job:
@@ -125,10 +125,11 @@ def _finish(session: Session, job_id: UUID, attempt: int, **values: Any) -> None
     assert isinstance(hit, CursorResult)
     if hit.rowcount != 1:
         raise SupersededError
+    checkpoints.forget(session, job_id)
 
 
 def _from_now(lease: timedelta) -> Any:
-    return func.now() + cast(lease, INTERVAL)
+    return func.clock_timestamp() + cast(lease, INTERVAL)
 
 
 def _shown(failure: Failure) -> dict[str, Any]:

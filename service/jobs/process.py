@@ -12,20 +12,25 @@ from typing import Any
 
 import psutil
 
-from service.jobs.child import Compute, Done, Failure, Item, Message, Progress, run_child
+from service.jobs.child import Checkpoint, Done, Failure, Item, Message, Order, Progress, run_child
 from service.jobs.kinds import JobKind
 
 _METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 _context: Any = multiprocessing.get_context(_METHOD)  # the contexts have no common type
 
 PRELOADED = ("numpy", "scipy.linalg", "scipy.sparse.linalg", "fecore", "service.jobs.child")
-SINGLE_THREADED = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+THREAD_COUNTS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 
-def prepare_children(kinds: Iterable[JobKind]) -> None:
-    """Start the server that children are forked from, with the libraries of every kind loaded, BLAS single-threaded."""
-    for name in SINGLE_THREADED:
-        os.environ[name] = "1"
+def prepare_children(kinds: Iterable[JobKind], threads: int) -> None:
+    """Start the server that children are forked from, with the libraries of every kind loaded.
+
+    Args:
+        kinds: whose libraries.
+        threads: BLAS threads of a child, which must be set before the libraries are loaded.
+    """
+    for name in THREAD_COUNTS:
+        os.environ[name] = str(threads)
     if _METHOD == "forkserver":
         _context.set_forkserver_preload([*PRELOADED, *sorted({kind.compute.__module__ for kind in kinds})])
         forkserver.ensure_running()
@@ -61,14 +66,12 @@ class ChildEnded(Exception):  # noqa: N818
 class Child:
     """One computation in a process of its own. `kill` may be called from any thread."""
 
-    def __init__(self, compute: Compute, inputs: Any, memory_bytes: int) -> None:
+    def __init__(self, order: Order) -> None:
         self._killed_for: Failure | None = None
         self._lock = threading.Lock()
         self._channel, theirs = _context.Pipe(duplex=False)
         their_lifeline, self._lifeline = _context.Pipe(duplex=False)
-        self._process = _context.Process(
-            target=run_child, args=(theirs, their_lifeline, compute, inputs, memory_bytes), daemon=True
-        )
+        self._process = _context.Process(target=run_child, args=(theirs, their_lifeline, order), daemon=True)
         try:
             self._process.start()
         finally:
@@ -80,7 +83,7 @@ class Child:
         """Process id."""
         return int(self._process.pid)
 
-    def messages(self) -> Iterator[Progress | Item]:
+    def messages(self) -> Iterator[Progress | Checkpoint | Item]:
         """What the child sends, until it is done.
 
         Raises:

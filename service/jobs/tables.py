@@ -1,4 +1,4 @@
-"""The jobs' table: the truth about every job."""
+"""The jobs' table: the truth about every job; and what long ones have saved on their way."""
 
 from __future__ import annotations
 
@@ -6,16 +6,24 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import CheckConstraint, ForeignKey, Index, func, text
+from sqlalchemy import CheckConstraint, ForeignKey, Index, LargeBinary, desc, func, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.db.base import Base, Identified
+
+CHANGED = "modalbase_job_changed"
+"""Channel that tells the id of a job whose visible state has changed."""
+
+CANCEL = "modalbase_job_cancel"
+"""Channel that tells the id of a running job that someone wants to end."""
 
 
 class Job(Identified, Base):
     """One job. Feature tables (imports, update jobs …) have its id as their key.
 
-    `attempt` is the fence: a result is stored only by the attempt that the row names.
+    `attempt` is the fence: a result is stored only by the attempt that the row names. `losses` counts the attempts whose
+    worker died. `version` grows with every change that a client can see: a trigger counts it and tells the two channels
+    above at commit, so who changes a row need not think of who watches it.
     """
 
     __tablename__ = "jobs"
@@ -24,6 +32,10 @@ class Job(Identified, Base):
         CheckConstraint("progress BETWEEN 0 AND 1", "progress"),
         Index("ix_jobs_running_lease_until", "lease_until", postgresql_where=text("state = 'running'")),
         Index("ix_jobs_project_id_id", "project_id", "id"),
+        Index("ix_jobs_project_id_started_at", "project_id", "started_at"),
+        Index(
+            "ix_jobs_queued", "queue", "project_id", desc("priority"), "id", postgresql_where=text("state = 'queued'")
+        ),
     )
 
     kind: Mapped[str]
@@ -32,6 +44,7 @@ class Job(Identified, Base):
     state: Mapped[str] = mapped_column(server_default="queued")
     priority: Mapped[int] = mapped_column(server_default="0")
     attempt: Mapped[int] = mapped_column(server_default="0")
+    losses: Mapped[int] = mapped_column(server_default="0")
     max_attempts: Mapped[int] = mapped_column(server_default="3")
     worker: Mapped[str | None]
     lease_until: Mapped[datetime | None]
@@ -43,3 +56,16 @@ class Job(Identified, Base):
     started_at: Mapped[datetime | None]
     finished_at: Mapped[datetime | None]
     cancel_requested: Mapped[bool] = mapped_column(server_default=text("false"))
+    request_id: Mapped[str | None]
+    version: Mapped[int] = mapped_column(server_default="0")
+
+
+class JobCheckpoint(Base):
+    """What a running job needs to go on after a kill: the last state that its computation saved."""
+
+    __tablename__ = "job_checkpoints"
+
+    job_id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True)
+    attempt: Mapped[int]
+    saved_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    data: Mapped[bytes] = mapped_column(LargeBinary)

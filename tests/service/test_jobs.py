@@ -222,7 +222,7 @@ def test_killed_worker_takes_its_child_along_and_another_reruns_the_job(sessions
 def test_job_that_kills_its_workers_is_given_up(sessions: Sessions, database: str) -> None:
     (job_id,) = put(sessions, "echo")
     with sessions.begin() as session:
-        values = {"state": "running", "attempt": 3, "worker": "gone", "lease_until": func.now()}
+        values = {"state": "running", "attempt": 3, "losses": 2, "worker": "gone", "lease_until": func.now()}
         session.execute(update(Job).where(Job.id == job_id).values(**values))
     with worker(database):
         job = wait(sessions, job_id)

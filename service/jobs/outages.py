@@ -1,0 +1,55 @@
+"""Living through the database's absence: which errors pass by themselves, and a result that can be stored again."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterator
+from typing import Any
+
+from sqlalchemy.exc import DBAPIError
+
+KEPT_BYTES = 64 * 1024 * 1024
+
+PASSING = ("08", "40", "53", "57P", "55P03")
+"""SQLSTATEs of lost connections, rollbacks that ask for another try, exhausted resources, shutdowns, lock time-outs."""
+
+
+def passes(error: DBAPIError) -> bool:
+    """Is this an error of the moment, which another try later may not meet? A connection refused has no SQLSTATE."""
+    state = getattr(error.orig, "sqlstate", None)
+    return error.connection_invalidated or (
+        state.startswith(PASSING) if state else type(error.orig).__name__ in ("OperationalError", "InterfaceError")
+    )
+
+
+class Replay:
+    """Items that can be gone through again from the first one on, as long as they are small.
+
+    Attributes:
+        complete: nothing has been dropped; another `iter` gives every item.
+    """
+
+    def __init__(self, source: Iterator[Any]) -> None:
+        self._source = source
+        self._kept: list[Any] = []
+        self._bytes = 0
+        self.complete = True
+
+    def __iter__(self) -> Iterator[Any]:
+        """The items from the first one on. Only the last iterator may be used."""
+        if not self.complete:
+            raise RuntimeError("the first items are gone")
+        yield from list(self._kept)
+        for item in self._source:
+            self._keep(item)
+            yield item
+
+    def _keep(self, item: Any) -> None:
+        if not self.complete:
+            return
+        self._bytes += len(pickle.dumps(item, pickle.HIGHEST_PROTOCOL))
+        if self._bytes > KEPT_BYTES:
+            self.complete = False
+            self._kept.clear()
+            return
+        self._kept.append(item)
