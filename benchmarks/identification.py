@@ -64,18 +64,17 @@ def _run(noise: float) -> Tally:
 
 
 def _print(noise: float, tally: Tally) -> None:
-    print(
-        f"\n33 FRFs x 1000 lines, {100 * noise:g} % noise, {SEEDS} seeds: {tally.faults} with a lost, repeated or swapped mode;"
-    )
-    print(f"{tally.seconds:.2f} s each. sd ratio = stated standard deviation / scatter over seeds.")
+    print(f"\n33 FRFs x 1000 lines, {100 * noise:g} % noise, {SEEDS} seeds, {tally.seconds:.2f} s each")
+    print(f"{tally.faults} seeds with a lost, repeated or swapped mode; sd ratio = stated standard deviation / scatter")
     print("   f true   f bias %   sd ratio    ζ true %   ζ bias %   ζ scatter %   sd ratio   worst MAC")
     for k in range(5):
         f, zeta = tally.frequency[:, k], tally.damping[:, k]
+        f_ratio = tally.frequency_sd[:, k].mean() / f.std(ddof=1)
+        zeta_ratio = tally.damping_sd[:, k].mean() / zeta.std(ddof=1)
         print(
-            f"{PAPER_HZ[k]:9.2f} {100 * (f.mean() / PAPER_HZ[k] - 1):10.4f} {tally.frequency_sd[:, k].mean() / f.std(ddof=1):10.2f}"
+            f"{PAPER_HZ[k]:9.2f} {100 * (f.mean() / PAPER_HZ[k] - 1):10.4f} {f_ratio:10.2f}"
             f" {100 * PAPER_ZETA[k]:11.2f} {100 * (zeta.mean() / PAPER_ZETA[k] - 1):10.3f}"
-            f" {100 * zeta.std(ddof=1) / PAPER_ZETA[k]:13.3f} {tally.damping_sd[:, k].mean() / zeta.std(ddof=1):10.2f}"
-            f" {tally.worst_mac[k]:11.5f}"
+            f" {100 * zeta.std(ddof=1) / PAPER_ZETA[k]:13.3f} {zeta_ratio:10.2f} {tally.worst_mac[k]:11.5f}"
         )
 
 

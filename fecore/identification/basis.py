@@ -83,21 +83,24 @@ def columns(omega: FloatArray, terms: Terms, power: int) -> ComplexArray:
 
 
 def derivatives(omega: FloatArray, terms: Terms, power: int) -> ComplexArray:
-    """(L, 4n + r) derivatives of the basis, for ln ω_k and ζ_k of each pair and ln a of each body.
+    """(L, 2n + r) columns of which all derivatives of the model by its poles are made, see `slopes`.
 
-    Columns 4k … 4k+3 are ∂(Re column)/∂ln ω_k, ∂(Im column)/∂ln ω_k, ∂(Re column)/∂ζ_k, ∂(Im column)/∂ζ_k;
-    from ∂/∂θ 1/(s - s_k) = (∂s_k/∂θ)/(s - s_k)².
+    For each pole pair 1/(s - s_k)² + 1/(s - s̄_k)² and i times their difference; for each body -a/(s(s + a)²).
     """
     s = 1j * omega
     lift = s[:, None] ** power
-    zeta = np.asarray(terms.damping_ratio, dtype=float)
-    pole = poles(terms.frequency_hz, zeta)
-    by_zeta = 2 * np.pi * terms.frequency_hz * (-1 - 1j * zeta / np.sqrt(1 - zeta**2))
+    pole = poles(terms.frequency_hz, terms.damping_ratio)
     direct, mirror = 1 / (s[:, None] - pole) ** 2, 1 / (s[:, None] - pole.conj()) ** 2
-    parts = []
-    for slope in (pole, by_zeta):  # ∂s_k/∂ln ω_k = s_k
-        up, down = slope * direct, slope.conj() * mirror
-        parts += [up + down, 1j * (up - down)]
-    pairs = np.stack(parts, axis=2).reshape(omega.size, -1)
+    pairs = np.stack([direct + mirror, 1j * (direct - mirror)], axis=2).reshape(omega.size, -1)
     real = -terms.decay / (s[:, None] * (s[:, None] + terms.decay) ** 2)
     return np.asarray(lift * np.concatenate([pairs, real], axis=1))
+
+
+def slopes(terms: Terms) -> tuple[ComplexArray, ComplexArray]:
+    """(n,) ∂s_k/∂ln ω_k and ∂s_k/∂ζ_k.
+
+    With R_k the residue, ∂H/∂θ = Re(R_k ∂s_k/∂θ) E₁ + Im(R_k ∂s_k/∂θ) E₂, E the two columns of the pair in `derivatives`.
+    """
+    zeta = np.asarray(terms.damping_ratio, dtype=float)
+    by_zeta = 2 * np.pi * terms.frequency_hz * (-1 - 1j * zeta / np.sqrt(1 - zeta**2))
+    return poles(terms.frequency_hz, zeta), np.asarray(by_zeta)

@@ -9,7 +9,7 @@ estimate. The c_i are eliminated (variable projection, Golub and Pereyra 1973, w
 
 the Gauss-Newton step is H⁻¹g, damped as by Levenberg and Marquardt. At the optimum H⁻¹ is the covariance of θ. All
 inner products of all FRFs come from one matrix product over the lines, since every J_i is a combination of the same
-4n derivative columns.
+2n derivative columns.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.errors import IdentificationError
 from fecore.identification.arrangement import Arrangement
-from fecore.identification.basis import Terms, columns, derivatives
+from fecore.identification.basis import Terms, columns, derivatives, slopes
 from fecore.identification.linear import LinearFit, fit_linear, normal_matrices
 from fecore.identification.noise import residual_variance
 from fecore.identification.residues import known_or, weights
@@ -105,14 +105,14 @@ def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fi
     linear = fit_linear(basis, arrangement.values, weight)
     residual = np.where(arrangement.measured, arrangement.values - linear.coefficients @ basis.T, 0)
     pulled = weight * residual
-    slopes = derivatives(arrangement.omega, terms, arrangement.power)
-    gram = normal_matrices(np.concatenate([basis, slopes], axis=1), weight)
+    steep = derivatives(arrangement.omega, terms, arrangement.power)
+    gram = normal_matrices(np.concatenate([basis, steep], axis=1), weight)
     turn = _slope_combinations(terms, linear.coefficients)
     q = terms.columns
     cross = np.matmul(gram[:, :q, q:], turn)
     whole = np.matmul(turn.transpose(0, 2, 1), np.matmul(gram[:, q:, q:], turn))
     information = (whole - np.matmul(cross.transpose(0, 2, 1), np.matmul(linear.covariance, cross))).sum(axis=0)
-    gradient = np.einsum("nij,ni->j", turn, (pulled @ slopes.conj()).real)
+    gradient = np.einsum("nij,ni->j", turn, (pulled @ steep.conj()).real)
     still = np.concatenate([terms.held, terms.held, np.zeros(terms.decay.size, dtype=bool)])
     information[still, :] = information[:, still] = 0.0
     information[still, still] = _HELD
@@ -222,13 +222,14 @@ def _distance(before: Fit, after: Fit) -> float:
 
 
 def _slope_combinations(terms: Terms, coefficients: FloatArray) -> FloatArray:
-    """(N, 4n + r, parameters) how each FRF's Jacobian is made of the derivative columns."""
+    """(N, 2n + r, parameters) how each FRF's Jacobian is made of the derivative columns."""
     n, r = terms.pairs, terms.decay.size
-    turn = np.zeros((coefficients.shape[0], 4 * n + r, terms.parameters))
-    for k in range(n):
-        pair = coefficients[:, 2 * k : 2 * k + 2]
-        turn[:, 4 * k : 4 * k + 2, k] = pair
-        turn[:, 4 * k + 2 : 4 * k + 4, n + k] = pair
+    turn = np.zeros((coefficients.shape[0], 2 * n + r, terms.parameters))
+    residues = coefficients[:, 0 : 2 * n : 2] + 1j * coefficients[:, 1 : 2 * n : 2]
+    for place, slope in enumerate(slopes(terms)):
+        pull = residues * slope
+        for k in range(n):
+            turn[:, 2 * k, place * n + k], turn[:, 2 * k + 1, place * n + k] = pull[:, k].real, pull[:, k].imag
     for j in range(r):
-        turn[:, 4 * n + j, 2 * n + j] = coefficients[:, terms.columns - r + j]
+        turn[:, 2 * n + j, 2 * n + j] = coefficients[:, terms.columns - r + j]
     return turn

@@ -23,6 +23,7 @@ from fecore.identification.refinement import Fit, evaluate, noise_of, refine, re
 from fecore.identification.residues import weights
 
 _ROUNDS = 30
+_BLOCK = 256  # lines whose products stay in the cache
 _PATIENCE = 2  # rounds without a better Bayesian criterion before growing ends
 _SECOND_LOOK = 6  # rounds with the records' own noise: a misfit of another kind must not be chased for long
 _BATCH = 0.03  # candidates added in one round have at least this share of the round's largest gain
@@ -330,8 +331,11 @@ def _without(terms: Terms, which: int) -> Terms:
 def _cross_products(basis: np.ndarray, extra: np.ndarray, weight: FloatArray) -> FloatArray:
     """(N, q, k) Re Φᴴ W Ψ of every FRF, in blocks of lines that bound the memory."""
     q, k = basis.shape[1], extra.shape[1]
-    left, right, across = basis.T, extra.T, np.ascontiguousarray(weight.T)
-    products = np.empty((q, k, weight.shape[0]))
-    for i in range(q):
-        products[i] = (right.real * left[i].real + right.imag * left[i].imag) @ across
+    across = np.ascontiguousarray(weight.T)
+    products = np.zeros((q, k, weight.shape[0]))
+    for start in range(0, basis.shape[0], _BLOCK):
+        part = slice(start, start + _BLOCK)
+        real, imag = np.ascontiguousarray(extra[part].real.T), np.ascontiguousarray(extra[part].imag.T)
+        for i in range(q):
+            products[i] += (real * basis[part, i].real + imag * basis[part, i].imag) @ across[part]
     return np.ascontiguousarray(products.transpose(2, 0, 1))
