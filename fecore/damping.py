@@ -6,6 +6,7 @@ Every law gives the modal damping rate c_k = 2 ζ_k ω_k (1/s) of a mode from it
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -35,6 +36,10 @@ class DampingLaw(Protocol):
 
     def basis(self, omega: FloatArray) -> FloatArray:
         """(n, p) derivative of the rates at (n,) circular frequencies by the p coefficients."""
+        ...
+
+    def slope(self, omega: FloatArray) -> FloatArray:
+        """(n, p) derivative of `basis` by the circular frequency, ω > 0."""
         ...
 
 
@@ -72,6 +77,11 @@ class CaugheySeries:
             powers[moving, j] = omega[moving] ** (2 * exponent)
         return powers
 
+    def slope(self, omega: FloatArray) -> FloatArray:
+        """(n, p) derivatives 2 n_j ω^(2 n_j - 1)."""
+        columns = [2 * exponent * omega ** (2.0 * exponent - 1) for exponent in self.exponents]
+        return np.column_stack(columns)
+
 
 RAYLEIGH = CaugheySeries("rayleigh", (0, 1))
 """C = a0 M + a1 K (Eq. 1): ζ = ½ (a0/ω + a1 ω), ω in rad/s (Eq. 9 with its erratum)."""
@@ -108,6 +118,81 @@ class ModalDamping:
         rates: FloatArray = 2 * omega[:, None] * np.column_stack(hats)
         return rates
 
+    def slope(self, omega: FloatArray) -> FloatArray:
+        """(n, p) derivatives; at a knot, whose two sides differ, the mean of them."""
+        knots, near = np.array(self.knots), 1e-9 * np.asarray(omega)
+        left, right = self._piece_slopes(knots, omega - near), self._piece_slopes(knots, omega + near)
+        rates: FloatArray = self.basis(omega) / omega[:, None] + omega[:, None] * (left + right)
+        return rates
+
+    def _piece_slopes(self, knots: FloatArray, omega: FloatArray) -> FloatArray:
+        """(n, p) slopes of the hat functions."""
+        slopes = np.zeros((omega.size, knots.size))
+        piece = np.searchsorted(knots, omega)
+        inside = np.flatnonzero((piece > 0) & (piece < knots.size))
+        step = knots[piece[inside]] - knots[piece[inside] - 1]
+        slopes[inside, piece[inside]] = 1 / step
+        slopes[inside, piece[inside] - 1] = -1 / step
+        return slopes
+
+
+# f(x) and f'(x), x = ω/ω_r, of the functions that a generalised proportional law may be made of.
+_FUNCTIONS: dict[str, tuple[Callable[[FloatArray], FloatArray], Callable[[FloatArray], FloatArray]]] = {
+    "constant": (np.ones_like, np.zeros_like),
+    "root": (lambda x: x, np.ones_like),
+    "stiffness": (lambda x: x**2, lambda x: 2 * x),
+    "saturating": (lambda x: -np.expm1(-(x**2)), lambda x: 2 * x * np.exp(-(x**2))),
+    "logarithm": (lambda x: np.log1p(x**2), lambda x: 2 * x / (1 + x**2)),
+    "arctangent": (lambda x: np.arctan(x), lambda x: 1 / (1 + x**2)),
+}
+
+
+@dataclass(frozen=True)
+class GeneralisedProportional:
+    """C = M β(M⁻¹K) with a smooth function β (Adhikari, J. Sound Vib. 293, 2006), so c(ω) = Σ_j g_j f_j(ω/ω_r).
+
+    The functions are `constant` (1: mass-proportional), `root` (x: the same ratio g/2ω_r at every frequency),
+    `stiffness` (x²), `saturating` (1 - exp(-x²)), `logarithm` (ln(1 + x²)) and `arctangent` (arctan x), x = ω/ω_r.
+
+    Attributes:
+        functions: names of the f_j.
+        reference: ω_r, rad/s, at which the functions turn; it scales the coefficients.
+        name: name in recipes and results.
+    """
+
+    functions: tuple[str, ...]
+    reference: float
+    name: str = "generalised"
+
+    def __post_init__(self) -> None:
+        unknown = [function for function in self.functions if function not in _FUNCTIONS]
+        if unknown or not self.functions or len(set(self.functions)) != len(self.functions):
+            raise InputError(
+                "damping.functions", f"are {self.functions}, expected one or more different of {', '.join(_FUNCTIONS)}"
+            )
+        if not (np.isfinite(self.reference) and self.reference > 0):
+            raise InputError("damping.reference", f"is {self.reference}, expected a positive circular frequency")
+
+    @property
+    def coefficient_names(self) -> tuple[str, ...]:
+        """g_constant and so on."""
+        return tuple(f"g_{function}" for function in self.functions)
+
+    @property
+    def coefficient_units(self) -> tuple[str, ...]:
+        """All in 1/s: a coefficient is a rate."""
+        return ("1/s",) * len(self.functions)
+
+    def basis(self, omega: FloatArray) -> FloatArray:
+        """(n, p) values f_j(ω/ω_r)."""
+        x = np.asarray(omega, dtype=float) / self.reference
+        return np.column_stack([_FUNCTIONS[function][0](x) for function in self.functions])
+
+    def slope(self, omega: FloatArray) -> FloatArray:
+        """(n, p) derivatives f_j'(ω/ω_r)/ω_r."""
+        x = np.asarray(omega, dtype=float) / self.reference
+        return np.column_stack([_FUNCTIONS[function][1](x) for function in self.functions]) / self.reference
+
 
 def damping_rate(law: DampingLaw, coefficients: FloatArray, omega: FloatArray) -> FloatArray:
     """(n,) modal damping rates c = 2 ζ ω of a law, 1/s."""
@@ -124,6 +209,30 @@ def damping_ratio(law: DampingLaw, coefficients: FloatArray, omega: FloatArray) 
     if np.any(omega <= 0):
         raise InputError("omega", "a damping ratio needs positive frequencies; rigid-body modes have only a rate")
     return damping_rate(law, coefficients, omega) / (2 * omega)
+
+
+def require_dissipation(law: DampingLaw, coefficients: FloatArray, low: float, high: float) -> None:
+    """Refuse a law that would feed energy in somewhere in a band.
+
+    Args:
+        law: the law.
+        coefficients: (p,) its coefficients.
+        low: circular frequency of the band's lower end, rad/s.
+        high: of its upper end.
+
+    Raises:
+        InputError: the damping is negative in the band; it names the law and says where.
+    """
+    omega = np.linspace(low, high, 2001)
+    rate = damping_rate(law, coefficients, omega)
+    negative = rate < -1e-12 * np.abs(rate).max()
+    if np.any(negative):
+        first, last = (omega[negative][[0, -1]] / (2 * np.pi)).tolist()
+        values = ", ".join(f"{n} = {v:g}" for n, v in zip(law.coefficient_names, coefficients, strict=True))
+        raise InputError(
+            f"damping.{law.name}",
+            f"is negative from {first:.4g} to {last:.4g} Hz with {values}; it would feed energy in",
+        )
 
 
 def fit_ratios(law: DampingLaw, omega: FloatArray, ratio: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ accelerance = iω·mobility = -ω²·receptance.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
@@ -18,6 +19,10 @@ from fecore.errors import InputError
 Quantity = Literal["accelerance", "mobility", "receptance"]
 
 _POWER_OF_I_OMEGA: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
+
+
+RESIDUAL_TERMS = 3
+"""Terms of the truncated modes' series that models hand over: the error falls as (ω²/λ)³ of the first mode left out."""
 
 
 def convert(omega: FloatArray, quantity: Quantity) -> ComplexArray:
@@ -155,15 +160,15 @@ class ModalFrfModel:
 
     With residues A_ik = φ_k(response i) φ_k(force i) the receptance is
 
-        H_i(ω) = Σ_k A_ik / (λ_k - ω² + iω c_k) + R0_i + (ω² - σ) R1_i,
+        H_i(ω) = Σ_k A_ik / (λ_k - ω² + iω c_k) + Σ_t R_it (ω² - σ)ᵗ,
 
-    where c_k = 2 ζ_k ω_k and the last two terms are the exact first terms of the series of the truncated modes in
-    (ω² - σ)/(λ - σ).
+    where c_k = 2 ζ_k ω_k and the R_t are the exact first terms of the series of the truncated modes in
+    (ω² - σ)/(λ - σ): the static one, and those that bend it towards the next resonance.
 
     Attributes:
         eigenvalue: (n,) λ_k = ω_k², rad²/s².
         residues: (N, n) A_ik, signs of the directions included.
-        residual: (N, 2) R0 and R1.
+        residual: (N, t) R_0, R_1 …
         shift: σ, rad²/s².
     """
 
@@ -183,10 +188,23 @@ class ModalFrfModel:
         """(N, L) FRFs at (L,) frequencies in Hz with (n,) modal damping rates c_k in 1/s."""
         omega = 2 * np.pi * frequency_hz
         denominator = self.eigenvalue[:, None] - omega**2 + 1j * omega * rate[:, None]
-        power = np.vstack([np.ones_like(omega), omega**2 - self.shift])
+        power = np.vander(omega**2 - self.shift, self.residual.shape[1], increasing=True).T
         receptance = self.residues @ (1 / denominator) + self.residual @ power
         converted: ComplexArray = receptance * convert(omega, quantity)
         return converted
+
+    def blocks(
+        self, frequency_hz: FloatArray, rate: FloatArray, quantity: Quantity = "accelerance", values: int = 2**22
+    ) -> Iterator[tuple[slice, ComplexArray]]:
+        """The same FRFs as `synthesise`, some lines at a time, each block of at most about so many values.
+
+        Yields:
+            The slice of the lines, and (N, lines) FRFs there.
+        """
+        step = max(1, values // max(len(self.residues), self.eigenvalue.size))
+        for first in range(0, frequency_hz.size, step):
+            lines = slice(first, min(first + step, frequency_hz.size))
+            yield lines, self.synthesise(frequency_hz[lines], rate, quantity)
 
     def with_eigenvalue(self, eigenvalue: FloatArray) -> ModalFrfModel:
         """The same residues on other eigenvalues."""

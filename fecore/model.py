@@ -173,7 +173,7 @@ def plate(
         mesh=mesh,
         element=element,
         stiffness=pattern.affine(element.stiffness_terms(coordinates), element.terms, element.blocks, elastic),
-        mass=pattern.affine(element.mass_terms(coordinates), element.mass_terms_names, (), carried),
+        mass=pattern.affine(element.mass_terms(coordinates), element.mass_terms_names, element.mass_blocks, carried),
         springs=tuple(springs),
         free_dofs=free,
         rigid_modes=rigid_motions(_motions(mesh, element), free, list(elastic.values())),

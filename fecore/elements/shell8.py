@@ -97,6 +97,11 @@ class Shell8:
             bending = np.block([[square("A"), square("B")], [square("B"), bending]])
         return bending, np.array([[at["S55"], at["S45"]], [at["S45"], at["S44"]]])
 
+    @property
+    def mass_blocks(self) -> tuple[IntArray, ...]:
+        """Where the inertias stand in the mass: I0 and I2, coupled by I1 with membrane dofs."""
+        return (np.array([[0, 1], [1, 2]]),) if self.membrane else (np.array([[0]]), np.array([[1]]))
+
     def _pairs(self, name: str) -> list[tuple[int, int]]:
         """Rows of the strain matrix that a coefficient couples."""
         shift = 3 if self.membrane else 0

@@ -1,4 +1,9 @@
-"""The forward model as updating sees it: parameters in, modes at the measured points and their derivatives out."""
+"""The forward model as updating sees it: parameters in, modes at the measured points and their derivatives out.
+
+Modes come from a reduced basis (`fecore.reduction`) that checks itself and grows where it must, or from the full model.
+Either way a state offers the same: its system is a pair of matrices, over the dofs or over the basis, and all derivatives
+are exact ones of that system (`fecore.sensitivity`).
+"""
 
 from __future__ import annotations
 
@@ -9,10 +14,21 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from fecore.arrays import FloatArray, IntArray
+from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.damping import DampingLaw
 from fecore.eigen import NormalModes, modes_below, normal_modes
 from fecore.errors import InputError
-from fecore.frf import Dof, ModalFrfModel
+from fecore.frf import RESIDUAL_TERMS, Dof, ModalFrfModel, Quantity, convert
+from fecore.model import ModeKind
+from fecore.reduction import ReducedModel
+from fecore.sensitivity import (
+    Matrix,
+    eigenvalue_derivatives,
+    mode_forms,
+    same_cluster,
+    shape_derivatives,
+    static_series,
+)
 from fecore.specimen import Specimen
 from fecore.updating.parameters import Coefficients, Parametrisation
 
@@ -30,6 +46,7 @@ class ForwardModel:
         points: labels of the p measured points.
         places: (p, 2) their coordinates on the specimen, m.
         count: how many modes to solve for.
+        reduced: solve on a reduced basis (frequencies within 1e-6 of the full model), or the full model each time.
     """
 
     specimen: Specimen
@@ -37,11 +54,23 @@ class ForwardModel:
     points: tuple[int, ...]
     places: FloatArray
     count: int
+    reduced: bool = True
 
     @cached_property
     def observation(self) -> sparse.csr_array:
         """(p, dofs) interpolation of the deflection w at the points."""
         return self.specimen.model.deflection(self.places)
+
+    @cached_property
+    def basis(self) -> ReducedModel:
+        """The reduced basis about the prior means; it grows as it is used."""
+        start = self.parametrisation.coefficients(self.parametrisation.prior_mean)
+        return ReducedModel(self.specimen.model, start.stiffness, start.mass, self.count)
+
+    @cached_property
+    def _covered(self) -> set[int]:
+        """Rows of the points whose static deflections the basis holds."""
+        return set()
 
     def rows(self, dofs: Sequence[Dof]) -> tuple[IntArray, FloatArray]:
         """(N,) numbers of the points of some dofs along ±z, and (N,) their signs.
@@ -63,22 +92,67 @@ class ForwardModel:
         Raises:
             ModelError: the eigenproblem cannot be solved.
         """
-        model = self.specimen.model
-        coefficients = self.parametrisation.coefficients(theta)
-        mass = model.mass.at(coefficients.mass)
-        modes = normal_modes(model.stiffness.at(coefficients.stiffness), mass, self.count, model.rigid_modes)
-        return ForwardState(self, theta, coefficients, modes, mass)
+        model, c = self.specimen.model, self.parametrisation.coefficients(theta)
+        if self.reduced:
+            modes = self.basis.modes(c.stiffness, c.mass)
+            reduced = self.basis.system
+            terms = _Terms(list(reduced.stiffness), list(reduced.mass))
+            return ForwardState(self, theta, c, modes, terms, reduced.basis)
+        mass, stiffness = model.mass.at(c.mass), model.stiffness.at(c.stiffness)
+        modes = normal_modes(stiffness, mass, self.count, model.rigid_modes)
+        full = _Terms(
+            [model.stiffness.term(k) for k in range(len(c.stiffness))], [model.mass.term(j) for j in range(len(c.mass))]
+        )
+        return ForwardState(self, theta, c, modes, full, None)
+
+    def holding(self, state: ForwardState, rows: IntArray) -> ForwardState:
+        """The same state on a basis that holds the static deflections under forces at the given points."""
+        missing = sorted(set(rows.tolist()) - self._covered)
+        if state.basis is not None and missing:
+            loads = self.observation[missing].T.toarray()
+            self.basis.cover(loads, state.coefficients.stiffness, state.coefficients.mass)
+            self._covered.update(missing)
+        if state.basis is None or state.basis is self.basis.system.basis:
+            return state
+        return self.solve(state.theta)
+
+
+@dataclass(frozen=True)
+class _Terms:
+    """The matrices that the coefficients of stiffness and mass multiply."""
+
+    stiffness: list[Matrix]
+    mass: list[Matrix]
+
+    def sum(self, which: str, weights: FloatArray) -> Matrix:
+        """Σ weight · matrix."""
+        matrices = getattr(self, which)
+        total = matrices[0] * weights[0]
+        for weight, matrix in zip(weights[1:], matrices[1:], strict=True):
+            if weight:
+                total = total + weight * matrix
+        return total
 
 
 @dataclass(frozen=True)
 class ForwardState:
-    """The solved model at one θ. Mode indices count the elastic modes only, unless a name says `all`."""
+    """The solved model at one θ. Mode indices count the elastic modes only, unless a name says `all`.
+
+    Attributes:
+        forward: the model.
+        theta: (p,) parameters.
+        coefficients: the model's coefficients and their derivatives there.
+        modes: all modes; their shapes are over the dofs, or over the basis.
+        terms: matrices of the system, over the dofs or over the basis.
+        basis: (dofs, r) reduced basis, or None for the full model.
+    """
 
     forward: ForwardModel
     theta: FloatArray
     coefficients: Coefficients
     modes: NormalModes
-    mass: sparse.csc_array
+    terms: _Terms
+    basis: FloatArray | None
 
     @property
     def frequency_hz(self) -> FloatArray:
@@ -86,9 +160,15 @@ class ForwardState:
         return self.modes.frequency_hz[self.modes.rigid :]
 
     @cached_property
+    def kinds(self) -> tuple[ModeKind, ...]:
+        """Kinds of the elastic modes: bending, torsion, in-plane."""
+        shapes = self.modes.shapes[:, self.modes.rigid :]
+        return self.forward.specimen.model.kinds(shapes if self.basis is None else self.basis @ shapes)
+
+    @cached_property
     def all_shapes(self) -> FloatArray:
         """(m, p) mass-normalised shapes of all modes, rigid ones first, at the measured points."""
-        shapes: FloatArray = (self.forward.observation @ self.modes.shapes).T
+        shapes: FloatArray = (self._observation @ self.modes.shapes).T
         return shapes
 
     @property
@@ -97,26 +177,28 @@ class ForwardState:
         return self.all_shapes[self.modes.rigid :]
 
     @cached_property
-    def projected_derivatives(self) -> FloatArray:
-        """(p, 2, m, m) φᵀ(∂K/∂θ)φ and φᵀ(∂M/∂θ)φ over all modes."""
-        model, phi = self.forward.specimen.model, self.modes.shapes
-        stiffness = np.array([phi.T @ (model.stiffness.term(k) @ phi) for k in range(len(model.stiffness.names))])
-        mass = np.array([phi.T @ (model.mass.term(k) @ phi) for k in range(len(model.mass.names))])
-        by = self.coefficients
-        return np.stack(
-            [
-                np.einsum("kij,kp->pij", stiffness, by.stiffness_by),
-                np.einsum("kij,kp->pij", mass, by.mass_by),
-            ],
-            axis=1,
+    def _observation(self) -> FloatArray | sparse.csr_array:
+        observation = self.forward.observation
+        return observation if self.basis is None else observation @ self.basis
+
+    @cached_property
+    def _by(self) -> tuple[list[Matrix], list[Matrix]]:
+        """∂K/∂θ and ∂M/∂θ for each parameter."""
+        c = self.coefficients
+        return (
+            [self.terms.sum("stiffness", weights) for weights in c.stiffness_by.T],
+            [self.terms.sum("mass", weights) for weights in c.mass_by.T],
         )
+
+    @cached_property
+    def eigenvalue_matrix(self) -> FloatArray:
+        """(p, m, m) derivatives of the eigenvalues; off the diagonal inside repeated roots only (`sensitivity`)."""
+        return eigenvalue_derivatives(self.modes, *mode_forms(self.modes, *self._by))
 
     @cached_property
     def eigenvalue_jacobian(self) -> FloatArray:
         """(m, p) ∂λ/∂θ = φᵀ(∂K/∂θ - λ ∂M/∂θ)φ of all modes; 0 for rigid ones."""
-        K, M = self.projected_derivatives[:, 0], self.projected_derivatives[:, 1]
-        by: FloatArray = np.einsum("pkk->kp", K) - self.modes.eigenvalue[:, None] * np.einsum("pkk->kp", M)
-        by[: self.modes.rigid] = 0
+        by: FloatArray = np.einsum("pkk->kp", self.eigenvalue_matrix)
         return by
 
     @property
@@ -129,56 +211,116 @@ class ForwardState:
 
     @cached_property
     def shape_jacobian(self) -> FloatArray:
-        """(p, m, points) derivative of all shapes at the measured points, expanded in the solved modes.
-
-        ∂φ_k/∂θ = Σ_{j≠k} φ_j φ_jᵀ(∂K/∂θ - λ_k ∂M/∂θ)φ_k / (λ_k - λ_j) - ½ φ_k φ_kᵀ(∂M/∂θ)φ_k   (Fox and Kapoor 1968)
-        """
-        K, M = self.projected_derivatives[:, 0], self.projected_derivatives[:, 1]
-        value = self.modes.eigenvalue
-        gap = value[:, None] - value[None, :]
-        alone = np.abs(gap) <= 1e-9 * value.max()
-        force = K - value[None, :, None] * M  # row k: mode k's own eigenvalue
-        weights = np.where(alone, 0.0, force / np.where(alone, 1.0, gap))
-        diagonal = np.arange(value.size)
-        weights[:, diagonal, diagonal] = -np.einsum("pkk->pk", M) / 2
-        jacobian: FloatArray = weights @ self.all_shapes
+        """(p, m, points) derivative of all shapes at the measured points."""
+        c = self.coefficients
+        stiffness, mass = self.terms.sum("stiffness", c.stiffness), self.terms.sum("mass", c.mass)
+        by = shape_derivatives(stiffness, mass, self.modes, *self._by)
+        jacobian: FloatArray = np.array([(self._observation @ each).T for each in by])
         return jacobian
 
     def frf_model(self, responses: Sequence[Dof], references: Sequence[Dof]) -> ModalFrfModel:
         """Synthesis of the FRFs between some dofs, with residual terms for the truncated modes."""
-        response, response_sign = self.forward.rows(responses)
-        reference, reference_sign = self.forward.rows(references)
-        sign = (response_sign * reference_sign)[:, None]
+        pairs = _Pairs.of(self.forward, responses, references)
+        state = self.forward.holding(self, pairs.reference)
+        residual, _ = state._residual(pairs, derivatives=False)
         return ModalFrfModel(
-            eigenvalue=self.modes.eigenvalue,
-            residues=sign * (self.all_shapes[:, response] * self.all_shapes[:, reference]).T,
-            residual=sign * self._residual(response, reference),
-            shift=self.modes.shift,
+            eigenvalue=state.modes.eigenvalue,
+            residues=pairs.products(state.all_shapes),
+            residual=residual,
+            shift=state.modes.shift,
         )
 
     def residue_jacobian(self, responses: Sequence[Dof], references: Sequence[Dof]) -> FloatArray:
         """(p, N, m) derivative of the residues of `frf_model` by the parameters."""
-        response, response_sign = self.forward.rows(responses)
-        reference, reference_sign = self.forward.rows(references)
-        by, shapes = self.shape_jacobian, self.all_shapes
-        product = by[:, :, response] * shapes[:, reference] + shapes[:, response] * by[:, :, reference]
-        signed: FloatArray = (response_sign * reference_sign)[:, None] * product.transpose(0, 2, 1)
-        return signed
+        return _Pairs.of(self.forward, responses, references).product_derivatives(self.all_shapes, self.shape_jacobian)
 
-    def _residual(self, response: IntArray, reference: IntArray) -> FloatArray:
-        """(N, 2) static and next term of the truncated modes: two solves with the factor that the modes left."""
-        modes, observation = self.modes, self.forward.observation
-        used, column = np.unique(reference, return_inverse=True)
-        load = observation[used].T.toarray()
-        # Rigid-body motion is among the solved modes; without it the solves stay well conditioned.
-        rigid = modes.shapes[:, : modes.rigid]
-        load = load - self.mass @ (rigid @ (rigid.T @ load))
-        first = modes.factor.solve(load)
-        second = modes.factor.solve(self.mass @ first)
-        away = modes.eigenvalue[modes.rigid :] - modes.shift
-        residues = (self.shapes[:, response] * self.shapes[:, reference]).T
-        solved = [(observation @ solution)[response, column] for solution in (first, second)]
-        return np.column_stack([total - residues @ away**-power for power, total in enumerate(solved, start=1)])
+    def frf_jacobian(
+        self,
+        frequency_hz: FloatArray,
+        law: DampingLaw,
+        law_coefficients: FloatArray,
+        responses: Sequence[Dof],
+        references: Sequence[Dof],
+        quantity: Quantity = "accelerance",
+    ) -> ComplexArray:
+        """(p, N, L) derivative of the FRFs of `frf_model` with a damping law's rates by the elastic parameters.
+
+            ∂H_ij = Σ_k ∂A_k/D_k - Σ_kl φ_ik G_kl (1 + iω c'(λ)) φ_jl / (D_k D_l) + Σ_t ∂R_t (ω² - σ)ᵗ
+
+        with D = λ - ω² + iωc and G as in `fecore.sensitivity`, so that repeated roots come out right.
+        """
+        pairs = _Pairs.of(self.forward, responses, references)
+        state = self.forward.holding(self, pairs.reference)
+        omega, natural = 2 * np.pi * frequency_hz, state.modes.omega
+        rate = law.basis(natural) @ law_coefficients
+        moving = natural > 0
+        rate_by = np.zeros_like(natural)  # ∂c/∂λ
+        rate_by[moving] = law.slope(natural[moving]) @ law_coefficients / (2 * natural[moving])
+        D = state.modes.eigenvalue[:, None] - omega**2 + 1j * omega * rate[:, None]
+        change = pairs.product_derivatives(state.all_shapes, state.shape_jacobian) @ (1 / D)
+        first, second = np.nonzero(same_cluster(state.modes.eigenvalue))
+        G = state.eigenvalue_matrix[:, first, second]
+        left, right = state.all_shapes[first][:, pairs.response], state.all_shapes[second][:, pairs.reference]
+        resonance = (1 + 1j * omega * rate_by[first, None]) / (D[first] * D[second])
+        change = change - (pairs.sign[:, None] * (left * right).T * G[:, None, :]) @ resonance
+        _, residual_by = state._residual(pairs, derivatives=True)
+        power = np.vander(omega**2 - state.modes.shift, RESIDUAL_TERMS, increasing=True).T
+        converted: ComplexArray = (change + residual_by @ power) * convert(omega, quantity)
+        return converted
+
+    def _residual(self, pairs: _Pairs, *, derivatives: bool) -> tuple[FloatArray, FloatArray]:
+        """(N, t) terms of the truncated modes' series in ω² - σ and (p, N, t) their derivatives: solves with F."""
+        modes, observation = self.modes, self._observation
+        used, column = np.unique(pairs.reference, return_inverse=True)
+        load = observation[used].T
+        load = load if isinstance(load, np.ndarray) else load.toarray()
+        mass = self.terms.sum("mass", self.coefficients.mass)
+        by = self._by if derivatives else ([], [])
+        y, y_by = static_series(modes, mass, load, RESIDUAL_TERMS, *by)
+        seen = np.array([(observation @ each)[pairs.response, column] for each in y]).T * pairs.sign[:, None]
+        away = 1 / (modes.eigenvalue - modes.shift)
+        power = away[:, None] ** np.arange(1, RESIDUAL_TERMS + 1)
+        residues = pairs.products(self.all_shapes)
+        value = seen - residues @ power
+        if not derivatives:
+            return value, np.zeros((0, *value.shape))
+        seen_by = np.array([[(observation @ each)[pairs.response, column] for each in terms] for terms in y_by])
+        moved = pairs.product_derivatives(self.all_shapes, self.shape_jacobian) @ power
+        first, second = np.nonzero(same_cluster(modes.eigenvalue))
+        crossed = self.all_shapes[first][:, pairs.response] * self.all_shapes[second][:, pairs.reference]
+        crossed = pairs.sign[:, None] * crossed.T * self.eigenvalue_matrix[:, None, first, second]
+        slope = -np.arange(1, RESIDUAL_TERMS + 1) * away[first, None] ** np.arange(2, RESIDUAL_TERMS + 2)
+        return value, seen_by.transpose(0, 2, 1) * pairs.sign[:, None] - moved - crossed @ slope
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Point numbers of N FRFs and the product of their directions' signs, the side with fewer points as reference."""
+
+    response: IntArray
+    reference: IntArray
+    sign: FloatArray
+
+    @classmethod
+    def of(cls, forward: ForwardModel, responses: Sequence[Dof], references: Sequence[Dof]) -> _Pairs:
+        response, response_sign = forward.rows(responses)
+        reference, reference_sign = forward.rows(references)
+        if np.unique(response).size < np.unique(reference).size:  # H is symmetric (Maxwell, Betti)
+            response, reference = reference, response
+        return cls(response, reference, response_sign * reference_sign)
+
+    def products(self, shapes: FloatArray) -> FloatArray:
+        """(N, m) residues of (m, points) shapes."""
+        residues: FloatArray = self.sign[:, None] * (shapes[:, self.response] * shapes[:, self.reference]).T
+        return residues
+
+    def product_derivatives(self, shapes: FloatArray, by: FloatArray) -> FloatArray:
+        """(p, N, m) derivatives of the residues, from those of the shapes."""
+        product = (
+            by[:, :, self.response] * shapes[:, self.reference] + shapes[:, self.response] * by[:, :, self.reference]
+        )
+        signed: FloatArray = self.sign[:, None] * product.transpose(0, 2, 1)
+        return signed
 
 
 def modes_to_cover(specimen: Specimen, highest_hz: float, at_least: int) -> int:

@@ -1,0 +1,29 @@
+"""FRFs without modes: (K - ω²M + iωC) x = f solved at every line. Slow, and the reference for everything faster."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from fecore.arrays import ComplexArray, FloatArray
+from fecore.frf import Quantity, convert
+
+
+def direct_frf(
+    stiffness: sparse.csc_array,
+    mass: sparse.csc_array,
+    damping: sparse.csc_array,
+    responses: sparse.csr_array,
+    load: FloatArray,
+    frequency_hz: FloatArray,
+    quantity: Quantity = "receptance",
+) -> ComplexArray:
+    """(N, L) FRFs of N response rows under one (dofs,) unit load, at (L,) frequencies in Hz."""
+    omega = 2 * np.pi * frequency_hz
+    columns = []
+    for line in omega:
+        dynamic = sparse.csc_matrix(stiffness - line**2 * mass + 1j * line * damping)
+        columns.append(responses @ splu(dynamic, permc_spec="MMD_AT_PLUS_A").solve(load.astype(complex)))
+    found: ComplexArray = np.array(columns).T * convert(omega, quantity)
+    return found
