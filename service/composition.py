@@ -11,6 +11,8 @@ from fastapi import APIRouter
 from service.access.routes import router as access
 from service.campaigns.frf_routes import router as frfs
 from service.campaigns.grid_point_routes import router as grid_points
+from service.campaigns.identification_routes import router as identifications
+from service.campaigns.identifications import IDENTIFY
 from service.campaigns.import_routes import router as imports
 from service.campaigns.imports import IMPORT
 from service.campaigns.mode_set_routes import router as mode_sets
@@ -21,8 +23,19 @@ from service.structures.routes import router as structures
 from service.updating.operations import UPDATE
 from service.updating.routes import router as updating
 
-ROUTERS: tuple[APIRouter, ...] = (access, structures, campaigns, imports, grid_points, frfs, mode_sets, coupons, updating)
+ROUTERS: tuple[APIRouter, ...] = (
+    access,
+    structures,
+    campaigns,
+    imports,
+    grid_points,
+    frfs,
+    mode_sets,
+    identifications,
+    coupons,
+    updating,
+)
 """Everything under `/api/v1`, in the order of the documentation page."""
 
-KINDS: tuple[JobKind, ...] = (IMPORT, UPDATE)
+KINDS: tuple[JobKind, ...] = (IMPORT, IDENTIFY, UPDATE)
 """Every kind of job that a worker can run."""

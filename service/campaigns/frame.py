@@ -53,6 +53,11 @@ class Frame:
         return Dof(dof.point, (axis + 1 + rotation) * (1 if along[axis] > 0 else -1))
 
 
+    def file_dof(self, dof: Dof) -> Dof:
+        """A degree of freedom of the specimen's frame, with its direction in the file's coordinates: undoes `dof`."""
+        return Frame(self.origin_m, self.axes.T).dof(dof)
+
+
 def make_frame(origin_m: tuple[float, ...], x_axis: tuple[float, ...], y_axis: tuple[float, ...]) -> Frame:
     """A frame from its origin and two axes.
 

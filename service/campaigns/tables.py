@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Annotated, Any
 from uuid import UUID
 
-from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, LargeBinary, func, text
+from sqlalchemy import JSON, BigInteger, CheckConstraint, ForeignKey, Index, LargeBinary, func, text
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, mapped_column
 
@@ -131,6 +131,18 @@ class ModeSet(Identified, Base):
     origin: Mapped[str]
     covariance: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True))
     details: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
+
+
+class Identification(Base):
+    """One identification of modes from a campaign's FRFs; its key is its job's. Its mode set names it as `job_id`."""
+
+    __tablename__ = "identifications"
+    __table_args__ = (Index(None, "campaign_id", "id"),)
+
+    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id"), primary_key=True)
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    options: Mapped[dict[str, Any]]
+    document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
 
 
 class Mode(Base):

@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 
 import fecore
+from fecore.modes import MeasuredModes
 from fecore.specimen import Specimen
-from fecore.updating.pipeline import Measurement, update
+from fecore.updating.measurement import Measurement
+from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import Prediction
 from service.jobs.kinds import Report
@@ -40,10 +42,17 @@ class UpdateInputs:
 
 @dataclass(frozen=True)
 class UpdateOutput:
-    """A result ready to be stored: the contract's document and the predicted FRFs as npz."""
+    """A result ready to be stored.
+
+    Attributes:
+        document: the contract's result.
+        prediction: predicted FRFs as npz.
+        identified: modes that the job found itself, in the specimen's frame; None where it was given a mode set.
+    """
 
     document: dict[str, Any]
     prediction: bytes
+    identified: MeasuredModes | None
 
 
 def compute_update(inputs: UpdateInputs, report: Report) -> Iterator[UpdateOutput]:
@@ -58,7 +67,8 @@ def compute_update(inputs: UpdateInputs, report: Report) -> Iterator[UpdateOutpu
         "durations_s": stages.finish(),
     }
     document = describe(result, inputs.warnings, provenance)
-    yield UpdateOutput(document, _as_npz(result.prediction))
+    identified = None if result.identification is None else result.identification.modes
+    yield UpdateOutput(document, _as_npz(result.prediction), identified)
 
 
 class _Stopwatch:

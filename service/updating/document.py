@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.updating.result import Correlation, FrfCorrelation, UpdateResult
+from fecore.updating.result import Correlation, FrfCorrelation, HeldOut, UpdateResult
+from service.campaigns.identification_document import describe_identification
 
 
 def describe(result: UpdateResult, warnings: Iterable[str], provenance: dict[str, Any]) -> dict[str, Any]:
@@ -19,9 +20,20 @@ def describe(result: UpdateResult, warnings: Iterable[str], provenance: dict[str
         "modes": [asdict(mode) for mode in result.modes],
         "correlation": _correlation(result.correlation),
         "damping_models": [
-            {"name": fit.name, "coefficients": fit.coefficients, "misfit": fit.misfit, "history": fit.history.tolist()}
+            {
+                "name": fit.name,
+                "coefficients": fit.coefficients,
+                "bic": fit.bic if np.isfinite(fit.bic) else None,
+                "preferred": fit.preferred,
+                "missed": _numbers(fit.missed),
+            }
             for fit in result.damping_models
         ],
+        "damping_fit": {
+            "starts": result.damping_starts,
+            "optima": list(result.damping_optima),
+            "history": result.damping_history.tolist(),
+        },
         "convergence": [
             {"parameters": step.parameters, "frequency_hz": _numbers(step.frequency_hz), "cost": step.cost}
             for step in result.convergence
@@ -29,6 +41,7 @@ def describe(result: UpdateResult, warnings: Iterable[str], provenance: dict[str
         "identifiability": {"null_directions": list(result.null_directions)},
         "discrepancy": {"frequency": result.frequency_discrepancy, "damping": result.damping_discrepancy},
         "band_hz": list(result.band_hz),
+        "identification": None if result.identification is None else describe_identification(result.identification),
         "warnings": [*warnings, *result.warnings],
         "provenance": provenance,
     }
@@ -39,8 +52,22 @@ def _correlation(correlation: Correlation) -> dict[str, Any]:
     return {
         **_agreement(correlation.updated),
         "initial": _agreement(correlation.initial),
-        "held_out": None if correlation.held_out is None else _agreement(correlation.held_out),
+        "held_out": {
+            "frfs": _held_out(correlation.held_out_frfs),
+            "band": _held_out(correlation.held_out_band),
+        },
         "mac_matrix": None if matrix is None else [_numbers(row) for row in matrix],
+    }
+
+
+def _held_out(held: HeldOut | None) -> dict[str, Any] | None:
+    if held is None:
+        return None
+    return {
+        "points": list(held.points),
+        "band_hz": list(held.band_hz),
+        **_agreement(held.agreement),
+        "coverage_95": held.coverage_95,
     }
 
 

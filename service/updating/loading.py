@@ -15,8 +15,8 @@ from fecore.laminate import OrthotropicMaterial
 from fecore.model import PointMass
 from fecore.modes import MeasuredModes
 from fecore.specimen import Specimen
+from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter
-from fecore.updating.pipeline import Measurement
 from service.campaigns import measurement as stored
 from service.campaigns.frame import Frame
 from service.campaigns.mode_sets import load_modes
@@ -43,15 +43,12 @@ def load_update(session: Session, job_id: UUID, _workspace: Path) -> UpdateInput
     if not campaign.frf_sets:
         raise InputError("campaign", "has no FRFs; import a UFF file first")
     frame = frame_of(session.get_one(Campaign, job.campaign_id))
-    if recipe.mode_set is None:
-        raise InputError("mode_set", "name a mode set of this campaign")
+    modes = None if recipe.mode_set is None else modes_in_frame(load_modes(session, recipe.mode_set), frame)
     used = campaign.frf_sets[0]
     parameters, prior_warnings = _parameters(session, recipe)
     specimen, sensor_warnings = specimen_of(campaign)
     return UpdateInputs(
-        measurement=Measurement(
-            used.frfs, campaign.points, modes_in_frame(load_modes(session, recipe.mode_set), frame)
-        ),
+        measurement=Measurement(used.frfs, campaign.points, modes),
         specimen=specimen,
         recipe=replace(recipe.to_core(), parameters=parameters),
         warnings=(*campaign.warnings, *_left_out(campaign), *prior_warnings, *sensor_warnings),
@@ -140,5 +137,6 @@ def _provenance(job: UpdateJob, campaign: stored.Measurement, used: stored.Measu
         "campaign": str(campaign.campaign_id),
         "structure_version": str(campaign.structure_version_id),
         "frfs": [{"id": str(key), "sha256": digest} for key, digest in zip(used.ids, used.sha256s, strict=True)],
+        "mode_set": job.recipe["mode_set"],
         "recipe": job.recipe,
     }

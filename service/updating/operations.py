@@ -12,6 +12,7 @@ from sqlalchemy.orm import Session
 from fecore.errors import InputError
 from fecore.updating.parameters import parametrise
 from service.access import User, audit, project_for
+from service.campaigns.identifications import keep_identified
 from service.campaigns.mode_sets import mode_set_for
 from service.campaigns.operations import campaign_for, project_of
 from service.campaigns.tables import Campaign
@@ -27,7 +28,13 @@ from service.updating.tables import UpdateJob, UpdateResult
 
 
 def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> None:
+    row = session.get_one(UpdateJob, job_id)
     for output in items:
+        if output.identified is not None:
+            kept = keep_identified(
+                session, row.campaign_id, "identified by an update", output.identified, job_id=job_id
+            )
+            output.document["provenance"]["mode_set"] = str(kept.id)
         session.add(UpdateResult(id=job_id, document=output.document, prediction=output.prediction))
 
 

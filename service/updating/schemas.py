@@ -14,7 +14,7 @@ from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
 from service.problems import Int64, StrictModel
 
 ConstantName = Literal["Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy", "density", "thickness"]
-DampingModel = Literal["rayleigh"]
+DampingModel = Literal["rayleigh", "caughey3", "caughey4", "modal"]
 Frequency = Annotated[float, Field(ge=0, le=1e7, description="Hz")]
 Band = tuple[Frequency, Frequency]
 
@@ -32,24 +32,31 @@ class ParameterIn(StrictModel):
 class HoldOutIn(StrictModel):
     """What the fits do not see and the result is checked against."""
 
-    points: list[Int64] = Field(default_factory=list, max_length=10_000)
-    band_hz: Band | None = None
+    points: list[Int64] | None = Field(
+        None, max_length=10_000, description="grid points whose FRFs are held out; default: every eighth FRF; []: none"
+    )
+    band_hz: Band | None = Field(None, description="lines held out; those above the fitted band always are")
 
 
 class RecipeIn(StrictModel):
     """How to use a campaign; `{}` will do for a first look."""
 
-    mode_set: UUID | None = Field(None, description="measured modes")
+    mode_set: UUID | None = Field(None, description="measured modes; without it they are identified from the FRFs")
     parameters: list[ParameterIn] | None = Field(
         None, max_length=20, description="default: Ex, Ey, Gxy, Gxz, and Gyz tied to Gxz, nominal ± 30 %"
     )
     prior_from_coupon_batch: UUID | None = Field(
         None, description="means and spreads of the constants that the batch gives, where the recipe states none"
     )
-    damping_models: list[DampingModel] = Field(["rayleigh"], min_length=1, max_length=10)
+    damping_models: list[DampingModel] = Field(
+        ["rayleigh", "caughey3", "caughey4", "modal"],
+        min_length=1,
+        max_length=10,
+        description="laws to rank; the first one's coefficients are reported as parameters",
+    )
     weighting: Weighting = "noise"
     band_hz: Band | None = Field(None, description="lines of the damping update; default: past the highest mode")
-    hold_out: HoldOutIn = Field(default_factory=HoldOutIn)
+    hold_out: HoldOutIn = HoldOutIn(points=None, band_hz=None)
     posterior: Literal["laplace"] = "laplace"
     seed: int = Field(0, ge=0, le=2**32 - 1)
 
@@ -62,7 +69,9 @@ class RecipeIn(StrictModel):
             damping_models=tuple(self.damping_models),
             weighting=self.weighting,
             band_hz=self.band_hz,
-            hold_out=core.HoldOut(tuple(self.hold_out.points), self.hold_out.band_hz),
+            hold_out=core.HoldOut(
+                None if self.hold_out.points is None else tuple(self.hold_out.points), self.hold_out.band_hz
+            ),
             seed=self.seed,
         )
 
