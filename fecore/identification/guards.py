@@ -17,7 +17,7 @@ from fecore.identification.basis import columns
 from fecore.identification.refinement import Fit, evaluate
 from fecore.identification.result import RefusedPole
 from fecore.identification.selection import in_band, price, worth
-from fecore.identification.shapes import Shapes
+from fecore.identification.shapes import Shapes, residue_matrix
 
 _OVERDAMPED = 0.6  # a pole damped more than this is a trend of the record, not a resonance
 _FIRST_LINES = 3.0
@@ -27,6 +27,7 @@ _FEW_LINES = 2.0  # lines in the half-power bandwidth below which the damping is
 _COMPLEX = 0.8  # modal phase collinearity below which a mode is called complex
 _WEAK_PRICE = 10.0  # times the Bayesian price that a weak mode must be worth
 _WEAK = 0.5  # share of an FRF at its own frequency below which a mode is called weak
+_SECOND_SHAPE = 0.1  # second singular value of the residues over the first from which there are two modes
 _UNEXPLAINED = 4.0  # mean square of the residual over the noise, over five lines, that is worth telling
 _CLOSE = 1.5  # distance of two modes in their mean bandwidth from which their shapes mix little
 
@@ -97,7 +98,7 @@ def remarks(arrangement: Arrangement, fit: Fit, verdict: Verdict, shapes: Shapes
             notes.append(f"{name}: damping is known to ± {100 * sd[k] / zeta[k]:.0f} % only")
         if k and (f[k] - f[k - 1]) < _CLOSE * (zeta[k] * f[k] + zeta[k - 1] * f[k - 1]) / 2:
             notes.append(f"modes {k} and {k + 1} ({f[k - 1]:.2f} and {f[k]:.2f} Hz) overlap: a close pair")
-    return notes + _driving_points(arrangement, fit, verdict)
+    return notes + _rank_two(arrangement, fit, verdict) + _driving_points(arrangement, fit, verdict)
 
 
 def _largest_share(arrangement: Arrangement, fit: Fit, k: int) -> float:
@@ -148,6 +149,24 @@ def _rests_on_one_line(arrangement: Arrangement, fit: Fit, k: int) -> bool:
     variance[:, max(0, nearest - 1) : nearest + 2] *= 1e12
     others = evaluate(arrangement, fit.terms, variance)
     return bool(worth(others)[0][k] < price(fit, 2, 2)[1])
+
+
+def _rank_two(arrangement: Arrangement, fit: Fit, verdict: Verdict) -> list[str]:
+    """Poles whose residues against several fixed dofs are not one shape: two modes at one frequency."""
+    if len(arrangement.roving) * len(arrangement.fixed) != len(arrangement.pairs) or len(arrangement.fixed) < 2:
+        return []
+    residues, variance = fit.residues()
+    size = np.sqrt(len(arrangement.roving)) + np.sqrt(len(arrangement.fixed))
+    notes = []
+    for number, k in enumerate(verdict.kept, start=1):
+        singular = np.linalg.svd(residue_matrix(arrangement, residues[:, k]), compute_uv=False)
+        noise = size * np.sqrt(np.mean(variance[:, k]))  # about the largest singular value of noise alone
+        if singular[1] > 5 * noise and singular[1] > _SECOND_SHAPE * singular[0]:
+            notes.append(
+                f"mode {number} ({fit.terms.frequency_hz[k]:.2f} Hz): its residues against the fixed dofs are of rank two:"
+                " two modes at one frequency, of which the stronger shape is given"
+            )
+    return notes
 
 
 def _driving_points(arrangement: Arrangement, fit: Fit, verdict: Verdict) -> list[str]:

@@ -166,6 +166,14 @@ def test_two_modes_within_a_bandwidth_are_kept_as_two(references: tuple[int, ...
     assert any("close pair" in w for w in found.warnings)
 
 
+def test_a_double_mode_at_one_frequency_is_told() -> None:
+    found = identify(plate_frfs(0.0, (0, 5, 7))[0])
+    assert any("rank two" in w and "300" in w for w in found.warnings)
+    apart = identify(plate_frfs(0.1, (0, 5, 7))[0])
+    assert len(apart.modes) == 3
+    assert not any("rank two" in w for w in apart.warnings)
+
+
 def test_one_mode_is_not_made_two() -> None:
     for seed in range(3):
         found = identify(paper_frfs(0.02, 20 + seed))
