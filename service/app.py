@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager
 
 from fastapi import FastAPI, Response
 from fastapi_offline import FastAPIOffline
-from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
+from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
 from sqlalchemy import text
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.concurrency import run_in_threadpool
@@ -16,6 +16,8 @@ from fecore import __version__
 from service.composition import ROUTERS
 from service.db.engine import make_engine, make_sessions
 from service.db.schema import SchemaError, require_head
+from service.jobs.events import Changes
+from service.jobs.metrics import JobMetrics
 from service.problems import Unavailable
 from service.problems.http import add_problem_handlers
 from service.problems.middleware import BodyLimitMiddleware, RequestMiddleware
@@ -42,7 +44,8 @@ def create_app(settings: Settings) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        yield
+        with app.state.changes:
+            yield
         await run_in_threadpool(engine.dispose)
 
     app: FastAPI = FastAPIOffline(
@@ -52,6 +55,7 @@ def create_app(settings: Settings) -> FastAPI:
         lifespan=lifespan,
     )
     app.state.settings, app.state.engine, app.state.sessions = settings, engine, make_sessions(engine)
+    app.state.changes = Changes(settings.database_url, settings.event_streams)
     for router in ROUTERS:
         app.include_router(router, prefix=PREFIX)
     _add_health(app)
@@ -78,7 +82,10 @@ def _add_health(app: FastAPI) -> None:
             raise Unavailable(str(error)) from error
         return {"status": "ok"}
 
+    jobs = CollectorRegistry()
+    jobs.register(JobMetrics(app.state.sessions))
+
     @app.get("/metrics", include_in_schema=False)
     def metrics() -> Response:
-        """Metrics of this process for Prometheus."""
-        return Response(generate_latest(), media_type=CONTENT_TYPE_LATEST)
+        """Metrics for Prometheus: of this process, and of all jobs."""
+        return Response(generate_latest() + generate_latest(jobs), media_type=CONTENT_TYPE_LATEST)

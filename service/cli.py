@@ -148,16 +148,28 @@ def serve(
     _end_with_stdin(attached)
     own = listening_socket(settings.host, settings.port) if listener is None else socket.socket(fileno=listener)
     with own, open_database(settings) as opened:
+        api = create_app(opened)
         config = uvicorn.Config(
-            create_app(opened), log_config=None, access_log=False, timeout_graceful_shutdown=10, server_header=False
+            api, log_config=None, access_log=False, timeout_graceful_shutdown=10, server_header=False
         )
-        uvicorn.Server(config).run(sockets=[own])
+
+        class Server(uvicorn.Server):
+            """Ends streams of events, which would go on, before it waits for requests to end."""
+
+            def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+                api.state.changes.close()
+                super().handle_exit(sig, frame)
+
+        Server(config).run(sockets=[own])
 
 
 @app.command()
 def worker(
     data: Data = None,
     concurrency: Annotated[int | None, typer.Option(help="Jobs at a time [MODALBASE_WORKER_CONCURRENCY]")] = None,
+    threads: Annotated[
+        int | None, typer.Option(help="Threads of a job's linear algebra [MODALBASE_JOB_THREADS]")
+    ] = None,
     queues: Annotated[str | None, typer.Option(help="Queues to serve, separated by commas; all by default")] = None,
     attached: Attached = False,
 ) -> None:
@@ -167,7 +179,7 @@ def worker(
     from service.jobs.worker import run_worker
     from service.logs import configure_logs
 
-    settings = _settings(data=data, worker_concurrency=concurrency)
+    settings = _settings(data=data, worker_concurrency=concurrency, job_threads=threads)
     configure_logs(settings)
     _end_with_stdin(attached)
     with open_database(settings) as opened:

@@ -12,8 +12,8 @@ What a feature needs of it::
 """
 
 from service.jobs.kinds import JobKind, Report
-from service.jobs.queue import enqueue, request_cancel
+from service.jobs.queue import enqueue, one_at_a_time, request_cancel, retry
 from service.jobs.state import job_state
 from service.jobs.tables import Job
 
-__all__ = ["Job", "JobKind", "Report", "enqueue", "job_state", "request_cancel"]
+__all__ = ["Job", "JobKind", "Report", "enqueue", "job_state", "one_at_a_time", "request_cancel", "retry"]

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from uuid import UUID
 
 from procrastinate import App, SyncPsycopgConnector
-from sqlalchemy import func, text
+from sqlalchemy import func, select, text
 from sqlalchemy.orm import Session
 
 from service.jobs import checkpoints
@@ -116,6 +116,11 @@ def retry(session: Session, job_id: UUID) -> Job:
     session.refresh(job)
     dispatch(session, job)
     return job
+
+
+def one_at_a_time(session: Session, key: str) -> None:
+    """Hold up other transactions that come with the same key until this one ends: for `Idempotency-Key`."""
+    session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(key, 0))))
 
 
 def _locked(session: Session, job_id: UUID) -> Job:

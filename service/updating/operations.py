@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 from uuid import UUID
 
@@ -17,7 +17,7 @@ from service.campaigns.mode_sets import mode_set_for
 from service.campaigns.operations import campaign_for, project_of
 from service.campaigns.tables import Campaign
 from service.coupons.operations import batch_for
-from service.jobs import Job, JobKind, enqueue, job_state, request_cancel
+from service.jobs import Job, JobKind, enqueue, job_state, one_at_a_time, request_cancel, retry
 from service.problems import Conflict, Invalid, NotFound
 from service.structures.operations import current_version, describe_version
 from service.structures.tables import Structure
@@ -42,7 +42,12 @@ UPDATE = JobKind("update", load=load_update, compute=compute_update, store=_stor
 
 
 def start_update(
-    session: Session, user: User, campaign_id: UUID, recipe: RecipeIn, idempotency_key: str | None
+    session: Session,
+    user: User,
+    campaign_id: UUID,
+    recipe: RecipeIn,
+    idempotency_key: str | None = None,
+    priority: int = 0,
 ) -> UpdateJob:
     """Queue an update, in the caller's transaction. The same key and recipe again: the job that is there.
 
@@ -53,7 +58,7 @@ def start_update(
     project_id = project_of(session, campaign)
     sent = recipe.model_dump(mode="json")
     if idempotency_key is not None:
-        session.refresh(campaign, with_for_update=True)  # two requests with one key: the second waits for the first
+        one_at_a_time(session, f"{project_id} {idempotency_key}")
         known = session.scalars(
             select(UpdateJob).where(UpdateJob.project_id == project_id, UpdateJob.idempotency_key == idempotency_key)
         ).one_or_none()
@@ -65,7 +70,7 @@ def start_update(
     version = current_version(session, structure)
     _check(session, user, campaign, recipe)
     _check_parameters(recipe, describe_version(version, structure.name), campaign)
-    job = enqueue(session, kind=UPDATE, project_id=project_id)
+    job = enqueue(session, kind=UPDATE, project_id=project_id, priority=priority)
     row = UpdateJob(
         id=job.id,
         project_id=project_id,
@@ -129,15 +134,41 @@ def cancel_update(session: Session, user: User, row: UpdateJob) -> None:
     audit(session, user, "update_job.cancel", "update_job", row.id, row.project_id)
 
 
+def retry_update(session: Session, user: User, row: UpdateJob) -> None:
+    """Queue a job again that failed or was cancelled.
+
+    Raises:
+        Conflict: it waits, runs or has succeeded.
+    """
+    project_for(session, user, row.project_id, "editor")
+    retry(session, row.id)
+    audit(session, user, "update_job.retry", "update_job", row.id, row.project_id)
+
+
+def job_of(session: Session, row: UpdateJob) -> Job:
+    """The row of the job behind an update, as it is now."""
+    return session.get_one(Job, row.id, populate_existing=True)
+
+
 def describe(session: Session, row: UpdateJob) -> UpdateJobOut:
     """An update job as clients see it."""
-    job = session.get_one(Job, row.id, populate_existing=True)
-    return UpdateJobOut(
-        **job_state(job),
-        campaign_id=row.campaign_id,
-        structure_version_id=row.structure_version_id,
-        recipe=RecipeIn.model_validate(row.recipe),
-    )
+    return describe_all(session, [row])[0]
+
+
+def describe_all(session: Session, rows: Sequence[UpdateJob]) -> list[UpdateJobOut]:
+    """Update jobs as clients see them, in the order given."""
+    query = select(Job).where(Job.id.in_([row.id for row in rows])).execution_options(populate_existing=True)
+    jobs = {job.id: job for job in session.scalars(query)}
+    return [
+        UpdateJobOut(
+            **job_state(jobs[row.id]),
+            priority=jobs[row.id].priority,
+            campaign_id=row.campaign_id,
+            structure_version_id=row.structure_version_id,
+            recipe=RecipeIn.model_validate(row.recipe),
+        )
+        for row in rows
+    ]
 
 
 def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
@@ -148,7 +179,7 @@ def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
     """
     result = session.get(UpdateResult, row.id)
     if result is None:
-        job = session.get_one(Job, row.id, populate_existing=True)
+        job = job_of(session, row)
         more = "; it is not done yet" if job.state in ("queued", "running") else f": {job.message or 'see its error'}"
         raise Conflict(f"update job {row.id} has no result: it is {job.state}{more}")
     return result.document

@@ -5,20 +5,26 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
-from fastapi import Header, Query, Response
+from fastapi import Depends, Header, Query, Response
 from sqlalchemy import select
 
-from service.access import CurrentUser, Cursor, Limit, Member, SessionDep, paged
+from service.access import CurrentUser, Cursor, Limit, Member, SessionDep, paged, project_for
 from service.campaigns.operations import campaign_for
+from service.campaigns.tables import Campaign
 from service.jobs import Job
+from service.jobs.events import STREAM, Events
 from service.problems import Page, Text, api_router
+from service.structures.operations import structure_for
 from service.updating import operations
+from service.updating.batches import BatchIn, BatchOut, start_batch
 from service.updating.schemas import RecipeIn, UpdateJobOut
 from service.updating.tables import UpdateJob
 
 router = api_router(tags=["update jobs"])
 
 Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+IdempotencyKey = Annotated[Text | None, Header(max_length=255)]
+Priority = Annotated[int, Query(ge=-100, le=100, description="of the project's waiting jobs the highest runs first")]
 
 
 @router.post("/campaigns/{campaign_id}/update-jobs", status_code=202)
@@ -28,35 +34,56 @@ def start_update(
     session: SessionDep,
     user: CurrentUser,
     response: Response,
-    idempotency_key: Annotated[Text | None, Header(max_length=255)] = None,
+    idempotency_key: IdempotencyKey = None,
+    priority: Priority = 0,
 ) -> UpdateJobOut:
     """Queue an update of the campaign's structure. `{}` is a recipe.
 
     With an `Idempotency-Key`, sending the same again gives the same job and not a second one.
     """
-    row = operations.start_update(session, user, campaign_id, recipe, idempotency_key)
+    row = operations.start_update(session, user, campaign_id, recipe, idempotency_key, priority)
     response.headers["Location"] = f"/api/v1/update-jobs/{row.id}"
     return operations.describe(session, row)
+
+
+@router.post("/update-jobs", status_code=202)
+def start_updates(
+    batch: BatchIn,
+    session: SessionDep,
+    user: CurrentUser,
+    idempotency_key: IdempotencyKey = None,
+    priority: Priority = 0,
+) -> BatchOut:
+    """Queue updates of many campaigns: all of them, or with any fault none."""
+    rows = start_batch(session, user, batch, idempotency_key, priority)
+    return BatchOut(items=operations.describe_all(session, rows))
 
 
 @router.get("/update-jobs")
 def list_update_jobs(
     session: SessionDep,
     user: CurrentUser,
+    project: Annotated[UUID | None, Query(description="of this project only")] = None,
+    structure: Annotated[UUID | None, Query(description="of this structure only")] = None,
     campaign: Annotated[UUID | None, Query(description="of this campaign only")] = None,
-    status: Annotated[Status | None, Query(description="in this state only")] = None,
+    status: Annotated[list[Status] | None, Query(description="in these states only; may be repeated")] = None,
     cursor: Cursor = None,
     limit: Limit = 100,
 ) -> Page[UpdateJobOut]:
     """Update jobs that you may see, newest first."""
     projects = select(Member.project_id).where(Member.user_id == user.id)
     query = select(UpdateJob).where(UpdateJob.project_id.in_(projects))
+    if project is not None:
+        query = query.where(UpdateJob.project_id == project_for(session, user, project).id)
+    if structure is not None:
+        of_structure = select(Campaign.id).where(Campaign.structure_id == structure_for(session, user, structure).id)
+        query = query.where(UpdateJob.campaign_id.in_(of_structure))
     if campaign is not None:
         query = query.where(UpdateJob.campaign_id == campaign_for(session, user, campaign, deleted=True).id)
     if status is not None:
-        query = query.join(Job, Job.id == UpdateJob.id).where(Job.state == status)
+        query = query.join(Job, Job.id == UpdateJob.id).where(Job.state.in_(status))
     rows, following = paged(session, query, UpdateJob.id, cursor, limit, newest_first=True)
-    return Page(items=[operations.describe(session, row) for row in rows], next_cursor=following)
+    return Page(items=operations.describe_all(session, rows), next_cursor=following)
 
 
 @router.get("/update-jobs/{job_id}")
@@ -71,6 +98,26 @@ def cancel_update_job(job_id: UUID, session: SessionDep, user: CurrentUser) -> U
     row = operations.update_job_for(session, user, job_id)
     operations.cancel_update(session, user, row)
     return operations.describe(session, row)
+
+
+@router.post("/update-jobs/{job_id}/retry", status_code=202)
+def retry_update_job(job_id: UUID, session: SessionDep, user: CurrentUser) -> UpdateJobOut:
+    """Queue an update again that failed or was cancelled."""
+    row = operations.update_job_for(session, user, job_id)
+    operations.retry_update(session, user, row)
+    return operations.describe(session, row)
+
+
+@router.get("/update-jobs/{job_id}/events", response_class=Response, responses=STREAM)
+def watch_update_job(
+    job_id: UUID, session: SessionDep, user: CurrentUser, events: Annotated[Events, Depends()]
+) -> Response:
+    """The job's state now and whenever it changes, as server-sent events of the type `job`; ends when the job has.
+
+    Each event has an id; with that of the last one in `Last-Event-ID` a client that comes back is told what is new.
+    """
+    row = operations.update_job_for(session, user, job_id)
+    return events.of(operations.job_of(session, row))
 
 
 @router.get("/update-jobs/{job_id}/result")

@@ -87,6 +87,7 @@ class UpdateJobOut(StrictModel):
     stage: str | None
     progress: float
     attempt: int
+    priority: int
     message: str | None
     error: dict[str, Any] | None
     created_at: datetime
