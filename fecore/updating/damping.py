@@ -5,10 +5,11 @@ The modes and their residues come from the updated elastic model and stay; the l
 
     E(a, δ) = Σ_i Σ_l w_il |r_il|²,    r = H_exp - H(λ_k (1 + δ_k)², c(a, ω_k))   (or ln H_exp/H for `log`)
 
-by Levenberg-Marquardt. A law is never exact: where a relative discrepancy s of the damping ratios is stated, each measured
-mode's rate is c_k exp(ε_k) with ε_k ~ N(0, s²), and ½ Σ ε_k²/s² is added to E, which for `noise` weights is the negative
-log likelihood. A law that fits keeps ε at zero; one that does not is then fitted to all modes alike, in place of to the one
-with the strongest signal.
+by Levenberg-Marquardt. A law is never exact: each mode's rate is c_k exp(ε_k) with ε_k ~ N(0, s²), and the priors of the
+nuisance parameters join E, which for `noise` weights is the negative log likelihood. A law that fits keeps ε at zero; one
+that does not is then fitted to all modes alike, in place of to the one with the strongest signal. Modes that were not
+measured, above the band say, have shifts and deviations with priors too: else their tails, taken as exact, would tell a
+damping that nobody measured.
 
 Every derivative goes through the modes' eigenvalues λ_k and damping rates c_k, of which there are
 few: ∂H_i/∂λ_k = -f A_ik/D_k² and ∂H_i/∂c_k = iω ∂H_i/∂λ_k. So the normal equations are accumulated once for (λ, c), and
@@ -34,6 +35,7 @@ Weighting = Literal["linear", "relative", "log", "noise"]
 _MAX_ITERATIONS = 100
 _TOLERANCE = 1e-9  # relative fall of the misfit, and step in posterior standard deviations, at convergence
 _ROUND_OFF = 1e-12  # of the weighted signal: noise-free data cannot be fitted better
+_EXACT = 1e-7  # standard deviation of a deviation that is not allowed
 _LARGEST_SHIFT = 0.1  # a mode further off than this was not paired rightly
 
 
@@ -44,9 +46,8 @@ class DampingFit:
     Attributes:
         law: the law.
         coefficients: (p,) estimate.
-        shift: (s,) relative frequency shifts of the shifted modes.
-        shifted: (s,) numbers of those modes among the model's.
-        deviation: (s,) ε_k of the shifted modes; zeros where the law was taken as exact.
+        nuisance: the modes with a shift and a deviation.
+        shift: (s,) their relative frequency shifts δ_k; deviation: (s,) their ε_k.
         eigenvalue: (m,) eigenvalues as fitted, λ_k (1 + δ_k)².
         rate: (m,) damping rates as fitted, deviations included; law_rate: (m,) those of the law alone.
         cost: misfit E of the data, weighted; objective: with the deviations' prior.
@@ -58,8 +59,8 @@ class DampingFit:
 
     law: DampingLaw
     coefficients: FloatArray
+    nuisance: Nuisance
     shift: FloatArray
-    shifted: IntArray
     deviation: FloatArray
     eigenvalue: FloatArray
     rate: FloatArray
@@ -70,6 +71,28 @@ class DampingFit:
     response: FloatArray
     normal: NormalEquations
     history: FloatArray
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """Modes that may lie off the model in frequency, and off the law in damping.
+
+    Attributes:
+        modes: (s,) their numbers among the model's.
+        first_shift: (s,) relative shifts to start from.
+        shift_sd: (s,) prior standard deviation of the shifts; infinite where they are free.
+        deviation_sd: (s,) prior standard deviation of ε; 0 where the law is taken as exact.
+    """
+
+    modes: IntArray
+    first_shift: FloatArray
+    shift_sd: FloatArray
+    deviation_sd: FloatArray
+
+    @classmethod
+    def of_exact_law(cls, modes: IntArray, first_shift: FloatArray) -> Nuisance:
+        """Free shifts and no deviations: Eq. 11 with the frequencies let go."""
+        return cls(modes, first_shift, np.full(modes.size, np.inf), np.zeros(modes.size))
 
 
 @dataclass(frozen=True)
@@ -173,9 +196,8 @@ def fit_law(
     misfit: FrfMisfit,
     law: DampingLaw,
     start: FloatArray,
-    shifted: IntArray,
-    shift: FloatArray,
-    deviation_sd: float | None = None,
+    nuisance: Nuisance,
+    scale: float = 1.0,
     progress: Callable[[float], None] = lambda _: None,
 ) -> DampingFit:
     """Fit a law's coefficients and the modes' frequency shifts.
@@ -184,16 +206,15 @@ def fit_law(
         misfit: data and model.
         law: the law.
         start: (p,) first coefficients.
-        shifted: (s,) numbers of the modes that carry a shift, among the model's.
-        shift: (s,) first shifts, relative.
-        deviation_sd: s, how far a mode's damping may lie off the law, relative; None takes the law as exact.
+        nuisance: modes that may lie off the model and the law.
+        scale: what E of one value is by noise alone: 1 for `noise` weights. It brings priors into the units of E.
         progress: told the share that is done.
 
     Raises:
         UpdatingError: no convergence; it carries the best iterate.
     """
-    problem = _Problem(misfit, law, shifted, deviation_sd)
-    x = problem.start(start, shift)
+    problem = _Problem(misfit, law, nuisance, scale)
+    x = np.concatenate([start, nuisance.first_shift, np.zeros(nuisance.modes.size)])
     history = [start]
     normal = misfit.normal(*problem.modes(x))
     total = normal.cost + problem.penalty(x)
@@ -204,12 +225,12 @@ def fit_law(
         T = problem.chain(x)
         hessian = T.T @ normal.hessian @ T + np.diag(problem.precision)
         gradient = T.T @ normal.gradient - problem.precision * x
-        scale = np.sqrt(np.diag(hessian))
-        step = np.linalg.solve(hessian / np.outer(scale, scale) + damping * np.eye(x.size), gradient / scale) / scale
+        size = np.sqrt(np.diag(hessian))
+        step = np.linalg.solve(hessian / np.outer(size, size) + damping * np.eye(x.size), gradient / size) / size
         candidate = x + step
         allowed = problem.is_allowed(candidate)
         cost = misfit.cost(*problem.modes(candidate)) + problem.penalty(candidate) if allowed else np.inf
-        small = float(np.max(np.abs(step) * scale)) <= _TOLERANCE * np.sqrt(total) + floor
+        small = float(np.max(np.abs(step) * size)) <= _TOLERANCE * np.sqrt(total) + floor
         if cost <= total:
             settled = small and total - cost <= _TOLERANCE * total
             x, total, damping = candidate, cost, damping / 10
@@ -234,37 +255,31 @@ class _Problem:
 
     misfit: FrfMisfit
     law: DampingLaw
-    shifted: IntArray
-    deviation_sd: float | None
+    nuisance: Nuisance
+    scale: float
 
     @property
     def count(self) -> int:
         return len(self.law.coefficient_names)
 
-    def start(self, coefficients: FloatArray, shift: FloatArray) -> FloatArray:
-        none = np.zeros(0 if self.deviation_sd is None else self.shifted.size)
-        return np.concatenate([coefficients, shift, none])
-
     def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Coefficients, shifts and deviations (zeros where there are none)."""
-        ends = (self.count, self.count + self.shifted.size)
-        deviation = x[ends[1] :] if self.deviation_sd is not None else np.zeros(self.shifted.size)
-        return x[: ends[0]], x[ends[0] : ends[1]], deviation
+        """Coefficients, shifts and deviations."""
+        ends = (self.count, self.count + self.nuisance.modes.size)
+        return x[: ends[0]], x[ends[0] : ends[1]], x[ends[1] :]
 
     @cached_property
     def precision(self) -> FloatArray:
-        """(x,) prior precision: 1/s² of the deviations, nothing of the rest."""
-        rest = np.zeros(self.count + self.shifted.size)
-        if self.deviation_sd is None:
-            return rest
-        return np.concatenate([rest, np.full(self.shifted.size, self.deviation_sd**-2)])
+        """(x,) prior precision of coefficients (none), shifts and deviations, in the units of E."""
+        shift = self.nuisance.shift_sd**-2
+        deviation = np.maximum(self.nuisance.deviation_sd, _EXACT) ** -2
+        return self.scale * np.concatenate([np.zeros(self.count), shift, deviation])
 
     def penalty(self, x: FloatArray) -> float:
         return float(self.precision @ x**2) / 2
 
     def omega(self, x: FloatArray) -> FloatArray:
         stretch = np.ones_like(self.misfit.model.omega)
-        stretch[self.shifted] += self.split(x)[1]
+        stretch[self.nuisance.modes] += self.split(x)[1]
         return self.misfit.model.omega * stretch
 
     def law_rate(self, x: FloatArray) -> FloatArray:
@@ -273,21 +288,20 @@ class _Problem:
 
     def modes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         rate = self.law_rate(x)
-        rate[self.shifted] *= np.exp(self.split(x)[2])
+        rate[self.nuisance.modes] *= np.exp(self.split(x)[2])
         return self.omega(x) ** 2, rate
 
     def chain(self, x: FloatArray) -> FloatArray:
         """(2m, x) ∂(λ, c)/∂x; the law's dependence on a shifted ω is left to the next iterate (it is second order)."""
         base, omega, law_rate = self.misfit.model.omega, self.omega(x), self.law_rate(x)
-        m, first = base.size, self.count + self.shifted.size
+        m, first = base.size, self.count + self.nuisance.modes.size
         factor = np.ones(m)
-        factor[self.shifted] = np.exp(self.split(x)[2])
+        factor[self.nuisance.modes] = np.exp(self.split(x)[2])
         T = np.zeros((2 * m, x.size))
         T[m:, : self.count] = factor[:, None] * self.law.basis(omega)
-        for k, mode in enumerate(self.shifted):
+        for k, mode in enumerate(self.nuisance.modes):
             T[mode, self.count + k] = 2 * base[mode] * omega[mode]
-            if self.deviation_sd is not None:
-                T[m + mode, first + k] = factor[mode] * law_rate[mode]
+            T[m + mode, first + k] = factor[mode] * law_rate[mode]
         return T
 
     def is_allowed(self, x: FloatArray) -> bool:
@@ -307,8 +321,8 @@ class _Problem:
         return DampingFit(
             law=self.law,
             coefficients=x[: self.count],
+            nuisance=self.nuisance,
             shift=self.split(x)[1],
-            shifted=self.shifted,
             deviation=self.split(x)[2],
             eigenvalue=eigenvalue,
             rate=rate,

@@ -14,7 +14,7 @@ from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, ModalFrfModel, convert
 from fecore.identification.noise import residual_variance
 from fecore.modes import MeasuredModes
-from fecore.updating.damping import DampingFit, FrfMisfit, Weighting, fit_law
+from fecore.updating.damping import DampingFit, FrfMisfit, Nuisance, Weighting, fit_law
 from fecore.updating.elastic import ElasticResult
 from fecore.updating.posterior import discrepancy
 
@@ -24,6 +24,10 @@ DAMPING_DISCREPANCY = 0.02
 LAW_DISCREPANCY = 0.002
 """The same for the estimate, as `elastic.THEORY_DISCREPANCY` is to `elastic.FREQUENCY_DISCREPANCY`."""
 
+_TAIL = 2.0  # an elastic mode up to so many times the band's end has a tail that matters
+_UNMEASURED_SHIFT = 0.01  # prior standard deviation of the shift of a mode that was not measured
+_UNMEASURED_DEVIATION = 0.5  # and, in the modal fit, of the logarithm of its damping over its neighbour's
+_FIRST_NOISE = 1e-3
 _FIRST_RATIO = 0.02  # of modes whose damping was not measured
 _SAME_OPTIMUM = 1e-3  # relative distance of coefficients that counts as one point
 _SPREAD_OF_STARTS = 5.0
@@ -92,10 +96,24 @@ class DampingStage:
         return np.array([rigid + column for _, column in self.elastic.pairing.pairs])
 
     @cached_property
-    def shift(self) -> FloatArray:
-        """(s,) first relative shifts: measured over model frequency."""
+    def unmeasured(self) -> IntArray:
+        """Numbers, among all modes, of elastic ones without a measured partner whose tails reach into the band."""
+        near = self.model.omega <= _TAIL * self.frfs.omega[-1]
+        near[: self.elastic.updated.modes.rigid] = False
+        near[self.shifted] = False
+        return np.flatnonzero(near)
+
+    def nuisance(self, deviation_sd: float, unmeasured_sd: float) -> Nuisance:
+        """Measured modes shift freely and deviate from the law a little; the others do so as far as priors let them."""
         pairs = self.elastic.pairing.pairs
-        return np.array([self.modes.frequency_hz[i] / self.elastic.updated.frequency_hz[j] - 1 for i, j in pairs])
+        first = [self.modes.frequency_hz[i] / self.elastic.updated.frequency_hz[j] - 1 for i, j in pairs]
+        others = self.unmeasured.size
+        return Nuisance(
+            modes=np.concatenate([self.shifted, self.unmeasured]),
+            first_shift=np.concatenate([first, np.zeros(others)]),
+            shift_sd=np.concatenate([np.full(len(pairs), np.inf), np.full(others, _UNMEASURED_SHIFT)]),
+            deviation_sd=np.concatenate([np.full(len(pairs), deviation_sd), np.full(others, unmeasured_sd)]),
+        )
 
     @cached_property
     def modal_law(self) -> ModalDamping:
@@ -108,7 +126,7 @@ class DampingStage:
         if self.frfs.variance is not None:
             return FrfMisfit(self.frfs, self.model, self.weighting, self.frfs.variance)
         even = FrfMisfit(self.frfs, self.model, "linear", np.ones(self.frfs.values.shape))
-        first = fit_law(even, self.modal_law, self.start(self.modal_law), self.shifted, self.shift)
+        first = fit_law(even, self.modal_law, self.start(self.modal_law), self.nuisance(0, 0), self._unit(even))
         predicted = even.predict(first.eigenvalue, first.rate)
         measured = np.ones(predicted.shape, dtype=bool)
         variance = residual_variance(self.frfs.values - predicted, predicted, measured, 0)
@@ -117,7 +135,18 @@ class DampingStage:
     @cached_property
     def modal(self) -> DampingFit:
         """The reference of every law: a ratio of its own for every measured mode."""
-        return fit_law(self.misfit, self.modal_law, self.start(self.modal_law), self.shifted, self.shift)
+        nuisance = self.nuisance(0, _UNMEASURED_DEVIATION)
+        return fit_law(self.misfit, self.modal_law, self.start(self.modal_law), nuisance, self._unit(self.misfit))
+
+    @cached_property
+    def scale(self) -> float:
+        """What E of one value is by noise alone, with the weighting of this stage."""
+        return 1.0 if self.weighting == "noise" else self.modal.cost / self.frfs.values.size
+
+    @staticmethod
+    def _unit(misfit: FrfMisfit) -> float:
+        """A first guess of `scale`: a thousandth of the signal's own weight."""
+        return 1.0 if misfit.weighting == "noise" else _FIRST_NOISE * misfit.signal() / misfit.measured.values.size
 
     @cached_property
     def ratios(self) -> MeasuredRatios:
@@ -162,7 +191,9 @@ class DampingStage:
         best = fits[0]
         by_elastic = self._by_elastic(best)
         covariance = (
-            best.noise_covariance + self._law_spread(best, spread) + by_elastic @ self.elastic.covariance @ by_elastic.T
+            best.noise_covariance
+            + self._model_spread(best, spread)
+            + by_elastic @ self.elastic.covariance @ by_elastic.T
         )
         optima = _different([fit.coefficients for fit in fits])
         return DampingResult(best, start, len(starts), optima, self.modal, covariance, by_elastic, spread, self.misfit)
@@ -176,20 +207,21 @@ class DampingStage:
         return [start, start * _SPREAD_OF_STARTS, start / _SPREAD_OF_STARTS, *allowed]
 
     def _try(self, law: DampingLaw, start: FloatArray, tight: float, *, last_hope: bool) -> list[DampingFit]:
-        # Only with noise weights is the misfit a likelihood, which a prior on deviations can be added to.
-        deviation = tight if self.weighting == "noise" else None
+        nuisance = self.nuisance(tight, DAMPING_DISCREPANCY)
         try:
-            return [fit_law(self.misfit, law, start, self.shifted, self.shift, deviation)]
+            return [fit_law(self.misfit, law, start, nuisance, self.scale)]
         except UpdatingError:
             if last_hope:
                 raise
             return []
 
-    def _law_spread(self, fit: DampingFit, relative: float) -> FloatArray:
-        """(p, p) covariance by each measured mode's ratio deviating from the law by its share."""
-        modes = fit.eigenvalue.size
-        by_rate = (fit.response @ fit.normal.hessian)[:, modes + self.shifted] * fit.law_rate[self.shifted] * relative
-        spread: FloatArray = by_rate @ by_rate.T
+    def _model_spread(self, fit: DampingFit, relative: float) -> FloatArray:
+        """(p, p) covariance by each mode lying off the law by its share, and unmeasured ones off the model's frequency."""
+        m, others = fit.eigenvalue.size, self.unmeasured
+        by = fit.response @ fit.normal.hessian
+        by_rate = by[:, m + fit.nuisance.modes] * fit.law_rate[fit.nuisance.modes] * relative
+        by_shift = by[:, others] * 2 * fit.eigenvalue[others] * self.elastic.discrepancy
+        spread: FloatArray = by_rate @ by_rate.T + by_shift @ by_shift.T
         return spread
 
     def _by_elastic(self, fit: DampingFit) -> FloatArray:

@@ -9,8 +9,8 @@ Measured and model modes are paired anew by MAC at every iterate, as constants m
 
 The discrepancy is estimated from the residuals with a prior, and plays two parts. The *estimate* weighs data against prior
 with the most probable s, whose prior is what plate theory itself misses (0.05 %: see `docs/accuracy.md`); a larger s would
-let a poor prior mean pull on well-measured data. The *covariance* is taken at the posterior mean of s with the wide prior
-of a real body and its supports (0.2 %), so that the interval admits what the estimate assumes away.
+let a poor prior mean pull on well-measured data. The *covariance* is the expected error of that estimate at the posterior
+mean of s with the wide prior of a real body and its supports (0.2 %), so the interval admits what the estimate assumes away.
 """
 
 from __future__ import annotations
@@ -198,6 +198,17 @@ class _Fit:
         fitted = float(np.trace(np.linalg.solve(system.hessian, informed)))
         return state.frequency_hz[columns] / self.modes.frequency_hz[rows] - 1, fitted
 
+    def error_covariance(self, gain: FloatArray, system: _System) -> FloatArray:
+        """(p, p) expected error of the estimate θ̂ = θ₀ + G (f_exp - f(θ₀)), linear in data and prior mean:
+
+        E[(θ̂ - θ)(θ̂ - θ)ᵀ] = G C_e Gᵀ + (1 - GS) C_p (1 - GS)ᵀ. It is the posterior covariance where G has the same C_e,
+        and larger where the estimate took the discrepancy for smaller than C_e says.
+        """
+        unseen = np.eye(gain.shape[0]) - gain @ system.sensitivity
+        prior = np.diag(self.forward.parametrisation.prior_sd**2)
+        covariance: FloatArray = gain @ np.linalg.inv(system.weight) @ gain.T + unseen @ prior @ unseen.T
+        return covariance
+
     def finish(
         self,
         state: ForwardState,
@@ -210,7 +221,7 @@ class _Fit:
         estimator = self.linearise(state, pairing, spread)
         gain = np.linalg.solve(estimator.hessian, estimator.sensitivity.T @ estimator.weight)
         wide = discrepancy(*self.relative_residual(state, pairing, spread), FREQUENCY_DISCREPANCY)
-        covariance = np.linalg.inv(self.linearise(state, pairing, wide).hessian)
+        covariance = self.error_covariance(gain, self.linearise(state, pairing, wide))
         rows = [row for row, _ in pairing.pairs]
         prior = self.forward.parametrisation
         scaled = covariance / np.outer(prior.prior_sd, prior.prior_sd)

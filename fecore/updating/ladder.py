@@ -6,7 +6,7 @@ to its own noise and to the discrepancy s₀ = 2 % that any law is allowed:
 
     χ² = rᵀ (C_noise + s₀² 1)⁻¹ r,   r_k = ζ_law(ω_k)/ζ_k - 1,      BIC = χ² + p ln n
 
-with n modes and p coefficients (Schwarz 1978). The law with the least BIC is preferred; 6 is strong evidence (Kass and
+with n modes and p coefficients (Schwarz 1978). The law with the least BIC is preferred; 10 is very strong evidence (Kass and
 Raftery 1995).
 """
 
@@ -21,7 +21,7 @@ from fecore.arrays import FloatArray
 from fecore.damping import DampingLaw
 from fecore.updating.damping_stage import DAMPING_DISCREPANCY, DampingStage
 
-STRONG_EVIDENCE = 6.0
+STRONG_EVIDENCE = 10.0
 """Difference of two BICs above which the worse law is called inadequate."""
 
 _MISSED = 3.0  # standard deviations by which a law must miss a mode for the mode to be named

@@ -51,7 +51,7 @@ class Predictor:
         by_law = np.einsum("nk,kp,kl->pnl", A, basis, by_rate, optimize=True)
         by_both = np.concatenate([by_theta, by_law])
         joint = np.einsum("pq,pnl->qnl", _root(self._covariance()), by_both, optimize=True)
-        shifted = self.damping.fit.shifted
+        shifted = self.damping.fit.nuisance.modes
         own = A[:, shifted].T[:, :, None]
         by_shift = (
             own

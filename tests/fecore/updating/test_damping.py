@@ -7,7 +7,7 @@ from fecore.damping import RAYLEIGH, CaugheySeries, damping_rate
 from fecore.errors import InputError
 from fecore.frf import FrfSet
 from fecore.specimen import Specimen
-from fecore.updating.damping import FrfMisfit, Weighting, fit_law
+from fecore.updating.damping import FrfMisfit, Nuisance, Weighting, fit_law
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.parameters import parametrise
 from tests.fecore.updating.conftest import grid, hammer_tour
@@ -28,6 +28,7 @@ TRIALS = [
 ]
 PAPER = np.array([42.25, 1.10e-5])
 LINES = np.arange(1.0, 1001.0)
+FREE = Nuisance.of_exact_law(np.arange(5), np.zeros(5))
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +60,7 @@ def misfit(state: ForwardState, frfs: FrfSet, weighting: Weighting = "linear") -
 
 def test_eleven_starts_reach_one_point(state: ForwardState) -> None:
     problem = misfit(state, measured(state, 0.01, shift=0.002))
-    fits = [fit_law(problem, RAYLEIGH, np.array(trial), np.arange(5), np.zeros(5)) for trial in TRIALS]
+    fits = [fit_law(problem, RAYLEIGH, np.array(trial), FREE) for trial in TRIALS]
     found = np.array([fit.coefficients for fit in fits])
     assert np.ptp(found, axis=0) / found.mean(axis=0) == pytest.approx([0, 0], abs=1e-3)
     # 1 % noise on 33 records leaves a0 and a1 known to some 0.05 %.
@@ -69,7 +70,7 @@ def test_eleven_starts_reach_one_point(state: ForwardState) -> None:
 @pytest.mark.parametrize("weighting", ["linear", "relative", "log", "noise"])
 def test_clean_data_give_the_coefficients_back(state: ForwardState, weighting: Weighting) -> None:
     problem = misfit(state, measured(state, 0.0, shift=0.001), weighting)
-    fit = fit_law(problem, RAYLEIGH, np.array([20.0, 2e-5]), np.arange(5), np.zeros(5))
+    fit = fit_law(problem, RAYLEIGH, np.array([20.0, 2e-5]), FREE)
     np.testing.assert_allclose(fit.coefficients, PAPER, rtol=1e-6)
     np.testing.assert_allclose(fit.shift, 0.001 * np.array([1, -1, 1, -1, 1]), atol=1e-8)
 
@@ -77,9 +78,10 @@ def test_clean_data_give_the_coefficients_back(state: ForwardState, weighting: W
 def test_a_frequency_misfit_without_shifts_looks_like_damping(state: ForwardState) -> None:
     """Why the shifts are there: without them a 0.5 % misfit is taken for damping."""
     problem = misfit(state, measured(state, 0.0, shift=0.005))
-    none = np.arange(0)
-    without = fit_law(problem, RAYLEIGH, np.array([20.0, 2e-5]), none, np.zeros(0)).coefficients
-    with_shifts = fit_law(problem, RAYLEIGH, np.array([20.0, 2e-5]), np.arange(5), np.zeros(5)).coefficients
+    without = fit_law(
+        problem, RAYLEIGH, np.array([20.0, 2e-5]), Nuisance.of_exact_law(np.arange(0), np.zeros(0))
+    ).coefficients
+    with_shifts = fit_law(problem, RAYLEIGH, np.array([20.0, 2e-5]), FREE).coefficients
     assert np.max(np.abs(without / PAPER - 1)) > 0.04
     np.testing.assert_allclose(with_shifts, PAPER, rtol=1e-5)
 
@@ -107,7 +109,7 @@ def test_noise_covariance_matches_scatter(state: ForwardState) -> None:
     fits = []
     for seed in range(40):
         frfs = measured(state, 0.05, seed=seed)
-        fits.append(fit_law(misfit(state, frfs, "noise"), RAYLEIGH, PAPER, np.arange(5), np.zeros(5)))
+        fits.append(fit_law(misfit(state, frfs, "noise"), RAYLEIGH, PAPER, FREE))
     scatter = np.std([fit.coefficients for fit in fits], axis=0, ddof=1)
     stated = np.mean([np.sqrt(np.diag(fit.noise_covariance)) for fit in fits], axis=0)
     # 40 draws fix a standard deviation to ±11 % (1 sd).
@@ -123,7 +125,7 @@ def test_linear_weights_state_their_own_larger_spread(state: ForwardState) -> No
     )
     spread = {}
     for weighting in ("linear", "noise"):
-        fit = fit_law(misfit(state, proportional, weighting), RAYLEIGH, PAPER, np.arange(5), np.zeros(5))
+        fit = fit_law(misfit(state, proportional, weighting), RAYLEIGH, PAPER, FREE)
         spread[weighting] = np.sqrt(np.diag(fit.noise_covariance))
     assert np.all(spread["linear"] > spread["noise"])
 

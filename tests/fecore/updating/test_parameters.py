@@ -15,7 +15,9 @@ def test_coefficients_are_those_of_the_section(nominal: Specimen) -> None:
     coefficients = parametrise(nominal, EVERYTHING).coefficients(theta)
     section = with_constants(nominal, theta).section
     # The same closed forms evaluated in another order: equal to round-off.
-    np.testing.assert_allclose(coefficients.stiffness, nominal.model.stiffness_coefficients(section), rtol=1e-13, atol=0)
+    np.testing.assert_allclose(
+        coefficients.stiffness, nominal.model.stiffness_coefficients(section), rtol=1e-13, atol=0
+    )
     np.testing.assert_allclose(coefficients.mass, nominal.model.mass_coefficients(section), rtol=1e-13, atol=0)
 
 
