@@ -11,7 +11,7 @@ scatter to the true one, scores are independent with
     P(z ≤ u | e, q) = Φ(q √(1+g) T_ν⁻¹(Φ(u)) + e),   e ~ N(0, g),  q² ~ χ²_ν / ν
 
 g = the variance of the baseline's mean over that of a campaign (1/n for n equal campaigns). P(N ≤ H) is averaged over e
-(Gauss–Hermite) and q (Gauss–Legendre in probability). Limits from known parameters would call two to four times too often.
+(Gauss–Hermite) and q (Gauss–Legendre in probability).
 """
 
 from __future__ import annotations
