@@ -200,6 +200,16 @@ def damping_rate(law: DampingLaw, coefficients: FloatArray, omega: FloatArray) -
     return rate
 
 
+def beyond(law: DampingLaw, coefficients: FloatArray, omega: float) -> tuple[float, float]:
+    """(p, q) of the tangent p + qλ to a law's rate at λ = ω², for the modes above ω that a synthesis leaves out.
+
+    It is exact for Rayleigh damping: (a0, a1).
+    """
+    at = np.array([omega])
+    q = float((law.slope(at) @ coefficients)[0]) / (2 * omega)
+    return float(damping_rate(law, coefficients, at)[0]) - q * omega**2, q
+
+
 def damping_ratio(law: DampingLaw, coefficients: FloatArray, omega: FloatArray) -> FloatArray:
     """(n,) damping ratios ζ = c / 2ω of a law at positive circular frequencies.
 

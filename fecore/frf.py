@@ -31,6 +31,18 @@ def convert(omega: FloatArray, quantity: Quantity) -> ComplexArray:
     return factor
 
 
+def residual_powers(omega: FloatArray, shift: float, terms: int, beyond: tuple[float, float]) -> ComplexArray:
+    """(t, L) factors of the residual terms R_t where the truncated modes are damped at the rates p + qλ.
+
+    λ - ω² + iω(p + qλ) = s (λ - σ) - z with s = 1 + iωq, z = ω² - iωp - sσ, so the factors are zᵗ/sᵗ⁺¹.
+    """
+    p, q = beyond
+    s = 1 + 1j * omega * q
+    z = omega**2 - 1j * omega * p - s * shift
+    powers: ComplexArray = np.vander(z / s, terms, increasing=True).T / s
+    return powers
+
+
 @dataclass(frozen=True, order=True)
 class Dof:
     """A measurement point and a signed direction there.
@@ -183,18 +195,31 @@ class ModalFrfModel:
         return np.sqrt(self.eigenvalue)
 
     def synthesise(
-        self, frequency_hz: FloatArray, rate: FloatArray, quantity: Quantity = "accelerance"
+        self,
+        frequency_hz: FloatArray,
+        rate: FloatArray,
+        quantity: Quantity = "accelerance",
+        beyond: tuple[float, float] = (0.0, 0.0),
     ) -> ComplexArray:
-        """(N, L) FRFs at (L,) frequencies in Hz with (n,) modal damping rates c_k in 1/s."""
+        """(N, L) FRFs at (L,) frequencies in Hz with (n,) modal damping rates c_k in 1/s.
+
+        `beyond` damps the truncated modes too, at the rate p + qλ (`fecore.damping.beyond`): without it the residual is
+        real, which under stiffness-proportional damping misses 10⁻³ of the peak.
+        """
         omega = 2 * np.pi * frequency_hz
         denominator = self.eigenvalue[:, None] - omega**2 + 1j * omega * rate[:, None]
-        power = np.vander(omega**2 - self.shift, self.residual.shape[1], increasing=True).T
+        power = residual_powers(omega, self.shift, self.residual.shape[1], beyond)
         receptance = self.residues @ (1 / denominator) + self.residual @ power
         converted: ComplexArray = receptance * convert(omega, quantity)
         return converted
 
     def blocks(
-        self, frequency_hz: FloatArray, rate: FloatArray, quantity: Quantity = "accelerance", values: int = 2**22
+        self,
+        frequency_hz: FloatArray,
+        rate: FloatArray,
+        quantity: Quantity = "accelerance",
+        beyond: tuple[float, float] = (0.0, 0.0),
+        values: int = 2**22,
     ) -> Iterator[tuple[slice, ComplexArray]]:
         """The same FRFs as `synthesise`, some lines at a time, each block of at most about so many values.
 
@@ -204,7 +229,7 @@ class ModalFrfModel:
         step = max(1, values // max(len(self.residues), self.eigenvalue.size))
         for first in range(0, frequency_hz.size, step):
             lines = slice(first, min(first + step, frequency_hz.size))
-            yield lines, self.synthesise(frequency_hz[lines], rate, quantity)
+            yield lines, self.synthesise(frequency_hz[lines], rate, quantity, beyond)
 
     def with_eigenvalue(self, eigenvalue: FloatArray) -> ModalFrfModel:
         """The same residues on other eigenvalues."""

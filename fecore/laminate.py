@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Literal
 
 import numpy as np
 
@@ -135,8 +136,18 @@ class Section:
         return bool(np.abs(self.B).max() > 1e-10 * scale or abs(self.inertia[1]) > 1e-10 * inertia_scale)
 
 
-def section(plies: Sequence[Ply], shear_correction: float = SHEAR_CORRECTION) -> Section:
+def section(
+    plies: Sequence[Ply],
+    shear_correction: float = SHEAR_CORRECTION,
+    shear: Literal["correction", "equilibrium"] = "correction",
+) -> Section:
     """Integrate a stack of plies, bottom to top, to its section stiffness and inertia.
+
+    Args:
+        plies: the stack.
+        shear_correction: κ.
+        shear: `correction` for S = κ ∫C̄ dz; `equilibrium` for S from the shear stresses that balance bending ply by
+            ply (`equilibrium_shear`), which laminates of very unlike plies and sandwiches need.
 
     Raises:
         InputError: there is no ply.
@@ -144,7 +155,8 @@ def section(plies: Sequence[Ply], shear_correction: float = SHEAR_CORRECTION) ->
     if not plies:
         raise InputError("laminate.plies", "is empty, expected at least one ply")
     total = sum(ply.thickness for ply in plies)
-    A, B, D, S = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((2, 2))
+    A, B, D = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
+    S: FloatArray = np.zeros((2, 2))
     inertia = np.zeros(3)
     low = -total / 2
     for ply in plies:
@@ -155,4 +167,40 @@ def section(plies: Sequence[Ply], shear_correction: float = SHEAR_CORRECTION) ->
         S = S + shear_correction * moments[0] * ply.transverse_shear()
         inertia += moments * ply.material.density
         low = high
+    if shear == "equilibrium":
+        S = equilibrium_shear(plies, A, B, D)
     return Section(A, B, D, S, (float(inertia[0]), float(inertia[1]), float(inertia[2])), total)
+
+
+def equilibrium_shear(plies: Sequence[Ply], A: FloatArray, B: FloatArray, D: FloatArray) -> FloatArray:
+    """(2, 2) transverse shear stiffness from the equilibrium of stresses over the plies.
+
+    Under pure bending moments that change along x (then along y) the in-plane stresses σ = Q̄(ε + zκ) change too, and
+    equilibrium gives τ(z) = -∫ ∂σ dz from the bottom, so τ = f(z) V with V the shear force. Equal energies,
+
+        V S⁻¹ V = ∫ τᵀ C̄⁻¹ τ dz,
+
+    make S (Whitney, J. Appl. Mech. 40, 1973; Rohwer 1988). For one ply it is 5/6 C̄ t. Cylindrical bending in the two
+    directions is taken one at a time, as is usual.
+    """
+    flexibility = np.linalg.inv(np.block([[A, B], [B, D]]))[:, 3:]  # (ε, κ) by M
+    points, weights = np.polynomial.legendre.leggauss(3)  # τ is a parabola in a ply, its energy a quartic
+    compliance = np.zeros((2, 2))
+    low = -sum(ply.thickness for ply in plies) / 2
+    below = np.zeros((2, 2))
+    for ply in plies:
+        Q, C = ply.plane_stress(), np.linalg.inv(ply.transverse_shear())
+
+        def stress(z: float, Q: FloatArray = Q, low: float = low) -> FloatArray:
+            """∫ from the ply's bottom to z of (σx by Mx,x, σy by My,y; the shears by the same)."""
+            first, second = z - low, (z**2 - low**2) / 2
+            by_moment = Q @ (flexibility[:3] * first + flexibility[3:] * second)
+            return np.array([[by_moment[0, 0], by_moment[2, 1]], [by_moment[2, 0], by_moment[1, 1]]])
+
+        for x, w in zip(points, weights, strict=True):
+            shear = below + stress(low + ply.thickness * (1 + x) / 2)
+            compliance += w * ply.thickness / 2 * (shear.T @ C @ shear)
+        below = below + stress(low + ply.thickness)
+        low += ply.thickness
+    stiffness: FloatArray = np.linalg.inv(compliance)
+    return stiffness

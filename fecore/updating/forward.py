@@ -18,7 +18,7 @@ from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.damping import DampingLaw
 from fecore.eigen import NormalModes, modes_below, normal_modes
 from fecore.errors import InputError
-from fecore.frf import RESIDUAL_TERMS, Dof, ModalFrfModel, Quantity, convert
+from fecore.frf import RESIDUAL_TERMS, Dof, ModalFrfModel, Quantity, convert, residual_powers
 from fecore.model import ModeKind
 from fecore.reduction import ReducedModel
 from fecore.sensitivity import (
@@ -242,10 +242,13 @@ class ForwardState:
         responses: Sequence[Dof],
         references: Sequence[Dof],
         quantity: Quantity = "accelerance",
+        beyond: tuple[float, float] = (0.0, 0.0),
     ) -> ComplexArray:
         """(p, N, L) derivative of the FRFs of `frf_model` with a damping law's rates by the elastic parameters.
 
-            ∂H_ij = Σ_k ∂A_k/D_k - Σ_kl φ_ik G_kl (1 + iω c'(λ)) φ_jl / (D_k D_l) + Σ_t ∂R_t (ω² - σ)ᵗ
+        With the same `beyond` as the synthesis:
+
+            ∂H_ij = Σ_k ∂A_k/D_k - Σ_kl φ_ik G_kl (1 + iω c'(λ)) φ_jl / (D_k D_l) + Σ_t ∂R_t zᵗ/sᵗ⁺¹
 
         with D = λ - ω² + iωc and G as in `fecore.sensitivity`, so that repeated roots come out right.
         """
@@ -264,7 +267,7 @@ class ForwardState:
         resonance = (1 + 1j * omega * rate_by[first, None]) / (D[first] * D[second])
         change = change - (pairs.sign[:, None] * (left * right).T * G[:, None, :]) @ resonance
         _, residual_by = state._residual(pairs, derivatives=True)
-        power = np.vander(omega**2 - state.modes.shift, RESIDUAL_TERMS, increasing=True).T
+        power = residual_powers(omega, state.modes.shift, RESIDUAL_TERMS, beyond)
         converted: ComplexArray = (change + residual_by @ power) * convert(omega, quantity)
         return converted
 

@@ -1,0 +1,207 @@
+"""A strip as a beam along its axis: sections, St-Venant torsion, and the affine model of `elements.beam3`.
+
+It offers what `fecore.model.PlateModel` offers. A measurement point beside the axis moves with the section:
+u = u + z θy - y θz, v = v - z θx, w = w + y θx.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from fecore.affine import AffineMatrix, Pattern
+from fecore.arrays import FloatArray, IntArray
+from fecore.elements import beam3
+from fecore.errors import InputError
+from fecore.laminate import SHEAR_CORRECTION, OrthotropicMaterial
+from fecore.model import ModeKind, rigid_motions
+from fecore.supports import Boundary, PointMass, Supports
+
+_HELD = {
+    "free": (),
+    "clamped": beam3.DISPLACEMENTS,
+    "simply_supported": ("v", "w", "rx"),
+}
+
+
+@dataclass(frozen=True)
+class BeamSection:
+    """A rectangular section, `width` along y by `thickness` along z, in m, of an orthotropic material."""
+
+    width: float
+    thickness: float
+    material: OrthotropicMaterial
+    shear_correction: float = SHEAR_CORRECTION
+
+    def __post_init__(self) -> None:
+        for name in ("width", "thickness"):
+            size = getattr(self, name)
+            if not (np.isfinite(size) and size > 0):
+                raise InputError(f"geometry.{name}_m", f"is {size}, expected a positive number of metres")
+
+    @property
+    def torsion_stiffness(self) -> float:
+        """GJ in N·m², by St-Venant's series for an orthotropic rectangle (Lekhnitskii, *Theory of Elasticity of an
+        Anisotropic Body*, section 35):
+
+            GJ = Gxy b t³/3 [1 - 192 t/(π⁵ b') Σ_odd tanh(nπb'/2t)/n⁵],   b' = b √(Gxz/Gxy)
+        """
+        b, t, m = self.width, self.thickness, self.material
+        n = np.arange(1, 200, 2)
+        stretched = b * np.sqrt(m.Gxz / m.Gxy)
+        series = float(np.sum(np.tanh(n * np.pi * stretched / (2 * t)) / n**5.0))
+        return float(m.Gxy * b * t**3 / 3 * (1 - 192 * t / (np.pi**5 * stretched) * series))
+
+    def coefficients(self) -> FloatArray:
+        """(6,) EA, GAy, GAz, GJ, EIy, EIz; EIy bends out of plane (along z)."""
+        b, t, m = self.width, self.thickness, self.material
+        area, shear = b * t, self.shear_correction
+        return np.array(
+            [
+                m.Ex * area,
+                shear * m.Gxy * area,
+                shear * m.Gxz * area,
+                self.torsion_stiffness,
+                m.Ex * b * t**3 / 12,
+                m.Ex * t * b**3 / 12,
+            ]
+        )
+
+    def inertias(self) -> FloatArray:
+        """(5,) ρA, ρ(Iy + Iz), ρIy, ρIz, and 1 for the point masses."""
+        b, t, density = self.width, self.thickness, self.material.density
+        iy, iz = b * t**3 / 12, t * b**3 / 12
+        return np.array([density * b * t, density * (iy + iz), density * iy, density * iz, 1.0])
+
+
+@dataclass(frozen=True)
+class BeamModel:
+    """An affine model of a straight beam by `elements.beam3`.
+
+    Attributes:
+        length: m.
+        elements: number of elements.
+        stiffness: K(c), c as `BeamSection.coefficients`; mass: M(m), m as `BeamSection.inertias`.
+        free_dofs: numbers of the free dofs among all.
+        rigid_modes: (dofs, r) exact zero-energy motions.
+    """
+
+    length: float
+    elements: int
+    stiffness: AffineMatrix
+    mass: AffineMatrix
+    free_dofs: IntArray
+    rigid_modes: FloatArray
+
+    def observation(self, points: FloatArray, directions: IntArray) -> sparse.csr_array:
+        """(p, dofs) displacement or rotation at (p, 2) points (x, y) along (p,) directions 1 … 6.
+
+        Raises:
+            InputError: a point lies off the beam's length, or a direction is not 1 … 6.
+        """
+        return sparse.csr_array(
+            sparse.csc_array(_observation(self.length, self.elements, points, directions))[:, self.free_dofs]
+        )
+
+    def deflection(self, points: FloatArray) -> sparse.csr_array:
+        """(p, dofs) interpolation of w at (p, 2) points."""
+        return self.observation(points, np.full(len(points), 3))
+
+    def kinds(self, shapes: FloatArray) -> tuple[ModeKind, ...]:
+        """Kind of each (dofs, n) elastic shape by where its motion is largest: w is bending, θx (times the length)
+        torsion, u and v in-plane.
+        """
+        everywhere = np.zeros((6 * (2 * self.elements + 1), shapes.shape[1]))
+        everywhere[self.free_dofs] = shapes
+        energy = np.sum(everywhere.reshape(-1, 6, shapes.shape[1]) ** 2, axis=0)
+        # Torsion has no displacement on the axis at all, so any scale of θx that dwarfs round-off tells it.
+        shares = np.array([energy[2], energy[3] * (1e-3 * self.length) ** 2, energy[0] + energy[1]])
+        names: tuple[ModeKind, ...] = ("bending", "torsion", "in-plane")
+        return tuple(names[int(k)] for k in np.argmax(shares, axis=0))
+
+
+def beam(length: float, elements: int, boundary: Boundary, masses: Sequence[PointMass] = ()) -> BeamModel:
+    """Assemble the affine model of a beam of equal elements; x runs from 0 to `length`.
+
+    Raises:
+        InputError: a length or number of elements is not positive, or a point mass lies off the beam.
+    """
+    if not (np.isfinite(length) and length > 0):
+        raise InputError("geometry.length_m", f"is {length}, expected a positive number of metres")
+    if elements < 1:
+        raise InputError("mesh.elements", f"is {elements}, expected at least one element")
+    supports = Supports.of(boundary)
+    nodes = 2 * elements + 1
+    held = np.zeros((nodes, 6), dtype=bool)
+    for node, support in ((0, supports.start), (nodes - 1, supports.end)):
+        held[node, [beam3.DISPLACEMENTS.index(name) for name in _HELD[support]]] = True
+    if boundary == "simply_supported":
+        held[0, 0] = True  # one end holds the beam along its axis
+    free = np.flatnonzero(~held.ravel())
+    numbers = 2 * np.arange(elements)[:, None] + np.arange(3)
+    pattern = Pattern.of(numbers, nodes, 6, free)
+    step = length / elements
+    carried = {"point_masses": _point_masses(length, elements, masses)}
+
+    def repeated(terms: FloatArray) -> FloatArray:
+        return np.repeat(terms[:, None], elements, axis=1)
+
+    def alone(count: int) -> tuple[IntArray, ...]:
+        return tuple(np.array([[k]]) for k in range(count))
+
+    return BeamModel(
+        length=length,
+        elements=elements,
+        stiffness=pattern.affine(repeated(beam3.stiffness_terms(step)), beam3.TERMS, alone(6), {}),
+        mass=pattern.affine(repeated(beam3.mass_terms(step)), beam3.MASS_TERMS, alone(4), carried),
+        free_dofs=free,
+        rigid_modes=rigid_motions(_motions(np.linspace(0, length, nodes)), free, []),
+    )
+
+
+def _observation(length: float, elements: int, points: FloatArray, directions: IntArray) -> sparse.csr_array:
+    outside = (points[:, 0] < -1e-6 * length) | (points[:, 0] > (1 + 1e-6) * length)
+    if outside.any():
+        index = int(np.flatnonzero(outside)[0])
+        raise InputError(f"points[{index}]", f"x = {points[index, 0]:g} m lies off the beam, 0 … {length:g} m")
+    scaled = np.clip(points[:, 0] / length, 0, 1) * elements
+    cell = np.minimum(scaled.astype(np.int64), elements - 1)
+    N = beam3.shape_functions(2 * (scaled - cell) - 1)
+    matrix = sparse.lil_array((len(points), 6 * (2 * elements + 1)))
+    for row, ((_, y), direction) in enumerate(zip(points, directions, strict=True)):
+        if not 1 <= direction <= 6:
+            raise InputError(f"directions[{row}]", f"is {direction}, expected 1 … 6")
+        dof = int(direction) - 1
+        carried = {0: ((5, -y),), 2: ((3, y),)}.get(dof, ())  # the section turns with θz and θx
+        for node in range(3):
+            first = 6 * (2 * cell[row] + node)
+            for place, arm in ((dof, 1.0), *carried):
+                matrix[row, first + place] = arm * N[row, node]
+    return sparse.csr_array(matrix)
+
+
+def _point_masses(length: float, elements: int, masses: Sequence[PointMass]) -> sparse.csc_array:
+    size = 6 * (2 * elements + 1)
+    total = sparse.csc_array((size, size))
+    for mass in masses:
+        place = np.repeat([[mass.x, mass.y]], 5, axis=0)
+        N = _observation(length, elements, place, np.arange(1, 6))
+        inertia = [mass.mass] * 3 + [mass.rotary_inertia] * 2
+        total = total + N.T @ sparse.diags_array(inertia) @ N
+    return sparse.csc_array(total)
+
+
+def _motions(x: FloatArray) -> FloatArray:
+    """(dofs, 6) rigid motions: three shifts, turns about x, y and z."""
+    x = x - x.mean()
+    one, none = np.ones_like(x), np.zeros_like(x)
+    shifts = [
+        (one, none, none, none, none, none),
+        (none, one, none, none, none, none),
+        (none, none, one, none, none, none),
+    ]
+    turns = [(none, none, none, one, none, none), (none, none, -x, none, one, none), (none, x, none, none, none, one)]
+    return np.column_stack([np.column_stack(motion).ravel() for motion in (*shifts, *turns)])
