@@ -35,8 +35,8 @@ CELLS = 60
 KNOWN = 1000.0
 """Degrees of freedom from which the scatter counts as known."""
 
-_SHIFTS = 11  # quadrature nodes of e
-_RATIOS = 8  # quadrature nodes of q
+_SHIFTS = 7  # quadrature nodes of e; with twice as many, limits move by less than 0.5 % (ν ≥ 5)
+_RATIOS = 6  # quadrature nodes of q
 _LOG_LIMITS = (np.log(0.02), np.log(60.0))  # between which limits are looked for
 _ENDLESS = 10_000_000  # steps after which an average run length is given up
 

@@ -206,13 +206,13 @@ def test_the_false_alarm_rate_of_a_family_is_held() -> None:
     watch = Watch({"Ex": "fall", "a0": "rise"}, 10, chart=Chart("ewma"), false_alarm_rate=0.02, horizon=12)
     rng = np.random.default_rng(12)
     called = 0
-    for _ in range(250):
+    for _ in range(200):
         series = {
             name: Series(name, dates(22), 1 + 0.01 * rng.standard_normal(22), np.full(22, 0.003))
             for name in ("Ex", "a0")
         }
         called += any(m.state is State.ALARM for p in assess(series, watch).parameters.values() for m in p.timeline)
-    rate = 1 - (1 - called / 250) ** (1 / 12)
+    rate = 1 - (1 - called / 200) ** (1 / 12)
     assert 0.02 / 1.5 <= rate <= 0.02 * 1.5
 
 
