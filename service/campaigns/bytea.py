@@ -1,19 +1,60 @@
-"""Reading large `bytea` columns in PostgreSQL's binary protocol; as text every byte would travel as two digits.
+"""Large `bytea` columns in PostgreSQL's binary protocol; as text every byte would travel as two digits.
 
-Measured on 1,000 spectra of 51 kB: 1.27 s as text, 0.22 s in binary.
+Measured on 1,000 spectra of 51 kB: 1.27 s as text, 0.22 s in binary. Rows go in by COPY, which streams: the server stores
+while the next row is still being made.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, cast
 
 import psycopg
+from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
 
 def select_bytes(session: Session, query: str, parameters: Sequence[Any]) -> list[tuple[Any, ...]]:
     """Rows of a query with `%s` placeholders, in the session's transaction."""
-    connection = cast("psycopg.Connection[Any]", session.connection().connection.driver_connection)
-    with connection.cursor(binary=True) as cursor:
+    connection = _connection(session)
+    with _translated(session, query), connection.cursor(binary=True) as cursor:
         return cursor.execute(cast("Any", query), parameters).fetchall()
+
+
+@contextmanager
+def copy_rows(session: Session, table: str, columns: Mapping[str, str]) -> Iterator[Callable[[Sequence[Any]], None]]:
+    """Stream rows into a table, in the session's transaction; while the block runs, the session can do nothing else.
+
+    Args:
+        session: where; what it has pending is flushed first.
+        table: of the rows.
+        columns: name of each column to its type; the others take their defaults.
+
+    Yields:
+        What takes a row, its values in the order of the columns.
+    """
+    session.flush()
+    connection = _connection(session)
+    command = f"COPY {table} ({', '.join(columns)}) FROM STDIN (FORMAT BINARY)"
+    with (
+        _translated(session, command),
+        connection.cursor() as cursor,
+        cursor.copy(cast("Any", command)) as copy,
+    ):
+        copy.set_types(list(columns.values()))
+        yield copy.write_row
+
+
+def _connection(session: Session) -> psycopg.Connection[Any]:
+    return cast("psycopg.Connection[Any]", session.connection().connection.driver_connection)
+
+
+@contextmanager
+def _translated(session: Session, statement: str) -> Iterator[None]:
+    """Errors of the driver become SQLAlchemy's, which the rest of the service knows."""
+    try:
+        yield
+    except psycopg.Error as error:
+        dialect = session.get_bind().dialect
+        raise DBAPIError.instance(statement, None, error, psycopg.Error, dialect=dialect) from error

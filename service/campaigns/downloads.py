@@ -13,7 +13,7 @@ from starlette.background import BackgroundTask
 class _File(FileResponse):
     """A file sent in large blocks: each block costs a change of thread."""
 
-    chunk_size = 1024 * 1024
+    chunk_size = 8 * 1024 * 1024
 
 
 def spooled(

@@ -18,7 +18,8 @@ from service.campaigns.spectra import Axis, Spectrum, decode
 from service.campaigns.tables import Frf
 from service.problems import Conflict, Invalid
 
-SPECTRA_AT_ONCE = 32
+BYTES_AT_ONCE = 8 * 1024 * 1024
+COMPLEX128_BYTES = 16
 
 Values = NDArray[np.complexfloating]
 
@@ -143,8 +144,9 @@ def _fetch(
     session: Session, frfs: Sequence[Frf], column: Literal["data", "coherence"]
 ) -> Iterator[tuple[Frf, bytes | None]]:
     """A spectrum column of the rows, in their order, a batch at a time."""
-    for first in range(0, len(frfs), SPECTRA_AT_ONCE):
-        batch = frfs[first : first + SPECTRA_AT_ONCE]
+    at_once = max(1, BYTES_AT_ONCE // (max(frf.lines for frf in frfs) * COMPLEX128_BYTES))
+    for first in range(0, len(frfs), at_once):
+        batch = frfs[first : first + at_once]
         query = f"SELECT id, {column} FROM frfs WHERE id = ANY(%s)"
         found: dict[UUID, bytes | None] = dict(select_bytes(session, query, [[frf.id for frf in batch]]))
         for frf in batch:

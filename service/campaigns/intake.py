@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 from uuid import UUID
@@ -11,17 +11,35 @@ import numpy as np
 from sqlalchemy import func, insert, select, update
 from sqlalchemy.orm import Session
 
+from service.campaigns.bytea import copy_rows
 from service.campaigns.grid_points import stored_points
 from service.campaigns.mode_sets import shape_columns
-from service.campaigns.reading import Kept
-from service.campaigns.spectra import Axis, encode, encode_axis
+from service.campaigns.reading import EncodedFrf, Kept
+from service.campaigns.spectra import encode
 from service.campaigns.tables import Frf, GridPoint, Import, Mode, ModeSet
 from service.campaigns.uff import DatasetReport, Function, ModeShape
-from service.campaigns.uff import Frf as ReadFrf
 from service.campaigns.uff import GridPoint as ReadPoint
 from service.problems import Conflict, Invalid
 
-FRFS_AT_ONCE = 32
+FRF_COLUMNS = {
+    "campaign_id": "uuid",
+    "import_id": "uuid",
+    "dataset": "int4",
+    "label": "text",
+    "response_point": "int8",
+    "response_direction": "int4",
+    "reference_point": "int8",
+    "reference_direction": "int4",
+    "quantity": "text",
+    "start_hz": "float8",
+    "end_hz": "float8",
+    "step_hz": "float8",
+    "axis": "bytea",
+    "dtype": "text",
+    "lines": "int4",
+    "data": "bytea",
+    "sha256": "bytea",
+}
 SAME_POINT_M = 1e-6
 """Coordinates of one point in two files may differ by this: a file may have them in single precision."""
 MOST_NAMED = 10
@@ -40,20 +58,21 @@ def store_import(session: Session, job_id: UUID, items: Iterator[Kept]) -> None:
     # Imports into one campaign are stored one after the other, so that each sees the points of the one before.
     session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(str(row.campaign_id), 0))))
     intake = _Intake(session, row)
-    for item in items:
-        intake.take(item)
+    with copy_rows(session, Frf.__tablename__, FRF_COLUMNS) as write_frf:
+        for item in items:
+            intake.take(item, write_frf)
     intake.finish()
 
 
 class _Intake:
-    """One import's way into the tables."""
+    """One import's way into the tables: FRFs stream in as they come, the rest follows when the whole file was seen."""
 
     def __init__(self, session: Session, row: Import) -> None:
         self.session = session
         self.row = row
         self.reports: list[DatasetReport] = []
         self.points = stored_points(session, row.campaign_id)
-        self.frfs: list[dict[str, Any]] = []
+        self.new_points: list[ReadPoint] = []
         self.pairs: dict[Pair, int] = {}
         self.coherences: list[tuple[int, Pair, Function]] = []
         self.modes: list[ModeShape] = []
@@ -61,12 +80,12 @@ class _Intake:
         self.named: set[int] = set()
         self.seen: set[int] = set()
 
-    def take(self, item: Kept) -> None:
+    def take(self, item: Kept, write_frf: Callable[[Sequence[Any]], None]) -> None:
         """One item, in the file's order."""
         if isinstance(item, list):
             self._take_points(item)
-        elif isinstance(item, ReadFrf):
-            self._take_frf(item)
+        elif isinstance(item, EncodedFrf):
+            self._take_frf(item, write_frf)
         elif isinstance(item, Function):
             self.coherences.append((item.dataset, _pair(item), item))
         elif isinstance(item, ModeShape):
@@ -77,7 +96,7 @@ class _Intake:
 
     def finish(self) -> None:
         """What can only be stored once the whole file was seen."""
-        self._write_frfs()
+        self._write_points()
         self._write_coherences()
         self._write_modes()
         if not any(self.counts.values()) and not self.row.dry_run:
@@ -88,12 +107,11 @@ class _Intake:
         self.session.flush()
 
     def _take_points(self, points: list[ReadPoint]) -> None:
-        new = []
         for point in points:
             known = self.points.get(point.number)
             if known is None:
                 self.points[point.number] = point.xyz_m
-                new.append(point)
+                self.new_points.append(point)
             elif np.max(np.abs(np.subtract(known, point.xyz_m))) > SAME_POINT_M:
                 raise Conflict(
                     f"grid point {point.number} lies at {_metres(point.xyz_m)} in the file and at {_metres(known)} in the "
@@ -102,56 +120,35 @@ class _Intake:
                 )
         self.seen |= {point.number for point in points}
         self.counts["grid_points"] = len(self.seen)
-        if new and not self.row.dry_run:
-            self.session.execute(
-                insert(GridPoint),
-                [
-                    {
-                        "campaign_id": self.row.campaign_id,
-                        "label": p.number,
-                        "x_m": p.xyz_m[0],
-                        "y_m": p.xyz_m[1],
-                        "z_m": p.xyz_m[2],
-                    }
-                    for p in new
-                ],
-            )
 
-    def _take_frf(self, frf: ReadFrf) -> None:
+    def _take_frf(self, frf: EncodedFrf, write: Callable[[Sequence[Any]], None]) -> None:
         self.counts["frfs"] += 1
         self.pairs[_pair(frf)] = frf.dataset
         self.named |= {frf.response_point, frf.reference_point}
         if self.row.dry_run:
             return
-        even = frf.frequency.values is None and frf.frequency.count > 1
-        axis = (
-            Axis(frf.frequency.start, frf.frequency.step, frf.frequency.count)
-            if even
-            else encode_axis(frf.frequency.points())
-        )
-        spectrum = encode(frf.values)
-        self.frfs.append(
-            {
-                "campaign_id": self.row.campaign_id,
-                "import_id": self.row.id,
-                "dataset": frf.dataset,
-                "label": frf.label,
-                "response_point": frf.response_point,
-                "response_direction": frf.response_direction,
-                "reference_point": frf.reference_point,
-                "reference_direction": frf.reference_direction,
-                "quantity": frf.quantity,
-                **axis.columns(),
-                **spectrum.columns(),
-            }
-        )
-        if len(self.frfs) >= FRFS_AT_ONCE:
-            self._write_frfs()
+        row = {
+            **vars(frf),
+            "campaign_id": self.row.campaign_id,
+            "import_id": self.row.id,
+            **frf.axis.columns(),
+            **frf.spectrum.columns(),
+        }
+        write([row[column] for column in FRF_COLUMNS])
 
-    def _write_frfs(self) -> None:
-        if self.frfs:
-            self.session.execute(insert(Frf), self.frfs)
-            self.frfs = []
+    def _write_points(self) -> None:
+        if self.new_points and not self.row.dry_run:
+            rows = [
+                {
+                    "campaign_id": self.row.campaign_id,
+                    "label": point.number,
+                    "x_m": point.xyz_m[0],
+                    "y_m": point.xyz_m[1],
+                    "z_m": point.xyz_m[2],
+                }
+                for point in self.new_points
+            ]
+            self.session.execute(insert(GridPoint), rows)
 
     def _write_coherences(self) -> None:
         """Each coherence goes to the FRF between the same points; one that has none is reported as ignored."""
@@ -211,9 +208,9 @@ class _Intake:
         return warnings
 
 
-def _pair(item: ReadFrf | Function) -> Pair:
+def _pair(item: EncodedFrf | Function) -> Pair:
     """Between which points and axes; the sense of a direction does not matter to a coherence."""
-    lines = item.frequency.count if isinstance(item, ReadFrf) else item.abscissa.count
+    lines = item.spectrum.count if isinstance(item, EncodedFrf) else item.abscissa.count
     return (
         item.response_point,
         abs(item.response_direction),

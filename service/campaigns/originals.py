@@ -11,8 +11,8 @@ from typing import IO
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Session
 
-from service.campaigns.bytea import select_bytes
-from service.campaigns.tables import Original, OriginalChunk
+from service.campaigns.bytea import copy_rows, select_bytes
+from service.campaigns.tables import Original
 from service.problems import ServiceError
 
 CHUNK_BYTES = 1024 * 1024
@@ -47,11 +47,10 @@ def keep_original(session: Session, file: Spooled) -> None:
     ).one_or_none()
     if new is None:
         return
-    with file.path.open("rb") as stream:
-        number = 0
-        while data := stream.read(CHUNK_BYTES):
-            session.execute(insert(OriginalChunk).values(sha256=file.sha256, number=number, data=data))
-            number += 1
+    columns = {"sha256": "bytea", "number": "int4", "data": "bytea"}
+    with file.path.open("rb") as stream, copy_rows(session, "original_chunks", columns) as write:
+        for number, data in enumerate(iter(lambda: stream.read(CHUNK_BYTES), b"")):
+            write((file.sha256, number, data))
 
 
 def original_chunks(session: Session, sha256: bytes) -> Iterator[bytes]:

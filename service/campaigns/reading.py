@@ -5,6 +5,7 @@ This module imports no database and no web, since the child imports it.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Protocol
 
 from fecore.errors import InputError
 from fecore.frf import Quantity
+from service.campaigns.spectra import Axis, Spectrum, encode, encode_axis
 from service.campaigns.uff import (
     Content,
     DatasetReport,
@@ -28,8 +30,34 @@ from service.campaigns.uff import (
 
 COHERENCE = 6
 POINTS_AT_ONCE = 5000
+REPORT_SECONDS = 0.5
 
-Kept = list[GridPoint] | Frf | Function | ModeShape | DatasetReport
+
+@dataclass(frozen=True)
+class EncodedFrf:
+    """An FRF of a file as it is stored; encoded here, for here is a processor to spare.
+
+    Attributes:
+        dataset: number of the dataset.
+        label: first ID line.
+        response_point, response_direction, reference_point, reference_direction: its degrees of freedom.
+        quantity: accelerance, mobility or receptance.
+        axis: frequency lines.
+        spectrum: SI values with their SHA-256.
+    """
+
+    dataset: int
+    label: str
+    response_point: int
+    response_direction: int
+    reference_point: int
+    reference_direction: int
+    quantity: Quantity
+    axis: Axis
+    spectrum: Spectrum
+
+
+Kept = list[GridPoint] | EncodedFrf | Function | ModeShape | DatasetReport
 """What goes to the database; of functions that are not FRFs, only ordinary coherences."""
 
 
@@ -61,6 +89,7 @@ def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
     """
     size = inputs.path.stat().st_size
     report("checking the file", 0.0)
+    report_at = 0.0
     try:
         items = read_file(inputs.path, Limits(quantity=inputs.quantity))
         points: list[GridPoint] = []
@@ -73,17 +102,37 @@ def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
                 yield points
                 points = []
             if isinstance(item, DatasetReport):
-                report("reading datasets", min(1.0, item.offset / size))
+                if time.monotonic() >= report_at:  # each report is a commit, which waits for all that is being stored
+                    report("reading datasets", min(1.0, item.offset / size))
+                    report_at = time.monotonic() + REPORT_SECONDS
                 yield replace(item, outcome="ignored", reason=unused) if unused and item.outcome == "read" else item
                 unused = None
             elif isinstance(item, GridPoint):
                 points.append(item)
             elif (reason := _why_unused(item)) is not None:
                 unused = reason
-            elif isinstance(item, Frf | Function | ModeShape):
+            elif isinstance(item, Frf):
+                yield _encoded(item)
+            elif isinstance(item, Function | ModeShape):
                 yield item
     except UffError as error:
         raise InputError("file", f"{error.reason} (byte {error.offset})") from error
+
+
+def _encoded(frf: Frf) -> EncodedFrf:
+    lines = frf.frequency
+    even = lines.values is None and lines.count > 1
+    return EncodedFrf(
+        dataset=frf.dataset,
+        label=frf.label,
+        response_point=frf.response_point,
+        response_direction=frf.response_direction,
+        reference_point=frf.reference_point,
+        reference_direction=frf.reference_direction,
+        quantity=frf.quantity,
+        axis=Axis(lines.start, lines.step, lines.count) if even else encode_axis(lines.points()),
+        spectrum=encode(frf.values),
+    )
 
 
 def _why_unused(item: Content) -> str | None:
