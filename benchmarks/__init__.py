@@ -1,0 +1,1 @@
+"""Benchmarks: figures of speed and accuracy beside a peer or a limit, in the same run."""

@@ -1,0 +1,181 @@
+"""The forward model beside scikit-fem, pyfe3d and CalculiX: assembly with ten modes, re-solves, FRFs, growth.
+
+The peers are optional: `pip install -e '.[bench]'`, and `ccx` where it is installed. One thread of BLAS for everyone.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from benchmarks import forward_peers
+from fecore.damping import RAYLEIGH, damping_rate
+from fecore.eigen import normal_modes
+from fecore.factor import factorise
+from fecore.frf import Dof
+from fecore.laminate import OrthotropicMaterial, Ply, section
+from fecore.mesh import rectangle
+from fecore.model import PlateModel, plate
+from fecore.specimen import Specimen
+from fecore.supports import PointMass, Supports
+from fecore.updating.forward import ForwardModel
+from fecore.updating.parameters import parametrise
+
+PAPER = OrthotropicMaterial(31.66e9, 31.80e9, 6.30e9, 5.37e9, 5.37e9, 0.15, 2012.0)
+SPECIMEN = Specimen(0.5, 0.04, 0.01, PAPER)
+
+
+def median_ms(call: Callable[[], object], repeats: int) -> float:
+    """Median time of a call in ms, after one that warms up."""
+    call()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        call()
+        times.append(1e3 * (time.perf_counter() - start))
+    return float(np.median(times))
+
+
+def ten_modes(nx: int = 40, ny: int = 4, *, prove: bool = True) -> np.ndarray:
+    """Assembly and ten modes of the paper's cantilever."""
+    model = plate(rectangle(0.5, 0.04, nx, ny), Supports.of("cantilever"))
+    return _solve(model, prove=prove)
+
+
+def _solve(model: PlateModel, *, prove: bool = True) -> np.ndarray:
+    laminate = section([Ply(PAPER, 0.01)])
+    K = model.stiffness.at(model.stiffness_coefficients(laminate))
+    M = model.mass.at(model.mass_coefficients(laminate))
+    return normal_modes(K, M, 10, model.rigid_modes, prove=prove).frequency_hz
+
+
+def against_peers() -> None:
+    """Assembly + 10 modes at 40 × 4: medians, ratios, and the torsion mode's error against a fine mesh."""
+    reference = ten_modes(120, 12)
+    rounds: list[tuple[str, Callable[[], np.ndarray]]] = [("modalbase", ten_modes)]
+    if importlib.util.find_spec("skfem"):
+        rounds.append(("scikit-fem", lambda: forward_peers.scikit_fem(SPECIMEN)))
+    if importlib.util.find_spec("pyfe3d"):
+        rounds.append(("pyfe3d Quad4R", lambda: forward_peers.pyfe3d(SPECIMEN)))
+    if shutil.which("ccx"):
+        rounds.append(("CalculiX S8R", lambda: forward_peers.calculix(SPECIMEN)))
+    print("assembly + 10 modes, 40 x 4     median ms   ratio   bending 1   torsion 1 (error %)")
+    times: dict[str, list[float]] = {name: [] for name, _ in rounds}
+    found = {name: call() for name, call in rounds}
+    for _ in range(15):  # in turn, so that a busy machine is busy for all
+        for name, call in rounds:
+            start = time.perf_counter()
+            call()
+            times[name].append(1e3 * (time.perf_counter() - start))
+    for name, _ in rounds:
+        errors = [100 * (found[name][np.argmin(np.abs(found[name] - f))] / f - 1) for f in reference[[0, 2]]]
+        own = np.median(times["modalbase"])
+        middle = np.median(times[name])
+        print(f"  {name:28s} {middle:9.2f} {middle / own:7.2f}   {errors[0]:+9.4f}   {errors[1]:+9.4f}")
+    if len(rounds) < 4:
+        print("  (peers that are not installed are left out)")
+
+
+def resolves() -> None:
+    """A new θ: full and reduced, with all that stage 1 needs."""
+    specimen = Specimen(0.5, 0.04, 0.01, PAPER, masses=(PointMass(0.49, 0.015, 0.0048),))
+    places = np.array([(x, y) for x in np.linspace(0.05, 0.5, 11) for y in (-0.018, 0.0, 0.018)])
+    parametrisation = parametrise(specimen)
+    random = np.random.default_rng(0)
+    draws = parametrisation.prior_mean * (1 + 0.02 * random.uniform(-1, 1, (200, len(parametrisation.names))))
+    times = {}
+    for name, reduced in (("full", False), ("reduced", True)):
+        forward = ForwardModel(specimen, parametrisation, tuple(range(33)), places, 8, reduced)
+        forward.solve(draws[0])
+        calls = iter(np.concatenate([draws] * 3))
+        times[name] = median_ms(lambda forward=forward, calls=calls: forward.solve(next(calls)), 200 if reduced else 25)
+        if reduced:
+            build = median_ms(lambda: ForwardModel(specimen, parametrisation, (0,), places[:1], 8).basis.system, 5)
+            jacobian = median_ms(lambda forward=forward: forward.solve(draws[3]).frequency_jacobian, 50)
+            size, full = forward.basis.basis.shape[1], forward.basis.full_solves
+    print("re-solve for new parameters, 8 modes     median ms   full/reduced")
+    print(f"  full model                            {times['full']:9.2f}")
+    print(
+        f"  reduced basis ({size} vectors)            {times['reduced']:9.3f}   {times['full'] / times['reduced']:9.1f}"
+    )
+    print(f"  reduced, with frequency derivatives   {jacobian:9.3f}")
+    print(f"  making the basis                      {build:9.1f}   ({full} full solves in 200 draws of +-2 %)")
+
+
+def frfs() -> None:
+    """33 FRFs of 3200 lines from a solved state."""
+    places = np.array([(x, y) for x in np.linspace(0.05, 0.5, 11) for y in (-0.018, 0.0, 0.018)])
+    forward = ForwardModel(SPECIMEN, parametrise(SPECIMEN), tuple(range(33)), places, 10)
+    state = forward.solve(forward.parametrisation.prior_mean)
+    dofs, frequency = [Dof(point, 3) for point in range(33)], np.linspace(0.3125, 1000, 3200)
+    model = state.frf_model([dofs[32]] * 33, dofs)
+    rate = damping_rate(RAYLEIGH, np.array([42.25, 1.1e-5]), model.omega)
+    took = median_ms(lambda: model.synthesise(frequency, rate), 15)
+    copy = np.zeros((33, 3200), dtype=complex)
+    limit = median_ms(copy.copy, 50)
+    print(f"FRFs 33 x 3200: {took:.2f} ms; {took / limit:.0f} times copying them")
+
+
+def growth() -> None:
+    """Time of a solve (10 modes, factorisation and count included) over the number of dofs."""
+    sizes, times = [], []
+    print("growth of the solve     dofs   median s   assembly s")
+    for nx, ny in ((40, 4), (80, 8), (140, 14), (220, 22), (330, 33)):
+        start = time.perf_counter()
+        model = plate(rectangle(0.5, 0.04, nx, ny), Supports.of("cantilever"))
+        assembly = time.perf_counter() - start
+        took = median_ms(lambda model=model: _solve(model), 9 if nx < 100 else 3) / 1e3
+        sizes.append(model.stiffness.size)
+        times.append(took)
+        print(f"  {nx:4d} x {ny:<3d}        {sizes[-1]:9d} {took:10.3f} {assembly:11.3f}")
+    exponent = np.polyfit(np.log(sizes), np.log(times), 1)[0]
+    print(f"  fitted exponent {exponent:.2f} (target 1.3)")
+
+
+def factorisations() -> None:
+    """The factorisation that `fecore.factor` picks beside SuperLU in symmetric mode and CHOLMOD."""
+    import fecore.factor as chosen
+
+    print("factorisation of K      dofs  band   banded ms   SuperLU ms   CHOLMOD ms (numeric + symbolic)")
+    for nx, ny in ((40, 4), (160, 16)):
+        model = plate(rectangle(0.5, 0.04, nx, ny), Supports.of("cantilever"))
+        K = model.stiffness.at(model.stiffness_coefficients(section([Ply(PAPER, 0.01)])))
+        columns = np.repeat(np.arange(K.shape[0]), np.diff(K.indptr))
+        banded = median_ms(lambda K=K: factorise(K), 5)
+        widest, chosen._WIDEST_BAND = chosen._WIDEST_BAND, 0
+        sparse = median_ms(lambda K=K: factorise(K), 5)
+        chosen._WIDEST_BAND = widest
+        cholmod = "not installed"
+        if importlib.util.find_spec("cvxopt"):
+            cholmod = f"{median_ms(_cholmod(K), 5):9.2f}"
+        print(
+            f"  {nx:4d} x {ny:<3d} {K.shape[0]:16d} {np.max(K.indices - columns):5d} {banded:11.2f} {sparse:12.2f}   {cholmod}"
+        )
+
+
+def _cholmod(K) -> Callable[[], object]:
+    from cvxopt import cholmod, spmatrix
+    from scipy.sparse import coo_array, tril
+
+    lower = coo_array(tril(K))
+    A = spmatrix(lower.data, lower.row.astype(int), lower.col.astype(int), K.shape)
+    return lambda: cholmod.numeric(A, cholmod.symbolic(A))
+
+
+def main() -> None:
+    """Print all tables."""
+    print(f"load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; ratios within this run are what counts")
+    against_peers()
+    resolves()
+    frfs()
+    factorisations()
+    growth()
+
+
+if __name__ == "__main__":
+    main()
