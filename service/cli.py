@@ -178,11 +178,12 @@ def worker(
     from service.db.opening import open_database
     from service.jobs.worker import run_worker
     from service.logs import configure_logs
+    from service.monitoring.steward import steward
 
     settings = _settings(data=data, worker_concurrency=concurrency, job_threads=threads)
     configure_logs(settings)
     _end_with_stdin(attached)
-    with open_database(settings) as opened:
+    with open_database(settings) as opened, steward(opened):
         run_worker(opened, KINDS, queues.split(",") if queues else None)
 
 

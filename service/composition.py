@@ -19,6 +19,9 @@ from service.campaigns.mode_set_routes import router as mode_sets
 from service.campaigns.routes import router as campaigns
 from service.coupons.routes import router as coupons
 from service.jobs import JobKind
+from service.monitoring.assessment import JUDGE
+from service.monitoring.routes import router as monitoring
+from service.monitoring.webhook_routes import router as webhooks
 from service.structures.routes import router as structures
 from service.updating.operations import UPDATE
 from service.updating.routes import router as updating
@@ -34,8 +37,10 @@ ROUTERS: tuple[APIRouter, ...] = (
     identifications,
     coupons,
     updating,
+    monitoring,
+    webhooks,
 )
 """Everything under `/api/v1`, in the order of the documentation page."""
 
-KINDS: tuple[JobKind, ...] = (IMPORT, IDENTIFY, UPDATE)
+KINDS: tuple[JobKind, ...] = (IMPORT, IDENTIFY, UPDATE, JUDGE)
 """Every kind of job that a worker can run."""

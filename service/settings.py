@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from ipaddress import IPv4Network, IPv6Network, ip_network
 from pathlib import Path
 from typing import Literal
 
 import platformdirs
-from pydantic import Field, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat, PositiveInt, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 MIB = 1024 * 1024
@@ -50,3 +51,38 @@ class Settings(BaseSettings):
     job_drain_seconds: PositiveFloat = Field(
         default=20.0, description="time that running jobs get when a worker is told to end"
     )
+
+    monitor_sweep_seconds: PositiveFloat = Field(default=30.0, description="pause between two looks at every monitor")
+    campaign_settle_seconds: float = Field(
+        default=30.0, ge=0, description="time without additions after which a campaign counts as complete"
+    )
+    webhook_networks: str = Field(
+        default="",
+        description="networks beside public addresses that webhooks may go to, such as `10.1.0.0/16, ::1/128`",
+    )
+    delivery_pause_seconds: PositiveFloat = Field(
+        default=5.0, description="pause before a message is sent again; each next one is 4 times longer"
+    )
+    smtp_host: str | None = Field(
+        default=None, description="server that takes mail of alarms; without it there is none"
+    )
+    smtp_port: int = Field(default=587, ge=1, le=65535)
+    smtp_security: Literal["starttls", "tls", "none"] = "starttls"
+    smtp_user: str | None = None
+    smtp_password: str | None = Field(default=None, repr=False)
+    smtp_from: str = Field(default="modalbase@localhost", description="sender of mail")
+
+    @field_validator("webhook_networks")
+    @classmethod
+    def _networks(cls, value: str) -> str:
+        _parse_networks(value)
+        return value
+
+    @property
+    def allowed_networks(self) -> tuple[IPv4Network | IPv6Network, ...]:
+        """`webhook_networks`, read."""
+        return _parse_networks(self.webhook_networks)
+
+
+def _parse_networks(value: str) -> tuple[IPv4Network | IPv6Network, ...]:
+    return tuple(ip_network(part.strip()) for part in value.split(",") if part.strip())

@@ -1,0 +1,144 @@
+"""Alarms: raised once, acknowledged by somebody, cleared or withdrawn by a later judgement; each step kept and told."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import Any
+from uuid import UUID
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.access import User, audit, project_for
+from service.monitoring.judgement import Episode
+from service.monitoring.messages import announce
+from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorSeries
+from service.problems import Conflict, NotFound
+from service.structures.tables import Structure
+
+TOLD = {"alarm": "raised", "acknowledged": "acknowledged", "cleared": "cleared", "withdrawn": "withdrawn"}
+
+
+def update_alarms(session: Session, monitor: Monitor, series: MonitorSeries, episodes: Sequence[Episode]) -> None:
+    """Bring a monitor's alarms to what its series now says.
+
+    An episode is the alarm that its campaign raised before, whichever series said so; else the oldest one of its parameter
+    that has lost its campaign to a late or corrected one; else it is new. An alarm that no episode is left for is withdrawn.
+    """
+    rows = session.scalars(
+        select(Alarm).where(Alarm.monitor_id == monitor.id, Alarm.state != "withdrawn").order_by(Alarm.id)
+    ).all()
+    known = {(alarm.parameter, str(alarm.campaign_id)): alarm for alarm in rows}
+    wanted = {(e.parameter, e.campaign) for e in episodes}
+    orphans = [alarm for key, alarm in known.items() if key not in wanted]
+    for episode in episodes:
+        alarm = known.get((episode.parameter, episode.campaign)) or _adopt(session, orphans, episode)
+        if alarm is None:
+            _raise(session, monitor, series, episode)
+        else:
+            alarm.details, alarm.series = episode.details, series.number
+            if alarm.state == "acknowledged" and episode.state == "cleared":
+                _step(session, monitor, alarm, "cleared", "the parameter came back")
+            elif alarm.state == "cleared" and episode.state != "cleared":
+                alarm.state = "acknowledged"
+                session.add(AlarmEvent(alarm_id=alarm.id, event="reopened", note="late or corrected campaigns"))
+    for alarm in orphans:
+        if alarm.state != "cleared":
+            why = f"series {series.number} as it stands now does not confirm it"
+            _step(session, monitor, alarm, "withdrawn", why)
+    session.flush()
+
+
+def _adopt(session: Session, orphans: list[Alarm], episode: Episode) -> Alarm | None:
+    for alarm in orphans:
+        if alarm.parameter == episode.parameter and alarm.state != "cleared":
+            orphans.remove(alarm)
+            note = f"campaign {episode.campaign} raises it now; before it was {alarm.campaign_id}"
+            alarm.campaign_id = UUID(episode.campaign)
+            session.add(AlarmEvent(alarm_id=alarm.id, event="moved", note=note))
+            session.flush()
+            return alarm
+    return None
+
+
+def _raise(session: Session, monitor: Monitor, series: MonitorSeries, episode: Episode) -> None:
+    alarm = Alarm(
+        monitor_id=monitor.id,
+        parameter=episode.parameter,
+        campaign_id=UUID(episode.campaign),
+        series=series.number,
+        state="alarm",
+        details=episode.details,
+    )
+    session.add(alarm)
+    session.flush()
+    session.refresh(alarm)
+    _told(session, monitor, alarm, "raised", None, f"by campaign {episode.campaign}")
+
+
+def _step(session: Session, monitor: Monitor, alarm: Alarm, state: str, note: str, user: User | None = None) -> None:
+    alarm.state = state
+    _told(session, monitor, alarm, TOLD[state], user, note)
+
+
+def _told(session: Session, monitor: Monitor, alarm: Alarm, event: str, user: User | None, note: str) -> None:
+    """Into the history, the audit trail and the outbox."""
+    project = session.get_one(Structure, monitor.structure_id).project_id
+    session.add(AlarmEvent(alarm_id=alarm.id, event=event, user_id=user and user.id, note=note))
+    audit(session, user, f"alarm.{event}", "alarm", alarm.id, project, parameter=alarm.parameter, note=note)
+    data = {"alarm": _summary(alarm), "note": note, "by": user and user.name}
+    announce(session, monitor, f"alarm.{event}", data)
+
+
+def _summary(alarm: Alarm) -> dict[str, Any]:
+    return {
+        "id": str(alarm.id),
+        "parameter": alarm.parameter,
+        "campaign_id": str(alarm.campaign_id),
+        "series": alarm.series,
+        "state": alarm.state,
+        "details": alarm.details,
+    }
+
+
+def state_changed(session: Session, monitor: Monitor, before: str) -> None:
+    """Tell that data stopped coming: silence would look like health."""
+    if monitor.state == "no data":
+        announce(session, monitor, "monitor.no_data", {"before": before})
+
+
+def alarm_for(session: Session, user: User, alarm_id: UUID) -> tuple[Alarm, Monitor, Structure]:
+    """The alarm, if the user may see its project.
+
+    Raises:
+        NotFound: there is none, or it is other people's.
+    """
+    found = session.execute(
+        select(Alarm, Monitor, Structure)
+        .join(Monitor, Monitor.id == Alarm.monitor_id)
+        .join(Structure, Structure.id == Monitor.structure_id)
+        .where(Alarm.id == alarm_id)
+    ).one_or_none()
+    if found is None:
+        raise NotFound("alarm", alarm_id)
+    try:
+        project_for(session, user, found[2].project_id)
+    except NotFound:
+        raise NotFound("alarm", alarm_id) from None
+    return found[0], found[1], found[2]
+
+
+def acknowledge(session: Session, user: User, alarm: Alarm, monitor: Monitor, note: str) -> None:
+    """Note that somebody has seen an alarm. The monitor is judged anew with it.
+
+    Raises:
+        Conflict: it is no alarm, or no longer one.
+    """
+    session.refresh(monitor, with_for_update=True)  # a judgement changes alarms too; first the monitor's row, always
+    session.refresh(alarm, with_for_update=True)
+    if alarm.state != "alarm":
+        raise Conflict(f"the alarm is {alarm.state}; only one that is open can be acknowledged")
+    alarm.acknowledged_at, alarm.acknowledged_by, alarm.note = datetime.now(UTC), user.id, note
+    _step(session, monitor, alarm, "acknowledged", note, user)
+    session.flush()

@@ -1,0 +1,90 @@
+"""Messages: written to the outbox in the transaction of what they tell, one row a receiver, sent afterwards."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from email.message import EmailMessage
+from typing import Any, Literal, get_args
+from uuid import uuid4
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.monitoring.tables import Delivery, Monitor, Webhook
+from service.structures.tables import Structure
+
+Event = Literal["alarm.raised", "alarm.acknowledged", "alarm.cleared", "alarm.withdrawn", "monitor.no_data"]
+EVENTS: tuple[Event, ...] = get_args(Event)
+TEST = "webhook.test"
+
+
+def announce(session: Session, monitor: Monitor, event: str, data: dict[str, Any]) -> None:
+    """Put an event of a monitor in the outbox, for every webhook of the project that wants it and the monitor's mail."""
+    structure = session.get_one(Structure, monitor.structure_id)
+    message = {
+        "type": event,
+        "timestamp": datetime.now(UTC).isoformat(),
+        "data": {
+            "project_id": str(structure.project_id),
+            "structure": {"id": str(structure.id), "name": structure.name},
+            "monitor": {"id": str(monitor.id), "name": monitor.name, "state": monitor.state},
+            **data,
+        },
+    }
+    hooks = session.scalars(
+        select(Webhook).where(Webhook.project_id == structure.project_id, Webhook.active).order_by(Webhook.id)
+    ).all()
+    receivers = [{"webhook_id": hook.id} for hook in hooks if event in hook.events]
+    receivers += [{"recipient": address} for address in monitor.mail_to]
+    common = {"project_id": structure.project_id, "monitor_id": monitor.id, "event": event, "body": json.dumps(message)}
+    session.add_all(Delivery(**common, **receiver, message_id=new_message_id()) for receiver in receivers)
+
+
+def trial_message(webhook: Webhook) -> Delivery:
+    """A message that tells nothing but that the way is open."""
+    body = {"type": TEST, "timestamp": datetime.now(UTC).isoformat(), "data": {"webhook_id": str(webhook.id)}}
+    return Delivery(
+        project_id=webhook.project_id,
+        webhook_id=webhook.id,
+        event=TEST,
+        body=json.dumps(body),
+        message_id=new_message_id(),
+    )
+
+
+def new_message_id() -> str:
+    """What a receiver tells messages apart by."""
+    return f"msg_{uuid4().hex}"
+
+
+def as_mail(delivery: Delivery, sender: str) -> EmailMessage:
+    """A message as mail. Its Message-ID is the message's, so that a mail sent twice is seen as one."""
+    message = json.loads(delivery.body)
+    data = message["data"]
+    mail = EmailMessage()
+    mail["From"], mail["To"] = sender, delivery.recipient
+    mail["Subject"] = _subject(delivery.event, data)
+    mail["Message-ID"] = f"<{delivery.message_id}@modalbase>"
+    mail["Date"] = datetime.fromisoformat(message["timestamp"])
+    lines = [
+        f"structure   {data['structure']['name']} ({data['structure']['id']})",
+        f"monitor     {data['monitor']['name']} ({data['monitor']['id']})",
+        f"state       {data['monitor']['state']}",
+    ]
+    if alarm := data.get("alarm"):
+        details = alarm["details"]
+        lines += [
+            f"parameter   {alarm['parameter']}",
+            f"campaign    {alarm['campaign_id']} of {details['performed_at']}",
+            f"value       {details['value']:.6g} ± {details['standard_deviation']:.2g}",
+            f"baseline    {details['baseline']:.6g} ± {details['baseline_sd']:.2g}",
+            f"note        {data['note']}",
+        ]
+    mail.set_content("\n".join(lines) + "\n")
+    return mail
+
+
+def _subject(event: str, data: dict[str, Any]) -> str:
+    what = f"{data['alarm']['parameter']} of " if "alarm" in data else ""
+    return " ".join(f"[modalbase] {event}: {what}{data['structure']['name']}".split())

@@ -1,0 +1,234 @@
+"""Routes of monitors, their runs and series, and alarms."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+from uuid import UUID
+
+from fastapi import Query, Request, Response
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.access import (
+    CurrentUser,
+    Cursor,
+    Limit,
+    Member,
+    SessionDep,
+    SettingsDep,
+    etag_of,
+    paged,
+    project_for,
+    require_match,
+)
+from service.campaigns.operations import campaign_for
+from service.figures.printing import MEDIA_TYPES, render
+from service.figures.series import series_figure
+from service.monitoring import alarms as steps
+from service.monitoring import monitors
+from service.monitoring.presentation import describe_alarms, describe_runs, series_document
+from service.monitoring.schemas import (
+    AcknowledgementIn,
+    AlarmOut,
+    CompletionOut,
+    MonitorIn,
+    MonitorOut,
+    MonitorPatch,
+    RunOut,
+    RunsIn,
+    State,
+)
+from service.monitoring.steward import ask
+from service.monitoring.tables import Alarm, Monitor, MonitorRun, MonitorSeries
+from service.problems import Invalid, Page, api_router
+from service.structures.operations import structure_for
+from service.structures.tables import Structure
+
+router = api_router(tags=["monitoring"])
+
+Version = Annotated[int | None, Query(ge=1, le=1_000_000, description="of the series; default: the one that is judged")]
+
+
+@router.post("/structures/{structure_id}/monitors", status_code=201)
+def create_monitor(
+    structure_id: UUID,
+    body: MonitorIn,
+    session: SessionDep,
+    user: CurrentUser,
+    settings: SettingsDep,
+    response: Response,
+) -> MonitorOut:
+    """Watch a structure: a frozen recipe, a baseline, parameters and how often it may call in vain."""
+    monitor = monitors.create_monitor(session, user, structure_id, body, settings)
+    response.headers["Location"] = f"/api/v1/monitors/{monitor.id}"
+    return _shown(session, monitor, response)
+
+
+@router.get("/structures/{structure_id}/monitors")
+def list_monitors_of_structure(
+    structure_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+) -> Page[MonitorOut]:
+    """Monitors of a structure."""
+    structure = structure_for(session, user, structure_id)
+    query = select(Monitor).where(Monitor.structure_id == structure.id)
+    rows, following = paged(session, query, Monitor.id, cursor, limit)
+    return Page(items=monitors.describe_all(session, rows), next_cursor=following)
+
+
+@router.get("/monitors")
+def list_monitors(
+    session: SessionDep,
+    user: CurrentUser,
+    state: Annotated[State | None, Query(description="in this state only")] = None,
+    cursor: Cursor = None,
+    limit: Limit = 100,
+) -> Page[MonitorOut]:
+    """One's monitors of all structures, worst state first."""
+    rows, following = monitors.page_worst_first(session, user, state, cursor, limit)
+    return Page(items=monitors.describe_all(session, rows), next_cursor=following)
+
+
+@router.get("/monitors/{monitor_id}")
+def get_monitor(monitor_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> MonitorOut:
+    """A monitor and its state."""
+    return _shown(session, monitors.monitor_for(session, user, monitor_id), response)
+
+
+@router.patch("/monitors/{monitor_id}")
+def change_monitor(
+    monitor_id: UUID,
+    body: MonitorPatch,
+    session: SessionDep,
+    user: CurrentUser,
+    settings: SettingsDep,
+    request: Request,
+    response: Response,
+) -> MonitorOut:
+    """Change a name, a receiver, the expected interval, or put a monitor at rest. What decides is frozen."""
+    monitor = monitors.monitor_for(session, user, monitor_id, "editor", lock=True)
+    require_match(request, etag_of(monitors.describe_all(session, [monitor])[0]))
+    if not body.model_fields_set:
+        raise Invalid("", "names nothing to change")
+    monitors.change_monitor(session, user, monitor, body, settings)
+    return _shown(session, monitor, response)
+
+
+@router.post("/monitors/{monitor_id}/runs", status_code=202)
+def start_runs(
+    monitor_id: UUID, body: RunsIn, session: SessionDep, user: CurrentUser, response: Response
+) -> Page[RunOut]:
+    """Run campaigns by hand: one, all that have not been run (backfill, in time order), or all anew.
+
+    The answer lists the runs that are new; a campaign that has been run as it is now gets no second run: then it is 200.
+    """
+    monitor = monitors.monitor_for(session, user, monitor_id, "editor", lock=True)
+    if body.rerun:
+        started = monitors.rerun(session, user, monitor, body.reason)
+    else:
+        started = monitors.run_by_hand(session, user, monitor, body.campaign)
+    response.status_code = 202 if started else 200
+    return Page(items=describe_runs(session, started))
+
+
+@router.get("/monitors/{monitor_id}/runs")
+def list_runs(
+    monitor_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    series: Version = None,
+    cursor: Cursor = None,
+    limit: Limit = 100,
+) -> Page[RunOut]:
+    """Every run of a monitor, with the ones that were superseded or refused, newest first."""
+    monitor = monitors.monitor_for(session, user, monitor_id)
+    query = select(MonitorRun).join(MonitorSeries).where(MonitorSeries.monitor_id == monitor.id)
+    if series is not None:
+        query = query.where(MonitorSeries.number == series)
+    rows, following = paged(session, query, MonitorRun.id, cursor, limit, newest_first=True)
+    return Page(items=describe_runs(session, rows), next_cursor=following)
+
+
+@router.get("/monitors/{monitor_id}/series")
+def get_series(monitor_id: UUID, session: SessionDep, user: CurrentUser, series: Version = None) -> dict[str, Any]:
+    """The series: values with their uncertainty, baseline, limits, corrected and raw, alarms and campaigns as marks."""
+    monitor = monitors.monitor_for(session, user, monitor_id)
+    return series_document(session, monitor, monitors.series_for(session, monitor, series))
+
+
+@router.get("/monitors/{monitor_id}/series/figure")
+def get_series_figure(
+    monitor_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    parameter: Annotated[str | None, Query(max_length=60, description="default: the first one that is watched")] = None,
+    series: Version = None,
+    file_format: Annotated[Literal["plotly", "svg", "png", "pdf"], Query(alias="format")] = "plotly",
+) -> Response:
+    """The series of a parameter as a figure: Plotly JSON for the browser and notebooks, or SVG, PNG, PDF for print."""
+    monitor = monitors.monitor_for(session, user, monitor_id)
+    document = series_document(session, monitor, monitors.series_for(session, monitor, series))
+    watched = list(monitor.watch["directions"])
+    wanted = parameter or watched[0]
+    if wanted not in watched:
+        raise Invalid("parameter", f"{wanted!r} is not watched; {', '.join(watched)} are")
+    figure = series_figure(document, wanted)
+    name = f'attachment; filename="{wanted}.{file_format}"'
+    headers = {} if file_format == "plotly" else {"Content-Disposition": name}
+    return Response(render(figure, file_format), media_type=MEDIA_TYPES[file_format], headers=headers)
+
+
+@router.post("/campaigns/{campaign_id}/complete")
+def complete_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser) -> CompletionOut:
+    """Say that everything of a campaign is in, so that its structure's monitors need not wait. Saying it twice is fine."""
+    campaign = campaign_for(session, user, campaign_id, "editor")
+    row, started = monitors.complete_campaign(session, user, campaign)
+    return CompletionOut(
+        campaign_id=row.campaign_id, completed_at=row.completed_at, runs=describe_runs(session, started)
+    )
+
+
+@router.get("/alarms")
+def list_alarms(
+    session: SessionDep,
+    user: CurrentUser,
+    state: Annotated[
+        Literal["alarm", "acknowledged", "cleared", "withdrawn"] | None, Query(description="in this state only")
+    ] = None,
+    monitor: Annotated[UUID | None, Query(description="of this monitor only")] = None,
+    project: Annotated[UUID | None, Query(description="of this project only")] = None,
+    cursor: Cursor = None,
+    limit: Limit = 100,
+) -> Page[AlarmOut]:
+    """Alarms of one's projects, newest first, each with its history."""
+    mine = select(Member.project_id).where(Member.user_id == user.id)
+    query = select(Alarm).join(Monitor).join(Structure).where(Structure.project_id.in_(mine))
+    if state is not None:
+        query = query.where(Alarm.state == state)
+    if monitor is not None:
+        query = query.where(Alarm.monitor_id == monitors.monitor_for(session, user, monitor).id)
+    if project is not None:
+        query = query.where(Structure.project_id == project_for(session, user, project).id)
+    rows, following = paged(session, query, Alarm.id, cursor, limit, newest_first=True)
+    return Page(items=describe_alarms(session, rows), next_cursor=following)
+
+
+@router.get("/alarms/{alarm_id}")
+def get_alarm(alarm_id: UUID, session: SessionDep, user: CurrentUser) -> AlarmOut:
+    """An alarm with its history."""
+    return describe_alarms(session, [steps.alarm_for(session, user, alarm_id)[0]])[0]
+
+
+@router.post("/alarms/{alarm_id}/acknowledge")
+def acknowledge_alarm(alarm_id: UUID, body: AcknowledgementIn, session: SessionDep, user: CurrentUser) -> AlarmOut:
+    """Say that you have seen an alarm, and what you make of it. The monitor is judged anew with that."""
+    alarm, monitor, structure = steps.alarm_for(session, user, alarm_id)
+    project_for(session, user, structure.project_id, "editor")
+    steps.acknowledge(session, user, alarm, monitor, body.note)
+    ask(session, monitor.id)
+    return describe_alarms(session, [alarm])[0]
+
+
+def _shown(session: Session, monitor: Monitor, response: Response) -> MonitorOut:
+    (shown,) = monitors.describe_all(session, [monitor])
+    response.headers["ETag"] = etag_of(shown)
+    return shown

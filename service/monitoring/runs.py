@@ -1,0 +1,246 @@
+"""Runs: from campaigns that are complete to update jobs, and from their ends to values.
+
+`bring_up_to_date` compares what has been run with what should have been and starts the difference, so it may be called as
+often as one likes, by anyone, in any transaction that holds the monitor's row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Any
+from uuid import UUID
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from fecore import __version__
+from fecore.errors import FecoreError
+from fecore.updating.parameters import parametrise
+from service.access import User
+from service.campaigns.tables import Campaign
+from service.jobs import Job
+from service.monitoring.campaigns import Seen, seen_campaigns
+from service.monitoring.tables import Monitor, MonitorRun, MonitorSeries
+from service.monitoring.values import watched_values
+from service.problems import ServiceError
+from service.structures.operations import describe_version
+from service.structures.tables import Structure, StructureVersion
+from service.updating.loading import nominal_specimen
+from service.updating.operations import start_update
+from service.updating.schemas import ParameterIn, RecipeIn
+from service.updating.tables import UpdateResult
+
+
+@dataclass(frozen=True)
+class Moment:
+    """When, and how long a campaign must have been left alone to count as complete."""
+
+    now: datetime
+    settle: timedelta
+
+
+def newest_series(session: Session, monitor: Monitor) -> MonitorSeries:
+    """The version of the series that runs go into; the first is made here."""
+    found = session.scalars(
+        select(MonitorSeries)
+        .where(MonitorSeries.monitor_id == monitor.id)
+        .order_by(MonitorSeries.number.desc())
+        .limit(1)
+    ).one_or_none()
+    return found or next_series(session, monitor, 1, "first series")
+
+
+def next_series(session: Session, monitor: Monitor, number: int, reason: str) -> MonitorSeries:
+    """Open a version of the series; those before it stay as they are."""
+    row = MonitorSeries(monitor_id=monitor.id, number=number, software=__version__, reason=reason)
+    session.add(row)
+    session.flush()
+    session.refresh(row)
+    return row
+
+
+def latest_runs(session: Session, series: MonitorSeries) -> dict[UUID, MonitorRun]:
+    """The run that counts of each campaign."""
+    rows = session.scalars(
+        select(MonitorRun)
+        .where(MonitorRun.series_id == series.id)
+        .distinct(MonitorRun.campaign_id)
+        .order_by(MonitorRun.campaign_id, MonitorRun.revision.desc())
+    )
+    return {row.campaign_id: row for row in rows}
+
+
+def collect(session: Session, series: MonitorSeries) -> None:
+    """Take the values of update jobs that have ended."""
+    ended = session.execute(
+        select(MonitorRun, Job, UpdateResult.document)
+        .join(Job, Job.id == MonitorRun.update_job_id)
+        .outerjoin(UpdateResult, UpdateResult.id == Job.id)
+        .where(
+            MonitorRun.series_id == series.id,
+            MonitorRun.state == "running",
+            Job.state.in_(("succeeded", "failed", "cancelled")),
+        )
+        .execution_options(populate_existing=True)
+    ).all()
+    for run, job, document in ended:
+        run.finished_at = job.finished_at
+        if document is None:
+            run.state, run.message = "failed", job.message or f"the update job was {job.state}"
+        else:
+            run.state, run.software = "succeeded", document["provenance"]["software"]["modalbase"]
+            run.values = watched_values(session, document)
+    session.flush()
+
+
+def bring_up_to_date(
+    session: Session, monitor: Monitor, moment: Moment, *, by_hand: bool = False, only: UUID | None = None
+) -> list[MonitorRun]:
+    """Start what should be run and is not.
+
+    Args:
+        session: a transaction that holds the monitor's row.
+        monitor: which.
+        moment: now.
+        by_hand: run campaigns whether they are complete or not, and try failed ones again.
+        only: this campaign alone.
+
+    Returns:
+        The new runs; refused ones too.
+    """
+    series = newest_series(session, monitor)
+    seen = seen_campaigns(session, monitor, moment.now, moment.settle)
+    runs = latest_runs(session, series)
+    outdated = _outdated(session, monitor)
+    started: list[MonitorRun] = []
+    for one in seen:
+        latest = runs.get(one.campaign.id)
+        if only is not None and one.campaign.id != only:
+            continue
+        if not (one.complete or by_hand) or not _wanted(one, latest, outdated, by_hand):
+            continue
+        if monitor.priors == "last" and not _may_follow(one, seen, runs):
+            break
+        objection = one.objection or _held_otherwise(one, monitor) or outdated
+        run = _run(session, series, one, latest)
+        if objection is not None:
+            run.state, run.message, run.finished_at = "refused", objection, moment.now
+        else:
+            _start(session, monitor, run, one, runs)
+        session.flush()
+        runs[one.campaign.id] = run
+        started.append(run)
+    return started
+
+
+def counted(seen: Sequence[Seen], runs: dict[UUID, MonitorRun]) -> list[tuple[Seen, MonitorRun]]:
+    """The campaigns that make the series, in time order, with their runs."""
+    pairs = ((one, runs.get(one.campaign.id)) for one in seen if one.objection is None)
+    return [(one, run) for one, run in pairs if run is not None and run.state == "succeeded"]
+
+
+def _wanted(one: Seen, latest: MonitorRun | None, outdated: str | None, by_hand: bool) -> bool:
+    """Is there a run to start, or a refusal to note?"""
+    if latest is None:
+        return True
+    if latest.state == "running":
+        return False
+    current = latest.fingerprint == one.fingerprint
+    objection = one.objection or (None if current and latest.state == "succeeded" else outdated)
+    if objection is not None:
+        return latest.state != "refused" or latest.message != objection
+    if latest.state == "succeeded":
+        return not current
+    return latest.state == "refused" or not current or by_hand
+
+
+def _may_follow(one: Seen, seen: Sequence[Seen], runs: dict[UUID, MonitorRun]) -> bool:
+    """With priors that are handed on, a run waits for the end of every earlier one."""
+    earlier = [s.campaign.id for s in seen if s.campaign.performed_at < one.campaign.performed_at]  # type: ignore[operator]
+    return not any(key in runs and runs[key].state == "running" for key in earlier)
+
+
+def _held_otherwise(one: Seen, monitor: Monitor) -> str | None:
+    """A campaign that was seen before the monitor knew its boundary."""
+    if monitor.boundary is None:
+        monitor.boundary = one.campaign.boundary
+    if one.campaign.boundary != monitor.boundary:
+        return f"the specimen was held {one.campaign.boundary!r}; this monitor compares campaigns held {monitor.boundary!r}"
+    return None
+
+
+def _outdated(session: Session, monitor: Monitor) -> str | None:
+    """Why the monitor can start nothing any more, if that is so."""
+    structure = session.get_one(Structure, monitor.structure_id, populate_existing=True)
+    frozen = session.get_one(StructureVersion, monitor.structure_version_id)
+    if structure.version != frozen.number:
+        return (
+            f"the structure is now in version {structure.version}, this monitor's series is of version {frozen.number}; "
+            "make a new monitor for the changed structure"
+        )
+    return None
+
+
+def _run(session: Session, series: MonitorSeries, one: Seen, latest: MonitorRun | None) -> MonitorRun:
+    run = MonitorRun(
+        series_id=series.id,
+        campaign_id=one.campaign.id,
+        revision=1 if latest is None else latest.revision + 1,
+        fingerprint=one.fingerprint,
+        state="running",
+    )
+    session.add(run)
+    return run
+
+
+def _start(session: Session, monitor: Monitor, run: MonitorRun, one: Seen, runs: dict[UUID, MonitorRun]) -> None:
+    """Queue the update, in the name of the monitor's maker; what the door refuses, the run tells."""
+    user = session.get_one(User, monitor.user_id)
+    try:
+        with session.begin_nested():
+            recipe = _recipe(session, monitor, one, runs)
+            run.update_job_id = start_update(session, user, one.campaign.id, recipe, None).id
+    except (ServiceError, FecoreError) as error:
+        run.state, run.message, run.finished_at = "failed", str(error), func.now()
+
+
+def _recipe(session: Session, monitor: Monitor, one: Seen, runs: dict[UUID, MonitorRun]) -> RecipeIn:
+    recipe = RecipeIn.model_validate(
+        {**monitor.recipe, "mode_set": None if one.mode_set is None else str(one.mode_set)}
+    )
+    if monitor.priors == "baseline":
+        return recipe
+    before = _run_before(session, one, runs)
+    return recipe if before is None else _with_priors(session, monitor, recipe, before)
+
+
+def _run_before(session: Session, one: Seen, runs: dict[UUID, MonitorRun]) -> dict[str, Any] | None:
+    """Values of the last campaign before this one."""
+    done = [run for run in runs.values() if run.state == "succeeded" and run.campaign_id != one.campaign.id]
+    dated = [(session.get_one(Campaign, run.campaign_id).performed_at, run) for run in done]
+    earlier = [(at, run) for at, run in dated if at is not None and at < one.campaign.performed_at]  # type: ignore[operator]
+    return max(earlier, key=lambda pair: pair[0])[1].values if earlier else None
+
+
+def _with_priors(session: Session, monitor: Monitor, recipe: RecipeIn, values: dict[str, Any]) -> RecipeIn:
+    """The recipe with the last estimates as prior means; widths stay, so that a prior never narrows down on the past."""
+    version = session.get_one(StructureVersion, monitor.structure_version_id)
+    specimen = nominal_specimen(describe_version(version, ""), monitor.boundary or "cantilever")
+    core = recipe.to_core().parameters
+    free = parametrise(specimen, core)
+    widths = dict(zip(free.names, free.prior_sd.tolist(), strict=True))
+    carried = []
+    for parameter in core:
+        last = values["parameters"].get(parameter.name)
+        carried.append(
+            ParameterIn(
+                name=parameter.name,  # type: ignore[arg-type]  # the core's names are the schema's
+                prior_mean=parameter.prior_mean if parameter.name not in widths or last is None else last[0],
+                prior_sd=widths.get(parameter.name, parameter.prior_sd),
+                fixed=parameter.fixed,
+                tied_to=parameter.tied_to,  # type: ignore[arg-type]
+            )
+        )
+    return recipe.model_copy(update={"parameters": carried})

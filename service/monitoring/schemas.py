@@ -1,0 +1,275 @@
+"""What a client sends and gets about monitors, their runs and series, and alarms."""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime
+from typing import Annotated, Any, Literal, Self
+from uuid import UUID
+
+from croniter import croniter
+from pydantic import AwareDatetime, Field, field_validator, model_validator
+from pydantic_core import PydanticCustomError
+
+from fecore.errors import InputError
+from fecore.trend import Chart, Watch
+from service.campaigns.schemas import Boundary
+from service.problems import Name, StrictModel, Text
+from service.updating.schemas import RecipeIn
+
+Direction = Literal["fall", "rise", "both"]
+State = Literal["no data", "normal", "pending", "alarm", "acknowledged"]
+Covariate = Literal["temperature_c", "humidity_percent"]
+
+CONSTANT = re.compile(r"Ex|Ey|Gxy|Gxz|Gyz|nu_xy|density|thickness")
+COEFFICIENT = re.compile(r"[a-z]\w{0,40}")
+OF_A_MODE = re.compile(r"(frequency|damping_ratio)_([1-9]\d?)")
+MAIL = re.compile(r"[^@\s,;<>]+@[^@\s,;<>]+\.[^@\s,;<>]+")
+
+
+class WatchedIn(StrictModel):
+    """A parameter to watch, and where it must not go."""
+
+    name: str = Field(
+        pattern=r"^\w{1,60}$",
+        description="`Ex Ey Gxy …`, `a0 a1 …`, or `frequency_2`, `damping_ratio_2` of the campaigns' second mode",
+    )
+    direction: Direction | None = Field(
+        None, description="default: `rise` for damping, `fall` for elastic constants and frequencies, else `both`"
+    )
+
+    @property
+    def watched_direction(self) -> Direction:
+        """The direction, stated or not."""
+        if self.direction is not None:
+            return self.direction
+        if self.name in ("nu_xy", "density", "thickness"):
+            return "both"
+        return "fall" if CONSTANT.fullmatch(self.name) or self.name.startswith("frequency_") else "rise"
+
+
+class BaselineIn(StrictModel):
+    """What later campaigns are held against: the first campaigns, from a date on if one is stated."""
+
+    campaigns: int = Field(12, ge=4, le=1000, description="how many; with k covariates at least 4 + k")
+    since: AwareDatetime | None = Field(None, description="campaigns before this are left out, as after a repair")
+
+
+class ChartIn(StrictModel):
+    """The control chart."""
+
+    kind: Literal["ewma", "cusum", "shewhart"] = "ewma"
+    weight: float = Field(0.2, gt=0, le=1, description="λ of an EWMA: small for slow and small changes")
+    reference: float = Field(0.5, gt=0, lt=10, description="k of a CUSUM, half the change to be found, in its sd")
+    jump_share: float = Field(0.5, ge=0, lt=1, description="share of the false alarms for the limit on single scores")
+
+
+DEFAULT_WATCHED = [WatchedIn(name=name, direction=None) for name in ("Ex", "Gxy", "a0", "a1")]
+
+
+class MonitorIn(StrictModel):
+    """A monitor; everything but its name has a default."""
+
+    name: Name
+    recipe: RecipeIn = Field(default_factory=lambda: RecipeIn.model_validate({}))
+    modes: Literal["identify", "given"] = Field(
+        "identify",
+        description="`identify`: every run identifies the modes from the FRFs; `given`: it takes the campaign's newest "
+        "mode set that was typed in or came with a file, and waits for one",
+    )
+    priors: Literal["baseline", "last"] = Field(
+        "baseline",
+        description="`baseline`: each run has the recipe's priors; `last`: their means are the estimates of the campaign "
+        "before, their widths the recipe's, so that the prior follows the structure and never hides a change",
+    )
+    boundary: Boundary | None = Field(None, description="only campaigns held like this; default: as the first one run")
+    parameters: list[WatchedIn] = Field(default_factory=lambda: list(DEFAULT_WATCHED), min_length=1, max_length=20)
+    baseline: BaselineIn = Field(default_factory=lambda: BaselineIn(campaigns=12, since=None))
+    covariates: list[Covariate] = Field(default_factory=list, max_length=2)
+    false_alarm_rate: float = Field(
+        0.01, gt=0, lt=0.5, description="false alarms a campaign, of all parameters together"
+    )
+    horizon: int = Field(24, ge=1, le=1000, description="campaigns after the baseline over which that rate is held")
+    pending: int = Field(1, ge=1, le=10, description="consecutive campaigns outside that make an alarm")
+    chart: ChartIn = Field(default_factory=lambda: ChartIn(kind="ewma", weight=0.2, reference=0.5, jump_share=0.5))
+    expected_interval_days: float | None = Field(
+        None, gt=0, le=36500, description="a campaign later than 1.5 of it is `no data`; none: nothing is expected"
+    )
+    runs_on: Literal["campaign", "schedule", "hand"] = Field(
+        "campaign", description="when campaigns are run: each when it is complete, at the schedule's times, or by hand"
+    )
+    schedule: Text | None = Field(None, max_length=100, description="five cron fields, UTC, such as `0 3 * * 1`")
+    mail_to: list[Text] = Field(default_factory=list, max_length=20)
+
+    @field_validator("parameters")
+    @classmethod
+    def _known_once(cls, parameters: list[WatchedIn]) -> list[WatchedIn]:
+        names = [p.name for p in parameters]
+        for name in names:
+            if not any(kind.fullmatch(name) for kind in (CONSTANT, OF_A_MODE, COEFFICIENT)):
+                raise PydanticCustomError("unknown", "{name} is no parameter that a result has", {"name": name})
+            if names.count(name) > 1:
+                raise PydanticCustomError("twice", "{name} is there twice", {"name": name})
+        return parameters
+
+    @field_validator("mail_to")
+    @classmethod
+    def _mail(cls, addresses: list[str]) -> list[str]:
+        for address in addresses:
+            if not MAIL.fullmatch(address):
+                raise PydanticCustomError("mail", "{address} is no mail address", {"address": address})
+        return addresses
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if (self.runs_on == "schedule") != (self.schedule is not None):
+            raise PydanticCustomError("schedule", "a schedule belongs to runs_on `schedule`, and that to a schedule")
+        if self.schedule is not None and (len(self.schedule.split()) != 5 or not croniter.is_valid(self.schedule)):
+            raise PydanticCustomError("schedule", "schedule is not five cron fields, such as `0 3 * * 1`")
+        if len(set(self.covariates)) < len(self.covariates):
+            raise PydanticCustomError("twice", "a covariate is there twice")
+        if self.baseline.campaigns < 4 + len(self.covariates):
+            raise PydanticCustomError("baseline", "baseline has too few campaigns: at least 4 and one a covariate")
+        try:
+            self.to_watch()
+        except InputError as error:
+            raise PydanticCustomError("watch", "{why}", {"why": str(error)}) from None
+        return self
+
+    def to_watch(self) -> Watch:
+        """The recipe of the judgement as the core takes it."""
+        return Watch(
+            directions={p.name: p.watched_direction for p in self.parameters},
+            baseline=self.baseline.campaigns,
+            covariates=tuple(self.covariates),
+            false_alarm_rate=self.false_alarm_rate,
+            horizon=self.horizon,
+            pending=self.pending,
+            chart=Chart(**self.chart.model_dump()),
+            expected_interval_days=self.expected_interval_days,
+        )
+
+
+class MonitorPatch(StrictModel):
+    """Members to change. What decides about the series is frozen: for another recipe or baseline make another monitor."""
+
+    name: Name | None = None
+    active: bool | None = Field(None, description="a monitor at rest runs nothing by itself and judges nothing")
+    expected_interval_days: float | None = Field(None, gt=0, le=36500, description="null: nothing is expected")
+    mail_to: list[Text] | None = Field(None, max_length=20)
+
+    _mail = field_validator("mail_to")(lambda addresses: addresses and MonitorIn._mail(addresses))
+
+    @field_validator("name", "active", "mail_to")
+    @classmethod
+    def _not_null(cls, value: Any) -> Any:
+        if value is None:
+            raise PydanticCustomError("null", "cannot be null; leave it out to keep it")
+        return value
+
+
+class MonitorOut(StrictModel):
+    """A monitor, with its state."""
+
+    id: UUID
+    created_at: datetime
+    updated_at: datetime
+    structure_id: UUID
+    structure_name: str
+    project_id: UUID
+    structure_version_id: UUID
+    acts_for: str = Field(description="user whose rights its runs have: who made it")
+    name: str
+    active: bool
+    recipe: dict[str, Any]
+    modes: str
+    priors: str
+    boundary: str | None
+    parameters: list[WatchedIn]
+    baseline: BaselineIn
+    covariates: list[Covariate]
+    false_alarm_rate: float
+    horizon: int
+    pending: int
+    chart: ChartIn
+    expected_interval_days: float | None
+    runs_on: str
+    schedule: str | None
+    next_run_at: datetime | None
+    mail_to: list[str]
+    series: int = Field(description="version of the series that is judged; 0 before the first judgement")
+    state: State
+    state_since: datetime
+    open_alarms: int
+
+
+class RunsIn(StrictModel):
+    """What to run. `{}`: every campaign that has not been run as it is now, in time order."""
+
+    campaign: UUID | None = Field(None, description="this one, complete or not; one that failed is tried again")
+    rerun: bool = Field(False, description="all campaigns anew, as the next version of the series")
+    reason: Text = Field("", max_length=1000, description="why it is rerun")
+
+    @model_validator(mode="after")
+    def _one_wish(self) -> Self:
+        if self.rerun and self.campaign is not None:
+            raise PydanticCustomError("rerun", "a rerun is of the whole series; leave campaign out")
+        return self
+
+
+class RunOut(StrictModel):
+    """The recipe on one campaign."""
+
+    id: UUID
+    series: int
+    campaign_id: UUID
+    revision: int = Field(description="more than 1: the campaign was corrected, or tried again")
+    state: Literal["running", "succeeded", "failed", "refused"]
+    message: str | None
+    update_job_id: UUID | None
+    software: str | None
+    created_at: datetime
+    finished_at: datetime | None
+
+
+class AcknowledgementIn(StrictModel):
+    """Somebody has seen the alarm."""
+
+    note: Annotated[Text, Field(min_length=1, max_length=2000)]
+
+
+class AlarmEventOut(StrictModel):
+    """A step in an alarm's history."""
+
+    at: datetime
+    event: str
+    by: str | None
+    note: str
+
+
+class AlarmOut(StrictModel):
+    """An alarm."""
+
+    id: UUID
+    created_at: datetime
+    monitor_id: UUID
+    monitor_name: str
+    structure_id: UUID
+    project_id: UUID
+    parameter: str
+    campaign_id: UUID = Field(description="campaign that raised it")
+    series: int
+    state: Literal["alarm", "acknowledged", "cleared", "withdrawn"]
+    acknowledged_at: datetime | None
+    acknowledged_by: str | None
+    note: str | None
+    details: dict[str, Any] = Field(description="value, baseline, score, change point and rate when it was last judged")
+    history: list[AlarmEventOut]
+
+
+class CompletionOut(StrictModel):
+    """Everything of this campaign is in."""
+
+    campaign_id: UUID
+    completed_at: datetime
+    runs: list[RunOut] = Field(description="what its structure's monitors started")

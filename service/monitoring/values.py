@@ -1,0 +1,35 @@
+"""What a monitor takes from an update's result: watched values with the part of their uncertainty that differs from one
+campaign to the next.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+from uuid import UUID
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.campaigns.tables import Mode
+
+Pair = tuple[float, float | None]
+"""Estimate and standard deviation, None where the measurement states none."""
+
+
+def watched_values(session: Session, document: dict[str, Any]) -> dict[str, Any]:
+    """Values of a result document.
+
+    Returns:
+        `parameters`: name to [estimate, noise-only standard deviation], which is what a model error that all campaigns
+        share does not move; `modes`: (f, sd, ζ, sd) of each measured mode; None where not known.
+    """
+    parameters = {row["name"]: [row["estimate"], row["noise_standard_deviation"]] for row in document["parameters"]}
+    stated: dict[int, Mode] = {}
+    if mode_set := document["provenance"].get("mode_set"):
+        stated = {m.number: m for m in session.scalars(select(Mode).where(Mode.mode_set_id == UUID(mode_set)))}
+    modes = []
+    for row in document["modes"]:
+        mode = stated.get(row["number"])
+        sds = (None, None) if mode is None else (mode.frequency_sd_hz, mode.damping_sd)
+        modes.append([row["measured_hz"], sds[0], row["measured_damping"], sds[1]])
+    return {"parameters": parameters, "modes": modes}

@@ -1,0 +1,204 @@
+"""Routes of webhooks and of what was sent to them."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Literal
+from uuid import UUID
+
+from fastapi import Query, Response
+from pydantic import ConfigDict, Field, field_validator
+from pydantic_core import PydanticCustomError
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.access import (
+    CurrentUser,
+    Cursor,
+    Limit,
+    Member,
+    Role,
+    SessionDep,
+    SettingsDep,
+    User,
+    audit,
+    paged,
+    project_for,
+)
+from service.monitoring.addresses import AddressError, parse_url, resolve
+from service.monitoring.delivery import new_secret
+from service.monitoring.messages import EVENTS, Event, trial_message
+from service.monitoring.monitors import monitor_for
+from service.monitoring.tables import Delivery, Webhook
+from service.problems import Conflict, Invalid, NotFound, Page, StrictModel, Text, api_router
+
+router = api_router(tags=["webhooks"])
+
+
+class WebhookIn(StrictModel):
+    """Where to post a project's events."""
+
+    project: UUID
+    url: Text = Field(max_length=2000, description="http:// or https://")
+    events: list[Event] = Field(default_factory=lambda: list(EVENTS), min_length=1, description="default: all of them")
+
+    @field_validator("url")
+    @classmethod
+    def _is_url(cls, url: str) -> str:
+        try:
+            parse_url(url)
+        except AddressError as error:
+            raise PydanticCustomError("url", "{why}", {"why": str(error)}) from None
+        return url
+
+
+class WebhookOut(StrictModel):
+    """A webhook, without its secret."""
+
+    model_config = ConfigDict(from_attributes=True, extra="ignore")
+
+    id: UUID
+    created_at: datetime
+    project_id: UUID
+    url: str
+    events: list[str]
+
+
+class NewWebhookOut(WebhookOut):
+    """A webhook just made; `secret` is shown this once."""
+
+    secret: str
+
+
+class DeliveryOut(StrictModel):
+    """A message to a receiver, and how far it got."""
+
+    model_config = ConfigDict(from_attributes=True, extra="ignore")
+
+    id: UUID
+    created_at: datetime
+    webhook_id: UUID | None
+    recipient: str | None = Field(description="mail address")
+    monitor_id: UUID | None
+    message_id: str = Field(description="the `webhook-id` that the receiver sees, the same in every attempt and replay")
+    event: str
+    body: str
+    state: Literal["waiting", "delivered", "failed"]
+    attempts: int
+    due_at: datetime = Field(description="when it is sent next, while it waits")
+    last_status: int | None
+    last_error: str | None
+    delivered_at: datetime | None
+
+
+@router.post("/webhooks", status_code=201)
+def create_webhook(
+    body: WebhookIn, session: SessionDep, user: CurrentUser, settings: SettingsDep, response: Response
+) -> NewWebhookOut:
+    """Have a project's events posted to a URL, signed as Standard Webhooks says. The answer alone shows the secret."""
+    project = project_for(session, user, body.project, "owner")
+    try:
+        resolve(body.url, settings.allowed_networks)
+    except AddressError as error:
+        raise Invalid("/url", str(error)) from None
+    row = Webhook(project_id=project.id, url=body.url, secret=new_secret(), events=body.events)
+    session.add(row)
+    session.flush()
+    session.refresh(row)
+    audit(session, user, "webhook.create", "webhook", row.id, project.id, url=body.url)
+    response.headers["Location"] = f"/api/v1/webhooks/{row.id}"
+    return NewWebhookOut.model_validate(row)
+
+
+@router.get("/webhooks")
+def list_webhooks(
+    session: SessionDep,
+    user: CurrentUser,
+    project: Annotated[UUID | None, Query(description="of this project only")] = None,
+    cursor: Cursor = None,
+    limit: Limit = 100,
+) -> Page[WebhookOut]:
+    """Webhooks of one's projects."""
+    mine = select(Member.project_id).where(Member.user_id == user.id)
+    query = select(Webhook).where(Webhook.project_id.in_(mine), Webhook.active)
+    if project is not None:
+        query = query.where(Webhook.project_id == project_for(session, user, project).id)
+    rows, following = paged(session, query, Webhook.id, cursor, limit)
+    return Page(items=[WebhookOut.model_validate(row) for row in rows], next_cursor=following)
+
+
+@router.delete("/webhooks/{webhook_id}", status_code=204)
+def delete_webhook(webhook_id: UUID, session: SessionDep, user: CurrentUser) -> None:
+    """Post nothing there any more; what waits is given up, what was sent stays listed with the monitor."""
+    row = _webhook_for(session, user, webhook_id, "owner")
+    row.active = False
+    waiting = select(Delivery).where(Delivery.webhook_id == row.id, Delivery.state == "waiting").with_for_update()
+    for delivery in session.scalars(waiting):
+        delivery.state, delivery.last_error = "failed", "the webhook was deleted"
+    audit(session, user, "webhook.delete", "webhook", row.id, row.project_id)
+
+
+@router.post("/webhooks/{webhook_id}/test", status_code=202)
+def test_webhook(webhook_id: UUID, session: SessionDep, user: CurrentUser) -> DeliveryOut:
+    """Send a message that tells nothing, to see whether the way is open."""
+    row = _webhook_for(session, user, webhook_id, "editor")
+    return _sent(session, trial_message(row))
+
+
+@router.get("/webhooks/{webhook_id}/deliveries")
+def list_deliveries(
+    webhook_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+) -> Page[DeliveryOut]:
+    """What was sent to a webhook, or waits to be, newest first."""
+    row = _webhook_for(session, user, webhook_id, "viewer")
+    query = select(Delivery).where(Delivery.webhook_id == row.id)
+    rows, following = paged(session, query, Delivery.id, cursor, limit, newest_first=True)
+    return Page(items=[DeliveryOut.model_validate(d) for d in rows], next_cursor=following)
+
+
+@router.get("/monitors/{monitor_id}/deliveries")
+def list_deliveries_of_monitor(
+    monitor_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+) -> Page[DeliveryOut]:
+    """What a monitor had to tell, by webhook and mail, newest first."""
+    monitor = monitor_for(session, user, monitor_id)
+    query = select(Delivery).where(Delivery.monitor_id == monitor.id)
+    rows, following = paged(session, query, Delivery.id, cursor, limit, newest_first=True)
+    return Page(items=[DeliveryOut.model_validate(d) for d in rows], next_cursor=following)
+
+
+@router.post("/deliveries/{delivery_id}/replay", status_code=202)
+def replay_delivery(delivery_id: UUID, session: SessionDep, user: CurrentUser) -> DeliveryOut:
+    """Send a message again, under the same `webhook-id`: a receiver that has it already can tell."""
+    row = session.get(Delivery, delivery_id)
+    if row is None:
+        raise NotFound("delivery", delivery_id)
+    try:
+        project_for(session, user, row.project_id, "editor")
+    except NotFound:
+        raise NotFound("delivery", delivery_id) from None
+    if row.state == "waiting":
+        raise Conflict(f"the message has not been given up: it is sent again at {row.due_at.isoformat()}")
+    if row.webhook_id is not None and not session.get_one(Webhook, row.webhook_id).active:
+        raise Conflict("the webhook was deleted")
+    copied = ("project_id", "monitor_id", "webhook_id", "recipient", "message_id", "event", "body")
+    audit(session, user, "delivery.replay", "delivery", row.id, row.project_id)
+    return _sent(session, Delivery(**{name: getattr(row, name) for name in copied}))
+
+
+def _sent(session: Session, delivery: Delivery) -> DeliveryOut:
+    session.add(delivery)
+    session.flush()
+    session.refresh(delivery)
+    return DeliveryOut.model_validate(delivery)
+
+
+def _webhook_for(session: Session, user: User, webhook_id: UUID, role: Role) -> Webhook:
+    row = session.get(Webhook, webhook_id)
+    if row is None or not row.active:
+        raise NotFound("webhook", webhook_id)
+    try:
+        project_for(session, user, row.project_id, role)
+    except NotFound:
+        raise NotFound("webhook", webhook_id) from None
+    return row
