@@ -35,7 +35,6 @@ Weighting = Literal["linear", "relative", "log", "noise"]
 _MAX_ITERATIONS = 100
 _TOLERANCE = 1e-9  # relative fall of the misfit, and step in posterior standard deviations, at convergence
 _ROUND_OFF = 1e-12  # of the weighted signal: noise-free data cannot be fitted better
-_EXACT = 1e-7  # standard deviation of a deviation that is not allowed
 _LARGEST_SHIFT = 0.1  # a mode further off than this was not paired rightly
 
 
@@ -47,7 +46,7 @@ class DampingFit:
         law: the law.
         coefficients: (p,) estimate.
         nuisance: the modes with a shift and a deviation.
-        shift: (s,) their relative frequency shifts δ_k; deviation: (s,) their ε_k.
+        shift: (s,) their relative frequency shifts δ_k.
         eigenvalue: (m,) eigenvalues as fitted, λ_k (1 + δ_k)².
         rate: (m,) damping rates as fitted, deviations included; law_rate: (m,) those of the law alone.
         cost: misfit E of the data, weighted; objective: with the deviations' prior.
@@ -61,7 +60,6 @@ class DampingFit:
     coefficients: FloatArray
     nuisance: Nuisance
     shift: FloatArray
-    deviation: FloatArray
     eigenvalue: FloatArray
     rate: FloatArray
     law_rate: FloatArray
@@ -214,7 +212,7 @@ def fit_law(
         UpdatingError: no convergence; it carries the best iterate.
     """
     problem = _Problem(misfit, law, nuisance, scale)
-    x = np.concatenate([start, nuisance.first_shift, np.zeros(nuisance.modes.size)])
+    x = problem.first(start)
     history = [start]
     normal = misfit.normal(*problem.modes(x))
     total = normal.cost + problem.penalty(x)
@@ -222,9 +220,7 @@ def fit_law(
     damping = 1e-3
     for iteration in range(_MAX_ITERATIONS):
         progress(1 - 0.7**iteration)
-        T = problem.chain(x)
-        hessian = T.T @ normal.hessian @ T + np.diag(problem.precision)
-        gradient = T.T @ normal.gradient - problem.precision * x
+        hessian, gradient = problem.system(x, normal)
         size = np.sqrt(np.diag(hessian))
         step = np.linalg.solve(hessian / np.outer(size, size) + damping * np.eye(x.size), gradient / size) / size
         candidate = x + step
@@ -251,7 +247,11 @@ def fit_law(
 
 @dataclass(frozen=True)
 class _Problem:
-    """The map from x = (coefficients, shifts, deviations) to the modes' eigenvalues and rates."""
+    """The map from x = (coefficients a, shifts δ, logarithms ℓ of the rates that may deviate) to eigenvalues and rates.
+
+    A mode that may deviate has a rate of its own, exp(ℓ_k), which the data fix and which a prior ties to the law:
+    ε_k = ℓ_k - ln c_k(a). So the valley along which a and ε trade is straight.
+    """
 
     misfit: FrfMisfit
     law: DampingLaw
@@ -262,71 +262,101 @@ class _Problem:
     def count(self) -> int:
         return len(self.law.coefficient_names)
 
+    @cached_property
+    def free(self) -> IntArray:
+        """Numbers of the modes with a rate of their own."""
+        return self.nuisance.modes[self.nuisance.deviation_sd > 0]
+
+    def first(self, start: FloatArray) -> FloatArray:
+        rate = self.law.basis(self.omega(self.nuisance.first_shift)) @ start
+        return np.concatenate([start, self.nuisance.first_shift, np.log(rate[self.free])])
+
+    def omega(self, shift: FloatArray) -> FloatArray:
+        """(m,) circular frequencies of the shifted modes among the others."""
+        omega = self.misfit.model.omega.copy()
+        omega[self.nuisance.modes] *= 1 + shift
+        return omega
+
     def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Coefficients, shifts and deviations."""
+        """Coefficients, shifts, and logarithms of own rates."""
         ends = (self.count, self.count + self.nuisance.modes.size)
         return x[: ends[0]], x[ends[0] : ends[1]], x[ends[1] :]
 
-    @cached_property
-    def precision(self) -> FloatArray:
-        """(x,) prior precision of coefficients (none), shifts and deviations, in the units of E."""
-        shift = self.nuisance.shift_sd**-2
-        deviation = np.maximum(self.nuisance.deviation_sd, _EXACT) ** -2
-        return self.scale * np.concatenate([np.zeros(self.count), shift, deviation])
+    def modes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        a, shift, own = self.split(x)
+        omega = self.omega(shift)
+        rate = self.law.basis(omega) @ a
+        rate[self.free] = np.exp(own)
+        return omega**2, rate
+
+    def prior(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Prior residuals ρ, in standard deviations, and their Jacobian by x: shifts, then deviations."""
+        a, shift, own = self.split(x)
+        omega = self.omega(shift)[self.free]
+        basis = self.law.basis(omega)
+        law_rate = basis @ a
+        shift_weight = 1 / self.nuisance.shift_sd
+        weight = 1 / self.nuisance.deviation_sd[self.nuisance.deviation_sd > 0]
+        residual = np.concatenate([shift * shift_weight, weight * (own - np.log(law_rate))])
+        s, first = shift.size, self.count + shift.size
+        jacobian = np.zeros((residual.size, x.size))
+        jacobian[:s, self.count : first] = np.diag(shift_weight)
+        jacobian[s:, : self.count] = -(weight / law_rate)[:, None] * basis
+        moved = self.count + np.flatnonzero(self.nuisance.deviation_sd > 0)
+        base = self.misfit.model.omega[self.free]
+        jacobian[s + np.arange(own.size), moved] = -weight / law_rate * (self.law.slope(omega) @ a) * base
+        jacobian[s:, first:] = np.diag(weight)
+        return residual, jacobian
 
     def penalty(self, x: FloatArray) -> float:
-        return float(self.precision @ x**2) / 2
+        residual, _ = self.prior(x)
+        return self.scale * float(residual @ residual) / 2
 
-    def omega(self, x: FloatArray) -> FloatArray:
-        stretch = np.ones_like(self.misfit.model.omega)
-        stretch[self.nuisance.modes] += self.split(x)[1]
-        return self.misfit.model.omega * stretch
-
-    def law_rate(self, x: FloatArray) -> FloatArray:
-        rate: FloatArray = self.law.basis(self.omega(x)) @ x[: self.count]
-        return rate
-
-    def modes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        rate = self.law_rate(x)
-        rate[self.nuisance.modes] *= np.exp(self.split(x)[2])
-        return self.omega(x) ** 2, rate
+    def system(self, x: FloatArray, normal: NormalEquations) -> tuple[FloatArray, FloatArray]:
+        """Gauss-Newton hessian and descent gradient by x."""
+        T, (residual, jacobian) = self.chain(x), self.prior(x)
+        hessian = T.T @ normal.hessian @ T + self.scale * jacobian.T @ jacobian
+        return hessian, T.T @ normal.gradient - self.scale * jacobian.T @ residual
 
     def chain(self, x: FloatArray) -> FloatArray:
-        """(2m, x) ∂(λ, c)/∂x; the law's dependence on a shifted ω is left to the next iterate (it is second order)."""
-        base, omega, law_rate = self.misfit.model.omega, self.omega(x), self.law_rate(x)
-        m, first = base.size, self.count + self.nuisance.modes.size
-        factor = np.ones(m)
-        factor[self.nuisance.modes] = np.exp(self.split(x)[2])
+        """(2m, x) ∂(λ, c)/∂x."""
+        a, shift, own = self.split(x)
+        base, omega, m = self.misfit.model.omega, self.omega(shift), self.misfit.model.omega.size
         T = np.zeros((2 * m, x.size))
-        T[m:, : self.count] = factor[:, None] * self.law.basis(omega)
-        for k, mode in enumerate(self.nuisance.modes):
-            T[mode, self.count + k] = 2 * base[mode] * omega[mode]
-            T[m + mode, first + k] = factor[mode] * law_rate[mode]
+        columns, modes = self.count + np.arange(shift.size), self.nuisance.modes
+        T[m:, : self.count] = self.law.basis(omega)
+        T[m + modes, columns] = (self.law.slope(omega) @ a)[modes] * base[modes]
+        T[m + self.free] = 0
+        T[modes, columns] = 2 * base[modes] * omega[modes]
+        T[m + self.free, self.count + shift.size + np.arange(own.size)] = np.exp(own)
         return T
 
     def is_allowed(self, x: FloatArray) -> bool:
-        in_band = self.misfit.model.omega <= self.misfit.measured.omega[-1]
-        positive = np.all(self.law_rate(x)[in_band] > 0)
-        return bool(positive and np.all(np.abs(self.split(x)[1]) < _LARGEST_SHIFT))
+        a, shift, _ = self.split(x)
+        needed = self.misfit.model.omega <= self.misfit.measured.omega[-1]
+        needed[self.free] = True
+        if np.any(np.abs(shift) >= _LARGEST_SHIFT):
+            return False
+        return bool(np.all(self.law.basis(self.omega(shift)[needed]) @ a > 0))
 
     def finish(self, x: FloatArray, normal: NormalEquations, history: FloatArray) -> DampingFit:
         eigenvalue, rate = self.modes(x)
-        T = self.chain(x)
-        inverse = np.linalg.inv(T.T @ normal.hessian @ T + np.diag(self.precision))
+        T, (hessian, _) = self.chain(x), self.system(x, normal)
+        inverse = np.linalg.inv(hessian)
         by = self.misfit.derivatives(eigenvalue, rate)
         _, weight = self.misfit.residual(self.misfit.predict(eigenvalue, rate))
         # Circular noise of variance v: cov(2 Re Jᴴ W n) = 2 Re Jᴴ W² V J, which is the hessian with weights w²v.
         spread = T.T @ self.misfit.hessian(by, weight**2 * self.misfit.variance) @ T
         covariance = inverse @ spread @ inverse
+        a, shift, _ = self.split(x)
         return DampingFit(
             law=self.law,
-            coefficients=x[: self.count],
+            coefficients=a,
             nuisance=self.nuisance,
-            shift=self.split(x)[1],
-            deviation=self.split(x)[2],
+            shift=shift,
             eigenvalue=eigenvalue,
             rate=rate,
-            law_rate=self.law_rate(x),
+            law_rate=self.law.basis(self.omega(shift)) @ a,
             cost=normal.cost,
             objective=normal.cost + self.penalty(x),
             noise_covariance=covariance[: self.count, : self.count],

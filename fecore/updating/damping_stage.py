@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,9 +24,8 @@ DAMPING_DISCREPANCY = 0.02
 LAW_DISCREPANCY = 0.002
 """The same for the estimate, as `elastic.THEORY_DISCREPANCY` is to `elastic.FREQUENCY_DISCREPANCY`."""
 
-_TAIL = 2.0  # an elastic mode up to so many times the band's end has a tail that matters
 _UNMEASURED_SHIFT = 0.01  # prior standard deviation of the shift of a mode that was not measured
-_UNMEASURED_DEVIATION = 0.5  # and, in the modal fit, of the logarithm of its damping over its neighbour's
+_UNMEASURED_DEVIATION = 2.0  # and of the logarithm of its damping over the law's: nobody measured it
 _FIRST_NOISE = 1e-3
 _FIRST_RATIO = 0.02  # of modes whose damping was not measured
 _SAME_OPTIMUM = 1e-3  # relative distance of coefficients that counts as one point
@@ -44,6 +43,9 @@ class DampingResult:
         optima: coefficients of every different point that the starts converged to, the best first.
         modal: the same data fitted with a ratio of its own for every measured mode.
         covariance: (p, p) with noise, stage 1's uncertainty and the law's discrepancy.
+        sampled_covariance: (p, p) Gaussian approximation of the posterior given the damping ratios as the estimate took them.
+        admitted_covariance: (p, p) what the discrepancy adds beyond that.
+        tight: relative deviation from the law that the estimate allowed.
         by_elastic: (p, q) derivative of the estimate by the elastic parameters.
         discrepancy: estimated relative deviation of a damping ratio from the law.
         misfit: what was minimised, with the noise variance that was used.
@@ -55,6 +57,9 @@ class DampingResult:
     optima: tuple[FloatArray, ...]
     modal: DampingFit
     covariance: FloatArray
+    sampled_covariance: FloatArray
+    admitted_covariance: FloatArray
+    tight: float
     by_elastic: FloatArray
     discrepancy: float
     misfit: FrfMisfit
@@ -96,29 +101,31 @@ class DampingStage:
         return np.array([rigid + column for _, column in self.elastic.pairing.pairs])
 
     @cached_property
-    def unmeasured(self) -> IntArray:
-        """Numbers, among all modes, of elastic ones without a measured partner whose tails reach into the band."""
-        near = self.model.omega <= _TAIL * self.frfs.omega[-1]
-        near[: self.elastic.updated.modes.rigid] = False
-        near[self.shifted] = False
-        return np.flatnonzero(near)
-
-    def nuisance(self, deviation_sd: float, unmeasured_sd: float) -> Nuisance:
-        """Measured modes shift freely and deviate from the law a little; the others do so as far as priors let them."""
+    def first_shift(self) -> FloatArray:
+        """(s,) measured over model frequency of the shifted modes, relative."""
         pairs = self.elastic.pairing.pairs
-        first = [self.modes.frequency_hz[i] / self.elastic.updated.frequency_hz[j] - 1 for i, j in pairs]
-        others = self.unmeasured.size
+        return np.array([self.modes.frequency_hz[i] / self.elastic.updated.frequency_hz[j] - 1 for i, j in pairs])
+
+    @cached_property
+    def unmeasured(self) -> IntArray:
+        """Numbers, among all modes, of elastic ones without a measured partner: their tails reach into the band."""
+        elastic = np.arange(self.elastic.updated.modes.rigid, self.model.omega.size)
+        return np.setdiff1d(elastic, self.shifted)
+
+    def nuisance(self, deviation_sd: float) -> Nuisance:
+        """Measured modes shift freely and deviate from the law a little; the others do both as far as priors let them."""
+        pairs, others = self.elastic.pairing.pairs, self.unmeasured.size
         return Nuisance(
             modes=np.concatenate([self.shifted, self.unmeasured]),
-            first_shift=np.concatenate([first, np.zeros(others)]),
+            first_shift=np.concatenate([self.first_shift, np.zeros(others)]),
             shift_sd=np.concatenate([np.full(len(pairs), np.inf), np.full(others, _UNMEASURED_SHIFT)]),
-            deviation_sd=np.concatenate([np.full(len(pairs), deviation_sd), np.full(others, unmeasured_sd)]),
+            deviation_sd=np.concatenate([np.full(len(pairs), deviation_sd), np.full(others, _UNMEASURED_DEVIATION)]),
         )
 
     @cached_property
     def modal_law(self) -> ModalDamping:
         """A damping ratio of its own for every shifted mode."""
-        return ModalDamping(tuple(np.sort(self.model.omega[self.shifted])))
+        return ModalDamping(tuple(np.sort(self.model.omega[self.shifted] * (1 + self.first_shift))))
 
     @cached_property
     def misfit(self) -> FrfMisfit:
@@ -126,7 +133,7 @@ class DampingStage:
         if self.frfs.variance is not None:
             return FrfMisfit(self.frfs, self.model, self.weighting, self.frfs.variance)
         even = FrfMisfit(self.frfs, self.model, "linear", np.ones(self.frfs.values.shape))
-        first = fit_law(even, self.modal_law, self.start(self.modal_law), self.nuisance(0, 0), self._unit(even))
+        first = fit_law(even, self.modal_law, self.start(self.modal_law), self.nuisance(0), self._unit(even))
         predicted = even.predict(first.eigenvalue, first.rate)
         measured = np.ones(predicted.shape, dtype=bool)
         variance = residual_variance(self.frfs.values - predicted, predicted, measured, 0)
@@ -135,7 +142,7 @@ class DampingStage:
     @cached_property
     def modal(self) -> DampingFit:
         """The reference of every law: a ratio of its own for every measured mode."""
-        nuisance = self.nuisance(0, _UNMEASURED_DEVIATION)
+        nuisance = self.nuisance(0)
         return fit_law(self.misfit, self.modal_law, self.start(self.modal_law), nuisance, self._unit(self.misfit))
 
     @cached_property
@@ -160,10 +167,15 @@ class DampingStage:
                 covariance = self.modes.covariance[np.ix_(places, places)]
             omega = 2 * np.pi * self.modes.frequency_hz[rows]
             return MeasuredRatios(omega, measured, covariance / np.outer(measured, measured))
+        return self.modal_ratios
+
+    @cached_property
+    def modal_ratios(self) -> MeasuredRatios:
+        """Damping ratios of the paired modes in the modal fit."""
         omega = np.sqrt(self.modal.eigenvalue[self.shifted])
         ratio = self.modal.rate[self.shifted] / (2 * omega)
         order = np.argsort(self.model.omega[self.shifted])  # the modal law's coefficients ascend with their knots
-        covariance = np.empty((len(rows), len(rows)))
+        covariance = np.empty((ratio.size, ratio.size))
         covariance[np.ix_(order, order)] = self.modal.noise_covariance
         return MeasuredRatios(omega, ratio, covariance / np.outer(ratio, ratio))
 
@@ -195,8 +207,28 @@ class DampingStage:
             + self._model_spread(best, spread)
             + by_elastic @ self.elastic.covariance @ by_elastic.T
         )
+        sampled = self.sampled_ratios(tight)
+        slope = law.basis(sampled.omega) / (2 * sampled.omega * sampled.ratio)[:, None]
         optima = _different([fit.coefficients for fit in fits])
-        return DampingResult(best, start, len(starts), optima, self.modal, covariance, by_elastic, spread, self.misfit)
+        return DampingResult(
+            fit=best,
+            start=start,
+            starts=len(starts),
+            optima=optima,
+            modal=self.modal,
+            covariance=covariance,
+            sampled_covariance=np.linalg.inv(slope.T @ np.linalg.inv(sampled.relative_covariance) @ slope),
+            admitted_covariance=self._model_spread(best, float(np.sqrt(max(spread**2 - tight**2, 0.0)))),
+            tight=tight,
+            by_elastic=by_elastic,
+            discrepancy=spread,
+            misfit=self.misfit,
+        )
+
+    def sampled_ratios(self, tight: float) -> MeasuredRatios:
+        """Ratios of the modal fit to these FRFs, known to their noise and to the deviation that the estimate allows."""
+        own = self.modal_ratios
+        return replace(own, relative_covariance=own.relative_covariance + tight**2 * np.eye(own.ratio.size))
 
     def _starts(self, law: DampingLaw, start: FloatArray) -> list[FloatArray]:
         """The measured ratios' law, it scaled up and down, and each coefficient alone."""
@@ -207,7 +239,7 @@ class DampingStage:
         return [start, start * _SPREAD_OF_STARTS, start / _SPREAD_OF_STARTS, *allowed]
 
     def _try(self, law: DampingLaw, start: FloatArray, tight: float, *, last_hope: bool) -> list[DampingFit]:
-        nuisance = self.nuisance(tight, DAMPING_DISCREPANCY)
+        nuisance = self.nuisance(tight)
         try:
             return [fit_law(self.misfit, law, start, nuisance, self.scale)]
         except UpdatingError:
@@ -219,7 +251,7 @@ class DampingStage:
         """(p, p) covariance by each mode lying off the law by its share, and unmeasured ones off the model's frequency."""
         m, others = fit.eigenvalue.size, self.unmeasured
         by = fit.response @ fit.normal.hessian
-        by_rate = by[:, m + fit.nuisance.modes] * fit.law_rate[fit.nuisance.modes] * relative
+        by_rate = by[:, m + fit.nuisance.modes] * fit.rate[fit.nuisance.modes] * relative
         by_shift = by[:, others] * 2 * fit.eigenvalue[others] * self.elastic.discrepancy
         spread: FloatArray = by_rate @ by_rate.T + by_shift @ by_shift.T
         return spread

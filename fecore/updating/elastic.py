@@ -57,6 +57,9 @@ class ElasticResult:
         theta: (p,) estimate.
         covariance: (p, p) posterior covariance, model discrepancy included.
         noise_covariance: (p, p) covariance of the estimate under measurement noise alone.
+        sampled_covariance: (p, p) Gaussian approximation of the posterior whose mode the estimate is.
+        admitted_covariance: (p, p) what the discrepancy adds beyond that: the two make `covariance`.
+        measured_hz, weight: (n,) paired measured frequencies and (n, n) C_e⁻¹ of the estimate.
         initial, updated: the model at the prior means and at the estimate.
         initial_pairing, pairing: measured to model modes, before and after.
         verdicts: identifiability of each parameter.
@@ -69,6 +72,10 @@ class ElasticResult:
     theta: FloatArray
     covariance: FloatArray
     noise_covariance: FloatArray
+    sampled_covariance: FloatArray
+    admitted_covariance: FloatArray
+    measured_hz: FloatArray
+    weight: FloatArray
     initial: ForwardState
     updated: ForwardState
     initial_pairing: Pairing
@@ -198,17 +205,6 @@ class _Fit:
         fitted = float(np.trace(np.linalg.solve(system.hessian, informed)))
         return state.frequency_hz[columns] / self.modes.frequency_hz[rows] - 1, fitted
 
-    def error_covariance(self, gain: FloatArray, system: _System) -> FloatArray:
-        """(p, p) expected error of the estimate θ̂ = θ₀ + G (f_exp - f(θ₀)), linear in data and prior mean:
-
-        E[(θ̂ - θ)(θ̂ - θ)ᵀ] = G C_e Gᵀ + (1 - GS) C_p (1 - GS)ᵀ. It is the posterior covariance where G has the same C_e,
-        and larger where the estimate took the discrepancy for smaller than C_e says.
-        """
-        unseen = np.eye(gain.shape[0]) - gain @ system.sensitivity
-        prior = np.diag(self.forward.parametrisation.prior_sd**2)
-        covariance: FloatArray = gain @ np.linalg.inv(system.weight) @ gain.T + unseen @ prior @ unseen.T
-        return covariance
-
     def finish(
         self,
         state: ForwardState,
@@ -218,10 +214,18 @@ class _Fit:
         initial_pairing: Pairing,
         history: tuple[ElasticIterate, ...],
     ) -> ElasticResult:
+        """The result, with the expected error of the estimate θ̂ = θ₀ + G (f_exp - f(θ₀)), linear in data and prior mean:
+
+        E[(θ̂ - θ)(θ̂ - θ)ᵀ] = G C_e Gᵀ + (1 - GS) C_p (1 - GS)ᵀ, where G belongs to the estimate's C_e and the wide C_e stands
+        in the middle. With the estimate's own C_e it is the posterior covariance H⁻¹, so the rest is G (C_e - C_e,estimate) Gᵀ.
+        """
         estimator = self.linearise(state, pairing, spread)
         gain = np.linalg.solve(estimator.hessian, estimator.sensitivity.T @ estimator.weight)
         wide = discrepancy(*self.relative_residual(state, pairing, spread), FREQUENCY_DISCREPANCY)
-        covariance = self.error_covariance(gain, self.linearise(state, pairing, wide))
+        sampled = np.linalg.inv(estimator.hessian)
+        more = np.linalg.inv(self.linearise(state, pairing, wide).weight) - np.linalg.inv(estimator.weight)
+        admitted = gain @ more @ gain.T
+        covariance = sampled + admitted
         rows = [row for row, _ in pairing.pairs]
         prior = self.forward.parametrisation
         scaled = covariance / np.outer(prior.prior_sd, prior.prior_sd)
@@ -230,6 +234,10 @@ class _Fit:
             theta=state.theta,
             covariance=covariance,
             noise_covariance=gain @ self.noise(rows) @ gain.T,
+            sampled_covariance=sampled,
+            admitted_covariance=admitted,
+            measured_hz=self.modes.frequency_hz[rows],
+            weight=estimator.weight,
             initial=initial,
             updated=state,
             initial_pairing=initial_pairing,

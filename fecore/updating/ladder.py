@@ -37,7 +37,7 @@ class Rung:
         bic: Bayesian information criterion; infinite where the law would damp a mode negatively.
         chi_squared: misfit of the ratios.
         missed: (n,) relative miss of each ratio.
-        named: rows of the modes that it misses by more than three standard deviations.
+        named: number and relative miss of each mode that it misses by more than three standard deviations.
     """
 
     law: DampingLaw
@@ -45,7 +45,7 @@ class Rung:
     bic: float
     chi_squared: float
     missed: FloatArray
-    named: tuple[int, ...]
+    named: tuple[tuple[int, float], ...]
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Ladder:
         inadequate = first.bic - best.bic > STRONG_EVIDENCE or bool(first.named)
         if not inadequate:
             return []
-        modes = ", ".join(f"mode {row + 1} by {100 * first.missed[row]:+.0f} %" for row in first.named)
+        modes = ", ".join(f"mode {number} by {100 * miss:+.0f} %" for number, miss in first.named)
         text = f"the {first.law.name} law is inadequate for this damping"
         text += f": it misses {modes}" if modes else ""
         if best is not first:
@@ -99,5 +99,5 @@ def _rung(law: DampingLaw, omega: FloatArray, ratio: FloatArray, covariance: Flo
         bic=float(chi_squared + price) if np.all(relative > 0) else float("inf"),
         chi_squared=chi_squared,
         missed=missed,
-        named=tuple(rows[k] for k in np.flatnonzero(named)),
+        named=tuple((rows[k] + 1, float(missed[k])) for k in np.flatnonzero(named)),
     )

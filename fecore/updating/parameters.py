@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fecore.arrays import FloatArray
+from fecore.arrays import BoolArray, FloatArray
 from fecore.errors import InputError
 from fecore.laminate import SHEAR_CORRECTION
 from fecore.specimen import Specimen
@@ -83,9 +83,19 @@ class Parametrisation:
 
     def is_physical(self, theta: FloatArray) -> bool:
         """Whether every constant is positive (ν apart) and the material positive definite."""
-        q = self.constants(theta)
-        positive = np.delete(q, CONSTANTS.index("nu_xy"))
-        return bool(np.all(positive > 0) and q[5] ** 2 * q[1] < 0.99 * q[0])
+        return bool(self.are_physical(theta[None])[0])
+
+    def are_physical(self, theta: FloatArray) -> BoolArray:
+        """(w,) the same for (w, p) parameters."""
+        q = self.base + theta @ self.spread.T
+        positive = np.all(np.delete(q, CONSTANTS.index("nu_xy"), axis=1) > 0, axis=1)
+        physical: BoolArray = positive & (q[:, 5] ** 2 * q[:, 1] < 0.99 * q[:, 0])
+        return physical
+
+    def coefficient_values(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(w, 9) section coefficients and (w, 3) inertias at (w, p) parameters, without derivatives."""
+        q = (self.base + theta @ self.spread.T).T
+        return _stiffness_values(q).T, _mass_values(q).T
 
     def coefficients(self, theta: FloatArray) -> Coefficients:
         """Section coefficients and inertias with their derivatives by θ."""
@@ -184,13 +194,27 @@ def _check_tie(where: str, p: Parameter, by_name: dict[str, Parameter]) -> None:
         raise InputError(f"{where}.tied_to", f"{p.tied_to!r} is not a free parameter of this recipe")
 
 
-def _stiffness(q: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(9,) stiffness coefficients and their (9, 8) derivatives by the constants."""
+def _stiffness_values(q: FloatArray) -> FloatArray:
+    """(9, …) stiffness coefficients at (8, …) constants."""
     Ex, Ey, Gxy, Gxz, Gyz, nu, _, t = q
     bending, shear, rest = t**3 / 12, SHEAR_CORRECTION * t, Ex - nu**2 * Ey
-    Q11, Q22 = Ex**2 / rest, Ex * Ey / rest
-    value = np.array([Q11, nu * Q22, Q22, Gxy, 0, 0, 0, 0, 0]) * bending
-    value[6], value[7] = Gxz * shear, Gyz * shear
+    Q11, Q22, none = Ex**2 / rest, Ex * Ey / rest, np.zeros_like(Ex)
+    rows = [Q11, nu * Q22, Q22, Gxy, none, none]
+    return np.stack([*(bending * row for row in rows), shear * Gxz, shear * Gyz, none])
+
+
+def _mass_values(q: FloatArray) -> FloatArray:
+    """(3, …) mass coefficients at (8, …) constants."""
+    density, t = q[6], q[7]
+    return np.stack([density * t, density * t**3 / 12, np.ones_like(t)])
+
+
+def _stiffness(q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(9,) stiffness coefficients and their (9, 8) derivatives by the constants."""
+    Ex, Ey, _, _, _, nu, _, t = q
+    bending, shear, rest = t**3 / 12, SHEAR_CORRECTION * t, Ex - nu**2 * Ey
+    Q22 = Ex * Ey / rest
+    value = _stiffness_values(q)
     by = np.zeros((9, 8), dtype=q.dtype)
     Q11_by = np.array([Ex * (Ex - 2 * nu**2 * Ey), Ex**2 * nu**2, 2 * nu * Ey * Ex**2]) / rest**2
     Q22_by = np.array([-((nu * Ey) ** 2), Ex**2, 2 * nu * Ex * Ey**2]) / rest**2
@@ -211,4 +235,4 @@ def _mass(q: FloatArray) -> tuple[FloatArray, FloatArray]:
     by = np.zeros((3, 8), dtype=q.dtype)
     by[0, 6], by[0, 7] = t, density
     by[1, 6], by[1, 7] = t**3 / 12, density * t**2 / 4
-    return np.array([density * t, density * t**3 / 12, 1.0]), by
+    return _mass_values(q), by

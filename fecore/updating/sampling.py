@@ -1,0 +1,249 @@
+"""Posterior sampling with emcee (Foreman-Mackey et al. 2013), to confirm or correct the Gaussian posterior.
+
+Elastic constants θ are sampled from the posterior whose mode is stage 1's estimate, through a small basis made for just this
+posterior; the law's coefficients a from the misfit of the measured modes' damping ratios, known to the noise of the FRFs
+and to the discrepancy that the estimate allows. What the intervals admit beyond that is Gaussian and is added to the samples:
+
+    θ ← θ + N(0, G (C_e - C_e,estimate) Gᵀ),     a ← a + (∂a/∂θ)(θ - θ̂) + N(0, law spread beyond the estimate's)
+
+A chain counts only when it is converged: longer than 50 autocorrelation times, with the effective samples that were asked for
+(Sokal 1997; Goodman and Weare 2010). Everything is seeded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import emcee
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.errors import UpdatingError
+from fecore.updating.damping_stage import DampingResult, DampingStage
+from fecore.updating.elastic import ElasticResult
+from fecore.updating.forward import ForwardModel
+from fecore.updating.parameters import Parametrisation
+
+WANTED_SAMPLES = 5000
+"""Effective samples of every parameter."""
+
+_WALKERS_PER_DIMENSION = 16
+_BLOCK = 200  # steps between looks at the autocorrelation time
+_LONGEST = 40_000  # steps; a chain that is not converged by then is refused
+_TIMES_AUTOCORRELATION = 50
+_BASIS_REACH = 3.0  # posterior standard deviations in which the small basis is made
+_BASIS_TOLERANCE = 1e-7  # relative error of its frequencies, checked against the forward model
+
+LogProbability = Callable[[FloatArray], FloatArray]
+"""(w, p) points to (w,) logarithms of a density."""
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Converged samples.
+
+    Attributes:
+        samples: (n, p) after burn-in, thinned to about half an autocorrelation time.
+        autocorrelation_time: (p,) integrated, in steps.
+        effective_samples: (p,) number of independent samples that the chain is worth.
+        acceptance: mean acceptance fraction.
+    """
+
+    samples: FloatArray
+    autocorrelation_time: FloatArray
+    effective_samples: FloatArray
+    acceptance: float
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Samples of all parameters, and what the chains were like.
+
+    Attributes:
+        elastic: (n, q) samples of θ, discrepancy included.
+        damping: (n, p) samples of the law's coefficients, everything included.
+        autocorrelation_time, effective_samples, acceptance: of the two chains, elastic first.
+    """
+
+    elastic: FloatArray
+    damping: FloatArray
+    autocorrelation_time: tuple[float, float]
+    effective_samples: tuple[float, float]
+    acceptance: tuple[float, float]
+
+
+def sample_posterior(
+    elastic: ElasticResult,
+    stage: DampingStage,
+    damping: DampingResult,
+    seed: int,
+    wanted: int = WANTED_SAMPLES,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Posterior:
+    """Sample elastic constants and the law's coefficients.
+
+    Raises:
+        UpdatingError: a chain did not converge; nothing of it is returned.
+    """
+    seeds = np.random.SeedSequence(seed).spawn(3)
+    prior = elastic.updated.forward.parametrisation
+    first = run_chain(
+        _elastic_density(elastic), elastic.theta, elastic.sampled_covariance, seeds[0], wanted,
+        lambda share: progress(0.6 * share), prior.names,
+    )  # fmt: skip
+    second = run_chain(
+        _damping_density(stage, damping), damping.fit.coefficients, damping.sampled_covariance, seeds[1], wanted,
+        lambda share: progress(0.6 + 0.4 * share), damping.fit.law.coefficient_names,
+    )  # fmt: skip
+    random = np.random.default_rng(seeds[2])
+    count = min(len(first.samples), len(second.samples))
+    theta = random.permutation(first.samples)[:count]
+    theta = theta + random.multivariate_normal(
+        np.zeros(theta.shape[1]), elastic.admitted_covariance, count, method="svd"
+    )
+    a = random.permutation(second.samples)[:count] + (theta - elastic.theta) @ damping.by_elastic.T
+    a = a + random.multivariate_normal(np.zeros(a.shape[1]), damping.admitted_covariance, count, method="svd")
+    return Posterior(
+        theta,
+        a,
+        (float(first.autocorrelation_time.max()), float(second.autocorrelation_time.max())),
+        (float(first.effective_samples.min()), float(second.effective_samples.min())),
+        (first.acceptance, second.acceptance),
+    )
+
+
+def run_chain(
+    density: LogProbability,
+    start: FloatArray,
+    covariance: FloatArray,
+    seed: np.random.SeedSequence,
+    wanted: int,
+    progress: Callable[[float], None],
+    names: tuple[str, ...],
+) -> Chain:
+    """Run walkers from around `start` until the chain is converged.
+
+    Works in units of the Gaussian posterior's standard deviations, so that SI units do not matter.
+
+    Raises:
+        UpdatingError: the chain is not converged after 40,000 steps.
+    """
+    scale = np.sqrt(np.diag(covariance))
+    dimension = start.size
+    walkers = max(_WALKERS_PER_DIMENSION * dimension, 16)
+    random = np.random.RandomState(seed.generate_state(4))  # what emcee takes
+    moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
+    sampler = emcee.EnsembleSampler(
+        walkers, dimension, lambda x: density(start + x * scale), moves=moves, vectorize=True
+    )
+    state = emcee.State(random.standard_normal((walkers, dimension)), random_state=random.get_state())
+    steps, tau = 0, np.full(dimension, np.inf)
+    while steps < _LONGEST:
+        state = sampler.run_mcmc(state, _BLOCK, skip_initial_state_check=steps > 0)
+        steps += _BLOCK
+        tau = sampler.get_autocorr_time(tol=0)
+        effective = walkers * (steps - 5 * tau.max()) / tau
+        progress(min(1.0, float(effective.min()) / wanted))
+        if steps > _TIMES_AUTOCORRELATION * tau.max() and effective.min() >= wanted:
+            chain = sampler.get_chain(discard=int(5 * tau.max()), thin=max(1, int(tau.min() / 2)), flat=True)
+            return Chain(start + chain * scale, tau, effective, float(np.mean(sampler.acceptance_fraction)))
+    raise UpdatingError(
+        f"the chain did not converge: {steps} steps are {steps / tau.max():.0f} autocorrelation times, expected "
+        f"{_TIMES_AUTOCORRELATION}; the posterior may be degenerate: fix or tie a parameter that is not identifiable",
+        best=dict(zip(names, map(float, start), strict=True)),
+        history=(),
+    )
+
+
+def _elastic_density(elastic: ElasticResult) -> LogProbability:
+    """Log posterior of θ: frequencies of the paired modes through a basis of this posterior, and the prior."""
+    state = elastic.updated
+    prior, columns = state.forward.parametrisation, np.array([column for _, column in elastic.pairing.pairs])
+    highest = int(columns.max()) + 1 + state.modes.rigid
+    frequencies = _LocalFrequencies.about(state.forward, elastic.theta, elastic.sampled_covariance, highest)
+    measured, weight = elastic.measured_hz, elastic.weight
+
+    def density(theta: FloatArray) -> FloatArray:
+        value = np.full(len(theta), -np.inf)
+        allowed = prior.are_physical(theta)
+        if allowed.any():
+            residual = measured - frequencies.at(theta[allowed])[:, columns]
+            away = (theta[allowed] - prior.prior_mean) / prior.prior_sd
+            misfit = np.einsum("wi,ij,wj->w", residual, weight, residual)
+            value[allowed] = -(misfit + np.sum(away**2, axis=1)) / 2
+        return value
+
+    return density
+
+
+def _damping_density(stage: DampingStage, damping: DampingResult) -> LogProbability:
+    """Log posterior of a: logarithms of the damping ratios, with noise and the estimate's own discrepancy."""
+    law, ratios = damping.fit.law, stage.sampled_ratios(damping.tight)
+    basis = law.basis(ratios.omega) / (2 * ratios.omega)[:, None]
+    weight = np.linalg.inv(ratios.relative_covariance)
+
+    def density(a: FloatArray) -> FloatArray:
+        ratio = a @ basis.T
+        positive = np.all(ratio > 0, axis=1)
+        residual = np.log(np.where(ratio > 0, ratio, 1.0) / ratios.ratio)
+        value = -np.einsum("wi,ij,wj->w", residual, weight, residual) / 2
+        return np.where(positive, value, -np.inf)
+
+    return density
+
+
+@dataclass(frozen=True)
+class _LocalFrequencies:
+    """Natural frequencies in a small basis, for many θ at once.
+
+    The basis holds the modes at the estimate and at points around it, three posterior standard deviations away along
+    every principal axis, so it is exact at these and nearly so between them.
+    """
+
+    parametrisation: Parametrisation
+    stiffness: FloatArray
+    mass: FloatArray
+    rigid: int
+
+    @classmethod
+    def about(cls, forward: ForwardModel, theta: FloatArray, covariance: FloatArray, highest: int) -> _LocalFrequencies:
+        """Make the basis about an estimate, for the `highest` lowest modes.
+
+        Raises:
+            UpdatingError: its frequencies miss the forward model's.
+        """
+        scale = np.sqrt(np.diag(covariance))
+        share, axes = np.linalg.eigh(covariance / np.outer(scale, scale))
+        arms = _BASIS_REACH * scale[:, None] * axes * np.sqrt(np.maximum(share, 0))
+        places = [theta, *(theta + sign * arm for arm in arms.T for sign in (1, -1))]
+        states = [forward.solve(place) for place in places if forward.parametrisation.is_physical(place)]
+        states = [forward.solve(state.theta) for state in states]  # all on the basis that has grown by now
+        shapes = np.hstack([state.modes.shapes[:, :highest] for state in states])
+        system = forward.basis.system
+        left, singular, _ = np.linalg.svd(shapes / np.linalg.norm(shapes, axis=0), full_matrices=False)
+        V = left[:, singular > 1e-6 * singular[0]]
+        local = cls(
+            forward.parametrisation,
+            np.einsum("ri,krs,sj->kij", V, system.stiffness, V, optimize=True),
+            np.einsum("ri,krs,sj->kij", V, system.mass, V, optimize=True),
+            states[0].modes.rigid,
+        )
+        probes = np.array([theta + arms @ np.full(theta.size, sign / np.sqrt(theta.size)) for sign in (-0.7, 0.7)])
+        probes = np.array([row for row in probes if forward.parametrisation.is_physical(row)]).reshape(-1, theta.size)
+        exact = np.array([forward.solve(row).frequency_hz for row in probes])
+        elastic = slice(0, highest - local.rigid)
+        miss = np.abs(local.at(probes)[:, elastic] / exact[:, elastic] - 1).max(initial=0) if probes.size else 0.0
+        if miss > 100 * _BASIS_TOLERANCE:
+            raise UpdatingError(f"the sampling basis misses the frequencies by {miss:.1e}", best={}, history=())
+        return local
+
+    def at(self, theta: FloatArray) -> FloatArray:
+        """(w, n) natural frequencies of the elastic modes, Hz, at (w, q) parameters."""
+        stiffness, mass = self.parametrisation.coefficient_values(theta)
+        K, M = np.tensordot(stiffness, self.stiffness, 1), np.tensordot(mass, self.mass, 1)
+        # Where θ does not touch the mass, one factor serves all.
+        inverse = np.linalg.inv(np.linalg.cholesky(M[:1] if np.all(mass == mass[0]) else M))
+        value = np.linalg.eigvalsh(inverse @ K @ inverse.transpose(0, 2, 1))
+        frequencies: FloatArray = np.sqrt(np.maximum(value[:, self.rigid :], 0)) / (2 * np.pi)
+        return frequencies
