@@ -39,8 +39,9 @@ def grid() -> dict[int, tuple[float, float, float]]:
 def draw(seed: int) -> tuple[Measurement, dict[str, float]]:
     """A measurement of a random beam, and its true parameters."""
     random = np.random.default_rng(seed)
-    spread = {"Ex": 0.12, "Ey": 0.12, "Gxy": 0.12, "Gxz": 0.12}
-    true = {name: getattr(NOMINAL, name) * (1 + share * random.standard_normal()) for name, share in spread.items()}
+    spread = {"Ex": 0.12, "Ey": 0.30, "Gxy": 0.12, "Gxz": 0.12}  # Ey as its prior says, for nothing else tells of it
+    factor = {name: np.clip(1 + share * random.standard_normal(), 0.4, 1.6) for name, share in spread.items()}
+    true = {name: float(getattr(NOMINAL, name) * factor[name]) for name in spread}
     true["a0"], true["a1"] = 30 * np.exp(0.3 * random.standard_normal()), 1e-5 * np.exp(0.3 * random.standard_normal())
     material = replace(NOMINAL, Ex=true["Ex"], Ey=true["Ey"], Gxy=true["Gxy"], Gxz=true["Gxz"], Gyz=true["Gxz"])
     body, points = replace(BEAM, material=material), grid()

@@ -14,7 +14,7 @@ from fecore.damping import RAYLEIGH, CaugheySeries, DampingLaw, ModalDamping
 from fecore.errors import InputError
 from fecore.frf import FrfSet
 from fecore.specimen import Specimen
-from fecore.updating.damping_stage import DampingStage
+from fecore.updating.damping_stage import DampingResult, DampingStage
 from fecore.updating.elastic import ElasticResult, update_elastic
 from fecore.updating.forward import ForwardModel, modes_to_cover
 from fecore.updating.ladder import climb
@@ -23,6 +23,7 @@ from fecore.updating.parameters import Parametrisation, parametrise
 from fecore.updating.recipe import Recipe
 from fecore.updating.report import Report
 from fecore.updating.result import UpdateResult
+from fecore.updating.sampling import Posterior, sample_posterior
 
 Progress = Callable[[str, float], None]
 """Told the stage in words and the share of the whole job that is done; raise from it to cancel."""
@@ -63,13 +64,28 @@ def update(
     stage = DampingStage(_inside(data.fitted, band, recipe), elastic, data.modes, recipe.weighting)
     laws = _laws(recipe, stage.modal_law)
     damping = stage.fit(
-        laws[0], many_starts=True, progress=lambda share: progress("updating the damping", 0.6 + 0.3 * share)
+        laws[0], many_starts=True, progress=lambda share: progress("updating the damping", 0.6 + 0.1 * share)
     )
     ladder = climb(stage, laws)
-    progress("correlating", 0.9)
-    result = Report(elastic, damping, ladder, data, band, recipe.hold_out.band_hz).result()
+    sampled = _sampled(recipe, elastic, stage, damping, progress)
+    progress("correlating", 0.95)
+    result = Report(elastic, damping, ladder, data, band, recipe.hold_out.band_hz, sampled).result()
     progress("done", 1.0)
     return replace(result, warnings=(*data.warnings, *result.warnings))
+
+
+def _sampled(
+    recipe: Recipe, elastic: ElasticResult, stage: DampingStage, damping: DampingResult, progress: Progress
+) -> Posterior | None:
+    if recipe.posterior == "laplace":
+        return None
+    return sample_posterior(
+        elastic,
+        stage,
+        damping,
+        recipe.seed,
+        progress=lambda share: progress("sampling the posterior", 0.7 + 0.25 * share),
+    )
 
 
 def _laws(recipe: Recipe, modal: ModalDamping) -> tuple[DampingLaw, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from fecore.updating.damping import Weighting
 from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
@@ -31,6 +32,7 @@ class Recipe:
         weighting: residual of the damping update.
         band_hz: lines for the damping update; by default up to half-way past the highest measured mode.
         hold_out: data kept for validation.
+        posterior: "laplace", or "mcmc" to sample it.
         seed: of everything random.
     """
 
@@ -39,4 +41,5 @@ class Recipe:
     weighting: Weighting = "noise"
     band_hz: tuple[float, float] | None = None
     hold_out: HoldOut = field(default_factory=HoldOut)
+    posterior: Literal["laplace", "mcmc"] = "laplace"
     seed: int = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypedDict
 
 import numpy as np
 
@@ -24,10 +25,18 @@ from fecore.updating.result import (
     HeldOut,
     ModeComparison,
     ParameterEstimate,
+    PosteriorSummary,
     Prediction,
     UpdateResult,
 )
+from fecore.updating.sampling import Posterior
 from fecore.updating.validation import Predictor, agreement
+
+
+class _Width(TypedDict):
+    standard_deviation: float
+    interval_95: tuple[float, float]
+
 
 _FEWEST_LINES = 10  # of a held-out band that is worth comparing
 
@@ -41,6 +50,7 @@ class Report:
         data: the measurement as it was used.
         band: lines of stage 2, Hz.
         held_band: lines that the recipe held out, or None.
+        sampled: samples of the posterior, or None for the Gaussian one.
     """
 
     elastic: ElasticResult
@@ -49,6 +59,7 @@ class Report:
     data: Prepared
     band: tuple[float, float]
     held_band: tuple[float, float] | None
+    sampled: Posterior | None
 
     @property
     def modes(self) -> MeasuredModes:
@@ -84,6 +95,7 @@ class Report:
                 self._updated(frfs),
             ),
             identification=self.data.identification,
+            posterior=self._posterior(),
             warnings=(*self.elastic.warnings, *self.ladder.sentences(), *self._optima_warnings()),
         )
 
@@ -104,6 +116,7 @@ class Report:
         estimate = prior.constants(self.elastic.theta)
         initial = prior.constants(prior.prior_mean)
         spread = _spread(prior.spread, self.elastic.covariance)
+        samples = None if self.sampled is None else self.sampled.elastic @ prior.spread.T + prior.base
         noise = _spread(prior.spread, self.elastic.noise_covariance)
         prior_sd = np.abs(prior.spread) @ prior.prior_sd
         verdict = {item.name: item.identifiable for item in self.elastic.verdicts}
@@ -117,9 +130,10 @@ class Report:
                         unit=UNITS[name],
                         initial=float(initial[row]),
                         estimate=float(estimate[row]),
-                        standard_deviation=float(spread[row]),
                         noise_standard_deviation=float(noise[row]),
-                        interval_95=interval_95(float(estimate[row]), float(spread[row])),
+                        **_width(
+                            float(estimate[row]), float(spread[row]), None if samples is None else samples[:, row]
+                        ),
                         identifiable=verdict[prior.names[int(masters[0])]],
                         prior_mean=float(initial[row]),
                         prior_sd=float(prior_sd[row]),
@@ -137,9 +151,12 @@ class Report:
                 unit=unit,
                 initial=float(self.damping.start[i]),
                 estimate=float(fit.coefficients[i]),
-                standard_deviation=float(spread[i]),
                 noise_standard_deviation=float(noise[i]),
-                interval_95=interval_95(float(fit.coefficients[i]), float(spread[i])),
+                **_width(
+                    float(fit.coefficients[i]),
+                    float(spread[i]),
+                    None if self.sampled is None else self.sampled.damping[:, i],
+                ),
                 identifiable=bool(spread[i] < abs(fit.coefficients[i]) / 2),
                 prior_mean=None,
                 prior_sd=None,
@@ -211,6 +228,19 @@ class Report:
         rate = damping_rate(self.damping.fit.law, coefficients, model.omega)
         return model.synthesise(frfs.frequency_hz, rate, frfs.quantity)
 
+    def _posterior(self) -> PosteriorSummary:
+        if self.sampled is None:
+            return PosteriorSummary("laplace")
+        names = (*self.elastic.updated.forward.parametrisation.names, *self.damping.fit.law.coefficient_names)
+        return PosteriorSummary(
+            "mcmc",
+            self.sampled.effective_samples,
+            self.sampled.autocorrelation_time,
+            self.sampled.acceptance,
+            names,
+            np.hstack([self.sampled.elastic, self.sampled.damping]),
+        )
+
     def _optima_warnings(self) -> list[str]:
         if len(self.damping.optima) == 1:
             return []
@@ -220,6 +250,14 @@ class Report:
             for point in self.damping.optima
         ]
         return [f"the {law.name} fit has {len(points)} optima, of which the first is reported: {'; '.join(points)}"]
+
+
+def _width(estimate: float, spread: float, samples: FloatArray | None) -> _Width:
+    """Standard deviation and interval: of the samples where there are any, else of the Gaussian posterior."""
+    if samples is None:
+        return {"standard_deviation": spread, "interval_95": interval_95(estimate, spread)}
+    low, high = np.quantile(samples, [0.025, 0.975])
+    return {"standard_deviation": float(np.std(samples)), "interval_95": (float(low), float(high))}
 
 
 def _named(names: tuple[str, ...], values: FloatArray) -> dict[str, float]:

@@ -135,6 +135,25 @@ class ConvergenceStep:
 
 
 @dataclass(frozen=True)
+class PosteriorSummary:
+    """How the posterior was had.
+
+    Attributes:
+        method: "laplace" or "mcmc".
+        effective_samples, autocorrelation_time, acceptance: of the elastic and the damping chain; empty for Laplace.
+        samples: (n, p) thinned samples of `names`, or None.
+        names: of the sampled parameters.
+    """
+
+    method: str
+    effective_samples: tuple[float, ...] = ()
+    autocorrelation_time: tuple[float, ...] = ()
+    acceptance: tuple[float, ...] = ()
+    names: tuple[str, ...] = ()
+    samples: FloatArray | None = None
+
+
+@dataclass(frozen=True)
 class UpdateResult:
     """Everything an update found."""
 
@@ -152,4 +171,5 @@ class UpdateResult:
     band_hz: tuple[float, float]
     prediction: Prediction
     identification: Identification | None
+    posterior: PosteriorSummary
     warnings: tuple[str, ...]

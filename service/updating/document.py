@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.updating.result import Correlation, FrfCorrelation, HeldOut, UpdateResult
+from fecore.updating.result import Correlation, FrfCorrelation, HeldOut, PosteriorSummary, UpdateResult
 from service.campaigns.identification_document import describe_identification
 
 
@@ -42,9 +42,25 @@ def describe(result: UpdateResult, warnings: Iterable[str], provenance: dict[str
         "discrepancy": {"frequency": result.frequency_discrepancy, "damping": result.damping_discrepancy},
         "band_hz": list(result.band_hz),
         "identification": None if result.identification is None else describe_identification(result.identification),
+        "posterior": _posterior(result.posterior),
         "warnings": [*warnings, *result.warnings],
         "provenance": provenance,
     }
+
+
+def _posterior(posterior: PosteriorSummary) -> dict[str, Any]:
+    """The method, and for samples what the chains were like and how the parameters correlate."""
+    described: dict[str, Any] = {"method": posterior.method}
+    if posterior.samples is not None:
+        described |= {
+            "samples": len(posterior.samples),
+            "effective_samples": list(posterior.effective_samples),
+            "autocorrelation_time": list(posterior.autocorrelation_time),
+            "acceptance": list(posterior.acceptance),
+            "names": list(posterior.names),
+            "correlation": np.corrcoef(posterior.samples.T).tolist(),
+        }
+    return described
 
 
 def _correlation(correlation: Correlation) -> dict[str, Any]:

@@ -57,7 +57,7 @@ class RecipeIn(StrictModel):
     weighting: Weighting = "noise"
     band_hz: Band | None = Field(None, description="lines of the damping update; default: past the highest mode")
     hold_out: HoldOutIn = HoldOutIn(points=None, band_hz=None)
-    posterior: Literal["laplace"] = "laplace"
+    posterior: Literal["laplace", "mcmc"] = Field("laplace", description="Gaussian, or sampled with emcee")
     seed: int = Field(0, ge=0, le=2**32 - 1)
 
     def to_core(self) -> core.Recipe:
@@ -72,6 +72,7 @@ class RecipeIn(StrictModel):
             hold_out=core.HoldOut(
                 None if self.hold_out.points is None else tuple(self.hold_out.points), self.hold_out.band_hz
             ),
+            posterior=self.posterior,
             seed=self.seed,
         )
 
