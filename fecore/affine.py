@@ -101,11 +101,16 @@ class Pattern:
         return cls(indptr.astype(np.int32), number[rows[kept]].astype(np.int32), slots, free)
 
     @cached_property
-    def _scatter(self) -> sparse.csr_array:
-        """(nnz, entries) ones that add up element entries in their places."""
-        kept = np.flatnonzero(self.slots >= 0)
-        shape = (self.indices.size, self.slots.size)
-        return sparse.csr_array((np.ones(kept.size), (self.slots[kept], kept)), shape=shape)
+    def _scatters(self) -> dict[int, sparse.csr_array]:
+        return {}
+
+    def _scatter(self, entries: int) -> sparse.csr_array:
+        """(nnz, entries) ones that add up element entries in their places; with fewer entries the elements share them."""
+        if entries not in self._scatters:
+            kept = np.flatnonzero(self.slots >= 0)
+            places = (self.slots[kept], kept % entries)
+            self._scatters[entries] = sparse.csr_array((np.ones(kept.size), places), shape=(self.indices.size, entries))
+        return self._scatters[entries]
 
     def affine(
         self,
@@ -114,12 +119,15 @@ class Pattern:
         blocks: tuple[IntArray, ...],
         extra: Mapping[str, sparse.csc_array],
     ) -> AffineMatrix:
-        """Add up (k, e, d, d) element matrices, and append whole matrices over all dofs as terms of their own."""
-        data = (self._scatter @ terms.reshape(len(terms), -1).T).T
+        """Add up (k, e, d, d) element matrices, or (k, 1, d, d) alike for all elements.
+
+        Whole matrices over all dofs are appended as terms of their own.
+        """
+        values = terms.reshape(len(terms), -1).T
+        data = (self._scatter(len(values)) @ np.ascontiguousarray(values)).T
         more = [self._gather(matrix) for matrix in extra.values()]
         alone = tuple(np.array([[len(names) + i]]) for i in range(len(more)))
-        values = np.ascontiguousarray(np.vstack([data, *more]))
-        return AffineMatrix(self.indptr, self.indices, values, (*names, *extra), (*blocks, *alone))
+        return AffineMatrix(self.indptr, self.indices, np.vstack([data, *more]), (*names, *extra), (*blocks, *alone))
 
     def _gather(self, matrix: sparse.csc_array) -> FloatArray:
         """Values of a sparse matrix over all dofs, whose entries all lie in the pattern, at the pattern's places."""

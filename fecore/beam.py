@@ -146,17 +146,14 @@ def beam(length: float, elements: int, boundary: Boundary, masses: Sequence[Poin
     step = length / elements
     carried = {"point_masses": _point_masses(length, elements, masses)}
 
-    def repeated(terms: FloatArray) -> FloatArray:
-        return np.repeat(terms[:, None], elements, axis=1)
-
     def alone(count: int) -> tuple[IntArray, ...]:
         return tuple(np.array([[k]]) for k in range(count))
 
     return BeamModel(
         length=length,
         elements=elements,
-        stiffness=pattern.affine(repeated(beam3.stiffness_terms(step)), beam3.TERMS, alone(6), {}),
-        mass=pattern.affine(repeated(beam3.mass_terms(step)), beam3.MASS_TERMS, alone(4), carried),
+        stiffness=pattern.affine(beam3.stiffness_terms(step)[:, None], beam3.TERMS, alone(6), {}),
+        mass=pattern.affine(beam3.mass_terms(step)[:, None], beam3.MASS_TERMS, alone(4), carried),
         free_dofs=free,
         rigid_modes=rigid_motions(_motions(np.linspace(0, length, nodes)), free, []),
     )

@@ -21,6 +21,7 @@ from fecore.errors import InputError, ModelError
 from fecore.factor import Factor, factorise, negative_eigenvalues
 
 _BLOCK = 3
+_FIRST_LOOK = 2  # vectors a wanted mode before which nothing can have converged
 _MOST_STEPS = 60  # blocks; beyond it the iteration has failed
 _TOLERANCE = 1e-11  # relative residual of 1/(λ - σ); the eigenvalue's own error is its square
 _INDEFINITE = 1e-8  # share of a block's energy that round-off may make of nothing
@@ -150,7 +151,7 @@ def _lanczos(
         projected = grown
         block = basis.orthonormalise(image)
         exhausted = block.vectors.shape[1] == 0
-        if size >= wanted:
+        if size >= wanted and (exhausted or size >= _FIRST_LOOK * wanted):
             value, small = eigh(projected)
             value, small = value[: -wanted - 1 : -1], small[:, : -wanted - 1 : -1]
             residual = np.linalg.norm(block.coupling @ small[done:], axis=0)
@@ -216,7 +217,7 @@ class _Basis:
             block = block - self.vectors @ inside
             image = image - self.mass_images @ inside
         weight, turn = np.linalg.eigh(block.T @ image)
-        if weight[0] < -_INDEFINITE * scale:
+        if weight.min(initial=0) < -_INDEFINITE * scale:
             raise ModelError("the mass matrix is not positive definite: is the density right?")
         keep = weight > _DEPENDENT**2 * scale
         root, turn = np.sqrt(weight[keep]), turn[:, keep]

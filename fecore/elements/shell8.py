@@ -149,9 +149,12 @@ class Shell8:
         return B.reshape(*B.shape[:3], -1), determinant
 
     def stiffness_terms(self, coordinates: FloatArray) -> FloatArray:
-        """(k, e, d, d) element stiffness by each section coefficient of `terms`, for (e, 8, 2) node coordinates."""
+        """(k, e, d, d) element stiffness by each section coefficient of `terms`, for (e, 8, 2) node coordinates.
+
+        Where all elements are congruent one stands for all: (k, 1, d, d). The same holds for `mass_terms`.
+        """
         natural, weights = gauss(2)
-        coordinates, count = _distinct(coordinates)
+        coordinates = _distinct(coordinates)
         B, determinant = self.strain_matrix(coordinates, natural)
         scaled = B * (determinant * weights)[:, :, None, None]
         # (e, strain, strain, d, d) by matrix products over the Gauss points
@@ -162,12 +165,12 @@ class Shell8:
             half = np.sum([left[:, i] @ right[:, j] for i, j in pairs], axis=0)
             alike = all(i == j for i, j in pairs)
             terms[k] = half if alike else half + half.transpose(0, 2, 1)
-        return np.repeat(terms, count, axis=1)
+        return terms
 
     def mass_terms(self, coordinates: FloatArray) -> FloatArray:
         """(j, e, d, d) consistent element mass by each inertia of `mass_terms_names`, rotary inertia included."""
         natural, weights = gauss(3)
-        coordinates, count = _distinct(coordinates)
+        coordinates = _distinct(coordinates)
         _, determinant = _jacobians(coordinates, natural)
         N = shape_functions(natural)
         plain = np.einsum("ep,pi,pj->eij", determinant * weights, N, N, optimize=True)
@@ -180,19 +183,17 @@ class Shell8:
             for left, right, sign in coupled[name]:
                 if left in at and right in at:
                     term[:, :, at[left], :, at[right]] = sign * plain
-        return np.repeat(terms.reshape(*terms.shape[:2], 8 * d, 8 * d), count, axis=1)
+        return terms.reshape(*terms.shape[:2], 8 * d, 8 * d)
 
 
 _SYMMETRIC = (("11", "12", "16"), ("12", "22", "26"), ("16", "26", "66"))
 
 
-def _distinct(coordinates: FloatArray) -> tuple[FloatArray, int]:
-    """One element for all where all are congruent (up to round-off), and how often to repeat it."""
+def _distinct(coordinates: FloatArray) -> FloatArray:
+    """One element for all where all are congruent (up to round-off), else all."""
     placed = coordinates - coordinates[:, :1]
-    size = np.abs(placed).max()
-    if np.abs(placed - placed[0]).max() > 1e-12 * (size + np.abs(coordinates).max()):
-        return coordinates, 1
-    return placed[:1], len(coordinates)
+    size = np.abs(placed).max() + np.abs(coordinates).max()
+    return coordinates if np.abs(placed - placed[0]).max() > 1e-12 * size else placed[:1]
 
 
 def _jacobians(coordinates: FloatArray, natural: FloatArray) -> tuple[FloatArray, FloatArray]:
