@@ -9,7 +9,13 @@ from sqlalchemy import func, select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
+from fecore.coupons.batch import FEWEST_SPECIMENS, Statistics, prior, statistics
+from fecore.coupons.failure import failed_at_grip
+from fecore.errors import InputError
 from service.access import Role, User, audit
+from service.coupons.bodies import RawCurve
+from service.coupons.curves import new_curve
+from service.coupons.reduction import reduce_curve
 from service.coupons.schemas import (
     BatchIn,
     BatchOut,
@@ -17,11 +23,12 @@ from service.coupons.schemas import (
     CouponIn,
     CouponOut,
     Excluded,
+    ExclusionIn,
+    Prior,
     PublishedMean,
     Statistic,
     Summary,
 )
-from service.coupons.statistics import FEWEST_SPECIMENS, Statistics, statistics
 from service.coupons.tables import Coupon, CouponBatch
 from service.problems import Conflict, Fault, Invalid, NotFound
 from service.structures.operations import structure_for
@@ -96,9 +103,52 @@ def add_coupons(session: Session, user: User, batch: CouponBatch, bodies: Sequen
         ) from None
     for row in rows:
         session.refresh(row)
-    project_id = session.scalars(select(Structure.project_id).where(Structure.id == batch.structure_id)).one()
-    audit(session, user, "coupon.create", "coupon_batch", batch.id, project_id, count=len(rows))
+    audit(session, user, "coupon.create", "coupon_batch", batch.id, _project_of(session, batch), count=len(rows))
     return rows
+
+
+def add_measured_coupon(session: Session, user: User, batch: CouponBatch, sent: RawCurve) -> Coupon:
+    """Reduce a raw curve by its standard and record it with what came of it, or neither.
+
+    Raises:
+        InputError: the file cannot be read, or its curve not be reduced.
+        Invalid, Conflict: as `add_coupons`.
+    """
+    reduced = reduce_curve(sent.data, sent.request)
+    (row,) = add_coupons(session, user, batch, [reduced.coupon])
+    session.add(new_curve(row, sent, reduced))
+    session.flush()
+    session.refresh(row)
+    return row
+
+
+def coupon_for(session: Session, user: User, coupon_id: UUID, role: Role = "viewer", *, lock: bool = False) -> Coupon:
+    """The specimen, if the user has at least this role in its project.
+
+    Raises:
+        NotFound: there is none, or it is other people's.
+        Forbidden: the user's role is too low.
+    """
+    coupon = session.get(Coupon, coupon_id)
+    if coupon is None:
+        raise NotFound("coupon", coupon_id)
+    try:
+        batch_for(session, user, coupon.batch_id, role)
+    except NotFound:
+        raise NotFound("coupon", coupon_id) from None
+    if lock:
+        session.execute(select(Coupon.id).where(Coupon.id == coupon_id).with_for_update(of=Coupon))
+        session.refresh(coupon)
+    return coupon
+
+
+def exclude(session: Session, user: User, coupon: Coupon, body: ExclusionIn) -> None:
+    """Have a specimen count, or not; the reason is kept with it, what was before in the audit trail."""
+    was = {"excluded": coupon.excluded, "exclusion_reason": coupon.exclusion_reason}
+    coupon.excluded, coupon.exclusion_reason = body.excluded, body.exclusion_reason
+    session.flush()
+    project_id = _project_of(session, session.get_one(CouponBatch, coupon.batch_id))
+    audit(session, user, "coupon.exclude", "coupon", coupon.id, project_id, was=was, now=body.model_dump())
 
 
 def summarise(session: Session, batch: CouponBatch) -> Summary:
@@ -111,19 +161,25 @@ def summarise(session: Session, batch: CouponBatch) -> Summary:
         if values:
             measured[name] = statistics(values)
     constants, warnings = _constants(batch, measured)
+    coded = [coupon.failure_code for coupon in counted if coupon.failure_code is not None]
+    at_grip = sum(failed_at_grip(code) for code in coded)
+    if 2 * at_grip > len(coded):
+        warnings.append(f"{at_grip} of {len(coded)} failed in or next to the grips: see how force enters the specimens")
     return Summary(
         batch_id=batch.id,
         properties={name: _statistic(s, UNITS[name], "specimens") for name, s in measured.items()},
         constants=constants,
+        priors=_priors(constants, warnings),
         excluded=[Excluded(specimen=c.specimen, reason=c.exclusion_reason or "") for c in coupons if c.excluded],
         warnings=warnings,
     )
 
 
 def batch_prior(session: Session, batch_id: UUID) -> Summary:
-    """A batch as a prior of stage 1: `constants` has mean and between-specimen standard deviation of each constant.
+    """A batch as a prior of stage 1: `priors` has mean and standard deviation of each constant as of one more piece.
 
-    Where the standard deviation is null (one specimen, or a published mean without one), the recipe must state it.
+    A constant whose `constants` entry has no standard deviation (one specimen, or a published mean without one) is given
+    with an assumed one, which its `basis` says.
     """
     return summarise(session, session.get_one(CouponBatch, batch_id))
 
@@ -153,7 +209,25 @@ def describe_all(session: Session, batches: Sequence[CouponBatch]) -> list[Batch
 
 def describe_coupon(coupon: Coupon) -> CouponOut:
     """A specimen as clients see it."""
-    return CouponOut.model_validate({name: getattr(coupon, name) for name in CouponOut.model_fields})
+    curve = coupon.curve
+    own = {name: getattr(coupon, name) for name in CouponOut.model_fields if name not in ("has_curve", "warnings")}
+    return CouponOut(**own, has_curve=curve is not None, warnings=[] if curve is None else curve.reduction["warnings"])
+
+
+def _project_of(session: Session, batch: CouponBatch) -> UUID:
+    return session.scalars(select(Structure.project_id).where(Structure.id == batch.structure_id)).one()
+
+
+def _priors(constants: dict[Constant, Statistic], warnings: list[str]) -> dict[Constant, Prior]:
+    priors: dict[Constant, Prior] = {}
+    for name, value in constants.items():
+        try:
+            found = prior(Statistics(value.n, value.mean, value.standard_deviation))
+        except InputError as error:
+            warnings.append(f"{name}: no prior: {error}")
+        else:
+            priors[name] = Prior(mean=found.mean, standard_deviation=found.standard_deviation, basis=found.basis)
+    return priors
 
 
 def _constants(batch: CouponBatch, measured: dict[str, Statistics]) -> tuple[dict[Constant, Statistic], list[str]]:

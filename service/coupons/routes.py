@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
+from urllib.parse import quote
 from uuid import UUID
 
-from fastapi import Body, Response
-from pydantic import BeforeValidator, Field
+from fastapi import Query, Request, Response
+from fastapi.responses import JSONResponse
 from sqlalchemy import select
 
-from service.access import CurrentUser, Cursor, Limit, SessionDep, paged
-from service.coupons import operations
-from service.coupons.schemas import BatchIn, BatchOut, CouponIn, CouponOut, Summary
+from service.access import CurrentUser, Cursor, Limit, SessionDep, etag_of, paged, require_match
+from service.coupons import curves, operations
+from service.coupons.bodies import CouponBody, RawCurve, documented
+from service.coupons.curve_schemas import CurveOut
+from service.coupons.schemas import BatchIn, BatchOut, CouponOut, ExclusionIn, Summary
 from service.coupons.tables import Coupon, CouponBatch
 from service.problems import Page, api_router
 from service.structures.operations import structure_for
 
 router = api_router(tags=["coupons"])
 
-
-def _as_list(body: Any) -> Any:
-    """A specimen that is sent alone is a list of one, and its faults keep their own pointers."""
-    return body if isinstance(body, list) else [CouponIn.model_validate(body)]
-
-
-Coupons = Annotated[list[CouponIn], BeforeValidator(_as_list), Field(min_length=1, max_length=1000)]
+CURVES: dict[int | str, dict[str, Any]] = {
+    200: {"content": {kind: {} for kind in ("application/json", "text/csv", "application/x-npz")}}
+}
+ORIGINAL: dict[int | str, dict[str, Any]] = {200: {"content": {"application/octet-stream": {}}}}
 
 
 @router.post("/structures/{structure_id}/coupon-batches", status_code=201)
@@ -54,13 +54,18 @@ def get_batch(batch_id: UUID, session: SessionDep, user: CurrentUser) -> BatchOu
     return operations.describe_all(session, [operations.batch_for(session, user, batch_id)])[0]
 
 
-@router.post("/coupon-batches/{batch_id}/coupons", status_code=201)
-def create_coupons(
-    batch_id: UUID, body: Annotated[Coupons, Body()], session: SessionDep, user: CurrentUser
-) -> Page[CouponOut]:
-    """Record the results of one specimen, or of several as a list; all are stored, or none."""
+@router.post("/coupon-batches/{batch_id}/coupons", status_code=201, openapi_extra=documented())
+def create_coupons(batch_id: UUID, body: CouponBody, session: SessionDep, user: CurrentUser) -> Page[CouponOut]:
+    """Record specimens: results of one, or of several as a list, in JSON; or the raw curve of one as multipart.
+
+    The multipart fields are `file`, as the testing machine wrote it, and `coupon`, JSON with the dimensions, the columns
+    and their units. The curve is reduced by D3039 or D3518 and kept with what came of it. All are stored, or none.
+    """
     batch = operations.batch_for(session, user, batch_id, "editor")
-    rows = operations.add_coupons(session, user, batch, body)
+    if isinstance(body, RawCurve):
+        rows = [operations.add_measured_coupon(session, user, batch, body)]
+    else:
+        rows = operations.add_coupons(session, user, batch, body)
     return Page(items=[operations.describe_coupon(row) for row in rows])
 
 
@@ -78,3 +83,59 @@ def list_coupons(
 def get_summary(batch_id: UUID, session: SessionDep, user: CurrentUser) -> Summary:
     """Mean, n-1 standard deviation and coefficient of variation of each property, and the constants that follow."""
     return operations.summarise(session, operations.batch_for(session, user, batch_id))
+
+
+@router.get("/coupons/{coupon_id}")
+def get_coupon(coupon_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> CouponOut:
+    """A specimen."""
+    return _shown(operations.describe_coupon(operations.coupon_for(session, user, coupon_id)), response)
+
+
+@router.patch("/coupons/{coupon_id}")
+def change_coupon(
+    coupon_id: UUID, body: ExclusionIn, session: SessionDep, user: CurrentUser, request: Request, response: Response
+) -> CouponOut:
+    """Exclude a specimen from its batch with a reason, or take it back in. It stays recorded either way."""
+    coupon = operations.coupon_for(session, user, coupon_id, "editor", lock=True)
+    require_match(request, etag_of(operations.describe_coupon(coupon)))
+    operations.exclude(session, user, coupon, body)
+    return _shown(operations.describe_coupon(coupon), response)
+
+
+@router.get("/coupons/{coupon_id}/curve")
+def get_curve(coupon_id: UUID, session: SessionDep, user: CurrentUser) -> CurveOut:
+    """Where a specimen's raw curve came from, how it was read, and all that its standard reports of it."""
+    return curves.describe_curve(curves.curve_of(session, operations.coupon_for(session, user, coupon_id)))
+
+
+@router.get("/coupons/{coupon_id}/curve/data", response_class=Response, responses=CURVES)
+def get_curve_data(
+    coupon_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    file_format: Annotated[Literal["json", "csv", "npz"], Query(alias="format")] = "json",
+) -> Response:
+    """The raw curve in SI: force N, strains m/m, time s."""
+    curve = curves.curve_of(session, operations.coupon_for(session, user, coupon_id))
+    headers = {"ETag": f'"{curve.sha256.hex()[:32]}-{file_format}"'}
+    if file_format == "csv":
+        return Response(curves.as_csv(curve), media_type="text/csv", headers=headers)
+    if file_format == "npz":
+        return Response(curves.as_npz(curve), media_type="application/x-npz", headers=headers)
+    return JSONResponse(curves.as_json(curve), headers=headers)
+
+
+@router.get("/coupons/{coupon_id}/curve/original", response_class=Response, responses=ORIGINAL)
+def get_original(coupon_id: UUID, session: SessionDep, user: CurrentUser) -> Response:
+    """The testing machine's file as it was uploaded, byte for byte."""
+    curve = curves.curve_of(session, operations.coupon_for(session, user, coupon_id))
+    headers = {
+        "ETag": f'"{curve.file_sha256.hex()}"',
+        "Content-Disposition": f"attachment; filename*=UTF-8''{quote(curve.filename, safe='')}",
+    }
+    return Response(curves.file_of(curve), media_type="application/octet-stream", headers=headers)
+
+
+def _shown(coupon: CouponOut, response: Response) -> CouponOut:
+    response.headers["ETag"] = etag_of(coupon)
+    return coupon

@@ -6,10 +6,11 @@ from datetime import datetime
 from typing import Annotated, Literal, Self
 from uuid import UUID
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from service.coupons.failure_codes import check_failure_code
+from fecore.coupons.failure import check_failure_code
+from fecore.errors import InputError
 from service.problems import Name, StrictModel, Text
 
 Constant = Literal["Ex", "Ey", "Gxy", "nu_xy"]
@@ -17,6 +18,26 @@ Standard = Literal["D3039", "D3518"]
 
 Modulus = Annotated[float, Field(gt=0, le=1e13, description="Pa")]
 Strength = Annotated[float, Field(gt=0, le=1e11, description="Pa")]
+
+
+def _failure_code(code: str) -> str:
+    try:
+        return check_failure_code(code)
+    except InputError as error:
+        raise PydanticCustomError("failure_code", "{why}", {"why": error.message}) from None
+
+
+FailureCode = Annotated[
+    Text, Field(max_length=20, description="three parts: type, area, location"), AfterValidator(_failure_code)
+]
+
+
+def check_exclusion(excluded: bool, reason: str | None) -> None:
+    """A specimen is excluded with a reason, and a reason excludes."""
+    if excluded != (reason is not None):
+        raise PydanticCustomError(
+            "exclusion_reason", "a specimen is excluded with a reason, and a reason excludes: state both or neither"
+        )
 
 
 class PublishedMean(StrictModel):
@@ -81,32 +102,31 @@ class CouponIn(StrictModel):
     nu: float | None = Field(None, gt=-10, lt=10, description="Poisson's ratio")
     strength_Pa: Strength | None = None
     ultimate_strain: float | None = Field(None, gt=0, lt=10, description="m/m")
-    failure_code: Text | None = Field(None, max_length=20, description="three parts: type, area, location")
+    failure_code: FailureCode | None = None
     excluded: bool = False
     exclusion_reason: Text | None = Field(None, min_length=1, max_length=1000)
 
-    @field_validator("failure_code")
-    @classmethod
-    def _is_a_code(cls, code: str | None) -> str | None:
-        if code is None:
-            return None
-        try:
-            return check_failure_code(code)
-        except ValueError as error:
-            raise PydanticCustomError("failure_code", "{why}", {"why": str(error)}) from None
-
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if self.excluded != (self.exclusion_reason is not None):
-            raise PydanticCustomError(
-                "exclusion_reason", "a specimen is excluded with a reason, and a reason excludes: state both or neither"
-            )
+        check_exclusion(self.excluded, self.exclusion_reason)
         if self.standard == "D3518" and (self.E_Pa is not None or self.nu is not None):
             raise PydanticCustomError("not_of_d3518", "D3518 gives a shear modulus G_Pa, not E_Pa or nu")
         if self.standard == "D3039" and self.G_Pa is not None:
             raise PydanticCustomError("not_of_d3039", "D3039 gives E_Pa and nu; a shear modulus comes from D3518")
         if all(value is None for value in (self.E_Pa, self.G_Pa, self.nu, self.strength_Pa, self.ultimate_strain)):
             raise PydanticCustomError("no_result", "the specimen has no result")
+        return self
+
+
+class ExclusionIn(StrictModel):
+    """Whether a recorded specimen counts."""
+
+    excluded: bool
+    exclusion_reason: Text | None = Field(None, min_length=1, max_length=1000)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        check_exclusion(self.excluded, self.exclusion_reason)
         return self
 
 
@@ -125,7 +145,17 @@ class CouponOut(StrictModel):
     failure_code: str | None
     excluded: bool
     exclusion_reason: str | None
+    has_curve: bool = Field(description="whether the values come from a raw curve, which `…/curve` gives")
+    warnings: list[str] = Field(description="of the reduction of its raw curve")
     created_at: datetime
+
+
+class Prior(StrictModel):
+    """A constant of the structure before an update: one more piece of the same material."""
+
+    mean: float
+    standard_deviation: float
+    basis: str = Field(description="how the standard deviation came about")
 
 
 class Statistic(StrictModel):
@@ -152,5 +182,6 @@ class Summary(StrictModel):
     batch_id: UUID
     properties: dict[str, Statistic] = Field(description="per measured property: E_Pa, G_Pa, nu, strength_Pa, ...")
     constants: dict[Constant, Statistic] = Field(description="per constant that the batch gives")
+    priors: dict[Constant, Prior] = Field(description="what the constants say as priors of an update")
     excluded: list[Excluded]
     warnings: list[str]

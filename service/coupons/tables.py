@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import CheckConstraint, ForeignKey, Index, UniqueConstraint
-from sqlalchemy.orm import Mapped, mapped_column
+from sqlalchemy import CheckConstraint, ForeignKey, Index, LargeBinary, UniqueConstraint
+from sqlalchemy.orm import Mapped, mapped_column, relationship
 
 from service.db.base import Base, Identified
 
@@ -44,3 +44,24 @@ class Coupon(Identified, Base):
     failure_code: Mapped[str | None]
     excluded: Mapped[bool]
     exclusion_reason: Mapped[str | None]
+    curve: Mapped[CouponCurve | None] = relationship(lazy="joined", viewonly=True)
+
+
+class CouponCurve(Base):
+    """The raw curve that a specimen's results were reduced from: the machine's file, and its series in SI."""
+
+    __tablename__ = "coupon_curves"
+
+    coupon_id: Mapped[UUID] = mapped_column(ForeignKey("coupons.id", ondelete="CASCADE"), primary_key=True)
+    filename: Mapped[str]
+    file_sha256: Mapped[bytes]
+    file_size: Mapped[int]
+    request: Mapped[dict[str, Any]]
+    reading: Mapped[dict[str, Any]]
+    reduction: Mapped[dict[str, Any]]
+    software: Mapped[str]
+    series: Mapped[list[Any]]
+    points: Mapped[int]
+    sha256: Mapped[bytes]
+    file: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+    data: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)

@@ -107,13 +107,14 @@ def _parameters(session: Session, recipe: RecipeIn) -> tuple[tuple[Parameter, ..
     warnings = [f"coupons: {warning}" for warning in summary.warnings]
     filled, without_scatter = [], []
     for parameter in parameters:
-        known = summary.constants.get(parameter.name)  # type: ignore[call-overload]
+        known = summary.priors.get(parameter.name)  # type: ignore[call-overload]
         if known is None:
             filled.append(parameter)
             continue
         mean = known.mean if parameter.prior_mean is None else parameter.prior_mean
         free = not parameter.fixed and parameter.tied_to is None
-        spread = known.standard_deviation if parameter.prior_sd is None and free else parameter.prior_sd
+        scattered = summary.constants[parameter.name].standard_deviation is not None  # type: ignore[index]
+        spread = known.standard_deviation if parameter.prior_sd is None and free and scattered else parameter.prior_sd
         if free and spread is None:
             without_scatter.append(parameter.name)
         filled.append(replace(parameter, prior_mean=mean, prior_sd=spread))
