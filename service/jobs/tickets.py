@@ -52,14 +52,19 @@ class Tickets:
         if queues:
             self._options["queues"] = queues
 
-    async def serve(self) -> None:
-        """Until cancelled, also when the database goes away and comes back."""
-        while True:
+    async def serve(self, told_to_end: asyncio.Event) -> None:
+        """Until cancelled after the event, also when the database goes away and comes back.
+
+        The event, because a library that is cancelled while the database is away raises that error instead.
+        """
+        while not told_to_end.is_set():
             try:
                 await self._reach()
                 await self._serve_once()
             except (ConnectorException, psycopg.Error, OSError) as error:
                 log.warning("the queue does not answer", error=str(error.__cause__ or error).strip())
+            if told_to_end.is_set():
+                return
             log.warning("connecting to the queue again", seconds=AGAIN_SECONDS)
             await asyncio.sleep(AGAIN_SECONDS)
 

@@ -24,6 +24,7 @@ from service.jobs.tables import CANCEL
 from service.settings import Settings
 
 TICK_SECONDS = 0.1
+AGAIN_SECONDS = 1.0  # between two tries to reach the database
 LOOK_SECONDS = 0.5  # for cancellations whose notice did not come
 
 log = structlog.stdlib.get_logger("modalbase.worker")
@@ -46,7 +47,7 @@ class Watch:
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True, name="watch")
         self._listener = Listener(settings.database_url or "", [CANCEL], self._cancel_noticed)
-        self._look_at = self._renew_at = self._reap_at = 0.0
+        self._consult_at = self._look_at = self._renew_at = self._reap_at = 0.0
 
     def __enter__(self) -> Self:
         self._listener.__enter__()
@@ -63,11 +64,14 @@ class Watch:
     def _run(self) -> None:
         while not self._end.wait(TICK_SECONDS):
             self._stop_overdue()
+            if time.monotonic() < self._consult_at:
+                continue
             try:
                 self._consult(time.monotonic())
             except SQLAlchemyError as error:
                 # When it comes back, every worker first renews what it holds, before anyone takes it for dead.
                 self._renew_at, self._reap_at = 0.0, time.monotonic() + self._settings.job_lease_seconds
+                self._consult_at = time.monotonic() + AGAIN_SECONDS
                 log.warning("the database does not answer; trying again", error=str(error).split("\n", 1)[0])
 
     def _consult(self, now: float) -> None:

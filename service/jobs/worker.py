@@ -81,7 +81,7 @@ class _Worker:
             asyncio.get_running_loop().add_signal_handler(name, self._end)
         tickets = Tickets(self.settings, self.name, queues, self._job)
         with Watch(self.settings, self.sessions, self.name, self.running):
-            taking = asyncio.create_task(tickets.serve())
+            taking = asyncio.create_task(tickets.serve(self.told_to_end))
             log.info("worker ready", worker=self.name, kinds=sorted(self.kinds), queues=queues or "all")
             ended = asyncio.create_task(self.told_to_end.wait())
             await asyncio.wait([taking, ended], return_when=asyncio.FIRST_COMPLETED)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import signal
 import time
@@ -94,6 +95,20 @@ def buggy(_: dict[str, Any], report: Report) -> Iterator[Any]:
     yield {}["missing"]
 
 
+def chain(_: dict[str, Any], report: Report) -> Iterator[Any]:
+    """A long computation that saves its state: steps done, and a digest that depends on every step."""
+    begun = step = int.from_bytes(report.restored[:2]) if report.restored else 0
+    digest = report.restored[2:] if report.restored else b""
+    while step < 40:
+        digest = hashlib.sha256(digest + bytes([step])).digest()
+        step += 1
+        time.sleep(0.05)
+        report("sampling", step / 40)
+        if step % 5 == 0:
+            report.checkpoint(step.to_bytes(2) + digest)
+    yield {"begun at": begun, "digest": digest.hex()}
+
+
 KINDS = {
     kind.name: kind
     for kind in (
@@ -105,6 +120,7 @@ KINDS = {
         JobKind("crashing", load=load, compute=crashing, store=store),
         JobKind("refusing", load=load, compute=refusing, store=store),
         JobKind("buggy", load=load, compute=buggy, store=store),
+        JobKind("chain", load=load, compute=chain, store=store),
         JobKind("bad load", load=load_badly, compute=echo, store=store),
         JobKind("bad store", load=load, compute=echo, store=store_half),
     )

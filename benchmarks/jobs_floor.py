@@ -1,0 +1,215 @@
+"""A shop floor for benchmarks and tests of jobs: a real PostgreSQL, a real API, real workers that can be killed.
+
+The workers here know the service's kind of job `update` with another computation: some steps of arithmetic, whose
+result is an audit event, so that a result stored twice can be seen.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+import httpx
+import psutil
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.access.tables import AuditEvent, Project
+from service.db.embedded import embedded_server
+from service.db.engine import make_engine, make_sessions
+from service.db.schema import upgrade
+from service.demo import paper
+from service.jobs import Job, JobKind, Report, enqueue
+from service.settings import Settings
+from service.supervisor import environment
+
+ROOT = Path(__file__).parents[1]
+STEPS = 10
+RESULT = "floor.result"
+
+
+def load_second(_session: Session, job_id: UUID, _workspace: Path) -> dict[str, Any]:
+    """A job of a second."""
+    return {"job": str(job_id), "seconds": 1.0}
+
+
+def load(session: Session, job_id: UUID, _workspace: Path) -> dict[str, Any]:
+    """The job's own id and its recipe's seed, which says how long it takes."""
+    from service.updating.tables import UpdateJob
+
+    return {"job": str(job_id), "seconds": session.get_one(UpdateJob, job_id).recipe["seed"] / 1000}
+
+
+def compute(inputs: dict[str, Any], report: Report) -> Iterator[dict[str, Any]]:
+    """Keep a processor busy for so many seconds, in ten steps."""
+    total = 0
+    for step in range(STEPS):
+        report(f"step {step + 1} of {STEPS}", step / STEPS)
+        end = time.thread_time() + inputs["seconds"] / STEPS
+        while time.thread_time() < end:
+            total += 1
+    yield {"job": inputs["job"], "child": os.getpid()}
+
+
+def store(session: Session, job_id: UUID, items: Iterator[dict[str, Any]]) -> None:
+    """Each result becomes a row."""
+    for item in items:
+        session.add(AuditEvent(action=RESULT, subject_type="job", subject_id=job_id, detail=item))
+
+
+def empty(_: None, report: Report) -> Iterator[None]:
+    """Nothing at all."""
+    report("nothing", 1.0)
+    return iter(())
+
+
+UPDATE = JobKind("update", load=load, compute=compute, store=store, max_attempts=5)
+SECOND = JobKind("second", load=load_second, compute=compute, store=store, max_attempts=5)
+EMPTY = JobKind("empty", load=lambda *_: None, compute=empty, store=lambda *_: None)
+
+
+def work() -> None:
+    """Be a worker of the floor; settings from the environment."""
+    from service.jobs.worker import run_worker
+    from service.logs import configure_logs
+
+    configure_logs(Settings())
+    run_worker(Settings(), (UPDATE, SECOND, EMPTY))
+
+
+class Floor:
+    """A database, and processes on it.
+
+    Attributes:
+        url: the database.
+        folder: of the embedded server.
+        sessions: on the database.
+        log: where the processes write.
+    """
+
+    def __init__(self, url: str, folder: Path, log: Path) -> None:
+        self.url, self.folder, self.log = url, folder, log
+        self.engine = make_engine(url, name="floor")
+        self.sessions = make_sessions(self.engine)
+        self.processes: list[subprocess.Popen[bytes]] = []
+        self._servers = ExitStack()
+
+    def worker(self, url: str | None = None, **settings: Any) -> subprocess.Popen[bytes]:
+        """Start a worker of the floor."""
+        command = [sys.executable, "-c", "from benchmarks.jobs_floor import work; work()"]
+        return self._start(command, url, settings)
+
+    def modalbase(self, *command: str, **settings: Any) -> subprocess.Popen[bytes]:
+        """Start the command `modalbase`."""
+        return self._start([sys.executable, "-m", "service", *command], None, settings)
+
+    def api(self, port: int, **settings: Any) -> subprocess.Popen[bytes]:
+        """Start an API process and wait until it answers."""
+        process = self.modalbase("serve", port=port, **settings)
+        with httpx.Client(trust_env=False) as client:
+            for _ in range(600):
+                try:
+                    if client.get(f"http://127.0.0.1:{port}/readyz").is_success:
+                        return process
+                except httpx.TransportError:
+                    if process.poll() is not None:
+                        break
+                time.sleep(0.1)
+        raise RuntimeError(f"the API did not start: {self.log.read_text()[-2000:]}")
+
+    def kill(self, process: subprocess.Popen[bytes]) -> None:
+        """SIGKILL, without a word."""
+        process.kill()
+        process.wait()
+        self.processes.remove(process)
+
+    def crash_database(self) -> float:
+        """End PostgreSQL at once, as a crash would, start it again, and say how long it was away."""
+        postmaster = psutil.Process(int((self.folder / "postgres" / "postmaster.pid").read_text().split("\n", 1)[0]))
+        began = time.monotonic()
+        postmaster.send_signal(signal.SIGQUIT)
+        postmaster.wait(30)
+        self._servers.enter_context(embedded_server(self.folder))
+        return time.monotonic() - began
+
+    def put(self, kind: JobKind, count: int) -> list[UUID]:
+        """Queue jobs of a new project."""
+        with self.sessions.begin() as session:
+            project = Project(name=kind.name)
+            session.add(project)
+            session.flush()
+            return [enqueue(session, kind=kind, project_id=project.id).id for _ in range(count)]
+
+    def jobs(self) -> list[Job]:
+        """Every job's row."""
+        with self.sessions() as session:
+            return list(session.scalars(select(Job).order_by(Job.id)))
+
+    def results(self) -> list[UUID | None]:
+        """The job of every stored result."""
+        with self.sessions() as session:
+            return list(session.scalars(select(AuditEvent.subject_id).where(AuditEvent.action == RESULT)))
+
+    def wait(self, seconds: float, count: int) -> None:
+        """Until so many jobs have succeeded or failed."""
+        end = time.monotonic() + seconds
+        while sum(job.finished_at is not None for job in self.jobs()) < count:
+            if time.monotonic() > end:
+                raise TimeoutError(f"{count} jobs were not done in {seconds:g} s; see {self.log}")
+            time.sleep(0.1)
+
+    def close(self) -> None:
+        """End every process."""
+        for process in self.processes:
+            process.terminate()
+        for process in self.processes:
+            try:
+                process.wait(20)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        self.engine.dispose()
+        self._servers.close()
+
+    def _start(self, command: list[str], url: str | None, settings: dict[str, Any]) -> subprocess.Popen[bytes]:
+        given = environment(Settings(database_url=url or self.url, log_level="warning", **settings))
+        with self.log.open("ab") as log:
+            process = subprocess.Popen(command, cwd=ROOT, env=os.environ | given, stdout=log, stderr=log)
+        self.processes.append(process)
+        return process
+
+
+@contextmanager
+def floor() -> Iterator[Floor]:
+    """A floor with a database of its own, which nothing outlives."""
+    with tempfile.TemporaryDirectory(prefix="mb-", ignore_cleanup_errors=True) as name:
+        folder = Path(name)
+        folder.chmod(0o755)  # the server may run as a user of its own
+        with embedded_server(folder) as url:
+            made = Floor(url, folder, folder / "log")
+            upgrade(made.engine)
+            try:
+                yield made
+            finally:
+                made.close()
+
+
+def laboratory(client: httpx.Client, campaigns: int = 1) -> list[str]:
+    """Ids of new campaigns of the paper's beam, with modes but without FRFs."""
+    project = client.post("projects", json={"name": "floor"}).raise_for_status().json()["id"]
+    structure = client.post(f"projects/{project}/structures", json=paper.STRUCTURE).raise_for_status().json()["id"]
+    path = f"structures/{structure}/campaigns"
+    return [client.post(path, json=paper.CAMPAIGN).raise_for_status().json()["id"] for _ in range(campaigns)]
+
+
+def main() -> None:
+    """Nothing to measure here: see `jobs`, `jobs_chaos` and `jobs_outage`."""

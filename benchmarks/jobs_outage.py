@@ -1,0 +1,144 @@
+"""A worker cut off from the database in the middle of its work: it comes back by itself, and no result is there twice.
+
+The worker reaches PostgreSQL through a proxy on loopback, which is taken away for a while: connections break, new ones
+are refused. Once the worker is alone, so that its finished work waits for the database; once another worker, which is
+not cut off, takes its work over, and what the first one brings comes too late.
+"""
+
+from __future__ import annotations
+
+import select
+import socket
+import threading
+import time
+from collections import Counter
+from contextlib import closing, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from sqlalchemy import make_url
+
+from benchmarks.jobs_floor import SECOND, floor
+
+LEASE_SECONDS = 3.0
+
+
+class Proxy:
+    """Passes connections from a port of loopback on to a Unix socket, as long as it is not cut.
+
+    Attributes:
+        port: where it listens; the same after a cut, which is `close` and ended by `restore`.
+    """
+
+    def __init__(self, target: Path) -> None:
+        self._target = str(target)
+        self.port = 0
+        self._ends: list[socket.socket] = []
+        self.restore()
+
+    def restore(self) -> None:
+        """Listen."""
+        self._listener = socket.create_server(("127.0.0.1", self.port))
+        self.port = self._listener.getsockname()[1]
+        threading.Thread(target=self._accept, args=(self._listener,), daemon=True).start()
+
+    def close(self) -> None:
+        """Break every connection, and refuse new ones."""
+        self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        for end in self._ends:
+            with suppress(OSError):  # closed by itself
+                end.shutdown(socket.SHUT_RDWR)
+        self._ends.clear()
+
+    def _accept(self, listener: socket.socket) -> None:
+        with suppress(OSError):  # cut
+            while True:
+                near, _ = listener.accept()
+                threading.Thread(target=self._pass_on, args=(near,), daemon=True).start()
+
+    def _pass_on(self, near: socket.socket) -> None:
+        with suppress(OSError), near, socket.socket(socket.AF_UNIX) as far:
+            far.connect(self._target)
+            self._ends += [near, far]
+            while True:
+                for source in select.select([near, far], [], [])[0]:
+                    data = source.recv(65536)
+                    if not data:
+                        return
+                    (far if source is near else near).sendall(data)
+
+
+@dataclass
+class Outage:
+    """What came of a cut.
+
+    Attributes:
+        seconds: how long it lasted.
+        others: another worker was there, and not cut off.
+        jobs, succeeded, results, doubled: what there is at the end.
+        attempts: begun, over all jobs.
+        back_seconds: from the end of the cut to the next end of a job by the worker that was cut off.
+        same_worker: it is still the process that was started.
+    """
+
+    seconds: float
+    others: bool
+    jobs: int
+    succeeded: int
+    results: int
+    doubled: int
+    attempts: int
+    back_seconds: float
+    same_worker: bool
+
+
+def outage(seconds: float, *, others: bool, jobs: int = 6) -> Outage:
+    """Cut a worker off for so many seconds while it works on jobs of a second each."""
+    with floor() as here, closing(Proxy(here.folder / "postgres" / ".s.PGSQL.5432")) as proxy:
+        database = make_url(here.url)
+        through = database.set(host="127.0.0.1", port=proxy.port, query={}).render_as_string(hide_password=False)
+        here.put(SECOND, jobs)
+        worker = here.worker(through, job_lease_seconds=LEASE_SECONDS)
+        here.wait(60, 1)
+        time.sleep(0.5)  # the second one is begun
+        proxy.close()
+        if others:
+            here.worker(job_lease_seconds=LEASE_SECONDS)
+        time.sleep(seconds)
+        restored = time.time()
+        proxy.restore()
+        if others:
+            here.wait(60, jobs)
+            here.put(SECOND, 4)  # that there is something to come back to
+            jobs += 4
+        here.wait(120, jobs)
+        rows, results = here.jobs(), Counter(here.results())
+        mine = f":{worker.pid}:"
+        ends = [
+            job.finished_at.timestamp() - restored
+            for job in rows
+            if job.finished_at is not None and mine in (job.worker or "") and job.finished_at.timestamp() > restored
+        ]
+        return Outage(
+            seconds=seconds,
+            others=others,
+            jobs=jobs,
+            succeeded=sum(job.state == "succeeded" for job in rows),
+            results=results.total(),
+            doubled=sum(count > 1 for count in results.values()),
+            attempts=sum(job.attempt for job in rows),
+            back_seconds=min(ends, default=float("nan")),
+            same_worker=worker.poll() is None,
+        )
+
+
+def main() -> None:
+    """Print the table of cuts of a minute."""
+    print("    cut  others  jobs  succeeded  results  doubled  attempts  back after")
+    for others in (False, True):
+        it = outage(60, others=others)
+        print(
+            f"  {it.seconds:3.0f} s  {'yes' if others else 'no':>6}  {it.jobs:4d}  {it.succeeded:9d}  {it.results:7d}"
+            f"  {it.doubled:7d}  {it.attempts:8d}  {it.back_seconds:8.1f} s"
+        )
