@@ -122,24 +122,23 @@ def _is_driving(frfs: FrfSet, row: int) -> bool:
 def _with_shapes(frfs: FrfSet, modes: MeasuredModes) -> tuple[MeasuredModes, tuple[str, ...]]:
     """Modes that were handed in, with shapes: their own, or those that the FRFs have at their poles.
 
-    Modes that the FRFs hold but that were not typed in take part in that fit, so that they do not bend the shapes.
+    Poles that the FRFs show but that were not typed in, also beyond the band, take part in that fit, so that they do not
+    bend the shapes. Where a typed pole is one that the FRFs show, the residues are taken at the latter.
     """
     if modes.shapes is not None:
         return _out_of_plane_shapes(frfs, modes)
+    frequency, ratio = modes.frequency_hz.copy(), modes.damping_ratio.copy()
     try:
-        others = identify(frfs).modes
+        seen = identify(frfs).terms
     except IdentificationError:
-        others = None
-    frequency, ratio = modes.frequency_hz, modes.damping_ratio
-    if others is not None:
-        pairs = pair_modes(None, None, frequency, others.frequency_hz, maximum_frequency_ratio=_SAME_POLE).pairs
-        ratio = ratio.copy()
+        seen = None
+    if seen is not None:
+        pairs = pair_modes(None, None, frequency, seen.frequency_hz, maximum_frequency_ratio=_SAME_POLE).pairs
         for mine, theirs in pairs:
-            if not ratio[mine] > 0:
-                ratio[mine] = others.damping_ratio[theirs]
-        alone = [k for k in range(len(others)) if k not in {theirs for _, theirs in pairs}]
-        frequency = np.concatenate([frequency, others.frequency_hz[alone]])
-        ratio = np.concatenate([ratio, others.damping_ratio[alone]])
+            frequency[mine], ratio[mine] = seen.frequency_hz[theirs], seen.damping_ratio[theirs]
+        alone = np.setdiff1d(np.arange(seen.pairs), [theirs for _, theirs in pairs])
+        frequency = np.concatenate([frequency, seen.frequency_hz[alone]])
+        ratio = np.concatenate([ratio, seen.damping_ratio[alone]])
     if not np.all(ratio > 0):
         return modes, ("modes were paired by frequency: without damping ratios their shapes cannot be found from FRFs",)
     order = np.argsort(frequency, kind="stable")

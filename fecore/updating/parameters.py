@@ -66,8 +66,10 @@ class Parametrisation:
     Attributes:
         names: the p free parameters.
         prior_mean, prior_sd: (p,) SI.
-        base: (8,) constants at θ = 0: the fixed ones.
-        spread: (8, p) derivative of the constants by θ; a tied constant has its ratio there.
+        base: (8 + s,) constants at θ = 0: the fixed ones.
+        spread: (8 + s, p) derivative of the constants by θ; a tied constant has its ratio there.
+        constant_names: `CONSTANTS` and the names of the specimen's s springs.
+        units: SI units of the constants.
     """
 
     names: tuple[str, ...]
@@ -75,9 +77,11 @@ class Parametrisation:
     prior_sd: FloatArray
     base: FloatArray
     spread: FloatArray
+    constant_names: tuple[str, ...] = CONSTANTS
+    units: tuple[str, ...] = tuple(UNITS.values())
 
     def constants(self, theta: FloatArray) -> FloatArray:
-        """(8,) constants in the order of `CONSTANTS`."""
+        """(8 + s,) constants in the order of `constant_names`."""
         values: FloatArray = self.base + self.spread @ theta
         return values
 
@@ -93,15 +97,23 @@ class Parametrisation:
         return physical
 
     def coefficient_values(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(w, 9) section coefficients and (w, 3) inertias at (w, p) parameters, without derivatives."""
+        """(w, 9 + s) stiffness coefficients and (w, 3) inertias at (w, p) parameters, without derivatives."""
         q = (self.base + theta @ self.spread.T).T
-        return _stiffness_values(q).T, _mass_values(q).T
+        section, springs = q[: len(CONSTANTS)], q[len(CONSTANTS) :]
+        return np.concatenate([_stiffness_values(section), springs]).T, _mass_values(section).T
 
     def coefficients(self, theta: FloatArray) -> Coefficients:
-        """Section coefficients and inertias with their derivatives by θ."""
-        stiffness, by_constant = _stiffness(self.constants(theta))
-        mass, mass_by_constant = _mass(self.constants(theta))
-        return Coefficients(stiffness, by_constant @ self.spread, mass, mass_by_constant @ self.spread)
+        """Section coefficients, springs and inertias with their derivatives by θ."""
+        q, count = self.constants(theta), len(CONSTANTS)
+        stiffness, by_constant = _stiffness(q[:count])
+        mass, mass_by_constant = _mass(q[:count])
+        by_section, by_spring = self.spread[:count], self.spread[count:]
+        return Coefficients(
+            np.concatenate([stiffness, q[count:]]),
+            np.vstack([by_constant @ by_section, by_spring]),
+            mass,
+            mass_by_constant @ by_section,
+        )
 
 
 @dataclass(frozen=True)
@@ -109,8 +121,8 @@ class Coefficients:
     """Coefficients of an affine model and their derivatives by the parameters.
 
     Attributes:
-        stiffness: (9,) as `fecore.model.stiffness_coefficients` orders them; stiffness_by: (9, p).
-        mass: (3,) as `fecore.model.mass_coefficients` orders them; mass_by: (3, p).
+        stiffness: (9 + s,) as `PlateModel.stiffness_coefficients` orders them; stiffness_by: (9 + s, p).
+        mass: (3,) as `PlateModel.mass_coefficients` orders them; mass_by: (3, p).
     """
 
     stiffness: FloatArray
@@ -127,15 +139,16 @@ def parametrise(specimen: Specimen, parameters: Sequence[Parameter] = DEFAULT_PA
             prior is not positive, or nothing is left to update.
     """
     nominal = _nominal(specimen)
-    _check(parameters)
+    _check(parameters, tuple(nominal))
     free = [p for p in parameters if not p.fixed and p.tied_to is None]
     if not free:
         raise InputError("parameters", "leaves nothing to update; expected at least one that is neither fixed nor tied")
     mean = {p.name: nominal[p.name] if p.prior_mean is None else p.prior_mean for p in parameters}
     base = dict(nominal)
-    spread = np.zeros((len(CONSTANTS), len(free)))
+    constant_names = tuple(nominal)
+    spread = np.zeros((len(constant_names), len(free)))
     for p in parameters:
-        row = CONSTANTS.index(p.name)
+        row = constant_names.index(p.name)
         if p.fixed:
             base[p.name] = mean[p.name]
             continue
@@ -146,7 +159,15 @@ def parametrise(specimen: Specimen, parameters: Sequence[Parameter] = DEFAULT_PA
     prior_mean = np.array([mean[p.name] for p in free])
     prior_sd = np.array([DEFAULT_RELATIVE_SD * mean[p.name] if p.prior_sd is None else p.prior_sd for p in free])
     names = tuple(p.name for p in free)
-    result = Parametrisation(names, prior_mean, prior_sd, np.array([base[name] for name in CONSTANTS]), spread)
+    result = Parametrisation(
+        names,
+        prior_mean,
+        prior_sd,
+        np.array([base[name] for name in constant_names]),
+        spread,
+        constant_names,
+        (*UNITS.values(), *(spring.unit for spring in specimen.springs)),
+    )
     if not result.is_physical(prior_mean):
         raise InputError(
             "parameters", "the prior means are not those of a positive definite material (nu_xy² Ey/Ex ≥ 1)"
@@ -155,23 +176,31 @@ def parametrise(specimen: Specimen, parameters: Sequence[Parameter] = DEFAULT_PA
 
 
 def with_constants(specimen: Specimen, constants: FloatArray) -> Specimen:
-    """The specimen with other constants, in the order of `CONSTANTS`."""
-    values = dict(zip(CONSTANTS, (float(value) for value in constants), strict=True))
+    """The specimen with other constants, in the order of `CONSTANTS` and then of its springs."""
+    count = len(CONSTANTS)
+    values = dict(zip(CONSTANTS, (float(value) for value in constants[:count]), strict=True))
     thickness = values.pop("thickness")
-    return replace(specimen, thickness=thickness, material=replace(specimen.material, **values))
+    springs = tuple(
+        replace(spring, stiffness=float(value))
+        for spring, value in zip(specimen.springs, constants[count:], strict=True)
+    )
+    return replace(specimen, thickness=thickness, material=replace(specimen.material, **values), springs=springs)
 
 
 def _nominal(specimen: Specimen) -> dict[str, float]:
     material = {name: float(getattr(specimen.material, name)) for name in CONSTANTS if name != "thickness"}
-    return {**material, "thickness": specimen.thickness}
+    springs = {spring.name: spring.stiffness for spring in specimen.springs}
+    if set(springs) & set(CONSTANTS):
+        raise InputError("springs", f"a spring has the name of a constant: {', '.join(set(springs) & set(CONSTANTS))}")
+    return {**material, "thickness": specimen.thickness, **springs}
 
 
-def _check(parameters: Sequence[Parameter]) -> None:
+def _check(parameters: Sequence[Parameter], known: tuple[str, ...]) -> None:
     by_name = {p.name: p for p in parameters}
     for index, p in enumerate(parameters):
         where = f"parameters.{index}"
-        if p.name not in CONSTANTS:
-            raise InputError(f"{where}.name", f"is {p.name!r}, expected one of {', '.join(CONSTANTS)}")
+        if p.name not in known:
+            raise InputError(f"{where}.name", f"is {p.name!r}, expected one of {', '.join(known)}")
         if p.name in {before.name for before in parameters[:index]}:
             raise InputError(f"{where}.name", f"{p.name} is named twice")
         if p.prior_mean is not None and not (np.isfinite(p.prior_mean) and (p.prior_mean > 0 or p.name == "nu_xy")):

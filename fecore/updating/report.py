@@ -16,7 +16,6 @@ from fecore.updating.elastic import ElasticResult
 from fecore.updating.forward import ForwardState
 from fecore.updating.ladder import Ladder, Rung
 from fecore.updating.measurement import Prepared
-from fecore.updating.parameters import CONSTANTS, UNITS
 from fecore.updating.posterior import interval_95
 from fecore.updating.result import (
     ConvergenceStep,
@@ -121,13 +120,13 @@ class Report:
         prior_sd = np.abs(prior.spread) @ prior.prior_sd
         verdict = {item.name: item.identifiable for item in self.elastic.verdicts}
         rows = []
-        for row, name in enumerate(CONSTANTS):
+        for row, name in enumerate(prior.constant_names):
             masters = np.flatnonzero(prior.spread[row])
             if masters.size:
                 rows.append(
                     ParameterEstimate(
                         name=name,
-                        unit=UNITS[name],
+                        unit=prior.units[row],
                         initial=float(initial[row]),
                         estimate=float(estimate[row]),
                         noise_standard_deviation=float(noise[row]),

@@ -15,7 +15,7 @@ from service.access import User, audit, project_for
 from service.campaigns.identifications import keep_identified
 from service.campaigns.mode_sets import mode_set_for
 from service.campaigns.operations import campaign_for, project_of
-from service.campaigns.tables import Campaign
+from service.campaigns.tables import Campaign, Frf
 from service.coupons.operations import batch_for
 from service.jobs import Job, JobKind, enqueue, job_state, one_at_a_time, request_cancel, retry
 from service.problems import Conflict, Invalid, NotFound
@@ -70,6 +70,7 @@ def start_update(
     version = current_version(session, structure)
     _check(session, user, campaign, recipe)
     _check_parameters(recipe, describe_version(version, structure.name), campaign)
+    _check_data(session, recipe, campaign)
     job = enqueue(session, kind=UPDATE, project_id=project_id, priority=priority)
     row = UpdateJob(
         id=job.id,
@@ -109,6 +110,33 @@ def _check_parameters(recipe: RecipeIn, structure: Any, campaign: Campaign) -> N
     parametrise(nominal_specimen(structure, campaign.boundary), core.parameters)
     if recipe.band_hz is not None and not recipe.band_hz[0] < recipe.band_hz[1]:
         raise InputError("band_hz", "expected its low end below its high end")
+
+
+def _check_data(session: Session, recipe: RecipeIn, campaign: Campaign) -> None:
+    """What the recipe keeps of the FRFs must leave something to fit. Looks at axes and points, never at a spectrum."""
+    rows = session.execute(
+        select(Frf.start_hz, Frf.end_hz, Frf.response_point, Frf.reference_point).where(Frf.campaign_id == campaign.id)
+    ).all()
+    if not rows:
+        return  # an import may be on its way; the job says so if nothing has come by then
+    low, high = min(row.start_hz for row in rows), max(row.end_hz for row in rows)
+    axes = f"the campaign's FRFs have lines from {low:g} to {high:g} Hz"
+    first, last = recipe.band_hz or (low, high)
+    if first > high or last < low:
+        raise Invalid("/band_hz", f"{first:g} to {last:g} Hz holds no line; {axes}")
+    if recipe.hold_out.band_hz is not None:
+        from_hz, to_hz = recipe.hold_out.band_hz
+        if from_hz <= max(first, low) and to_hz >= min(last, high):
+            raise Invalid("/hold_out/band_hz", f"holds out every line that would be fitted; {axes}")
+    if recipe.hold_out.points:
+        points = set(recipe.hold_out.points)
+        used = {point for row in rows for point in (row.response_point, row.reference_point)}
+        if unknown := sorted(points - used):
+            raise Invalid("/hold_out/points", f"{', '.join(map(str, unknown))} have no FRF in this campaign")
+        if all(row.response_point in points or row.reference_point in points for row in rows):
+            fixed = set.intersection(*({row.response_point, row.reference_point} for row in rows))
+            if not fixed or points >= used:
+                raise Invalid("/hold_out/points", "holds out every FRF, so nothing is left to fit")
 
 
 def update_job_for(session: Session, user: User, job_id: UUID) -> UpdateJob:

@@ -14,6 +14,7 @@ from uuid import uuid4
 import httpx
 import pytest
 
+from service.demo.paper import uff_file
 from service.supervisor import LocalService
 
 SHARED = Path(__file__).parents[3] / "shared"
@@ -92,15 +93,89 @@ def test_independent_data_give_their_constants_back(api: httpx.Client, name: str
     assert len(result["provenance"]["frfs"]) == 33
 
 
-@pytest.mark.parametrize("name", ["cantilever-1pct", "free-1pct"])
-def test_the_laboratorys_own_script_runs_unchanged(service: LocalService, name: str) -> None:
+SETS = ["cantilever-1pct", "cantilever-5pct-sensor-mass", "free-1pct", "paper-like"]
+
+
+@pytest.mark.parametrize(
+    ("name", "modes"), [*((name, []) for name in SETS), *((name, ["--modes", "typed"]) for name in SETS)]
+)
+def test_the_laboratorys_own_script_runs_unchanged(service: LocalService, name: str, modes: list[str]) -> None:
+    """UFF in, parameters out, the default recipe; with modes that the service identifies, and with typed ones."""
     file, _ = blind(name)
     if not LAB_SESSION.exists():
         pytest.skip(f"{LAB_SESSION} is not there")
     command = [sys.executable, str(LAB_SESSION), "--url", service.url, "--key", service.new_key("laboratory")]
-    command += [str(file), "--truth", str(file.with_suffix(".truth.json")), "--modes", "typed"]
+    command += [str(file), "--truth", str(file.with_suffix(".truth.json")), *modes]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert ended.returncode == 0, ended.stdout + ended.stderr
+
+
+def test_a_body_that_is_no_rayleigh_body_is_called_so(api: httpx.Client) -> None:
+    file, truth = blind("paper-like")
+    config = truth["config"]
+    geometry = {"length_m": config["L"], "width_m": config["b"], "thickness_m": config["t"]}
+    campaign = campaign_with(api, file.read_bytes(), geometry, config["bc"])
+    answer = api.post(f"campaigns/{campaign}/update-jobs", json={}).raise_for_status()
+    assert finished(api, answer.headers["Location"])["status"] == "succeeded"
+    result = result_of(api, answer.headers["Location"])
+    laws = {law["name"]: law for law in result["damping_models"]}
+    assert laws["modal"]["preferred"]
+    assert laws["rayleigh"]["bic"] > laws["modal"]["bic"] + 100
+    (sentence,) = [warning for warning in result["warnings"] if "rayleigh law is inadequate" in warning]
+    assert "mode 3" in sentence  # SCIENCE: the best Rayleigh law misses mode 3 by a third
+    truth_ratios = [mode["zeta"] for mode in truth["modes"] if mode["out_of_plane"]][:5]
+    assert list(laws["modal"]["coefficients"].values()) == pytest.approx(truth_ratios, rel=0.02)
+    # The modes that the job found are a mode set of the campaign now, and the result names it.
+    kept = api.get(f"mode-sets/{result['provenance']['mode_set']}").raise_for_status().json()
+    assert kept["origin"] == "identified"
+    assert [mode["frequency_hz"] for mode in kept["modes"]] == [mode["measured_hz"] for mode in result["modes"]]
+    held = result["correlation"]["held_out"]["frfs"]
+    assert len(held["sac"]) == 4
+    assert 0.88 <= held["coverage_95"] <= 1.0
+
+
+def test_identification_alone_makes_a_mode_set_that_an_update_takes(api: httpx.Client) -> None:
+    file, truth = blind("cantilever-1pct")
+    config = truth["config"]
+    geometry = {"length_m": config["L"], "width_m": config["b"], "thickness_m": config["t"]}
+    campaign = campaign_with(api, file.read_bytes(), geometry, config["bc"])
+    answer = api.post(f"campaigns/{campaign}/identifications", json={"name": "first look"}).raise_for_status()
+    assert answer.status_code == 202
+    found = finished(api, answer.headers["Location"])
+    assert found["status"] == "succeeded", found
+    true_hz = [mode["f_hz"] for mode in truth["modes"] if mode["out_of_plane"] and mode["f_hz"] < config["fmax"]]
+    assert [mode["frequency_hz"] for mode in found["result"]["modes"]] == pytest.approx(true_hz, rel=1e-3)
+    assert found["result"]["stabilisation"]["order"]
+    answer = api.post(f"campaigns/{campaign}/update-jobs", json={"mode_set": found["mode_set"]}).raise_for_status()
+    assert finished(api, answer.headers["Location"])["status"] == "succeeded"
+
+
+@pytest.mark.parametrize(
+    ("recipe", "pointer"),
+    [
+        ({"weightings": "noise"}, "/weightings"),
+        ({"parameters": [{"name": "E"}]}, "/parameters/0/name"),
+        ({"parameters": [{"name": "Ex", "fixed": True, "prior_sd": 1e9}]}, "/parameters/0/prior_sd"),
+        ({"parameters": [{"name": "Ex", "tied_to": "Ex"}]}, "/parameters/0/tied_to"),
+        ({"parameters": [{"name": "Ex", "fixed": True}]}, "/parameters"),
+        ({"band_hz": [500, 100]}, "/band_hz"),
+        ({"band_hz": [5000, 6000]}, "/band_hz"),
+        ({"hold_out": {"points": list(range(1, 34))}}, "/hold_out/points"),
+        ({"hold_out": {"points": [99]}}, "/hold_out/points"),
+        ({"hold_out": {"band_hz": [0, 2000]}}, "/hold_out/band_hz"),
+        ({"damping_models": []}, "/damping_models"),
+        ({"mode_set": "01890000-0000-7000-8000-000000000000"}, "/mode_set"),
+        ({"prior_from_coupon_batch": "01890000-0000-7000-8000-000000000000"}, "/prior_from_coupon_batch"),
+    ],
+)
+def test_contradictory_recipes_are_refused_at_the_door(api: httpx.Client, recipe: dict[str, Any], pointer: str) -> None:
+    geometry = {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01}
+    campaign = campaign_with(api, uff_file(), geometry, "cantilever")
+    answer = api.post(f"campaigns/{campaign}/update-jobs", json=recipe)
+    assert answer.status_code == 422, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert pointer in [fault["pointer"] for fault in answer.json()["errors"]]
+    assert api.get(f"update-jobs?campaign={campaign}").json()["items"] == []
 
 
 def test_the_same_recipe_and_inputs_give_the_same_bits(api: httpx.Client) -> None:
