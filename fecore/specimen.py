@@ -11,7 +11,7 @@ from fecore.errors import InputError
 from fecore.laminate import OrthotropicMaterial, Ply, Section, section
 from fecore.mesh import rectangle
 from fecore.model import PlateModel, plate
-from fecore.supports import Boundary, PointMass, Supports
+from fecore.supports import Boundary, PointMass, Spring, Supports
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,8 @@ class Specimen:
         boundary: how it is held.
         masses: what it carries, such as a sensor.
         divisions: elements along the length and across the width.
+        springs: elastic supports; their stiffnesses can be updating parameters, by their names.
+        supports: held edges, where they are not those of the boundary's name.
     """
 
     length: float
@@ -33,6 +35,8 @@ class Specimen:
     boundary: Boundary = "cantilever"
     masses: tuple[PointMass, ...] = ()
     divisions: tuple[int, int] = (40, 4)
+    springs: tuple[Spring, ...] = ()
+    supports: Supports | None = None
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.thickness) and self.thickness > 0):
@@ -48,6 +52,7 @@ class Specimen:
         """The affine finite element model, which holds for any constants and thickness.
 
         Raises:
-            InputError: the geometry or a mass's place is wrong.
+            InputError: the geometry, or the place of a mass or a spring, is wrong.
         """
-        return plate(rectangle(self.length, self.width, *self.divisions), Supports.of(self.boundary), self.masses)
+        held = Supports.of(self.boundary) if self.supports is None else self.supports
+        return plate(rectangle(self.length, self.width, *self.divisions), held, self.masses, self.springs)

@@ -101,3 +101,9 @@ class Spring:
             raise InputError("spring.edge", f"of {self.name} is {self.edge!r}, expected {', '.join(get_args(Edge))}")
         if self.point is not None and not np.all(np.isfinite(self.point)):
             raise InputError("spring.point", f"of {self.name} is {self.point}, expected finite x and y in m")
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the stiffness."""
+        alone = "N/m" if self.direction <= 3 else "N·m/rad"
+        return alone if self.edge is None else {"N/m": "N/m²", "N·m/rad": "N/rad"}[alone]

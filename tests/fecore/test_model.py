@@ -9,8 +9,12 @@ from fecore.errors import InputError
 from fecore.laminate import Ply, section
 from fecore.mesh import rectangle
 from fecore.model import plate
+from fecore.modes import MeasuredModes
 from fecore.specimen import Specimen
 from fecore.supports import PointMass, Spring, Supports
+from fecore.updating.elastic import update_elastic
+from fecore.updating.forward import ForwardModel
+from fecore.updating.parameters import Parameter, parametrise
 
 MESH = rectangle(0.5, 0.04, 20, 2)
 
@@ -121,3 +125,18 @@ def test_bad_input_names_its_field(make, field) -> None:
     with pytest.raises(InputError) as caught:
         make()
     assert caught.value.field == field
+
+
+def test_a_root_spring_is_an_updating_parameter() -> None:
+    """Synthetic frequencies of an elastically held strip give the spring back."""
+    root = Spring("root_rotation", 4e4, 5, edge="start")
+    specimen = Specimen(
+        0.5, 0.04, 0.01, PAPER, "cantilever", divisions=(20, 2), springs=(root,), supports=Supports("simply_supported")
+    )
+    parametrisation = parametrise(specimen, [Parameter("Ex"), Parameter("root_rotation", prior_sd=4e4)])
+    forward = ForwardModel(specimen, parametrisation, (1,), np.array([[0.5, 0.0]]), 5)
+    truth = np.array([31.0e9, 2.5e4])
+    measured = MeasuredModes(forward.solve(truth).frequency_hz, np.full(5, np.nan))
+    result = update_elastic(forward, measured)
+    # The prior and the model's allowed discrepancy pull a little.
+    np.testing.assert_allclose(result.theta, truth, rtol=1e-2)
