@@ -147,6 +147,7 @@ def chaos(
                 else:
                     tally.database_away_seconds.append(here.crash_database())
         sending.join(60)
+        sender.client.close()
         tally.seconds = time.monotonic() - began
         _count(here, tally)
     return tally
