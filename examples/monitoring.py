@@ -15,6 +15,7 @@ import sys
 import time
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
+from functools import cache
 from typing import Any
 
 import httpx
@@ -54,8 +55,9 @@ def grid_points() -> dict[int, tuple[float, float, float]]:
     }
 
 
-def measured_frfs(state: State, seed: int) -> np.ndarray:
-    """(9, L) accelerances at the sensor for a hammer at each point, m/s² per N, with noise from a seed."""
+@cache
+def frfs(state: State) -> np.ndarray:
+    """(9, L) accelerances at the sensor for a hammer at each point, m/s² per N."""
     q = state.climate
     material = replace(
         NOMINAL, Ex=NOMINAL.Ex * q * state.stiffness, Ey=NOMINAL.Ey * q, Gxy=NOMINAL.Gxy * q,
@@ -68,7 +70,12 @@ def measured_frfs(state: State, seed: int) -> np.ndarray:
     solved = ForwardModel(specimen, parameters, tuple(points), places, 12).solve(parameters.prior_mean)
     model = solved.frf_model([Dof(SENSOR, 3)] * len(points), [Dof(point, 3) for point in points])
     rate = state.damping * (A0 + A1 * model.omega**2)
-    clean = model.synthesise(LINES_HZ, rate)
+    return model.synthesise(LINES_HZ, rate)
+
+
+def measured_frfs(state: State, seed: int) -> np.ndarray:
+    """The same with noise from a seed."""
+    clean = frfs(state)
     random = np.random.default_rng(seed)
     noise = (random.standard_normal(clean.shape) + 1j * random.standard_normal(clean.shape)) / np.sqrt(2)
     return clean + NOISE * np.sqrt(np.mean(np.abs(clean) ** 2, axis=1, keepdims=True)) * noise
@@ -102,12 +109,17 @@ def structure_body() -> dict[str, Any]:
 def post_campaign(api: httpx.Client, structure: str, body: dict[str, Any], values: np.ndarray) -> str:
     """Describe a campaign, send its points and FRFs, and say that this is all of it."""
     campaign: str = _post(api, f"structures/{structure}/campaigns", {"boundary": "cantilever", **body})["id"]
+    send_measurement(api, campaign, values)
+    api.post(f"campaigns/{campaign}/complete").raise_for_status()
+    return campaign
+
+
+def send_measurement(api: httpx.Client, campaign: str, values: np.ndarray) -> None:
+    """Grid points and FRFs of a campaign."""
     points = [{"label": label, "x_m": x, "y_m": y, "z_m": z} for label, (x, y, z) in grid_points().items()]
     api.put(f"campaigns/{campaign}/grid-points", json={"items": points}).raise_for_status()
     npz = {"Content-Type": "application/x-npz"}
     api.post(f"campaigns/{campaign}/frfs", content=as_npz(values), headers=npz).raise_for_status()
-    api.post(f"campaigns/{campaign}/complete").raise_for_status()
-    return campaign
 
 
 def _post(api: httpx.Client, path: str, body: Any) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from pathlib import Path
 from uuid import UUID
 
 from sqlalchemy import select
+from sqlalchemy.dialects.postgresql import distinct_on
 from sqlalchemy.orm import Session
 
 from fecore.trend import Acknowledgement, State, Watch
@@ -136,7 +137,7 @@ def _arrival(session: Session, series: MonitorSeries) -> dict[UUID, UUID]:
     rows = session.execute(
         select(MonitorRun.campaign_id, MonitorRun.id)
         .where(MonitorRun.series_id == series.id)
-        .distinct(MonitorRun.campaign_id)
+        .ext(distinct_on(MonitorRun.campaign_id))
         .order_by(MonitorRun.campaign_id, MonitorRun.id)
     )
     return dict(rows.tuples().all())

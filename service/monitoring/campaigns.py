@@ -15,7 +15,7 @@ from typing import Any
 from uuid import UUID
 
 from sqlalchemy import func, literal, select
-from sqlalchemy.dialects.postgresql import aggregate_order_by
+from sqlalchemy.dialects.postgresql import aggregate_order_by, distinct_on
 from sqlalchemy.orm import Session
 
 from service.campaigns.tables import Campaign, Frf, GridPoint, Import, ModeSet
@@ -177,6 +177,6 @@ def _mode_sets(ids: Sequence[UUID]) -> Any:
     return (
         select(ModeSet.campaign_id, ModeSet.id, ModeSet.created_at)
         .where(ModeSet.campaign_id.in_(ids), ModeSet.origin.in_(("typed", "file")))
-        .distinct(ModeSet.campaign_id)
+        .ext(distinct_on(ModeSet.campaign_id))
         .order_by(ModeSet.campaign_id, ModeSet.id.desc())
     )

@@ -13,6 +13,7 @@ from typing import Any
 from uuid import UUID
 
 from sqlalchemy import func, select
+from sqlalchemy.dialects.postgresql import distinct_on
 from sqlalchemy.orm import Session
 
 from fecore import __version__
@@ -66,7 +67,7 @@ def latest_runs(session: Session, series: MonitorSeries) -> dict[UUID, MonitorRu
     rows = session.scalars(
         select(MonitorRun)
         .where(MonitorRun.series_id == series.id)
-        .distinct(MonitorRun.campaign_id)
+        .ext(distinct_on(MonitorRun.campaign_id))
         .order_by(MonitorRun.campaign_id, MonitorRun.revision.desc())
     )
     return {row.campaign_id: row for row in rows}
@@ -227,7 +228,8 @@ def _run_before(session: Session, one: Seen, runs: dict[UUID, MonitorRun]) -> di
 def _with_priors(session: Session, monitor: Monitor, recipe: RecipeIn, values: dict[str, Any]) -> RecipeIn:
     """The recipe with the last estimates as prior means; widths stay, so that a prior never narrows down on the past."""
     version = session.get_one(StructureVersion, monitor.structure_version_id)
-    specimen = nominal_specimen(describe_version(version, ""), monitor.boundary or "cantilever")
+    structure = session.get_one(Structure, monitor.structure_id)
+    specimen = nominal_specimen(describe_version(version, structure.name), monitor.boundary or "cantilever")
     core = recipe.to_core().parameters
     free = parametrise(specimen, core)
     widths = dict(zip(free.names, free.prior_sd.tolist(), strict=True))

@@ -1,0 +1,271 @@
+"""Messages: signed, sent again until they arrive, told apart by their id; never to addresses that are not allowed."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime, timedelta
+from email import message_from_bytes, policy
+from ipaddress import ip_network
+from typing import Any
+
+import httpx
+import pytest
+from receivers import Receiver, mail_server, receiver, signature_holds
+from sqlalchemy import select
+
+from service.access import Project
+from service.db.engine import Sessions
+from service.monitoring.addresses import AddressError, parse_url, resolve
+from service.monitoring.delivery import ATTEMPTS, Postman, new_secret, post, sign
+from service.monitoring.messages import EVENTS
+from service.monitoring.tables import Delivery, Webhook
+from service.settings import Settings
+from service.supervisor import LocalService
+
+LOOPBACK = Settings(webhook_networks="127.0.0.0/8", delivery_pause_seconds=0.05)
+LOCAL = (ip_network("127.0.0.0/8"),)
+ALARM = {
+    "type": "alarm.raised",
+    "timestamp": "2026-01-02T03:04:05+00:00",
+    "data": {
+        "structure": {"id": "s", "name": "bridge\nBcc: all"},
+        "monitor": {"id": "m", "name": "stringer", "state": "alarm"},
+        "alarm": {
+            "parameter": "Ex",
+            "campaign_id": "c",
+            "details": {
+                "performed_at": "2026-01-01T00:00:00+00:00",
+                "value": 32.1e9,
+                "standard_deviation": 4e6,
+                "baseline": 33.0e9,
+                "baseline_sd": 2e6,
+            },
+        },
+        "note": "by campaign c",
+    },
+}
+
+
+@pytest.fixture
+def hook() -> Iterator[Receiver]:
+    with receiver() as server:
+        yield server
+
+
+@pytest.fixture(scope="module")
+def service(new_database: Callable[[], str]) -> Iterator[LocalService]:
+    settings = Settings(
+        database_url=new_database(),
+        port=0,
+        log_level="warning",
+        webhook_networks="127.0.0.0/8",
+        delivery_pause_seconds=0.05,
+    )
+    with LocalService(settings) as running:
+        yield running
+
+
+@pytest.fixture
+def project(api: httpx.Client) -> str:
+    return str(api.post("projects", json={"name": "p"}).raise_for_status().json()["id"])
+
+
+def made(api: httpx.Client, project: str, url: str, **fields: Any) -> dict[str, Any]:
+    answer = api.post("webhooks", json={"project": project, "url": url, **fields})
+    assert answer.status_code == 201, answer.text
+    return dict(answer.json())
+
+
+def planted(sessions: Sessions, url: str, **fields: Any) -> Delivery:
+    """A waiting message in a database where no worker is."""
+    with sessions.begin() as session:
+        project = Project(name="p")
+        session.add(project)
+        session.flush()
+        common = {"project_id": project.id, "message_id": "msg_1", "event": "alarm.raised", "body": json.dumps(ALARM)}
+        if "recipient" not in fields:
+            row = Webhook(project_id=project.id, url=url, secret=new_secret(), events=[])
+            session.add(row)
+            session.flush()
+            fields["webhook_id"] = row.id
+        delivery = Delivery(**common, **fields)
+        session.add(delivery)
+    return delivery
+
+
+def sent(sessions: Sessions, settings: Settings, until: Callable[[Delivery], bool]) -> Delivery:
+    """The one message of the database, once the postman has brought it so far."""
+    with Postman(sessions, settings):
+        end = datetime.now(UTC) + timedelta(seconds=15)
+        while datetime.now(UTC) < end:
+            with sessions() as session:
+                delivery = session.scalars(select(Delivery)).one()
+            if until(delivery):
+                return delivery
+    raise AssertionError(f"{delivery.state} after {delivery.attempts} attempts: {delivery.last_error}")
+
+
+def test_signature_is_that_of_standard_webhooks() -> None:
+    """The example that the specification's own libraries test themselves with."""
+    signature = sign(
+        "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw", "msg_p5jXN8AQM9LWM0D4loKWxJek", 1614265330, b'{"test": 2432232314}'
+    )
+    assert signature == "v1,g0hM9SsE+OTPJTGt/tmIKtSyZlE3uFJELVlNIOLJ1OE="
+
+
+def test_a_message_arrives_signed_and_once(api: httpx.Client, project: str, hook: Receiver) -> None:
+    webhook = made(api, project, hook.url)
+    assert webhook["events"] == list(EVENTS)
+    assert len(base64.b64decode(webhook["secret"].removeprefix("whsec_"))) == 32
+    (listed,) = api.get("webhooks").json()["items"]
+    assert "secret" not in listed
+    delivery = api.post(f"webhooks/{webhook['id']}/test").json()
+    hook.wait_for(1)
+    headers, body = hook.got[0]
+    assert signature_holds(webhook["secret"], headers, body)
+    assert not signature_holds(webhook["secret"], headers, body + b" ")
+    assert headers["webhook-id"] == delivery["message_id"]
+    assert headers["host"] == httpx.URL(hook.url).netloc.decode()
+    assert json.loads(body) == {**json.loads(delivery["body"]), "type": "webhook.test"}
+
+
+def test_what_fails_is_sent_again_under_the_same_id_and_can_be_replayed(
+    api: httpx.Client, project: str, hook: Receiver
+) -> None:
+    hook.answers = [500, 302, 204]
+    webhook = made(api, project, hook.url)
+    api.post(f"webhooks/{webhook['id']}/test").raise_for_status()
+    hook.wait_for(3)
+    assert len({headers["webhook-id"] for headers, _ in hook.got}) == 1
+    deliveries = f"webhooks/{webhook['id']}/deliveries"
+
+    def latest() -> dict[str, Any]:
+        return dict(api.get(deliveries).json()["items"][0])
+
+    end = datetime.now(UTC) + timedelta(seconds=10)
+    while latest()["state"] == "waiting" and datetime.now(UTC) < end:
+        pass
+    assert (latest()["state"], latest()["attempts"], latest()["last_status"]) == ("delivered", 3, 204)
+    api.post(f"deliveries/{latest()['id']}/replay").raise_for_status()
+    hook.wait_for(4)
+    assert hook.got[3][0]["webhook-id"] == hook.got[0][0]["webhook-id"]
+    assert len(api.get(deliveries).json()["items"]) == 2
+
+
+def test_a_deleted_webhook_gets_nothing(api: httpx.Client, project: str, hook: Receiver) -> None:
+    webhook = made(api, project, hook.url)
+    assert api.delete(f"webhooks/{webhook['id']}").status_code == 204
+    assert api.get("webhooks").json()["items"] == []
+    assert api.post(f"webhooks/{webhook['id']}/test").status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("body", "pointer"),
+    [
+        ({"url": "ftp://example.org/"}, "/url"),
+        ({"url": "http://user:word@example.org/"}, "/url"),
+        ({"url": "http://10.0.0.1/"}, "/url"),
+        ({"url": "http://[::1]/"}, "/url"),
+        ({"url": "http://no-such-name.invalid/"}, "/url"),
+        ({"url": "http://127.0.0.1/", "events": []}, "/events"),
+        ({"url": "http://127.0.0.1/", "events": ["alarm.silenced"]}, "/events/0"),
+    ],
+)
+def test_a_webhook_that_makes_no_sense_is_refused(api: httpx.Client, project: str, body: Any, pointer: str) -> None:
+    answer = api.post("webhooks", json={"project": project, **body})
+    assert answer.status_code == 422, answer.text
+    assert answer.json()["errors"][0]["pointer"] == pointer
+
+
+def test_a_receiver_that_never_takes_it_is_given_up(sessions: Sessions, hook: Receiver) -> None:
+    hook.answers = [500] * 20
+    planted(sessions, hook.url)
+    fast = LOOPBACK.model_copy(update={"delivery_pause_seconds": 1e-6})
+    delivery = sent(sessions, fast, lambda d: d.state != "waiting")
+    assert (delivery.state, delivery.attempts, len(hook.got)) == ("failed", ATTEMPTS, ATTEMPTS)
+    assert delivery.last_error == "the receiver answered 500: "
+
+
+def test_a_sender_that_died_is_made_up_for(sessions: Sessions, hook: Receiver) -> None:
+    """It had claimed the message a minute ago and noted nothing."""
+    planted(sessions, hook.url, attempts=1, due_at=datetime.now(UTC) - timedelta(seconds=1))
+    assert sent(sessions, LOOPBACK, lambda d: d.state == "delivered").attempts == 2
+
+
+def test_the_connection_goes_to_the_address_that_was_checked(
+    sessions: Sessions, hook: Receiver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A name that changes what it stands for between check and connection gains nothing."""
+    answers = iter(["127.0.0.1", "192.0.2.1"])
+    monkeypatch.setattr(
+        "service.monitoring.addresses.socket.getaddrinfo", lambda *_, **__: [(2, 1, 6, "", (next(answers), 0))]
+    )
+    port = httpx.URL(hook.url).port
+    delivery = planted(sessions, f"http://receiver.example:{port}/hook")
+    with sessions() as session:
+        webhook = session.scalars(select(Webhook)).one()
+    monkeypatch.setattr("httpcore._backends.sync.socket.create_connection", _connect_by_number)
+    assert post(delivery, webhook, LOOPBACK).error is None
+    assert hook.got[0][0]["host"] == f"receiver.example:{port}"
+
+
+def _connect_by_number(address: tuple[str, int], *_: Any, **__: Any) -> Any:
+    """A connection without any resolution, which the test has replaced."""
+    import socket
+
+    assert address[0] == "127.0.0.1"
+    connection = socket.socket()
+    connection.connect(address)
+    return connection
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "http://127.0.0.1/",
+        "http://0.0.0.0/",
+        "http://10.1.2.3/",
+        "http://169.254.169.254/latest/meta-data",
+        "http://[::1]/",
+        "http://[::ffff:127.0.0.1]/",
+        "http://[fe80::1]/",
+        "http://224.0.0.1/",
+        "http://localhost/",
+    ],
+)
+def test_addresses_that_are_not_public_are_refused(url: str) -> None:
+    with pytest.raises(AddressError, match="not a public address"):
+        resolve(url, ())
+
+
+def test_an_operator_allows_networks() -> None:
+    assert resolve("http://127.0.0.9:8080/x?y=1", LOCAL).url == "http://127.0.0.9:8080/x?y=1"
+    assert resolve("https://1.1.1.1/", ()).name == "1.1.1.1"
+    with pytest.raises(ValueError, match=r"10\.0\.0\.1/8"):
+        Settings(webhook_networks="10.0.0.1/8")
+    with pytest.raises(AddressError):
+        parse_url("http://")
+
+
+def test_mail(sessions: Sessions) -> None:
+    with mail_server() as server:
+        settings = Settings(
+            smtp_host="127.0.0.1", smtp_port=server.server_address[1], smtp_security="none", smtp_from="mb@lab.example"
+        )
+        planted(sessions, "", recipient="engineer@lab.example")
+        sent(sessions, settings, lambda d: d.state == "delivered")
+    (text,) = server.mails
+    mail = message_from_bytes(text, policy=policy.default)
+    assert mail["To"] == "engineer@lab.example"
+    assert mail["Subject"] == "[modalbase] alarm.raised: Ex of bridge Bcc: all"
+    assert mail["Message-ID"] == "<msg_1@modalbase>"
+    assert mail["Bcc"] is None
+    assert "value       3.21e+10 ± 4e+06" in mail.get_content()
+
+
+def test_mail_without_a_server_says_so(sessions: Sessions) -> None:
+    planted(sessions, "", recipient="engineer@lab.example")
+    delivery = sent(sessions, LOOPBACK, lambda d: d.last_error is not None)
+    assert delivery.last_error == "no SMTP server is set (MODALBASE_SMTP_HOST)"
