@@ -10,6 +10,7 @@ import pytest
 
 from benchmarks.jobs_chaos import chaos
 from benchmarks.jobs_floor import floor, laboratory
+from benchmarks.jobs_hundred import hundred
 from benchmarks.jobs_outage import outage
 from service.access.keys import create_key, user_named
 from service.supervisor import listening_socket
@@ -81,3 +82,8 @@ def test_api_killed_while_it_takes_jobs_leaves_no_half_one() -> None:
                 for table in ("jobs", "update_jobs", "procrastinate_jobs")
             ]
         assert counts in ([0, 0, 0], [200, 200, 200])
+
+
+def test_jobs_over_many_campaigns_give_the_single_runs_result() -> None:
+    it = hundred(4)
+    assert (it.succeeded, it.equal) == (4, 4)
