@@ -19,6 +19,7 @@ from service.access.keys import create_key, user_named
 from service.supervisor import listening_socket
 
 LEASE_SECONDS = 3.0
+START_SECONDS = 4.0  # a worker that has not begun to work is no victim
 
 
 @dataclass
@@ -122,23 +123,25 @@ def chaos(
         sender = _Sender(port, key, tally)
         (campaign,) = laboratory(sender.client)
         staff = [here.worker(job_lease_seconds=LEASE_SECONDS) for _ in range(workers)]
+        hired = [time.monotonic()] * workers
         tally.workers_started = workers
-        time.sleep(2.0)
         began = time.monotonic()
         sending = threading.Thread(
             target=sender.send_all, args=(campaign, jobs, milliseconds, pace_seconds), daemon=True
         )
         sending.start()
         trouble = {0.2: "api", 0.4: "database", 0.7: "api"}  # when this share of the jobs is sent
-        while (ended := _ended(here)) < jobs:
+        while (ended := _ended(here)) < jobs or trouble:
             if time.monotonic() - began > 60 + 3 * jobs:
                 raise TimeoutError(f"{ended} of {jobs} jobs have ended")
             time.sleep(rng.uniform(*kill_seconds))
-            victim = rng.randrange(workers)
-            here.kill(staff[victim])
-            staff[victim] = here.worker(job_lease_seconds=LEASE_SECONDS)
-            tally.workers_killed += 1
-            tally.workers_started += 1
+            grown = [number for number in range(workers) if time.monotonic() - hired[number] > START_SECONDS]
+            if grown:
+                victim = rng.choice(grown)
+                here.kill(staff[victim])
+                staff[victim], hired[victim] = here.worker(job_lease_seconds=LEASE_SECONDS), time.monotonic()
+                tally.workers_killed += 1
+                tally.workers_started += 1
             for share in [share for share in trouble if sender.sent >= share * jobs]:
                 if trouble.pop(share) == "api":
                     here.kill(api)
