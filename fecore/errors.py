@@ -55,6 +55,11 @@ class UpdatingError(FecoreError):
         self.best = dict(best)
         self.history = history
 
+    @property
+    def details(self) -> dict[str, object]:
+        """What a failed job keeps: the best iterate and the misfit's history."""
+        return {"best": self.best, "history": list(self.history)}
+
     def __reduce__(self) -> tuple[type["UpdatingError"], tuple[str, dict[str, float], tuple[float, ...]]]:
         """Survive pickling, as `InputError`."""
         return type(self), (self.message, self.best, self.history)

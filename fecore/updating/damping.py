@@ -325,7 +325,7 @@ class _Problem:
         T = np.zeros((2 * m, x.size))
         columns, modes = self.count + np.arange(shift.size), self.nuisance.modes
         T[m:, : self.count] = self.law.basis(omega)
-        T[m + modes, columns] = (self.law.slope(omega) @ a)[modes] * base[modes]
+        T[m + modes, columns] = (self.law.slope(omega[modes]) @ a) * base[modes]
         T[m + self.free] = 0
         T[modes, columns] = 2 * base[modes] * omega[modes]
         T[m + self.free, self.count + shift.size + np.arange(own.size)] = np.exp(own)

@@ -29,6 +29,7 @@ _UNMEASURED_DEVIATION = 2.0  # and of the logarithm of its damping over the law'
 _FIRST_NOISE = 1e-3
 _FIRST_RATIO = 0.02  # of modes whose damping was not measured
 _SAME_OPTIMUM = 1e-3  # relative distance of coefficients that counts as one point
+_RIVAL = 10.0  # difference of negative log posteriors below which a second optimum is worth telling
 _SPREAD_OF_STARTS = 5.0
 
 
@@ -40,7 +41,8 @@ class DampingResult:
         fit: the fitted law, the best of all starts.
         start: (p,) coefficients that the measured damping ratios give: the model before stage 2.
         starts: how many starts were tried.
-        optima: coefficients of every different point that the starts converged to, the best first.
+        optima: coefficients of every different point that the starts converged to and that the data do not refute
+            against the best, which comes first.
         modal: the same data fitted with a ratio of its own for every measured mode.
         covariance: (p, p) with noise, stage 1's uncertainty and the law's discrepancy.
         sampled_covariance: (p, p) Gaussian approximation of the posterior given the damping ratios as the estimate took them.
@@ -209,7 +211,8 @@ class DampingStage:
         )
         sampled = self.sampled_ratios(tight)
         slope = law.basis(sampled.omega) / (2 * sampled.omega * sampled.ratio)[:, None]
-        optima = _different([fit.coefficients for fit in fits])
+        rivals = [fit.coefficients for fit in fits if fit.objective - best.objective < _RIVAL * self.scale]
+        optima = _different(rivals)
         return DampingResult(
             fit=best,
             start=start,

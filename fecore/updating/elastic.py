@@ -22,16 +22,20 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.correlation import Pairing, pair_modes
-from fecore.errors import UpdatingError
+from fecore.errors import InputError, UpdatingError
+from fecore.identification import turn_real
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel, ForwardState
-from fecore.updating.posterior import Verdict, discrepancy, verdicts
+from fecore.updating.posterior import Verdict, discrepancy, null_directions, verdicts
 
 FREQUENCY_DISCREPANCY = 0.002
 """Prior standard deviation of the model's error in a natural frequency, as a share of it, for the intervals."""
 
 THEORY_DISCREPANCY = 0.0005
 """The same for the estimate: what plate theory misses of a three-dimensional body's frequencies."""
+
+SHAPE_DISCREPANCY = 0.01
+"""Standard deviation of a measured shape about the model's at a point, as a share of the shape's largest entry."""
 
 _UNKNOWN_FREQUENCY_SD = 0.0002  # a typed-in frequency is taken to be this sure, as a share of it
 _MAX_ITERATIONS = 40
@@ -88,7 +92,11 @@ class ElasticResult:
 
 
 def update_elastic(
-    forward: ForwardModel, modes: MeasuredModes, progress: Callable[[float], None] = lambda _: None
+    forward: ForwardModel,
+    modes: MeasuredModes,
+    progress: Callable[[float], None] = lambda _: None,
+    *,
+    use_shapes: bool = False,
 ) -> ElasticResult:
     """Estimate the parameters from measured modes.
 
@@ -96,12 +104,16 @@ def update_elastic(
         forward: the model; its first points are those of the modes' shapes, in their order.
         modes: measured modes; without shapes they are paired by frequency.
         progress: told the share of the stage that is done.
+        use_shapes: fit realised shapes too; needs modes with shapes.
 
     Raises:
+        InputError: shapes are asked for and there are none.
         UpdatingError: no mode could be paired, or the iteration did not converge; it carries the best iterate.
         ModelError: the eigenproblem could not be solved.
     """
-    fit = _Fit(forward, modes)
+    if use_shapes and modes.shapes is None:
+        raise InputError("use_shapes", "the measured modes have no shapes at points of the model")
+    fit = _Fit(forward, modes, use_shapes)
     state = initial_state = forward.solve(forward.parametrisation.prior_mean)
     pairing = initial_pairing = fit.pair(state)
     spread = FREQUENCY_DISCREPANCY
@@ -140,6 +152,7 @@ class _Fit:
 
     forward: ForwardModel
     modes: MeasuredModes
+    use_shapes: bool = False
 
     def pair(self, state: ForwardState) -> Pairing:
         model_shapes = None if self.modes.shapes is None else state.shapes[:, : len(self.modes.dofs)]
@@ -166,13 +179,32 @@ class _Fit:
         S = state.frequency_jacobian[columns]
         prior = self.forward.parametrisation
         away = (state.theta - prior.prior_mean) / prior.prior_sd
+        missed, by = self.shape_residual(state, pairing)
         return _System(
-            cost=float(residual @ weight @ residual + away @ away) / 2,
-            gradient=-S.T @ weight @ residual + away / prior.prior_sd,
-            hessian=S.T @ weight @ S + np.diag(prior.prior_sd**-2),
+            cost=float(residual @ weight @ residual + away @ away + missed @ missed) / 2,
+            gradient=-S.T @ weight @ residual + away / prior.prior_sd - by.T @ missed,
+            hessian=S.T @ weight @ S + np.diag(prior.prior_sd**-2) + by.T @ by,
             sensitivity=S,
             weight=weight,
         )
+
+    def shape_residual(self, state: ForwardState, pairing: Pairing) -> tuple[FloatArray, FloatArray]:
+        """Realised measured less model shapes, each at its best scale, in standard deviations, and -∂/∂θ of them."""
+        count = state.theta.size
+        if not self.use_shapes or self.modes.shapes is None:
+            return np.zeros(0), np.zeros((0, count))
+        residuals, jacobians = [], []
+        points = len(self.modes.dofs)
+        for row, column in pairing.pairs:
+            measured = turn_real(self.modes.shapes[row]).real
+            measured = measured / np.abs(measured).max()
+            model = state.shapes[column, :points]
+            scale = measured @ model / (model @ model)
+            by = state.shape_jacobian[:, state.modes.rigid + column, :points]
+            across = by - np.outer(by @ model, model) / (model @ model)  # the best scale takes what lies along
+            residuals.append((measured - scale * model) / SHAPE_DISCREPANCY)
+            jacobians.append(scale * across.T / SHAPE_DISCREPANCY)
+        return np.concatenate(residuals), np.vstack(jacobians)
 
     def descend(
         self,
@@ -228,8 +260,6 @@ class _Fit:
         covariance = sampled + admitted
         rows = [row for row, _ in pairing.pairs]
         prior = self.forward.parametrisation
-        scaled = covariance / np.outer(prior.prior_sd, prior.prior_sd)
-        share, directions = np.linalg.eigh(scaled)
         return ElasticResult(
             theta=state.theta,
             covariance=covariance,
@@ -243,14 +273,11 @@ class _Fit:
             initial_pairing=initial_pairing,
             pairing=pairing,
             verdicts=verdicts(prior.names, prior.prior_sd, np.sqrt(np.diag(covariance))),
-            null_directions=directions.T[share > _NULL_SHARE],
+            null_directions=null_directions(covariance, prior.prior_sd),
             discrepancy=wide,
             history=history,
             warnings=pairing.messages(self.modes.frequency_hz, state.frequency_hz),
         )
-
-
-_NULL_SHARE = 0.9  # of the prior variance left along a direction that counts as unknown to the data
 
 
 def _measured_order(state: ForwardState, pairing: Pairing, count: int) -> FloatArray:

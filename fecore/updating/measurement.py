@@ -43,7 +43,7 @@ class Prepared:
         frfs: all usable FRFs.
         fitted: those that the fits see.
         held: those that are held out, or None.
-        modes: measured modes, with shapes along +z where the data give them.
+        modes: measured modes, with shapes along +z where the data give them; None where none were asked for.
         identification: how the modes were found; None where they were handed in.
         warnings: what a user must know.
     """
@@ -51,13 +51,18 @@ class Prepared:
     frfs: FrfSet
     fitted: FrfSet
     held: FrfSet | None
-    modes: MeasuredModes
+    modes: MeasuredModes | None
     identification: Identification | None
     warnings: tuple[str, ...]
 
 
-def prepare(measurement: Measurement, hold_out: HoldOut) -> Prepared:
+def prepare(measurement: Measurement, hold_out: HoldOut, *, find_modes: bool = True) -> Prepared:
     """Choose FRFs and find modes.
+
+    Args:
+        measurement: what was measured.
+        hold_out: what the fits must not see.
+        find_modes: False leaves modes and their shapes alone: the joint update needs none.
 
     Raises:
         InputError: no FRF can be used, a point has no coordinates, or the hold-out leaves nothing.
@@ -65,6 +70,8 @@ def prepare(measurement: Measurement, hold_out: HoldOut) -> Prepared:
     """
     frfs, warnings = _out_of_plane(measurement)
     fitted, held = _split(frfs, hold_out)
+    if not find_modes:
+        return Prepared(frfs, fitted, held, None, None, warnings)
     if measurement.modes is None:
         found = identify(fitted)
         return Prepared(frfs, fitted, held, found.modes, found, (*warnings, *found.warnings))

@@ -10,13 +10,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from fecore.damping import RAYLEIGH, CaugheySeries, DampingLaw, ModalDamping
+from fecore.damping import RAYLEIGH, CaugheySeries, DampingLaw, GeneralisedProportional, ModalDamping
 from fecore.errors import InputError
 from fecore.frf import FrfSet
+from fecore.modes import MeasuredModes
 from fecore.specimen import Specimen
 from fecore.updating.damping_stage import DampingResult, DampingStage
 from fecore.updating.elastic import ElasticResult, update_elastic
 from fecore.updating.forward import ForwardModel, modes_to_cover
+from fecore.updating.joint import update_jointly
 from fecore.updating.ladder import climb
 from fecore.updating.measurement import Measurement, Prepared, prepare
 from fecore.updating.parameters import Parametrisation, parametrise
@@ -33,8 +35,9 @@ LAWS: Mapping[str, DampingLaw] = {
     "caughey3": CaugheySeries("caughey3", (0, 1, 2)),
     "caughey4": CaugheySeries("caughey4", (0, 1, 2, 3)),
 }
-"""Damping laws by name, but for `modal`, which depends on the measured modes."""
+"""Damping laws by name, but for `generalised` and `modal`, which depend on the measured modes."""
 
+_ELASTIC = "updating the elastic constants"
 _EXTRA_MODES = 3  # beyond the measured ones, at least, so that neighbours can be paired
 
 
@@ -54,14 +57,12 @@ def update(
     recipe = recipe or Recipe()
     parametrisation = parametrise(specimen, recipe.parameters)
     progress("identifying the modes" if measurement.modes is None else "finding mode shapes", 0.0)
-    data = prepare(measurement, recipe.hold_out)
+    data = prepare(measurement, recipe.hold_out, find_modes=recipe.method == "two_stage")
     forward = _forward(specimen, parametrisation, measurement, data)
-    progress("updating the elastic constants", 0.4)
-    elastic = update_elastic(
-        forward, data.modes, lambda share: progress("updating the elastic constants", 0.4 + 0.2 * share)
-    )
+    progress(_ELASTIC, 0.4)
+    elastic, modes = _elastic(forward, data, recipe, lambda share: progress(_ELASTIC, 0.4 + 0.2 * share))
     band = _band(recipe, data.fitted, elastic)
-    stage = DampingStage(_inside(data.fitted, band, recipe), elastic, data.modes, recipe.weighting)
+    stage = DampingStage(_inside(data.fitted, band, recipe), elastic, modes, recipe.weighting)
     laws = _laws(recipe, stage.modal_law)
     damping = stage.fit(
         laws[0], many_starts=True, progress=lambda share: progress("updating the damping", 0.6 + 0.1 * share)
@@ -69,9 +70,21 @@ def update(
     ladder = climb(stage, laws)
     sampled = _sampled(recipe, elastic, stage, damping, progress)
     progress("correlating", 0.95)
-    result = Report(elastic, damping, ladder, data, band, recipe.hold_out.band_hz, sampled).result()
+    result = Report(elastic, damping, ladder, modes, data, band, recipe.hold_out.band_hz, sampled).result()
     progress("done", 1.0)
     return replace(result, warnings=(*data.warnings, *result.warnings))
+
+
+def _elastic(
+    forward: ForwardModel, data: Prepared, recipe: Recipe, progress: Callable[[float], None]
+) -> tuple[ElasticResult, MeasuredModes]:
+    """The elastic constants and the modes that they were judged by: stage 1, or the joint fit of the FRFs."""
+    if data.modes is not None:
+        return update_elastic(forward, data.modes, progress, use_shapes=recipe.use_shapes), data.modes
+    frfs = data.fitted if recipe.band_hz is None else data.fitted.band(*recipe.band_hz)
+    law = LAWS.get(recipe.damping_models[0], RAYLEIGH) if recipe.damping_models else RAYLEIGH
+    found = update_jointly(forward, _inside(frfs, (0.0, np.inf), recipe), law, recipe.seed, progress)
+    return found.elastic, found.modes
 
 
 def _sampled(
@@ -89,10 +102,12 @@ def _sampled(
 
 
 def _laws(recipe: Recipe, modal: ModalDamping) -> tuple[DampingLaw, ...]:
-    """The recipe's laws; `modal` has the measured modes as its knots."""
+    """The recipe's laws; `modal` has the measured modes as its knots, `generalised` turns in their middle."""
     if not recipe.damping_models:
         raise InputError("damping_models", "is empty, expected at least one")
-    known = {**LAWS, modal.name: modal}
+    middle = float(np.exp(np.mean(np.log(modal.knots))))
+    generalised = GeneralisedProportional(("constant", "root", "stiffness"), middle)
+    known: dict[str, DampingLaw] = {**LAWS, generalised.name: generalised, modal.name: modal}
     for index, name in enumerate(recipe.damping_models):
         if name not in known:
             raise InputError(f"damping_models.{index}", f"is {name!r}, expected one of {', '.join(known)}")
@@ -103,11 +118,12 @@ def _forward(
     specimen: Specimen, parametrisation: Parametrisation, measurement: Measurement, data: Prepared
 ) -> ForwardModel:
     """The forward model at all measured points, those of the modes' shapes first and in their order."""
-    first = [dof.point for dof in data.modes.dofs]
+    first = [] if data.modes is None else [dof.point for dof in data.modes.dofs]
     rest = sorted({dof.point for dof in (*data.frfs.responses, *data.frfs.references)} - set(first))
     points = (*first, *rest)
     places = np.array([measurement.points[point][:2] for point in points])
-    count = modes_to_cover(specimen, float(data.frfs.frequency_hz[-1]), len(data.modes) + _EXTRA_MODES)
+    measured = 0 if data.modes is None else len(data.modes)
+    count = modes_to_cover(specimen, float(data.frfs.frequency_hz[-1]), measured + _EXTRA_MODES)
     return ForwardModel(specimen, parametrisation, points, places, count)
 
 

@@ -15,6 +15,7 @@ from fecore.arrays import FloatArray
 
 _IDENTIFIABLE_INFORMATION = 0.5
 _DISCREPANCY_DOF = 4.0
+_NULL_SHARE = 0.9
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,13 @@ def verdicts(names: tuple[str, ...], prior_sd: FloatArray, posterior_sd: FloatAr
         Verdict(name, bool(share > _IDENTIFIABLE_INFORMATION), float(share))
         for name, share in zip(names, information, strict=True)
     )
+
+
+def null_directions(covariance: FloatArray, prior_sd: FloatArray) -> FloatArray:
+    """(d, p) unit vectors, in prior standard deviations, along which more than 0.9 of the prior variance is left."""
+    share, directions = np.linalg.eigh(covariance / np.outer(prior_sd, prior_sd))
+    unseen: FloatArray = directions.T[share > _NULL_SHARE]
+    return unseen
 
 
 def interval_95(estimate: float, standard_deviation: float) -> tuple[float, float]:

@@ -27,7 +27,9 @@ class Recipe:
     """All choices of one update; the defaults suit a first look.
 
     Attributes:
+        method: "two_stage", or "joint": constants and damping together from the FRFs, without modes.
         parameters: elastic parameters with their priors.
+        use_shapes: fit the mode shapes too, not the frequencies alone.
         damping_models: names of the damping laws to rank; the first is reported as parameters.
         weighting: residual of the damping update.
         band_hz: lines for the damping update; by default up to half-way past the highest measured mode.
@@ -36,8 +38,10 @@ class Recipe:
         seed: of everything random.
     """
 
+    method: Literal["two_stage", "joint"] = "two_stage"
     parameters: tuple[Parameter, ...] = DEFAULT_PARAMETERS
-    damping_models: tuple[str, ...] = ("rayleigh", "caughey3", "caughey4", "modal")
+    use_shapes: bool = False
+    damping_models: tuple[str, ...] = ("rayleigh", "caughey3", "caughey4", "generalised", "modal")
     weighting: Weighting = "noise"
     band_hz: tuple[float, float] | None = None
     hold_out: HoldOut = field(default_factory=HoldOut)

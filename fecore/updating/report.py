@@ -46,6 +46,7 @@ class Report:
 
     Attributes:
         elastic, damping, ladder: the stages.
+        modes: measured modes.
         data: the measurement as it was used.
         band: lines of stage 2, Hz.
         held_band: lines that the recipe held out, or None.
@@ -55,15 +56,11 @@ class Report:
     elastic: ElasticResult
     damping: DampingResult
     ladder: Ladder
+    modes: MeasuredModes
     data: Prepared
     band: tuple[float, float]
     held_band: tuple[float, float] | None
     sampled: Posterior | None
-
-    @property
-    def modes(self) -> MeasuredModes:
-        """The measured modes."""
-        return self.data.modes
 
     def result(self) -> UpdateResult:
         """The whole result."""
@@ -176,6 +173,7 @@ class Report:
             predicted = float(self.damping.fit.law_rate[number] / (2 * np.sqrt(self.damping.fit.eigenvalue[number])))
         return ModeComparison(
             number=row + 1,
+            kind=None if updated is None else self.elastic.updated.kinds[updated],
             measured_hz=measured,
             initial_hz=None if initial is None else float(self.elastic.initial.frequency_hz[initial]),
             updated_hz=frequency,

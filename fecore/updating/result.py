@@ -38,9 +38,13 @@ class ParameterEstimate:
 
 @dataclass(frozen=True)
 class ModeComparison:
-    """One measured mode beside the model's; None where there is no partner or nothing was measured."""
+    """One measured mode beside the model's; None where there is no partner or nothing was measured.
+
+    `kind` is the model's word for its motion: bending or torsion.
+    """
 
     number: int
+    kind: str | None
     measured_hz: float
     initial_hz: float | None
     updated_hz: float | None

@@ -14,7 +14,7 @@ from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
 from service.problems import Int64, StrictModel
 
 ConstantName = Literal["Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy", "density", "thickness"]
-DampingModel = Literal["rayleigh", "caughey3", "caughey4", "modal"]
+DampingModel = Literal["rayleigh", "caughey3", "caughey4", "generalised", "modal"]
 Frequency = Annotated[float, Field(ge=0, le=1e7, description="Hz")]
 Band = tuple[Frequency, Frequency]
 
@@ -41,6 +41,9 @@ class HoldOutIn(StrictModel):
 class RecipeIn(StrictModel):
     """How to use a campaign; `{}` will do for a first look."""
 
+    method: Literal["two_stage", "joint"] = Field(
+        "two_stage", description="joint: constants and damping together from the FRFs, without modes"
+    )
     mode_set: UUID | None = Field(None, description="measured modes; without it they are identified from the FRFs")
     parameters: list[ParameterIn] | None = Field(
         None, max_length=20, description="default: Ex, Ey, Gxy, Gxz, and Gyz tied to Gxz, nominal ± 30 %"
@@ -48,8 +51,9 @@ class RecipeIn(StrictModel):
     prior_from_coupon_batch: UUID | None = Field(
         None, description="means and spreads of the constants that the batch gives, where the recipe states none"
     )
+    use_shapes: bool = Field(False, description="fit the mode shapes too, not the frequencies alone")
     damping_models: list[DampingModel] = Field(
-        ["rayleigh", "caughey3", "caughey4", "modal"],
+        ["rayleigh", "caughey3", "caughey4", "generalised", "modal"],
         min_length=1,
         max_length=10,
         description="laws to rank; the first one's coefficients are reported as parameters",
@@ -63,9 +67,11 @@ class RecipeIn(StrictModel):
     def to_core(self) -> core.Recipe:
         """The recipe as the core takes it; priors of a coupon batch are put in by who loads the batch."""
         return core.Recipe(
+            method=self.method,
             parameters=DEFAULT_PARAMETERS
             if self.parameters is None
             else tuple(Parameter(**parameter.model_dump()) for parameter in self.parameters),
+            use_shapes=self.use_shapes,
             damping_models=tuple(self.damping_models),
             weighting=self.weighting,
             band_hz=self.band_hz,

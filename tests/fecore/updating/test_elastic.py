@@ -92,6 +92,7 @@ def test_modes_unlike_the_model_are_refused(forward: ForwardModel) -> None:
     with pytest.raises(UpdatingError, match="no measured mode is like any mode") as caught:
         update_elastic(forward, MeasuredModes(np.array([50.0, 90.0]), np.array([0.01, 0.01]), shapes, dofs))
     assert set(caught.value.best) == set(forward.parametrisation.names)
+    assert caught.value.details == {"best": caught.value.best, "history": []}
 
 
 def test_progress_is_told_and_can_stop(forward: ForwardModel) -> None:

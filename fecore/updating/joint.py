@@ -1,0 +1,177 @@
+"""Elastic constants and damping from the FRFs without modes (beyond the paper).
+
+The two-stage update needs modes. Where FRFs do not let them be identified one by one, the model itself can tell them apart: its
+own shapes say what each mode contributes to each FRF, and only frequencies and damping are left to find. So two fits take
+turns until the constants stand still:
+
+    1. frequency shifts δ_k and damping ratios ζ_k of the model's modes, from the FRFs with the model's shapes;
+    2. constants θ from the shifted frequencies ω_k (1 + δ_k), as stage 1, modes kept apart by their shapes.
+
+A shape of the model is good enough to tell modes apart but not to tell constants by: plate theory's error in it would pass for
+data. The FRF misfit has one narrow valley for each way in which model and measured resonances can be matched, so the search
+starts from the best of many draws from the prior, compared by the logarithm of their magnitudes on few lines, where valleys
+are wide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import qmc
+
+from fecore.arrays import ComplexArray, FloatArray
+from fecore.damping import DampingLaw
+from fecore.errors import UpdatingError
+from fecore.frf import Dof, FrfSet
+from fecore.identification.noise import residual_variance
+from fecore.modes import MeasuredModes
+from fecore.updating.damping import DampingFit, FrfMisfit, Nuisance, Weighting, fit_law
+from fecore.updating.damping_stage import nearest_positive
+from fecore.updating.elastic import ElasticResult, update_elastic
+from fecore.updating.forward import OUT_OF_PLANE, ForwardModel
+
+_DRAWS = 512
+_DRAWN_SD = 1.0  # draws cover so many of the prior's standard deviations to either side
+_COARSE_LINES = 150
+_RATIOS = (0.01, 0.03, 0.08)  # damping ratios that the search tries
+_STARTS = 3
+_TURNS = 12
+_STILL = 0.01  # posterior standard deviations that the constants may move in the last turn
+_SHIFT_SD = 0.05  # prior standard deviation of a shift, while the model is not right yet
+_OTHERS_SHIFT_SD = 0.02  # the same for modes above the band
+_DEVIATION = 1.0  # of the logarithm of a mode's damping over the law's, which here only has to hold rigid modes
+
+
+@dataclass(frozen=True)
+class JointResult:
+    """What the turns ended with: the constants, and the modes that the FRFs show through the model's shapes."""
+
+    elastic: ElasticResult
+    modes: MeasuredModes
+
+
+def update_jointly(
+    forward: ForwardModel, frfs: FrfSet, law: DampingLaw, seed: int, progress: Callable[[float], None] = lambda _: None
+) -> JointResult:
+    """Estimate constants and damping from FRFs alone.
+
+    Raises:
+        UpdatingError: no start led to constants that stand still; it carries the last.
+    """
+    starts = _search(forward, frfs, law, seed, lambda share: progress(0.5 * share))
+    found: list[tuple[float, JointResult]] = []
+    failure = UpdatingError("no draw from the prior gives a physical specimen; widen or move the priors", {}, ())
+    for done, (theta, ratio) in enumerate(starts):
+        progress(0.5 + 0.5 * done / len(starts))
+        try:
+            found.append(_take_turns(forward, frfs, law, theta, ratio))
+        except UpdatingError as error:
+            failure = error
+    if not found:
+        raise failure
+    return min(found, key=lambda row: row[0])[1]
+
+
+def _search(
+    forward: ForwardModel, frfs: FrfSet, law: DampingLaw, seed: int, progress: Callable[[float], None]
+) -> list[tuple[FloatArray, float]]:
+    """The best starts among draws from the prior: least mean difference of log magnitudes."""
+    prior = forward.parametrisation
+    draws = qmc.Sobol(prior.prior_mean.size, seed=seed).random(_DRAWS)
+    thetas = prior.prior_mean + _DRAWN_SD * (2 * draws - 1) * prior.prior_sd
+    lines = frfs.frequency_hz[:: max(1, frfs.frequency_hz.size // _COARSE_LINES)]
+    measured = _log_magnitude(frfs.values[:, :: max(1, frfs.frequency_hz.size // _COARSE_LINES)])
+    ranked: list[tuple[float, FloatArray, float]] = []
+    for done, theta in enumerate(thetas):
+        progress(done / len(thetas))
+        if not prior.is_physical(theta):
+            continue
+        model = forward.solve(theta).frf_model(frfs.responses, frfs.references)
+        omega = model.omega[model.omega > 0]
+        for ratio in _RATIOS:
+            rate = law.basis(model.omega) @ nearest_positive(law, omega, np.full(omega.size, ratio))
+            if np.all(rate[model.omega > 0] > 0):
+                off = measured - _log_magnitude(model.synthesise(lines, rate, frfs.quantity))
+                ranked.append((float(np.mean(np.abs(off))), theta, ratio))
+    ranked.sort(key=lambda row: row[0])
+    return _apart([(theta, ratio) for _, theta, ratio in ranked], prior.prior_sd)
+
+
+def _log_magnitude(values: ComplexArray) -> FloatArray:
+    magnitude: FloatArray = np.log(np.maximum(np.abs(values), 1e-300))
+    return magnitude
+
+
+def _apart(starts: list[tuple[FloatArray, float]], sd: FloatArray) -> list[tuple[FloatArray, float]]:
+    """The first few starts that are not next to one another."""
+    kept: list[tuple[FloatArray, float]] = []
+    for theta, ratio in starts:
+        if all(np.max(np.abs(theta - other) / sd) > 0.1 for other, _ in kept):
+            kept.append((theta, ratio))
+        if len(kept) == _STARTS:
+            break
+    return kept
+
+
+def _take_turns(
+    forward: ForwardModel, frfs: FrfSet, law: DampingLaw, theta: FloatArray, ratio: float
+) -> tuple[float, JointResult]:
+    """Fit modes through the model's shapes and constants to the modes, in turn; the misfit left, and the result.
+
+    Raises:
+        UpdatingError: the constants do not come to rest, or a fit fails.
+    """
+    variance: FloatArray = np.ones(frfs.values.shape)
+    weighting: Weighting = "log" if np.all(frfs.values != 0) else "linear"
+    start: FloatArray | None = None
+    for _ in range(_TURNS):
+        modes, fit, misfit = _modes_through(forward, frfs, law, theta, start, ratio, weighting, variance)
+        elastic = update_elastic(forward, modes)
+        predicted = misfit.predict(fit.eigenvalue, fit.rate)
+        variance = residual_variance(frfs.values - predicted, predicted, np.ones(predicted.shape, dtype=bool), 0)
+        moved = np.abs(elastic.theta - theta) / np.sqrt(np.diag(elastic.covariance))
+        settled = weighting == "noise" and moved.max() < _STILL
+        theta, start, weighting = elastic.theta, fit.coefficients, "noise"
+        if settled:
+            left = float(np.sum(np.abs(frfs.values - predicted) ** 2) / np.sum(np.abs(frfs.values) ** 2))
+            return left, JointResult(elastic, modes)
+    best = dict(zip(forward.parametrisation.names, map(float, theta), strict=True))
+    raise UpdatingError(f"the joint update did not come to rest in {_TURNS} turns", best, ())
+
+
+def _modes_through(
+    forward: ForwardModel,
+    frfs: FrfSet,
+    law: DampingLaw,
+    theta: FloatArray,
+    start: FloatArray | None,
+    ratio: float,
+    weighting: Weighting,
+    variance: FloatArray,
+) -> tuple[MeasuredModes, DampingFit, FrfMisfit]:
+    """Shifts and damping ratios of the model's modes in the band, as measured modes with the model's shapes."""
+    state = forward.solve(theta)
+    model = state.frf_model(frfs.responses, frfs.references)
+    elastic = np.arange(state.modes.rigid, model.omega.size)
+    inside = elastic[model.omega[elastic] < frfs.omega[-1]]
+    others = np.setdiff1d(elastic, inside)
+    if inside.size == 0:
+        raise UpdatingError("the model has no mode in the band", {}, ())
+    if start is None:
+        start = nearest_positive(law, model.omega[elastic], np.full(elastic.size, ratio))
+    nuisance = Nuisance(
+        modes=np.concatenate([inside, others]),
+        first_shift=np.zeros(elastic.size),
+        shift_sd=np.concatenate([np.full(inside.size, _SHIFT_SD), np.full(others.size, _OTHERS_SHIFT_SD)]),
+        deviation_sd=np.full(elastic.size, _DEVIATION),
+    )
+    misfit = FrfMisfit(frfs, model, weighting, variance)
+    fit = fit_law(misfit, law, start, nuisance)
+    omega = np.sqrt(fit.eigenvalue[inside])
+    measured = fit.rate[inside] / (2 * omega)
+    order = np.argsort(omega, kind="stable")
+    shapes = state.all_shapes[inside][order]
+    dofs = tuple(Dof(point, OUT_OF_PLANE) for point in forward.points)
+    return MeasuredModes(omega[order] / (2 * np.pi), measured[order], shapes + 0j, dofs), fit, misfit
