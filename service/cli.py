@@ -13,6 +13,8 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
+from service.client.app import add_commands
+
 # What a command needs is imported when it runs: a child of the worker imports this module too, and must start fast.
 
 app = typer.Typer(
@@ -25,6 +27,7 @@ db = typer.Typer(help="The database's schema.", no_args_is_help=True)
 keys = typer.Typer(help="API keys.", no_args_is_help=True)
 app.add_typer(db, name="db")
 app.add_typer(keys, name="keys")
+add_commands(app)
 
 Data = Annotated[Path | None, typer.Option(help="Folder of the embedded database [MODALBASE_DATA]")]
 Host = Annotated[str | None, typer.Option(help="Address to listen on [MODALBASE_HOST]")]
@@ -34,6 +37,22 @@ Attached = Annotated[bool, typer.Option("--attached", hidden=True, help="End whe
 
 def main() -> None:
     """Run the command; what goes wrong on purpose is one line on standard error."""
+    signal.signal(signal.SIGTERM, _leave)
+    try:
+        app()
+    except Exception as error:
+        if (told := _told(error)) is None:
+            raise
+        _stop_with(*told)
+
+
+def _told(error: Exception) -> tuple[str, int] | None:
+    """The line and the exit code of an error that is raised on purpose; None of any other."""
+    from service.client.errors import ClientError
+
+    if isinstance(error, ClientError):
+        return str(error), error.code
+
     from sqlalchemy.exc import OperationalError
 
     from service.db.engine import DatabaseUrlError
@@ -41,18 +60,16 @@ def main() -> None:
     from service.problems.errors import ServiceError
     from service.supervisor import StartError
 
-    signal.signal(signal.SIGTERM, _leave)
-    try:
-        app()
-    except (DatabaseUrlError, SchemaError, StartError, ServiceError) as error:
-        _stop_with(str(error))
-    except OperationalError as error:
-        _stop_with(f"the database does not answer: {error.orig}")
+    if isinstance(error, DatabaseUrlError | SchemaError | StartError | ServiceError):
+        return str(error), 1
+    if isinstance(error, OperationalError):
+        return f"the database does not answer: {error.orig}", 1
+    return None
 
 
-def _stop_with(message: str) -> NoReturn:
+def _stop_with(message: str, code: int = 1) -> NoReturn:
     typer.echo(f"modalbase: {message}", err=True)
-    sys.exit(1)
+    sys.exit(code)
 
 
 def _leave(_signal: int, _frame: FrameType | None) -> NoReturn:

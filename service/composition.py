@@ -24,6 +24,7 @@ from service.monitoring.routes import router as monitoring
 from service.monitoring.webhook_routes import router as webhooks
 from service.structures.routes import router as structures
 from service.updating.operations import UPDATE
+from service.updating.prediction_routes import router as predictions
 from service.updating.routes import router as updating
 
 ROUTERS: tuple[APIRouter, ...] = (
@@ -37,6 +38,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     identifications,
     coupons,
     updating,
+    predictions,
     monitoring,
     webhooks,
 )

@@ -73,6 +73,11 @@ class FrfTable:
         """Whether any of the FRFs has one."""
         return any(frf.coherence_sha256 is not None for frf in self.frfs)
 
+    @property
+    def description(self) -> str:
+        """A second line beside each label, in files that have one."""
+        return "NONE"
+
     def spectra(self, session: Session) -> Iterator[tuple[Frf, Values]]:
         """Each FRF with its (L,) values, in order."""
         for frf, data in _fetch(session, self.frfs, "data"):

@@ -1,4 +1,4 @@
-"""Tables of FRFs as files: JSON, npz, CSV, UFF. Written row by row, so that memory does not grow with their number."""
+"""Tables of FRFs as files: JSON, npz, CSV, Arrow, UFF. Written row by row, so that memory does not grow with their number."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from numpy.lib import format as npy
 from sqlalchemy.orm import Session
 
 from service.campaigns import uff
+from service.campaigns.frf_arrow import write_arrow
 from service.campaigns.frf_data import FrfTable, only_table
 from service.campaigns.frf_schemas import UNITS
 from service.campaigns.grid_points import stored_points
@@ -120,6 +121,7 @@ FORMATS: dict[str, Format] = {
     "json": Format("application/json", "json", _alone(write_json)),
     "npz": Format("application/x-npz", "npz", _alone(write_npz)),
     "csv": Format("text/csv", "csv", _alone(write_csv)),
+    "arrow": Format("application/vnd.apache.arrow.stream", "arrows", _alone(write_arrow)),
     "uff": Format("application/x-uff", "uff", partial(write_uff, binary=True), one_table=False),
     "uff-ascii": Format("text/x-uff", "uff", partial(write_uff, binary=False), one_table=False),
 }
@@ -133,7 +135,7 @@ def _functions(session: Session, tables: Sequence[FrfTable]) -> Iterator[uff.Con
         both = zip(table.spectra(session), table.coherences(session), strict=True)
         for (frf, values), (_, coherence) in both:
             dofs = {key: getattr(frf, key) for key in KEYS}
-            ids = (frf.label, "NONE", "NONE", "NONE", "NONE")
+            ids = (frf.label, table.description, "NONE", "NONE", "NONE")
             yield uff.Frf(
                 dataset=0,
                 label=frf.label,

@@ -61,7 +61,7 @@ def _filter(
 
 FilterDep = Annotated[frfs.FrfFilter, Depends(_filter)]
 Stride = Annotated[int, Query(ge=1, le=1_000_000, description="every how many-th line")]
-Format = Annotated[str | None, Query(alias="format", description="json, npz, csv, uff (58b), uff-ascii (58)")]
+Format = Annotated[str | None, Query(alias="format", description="json, npz, csv, arrow, uff (58b), uff-ascii (58)")]
 Accept = Annotated[str | None, Header(include_in_schema=False)]
 
 
@@ -120,7 +120,7 @@ def get_campaign_data(
     file_format: Format = None,
     accept: Accept = None,
 ) -> Response:
-    """Spectra of a campaign's FRFs, with their band and stride, as JSON, npz, CSV or UFF.
+    """Spectra of a campaign's FRFs, with their band and stride, as JSON, npz, CSV, Arrow or UFF.
 
     UFF holds the grid points too, and FRFs of any axes and quantities; the others need one axis and one quantity.
     """
@@ -150,7 +150,7 @@ def get_frf_data(
     file_format: Format = None,
     accept: Accept = None,
 ) -> Response:
-    """Spectrum of one FRF, in a band and with a stride if wanted, as JSON, npz, CSV or UFF."""
+    """Spectrum of one FRF, in a band and with a stride if wanted, as JSON, npz, CSV, Arrow or UFF."""
     row = frfs.frf_for(session, user, frf_id)
     tables = make_tables(session, [row], Cut(fmin, fmax, stride))
     return _file(session, tables, choose_format(file_format, accept, MEDIA_TYPES), request)

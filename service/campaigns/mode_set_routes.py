@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+from typing import Annotated, Any
 from uuid import UUID
 
-from fastapi import Response
+from fastapi import Header, Query, Response
 from sqlalchemy import select
 
 from service.access import CurrentUser, Cursor, Limit, SessionDep, paged
 from service.campaigns import mode_sets
+from service.campaigns.downloads import spooled
+from service.campaigns.mode_formats import write_uff
 from service.campaigns.mode_schemas import ModeSetIn, ModeSetOut
+from service.campaigns.negotiation import choose_format
 from service.campaigns.operations import campaign_for
 from service.campaigns.tables import ModeSet
 from service.problems import Page, api_router
 
 router = api_router(tags=["mode sets"])
+
+MEDIA_TYPES = {"json": "application/json", "uff": "text/x-uff"}
+UFF: dict[int | str, dict[str, Any]] = {200: {"content": {MEDIA_TYPES["uff"]: {}}}}
 
 
 @router.post("/campaigns/{campaign_id}/mode-sets", status_code=201)
@@ -39,7 +46,19 @@ def list_mode_sets(
     return Page(items=mode_sets.describe_all(session, rows), next_cursor=following)
 
 
-@router.get("/mode-sets/{mode_set_id}")
-def get_mode_set(mode_set_id: UUID, session: SessionDep, user: CurrentUser) -> ModeSetOut:
-    """A mode set."""
-    return mode_sets.describe_all(session, [mode_sets.mode_set_for(session, user, mode_set_id)])[0]
+@router.get("/mode-sets/{mode_set_id}", response_model=ModeSetOut, responses=UFF)
+def get_mode_set(
+    mode_set_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    file_format: Annotated[
+        str | None, Query(alias="format", description="json or uff (set 55); else by Accept")
+    ] = None,
+    accept: Annotated[str | None, Header(include_in_schema=False)] = None,
+) -> ModeSetOut | Response:
+    """A mode set, as JSON or as a UFF file of grid points and mode shapes."""
+    mode_set = mode_sets.mode_set_for(session, user, mode_set_id)
+    if choose_format(file_format, accept, MEDIA_TYPES) == "uff":
+        media_type = MEDIA_TYPES["uff"]
+        return spooled(lambda file: write_uff(session, mode_set, file), media_type, "modes.uff", {"Vary": "Accept"})
+    return mode_sets.describe_all(session, [mode_set])[0]

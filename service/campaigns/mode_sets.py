@@ -89,7 +89,7 @@ def load_modes(session: Session, mode_set_id: UUID) -> MeasuredModes:
     that all of them share. Typed-in standard deviations become a diagonal covariance where every mode has them.
     """
     mode_set = session.get_one(ModeSet, mode_set_id)
-    rows = [row for row in _modes(session, [mode_set.id])[mode_set.id] if row.frequency_hz > 0]
+    rows = [row for row in modes_of(session, [mode_set.id])[mode_set.id] if row.frequency_hz > 0]
     dofs = _shared_dofs(rows)
     return MeasuredModes(
         frequency_hz=np.array([row.frequency_hz for row in rows]),
@@ -102,7 +102,7 @@ def load_modes(session: Session, mode_set_id: UUID) -> MeasuredModes:
 
 def describe_all(session: Session, mode_sets: Sequence[ModeSet]) -> list[ModeSetOut]:
     """Mode sets as clients see them."""
-    modes = _modes(session, [mode_set.id for mode_set in mode_sets])
+    modes = modes_of(session, [mode_set.id for mode_set in mode_sets])
     return [
         ModeSetOut(
             id=s.id,
@@ -163,15 +163,16 @@ def _mode(row: Mode) -> ModeOut:
     )
 
 
-def _modes(session: Session, ids: Sequence[UUID]) -> dict[UUID, list[Mode]]:
+def modes_of(session: Session, ids: Sequence[UUID]) -> dict[UUID, list[Mode]]:
+    """Modes of each set, in order."""
     found: dict[UUID, list[Mode]] = {i: [] for i in ids}
     for row in session.scalars(select(Mode).where(Mode.mode_set_id.in_(ids)).order_by(Mode.mode_set_id, Mode.number)):
         found[row.mode_set_id].append(row)
     return found
 
 
-def _shape_of(row: Mode) -> dict[tuple[int, int], complex]:
-    """(point, axis) to the value along the positive axis."""
+def shape_of(row: Mode) -> dict[tuple[int, int], complex]:
+    """(point, axis) to the value along the positive axis; empty where the mode has no shape."""
     shape = row.shape or {"point": [], "direction": [], "real": [], "imag": []}
     return {
         (p, abs(d)): complex(re, im) * (1 if d > 0 else -1)
@@ -183,14 +184,14 @@ def _shared_dofs(rows: Sequence[Mode]) -> list[Dof]:
     """Degrees of freedom that every mode has; axes along which no mode moves anywhere were not measured."""
     if not rows or any(row.shape is None for row in rows):
         return []
-    shapes = [_shape_of(row) for row in rows]
+    shapes = [shape_of(row) for row in rows]
     moving = {axis for shape in shapes for (_, axis), value in shape.items() if value != 0}
     shared = set.intersection(*(set(shape) for shape in shapes))
     return [Dof(point, axis) for point, axis in sorted(shared) if axis in moving]
 
 
 def _values_at(row: Mode, dofs: Sequence[Dof]) -> list[complex]:
-    shape = _shape_of(row)
+    shape = shape_of(row)
     return [shape[dof.point, dof.axis] for dof in dofs]
 
 

@@ -39,6 +39,7 @@ def test_contracts_hold(copy: Path) -> None:
         ("service/db/engine.py", "import service.access.tables", "service: imports run downwards only"),
         ("service/structures/tables.py", "import service.campaigns.tables", "service: imports run downwards only"),
         ("service/jobs/child.py", "import service.app", "service: imports run downwards only"),
+        ("service/client/jobs.py", "import service.settings", "client: HTTP alone"),
     ],
 )
 def test_contracts_catch_a_fault(copy: Path, file: str, fault: str, contract: str) -> None:

@@ -101,3 +101,41 @@ def test_the_core_gets_modes_with_shared_dofs_and_covariance(
     np.testing.assert_array_equal(measured.shapes, [[1 + 0.5j, 0.25], [1 + 0.5j, 0.25]])
     assert measured.covariance is not None
     np.testing.assert_allclose(np.diag(measured.covariance), [0.01, 0.01, 4e-6, 4e-6], rtol=1e-14)
+
+
+def test_a_mode_set_goes_out_as_set_55_and_comes_back(
+    api: httpx.Client, new_campaign: Callable[..., str], imported: Callable[..., dict[str, Any]], checked: Checked
+) -> None:
+    points = {"items": [{"label": n, "x_m": 0.1 * n, "y_m": 0, "z_m": 0} for n in (1, 2)]}
+    shapes = [[(1, 3, 1.0, 0.0), (2, -3, 0.25, 0.0)], [(1, 3, 0.5, -0.125), (2, 3, -1.0, 0.0)]]
+    modes = [
+        {
+            "frequency_hz": f,
+            "damping_ratio": z,
+            "shape": [dict(zip(("point", "direction", "real", "imag"), v, strict=True)) for v in shape],
+        }
+        for f, z, shape in zip((12.5, 80.0), (0.015625, 0.03125), shapes, strict=True)
+    ]
+    first, second = new_campaign(), new_campaign()
+    checked(api.put(f"campaigns/{first}/grid-points", json=points), 200)
+    made = checked(api.post(f"campaigns/{first}/mode-sets", json={"name": "hand", "modes": modes}), 201)
+    file = api.get(f"mode-sets/{made['id']}", params={"format": "uff"}).raise_for_status()
+    assert file.headers["content-type"].startswith("text/x-uff")
+    assert imported(second, file.content)["counts"] == {"frfs": 0, "grid_points": 2, "modes": 2}
+    (back,) = checked(api.get(f"campaigns/{second}/mode-sets"), 200)["items"]
+    for sent, got in zip(modes, back["modes"], strict=True):
+        # a complex mode travels as its eigenvalue, in columns of 12 characters
+        assert got["frequency_hz"] == pytest.approx(sent["frequency_hz"], rel=1e-6)
+        assert got["damping_ratio"] == pytest.approx(sent["damping_ratio"], rel=1e-5)
+        there = {(v["point"], v["direction"]): complex(v["real"], v["imag"]) for v in got["shape"]}
+        for v in sent["shape"]:
+            sign = 1 if v["direction"] > 0 else -1
+            assert there[v["point"], 3] == sign * complex(v["real"], v["imag"])
+
+
+def test_modes_without_shapes_cannot_be_a_set_55(api: httpx.Client, campaign: str, checked: Checked) -> None:
+    body = {"name": "x", "modes": [{"frequency_hz": 10}]}
+    made = checked(api.post(f"campaigns/{campaign}/mode-sets", json=body), 201)
+    problem = checked(api.get(f"mode-sets/{made['id']}", params={"format": "uff"}), 409)
+    assert "mode 1 has no shape" in problem["detail"]
+    checked(api.get(f"mode-sets/{made['id']}", params={"format": "npz"}), 422)
