@@ -1,0 +1,157 @@
+"""A year on a beam that works loose: twelve campaigns over HTTP, one alarm, told once, whoever dies in between."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import httpx
+import psycopg
+import pytest
+from receivers import receiver, signature_holds
+
+from examples.monitoring import State, measured_frfs, post_campaign, structure_body
+from service.db.engine import psycopg_url
+from service.settings import Settings
+from service.supervisor import LocalService, environment
+
+MONITOR = {
+    "name": "stringer",
+    "recipe": {"damping_models": ["rayleigh"], "parameters": [{"name": "Ex"}, {"name": "Gxy"}]},
+    "parameters": [{"name": "Ex"}, {"name": "a1"}],
+    "baseline": {"campaigns": 8},
+    "covariates": ["temperature_c"],
+}
+TEMPERATURE = (15.0, 22.0, None, 9.0, 18.0, 25.0, 12.0, 16.0, 20.0, None, 17.0, 14.0)
+LOOSE = 10  # first campaign with 4 % less stiffness; damping stays
+
+
+@pytest.fixture
+def service(new_database: Callable[[], str]) -> Iterator[LocalService]:
+    settings = Settings(
+        database_url=new_database(),
+        port=0,
+        log_level="error",
+        monitor_sweep_seconds=0.5,
+        webhook_networks="127.0.0.0/8",
+        delivery_pause_seconds=0.1,
+        job_lease_seconds=2.0,
+    )
+    with LocalService(settings) as running:
+        yield running
+
+
+def ok(answer: httpx.Response) -> Any:
+    assert answer.is_success, f"{answer.status_code}: {answer.text}"
+    return answer.json()
+
+
+def campaign(api: httpx.Client, structure: str, number: int) -> str:
+    temperature = TEMPERATURE[number]
+    climate = 1 - 0.001 * ((15.0 if temperature is None else temperature) - 15.0)
+    state = State(stiffness=0.96 if number >= LOOSE else 1.0, climate=climate)
+    when = datetime.now(UTC) - timedelta(days=30 * (12 - number))
+    body = {"name": f"campaign {number}", "performed_at": when.isoformat(), "temperature_c": temperature}
+    return post_campaign(api, structure, body, measured_frfs(state, number))
+
+
+@contextmanager
+def another_worker(service: LocalService) -> Iterator[subprocess.Popen[bytes]]:
+    """A worker in place of the one that was killed."""
+    settings = service.settings
+    process = subprocess.Popen([sys.executable, "-m", "service", "worker"], env=os.environ | environment(settings))
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def kill_while_it_runs(service: LocalService, worker: subprocess.Popen[bytes], kind: str) -> None:
+    """SIGKILL to a worker in the middle of a job of this kind."""
+    assert service.settings.database_url is not None
+    running = "SELECT count(*) FROM jobs WHERE state = 'running' AND kind = %s AND stage <> 'starting'"
+    with psycopg.connect(psycopg_url(service.settings.database_url), autocommit=True) as connection:
+        end = time.monotonic() + 60
+        while not connection.execute(running, [kind]).fetchone()[0]:  # type: ignore[index]
+            assert time.monotonic() < end, f"no job of kind {kind} came to run"
+            time.sleep(0.005)
+    worker.kill()
+    worker.wait()
+
+
+def until(condition: Callable[[], Any], what: str, seconds: float = 90) -> Any:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if found := condition():
+            return found
+        time.sleep(0.1)
+    raise AssertionError(f"not within {seconds} s: {what}")
+
+
+def test_one_alarm_told_once_though_two_workers_die(service: LocalService) -> None:
+    headers = {"Authorization": f"Bearer {service.new_key('laboratory')}"}
+    with (
+        receiver() as hook,
+        httpx.Client(base_url=f"{service.url}/api/v1/", headers=headers, timeout=60, trust_env=False) as api,
+    ):
+        project = ok(api.post("projects", json={"name": "bridge"}))["id"]
+        structure = ok(api.post(f"projects/{project}/structures", json=structure_body()))["id"]
+        monitor = ok(api.post(f"structures/{structure}/monitors", json={**MONITOR, "runs_on": "hand"}))["id"]
+        secret = ok(api.post("webhooks", json={"project": project, "url": hook.url}))["secret"]
+        made = [campaign(api, structure, number) for number in range(12)]
+        ok(api.post(f"monitors/{monitor}/runs", json={}))
+        kill_while_it_runs(service, service.processes["worker"], "update")
+        with another_worker(service) as second:
+            kill_while_it_runs(service, second, "judge")
+        with another_worker(service):
+            until(lambda: ok(api.get(f"monitors/{monitor}"))["state"] == "alarm", "the alarm")
+            until(lambda: hook.got, "the message")
+            check_series(api, monitor, made)
+            acknowledge(api, monitor)
+            until(lambda: ok(api.get(f"monitors/{monitor}"))["state"] == "acknowledged", "the acknowledgement")
+            hook.wait_for(2)
+            jobs = ok(api.get("update-jobs"))["items"]
+    assert len(jobs) == 12
+    assert {job["status"] for job in jobs} == {"succeeded"}
+    assert [event["type"] for event in hook.events()] == ["alarm.raised", "alarm.acknowledged"]
+    assert all(signature_holds(secret, *got) for got in hook.got)
+    told = json.loads(hook.got[0][1])["data"]
+    assert (told["alarm"]["parameter"], told["alarm"]["campaign_id"]) == ("Ex", made[LOOSE])
+    assert told["monitor"]["id"] == monitor
+
+
+def check_series(api: httpx.Client, monitor: str, made: list[str]) -> None:
+    series = ok(api.get(f"monitors/{monitor}/series"))
+    assert [c["campaign_id"] for c in series["campaigns"]] == made
+    ex, a1 = series["parameters"]
+    assert (ex["state"], a1["state"]) == ("alarm", "normal")
+    assert ex["baseline"]["campaign_ids"] == [c for i, c in enumerate(made[:9]) if i != 2]
+    assert f"left out of the baseline, a covariate is missing: {made[2]}" in ex["notes"]
+    assert any("a covariate was not measured" in note and made[9] in note for note in ex["notes"])
+    (slope,) = ex["baseline"]["covariates"]
+    assert slope["slope"] / 33.0e9 == pytest.approx(-0.001, rel=0.02)
+    last = ex["points"][-1]
+    assert last["corrected"] / ex["baseline"]["mean"] == pytest.approx(0.96, rel=1e-3)
+    assert not ex["points"][9]["judged"]["outside"]
+    assert last["judged"]["outside"]
+    assert ex["change_point"]["date"][:10] == ex["points"][LOOSE]["performed_at"][:10]
+    for file_format, begin in (("plotly", b"{"), ("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")):
+        answer = api.get(f"monitors/{monitor}/series/figure", params={"parameter": "Ex", "format": file_format})
+        assert answer.is_success, answer.text
+        assert answer.content.startswith(begin)
+
+
+def acknowledge(api: httpx.Client, monitor: str) -> None:
+    (alarm,) = ok(api.get("alarms", params={"monitor": monitor}))["items"]
+    seen = ok(api.post(f"alarms/{alarm['id']}/acknowledge", json={"note": "bolt 3 was loose"}))
+    assert (seen["state"], seen["note"], seen["acknowledged_by"]) == ("acknowledged", "bolt 3 was loose", "laboratory")
+    assert [step["event"] for step in seen["history"]] == ["raised", "acknowledged"]
+    assert api.post(f"alarms/{alarm['id']}/acknowledge", json={"note": "again"}).status_code == 409
