@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from service.demo.paper import MODES, uff_file
+from service.demo.paper import uff_file
 from service.supervisor import LocalService
 
 README = Path(__file__).parents[2] / "README.md"
@@ -18,7 +18,7 @@ def test_the_script_of_the_readme_updates_a_beam(service: LocalService, capsys: 
     script = script.replace("http://127.0.0.1:8000", service.url).replace('open(UFF_FILE, "rb").read()', "UFF_BYTES")
     exec(
         compile(script, "README.md", "exec"),
-        {"KEY": service.new_key("reader"), "UFF_BYTES": uff_file(), "MODES": MODES},
+        {"KEY": service.new_key("reader"), "UFF_BYTES": uff_file()},
     )
     printed = capsys.readouterr().out.splitlines()
     assert printed[0] == "succeeded"
