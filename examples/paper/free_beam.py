@@ -1,0 +1,129 @@
+"""Section 4: the same beam hung freely, L = 501 mm, four modes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from examples.paper import printing
+from examples.paper.published import (
+    FREE_CONVERGED,
+    FREE_DAMPING,
+    FREE_MEASURED_HZ,
+    FREE_PRINTED_THICKNESS,
+    FREE_UPDATED,
+    TABLE_4_COUPONS,
+    free_beam,
+)
+from examples.paper.synthesis import grid, measured_body, solve
+from fecore.modes import MeasuredModes
+from fecore.updating.measurement import Measurement
+from fecore.updating.parameters import Parameter
+from fecore.updating.pipeline import update
+from fecore.updating.recipe import Recipe
+from fecore.updating.result import UpdateResult
+
+SEED = 4
+RECIPE = Recipe(parameters=tuple(Parameter(name) for name in FREE_UPDATED))
+
+
+@dataclass(frozen=True)
+class Study:
+    """Everything of the free beam, with the printed thickness of 10.12 mm and with 10.00 mm.
+
+    Attributes:
+        paper_hz: (2, 4) the model's frequencies with the paper's updated constants.
+        updates: the job with Gxz and Gyz apart, on the measured modes and the FRFs made from them.
+    """
+
+    paper_hz: np.ndarray
+    updates: tuple[UpdateResult, UpdateResult]
+
+
+THICKNESSES = (FREE_PRINTED_THICKNESS, 0.010)
+
+
+def study() -> Study:
+    """Run both thicknesses."""
+    hz = [solve(free_beam(FREE_UPDATED, thickness)).frequency_hz[:4] for thickness in THICKNESSES]
+    thick, thin = (updated(thickness) for thickness in THICKNESSES)
+    return Study(np.array(hz), (thick, thin))
+
+
+def updated(thickness: float) -> UpdateResult:
+    """The job on FRFs whose rigid-body motion decays at the paper's a0, as mass-proportional damping says."""
+    paper, modes = free_beam(FREE_UPDATED, thickness), MeasuredModes(FREE_MEASURED_HZ, FREE_DAMPING)
+    frfs = measured_body(paper, FREE_MEASURED_HZ, FREE_DAMPING, SEED, rigid_rate=float(FREE_CONVERGED[0]))
+    return update(Measurement(frfs, grid(paper), modes), free_beam(TABLE_4_COUPONS, thickness), RECIPE)
+
+
+def report() -> None:
+    """Print ours beside the paper's."""
+    found = study()
+    thick, thin = ({row.name: row for row in result.parameters} for result in found.updates)
+    printing.heading("Section 4: free-free FRP beam")
+    printing.table(
+        "Natural frequencies, Hz",
+        ["mode", "measured", "paper's constants, 10.12 mm", "10.00 mm", "updated by us, 10.12 mm", "error %", "MAC"],
+        [
+            [
+                str(mode.number),
+                f"{mode.measured_hz:.2f}",
+                f"{a:.2f}",
+                f"{b:.2f}",
+                f"{mode.updated_hz:.2f}",
+                f"{mode.error_percent:+.2f}",
+                f"{mode.mac:.4f}",
+            ]
+            for mode, a, b in zip(found.updates[0].modes, *found.paper_hz, strict=True)
+        ],
+    )
+    printing.note(
+        """The paper prints no updated frequencies here. With its constants the first mode comes out 0.8 % low at 10.12 mm and
+        2.0 % low at 10.00 mm, so unlike the cantilever's these constants belong to the printed thickness, more or less; Gxy
+        and the third mode (torsion) stay 2 % low with either."""
+    )
+    printing.table(
+        "Updated constants, GPa (t = 10.12 mm; in brackets 10.00 mm)",
+        ["", "initial", "ours", "± 1 sd", "paper", "difference %", "identified"],
+        [
+            [
+                name,
+                f"{thick[name].initial / 1e9:.2f}",
+                f"{thick[name].estimate / 1e9:.2f} ({thin[name].estimate / 1e9:.2f})",
+                f"{thick[name].standard_deviation / 1e9:.2f}",
+                f"{paper / 1e9:.2f}",
+                f"{100 * (thick[name].estimate / paper - 1):+.2f}",
+                "by the data" if thick[name].identifiable else "no: the prior",
+            ]
+            for name, paper in FREE_UPDATED.items()
+        ],
+    )
+    printing.note(
+        """Ours fit the measured frequencies, so Ex and Gxy are higher than the paper's. Nothing in four modes tells Ey or
+        Gyz, and little tells Gxz: those three figures of the paper are its priors' or its regularisation's."""
+    )
+    _damping(found.updates[0])
+
+
+def _damping(result: UpdateResult) -> None:
+    own = np.array([row.estimate for row in result.parameters if row.name in ("a0", "a1")])
+    printing.beside("Damping", ["a0, 1/s", "a1, µs"], own * [1, 1e6], FREE_CONVERGED * [1, 1e6], ".3f")
+    omega = 2 * np.pi * FREE_MEASURED_HZ
+    paper = (FREE_CONVERGED[0] / omega + FREE_CONVERGED[1] * omega) / 2
+    law = np.array([mode.predicted_damping for mode in result.modes], dtype=float)
+    rows = [("measured", FREE_DAMPING), ("paper's pair", paper), ("ours", law)]
+    printing.table("Damping ratios, %", ["", *"1234"], [[name, *printing.percent(row).split()] for name, row in rows])
+    sac = (result.correlation.initial.sac, result.correlation.updated.sac)
+    printing.note(
+        f"""SAC, mean over the FRFs: {np.mean(sac[0]):.4f} before, {np.mean(sac[1]):.4f} after. "Almost exactly", as the paper
+        says of its pair, holds for modes 1 and 2; the torsion mode 3 (2.52 % measured) gets {100 * paper[2]:.2f} % from it and
+        {100 * law[2]:.2f} % from ours, because a Rayleigh law is smooth in frequency and modes 3 and 4 are neighbours."""
+    )
+    printing.note(
+        """The agreement of a0 is no independent evidence: rigid-body motion decays at a0 in a Rayleigh model, its share of
+        the FRFs is large at low frequency, and as the paper prints nothing of it, it was given the paper's a0 here."""
+    )
+    for warning in result.warnings:
+        printing.note(f"warning: {warning}")

@@ -1,0 +1,63 @@
+"""Tables on a terminal: our figure beside the paper's, and sentences on where they differ."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+
+import numpy as np
+
+from examples.paper.trials import Trials
+
+
+def heading(text: str) -> None:
+    """A section's title."""
+    print(f"\n{text}\n{'=' * len(text)}")
+
+
+def note(text: str) -> None:
+    """A sentence or two, wrapped."""
+    print(textwrap.fill(" ".join(text.split()), 110))
+
+
+def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """A plain table with right-aligned columns but for the first."""
+    cells = [list(columns), *[list(row) for row in rows]]
+    widths = [max(len(row[k]) for row in cells) for k in range(len(columns))]
+    print(f"\n{title}")
+    for row in cells:
+        first, *rest = (
+            cell.ljust(w) if k == 0 else cell.rjust(w) for k, (cell, w) in enumerate(zip(row, widths, strict=True))
+        )
+        print("  " + "  ".join([first, *rest]))
+
+
+def beside(title: str, names: Sequence[str], ours: Sequence[float], paper: Sequence[float], form: str = ".2f") -> None:
+    """Our figures beside the paper's with their difference in per cent."""
+    rows = [
+        [n, f"{a:{form}}", f"{b:{form}}", f"{100 * (a / b - 1):+.2f}"]
+        for n, a, b in zip(names, ours, paper, strict=True)
+    ]
+    table(title, ["", "ours", "paper", "difference %"], rows)
+
+
+def trials(title: str, result: Trials, paper: np.ndarray) -> None:
+    """Starts, ends and SAC of each trial, and the paper's end."""
+    rows = [
+        [f"trial {k + 1}", *map(_pair, (start, end)), str(steps), f"{before:.4f}", f"{after:.4f}"]
+        for k, (start, end, steps, before, after) in enumerate(
+            zip(result.starts, result.found, result.iterations, result.sac_before, result.sac_after, strict=True)
+        )
+    ]
+    rows.append(["paper", "", _pair(paper), "", "", ""])
+    table(title, ["", "start a0, a1", "end a0, a1", "steps", "SAC before", "after"], rows)
+    print(f"  the ends lie within {100 * result.spread:.1e} % of each other")
+
+
+def percent(values: np.ndarray) -> str:
+    """Ratios as per cent, in a row."""
+    return " ".join(f"{100 * value:.2f}" for value in values)
+
+
+def _pair(point: np.ndarray) -> str:
+    return f"{point[0]:.2f}, {point[1]:.2e}"
