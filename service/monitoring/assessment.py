@@ -45,7 +45,13 @@ def judge_if_changed(session: Session, monitor: Monitor, series: MonitorSeries, 
     if not pairs and series.digest is None:
         return
     digest = _digest(session, monitor, pairs, now)
-    if digest == series.digest or not _free(session, series, digest):
+    if digest == series.digest:
+        return
+    state, last_digest = _last(session, series)
+    if state in ("queued", "running"):
+        return
+    if state == "failed" and last_digest == digest:
+        set_state(session, monitor, "no data")  # what cannot be judged is not known to be well
         return
     project = session.get_one(Structure, monitor.structure_id).project_id
     job = enqueue(session, kind=JUDGE, project_id=project, priority=FIRST)
@@ -53,8 +59,8 @@ def judge_if_changed(session: Session, monitor: Monitor, series: MonitorSeries, 
     session.flush()
 
 
-def _free(session: Session, series: MonitorSeries, digest: str) -> bool:
-    """No judgement is under way, and the last one was not of the same and failed."""
+def _last(session: Session, series: MonitorSeries) -> tuple[str | None, str | None]:
+    """How the latest judgement stands, and of what it was."""
     last = session.execute(
         select(Job.state, MonitorAssessment.digest)
         .join(Job, Job.id == MonitorAssessment.id)
@@ -62,7 +68,7 @@ def _free(session: Session, series: MonitorSeries, digest: str) -> bool:
         .order_by(MonitorAssessment.id.desc())
         .limit(1)
     ).one_or_none()
-    return last is None or (last[0] not in ("queued", "running") and (last[0] == "succeeded" or last[1] != digest))
+    return (None, None) if last is None else (last[0], last[1])
 
 
 def _digest(session: Session, monitor: Monitor, pairs: list[tuple[Seen, MonitorRun]], now: datetime) -> str:
