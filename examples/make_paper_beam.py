@@ -51,7 +51,9 @@ def grid_points() -> dict[int, tuple[float, float, float]]:
 def accelerances(points: dict[int, tuple[float, float, float]]) -> np.ndarray:
     """(33, lines) accelerance at the accelerometer for a hammer at each point, m/s² per N, without noise."""
     places = np.array(list(points.values()))[:, :2]
-    state = ForwardModel(BEAM, parametrise(BEAM), tuple(points), places, MODES).solve(parametrise(BEAM).prior_mean)
+    parametrisation = parametrise(BEAM)
+    forward = ForwardModel(BEAM, parametrisation, tuple(points), places, MODES, reduced=False)
+    state = forward.solve(parametrisation.prior_mean)
     hammer = [Dof(point, 3) for point in points]
     model = state.frf_model([Dof(ACCELEROMETER, 3)] * len(hammer), hammer)
     omega = model.omega.copy()
