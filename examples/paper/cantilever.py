@@ -140,9 +140,9 @@ def _damping(found: Study) -> None:
         f"""One point from every start, as in the paper. Its pair cannot be compared digit by digit: its FRFs are not
         published, and those made here from Table 3 are no Rayleigh body's ({printing.percent(TABLE_3_DAMPING)} %), so the
         best pair depends on the weights: w = 1 follows the highest peaks, which are those of modes 4 and 5, and gives mode
-        1 away; relative and log residuals weigh all lines alike. On a body that follows the law the whole default job, identification included,
-        gives a0 = {rows["a0"].estimate:.2f} ± {rows["a0"].standard_deviation:.2f} 1/s and a1 = {rows["a1"].estimate:.3e} ±
-        {rows["a1"].standard_deviation:.0e} s back (true: 42.25 and 1.10e-5)."""
+        1 away; relative and log residuals weigh all lines alike. On a body that follows the law the whole default job,
+        identification included, gives a0 = {rows["a0"].estimate:.2f} ± {rows["a0"].standard_deviation:.2f} 1/s and
+        a1 = {rows["a1"].estimate:.3e} ± {rows["a1"].standard_deviation:.0e} s back (true: 42.25 and 1.10e-5)."""
     )
     omega = 2 * np.pi * TABLE_3_MEASURED_HZ
 
