@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from typing import Any
 
 import httpx
 import pytest
@@ -95,8 +96,10 @@ def test_without_a_valid_key_401(service: LocalService, header: str | None) -> N
     assert answer.headers["www-authenticate"] == "Bearer"
 
 
-def test_body_over_the_limit_is_413(new_database: Callable[[], str]) -> None:
-    limits = Settings(database_url=new_database(), port=0, json_limit_bytes=1000, log_level="error")
+def test_body_over_the_limit_is_413(new_database: Callable[[], str], beam: dict[str, Any]) -> None:
+    limits = Settings(
+        database_url=new_database(), port=0, json_limit_bytes=1000, upload_limit_bytes=5000, log_level="error"
+    )
     with LocalService(limits, worker=False) as small:
         headers = {"Authorization": f"Bearer {small.new_key('k')}", **JSON}
         with httpx.Client(base_url=f"{small.url}/api/v1/", headers=headers, trust_env=False) as client:
@@ -104,7 +107,26 @@ def test_body_over_the_limit_is_413(new_database: Callable[[], str]) -> None:
             is_problem(client.post("projects", content=long), 413)
             is_problem(client.post("projects", content=iter([long[:900], long[900:]])), 413)  # of undeclared length
             assert client.get("projects").json()["items"] == []
-            assert client.post("projects", json={"name": "x"}).status_code == 201
+            made = client.post("projects", json={"name": "x"})
+            assert made.status_code == 201
+            structure = client.post(f"projects/{made.json()['id']}/structures", json=beam).json()["id"]
+            campaign = client.post(f"structures/{structure}/campaigns", json={"name": "c", "boundary": "free"}).json()[
+                "id"
+            ]
+            uploads_over_the_limit_are_413(client, f"campaigns/{campaign}")
+
+
+def uploads_over_the_limit_are_413(client: httpx.Client, campaign: str) -> None:
+    """Of a body whose length nobody declared, the limit is found on the way; nothing of it is stored."""
+    block = b"    -1\n" * 300
+    raw = {"Content-Type": "application/octet-stream"}
+    is_problem(client.post(f"{campaign}/imports", content=iter([block] * 3), headers=raw), 413)
+    form = {"Content-Type": "multipart/form-data; boundary=x"}
+    head = b'--x\r\nContent-Disposition: form-data; name="file"; filename="a.uff"\r\n\r\n'
+    is_problem(client.post(f"{campaign}/imports", content=iter([head, *[block] * 3]), headers=form), 413)
+    npz = {"Content-Type": "application/x-npz"}
+    is_problem(client.post(f"{campaign}/frfs", content=iter([block] * 3), headers=npz), 413)
+    assert client.get(f"{campaign}/imports").json()["items"] == []
 
 
 def test_request_id_is_the_clients_where_sane(api: httpx.Client) -> None:
