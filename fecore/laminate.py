@@ -20,6 +20,7 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
 
+_TWIST_TOLERANCE = 1e-9
 SHEAR_CORRECTION = 5 / 6
 """κ of a homogeneous rectangular section (Reissner 1945)."""
 
@@ -170,6 +171,35 @@ def section(
     if shear == "equilibrium":
         S = equilibrium_shear(plies, A, B, D)
     return Section(A, B, D, S, (float(inertia[0]), float(inertia[1]), float(inertia[2])), total)
+
+
+def homogenise(laminate: Section) -> OrthotropicMaterial:
+    """The single-layer material with the same bending stiffness, shear stiffness, mass and thickness as a laminate.
+
+    With d = D⁻¹ and thickness t: Ex = 12/(t³ d11), Ey = 12/(t³ d22), Gxy = 12/(t³ d66), ν = -d12/d11, and Gxz = S55/(κt),
+    Gyz = S44/(κt) (Jones, *Mechanics of Composite Materials*, for flexural engineering constants).
+
+    Raises:
+        InputError: bending couples with membrane forces or with twisting, which no orthotropic layer does.
+    """
+    D, t = laminate.D, laminate.thickness
+    if laminate.is_coupled:
+        raise InputError("laminate", "couples bending and membrane forces (B ≠ 0): it has no equivalent single layer")
+    if max(abs(D[0, 2]), abs(D[1, 2])) > _TWIST_TOLERANCE * D[0, 0] or abs(laminate.S[0, 1]) > 1e-9 * laminate.S[0, 0]:
+        raise InputError(
+            "laminate", "couples bending and twisting (D16, D26 ≠ 0): it has no equivalent orthotropic layer"
+        )
+    d = np.linalg.inv(D)
+    bending, shear = 12 / t**3, SHEAR_CORRECTION * t
+    return OrthotropicMaterial(
+        Ex=float(bending / d[0, 0]),
+        Ey=float(bending / d[1, 1]),
+        Gxy=float(bending / d[2, 2]),
+        Gxz=float(laminate.S[0, 0] / shear),
+        Gyz=float(laminate.S[1, 1] / shear),
+        nu_xy=float(-d[0, 1] / d[0, 0]),
+        density=laminate.inertia[0] / t,
+    )
 
 
 def equilibrium_shear(plies: Sequence[Ply], A: FloatArray, B: FloatArray, D: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from uuid import UUID
 from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
-from fecore.laminate import OrthotropicMaterial
+from fecore.laminate import OrthotropicMaterial, Ply, homogenise, section
 from fecore.model import PointMass
 from fecore.modes import MeasuredModes
 from fecore.specimen import Specimen
@@ -24,6 +24,7 @@ from service.campaigns.operations import frame_of
 from service.campaigns.tables import Campaign
 from service.coupons.operations import batch_prior
 from service.structures.operations import describe_version
+from service.structures.schemas import Ply as StoredPly
 from service.structures.schemas import StructureIn
 from service.structures.tables import StructureVersion
 from service.updating.computation import UpdateInputs
@@ -82,15 +83,34 @@ def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointM
     """A structure as the core's specimen, with nominal constants.
 
     Raises:
-        InputError: the structure is a laminate, which the updating of a homogenised strip does not take.
+        InputError: the structure is a laminate without an equivalent single layer.
     """
-    if structure.material is None:
-        raise InputError("structure.laminate", "updating needs a homogenised material; give the structure a `material`")
-    m, g = structure.material, structure.geometry
+    g = structure.geometry
+    if structure.laminate is not None:
+        material = homogenise(section([_ply(ply, structure.density_kg_m3) for ply in structure.laminate.plies]))
+        # The structure's own thickness and density were measured on the whole; the plies' are nominal.
+        material = replace(material, density=structure.density_kg_m3)
+        return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses)  # type: ignore[arg-type]
+    m = structure.material
+    assert m is not None, "a structure has a laminate or a material"
     material = OrthotropicMaterial(
         Ex=m.Ex_Pa, Ey=m.Ey_Pa, Gxy=m.Gxy_Pa, Gxz=m.Gxz_Pa, Gyz=m.Gyz_Pa, nu_xy=m.nu_xy, density=structure.density_kg_m3
     )
     return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses)  # type: ignore[arg-type]
+
+
+def _ply(ply: StoredPly, density: float) -> Ply:
+    """A stored ply as the core's."""
+    material = OrthotropicMaterial(
+        Ex=ply.E1_Pa,
+        Ey=ply.E2_Pa,
+        Gxy=ply.G12_Pa,
+        Gxz=ply.G13_Pa,
+        Gyz=ply.G23_Pa,
+        nu_xy=ply.nu_12,
+        density=ply.density_kg_m3 or density,
+    )
+    return Ply(material, ply.thickness_m, ply.angle_deg)
 
 
 def modes_in_frame(modes: MeasuredModes, frame: Frame) -> MeasuredModes:
