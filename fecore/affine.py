@@ -37,10 +37,9 @@ class Pattern:
     @classmethod
     def of(cls, elements: IntArray, nodes: int, dofs_per_node: int, free: IntArray) -> Pattern:
         """The pattern of (e, n) elements on so many nodes, found node by node and then spread over the dofs."""
-        is_free = np.zeros(nodes * dofs_per_node, dtype=bool)
-        is_free[free] = True
-        number = (np.cumsum(is_free) - 1).reshape(nodes, -1)
-        is_free = is_free.reshape(nodes, -1)
+        is_free = np.zeros((nodes, dofs_per_node), dtype=bool)
+        is_free.reshape(-1)[free] = True
+        number = np.cumsum(is_free).reshape(nodes, -1) - 1
         e, n = elements.shape
         keys, pair = np.unique(elements[:, None, :] * nodes + elements[:, :, None], return_inverse=True)
         column, row = np.divmod(keys, nodes)
@@ -62,7 +61,8 @@ class Pattern:
     def assemble(self, elements: FloatArray) -> FloatArray:
         """Values at the pattern's places of (e, d·d) element matrices, or of (1, d·d) alike for all elements."""
         each = np.broadcast_to(elements, (self.slots.size // elements.shape[1], elements.shape[1]))
-        return np.bincount(self.slots, weights=each.ravel(), minlength=self.indices.size + 1)[:-1]
+        summed = np.bincount(self.slots, weights=each.ravel(), minlength=self.indices.size + 1)
+        return np.asarray(summed[:-1], dtype=float)
 
     def gather(self, matrix: sparse.csc_array) -> FloatArray:
         """Values of a sparse matrix over all dofs, whose entries all lie in the pattern, at the pattern's places."""

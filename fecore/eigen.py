@@ -3,9 +3,9 @@
 With a shift σ below the wanted eigenvalues, the operator (K - σM)⁻¹M has the eigenvalues 1/(λ - σ), so the lowest
 modes are its largest and converge first. A block of start vectors catches repeated and close modes together (Grimes,
 Lewis and Simon, SIAM J. Matrix Anal. Appl. 15, 1994). Rigid-body modes are known exactly, so the iteration is kept
-M-orthogonal to them and they are returned with λ = 0. The basis is orthogonalised in full, twice and once more after
-scaling, so no ghost modes appear; and the inertia of K - μM (Sylvester: its negative eigenvalues are the modes below
-μ) proves that none is missing.
+M-orthogonal to them and they are returned with λ = 0. The basis is orthogonalised in full, twice and where need be
+once more after scaling, so no ghost modes appear; and the inertia of K - μM (Sylvester: its negative eigenvalues are
+the modes below μ) proves that none is missing.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import eigh
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError, ModelError
 from fecore.factor import Factor, factorise, negative_eigenvalues
 
-_BLOCK = 3
+_BLOCK = 2  # a plate's or a beam's symmetry repeats a root no more than twice
 _FIRST_LOOK = 2  # vectors a wanted mode before which nothing can have converged
 _MOST_STEPS = 60  # blocks; beyond it the iteration has failed
 _TOLERANCE = 1e-11  # relative residual of 1/(λ - σ); the eigenvalue's own error is its square
 _INDEFINITE = 1e-8  # share of a block's energy that round-off may make of nothing
+_EVEN = 1e-4  # share of the longest direction's square above which the others lose nothing that matters
 _DEPENDENT = 1e-12  # a direction that shrank so much in orthogonalisation is round-off
 
 
@@ -59,7 +59,7 @@ class NormalModes:
 
 def modes_below(stiffness: sparse.csc_array, mass: sparse.csc_array, eigenvalue: float) -> int:
     """Number of modes with λ < `eigenvalue`, from the inertia of K - λM."""
-    return negative_eigenvalues(stiffness - eigenvalue * mass)
+    return negative_eigenvalues(_shifted(stiffness, mass, eigenvalue))
 
 
 def normal_modes(
@@ -93,7 +93,7 @@ def normal_modes(
             f"the model has {stiffness.shape[0]} dofs and {free} rigid-body modes",
         )
     shift = _shift(stiffness, mass, rigid) if free else 0.0
-    factor = factorise(stiffness - shift * mass if shift else stiffness)
+    factor = factorise(_shifted(stiffness, mass, shift))
     value, vectors = _lanczos(factor, mass, rigid, wanted, _BLOCK)
     eigenvalue = shift + 1 / value
     if prove and _missing(stiffness, mass, eigenvalue, free):
@@ -125,9 +125,19 @@ def _shift(stiffness: sparse.csc_array, mass: sparse.csc_array, rigid: FloatArra
     """
     tiny = -1e-9 * float(np.median(stiffness.diagonal() / mass.diagonal()))
     start = np.random.default_rng(0).standard_normal(mass.shape[0])
-    vector = factorise(stiffness - tiny * mass).solve(mass @ (start - rigid @ (rigid.T @ (mass @ start))))
+    vector = factorise(_shifted(stiffness, mass, tiny)).solve(mass @ (start - rigid @ (rigid.T @ (mass @ start))))
     vector = vector - rigid @ (rigid.T @ (mass @ vector))
     return -float((vector @ (stiffness @ vector)) / (vector @ (mass @ vector)))
+
+
+def _shifted(stiffness: sparse.csc_array, mass: sparse.csc_array, shift: float) -> sparse.csc_array:
+    """K - σM, which is a difference of arrays where both have one pattern."""
+    if not shift:
+        return stiffness
+    if stiffness.nnz != mass.nnz or not np.array_equal(stiffness.indices, mass.indices):
+        return sparse.csc_array(stiffness - shift * mass)
+    data = stiffness.data - shift * mass.data
+    return sparse.csc_array((data, stiffness.indices, stiffness.indptr), shape=stiffness.shape)
 
 
 def _lanczos(
@@ -135,101 +145,130 @@ def _lanczos(
 ) -> tuple[FloatArray, FloatArray]:
     """The `wanted` largest eigenpairs of (K - σM)⁻¹M outside the rigid modes, descending, M-orthonormal."""
     dofs, free = rigid.shape
-    basis = _Basis(rigid, mass)
+    basis = _Basis(rigid, mass, 4 * wanted + 2 * width)
     random = np.random.default_rng(0)
-    basis.append(basis.orthonormalise(random.standard_normal((dofs, min(width, dofs - free)))))
-    projected = np.zeros((0, 0))
+    basis.append(basis.orthonormalise(random.standard_normal((min(width, dofs - free), dofs))))
+    projected: FloatArray = np.zeros((0, 0))
+    look = _FIRST_LOOK * wanted
     for _ in range(_MOST_STEPS):
-        done = projected.shape[0]
-        image = factor.solve(basis.mass_images[:, free + done :])
-        column = basis.mass_images[:, free:].T @ image
-        size = len(column)
-        grown = np.empty((size, size))
-        grown[:done, :done] = projected
-        grown[:, done:] = column
-        grown[done:, :] = column.T
-        projected = grown
+        done = len(projected)
+        image = factor.solve(basis.mass_images[free + done :].T).T
         block = basis.orthonormalise(image)
-        exhausted = block.vectors.shape[1] == 0
-        if size >= wanted and (exhausted or size >= _FIRST_LOOK * wanted):
-            value, small = eigh(projected)
+        projected = _bordered(projected, block.inside[:, free:])
+        size = len(projected)
+        exhausted = len(block.vectors) == 0
+        if size >= wanted and (exhausted or size >= look):
+            value, small = np.linalg.eigh(projected)
             value, small = value[: -wanted - 1 : -1], small[:, : -wanted - 1 : -1]
             residual = np.linalg.norm(block.coupling @ small[done:], axis=0)
             if exhausted or np.all(residual <= _TOLERANCE * value):
-                return value, basis.vectors[:, free:] @ small
+                return value, basis.vectors[free:].T @ small
+            look = size + 2 * width  # looking costs half a step
         if exhausted:  # the space is invariant, and what is missing lies outside it
-            block = basis.orthonormalise(random.standard_normal((dofs, min(width, dofs - free - size))))
+            block = basis.orthonormalise(random.standard_normal((min(width, dofs - free - size), dofs)))
         basis.append(block)
-    raise ModelError(f"block Lanczos did not find {wanted} modes in a basis of {projected.shape[0]} vectors")
+    raise ModelError(f"block Lanczos did not find {wanted} modes in a basis of {len(projected)} vectors")
+
+
+def _bordered(matrix: FloatArray, rows: FloatArray) -> FloatArray:
+    """A symmetric matrix with (b, s) rows appended below, and the same as columns."""
+    done, size = len(matrix), rows.shape[1]
+    grown = np.empty((size, size))
+    grown[:done, :done] = matrix
+    grown[done:] = rows
+    grown[:, done:] = rows.T
+    return grown
 
 
 @dataclass(frozen=True)
 class _Block:
-    """(dofs, b) M-orthonormal vectors X, their images MX, and R of the block that they were made from: … + XR."""
+    """What orthonormalising a (b, dofs) block Y gives: Y = H V + RᵀX with V the space so far.
+
+    Attributes:
+        vectors: X, (r, dofs), M-orthonormal and M-orthogonal to V.
+        mass_images: X M.
+        inside: H, (b, s).
+        coupling: R, (r, b).
+    """
 
     vectors: FloatArray
     mass_images: FloatArray
+    inside: FloatArray
     coupling: FloatArray
 
 
 class _Basis:
-    """An M-orthonormal basis that grows by blocks, with the images of its vectors under M."""
+    """An M-orthonormal basis that grows by blocks, with the images of its vectors under M; vectors are rows."""
 
-    def __init__(self, vectors: FloatArray, mass: sparse.csc_array) -> None:
+    def __init__(self, vectors: FloatArray, mass: sparse.csc_array, room: int) -> None:
         # M is symmetric: its columns are its rows, and products by rows are the faster ones. Its pattern is K's, so
         # most of what it stores is zero.
         self._mass = sparse.csr_array((mass.data, mass.indices, mass.indptr), shape=mass.shape, copy=True)
         self._mass.eliminate_zeros()
-        self._store = np.array([vectors.T, (self._mass @ vectors).T])
         self._size = vectors.shape[1]
+        self._store = np.empty((2, self._size + room, len(vectors)))
+        self._store[:, : self._size] = vectors.T, self._image(vectors.T)
 
     @property
     def vectors(self) -> FloatArray:
-        """(dofs, s) basis."""
-        return self._store[0, : self._size].T
+        """(s, dofs) basis."""
+        return self._store[0, : self._size]
 
     @property
     def mass_images(self) -> FloatArray:
-        """(dofs, s) M times the basis."""
-        return self._store[1, : self._size].T
+        """(s, dofs) the basis times M."""
+        return self._store[1, : self._size]
 
     def append(self, block: _Block) -> None:
         """Take in a block."""
-        size, width = self._size, block.vectors.shape[1]
+        size, width = self._size, len(block.vectors)
         if size + width > self._store.shape[1]:
-            grown = np.empty((2, 2 * size + 8 * width, len(block.vectors)))
+            grown = np.empty((2, 2 * size + width, self._store.shape[2]))
             grown[:, :size] = self._store[:, :size]
             self._store = grown
-        self._store[0, size : size + width] = block.vectors.T
-        self._store[1, size : size + width] = block.mass_images.T
+        self._store[0, size : size + width] = block.vectors
+        self._store[1, size : size + width] = block.mass_images
         self._size += width
 
     def orthonormalise(self, block: FloatArray) -> _Block:
         """M-orthonormal basis of what of `block` lies outside the space.
 
-        Twice is enough for orthogonality to round-off (Kahan and Parlett); once more after scaling restores what a
-        block that shrank has lost.
+        Twice is enough for orthogonality to round-off (Kahan and Parlett) unless the block's directions shrink to very
+        different lengths; then once more after scaling restores what the short ones have lost.
         """
-        image = self._mass @ block
-        scale = float(np.einsum("di,di->i", block, image).max(initial=0))
-        for _ in range(2):
-            inside = self.mass_images.T @ block
-            block = block - self.vectors @ inside
-            image = image - self.mass_images @ inside
-        weight, turn = np.linalg.eigh(block.T @ image)
+        inside = block @ self.mass_images.T
+        outside = block - inside @ self.vectors
+        outside -= (outside @ self.mass_images.T) @ self.vectors
+        image = self._image(outside)
+        weight, turn = np.linalg.eigh(outside @ image.T)
+        # The block's energy is that of its parts inside and outside.
+        scale = float((np.einsum("bs,bs->b", inside, inside) + np.einsum("bd,bd->b", outside, image)).max(initial=0))
         if weight.min(initial=0) < -_INDEFINITE * scale:
             raise ModelError("the mass matrix is not positive definite: is the density right?")
         keep = weight > _DEPENDENT**2 * scale
         root, turn = np.sqrt(weight[keep]), turn[:, keep]
-        scaled = block @ (turn / root)
-        scaled = scaled - self.vectors @ (self.mass_images.T @ scaled)
-        image = self._mass @ scaled
-        # The squares lost the block's nearly dependent directions in round-off; measured again they are right.
-        weight, again = np.linalg.eigh(scaled.T @ image)
+        scaled, image = (turn / root).T @ outside, (turn / root).T @ image
+        coupling = root[:, None] * turn.T
+        if np.any(weight < _EVEN * weight.max(initial=0)) or np.any(weight < _EVEN**2 * scale):
+            scaled, image, again = self._restored(scaled)
+            coupling = again @ coupling
+        return _Block(scaled, image, inside, coupling)
+
+    def _restored(self, scaled: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Nearly orthonormal vectors made orthonormal, their images, and by what they were multiplied, inverted.
+
+        The squares of a Gram matrix lose its nearly dependent directions in round-off; measured again they are right.
+        """
+        scaled = scaled - (scaled @ self.mass_images.T) @ self.vectors
+        image = self._image(scaled)
+        weight, turn = np.linalg.eigh(scaled @ image.T)
         keep = weight > _INDEFINITE
-        second, again = np.sqrt(weight[keep]), again[:, keep]
-        coupling = (second[:, None] * again.T) @ (root[:, None] * turn.T)
-        return _Block(scaled @ (again / second), image @ (again / second), coupling)
+        root, turn = np.sqrt(weight[keep]), turn[:, keep]
+        return (turn / root).T @ scaled, (turn / root).T @ image, root[:, None] * turn.T
+
+    def _image(self, rows: FloatArray) -> FloatArray:
+        product: FloatArray = self._mass @ rows.T
+        return product.T
 
 
 def _missing(stiffness: sparse.csc_array, mass: sparse.csc_array, eigenvalue: FloatArray, rigid: int) -> int:
@@ -238,5 +277,6 @@ def _missing(stiffness: sparse.csc_array, mass: sparse.csc_array, eigenvalue: Fl
     if gaps.size == 0:
         return 0
     last = int(gaps[-1])
-    counted = modes_below(stiffness, mass, float(np.sqrt(eigenvalue[last] * eigenvalue[last + 1])))
-    return counted - last - 1 - rigid
+    # Just below the next mode, so that none can hide between the two; the margin is for round-off.
+    below = max(np.sqrt(eigenvalue[last] * eigenvalue[last + 1]), 0.999 * eigenvalue[last + 1])
+    return modes_below(stiffness, mass, float(below)) - last - 1 - rigid

@@ -1,8 +1,12 @@
 """The one place that picks the sparse factorisation of a symmetric matrix.
 
-A positive definite matrix with a narrow band (a strip's, whose nodes are numbered across it) goes to LAPACK's banded
-Cholesky, a wide one to SuperLU in symmetric mode with a minimum degree ordering. Both come with SciPy. CHOLMOD was
-measured against them (`python -m benchmarks forward`): it is no faster on a strip, and its wheel is under the GPL.
+A positive definite matrix with a band (a strip's, whose nodes are numbered across it) goes to LAPACK's banded Cholesky,
+a wide one to SuperLU in symmetric mode with a minimum degree ordering. Both come with SciPy. CHOLMOD was measured
+against them (`python -m benchmarks forward`): it is no faster on a strip, and its wheel is under the GPL.
+
+For n dofs and a band b the banded factor costs about n b² operations at the speed of matrix products and a solve reads
+n b numbers; SuperLU's factor of these two-dimensional meshes holds about 6.3 n √b numbers, made at a fifth of that speed. So
+the choice, for a factorisation and the forty solves of ten modes, depends on the band alone.
 """
 
 from __future__ import annotations
@@ -12,15 +16,15 @@ from typing import Protocol
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+from scipy.linalg.lapack import dpbtrf, dpbtrs, dtrtrs
 from scipy.sparse.linalg import SuperLU, splu
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.errors import ModelError
 
-_WIDEST_BAND = 200  # beyond this band SuperLU's sparser factor is the faster one (benchmark `forward`)
+_WIDEST_BAND = 350  # beyond this band SuperLU's sparser factor is the faster one (benchmark `forward`)
 
-_NARROW_BAND = 80
+_RUN = 8  # bands that the count of negative pivots takes at a time: longer runs waste more where one ends early
 
 
 class Factor(Protocol):
@@ -43,8 +47,10 @@ class BandedFactor:
 
     def solve(self, right: FloatArray) -> FloatArray:
         """A⁻¹ right."""
-        solution: FloatArray = cho_solve_banded((self.lower, True), right, check_finite=False)
-        return solution
+        solution, fault = dpbtrs(self.lower, right, lower=1)
+        if fault:
+            raise ValueError(f"LAPACK's dpbtrs refused its argument {-fault}")
+        return np.asarray(solution)
 
     def colour(self, white: FloatArray) -> FloatArray:
         """L white."""
@@ -85,13 +91,10 @@ def factorise(matrix: sparse.csc_array) -> Factor:
         if np.any(lu.U.diagonal() <= 0):
             raise ModelError(_INDEFINITE)
         return SparseFactor(lu)
-    stored = np.zeros((band + 1, matrix.shape[0]), order="F")
-    kept = below >= 0
-    stored[below[kept], columns[kept]] = matrix.data[kept]
-    try:
-        return BandedFactor(cholesky_banded(stored, overwrite_ab=True, lower=True, check_finite=False))
-    except LinAlgError as error:
-        raise ModelError(_INDEFINITE) from error
+    lower, pivot = dpbtrf(_banded(matrix.shape[0], matrix.data, columns, below, band), lower=1, overwrite_ab=1)
+    if pivot:
+        raise ModelError(_INDEFINITE)
+    return BandedFactor(lower)
 
 
 def negative_eigenvalues(matrix: sparse.csc_array) -> int:
@@ -100,6 +103,9 @@ def negative_eigenvalues(matrix: sparse.csc_array) -> int:
     Raises:
         ModelError: a pivot vanishes.
     """
+    columns, below, band = _band(matrix)
+    if band <= _WIDEST_BAND:
+        return _negative_pivots(_banded(matrix.shape[0], matrix.data, columns, below, band))
     return int(np.sum(_symmetric_lu(matrix).U.diagonal() < 0))
 
 
@@ -108,17 +114,75 @@ _INDEFINITE = "the stiffness is not positive definite: are the supports and the 
 
 def _band(matrix: sparse.csc_array) -> tuple[IntArray, IntArray, int]:
     """Column of each stored entry, how far below the diagonal it lies, and the furthest."""
-    columns = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+    columns = np.repeat(np.arange(matrix.shape[0], dtype=matrix.indices.dtype), np.diff(matrix.indptr))
     below = matrix.indices - columns
     return columns, below, int(below.max(initial=0))
+
+
+def _banded(size: int, data: FloatArray, columns: IntArray, below: IntArray, band: int) -> FloatArray:
+    """LAPACK's lower banded form: entry (i - j, j) is (i, j) of the matrix."""
+    stored = np.zeros((size, band + 1))
+    kept = np.flatnonzero(below >= 0)
+    stored.reshape(-1)[columns[kept].astype(np.int64) * (band + 1) + below[kept]] = data[kept]
+    return stored.T
+
+
+def _negative_pivots(stored: FloatArray) -> int:
+    """Negative pivots of LDLᵀ without pivoting of a lower banded matrix, which is overwritten.
+
+    LAPACK has no banded LDLᵀ, but Cholesky's method is one as long as the pivots are positive, and names the first that
+    is not. So runs of columns are eliminated by it, and the pivots that end them one by one.
+    """
+    width, size = stored.shape
+    triangle = np.tril_indices(width)
+    start, negative = 0, 0
+    while start < size:
+        end = min(start + _RUN * width, size)
+        lower, failed = dpbtrf(stored[:, start:end], lower=1)
+        if failed:
+            end = start + failed - 1
+            lower, _ = dpbtrf(stored[:, start:end], lower=1)
+        _eliminate(stored, lower, end, triangle)
+        if failed:
+            column = stored[: size - end, end].copy()
+            if column[0] == 0:
+                raise ModelError("a pivot vanishes: modes cannot be counted at a mode")
+            _subtract(stored, end, np.outer(column, column / column[0]), triangle)
+            negative, end = negative + 1, end + 1
+        start = end
+    return negative
+
+
+def _eliminate(stored: FloatArray, lower: FloatArray, end: int, triangle: tuple[IntArray, IntArray]) -> None:
+    """Take what the columns before `end`, whose factor's last columns are in `lower`, leave to the ones after it."""
+    band, known = stored.shape[0] - 1, min(stored.shape[0] - 1, lower.shape[1])
+    left = min(band, stored.shape[1] - end)
+    if left and known:
+        own = _dense(lower, lower.shape[1] - known, lower.shape[1] - known, (known, known))
+        below = np.triu(_dense(stored, end, end - known, (left, known)), known - band)
+        solved = dtrtrs(own, below.T, lower=1)[0]
+        _subtract(stored, end, solved.T @ solved, triangle)
+
+
+def _dense(stored: FloatArray, row: int, column: int, shape: tuple[int, int]) -> FloatArray:
+    """A block of a lower banded matrix, which lies in memory like one of a full matrix of b rows.
+
+    What lies outside the band, or above the diagonal, has no meaning.
+    """
+    band, item = stored.shape[0] - 1, stored.itemsize
+    return np.ndarray(shape, stored.dtype, stored.T, (row + column * band) * item, (item, band * item))
+
+
+def _subtract(stored: FloatArray, first: int, block: FloatArray, triangle: tuple[IntArray, IntArray]) -> None:
+    """Subtract a symmetric block from a lower banded matrix, from the diagonal entry `first` on."""
+    row, column = (place[: len(block) * (len(block) + 1) // 2] for place in triangle)
+    stored[row - column, first + column] -= block[row, column]
 
 
 def _symmetric_lu(matrix: sparse.csc_array) -> SuperLU:
     """Without pivoting, so that the signs of the pivots give the inertia."""
     options = {"SymmetricMode": True}
-    # In a narrow band there is little to gain by an ordering, which costs a third of the time.
-    ordering = "NATURAL" if _band(matrix)[2] <= _NARROW_BAND else "MMD_AT_PLUS_A"
     try:
-        return splu(sparse.csc_matrix(matrix), permc_spec=ordering, diag_pivot_thresh=0.0, options=options)
+        return splu(sparse.csc_matrix(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     except RuntimeError as error:
         raise ModelError(f"{_INDEFINITE} ({error})") from error
