@@ -74,7 +74,9 @@ def draw(figure: Figure) -> Sheet:
         sheet.text(note["x"], note["y"], note["text"], ha="center", wrap=True)
     sheet.suptitle(layout["title"]["text"], fontsize=9, y=0.97)
     if handles:
-        sheet.legend(handles.values(), handles.keys(), loc="lower center", ncols=4, frameon=False, fontsize=7)
+        sheet.legend(
+            handles.values(), handles.keys(), loc="lower center", ncols=4, frameon=False, fontsize=7, markerscale=0.7
+        )
     return sheet
 
 

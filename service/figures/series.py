@@ -103,7 +103,7 @@ def _expectation(row: Mapping[str, Any], scale: float) -> list[dict[str, Any]]:
     if row["limits"]["score"] is None or not judged:
         return traces
     for i, side in enumerate(_sides(row)):
-        reach = [SIGNS[side] * scale * row["limits"]["score"] * p["judged"]["residual_sd"] for p in judged]
+        reach = [SIGNS[side] * scale * p["judged"]["residual_limit"] for p in judged]
         y = [mean + r for r in reach]
         line = _line([p["performed_at"] for p in judged], y, "limit of one campaign", INITIAL, "dot")
         traces.append({**line, "showlegend": i == 0})

@@ -13,6 +13,7 @@ from datetime import datetime
 from typing import Any
 
 import numpy as np
+from scipy import special, stats
 
 from fecore.arrays import FloatArray
 from fecore.trend import (
@@ -237,7 +238,11 @@ def _points(trend: ParameterTrend) -> list[dict[str, Any]]:
 
 def _judged(trend: ParameterTrend, i: int) -> dict[str, Any]:
     assert trend.scores is not None
+    assert trend.baseline is not None
+    assert trend.limits is not None
+    t = stats.t.isf(special.ndtr(-trend.limits.score), trend.baseline.fit.degrees_of_freedom)
     return {
+        "residual_limit": _finite(t * trend.scores.residual_sd[i]),
         "residual": float(trend.scores.residual[i]),
         "residual_sd": float(trend.scores.residual_sd[i]),
         "score": float(trend.scores.score[i]),

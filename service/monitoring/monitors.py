@@ -11,7 +11,7 @@ from typing import Any
 from uuid import UUID
 
 from sqlalchemy import func, select, tuple_
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Session, undefer
 
 from fecore import __version__
 from fecore.updating.parameters import parametrise
@@ -267,9 +267,13 @@ def series_for(session: Session, monitor: Monitor, number: int | None) -> Monito
         NotFound: there is no such version.
     """
     wanted = number if number is not None else max(monitor.series, 1)
-    found = session.scalars(
-        select(MonitorSeries).where(MonitorSeries.monitor_id == monitor.id, MonitorSeries.number == wanted)
+    found = session.execute(
+        select(MonitorSeries, Monitor)  # at one moment: a judgement changes both
+        .join(Monitor, Monitor.id == MonitorSeries.monitor_id)
+        .where(Monitor.id == monitor.id, MonitorSeries.number == wanted)
+        .options(undefer(MonitorSeries.document))
+        .execution_options(populate_existing=True)
     ).one_or_none()
     if found is None:
         raise NotFound("version of this series", wanted)
-    return found
+    return found[0]

@@ -12,6 +12,7 @@ from datetime import datetime, timedelta
 from typing import Any
 from uuid import UUID
 
+from pydantic import ValidationError
 from sqlalchemy import func, select
 from sqlalchemy.dialects.postgresql import distinct_on
 from sqlalchemy.orm import Session
@@ -205,6 +206,9 @@ def _start(session: Session, monitor: Monitor, run: MonitorRun, one: Seen, runs:
             run.update_job_id = start_update(session, user, one.campaign.id, recipe, None).id
     except (ServiceError, FecoreError) as error:
         run.state, run.message, run.finished_at = "failed", str(error), func.now()
+    except ValidationError as error:
+        why = f"this version does not take the frozen recipe: {error.errors()[0]['msg']}; make a new monitor"
+        run.state, run.message, run.finished_at = "failed", why, func.now()
 
 
 def _recipe(session: Session, monitor: Monitor, one: Seen, runs: dict[UUID, MonitorRun]) -> RecipeIn:

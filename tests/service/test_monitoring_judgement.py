@@ -261,6 +261,9 @@ def test_the_figure_shows_the_series() -> None:
     assert traces["alarm"]["customdata"] == [["A", "8"]]
     assert traces["chart, fall"]["y"][-1] == -points[-1]["judged"]["chart"]["fall"]
     assert json.loads(render(figure, "plotly")) == figure
+    outside = [p["judged"]["score"] < -given["parameters"][0]["limits"]["score"] for p in points if p["judged"]]
+    beyond = [p["judged"]["residual"] < -p["judged"]["residual_limit"] for p in points if p["judged"]]
+    assert outside == beyond == [False, False, True, True]
 
 
 def test_the_figure_is_printed_as_it_is() -> None:
