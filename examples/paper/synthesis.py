@@ -41,7 +41,12 @@ def solve(specimen: Specimen) -> ForwardState:
 
 
 def measured_body(
-    specimen: Specimen, frequency_hz: np.ndarray, damping: np.ndarray, seed: int, rigid_rate: float = 0.0
+    specimen: Specimen,
+    frequency_hz: np.ndarray,
+    damping: np.ndarray,
+    seed: int,
+    rigid_rate: float = 0.0,
+    lines_hz: np.ndarray = LINES_HZ,
 ) -> FrfSet:
     """Accelerances of a body with measured frequencies and ratios; higher modes are the model's, with the last ratio.
 
@@ -54,21 +59,21 @@ def measured_body(
     ratio = np.full(omega.size, damping[-1])
     ratio[measured] = damping
     rate = np.where(np.arange(omega.size) < rigid, rigid_rate, 2 * ratio * omega)
-    return _frfs(state, omega, rate, seed)
+    return _frfs(state, omega, rate, seed, lines_hz)
 
 
-def rayleigh_body(specimen: Specimen, coefficients: np.ndarray, seed: int) -> FrfSet:
+def rayleigh_body(specimen: Specimen, coefficients: np.ndarray, seed: int, lines_hz: np.ndarray = LINES_HZ) -> FrfSet:
     """Accelerances of the specimen under exact Rayleigh damping."""
     state = solve(specimen)
     omega = state.modes.omega
-    return _frfs(state, omega, damping_rate(RAYLEIGH, coefficients, omega), seed)
+    return _frfs(state, omega, damping_rate(RAYLEIGH, coefficients, omega), seed, lines_hz)
 
 
-def _frfs(state: ForwardState, omega: np.ndarray, rate: np.ndarray, seed: int) -> FrfSet:
+def _frfs(state: ForwardState, omega: np.ndarray, rate: np.ndarray, seed: int, lines_hz: np.ndarray) -> FrfSet:
     hammer = tuple(Dof(point, 3) for point in state.forward.points)
     sensor = (Dof(SENSOR, 3),) * len(hammer)
-    values = state.frf_model(sensor, hammer).with_eigenvalue(omega**2).synthesise(LINES_HZ, rate)
+    values = state.frf_model(sensor, hammer).with_eigenvalue(omega**2).synthesise(lines_hz, rate)
     random = np.random.default_rng(seed)
     noise = random.standard_normal(values.shape) + 1j * random.standard_normal(values.shape)
     rms = np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True))
-    return FrfSet(LINES_HZ, values + NOISE * rms * noise / np.sqrt(2), sensor, hammer)
+    return FrfSet(lines_hz, values + NOISE * rms * noise / np.sqrt(2), sensor, hammer)
