@@ -24,8 +24,8 @@ class Pattern:
 
     Attributes:
         indptr, indices: the pattern, as in `scipy.sparse.csc_array`.
-        slots: (e·d·d,) place of each entry of the (e, d, d) element matrices in the pattern's data; where a dof is
-            held, the place after the last.
+        slots: (d·d·e,) place of each entry of the element matrices in the pattern's data, element after element for
+            the first entry, then for the second; where a dof is held, the place after the last.
         free: numbers of the free dofs among all.
     """
 
@@ -40,8 +40,8 @@ class Pattern:
         is_free = np.zeros((nodes, dofs_per_node), dtype=bool)
         is_free.reshape(-1)[free] = True
         number = np.cumsum(is_free).reshape(nodes, -1) - 1
-        e, n = elements.shape
-        keys, pair = np.unique(elements[:, None, :] * nodes + elements[:, :, None], return_inverse=True)
+        nodes_of = elements.T  # (n, e): long arrays innermost
+        keys, pair = np.unique(nodes_of[None] * nodes + nodes_of[:, None], return_inverse=True)
         column, row = np.divmod(keys, nodes)
         # The column of a free dof holds the free dofs of its node's neighbours, one node after the other.
         rows = is_free.sum(axis=1)[row]
@@ -50,17 +50,19 @@ class Pattern:
         height = np.bincount(column, weights=rows, minlength=nodes).astype(np.int64)
         indptr = np.concatenate([[0], np.cumsum(np.repeat(height[:, None], dofs_per_node, axis=1)[is_free])])
         nowhere = int(indptr[-1])
-        first = np.where(is_free, indptr[number], nowhere)[elements]
-        within = np.where(is_free, np.cumsum(is_free, axis=1) - 1, nowhere)[elements]
-        down = above[pair].reshape(e, n, n)[:, :, None, :] + within[:, :, :, None]
-        slots = np.minimum(down[..., None] + first[:, None, None], nowhere)
+        first = _by_entry(np.where(is_free, indptr[number], nowhere), nodes_of)
+        within = _by_entry(np.where(is_free, np.cumsum(is_free, axis=1) - 1, nowhere), nodes_of)
+        n, e = nodes_of.shape
+        down = above[pair].reshape(n, 1, n, e) + within[:, :, None]
+        slots = down[:, :, :, None] + first
+        np.minimum(slots, nowhere, out=slots)
         indices = np.empty(nowhere + 1, dtype=np.int32)
-        indices[slots] = number[elements][:, :, :, None, None]
+        indices[slots] = _by_entry(number, nodes_of)[:, :, None, None]
         return cls(indptr.astype(np.int32), indices[:-1], slots.ravel(), free)
 
     def assemble(self, elements: FloatArray) -> FloatArray:
         """Values at the pattern's places of (e, d·d) element matrices, or of (1, d·d) alike for all elements."""
-        each = np.broadcast_to(elements, (self.slots.size // elements.shape[1], elements.shape[1]))
+        each = np.broadcast_to(elements.T, (elements.shape[1], self.slots.size // elements.shape[1]))
         summed = np.bincount(self.slots, weights=each.ravel(), minlength=self.indices.size + 1)
         return np.asarray(summed[:-1], dtype=float)
 
@@ -142,3 +144,8 @@ class AffineMatrix:
         matrix.has_sorted_indices = True
         matrix.has_canonical_format = True
         return matrix
+
+
+def _by_entry(values: IntArray, nodes_of: IntArray) -> IntArray:
+    """(n, d, e) of each element's dofs from (nodes, d) of all, for (n, e) node numbers."""
+    return np.ascontiguousarray(values[nodes_of].transpose(0, 2, 1))

@@ -267,8 +267,7 @@ class _Basis:
         return (turn / root).T @ scaled, (turn / root).T @ image, root[:, None] * turn.T
 
     def _image(self, rows: FloatArray) -> FloatArray:
-        product: FloatArray = self._mass @ rows.T
-        return product.T
+        return np.ascontiguousarray((self._mass @ rows.T).T)
 
 
 def _missing(stiffness: sparse.csc_array, mass: sparse.csc_array, eigenvalue: FloatArray, rigid: int) -> int:
