@@ -10,15 +10,15 @@ import io
 import json
 from collections.abc import Mapping
 from datetime import datetime
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure as Sheet
 
 from service.figures.look import Figure
+
+if TYPE_CHECKING:  # matplotlib is loaded by the first print: every start of an API or a worker would wait for it
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Sheet
 
 Format = Literal["plotly", "svg", "png", "pdf"]
 MEDIA_TYPES: dict[Format, str] = {
@@ -44,9 +44,11 @@ def render(figure: Figure, file_format: Format) -> bytes:
     """
     if file_format == "plotly":
         return json.dumps(figure, allow_nan=False).encode()
+    from matplotlib import rc_context
+
     metadata = {"svg": {"Date": None}, "png": {"Software": None}, "pdf": {"CreationDate": None}}[file_format]
     buffer = io.BytesIO()
-    with mpl.rc_context(_RC):
+    with rc_context(_RC):
         sheet = draw(figure)
         sheet.savefig(buffer, format=file_format, dpi=DPI, metadata=metadata)
     return buffer.getvalue()
@@ -58,6 +60,9 @@ def draw(figure: Figure) -> Sheet:
     Raises:
         ValueError: the figure holds what this does not draw.
     """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure as Sheet
+
     layout = figure["layout"]
     sheet = Sheet(figsize=SIZE_INCHES)
     FigureCanvasAgg(sheet)
