@@ -197,7 +197,7 @@ def against_least_squares(data: Measurement) -> None:
     print(
         f"  both stages, ours (target: under 1 s)                    {first[0] + second[0]:7.2f} {first[1] + second[1]:12.2f}"
     )
-    ratio = (full_time + hand_time) / (first + second)
+    ratio = (full_time + hand_time) / both
     alike = (full_time + hand_time) / (first + one_fit)
     print(
         f"  least_squares over ours (target: 10), processor time: {ratio[1]:.2f}; over one fit in stage 2: {alike[1]:.2f}"
@@ -207,7 +207,7 @@ def against_least_squares(data: Measurement) -> None:
     theirs = np.concatenate([full_fit.x, hand_fit.x[:2]])
     away = ", ".join(f"{name} {100 * (b / a - 1):+.2f} %" for name, a, b in zip(names, mine, theirs, strict=True))
     print(f"  least_squares' estimates from ours: {away}")
-    _calculix(float(first[0] + second[0]), full.solves, by_hand.calls, float(hand_time[0]))
+    _calculix(float(both[0]), full.solves, by_hand.calls, float(hand_time[0]))
 
 
 def _stage_2(frfs: FrfSet, elastic: ElasticResult, modes: MeasuredModes) -> DampingResult:
