@@ -96,6 +96,18 @@ def test_sturm_counts_modes() -> None:
         assert modes_below(K, M, between) == number + 1
 
 
+def test_negative_pivots_of_banded_matrices_are_the_negative_eigenvalues(monkeypatch) -> None:
+    random = np.random.default_rng(1)
+    for _ in range(100):
+        size, band = int(random.integers(1, 60)), int(random.integers(0, 8))
+        full = random.standard_normal((size, size))
+        full = full + full.T + random.uniform(-6, 12) * np.eye(size)
+        full[np.abs(np.subtract.outer(np.arange(size), np.arange(size))) > band] = 0
+        monkeypatch.setattr(fecore.factor, "_RUN", int(random.integers(1, 9)))
+        counted = fecore.factor.negative_eigenvalues(sparse.csc_array(full))
+        assert counted == np.sum(np.linalg.eigvalsh(full) < 0)
+
+
 def test_a_missing_mode_is_noticed(monkeypatch) -> None:
     import fecore.eigen
 
