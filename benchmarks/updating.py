@@ -194,9 +194,8 @@ def against_least_squares(data: Measurement) -> None:
     )
     for name, lap in rows:
         print(f"  {name:56s} {lap[0]:8.2f} {lap[1]:12.2f}")
-    print(
-        f"  both stages, ours (target: under 1 s)                    {first[0] + second[0]:7.2f} {first[1] + second[1]:12.2f}"
-    )
+    both = first + second
+    print(f"  {'both stages, ours (target: under 1 s)':56s} {both[0]:8.2f} {both[1]:12.2f}")
     ratio = (full_time + hand_time) / both
     alike = (full_time + hand_time) / (first + one_fit)
     print(
