@@ -34,6 +34,7 @@ Weighting = Literal["linear", "relative", "log", "noise"]
 
 _MAX_ITERATIONS = 100
 _TOLERANCE = 1e-9  # relative fall of the misfit, and step in posterior standard deviations, at convergence
+_STALLED, _STALLED_STEPS = 1e-7, 5  # relative fall, so many times running, that no estimate can feel
 _ROUND_OFF = 1e-12  # of the weighted signal: noise-free data cannot be fitted better
 _LARGEST_SHIFT = 0.1  # a mode further off than this was not paired rightly
 
@@ -217,7 +218,7 @@ def fit_law(
     normal = misfit.normal(*problem.modes(x))
     total = normal.cost + problem.penalty(x)
     floor = _ROUND_OFF * np.sqrt(misfit.signal())
-    damping = 1e-3
+    damping, stalled = 1e-3, 0
     for iteration in range(_MAX_ITERATIONS):
         progress(1 - 0.7**iteration)
         hessian, gradient = problem.system(x, normal)
@@ -228,7 +229,8 @@ def fit_law(
         cost = misfit.cost(*problem.modes(candidate)) + problem.penalty(candidate) if allowed else np.inf
         small = float(np.max(np.abs(step) * size)) <= _TOLERANCE * np.sqrt(total) + floor
         if cost <= total:
-            settled = small and total - cost <= _TOLERANCE * total
+            stalled = stalled + 1 if total - cost <= _STALLED * total else 0
+            settled = (small and total - cost <= _TOLERANCE * total) or stalled >= _STALLED_STEPS
             x, total, damping = candidate, cost, damping / 10
             normal = misfit.normal(*problem.modes(x))
             history.append(x[: start.size])
