@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import base64
 import io
+import os
 import statistics
 import tempfile
 import threading
 import time
+import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,6 +30,8 @@ from service.settings import Settings
 from service.supervisor import LocalService
 
 FRFS, LINES = 1000, 3201
+LARGE_FRFS = 3900  # 200 MB
+PAIRS = 3
 STRUCTURE = {
     "name": "beam",
     "geometry": {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01},
@@ -67,8 +71,8 @@ def _campaign(api: httpx.Client, structure: str, name: str) -> str:
     return str(api.post(f"structures/{structure}/campaigns", json=body).raise_for_status().json()["id"])
 
 
-def _frfs(count: int, lines: int) -> Iterator[GridPoint | Frf]:
-    rng = np.random.default_rng(1)
+def _frfs(count: int, lines: int, seed: int) -> Iterator[GridPoint | Frf]:
+    rng = np.random.default_rng(seed)
     yield from (GridPoint(n, (0.001 * n, 0.0, 0.0)) for n in range(1, count + 1))
     for n in range(1, count + 1):
         label = f"FRF {n}Z/1Z"
@@ -78,25 +82,50 @@ def _frfs(count: int, lines: int) -> Iterator[GridPoint | Frf]:
 
 
 def _imports(api: httpx.Client, structure: str, service: LocalService, folder: Path) -> None:
-    print(f"import of {FRFS} FRFs × {LINES} lines, upload to result (target: at most 1.5 × pyuff's reading)")
+    print(f"import of {FRFS} FRFs × {LINES} lines, upload to result, medians of {PAIRS} pairs of runs, load {_load()}")
+    print("(target: at most 1.5 × pyuff's reading; memory: of API, worker and child, above idle)")
     print(f"{'':8} {'MB':>6} {'pyuff s':>9} {'import s':>9} {'ratio':>6} {'peak memory MB':>15}")
     for name, binary in (("58b", True), ("58", False)):
         path = folder / f"{name}.uff"
-        write_file(path, _frfs(FRFS, LINES), binary=binary)
-        began = time.perf_counter()
-        sets = pyuff.UFF(str(path)).read_sets()
-        reading = time.perf_counter() - began
-        assert sum(s["type"] == 58 for s in sets) == FRFS
-        del sets
-        campaign = _campaign(api, structure, name)
-        with _peak_memory(service) as peak:
-            began = time.perf_counter()
-            counts = _import(api, campaign, path)
-            taken = time.perf_counter() - began
-        assert counts == {"frfs": FRFS, "grid_points": FRFS, "modes": 0}
+        runs = []
+        for pair in range(PAIRS):
+            write_file(path, _frfs(FRFS, LINES, seed=pair), binary=binary)  # bytes that are not there yet
+            runs.append((_pyuff_seconds(path), *_timed_import(api, structure, service, path, FRFS)))
+        reading, taken, peak = (statistics.median(column) for column in zip(*runs, strict=True))
+        ratio = statistics.median(run[1] / run[0] for run in runs)
         size = path.stat().st_size / 1e6
-        print(f"{name:8} {size:6.0f} {reading:9.2f} {taken:9.2f} {taken / reading:6.2f} {peak[0] / 1e6:15.0f}")
+        print(f"{name:8} {size:6.0f} {reading:9.2f} {taken:9.2f} {ratio:6.2f} {peak / 1e6:15.0f}")
         path.unlink()
+    write_file(folder / "large.uff", _frfs(LARGE_FRFS, LINES, seed=PAIRS), binary=True)
+    seconds, peak = _timed_import(api, structure, service, folder / "large.uff", LARGE_FRFS)
+    size = (folder / "large.uff").stat().st_size / 1e6
+    print(f"{'58b':8} {size:6.0f} {'':9} {seconds:9.2f} {'':6} {peak / 1e6:15.0f}")
+    (folder / "large.uff").unlink()
+
+
+def _pyuff_seconds(path: Path) -> float:
+    began = time.perf_counter()
+    sets = pyuff.UFF(str(path)).read_sets()
+    taken = time.perf_counter() - began
+    assert sum(s["type"] == 58 for s in sets) == FRFS
+    return taken
+
+
+def _timed_import(
+    api: httpx.Client, structure: str, service: LocalService, path: Path, frfs: int
+) -> tuple[float, float]:
+    """Seconds, and bytes of memory at the peak."""
+    campaign = _campaign(api, structure, path.name)
+    with _peak_memory(service) as peak:
+        began = time.perf_counter()
+        counts = _import(api, campaign, path)
+        taken = time.perf_counter() - began
+    assert counts == {"frfs": frfs, "grid_points": frfs, "modes": 0}
+    return taken, float(peak[0])
+
+
+def _load() -> str:
+    return f"{os.getloadavg()[0]:.1f} on {os.cpu_count()} processors"
 
 
 def _import(api: httpx.Client, campaign: str, path: Path) -> dict[str, int]:
@@ -180,41 +209,47 @@ def _spectra(api: httpx.Client, structure: str, service: LocalService) -> None:
             rows = connection.execute(query, [campaign], binary=True).fetchall()
             assert len([np.frombuffer(row[0], "<c16") for row in rows]) == 100
 
-        raw, http = _median(select), _median(over_http)
-    print(f"\n100 FRFs × {LINES} lines (target: at most 3 × a raw SELECT)")
+        pairs = [(_median(select, 1), _median(over_http, 1)) for _ in range(25)]
+        raw, http = (statistics.median(column) for column in zip(*pairs, strict=True))
+    print(f"\n100 FRFs × {LINES} lines, medians of 25 pairs, load {_load()} (target: at most 3 × a raw SELECT)")
     print(f"raw SELECT {1000 * raw:.1f} ms, npz over HTTP {1000 * http:.1f} ms, ratio {http / raw:.2f}")
 
 
 def _listing(api: httpx.Client, structure: str, service: LocalService) -> None:
-    print("\npage of 100 FRFs (target: flat within 1.5 times)")
+    sizes = (1_000, 1_000_000)
+    campaigns = [_campaign(api, structure, f"{rows} rows") for rows in sizes]
+    with psycopg.connect(psycopg_url(service.settings.database_url or ""), autocommit=True) as connection:
+        middles = [_fill(connection, c, rows) for c, rows in zip(campaigns, sizes, strict=True)]
+        connection.execute("VACUUM ANALYZE frfs")
+        connection.execute("CHECKPOINT")
+    print(f"\npage of 100 FRFs, medians of 31 turns, load {_load()} (target: flat within 1.5 times)")
     print(f"{'rows':>9} {'first ms':>9} {'deep ms':>9} {'by point ms':>12}")
-    first = []
-    for rows in (1_000, 1_000_000):
-        campaign = _campaign(api, structure, f"{rows} rows")
-        with psycopg.connect(psycopg_url(service.settings.database_url or "")) as connection:
-            connection.execute(
-                "INSERT INTO frfs (campaign_id, label, response_point, response_direction, reference_point,"
-                " reference_direction, quantity, start_hz, end_hz, step_hz, lines, dtype, sha256, data)"
-                " SELECT %s, '', 1 + i %% 500, 3, 1, 3, 'accelerance', 0, 1, 1, 2, '<c16', '', ''"
-                " FROM generate_series(1, %s) i",
-                [campaign, rows],
-            )
-            connection.commit()
-            connection.autocommit = True
-            connection.execute("VACUUM ANALYZE frfs")
-            middle = connection.execute(
-                "SELECT id FROM frfs WHERE campaign_id = %s ORDER BY id OFFSET %s LIMIT 1", [campaign, rows // 2]
-            ).fetchone()
-        assert middle is not None
-        cursor = _cursor(middle[0].bytes)
-        path = f"campaigns/{campaign}/frfs"
-        times = [
-            _median(lambda params=params, path=path: api.get(path, params=params).raise_for_status(), 21)
-            for params in ({}, {"cursor": cursor}, {"point": 7})
-        ]
-        first.append(times)
-        print(f"{rows:9d} {1000 * times[0]:9.1f} {1000 * times[1]:9.1f} {1000 * times[2]:12.1f}")
-    print("ratio     " + " ".join(f"{b / a:9.2f}" for a, b in zip(*first, strict=True)))
+    taken: dict[tuple[int, int], list[float]] = {}
+    for _ in range(31):  # by turns, so that the machine's load is the same for both
+        for size, (campaign, middle) in enumerate(zip(campaigns, middles, strict=True)):
+            for kind, params in enumerate(({}, {"cursor": _cursor(middle)}, {"point": 7})):
+                began = time.perf_counter()
+                api.get(f"campaigns/{campaign}/frfs", params=params).raise_for_status()
+                taken.setdefault((size, kind), []).append(time.perf_counter() - began)
+    times = [[1000 * statistics.median(taken[size, kind]) for kind in range(3)] for size in range(2)]
+    for rows, row in zip(sizes, times, strict=True):
+        print(f"{rows:9d} {row[0]:9.1f} {row[1]:9.1f} {row[2]:12.1f}")
+    print("ratio     " + " ".join(f"{b / a:9.2f}" for a, b in zip(*times, strict=True)))
+
+
+def _fill(connection: psycopg.Connection[tuple[uuid.UUID]], campaign: str, rows: int) -> bytes:
+    """Rows of FRFs without much of a spectrum; the key of the middle one."""
+    connection.execute(
+        "INSERT INTO frfs (campaign_id, label, response_point, response_direction, reference_point,"
+        " reference_direction, quantity, start_hz, end_hz, step_hz, lines, dtype, sha256, data)"
+        " SELECT %s, '', 1 + i %% 500, 3, 1, 3, 'accelerance', 0, 1, 1, 2, '<c16', '', ''"
+        " FROM generate_series(1, %s) i",
+        [campaign, rows],
+    )
+    query = "SELECT id FROM frfs WHERE campaign_id = %s ORDER BY id OFFSET %s LIMIT 1"
+    middle = connection.execute(query, [campaign, rows // 2]).fetchone()
+    assert middle is not None
+    return middle[0].bytes
 
 
 def _cursor(key: bytes) -> str:
