@@ -44,7 +44,7 @@ class ParameterTrend:
         outside: (m,) whether a campaign is outside in any direction.
         timeline: states as they followed each other.
         change: where the change began, if any campaign is outside.
-        rate: of change over all campaigns, None below three watched ones.
+        rate: of change over all campaigns; None below three watched ones, and where a note says why.
         notes: what was put in order, left out, extrapolated.
     """
 
@@ -134,14 +134,23 @@ def _parameter(
     seen = [note.date for note in notes if note.parameter == series.name]
     moments = timeline(begin, watched, outside, seen, watch.pending, watch.expected_interval_days, as_of)
     change = speed = None
+    unknown: tuple[str, ...] = ()
     if watched is not None and scores is not None and len(watched) >= _FEWEST_FOR_RATE:
-        speed = rate(ordered, watch.covariates, baseline.mean)
+        speed, unknown = _speed(ordered, watch, baseline)
         if np.any(outside):
             change = _change(begin, watched, scores, baseline)
     return ParameterTrend(
         series.name, direction, ordered, baseline, watched, scores, statistic, limits, outside, moments, change, speed,
-        (*said, *left_out, *_cautions(watched, scores, baseline)),
+        (*said, *left_out, *_cautions(watched, scores, baseline), *unknown),
     )  # fmt: skip
+
+
+def _speed(ordered: Series, watch: Watch, baseline: Baseline) -> tuple[Rate | None, tuple[str, ...]]:
+    """The rate of change, or why there is none: a covariate that runs with time cannot be told from ageing."""
+    try:
+        return rate(ordered, watch.covariates, baseline.mean), ()
+    except InputError as error:
+        return None, (f"no rate of change: {error}",)
 
 
 def _limits(baseline: Baseline, watch: Watch) -> Limits:

@@ -255,3 +255,14 @@ def test_a_temperature_that_never_varied_in_the_baseline_is_refused() -> None:
     series = stiffness(temperature_c=np.full(14, 20.0))
     with pytest.raises(InputError, match="does not vary"):
         assess({"Ex": series}, replace(WATCH, covariates=("temperature_c",)))
+
+
+def test_a_temperature_that_runs_with_time_leaves_the_rate_unknown_and_says_so() -> None:
+    """Ageing and warming cannot be told apart then; the judgement itself goes on."""
+    n = 16
+    days = np.array([(date - dates(n)[0]).days for date in dates(n)], dtype=float)
+    series = stiffness(n, temperature=10 + 0.05 * days)
+    trend = assess({"Ex": series}, Watch({"Ex": "fall"}, covariates=("temperature",), baseline=8)).parameters["Ex"]
+    assert trend.rate is None
+    assert any("no rate of change" in note for note in trend.notes)
+    assert trend.scores is not None
