@@ -75,8 +75,8 @@ def report() -> None:
     )
     printing.note(
         """The paper prints no updated frequencies here. With its constants the first mode comes out 0.8 % low at 10.12 mm and
-        2.0 % low at 10.00 mm, so unlike the cantilever's these constants belong to the printed thickness, more or less; Gxy
-        and the third mode (torsion) stay 2 % low with either."""
+        2.0 % low at 10.00 mm, so unlike the cantilever's these constants belong to the printed thickness, more or less; the
+        third mode (torsion) is 2 to 3 % low with either, so Gxy is too low as well."""
     )
     printing.table(
         "Updated constants, GPa (t = 10.12 mm)",
