@@ -7,6 +7,7 @@ worker is killed every second or two and another takes its place, the API is kil
 from __future__ import annotations
 
 import random
+import subprocess
 import threading
 import time
 from collections import Counter
@@ -19,7 +20,6 @@ from service.access.keys import create_key, user_named
 from service.supervisor import listening_socket
 
 LEASE_SECONDS = 3.0
-START_SECONDS = 4.0  # a worker that has not begun to work is no victim
 
 
 @dataclass
@@ -30,6 +30,7 @@ class Tally:
     seconds: float = 0.0
     workers_started: int = 0
     workers_killed: int = 0
+    workers_ended: int = 0
     apis_killed: int = 0
     database_away_seconds: list[float] = field(default_factory=list)
     repeated_requests: int = 0
@@ -46,6 +47,7 @@ class Tally:
         return [
             ("jobs sent / rows", f"{self.jobs} / {self.rows}"),
             ("workers started / killed", f"{self.workers_started} / {self.workers_killed}"),
+            ("workers that found no database and ended", f"{self.workers_ended}"),
             ("API killed", f"{self.apis_killed}"),
             ("PostgreSQL crashed, away for", f"{len(self.database_away_seconds)}: {away}"),
             ("requests repeated by the client", f"{self.repeated_requests}"),
@@ -123,7 +125,6 @@ def chaos(
         sender = _Sender(port, key, tally)
         (campaign,) = laboratory(sender.client)
         staff = [here.worker(job_lease_seconds=LEASE_SECONDS) for _ in range(workers)]
-        hired = [time.monotonic()] * workers
         tally.workers_started = workers
         began = time.monotonic()
         sending = threading.Thread(
@@ -135,13 +136,18 @@ def chaos(
             if time.monotonic() - began > 60 + 3 * jobs:
                 raise TimeoutError(f"{ended} of {jobs} jobs have ended")
             time.sleep(rng.uniform(*kill_seconds))
-            grown = [number for number in range(workers) if time.monotonic() - hired[number] > START_SECONDS]
-            if grown:
-                victim = rng.choice(grown)
+            at_work = _at_work(here, staff)
+            if at_work:
+                victim = rng.choice(at_work)
                 here.kill(staff[victim])
-                staff[victim], hired[victim] = here.worker(job_lease_seconds=LEASE_SECONDS), time.monotonic()
+                staff[victim] = here.worker(job_lease_seconds=LEASE_SECONDS)
                 tally.workers_killed += 1
                 tally.workers_started += 1
+            for number, worker in enumerate(staff):
+                if worker.poll() is not None:  # it started while there was no database; a service manager does the same
+                    staff[number] = here.worker(job_lease_seconds=LEASE_SECONDS)
+                    tally.workers_ended += 1
+                    tally.workers_started += 1
             for share in [share for share in trouble if sender.sent >= share * jobs]:
                 if trouble.pop(share) == "api":
                     here.kill(api)
@@ -160,6 +166,12 @@ def _ended(here: Floor) -> int:
     return sum(job.finished_at is not None for job in here.jobs())
 
 
+def _at_work(here: Floor, staff: list[subprocess.Popen[bytes]]) -> list[int]:
+    """Which workers have had a job already: to kill one that is still starting proves nothing."""
+    seen = {int(job.worker.split(":")[1]) for job in here.jobs() if job.worker}
+    return [number for number, worker in enumerate(staff) if worker.pid in seen]
+
+
 def _count(here: Floor, tally: Tally) -> None:
     jobs, results = here.jobs(), Counter(here.results())
     tally.rows = len(jobs)
@@ -171,4 +183,4 @@ def _count(here: Floor, tally: Tally) -> None:
 def main() -> None:
     """Print the table of 300 jobs, three workers and a killing every second or two."""
     for name, value in chaos(300).lines():
-        print(f"  {name:<34} {value}")
+        print(f"  {name:<42} {value}")

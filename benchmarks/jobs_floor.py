@@ -209,7 +209,3 @@ def laboratory(client: httpx.Client, campaigns: int = 1) -> list[str]:
     structure = client.post(f"projects/{project}/structures", json=paper.STRUCTURE).raise_for_status().json()["id"]
     path = f"structures/{structure}/campaigns"
     return [client.post(path, json=paper.CAMPAIGN).raise_for_status().json()["id"] for _ in range(campaigns)]
-
-
-def main() -> None:
-    """Nothing to measure here: see `jobs`, `jobs_chaos` and `jobs_outage`."""

@@ -34,7 +34,7 @@ def upgrade() -> None:
     op.create_index(
         "ix_jobs_queued",
         "jobs",
-        ["queue", "project_id", sa.desc("priority"), "id"],
+        ["queue", "project_id", "losses", sa.desc("priority"), "id"],
         postgresql_where=sa.text("state = 'queued'"),
     )
     op.execute(CHANGE_FUNCTION)

@@ -1,8 +1,10 @@
 """Which waiting job a free worker takes: the next one of the project whose turn it is.
 
 Projects take turns, so that one with a thousand jobs does not keep another's one waiting: the project with the fewest
-jobs running goes first, then the one that was served longest ago. Within a project the highest priority goes first,
-then the oldest job. One claim happens at a time, in some milliseconds, so that turns and limits hold exactly.
+jobs running goes first, then the one that was served longest ago. Within a project a job that workers have died with
+goes after those that none has, so that one that kills its workers does not keep the others waiting; then the highest
+priority goes first, then the oldest job. One claim happens at a time, in some milliseconds, so that turns and limits
+hold exactly.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ _NEXT = text("""
     FROM (
       SELECT DISTINCT ON (project_id) id, project_id, priority FROM jobs
       WHERE state = 'queued' AND queue = :queue
-      ORDER BY project_id, priority DESC, id
+      ORDER BY project_id, losses, priority DESC, id
     ) first
     CROSS JOIN LATERAL (
       SELECT count(*) AS busy FROM jobs r WHERE r.state = 'running' AND r.project_id = first.project_id

@@ -34,7 +34,13 @@ class Job(Identified, Base):
         Index("ix_jobs_project_id_id", "project_id", "id"),
         Index("ix_jobs_project_id_started_at", "project_id", "started_at"),
         Index(
-            "ix_jobs_queued", "queue", "project_id", desc("priority"), "id", postgresql_where=text("state = 'queued'")
+            "ix_jobs_queued",
+            "queue",
+            "project_id",
+            "losses",
+            desc("priority"),
+            "id",
+            postgresql_where=text("state = 'queued'"),
         ),
     )
 

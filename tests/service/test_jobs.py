@@ -25,7 +25,7 @@ from service.settings import Settings
 from service.supervisor import environment
 
 ENDED = ("succeeded", "failed", "cancelled")
-PATIENCE = 30.0
+PATIENCE = 90.0
 
 
 @contextmanager

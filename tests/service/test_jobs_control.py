@@ -92,6 +92,13 @@ def test_priority_counts_within_a_project_and_not_between(sessions: Sessions) ->
     assert taken == [jobs["calm"][2], jobs["hasty"][0], jobs["calm"][0], jobs["hasty"][1], jobs["calm"][1]]
 
 
+def test_a_job_that_workers_died_with_goes_after_the_others(sessions: Sessions) -> None:
+    jobs = queued(sessions, one=3)["one"]
+    with sessions.begin() as session:
+        session.execute(update(Job).where(Job.id == jobs[0]).values(losses=1, priority=100))
+    assert [take(sessions) for _ in range(3)] == [jobs[1], jobs[2], jobs[0]]
+
+
 def test_limit_of_a_project_holds_when_many_claim_at_once(sessions: Sessions) -> None:
     jobs = queued(sessions, many=10, one=1)
     with ThreadPoolExecutor(4) as pool:
