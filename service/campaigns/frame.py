@@ -52,7 +52,6 @@ class Frame:
             )
         return Dof(dof.point, (axis + 1 + rotation) * (1 if along[axis] > 0 else -1))
 
-
     def file_dof(self, dof: Dof) -> Dof:
         """A degree of freedom of the specimen's frame, with its direction in the file's coordinates: undoes `dof`."""
         return Frame(self.origin_m, self.axes.T).dof(dof)
