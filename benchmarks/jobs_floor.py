@@ -72,7 +72,8 @@ def empty(_: None, report: Report) -> Iterator[None]:
     return iter(())
 
 
-UPDATE = JobKind("update", load=load, compute=compute, store=store, max_attempts=5)
+# Where every second or so the worker of some job is killed on purpose, a job may well meet that a dozen times.
+UPDATE = JobKind("update", load=load, compute=compute, store=store, max_attempts=100)
 SECOND = JobKind("second", load=load_second, compute=compute, store=store, max_attempts=5)
 EMPTY = JobKind("empty", load=lambda *_: None, compute=empty, store=lambda *_: None)
 
