@@ -4,13 +4,16 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
+# Small matrices on shared cores: threads of the linear algebra would wait for one another.
+export OPENBLAS_NUM_THREADS ?= 1
+
 .PHONY: demo test check bench clean
 
 demo: $(READY)
 	$(BIN)/modalbase demo
 
 test: $(READY)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2
 
 check: $(READY)
 	$(BIN)/ruff check .

@@ -89,7 +89,9 @@ RAYLEIGH = CaugheySeries("rayleigh", (0, 1))
 
 @dataclass(frozen=True)
 class ModalDamping:
-    """A damping ratio of its own for each of some modes, linear in between and constant beyond.
+    """A damping ratio of its own for each of some modes; another frequency has the ratio of the nearest of them.
+
+    So the ratio of a mode does not change as its frequency shifts a little.
 
     Attributes:
         knots: (p,) ascending circular frequencies of the modes, rad/s.
@@ -113,27 +115,20 @@ class ModalDamping:
         return ("1",) * len(self.knots)
 
     def basis(self, omega: FloatArray) -> FloatArray:
-        """(n, p) rates 2ω of the modes whose knots lie next to ω."""
-        hats = [np.interp(omega, self.knots, row) for row in np.eye(len(self.knots))]
-        rates: FloatArray = 2 * omega[:, None] * np.column_stack(hats)
+        """(n, p) rates 2ω of the mode whose knot is nearest to ω on a logarithmic scale."""
+        rates: FloatArray = 2 * omega[:, None] * self._nearest(omega)
         return rates
 
     def slope(self, omega: FloatArray) -> FloatArray:
-        """(n, p) derivatives; at a knot, whose two sides differ, the mean of them."""
-        knots, near = np.array(self.knots), 1e-9 * np.asarray(omega)
-        left, right = self._piece_slopes(knots, omega - near), self._piece_slopes(knots, omega + near)
-        rates: FloatArray = self.basis(omega) / omega[:, None] + omega[:, None] * (left + right)
-        return rates
+        """(n, p) derivatives: 2 for the nearest mode."""
+        return 2 * self._nearest(omega)
 
-    def _piece_slopes(self, knots: FloatArray, omega: FloatArray) -> FloatArray:
-        """(n, p) slopes of the hat functions."""
-        slopes = np.zeros((omega.size, knots.size))
-        piece = np.searchsorted(knots, omega)
-        inside = np.flatnonzero((piece > 0) & (piece < knots.size))
-        step = knots[piece[inside]] - knots[piece[inside] - 1]
-        slopes[inside, piece[inside]] = 1 / step
-        slopes[inside, piece[inside] - 1] = -1 / step
-        return slopes
+    def _nearest(self, omega: FloatArray) -> FloatArray:
+        """(n, p) 1 where the knot is the nearest, else 0."""
+        knots = np.array(self.knots)
+        borders = np.sqrt(knots[1:] * knots[:-1])
+        nearest: FloatArray = np.eye(knots.size)[np.searchsorted(borders, omega)]
+        return nearest
 
 
 # f(x) and f'(x), x = ω/ω_r, of the functions that a generalised proportional law may be made of.

@@ -33,7 +33,8 @@ from fecore.frf import FrfSet, ModalFrfModel, convert
 Weighting = Literal["linear", "relative", "log", "noise"]
 
 _MAX_ITERATIONS = 100
-_TOLERANCE = 1e-9  # relative fall of the misfit, and step in posterior standard deviations, at convergence
+_TOLERANCE = 1e-10  # share of the misfit that an undamped step could still gain at convergence
+_STUCK = 1e12  # damping beyond which no step will help
 _STALLED, _STALLED_STEPS = 1e-7, 5  # relative fall, so many times running, that no estimate can feel
 _ROUND_OFF = 1e-12  # of the weighted signal: noise-free data cannot be fitted better
 _LARGEST_SHIFT = 0.1  # a mode further off than this was not paired rightly
@@ -183,12 +184,18 @@ class FrfMisfit:
 
     def hessian(self, by: ComplexArray, weight: FloatArray) -> FloatArray:
         """(2m, 2m) 2 Re JᴴWJ."""
+        m, omega = by.shape[1], self.measured.omega
+        coupling = (weight.T @ self._products).reshape(-1, m, m)
+        lines = by[0].conj().T[:, :, None] * by[0].T[:, None, :] * coupling
+        plain, once, twice = np.tensordot(np.stack([np.ones_like(omega), 1j * omega, omega**2 + 0j]), lines, 1)
+        cross = 2 * np.real(once)
+        return np.block([[2 * np.real(plain), cross], [cross.T, 2 * np.real(twice)]])
+
+    @cached_property
+    def _products(self) -> FloatArray:
+        """(N, m²) products A_ik A_ij of the residues."""
         A = self.model.residues
-        m = A.shape[1]
-        pairs = (A[:, :, None] * A[:, None, :]).reshape(len(A), m * m)
-        coupling = (weight.T @ pairs).reshape(-1, m, m)
-        both: FloatArray = 2 * np.real(np.einsum("akl,bjl,lkj->akbj", by.conj(), by, coupling, optimize=True))
-        return both.reshape(2 * m, 2 * m)
+        return (A[:, :, None] * A[:, None, :]).reshape(len(A), -1)
 
 
 def fit_law(
@@ -217,31 +224,34 @@ def fit_law(
     history = [start]
     normal = misfit.normal(*problem.modes(x))
     total = normal.cost + problem.penalty(x)
-    floor = _ROUND_OFF * np.sqrt(misfit.signal())
+    floor = _ROUND_OFF**2 * misfit.signal()
     damping, stalled = 1e-3, 0
     for iteration in range(_MAX_ITERATIONS):
         progress(1 - 0.7**iteration)
         hessian, gradient = problem.system(x, normal)
         size = np.sqrt(np.diag(hessian))
-        step = np.linalg.solve(hessian / np.outer(size, size) + damping * np.eye(x.size), gradient / size) / size
-        candidate = x + step
+        scaled = hessian / np.outer(size, size)
+        # What an undamped step would gain: a small step of a damped one tells nothing.
+        gain = float(gradient / size @ np.linalg.solve(scaled, gradient / size)) / 2
+        if gain <= _TOLERANCE * total + floor:
+            return problem.finish(x, normal, np.array(history))
+        step = np.linalg.solve(scaled + damping * np.eye(x.size), gradient / size) / size
+        candidate = problem.within(x + step)
         allowed = problem.is_allowed(candidate)
         cost = misfit.cost(*problem.modes(candidate)) + problem.penalty(candidate) if allowed else np.inf
-        small = float(np.max(np.abs(step) * size)) <= _TOLERANCE * np.sqrt(total) + floor
         if cost <= total:
             stalled = stalled + 1 if total - cost <= _STALLED * total else 0
-            settled = (small and total - cost <= _TOLERANCE * total) or stalled >= _STALLED_STEPS
             x, total, damping = candidate, cost, damping / 10
             normal = misfit.normal(*problem.modes(x))
             history.append(x[: start.size])
-            if settled:
+            if stalled >= _STALLED_STEPS:
                 return problem.finish(x, normal, np.array(history))
-        elif small:
-            return problem.finish(x, normal, np.array(history))
+        elif damping > _STUCK:
+            break
         else:
             damping *= 10
     raise UpdatingError(
-        f"the {law.name} fit did not converge in {_MAX_ITERATIONS} iterations; check the band and the modes",
+        f"the {law.name} fit did not converge; check the band, the modes and the geometry",
         best=dict(zip(law.coefficient_names, map(float, x[: start.size]), strict=True)),
         history=(normal.cost,),
     )
@@ -333,12 +343,18 @@ class _Problem:
         T[m + self.free, self.count + shift.size + np.arange(own.size)] = np.exp(own)
         return T
 
+    def within(self, x: FloatArray) -> FloatArray:
+        """X with its shifts held to what a rightly paired mode may be off."""
+        held = x.copy()
+        shifts = slice(self.count, self.count + self.nuisance.modes.size)
+        held[shifts] = np.clip(held[shifts], -_LARGEST_SHIFT, _LARGEST_SHIFT)
+        return held
+
     def is_allowed(self, x: FloatArray) -> bool:
         a, shift, _ = self.split(x)
-        needed = self.misfit.model.omega <= self.misfit.measured.omega[-1]
+        omega = self.misfit.model.omega
+        needed = (omega > 0) & (omega <= self.misfit.measured.omega[-1])
         needed[self.free] = True
-        if np.any(np.abs(shift) >= _LARGEST_SHIFT):
-            return False
         return bool(np.all(self.law.basis(self.omega(shift)[needed]) @ a > 0))
 
     def finish(self, x: FloatArray, normal: NormalEquations, history: FloatArray) -> DampingFit:

@@ -56,8 +56,8 @@ class Ladder:
 
     @property
     def preferred(self) -> Rung:
-        """The law with the least BIC."""
-        return min(self.rungs, key=lambda rung: rung.bic)
+        """The law with the least BIC; of two with the same, the later one on the ladder."""
+        return min(reversed(self.rungs), key=lambda rung: round(rung.bic, 6))
 
     def sentences(self) -> list[str]:
         """What a user must know about the first law, in words; none where it is adequate."""

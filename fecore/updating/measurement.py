@@ -149,7 +149,11 @@ def _with_shapes(frfs: FrfSet, modes: MeasuredModes) -> tuple[MeasuredModes, tup
     if not np.all(ratio > 0):
         return modes, ("modes were paired by frequency: without damping ratios their shapes cannot be found from FRFs",)
     order = np.argsort(frequency, kind="stable")
-    found, _ = shapes_at_poles(frfs, frequency[order], ratio[order])
+    # With poles beyond the band among them, the full residual series would say the same twice.
+    if seen is None:
+        found, _ = shapes_at_poles(frfs, frequency[order], ratio[order])
+    else:
+        found, _ = shapes_at_poles(frfs, frequency[order], ratio[order], exponents=seen.exponents)
     if found.shapes is None:
         return modes, ()
     places = np.argsort(order, kind="stable")[: len(modes)]

@@ -56,7 +56,9 @@ def _modes(result: Mapping[str, Any]) -> Table:
 
 
 def _correlation(result: Mapping[str, Any]) -> Table:
-    table = Table("over 33 FRFs", title="Correlation of measured and predicted FRFs", title_justify="left")
+    table = Table(
+        "of the model", title="Correlation of the fitted FRFs, measured against predicted", title_justify="left"
+    )
     for heading in ("SAC mean", "FRAC mean", "CSAC mean", "CSF mean"):
         table.add_column(heading, justify="right")
     updated = result["correlation"]
