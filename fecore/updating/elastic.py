@@ -40,6 +40,7 @@ SHAPE_DISCREPANCY = 0.01
 _UNKNOWN_FREQUENCY_SD = 0.0002  # a typed-in frequency is taken to be this sure, as a share of it
 _MAX_ITERATIONS = 40
 _MAX_HALVINGS = 12
+_LOWEST = 1e-3  # of its prior mean: what no positive parameter falls below
 _STEP_TOLERANCE = 1e-4  # in posterior standard deviations
 _COST_ROUND_OFF = 1e-7  # eigenvalues are good to some 1e-9, so a smaller rise of the cost means nothing
 
@@ -122,7 +123,7 @@ def update_elastic(
         progress(1 - 0.6**iteration)
         system = fit.linearise(state, pairing, spread)
         history.append(ElasticIterate(state.theta, _measured_order(state, pairing, len(modes)), system.cost))
-        step = np.linalg.solve(system.hessian, -system.gradient)
+        step = fit.bounded_step(state.theta, system)
         if step @ system.hessian @ step < _STEP_TOLERANCE**2:
             return fit.finish(state, pairing, spread, initial_state, initial_pairing, tuple(history))
         state = fit.descend(state, pairing, spread, step, system.cost, history)
@@ -206,6 +207,35 @@ class _Fit:
             jacobians.append(scale * across.T / SHAPE_DISCREPANCY)
         return np.concatenate(residuals), np.vstack(jacobians)
 
+    @property
+    def lowest(self) -> FloatArray:
+        """(p,) what no parameter falls below: a thousandth of its prior mean; a Poisson's ratio has no such bound."""
+        prior = self.forward.parametrisation
+        bounded = np.array([name != "nu_xy" for name in prior.names])
+        return np.where(bounded, _LOWEST * prior.prior_mean, -np.inf)
+
+    def at_bound(self, theta: FloatArray) -> list[str]:
+        """Parameters that ended at their bound, in words."""
+        held = np.flatnonzero(theta <= self.lowest)
+        names = self.forward.parametrisation.names
+        return [
+            f"{names[i]} ended at its lower bound, {theta[i]:.3g}: the data ask for less; look at the model or leave it out"
+            for i in held
+        ]
+
+    def bounded_step(self, theta: FloatArray, system: _System) -> FloatArray:
+        """The Gauss-Newton step of the parameters that are not held at their bound."""
+        free = np.ones(theta.size, dtype=bool)
+        step = np.zeros(theta.size)
+        for _ in range(theta.size):
+            step = np.zeros(theta.size)
+            step[free] = np.linalg.solve(system.hessian[np.ix_(free, free)], -system.gradient[free])
+            pressed = free & (theta <= self.lowest) & (step < 0)
+            if not pressed.any() or pressed[free].all():
+                break
+            free &= ~pressed
+        return step
+
     def descend(
         self,
         state: ForwardState,
@@ -217,7 +247,7 @@ class _Fit:
     ) -> ForwardState:
         """The next iterate: the full step, halved until it is physical and the cost does not grow."""
         for halving in range(_MAX_HALVINGS):
-            theta = state.theta + step / 2**halving
+            theta = np.maximum(state.theta + step / 2**halving, self.lowest)
             if not self.forward.parametrisation.is_physical(theta):
                 continue
             candidate = self.forward.solve(theta)
@@ -276,7 +306,7 @@ class _Fit:
             null_directions=null_directions(covariance, prior.prior_sd),
             discrepancy=wide,
             history=history,
-            warnings=pairing.messages(self.modes.frequency_hz, state.frequency_hz),
+            warnings=(*pairing.messages(self.modes.frequency_hz, state.frequency_hz), *self.at_bound(state.theta)),
         )
 
 

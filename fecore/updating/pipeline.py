@@ -25,7 +25,7 @@ from fecore.updating.parameters import Parametrisation, parametrise
 from fecore.updating.recipe import Recipe
 from fecore.updating.report import Report
 from fecore.updating.result import UpdateResult
-from fecore.updating.sampling import Posterior, sample_posterior
+from fecore.updating.sampling import Keeper, Posterior, sample_posterior
 
 Progress = Callable[[str, float], None]
 """Told the stage in words and the share of the whole job that is done; raise from it to cancel."""
@@ -46,8 +46,16 @@ def update(
     specimen: Specimen,
     recipe: Recipe | None = None,
     progress: Progress = lambda *_: None,
+    keeper: Keeper | None = None,
 ) -> UpdateResult:
     """Update a specimen's elastic constants and damping from a measurement.
+
+    Args:
+        measurement: what was measured.
+        specimen: nominal specimen.
+        recipe: how to use the measurement; the defaults suit a first look.
+        progress: told the stage and the share that is done; raise from it to cancel.
+        keeper: keeps a long chain of samples, so that a job that was killed goes on with it.
 
     Raises:
         InputError: the measurement or the recipe is wrong; it names the field.
@@ -68,7 +76,7 @@ def update(
         laws[0], many_starts=True, progress=lambda share: progress("updating the damping", 0.6 + 0.1 * share)
     )
     ladder = climb(stage, laws)
-    sampled = _sampled(recipe, elastic, stage, damping, progress)
+    sampled = _sampled(recipe, elastic, stage, damping, progress, keeper)
     progress("correlating", 0.95)
     result = Report(elastic, damping, ladder, modes, data, band, recipe.hold_out.band_hz, sampled).result()
     progress("done", 1.0)
@@ -88,7 +96,12 @@ def _elastic(
 
 
 def _sampled(
-    recipe: Recipe, elastic: ElasticResult, stage: DampingStage, damping: DampingResult, progress: Progress
+    recipe: Recipe,
+    elastic: ElasticResult,
+    stage: DampingStage,
+    damping: DampingResult,
+    progress: Progress,
+    keeper: Keeper | None,
 ) -> Posterior | None:
     if recipe.posterior == "laplace":
         return None
@@ -98,6 +111,7 @@ def _sampled(
         damping,
         recipe.seed,
         progress=lambda share: progress("sampling the posterior", 0.7 + 0.25 * share),
+        keeper=keeper,
     )
 
 

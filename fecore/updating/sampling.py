@@ -6,14 +6,19 @@ and to the discrepancy that the estimate allows. What the intervals admit beyond
 
     θ ← θ + N(0, G (C_e - C_e,estimate) Gᵀ),     a ← a + (∂a/∂θ)(θ - θ̂) + N(0, law spread beyond the estimate's)
 
+A long chain can be kept and taken up again (`Keeper`): its last state holds the random generator's, so the samples are the same
+to the bit as those of a chain that was never interrupted.
+
 A chain counts only when it is converged: longer than 50 autocorrelation times, with the effective samples that were asked for
 (Sokal 1997; Goodman and Weare 2010). Everything is seeded.
 """
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import emcee
 import numpy as np
@@ -34,6 +39,18 @@ _LONGEST = 40_000  # steps; a chain that is not converged by then is refused
 _TIMES_AUTOCORRELATION = 50
 _BASIS_REACH = 3.0  # posterior standard deviations in which the small basis is made
 _BASIS_TOLERANCE = 1e-7  # relative error of its frequencies, checked against the forward model
+
+
+class Keeper(Protocol):
+    """Where the state of a chain outlives the process that samples it."""
+
+    restored: bytes | None
+    """The last state that an earlier run has kept, or None."""
+
+    def checkpoint(self, data: bytes) -> None:
+        """Keep a state in place of the one before."""
+        ...
+
 
 LogProbability = Callable[[FloatArray], FloatArray]
 """(w, p) points to (w,) logarithms of a density."""
@@ -80,8 +97,9 @@ def sample_posterior(
     seed: int,
     wanted: int = WANTED_SAMPLES,
     progress: Callable[[float], None] = lambda _: None,
+    keeper: Keeper | None = None,
 ) -> Posterior:
-    """Sample elastic constants and the law's coefficients.
+    """Sample elastic constants and the law's coefficients. The elastic chain, which is the long one, is kept by `keeper`.
 
     Raises:
         UpdatingError: a chain did not converge; nothing of it is returned.
@@ -90,7 +108,7 @@ def sample_posterior(
     prior = elastic.updated.forward.parametrisation
     first = run_chain(
         _elastic_density(elastic), elastic.theta, elastic.sampled_covariance, seeds[0], wanted,
-        lambda share: progress(0.6 * share), prior.names,
+        lambda share: progress(0.6 * share), prior.names, keeper,
     )  # fmt: skip
     second = run_chain(
         _damping_density(stage, damping), damping.fit.coefficients, damping.sampled_covariance, seeds[1], wanted,
@@ -121,6 +139,7 @@ def run_chain(
     wanted: int,
     progress: Callable[[float], None],
     names: tuple[str, ...],
+    keeper: Keeper | None = None,
 ) -> Chain:
     """Run walkers from around `start` until the chain is converged.
 
@@ -138,10 +157,14 @@ def run_chain(
         walkers, dimension, lambda x: density(start + x * scale), moves=moves, vectorize=True
     )
     state = emcee.State(random.standard_normal((walkers, dimension)), random_state=random.get_state())
-    steps, tau = 0, np.full(dimension, np.inf)
+    if keeper is not None and keeper.restored is not None:
+        state = _unpack(keeper.restored, sampler)
+    steps, tau = sampler.iteration, np.full(dimension, np.inf)
     while steps < _LONGEST:
         state = sampler.run_mcmc(state, _BLOCK, skip_initial_state_check=steps > 0)
         steps += _BLOCK
+        if keeper is not None:
+            keeper.checkpoint(_pack(sampler, state))
         tau = sampler.get_autocorr_time(tol=0)
         effective = walkers * (steps - 5 * tau.max()) / tau
         progress(min(1.0, float(effective.min()) / wanted))
@@ -154,6 +177,34 @@ def run_chain(
         best=dict(zip(names, map(float, start), strict=True)),
         history=(),
     )
+
+
+def _pack(sampler: emcee.EnsembleSampler, state: emcee.State) -> bytes:
+    """A sampler's chain and last state, random generator included, as npz."""
+    _, key, *rest = state.random_state
+    buffer = io.BytesIO()
+    np.savez(
+        buffer,
+        chain=sampler.get_chain(),
+        log_prob=sampler.get_log_prob(),
+        accepted=sampler.backend.accepted,
+        coords=state.coords,
+        last_log_prob=state.log_prob,
+        key=key,
+        rest=np.array(rest, dtype=float),
+    )
+    return buffer.getvalue()
+
+
+def _unpack(data: bytes, sampler: emcee.EnsembleSampler) -> emcee.State:
+    """Put a kept chain back into a fresh sampler; the state to go on from."""
+    with np.load(io.BytesIO(data)) as kept:
+        position, has_gauss, gauss = kept["rest"]
+        random_state = ("MT19937", kept["key"], int(position), int(has_gauss), float(gauss))
+        backend = sampler.backend
+        backend.chain, backend.log_prob, backend.accepted = kept["chain"], kept["log_prob"], kept["accepted"]
+        backend.iteration, backend.initialized, backend.random_state = len(kept["chain"]), True, random_state
+        return emcee.State(kept["coords"], log_prob=kept["last_log_prob"], random_state=random_state)
 
 
 def _elastic_density(elastic: ElasticResult) -> LogProbability:

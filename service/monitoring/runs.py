@@ -242,11 +242,11 @@ def _with_priors(session: Session, monitor: Monitor, recipe: RecipeIn, values: d
         last = values["parameters"].get(parameter.name)
         carried.append(
             ParameterIn(
-                name=parameter.name,  # type: ignore[arg-type]  # the core's names are the schema's
+                name=parameter.name,
                 prior_mean=parameter.prior_mean if parameter.name not in widths or last is None else last[0],
                 prior_sd=widths.get(parameter.name, parameter.prior_sd),
                 fixed=parameter.fixed,
-                tied_to=parameter.tied_to,  # type: ignore[arg-type]
+                tied_to=parameter.tied_to,
             )
         )
     return recipe.model_copy(update={"parameters": carried})

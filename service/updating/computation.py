@@ -58,7 +58,7 @@ class UpdateOutput:
 def compute_update(inputs: UpdateInputs, report: Report) -> Iterator[UpdateOutput]:
     """Run the core and describe its result."""
     stages = _Stopwatch(report)
-    result = update(inputs.measurement, inputs.specimen, inputs.recipe, stages.progress)
+    result = update(inputs.measurement, inputs.specimen, inputs.recipe, stages.progress, report)
     provenance = {
         **inputs.provenance,
         "software": {"modalbase": fecore.__version__, "numpy": np.__version__, "python": platform.python_version()},

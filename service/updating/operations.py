@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 from uuid import UUID
 
@@ -107,7 +108,8 @@ def _check(session: Session, user: User, campaign: Campaign, recipe: RecipeIn) -
 def _check_parameters(recipe: RecipeIn, structure: Any, campaign: Campaign) -> None:
     """A recipe that contradicts itself is refused at the door, with the core's own words."""
     core = recipe.to_core()
-    parametrise(nominal_specimen(structure, campaign.boundary), core.parameters)
+    specimen = nominal_specimen(structure, campaign.boundary)
+    parametrise(replace(specimen, springs=tuple(spring.to_core() for spring in recipe.springs)), core.parameters)
     if recipe.band_hz is not None and not recipe.band_hz[0] < recipe.band_hz[1]:
         raise InputError("band_hz", "expected its low end below its high end")
 

@@ -8,12 +8,12 @@ from uuid import UUID
 
 from pydantic import Field
 
+from fecore.supports import Edge, Spring
 from fecore.updating import recipe as core
 from fecore.updating.damping import Weighting
-from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
-from service.problems import Int64, StrictModel
+from fecore.updating.parameters import CONSTANTS, DEFAULT_PARAMETERS, Parameter
+from service.problems import Int64, Name, StrictModel
 
-ConstantName = Literal["Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy", "density", "thickness"]
 DampingModel = Literal["rayleigh", "caughey3", "caughey4", "generalised", "modal"]
 Frequency = Annotated[float, Field(ge=0, le=1e7, description="Hz")]
 Band = tuple[Frequency, Frequency]
@@ -22,11 +22,29 @@ Band = tuple[Frequency, Frequency]
 class ParameterIn(StrictModel):
     """A constant to update; SI. Without a mean the structure's nominal value, without a spread 30 % of the mean."""
 
-    name: ConstantName
+    name: Name = Field(description=f"{', '.join(CONSTANTS)}, or the name of one of the recipe's springs")
     prior_mean: float | None = None
     prior_sd: float | None = None
     fixed: bool = False
-    tied_to: ConstantName | None = Field(None, description="follows that parameter in the ratio of the nominal values")
+    tied_to: Name | None = Field(None, description="follows that parameter in the ratio of the nominal values")
+
+
+class SpringIn(StrictModel):
+    """An elastic support, which a parameter of the same name updates; it adds to the campaign's boundary."""
+
+    name: Name
+    stiffness: float = Field(gt=0, le=1e18, description="N/m or N·m/rad at a point; per metre of edge on an edge")
+    direction: int = Field(ge=1, le=6, description="1, 2, 3 along x, y, z; 4, 5, 6 about them")
+    edge: Edge | None = None
+    point_m: tuple[float, float] | None = Field(None, description="x and y on the specimen")
+
+    def to_core(self) -> Spring:
+        """The core's spring.
+
+        Raises:
+            InputError: it has no place, or two.
+        """
+        return Spring(self.name, self.stiffness, self.direction, self.edge, self.point_m)
 
 
 class HoldOutIn(StrictModel):
@@ -45,6 +63,7 @@ class RecipeIn(StrictModel):
         "two_stage", description="joint: constants and damping together from the FRFs, without modes"
     )
     mode_set: UUID | None = Field(None, description="measured modes; without it they are identified from the FRFs")
+    springs: list[SpringIn] = Field(default_factory=list, max_length=20, description="elastic supports of the specimen")
     parameters: list[ParameterIn] | None = Field(
         None, max_length=20, description="default: Ex, Ey, Gxy, Gxz, and Gyz tied to Gxz, nominal ± 30 %"
     )

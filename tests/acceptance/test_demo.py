@@ -62,8 +62,8 @@ def test_the_script_makes_the_demonstrations_file(tmp_path: Path) -> None:
     assert len(frfs[0]) == len(frfs[1]) == 33
     for one, other in zip(*frfs, strict=True):
         assert (one.response_point, one.reference_point) == (other.response_point, other.reference_point)
-        # Single precision is good to 6e-8; eigen solutions may differ by some 1e-9 between machines.
-        np.testing.assert_allclose(one.values, other.values, rtol=0, atol=1e-6 * np.abs(other.values).max())
+        # A hundredth of the noise in the file: shapes of its uppermost modes are good to some 1e-5.
+        np.testing.assert_allclose(one.values, other.values, rtol=0, atol=1e-4 * np.abs(other.values).max())
 
 
 def test_readme_names_commands_that_exist() -> None:

@@ -158,6 +158,8 @@ def test_identification_alone_makes_a_mode_set_that_an_update_takes(api: httpx.C
         ({"parameters": [{"name": "Ex", "fixed": True, "prior_sd": 1e9}]}, "/parameters/0/prior_sd"),
         ({"parameters": [{"name": "Ex", "tied_to": "Ex"}]}, "/parameters/0/tied_to"),
         ({"parameters": [{"name": "Ex", "fixed": True}]}, "/parameters"),
+        ({"springs": [{"name": "root", "stiffness": 1e4, "direction": 5}]}, "/spring"),
+        ({"parameters": [{"name": "root"}]}, "/parameters/0/name"),
         ({"band_hz": [500, 100]}, "/band_hz"),
         ({"band_hz": [5000, 6000]}, "/band_hz"),
         ({"hold_out": {"points": list(range(1, 34))}}, "/hold_out/points"),
@@ -176,6 +178,23 @@ def test_contradictory_recipes_are_refused_at_the_door(api: httpx.Client, recipe
     assert answer.headers["content-type"] == "application/problem+json"
     assert pointer in [fault["pointer"] for fault in answer.json()["errors"]]
     assert api.get(f"update-jobs?campaign={campaign}").json()["items"] == []
+
+
+def test_a_support_spring_is_a_parameter(api: httpx.Client) -> None:
+    """A soft spring under the tip's edge, which is not there: the update says that it is next to nothing."""
+    geometry = {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01}
+    campaign = campaign_with(api, uff_file(), geometry, "cantilever")
+    spring = {"name": "tip", "stiffness": 2000.0, "direction": 3, "edge": "end"}
+    recipe = {"springs": [spring], "parameters": [{"name": "Ex"}, {"name": "Gxy"}, {"name": "tip", "prior_sd": 2000.0}]}
+    answer = api.post(f"campaigns/{campaign}/update-jobs", json=recipe).raise_for_status()
+    job = finished(api, answer.headers["Location"])
+    assert job["status"] == "succeeded", job
+    result = result_of(api, answer.headers["Location"])
+    assert any(warning.startswith("tip ended at its lower bound") for warning in result["warnings"])
+    found = {row["name"]: row for row in result["parameters"]}
+    assert found["tip"]["unit"] == "N/m²"
+    assert found["tip"]["estimate"] < 1000.0
+    assert found["Ex"]["estimate"] == pytest.approx(31.7e9, rel=0.02)
 
 
 def test_the_same_recipe_and_inputs_give_the_same_bits(api: httpx.Client) -> None:

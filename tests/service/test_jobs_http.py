@@ -62,7 +62,8 @@ def test_events_tell_the_whole_story_and_end(api: httpx.Client, start: Callable[
     story = watch(api, job["id"])
     ids = [number for number, _ in story]
     assert ids == sorted(set(ids))
-    assert story[0][1]["status"] in ("queued", "running")
+    # A job that fails at once may have ended before the stream began.
+    assert len(story) == 1 or story[0][1]["status"] in ("queued", "running")
     assert [state["status"] for _, state in story][-1] == "failed"
     assert "no FRFs" in story[-1][1]["error"]["detail"]
     shown = api.get(f"update-jobs/{job['id']}").json()
@@ -73,7 +74,7 @@ def test_who_comes_back_is_told_what_is_new(api: httpx.Client, start: Callable[.
     job = start()
     story = watch(api, job["id"])
     last = story[-1][0]
-    assert watch(api, job["id"], last=story[0][0]) == story[-1:]
+    assert watch(api, job["id"], last=last - 1) == story[-1:]
     assert watch(api, job["id"], last=10**9) == story[-1:]  # no id of ours: the state of now
     again = api.get(f"update-jobs/{job['id']}/events", headers={"Last-Event-ID": str(last)})
     assert (again.status_code, again.content) == (204, b"")

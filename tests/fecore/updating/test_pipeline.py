@@ -163,3 +163,23 @@ def test_a_point_without_coordinates_is_named(measured: tuple[Measurement, dict[
     with pytest.raises(InputError, match="12") as caught:
         update(replace(measurement, points=points), BEAM)
     assert caught.value.field == "grid_points"
+
+
+def test_a_killed_chain_goes_on_and_ends_with_the_same_bits(measured: tuple[Measurement, dict[str, float]]) -> None:
+    class Kept:
+        def __init__(self, restored: bytes | None = None, dies_after: int = 10**6) -> None:
+            self.restored, self.left, self.last = restored, dies_after, b""
+
+        def checkpoint(self, data: bytes) -> None:
+            self.last, self.left = data, self.left - 1
+            if self.left == 0:
+                raise KeyboardInterrupt
+
+    recipe = Recipe(posterior="mcmc", seed=1)
+    killed = Kept(dies_after=2)
+    with pytest.raises(KeyboardInterrupt):
+        update(measured[0], BEAM, recipe, keeper=killed)
+    resumed = Kept(restored=killed.last)
+    one, other = update(measured[0], BEAM, recipe), update(measured[0], BEAM, recipe, keeper=resumed)
+    assert [p.interval_95 for p in one.parameters] == [p.interval_95 for p in other.parameters]
+    assert len(resumed.last) > len(killed.last)
