@@ -17,7 +17,7 @@ from service.campaigns.frf_schemas import UNITS, FrfOut
 from service.campaigns.operations import campaign_for, project_of
 from service.campaigns.spectra import encode, encode_axis
 from service.campaigns.tables import Campaign, Frf
-from service.problems import NotFound
+from service.problems import NotFound, not_found_as
 
 
 @dataclass(frozen=True)
@@ -88,10 +88,8 @@ def frf_for(session: Session, user: User, frf_id: UUID, role: Role = "viewer") -
     frf = session.get(Frf, frf_id)
     if frf is None:
         raise NotFound("FRF", frf_id)
-    try:
+    with not_found_as("FRF", frf_id):
         campaign_for(session, user, frf.campaign_id, role)
-    except NotFound:
-        raise NotFound("FRF", frf_id) from None
     return frf
 
 

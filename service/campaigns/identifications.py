@@ -24,7 +24,7 @@ from service.campaigns.operations import campaign_for, frame_of, project_of
 from service.campaigns.tables import Campaign, Identification, ModeSet
 from service.jobs import Job, JobKind, enqueue, job_state
 from service.jobs.kinds import Report
-from service.problems import Name, NotFound, StrictModel
+from service.problems import Name, NotFound, StrictModel, not_found_as
 
 Frequency = Annotated[float, Field(ge=0, le=1e7, description="Hz")]
 
@@ -141,10 +141,8 @@ def identification_for(session: Session, user: User, identification_id: UUID) ->
     row = session.get(Identification, identification_id)
     if row is None:
         raise NotFound("identification", identification_id)
-    try:
+    with not_found_as("identification", identification_id):
         campaign_for(session, user, row.campaign_id)
-    except NotFound:
-        raise NotFound("identification", identification_id) from None
     return row
 
 

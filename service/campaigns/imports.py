@@ -19,7 +19,7 @@ from service.campaigns.reading import ReadingInputs, read_upload
 from service.campaigns.schemas import Counts, DatasetOutcome, ImportOut
 from service.campaigns.tables import Campaign, Import, Original
 from service.jobs import Job, JobKind, enqueue, job_state
-from service.problems import NotFound
+from service.problems import NotFound, not_found_as
 
 
 def _load(session: Session, job_id: UUID, workspace: Path) -> ReadingInputs:
@@ -88,10 +88,8 @@ def import_for(session: Session, user: User, import_id: UUID) -> Import:
     row = session.get(Import, import_id)
     if row is None:
         raise NotFound("import", import_id)
-    try:
+    with not_found_as("import", import_id):
         campaign_for(session, user, row.campaign_id)
-    except NotFound:
-        raise NotFound("import", import_id) from None
     return row
 
 

@@ -18,7 +18,7 @@ from service.access import Role, User, audit
 from service.campaigns.mode_schemas import ModeIn, ModeOut, ModeSetIn, ModeSetOut, ShapeValue
 from service.campaigns.operations import campaign_for, project_of
 from service.campaigns.tables import Campaign, Mode, ModeSet
-from service.problems import NotFound
+from service.problems import NotFound, not_found_as
 
 
 def mode_set_for(session: Session, user: User, mode_set_id: UUID, role: Role = "viewer") -> ModeSet:
@@ -30,10 +30,8 @@ def mode_set_for(session: Session, user: User, mode_set_id: UUID, role: Role = "
     mode_set = session.get(ModeSet, mode_set_id)
     if mode_set is None:
         raise NotFound("mode set", mode_set_id)
-    try:
+    with not_found_as("mode set", mode_set_id):
         campaign_for(session, user, mode_set.campaign_id, role)
-    except NotFound:
-        raise NotFound("mode set", mode_set_id) from None
     return mode_set
 
 

@@ -13,7 +13,7 @@ from service.access import Role, User, audit
 from service.campaigns.frame import SPECIMEN, Frame, make_frame
 from service.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch, FrameIn, Instruments
 from service.campaigns.tables import Campaign
-from service.problems import Conflict, NotFound
+from service.problems import Conflict, NotFound, not_found_as
 from service.structures.operations import structure_for
 from service.structures.tables import Structure
 
@@ -37,10 +37,8 @@ def campaign_for(
     campaign = session.get(Campaign, campaign_id)
     if campaign is None or (campaign.deleted_at is not None and not deleted):
         raise NotFound("campaign", campaign_id)
-    try:
+    with not_found_as("campaign", campaign_id):
         structure_for(session, user, campaign.structure_id, role)
-    except NotFound:
-        raise NotFound("campaign", campaign_id) from None
     return campaign
 
 

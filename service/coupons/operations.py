@@ -30,7 +30,7 @@ from service.coupons.schemas import (
     Summary,
 )
 from service.coupons.tables import Coupon, CouponBatch
-from service.problems import Conflict, Fault, Invalid, NotFound
+from service.problems import Conflict, Fault, Invalid, NotFound, not_found_as
 from service.structures.operations import structure_for
 from service.structures.tables import Structure
 
@@ -50,10 +50,8 @@ def batch_for(session: Session, user: User, batch_id: UUID, role: Role = "viewer
     batch = session.get(CouponBatch, batch_id)
     if batch is None:
         raise NotFound("coupon batch", batch_id)
-    try:
+    with not_found_as("coupon batch", batch_id):
         structure_for(session, user, batch.structure_id, role)
-    except NotFound:
-        raise NotFound("coupon batch", batch_id) from None
     return batch
 
 
@@ -132,10 +130,8 @@ def coupon_for(session: Session, user: User, coupon_id: UUID, role: Role = "view
     coupon = session.get(Coupon, coupon_id)
     if coupon is None:
         raise NotFound("coupon", coupon_id)
-    try:
+    with not_found_as("coupon", coupon_id):
         batch_for(session, user, coupon.batch_id, role)
-    except NotFound:
-        raise NotFound("coupon", coupon_id) from None
     if lock:
         session.execute(select(Coupon.id).where(Coupon.id == coupon_id).with_for_update(of=Coupon))
         session.refresh(coupon)

@@ -14,7 +14,7 @@ from service.access import User, audit, project_for
 from service.monitoring.judgement import Episode
 from service.monitoring.messages import announce
 from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorSeries
-from service.problems import Conflict, NotFound
+from service.problems import Conflict, NotFound, not_found_as
 from service.structures.tables import Structure
 
 TOLD = {"alarm": "raised", "acknowledged": "acknowledged", "cleared": "cleared", "withdrawn": "withdrawn"}
@@ -122,10 +122,8 @@ def alarm_for(session: Session, user: User, alarm_id: UUID) -> tuple[Alarm, Moni
     ).one_or_none()
     if found is None:
         raise NotFound("alarm", alarm_id)
-    try:
+    with not_found_as("alarm", alarm_id):
         project_for(session, user, found[2].project_id)
-    except NotFound:
-        raise NotFound("alarm", alarm_id) from None
     return found[0], found[1], found[2]
 
 

@@ -23,7 +23,7 @@ from service.monitoring.assessment import rank
 from service.monitoring.schemas import CONSTANT, BaselineIn, ChartIn, MonitorIn, MonitorOut, MonitorPatch, WatchedIn
 from service.monitoring.steward import ask, next_time
 from service.monitoring.tables import Alarm, CampaignCompletion, Monitor, MonitorRun, MonitorSeries
-from service.problems import Conflict, Invalid, NotFound
+from service.problems import Conflict, Invalid, NotFound, not_found_as
 from service.settings import Settings
 from service.structures.operations import current_version, describe_version, structure_for
 from service.structures.tables import Structure
@@ -44,10 +44,8 @@ def monitor_for(
     monitor = session.get(Monitor, monitor_id)
     if monitor is None:
         raise NotFound("monitor", monitor_id)
-    try:
+    with not_found_as("monitor", monitor_id):
         structure_for(session, user, monitor.structure_id, role)
-    except NotFound:
-        raise NotFound("monitor", monitor_id) from None
     if lock:
         session.refresh(monitor, with_for_update=True)
     return monitor

@@ -30,7 +30,7 @@ from service.monitoring.delivery import new_secret
 from service.monitoring.messages import EVENTS, Event, trial_message
 from service.monitoring.monitors import monitor_for
 from service.monitoring.tables import Delivery, Webhook
-from service.problems import Conflict, Invalid, NotFound, Page, StrictModel, Text, api_router
+from service.problems import Conflict, Invalid, NotFound, Page, StrictModel, Text, api_router, not_found_as
 
 router = api_router(tags=["webhooks"])
 
@@ -173,10 +173,8 @@ def replay_delivery(delivery_id: UUID, session: SessionDep, user: CurrentUser) -
     row = session.get(Delivery, delivery_id)
     if row is None:
         raise NotFound("delivery", delivery_id)
-    try:
+    with not_found_as("delivery", delivery_id):
         project_for(session, user, row.project_id, "editor")
-    except NotFound:
-        raise NotFound("delivery", delivery_id) from None
     if row.state == "waiting":
         raise Conflict(f"the message has not been given up: it is sent again at {row.due_at.isoformat()}")
     if row.webhook_id is not None and not session.get_one(Webhook, row.webhook_id).active:
@@ -197,8 +195,6 @@ def _webhook_for(session: Session, user: User, webhook_id: UUID, role: Role) -> 
     row = session.get(Webhook, webhook_id)
     if row is None or not row.active:
         raise NotFound("webhook", webhook_id)
-    try:
+    with not_found_as("webhook", webhook_id):
         project_for(session, user, row.project_id, role)
-    except NotFound:
-        raise NotFound("webhook", webhook_id) from None
     return row

@@ -15,6 +15,7 @@ from service.problems.errors import (
     Unauthorized,
     Unavailable,
     UnsupportedMediaType,
+    not_found_as,
 )
 from service.problems.routing import api_router
 from service.problems.schema import Int64, Name, Page, StrictModel, Text
@@ -40,4 +41,5 @@ __all__ = [
     "Unavailable",
     "UnsupportedMediaType",
     "api_router",
+    "not_found_as",
 ]

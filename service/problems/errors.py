@@ -19,6 +19,8 @@ Every message says what was found, what was expected and, where there is somethi
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 
@@ -31,6 +33,15 @@ class NotFound(ServiceError):
 
     def __init__(self, what: str, key: object = None) -> None:
         super().__init__(f"no {what}" if key is None else f"no {what} {key}")
+
+
+@contextmanager
+def not_found_as(what: str, key: object) -> Iterator[None]:
+    """Within: what is not found is told as this thing, since what it belongs to is not the caller's to hear of."""
+    try:
+        yield
+    except NotFound:
+        raise NotFound(what, key) from None
 
 
 class Unauthorized(ServiceError):

@@ -11,7 +11,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from service.access import Role, User, audit, project_for
-from service.problems import Fault, Invalid, NotFound
+from service.problems import Fault, Invalid, NotFound, not_found_as
 from service.structures.schemas import Geometry, Laminate, Material, StructureIn, StructureOut, StructurePatch
 from service.structures.tables import Structure, StructureVersion
 
@@ -26,10 +26,8 @@ def structure_for(session: Session, user: User, structure_id: UUID, role: Role =
     structure = session.get(Structure, structure_id)
     if structure is None:
         raise NotFound("structure", structure_id)
-    try:
+    with not_found_as("structure", structure_id):
         project_for(session, user, structure.project_id, role)
-    except NotFound:
-        raise NotFound("structure", structure_id) from None
     return structure
 
 

@@ -48,10 +48,9 @@ def load_update(session: Session, job_id: UUID, _workspace: Path) -> UpdateInput
     used = campaign.frf_sets[0]
     parameters, prior_warnings = _parameters(session, recipe)
     specimen, sensor_warnings = specimen_of(campaign)
-    specimen = replace(specimen, springs=tuple(spring.to_core() for spring in recipe.springs))
     return UpdateInputs(
         measurement=Measurement(used.frfs, campaign.points, modes),
-        specimen=specimen,
+        specimen=recipe.supported(specimen),
         recipe=replace(recipe.to_core(), parameters=parameters),
         warnings=(*campaign.warnings, *_left_out(campaign), *prior_warnings, *sensor_warnings),
         provenance=_provenance(job, campaign, used),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 from uuid import UUID
 
@@ -19,7 +18,7 @@ from service.campaigns.operations import campaign_for, project_of
 from service.campaigns.tables import Campaign, Frf
 from service.coupons.operations import batch_for
 from service.jobs import Job, JobKind, enqueue, job_state, one_at_a_time, request_cancel, retry
-from service.problems import Conflict, Invalid, NotFound
+from service.problems import Conflict, Invalid, NotFound, not_found_as
 from service.structures.operations import current_version, describe_version
 from service.structures.tables import Structure
 from service.updating.computation import UpdateOutput, compute_update
@@ -109,7 +108,7 @@ def _check_parameters(recipe: RecipeIn, structure: Any, campaign: Campaign) -> N
     """A recipe that contradicts itself is refused at the door, with the core's own words."""
     core = recipe.to_core()
     specimen = nominal_specimen(structure, campaign.boundary)
-    parametrise(replace(specimen, springs=tuple(spring.to_core() for spring in recipe.springs)), core.parameters)
+    parametrise(recipe.supported(specimen), core.parameters)
     if recipe.band_hz is not None and not recipe.band_hz[0] < recipe.band_hz[1]:
         raise InputError("band_hz", "expected its low end below its high end")
 
@@ -150,10 +149,8 @@ def update_job_for(session: Session, user: User, job_id: UUID) -> UpdateJob:
     row = session.get(UpdateJob, job_id)
     if row is None:
         raise NotFound("update job", job_id)
-    try:
+    with not_found_as("update job", job_id):
         campaign_for(session, user, row.campaign_id, deleted=True)
-    except NotFound:
-        raise NotFound("update job", job_id) from None
     return row
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import datetime
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from pydantic import Field
 
+from fecore.specimen import Specimen
 from fecore.supports import Edge, Spring
 from fecore.updating import recipe as core
 from fecore.updating.damping import Weighting
@@ -82,6 +84,10 @@ class RecipeIn(StrictModel):
     hold_out: HoldOutIn = HoldOutIn(points=None, band_hz=None)
     posterior: Literal["laplace", "mcmc"] = Field("laplace", description="Gaussian, or sampled with emcee")
     seed: int = Field(0, ge=0, le=2**32 - 1)
+
+    def supported(self, specimen: Specimen) -> Specimen:
+        """The specimen with the recipe's elastic supports."""
+        return replace(specimen, springs=tuple(spring.to_core() for spring in self.springs))
 
     def to_core(self) -> core.Recipe:
         """The recipe as the core takes it; priors of a coupon batch are put in by who loads the batch."""
