@@ -92,6 +92,39 @@ def pyfe3d(specimen: Specimen) -> np.ndarray:
 
 def calculix(specimen: Specimen) -> np.ndarray:
     """S8R by the `ccx` process: input written, solved, frequencies read back. It has in-plane modes too."""
+    table = _ccx([*_calculix_model(specimen), "*STEP", "*FREQUENCY", str(MODES), "*END STEP"]).split("P A R T I C I P")[
+        0
+    ]
+    rows = re.findall(r"^\s+\d+\s+\S+\s+\S+\s+(\S+)\s+\S+\s*$", table, re.MULTILINE)
+    return np.array([float(row) for row in rows])
+
+
+def calculix_frfs(specimen: Specimen, a0: float, a1: float, highest_hz: float, between: int) -> np.ndarray:
+    """Receptances of 33 nodes by CalculiX's steady state dynamics, (lines, 33): modes, then their superposition.
+
+    It places its lines itself, so many between each two natural frequencies.
+    """
+    nodes = rectangle(specimen.length, specimen.width, 40, 4).nodes
+    places = [(x, y) for x in np.linspace(0.05, specimen.length, 11) for y in (-0.02, 0.0, 0.02)]
+    seen = [int(np.argmin(np.linalg.norm(nodes - place, axis=1))) + 1 for place in places]
+    load = ["*CLOAD", f"{seen[-1]},3,1."]
+    table = _ccx(
+        [
+            *_calculix_model(specimen),
+            *("*NSET, NSET=SEEN", ",\n".join(map(str, seen))),
+            *("*STEP", "*FREQUENCY, STORAGE=YES", str(MODES), *load[:1], f"{seen[-1]},3,0.", "*END STEP"),
+            *("*STEP", "*STEADY STATE DYNAMICS", f"0.3125,{highest_hz:g},{between},1."),
+            *("*MODAL DAMPING, RAYLEIGH", f",,{a0:g},{a1:g}", *load, "*NODE PRINT, NSET=SEEN", "U", "*END STEP"),
+        ]
+    )
+    blocks = table.split("displacements (vx,vy,vz)")[1:]
+    w = np.array([[float(row.split()[3]) for row in block.splitlines()[2 : 2 + len(seen)]] for block in blocks])
+    real, imaginary = w[0::2], w[1::2]  # for each line first the one, then the other
+    return real + 1j * imaginary
+
+
+def _calculix_model(specimen: Specimen) -> list[str]:
+    """Mesh, material and support."""
     mesh, m = rectangle(specimen.length, specimen.width, 40, 4), specimen.material
     lines = ["*NODE, NSET=ALL"]
     lines += [f"{i + 1},{x:.12g},{y:.12g},0" for i, (x, y) in enumerate(mesh.nodes)]
@@ -102,10 +135,12 @@ def calculix(specimen: Specimen) -> np.ndarray:
     nu_xz = nu_yz = m.nu_xy
     lines += [f"{m.Ex:g},{m.Ey:g},{m.Ey:g},{m.nu_xy:g},{nu_xz:g},{nu_yz:g},{m.Gxy:g},{m.Gxz:g}", f"{m.Gyz:g}"]
     lines += ["*DENSITY", f"{m.density:g}", "*SHELL SECTION, ELSET=E, MATERIAL=M", f"{specimen.thickness:g}"]
-    lines += ["*BOUNDARY", "ROOT,1,6", "*STEP", "*FREQUENCY", str(MODES), "*END STEP", ""]
+    return [*lines, "*BOUNDARY", "ROOT,1,6"]
+
+
+def _ccx(lines: list[str]) -> str:
+    """The printed output of a run."""
     with tempfile.TemporaryDirectory() as folder:
-        Path(folder, "beam.inp").write_text("\n".join(lines))
+        Path(folder, "beam.inp").write_text("\n".join([*lines, ""]))
         subprocess.run(["ccx", "-i", "beam"], cwd=folder, check=True, capture_output=True)
-        table = Path(folder, "beam.dat").read_text().split("P A R T I C I P")[0]
-    rows = re.findall(r"^\s+\d+\s+\S+\s+\S+\s+(\S+)\s+\S+\s*$", table, re.MULTILINE)
-    return np.array([float(row) for row in rows])
+        return Path(folder, "beam.dat").read_text()

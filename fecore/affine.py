@@ -66,15 +66,14 @@ class Pattern:
         summed = np.bincount(self.slots, weights=each.ravel(), minlength=self.indices.size + 1)
         return np.asarray(summed[:-1], dtype=float)
 
-    def gather(self, matrix: sparse.csc_array) -> FloatArray:
-        """Values of a sparse matrix over all dofs, whose entries all lie in the pattern, at the pattern's places."""
-        data = np.zeros(self.indices.size)
-        if matrix.nnz:
-            size = self.free.size
-            entries = sparse.coo_array(sparse.csc_array(matrix)[self.free][:, self.free])
-            keys = np.repeat(np.arange(size), np.diff(self.indptr)) * size + self.indices
-            np.add.at(data, np.searchsorted(keys, entries.col.astype(np.int64) * size + entries.row), entries.data)
-        return data
+    def find(self, matrix: sparse.csc_array) -> tuple[IntArray, FloatArray]:
+        """Entries of a sparse matrix over all dofs, which all lie in the pattern: their places in it, and values."""
+        if matrix.nnz == 0:
+            return np.empty(0, dtype=np.int64), np.empty(0)
+        size = self.free.size
+        entries = sparse.coo_array(sparse.csc_array(matrix)[self.free][:, self.free])
+        keys = np.repeat(np.arange(size), np.diff(self.indptr)) * size + self.indices
+        return np.searchsorted(keys, entries.col.astype(np.int64) * size + entries.row), entries.data
 
     def affine(
         self,
@@ -88,7 +87,7 @@ class Pattern:
         Whole matrices over all dofs are appended as terms of their own.
         """
         alone = tuple(np.array([[len(names) + i]]) for i in range(len(extra)))
-        whole = np.array([self.gather(matrix) for matrix in extra.values()]).reshape(len(extra), self.indices.size)
+        whole = tuple(self.find(matrix) for matrix in extra.values())
         return AffineMatrix(self, terms.reshape(*terms.shape[:2], -1), whole, (*names, *extra), (*blocks, *alone))
 
 
@@ -99,7 +98,7 @@ class AffineMatrix:
     Attributes:
         pattern: the pattern.
         elements: (k, e, d·d) element matrices of the first terms, or (k, 1, d·d) alike for all elements.
-        whole: (l, nnz) values of the last terms, which do not come from elements.
+        whole: places in the pattern, and values there, of each of the l last terms, which have few entries.
         names: the k + l coefficients' names.
         blocks: index matrices into the coefficients: each is a symmetric matrix C of coefficients, such as
             [[D11, D12], [D12, D22]], whose part of the sum is ∫BᵀCB. So K(c) ≥ α K(c₀) where every C(c) ≥ α C(c₀).
@@ -107,7 +106,7 @@ class AffineMatrix:
 
     pattern: Pattern
     elements: FloatArray
-    whole: FloatArray
+    whole: tuple[tuple[IntArray, FloatArray], ...]
     names: tuple[str, ...]
     blocks: tuple[IntArray, ...]
 
@@ -121,8 +120,8 @@ class AffineMatrix:
         count, e, entries = self.elements.shape
         summed = coefficients[:count] @ self.elements.reshape(count, -1)
         data = self.pattern.assemble(summed.reshape(e, entries))
-        for coefficient, values in zip(coefficients[count:], self.whole, strict=True):
-            data += coefficient * values
+        for coefficient, (places, values) in zip(coefficients[count:], self.whole, strict=True):
+            data[places] += coefficient * values
         return self._matrix(data)
 
     def term(self, k: int) -> sparse.csc_array:
@@ -136,7 +135,10 @@ class AffineMatrix:
     @cached_property
     def _terms(self) -> tuple[FloatArray, ...]:
         """(nnz,) values of each term, made when a derivative is first asked for."""
-        return (*(self.pattern.assemble(term) for term in self.elements), *self.whole)
+        alone = np.zeros((len(self.whole), self.pattern.indices.size))
+        for row, (places, values) in zip(alone, self.whole, strict=True):
+            row[places] = values
+        return (*(self.pattern.assemble(term) for term in self.elements), *alone)
 
     def _matrix(self, data: FloatArray) -> sparse.csc_array:
         pattern = self.pattern

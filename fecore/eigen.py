@@ -1,11 +1,13 @@
 """Undamped modes of K φ = λ M φ: block Lanczos with shift-invert and full reorthogonalisation.
 
 With a shift σ below the wanted eigenvalues, the operator (K - σM)⁻¹M has the eigenvalues 1/(λ - σ), so the lowest
-modes are its largest and converge first. A block of start vectors catches repeated and close modes together (Grimes,
-Lewis and Simon, SIAM J. Matrix Anal. Appl. 15, 1994). Rigid-body modes are known exactly, so the iteration is kept
-M-orthogonal to them and they are returned with λ = 0. The basis is orthogonalised in full, twice and where need be
-once more after scaling, so no ghost modes appear; and the inertia of K - μM (Sylvester: its negative eigenvalues are
-the modes below μ) proves that none is missing.
+modes are its largest and converge first. One start vector finds them with the fewest solves, but of a repeated root it
+finds one mode; a block finds as many as it is wide (Grimes, Lewis and Simon, SIAM J. Matrix Anal. Appl. 15, 1994). So
+where modes are found missing, the iteration runs again with a block.
+
+Rigid-body modes are known exactly, so the iteration is kept M-orthogonal to them and they are returned with λ = 0. The
+basis is orthogonalised in full, twice and where need be once more after scaling, so no ghost modes appear; and the inertia
+of K - μM (Sylvester: its negative eigenvalues are the modes below μ) proves that none is missing.
 """
 
 from __future__ import annotations
@@ -14,15 +16,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg.lapack import dpotrf, dtrtri
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError, ModelError
 from fecore.factor import Factor, factorise, negative_eigenvalues
 
-_BLOCK = 2  # a plate's or a beam's symmetry repeats a root no more than twice
-_FIRST_LOOK = 2  # vectors a wanted mode before which nothing can have converged
-_MOST_STEPS = 60  # blocks; beyond it the iteration has failed
-_TOLERANCE = 1e-11  # relative residual of 1/(λ - σ); the eigenvalue's own error is its square
+_MOST = 12  # vectors a wanted mode, and blocks; beyond it the iteration has failed
+_TOLERANCE = 1e-10  # relative residual of 1/(λ - σ); the eigenvalue's own error is its square
 _INDEFINITE = 1e-8  # share of a block's energy that round-off may make of nothing
 _EVEN = 1e-4  # share of the longest direction's square above which the others lose nothing that matters
 _DEPENDENT = 1e-12  # a direction that shrank so much in orthogonalisation is round-off
@@ -67,8 +68,6 @@ def normal_modes(
     mass: sparse.csc_array,
     count: int,
     rigid_modes: FloatArray | None = None,
-    *,
-    prove: bool = True,
 ) -> NormalModes:
     """The `count` lowest modes of K φ = λ M φ, rigid-body modes included.
 
@@ -77,7 +76,6 @@ def normal_modes(
         mass: (dofs, dofs) M, positive definite.
         count: how many modes.
         rigid_modes: (dofs, r) a basis of the null space of K; None where K is definite.
-        prove: count the modes by a second factorisation, and so prove that none is missing.
 
     Raises:
         InputError: there are not so many modes.
@@ -94,17 +92,18 @@ def normal_modes(
         )
     shift = _shift(stiffness, mass, rigid) if free else 0.0
     factor = factorise(_shifted(stiffness, mass, shift))
-    value, vectors = _lanczos(factor, mass, rigid, wanted, _BLOCK)
-    eigenvalue = shift + 1 / value
-    if prove and _missing(stiffness, mass, eigenvalue, free):
-        # A root of higher multiplicity than the block's width: a wider block holds all of it.
-        value, vectors = _lanczos(factor, mass, rigid, wanted, wanted + _BLOCK)
+    for width in (
+        1,
+        2,
+        wanted + 2,
+    ):  # symmetry repeats a root no more than twice; a block of all wanted modes holds any
+        value, vectors = _lanczos(factor, mass, rigid, wanted, width)
         eigenvalue = shift + 1 / value
         missing = _missing(stiffness, mass, eigenvalue, free)
-        if missing:
-            raise ModelError(f"{missing} of the {count} lowest modes were not found, though the iteration converged")
-    shapes = np.hstack([rigid, vectors])
-    return NormalModes(np.concatenate([np.zeros(free), eigenvalue]), shapes, free, shift, factor)
+        if not missing:
+            shapes = np.hstack([rigid, vectors])
+            return NormalModes(np.concatenate([np.zeros(free), eigenvalue]), shapes, free, shift, factor)
+    raise ModelError(f"{missing} of the {count} lowest modes were not found, though the iteration converged")
 
 
 def mass_orthonormal(vectors: FloatArray | None, mass: sparse.csc_array) -> FloatArray:
@@ -149,8 +148,8 @@ def _lanczos(
     random = np.random.default_rng(0)
     basis.append(basis.orthonormalise(random.standard_normal((min(width, dofs - free), dofs))))
     projected: FloatArray = np.zeros((0, 0))
-    look = _FIRST_LOOK * wanted
-    for _ in range(_MOST_STEPS):
+    look = 7 * wanted // 4 + 8 * width  # before, nothing has converged
+    while len(projected) <= _MOST * (wanted + width):
         done = len(projected)
         image = factor.solve(basis.mass_images[free + done :].T).T
         block = basis.orthonormalise(image)
@@ -240,19 +239,27 @@ class _Basis:
         outside = block - inside @ self.vectors
         outside -= (outside @ self.mass_images.T) @ self.vectors
         image = self._image(outside)
-        weight, turn = np.linalg.eigh(outside @ image.T)
-        # The block's energy is that of its parts inside and outside.
-        scale = float((np.einsum("bs,bs->b", inside, inside) + np.einsum("bd,bd->b", outside, image)).max(initial=0))
-        if weight.min(initial=0) < -_INDEFINITE * scale:
+        gram = outside @ image.T
+        scale = float(np.vdot(inside, inside) + gram.trace())  # the block's energy, inside and outside
+        root, indefinite = dpotrf(gram, lower=1)
+        length = root.diagonal() ** 2
+        if indefinite or length.min() < max(_EVEN * length.max(), _EVEN**2 * scale):
+            scaled, image, coupling = self._uneven(outside, image, gram, scale)
+            return _Block(scaled, image, inside, coupling)
+        inverse, _ = dtrtri(root, lower=1)
+        return _Block(inverse @ outside, inverse @ image, inside, root.T)
+
+    def _uneven(
+        self, outside: FloatArray, image: FloatArray, gram: FloatArray, scale: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Orthonormal vectors of directions of very different lengths, their images, and R; those of round-off are left out."""
+        weight, turn = np.linalg.eigh(gram)
+        if weight[0] < -_INDEFINITE * scale:
             raise ModelError("the mass matrix is not positive definite: is the density right?")
         keep = weight > _DEPENDENT**2 * scale
         root, turn = np.sqrt(weight[keep]), turn[:, keep]
-        scaled, image = (turn / root).T @ outside, (turn / root).T @ image
-        coupling = root[:, None] * turn.T
-        if np.any(weight < _EVEN * weight.max(initial=0)) or np.any(weight < _EVEN**2 * scale):
-            scaled, image, again = self._restored(scaled)
-            coupling = again @ coupling
-        return _Block(scaled, image, inside, coupling)
+        scaled, image, again = self._restored((turn / root).T @ outside)
+        return scaled, image, again @ (root[:, None] * turn.T)
 
     def _restored(self, scaled: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Nearly orthonormal vectors made orthonormal, their images, and by what they were multiplied, inverted.

@@ -24,7 +24,7 @@ from fecore.errors import ModelError
 
 _WIDEST_BAND = 350  # beyond this band SuperLU's sparser factor is the faster one (benchmark `forward`)
 
-_RUN = 8  # bands that the count of negative pivots takes at a time: longer runs waste more where one ends early
+_RUN = 4  # bands that the count of negative pivots takes at a time: longer runs waste more where one ends early
 
 
 class Factor(Protocol):
@@ -85,13 +85,13 @@ def factorise(matrix: sparse.csc_array) -> Factor:
     Raises:
         ModelError: the matrix is not positive definite.
     """
-    columns, below, band = _band(matrix)
-    if band > _WIDEST_BAND:
+    below = _below_diagonal(matrix)
+    if below.max(initial=0) > _WIDEST_BAND:
         lu = _symmetric_lu(matrix)
         if np.any(lu.U.diagonal() <= 0):
             raise ModelError(_INDEFINITE)
         return SparseFactor(lu)
-    lower, pivot = dpbtrf(_banded(matrix.shape[0], matrix.data, columns, below, band), lower=1, overwrite_ab=1)
+    lower, pivot = dpbtrf(_banded(matrix, below), lower=1, overwrite_ab=1)
     if pivot:
         raise ModelError(_INDEFINITE)
     return BandedFactor(lower)
@@ -103,28 +103,33 @@ def negative_eigenvalues(matrix: sparse.csc_array) -> int:
     Raises:
         ModelError: a pivot vanishes.
     """
-    columns, below, band = _band(matrix)
-    if band <= _WIDEST_BAND:
-        return _negative_pivots(_banded(matrix.shape[0], matrix.data, columns, below, band))
+    below = _below_diagonal(matrix)
+    if below.max(initial=0) <= _WIDEST_BAND:
+        return _negative_pivots(_banded(matrix, below))
     return int(np.sum(_symmetric_lu(matrix).U.diagonal() < 0))
 
 
 _INDEFINITE = "the stiffness is not positive definite: are the supports and the constants right?"
 
 
-def _band(matrix: sparse.csc_array) -> tuple[IntArray, IntArray, int]:
-    """Column of each stored entry, how far below the diagonal it lies, and the furthest."""
+def _below_diagonal(matrix: sparse.csc_array) -> IntArray:
+    """How far below the diagonal each stored entry lies."""
     columns = np.repeat(np.arange(matrix.shape[0], dtype=matrix.indices.dtype), np.diff(matrix.indptr))
-    below = matrix.indices - columns
-    return columns, below, int(below.max(initial=0))
+    below: IntArray = matrix.indices - columns
+    return below
 
 
-def _banded(size: int, data: FloatArray, columns: IntArray, below: IntArray, band: int) -> FloatArray:
-    """LAPACK's lower banded form: entry (i - j, j) is (i, j) of the matrix."""
-    stored = np.zeros((size, band + 1))
-    kept = np.flatnonzero(below >= 0)
-    stored.reshape(-1)[columns[kept].astype(np.int64) * (band + 1) + below[kept]] = data[kept]
-    return stored.T
+def _banded(matrix: sparse.csc_array, below: IntArray) -> FloatArray:
+    """LAPACK's lower banded form: entry (i - j, j) is (i, j) of the matrix. It has a row of zeros after the last.
+
+    So it is itself a matrix in compressed columns; what lies above the diagonal falls into the row after the last.
+    """
+    last = int(below.max(initial=0)) + 1
+    rows = np.where(below < 0, np.array(last, below.dtype), below)
+    shape = (last + 1, matrix.shape[1])
+    stored: FloatArray = sparse.csc_array((matrix.data, rows, matrix.indptr), shape=shape).toarray(order="F")
+    stored[-1] = 0
+    return stored
 
 
 def _negative_pivots(stored: FloatArray) -> int:
@@ -134,7 +139,7 @@ def _negative_pivots(stored: FloatArray) -> int:
     is not. So runs of columns are eliminated by it, and the pivots that end them one by one.
     """
     width, size = stored.shape
-    triangle = np.tril_indices(width)
+    lower_half = np.tri(width)
     start, negative = 0, 0
     while start < size:
         end = min(start + _RUN * width, size)
@@ -142,26 +147,26 @@ def _negative_pivots(stored: FloatArray) -> int:
         if failed:
             end = start + failed - 1
             lower, _ = dpbtrf(stored[:, start:end], lower=1)
-        _eliminate(stored, lower, end, triangle)
+        _eliminate(stored, lower, end, lower_half)
         if failed:
-            column = stored[: size - end, end].copy()
-            if column[0] == 0:
+            pivot, column = stored[0, end], stored[1 : size - end, end]
+            if pivot == 0:
                 raise ModelError("a pivot vanishes: modes cannot be counted at a mode")
-            _subtract(stored, end, np.outer(column, column / column[0]), triangle)
+            _subtract(stored, end + 1, np.outer(column, column / pivot), lower_half)
             negative, end = negative + 1, end + 1
         start = end
     return negative
 
 
-def _eliminate(stored: FloatArray, lower: FloatArray, end: int, triangle: tuple[IntArray, IntArray]) -> None:
+def _eliminate(stored: FloatArray, lower: FloatArray, end: int, lower_half: FloatArray) -> None:
     """Take what the columns before `end`, whose factor's last columns are in `lower`, leave to the ones after it."""
     band, known = stored.shape[0] - 1, min(stored.shape[0] - 1, lower.shape[1])
     left = min(band, stored.shape[1] - end)
     if left and known:
         own = _dense(lower, lower.shape[1] - known, lower.shape[1] - known, (known, known))
-        below = np.triu(_dense(stored, end, end - known, (left, known)), known - band)
+        below = _dense(stored, end, end - known, (left, known)) * lower_half[band - known : band, :left].T
         solved = dtrtrs(own, below.T, lower=1)[0]
-        _subtract(stored, end, solved.T @ solved, triangle)
+        _subtract(stored, end, solved.T @ solved, lower_half)
 
 
 def _dense(stored: FloatArray, row: int, column: int, shape: tuple[int, int]) -> FloatArray:
@@ -173,10 +178,10 @@ def _dense(stored: FloatArray, row: int, column: int, shape: tuple[int, int]) ->
     return np.ndarray(shape, stored.dtype, stored.T, (row + column * band) * item, (item, band * item))
 
 
-def _subtract(stored: FloatArray, first: int, block: FloatArray, triangle: tuple[IntArray, IntArray]) -> None:
-    """Subtract a symmetric block from a lower banded matrix, from the diagonal entry `first` on."""
-    row, column = (place[: len(block) * (len(block) + 1) // 2] for place in triangle)
-    stored[row - column, first + column] -= block[row, column]
+def _subtract(stored: FloatArray, first: int, block: FloatArray, lower_half: FloatArray) -> None:
+    """Subtract a symmetric block of no more rows than the band from a lower banded matrix, from the diagonal entry `first`."""
+    if len(block):
+        _dense(stored, first, first, block.shape)[...] -= block * lower_half[: len(block), : len(block)]
 
 
 def _symmetric_lu(matrix: sparse.csc_array) -> SuperLU:

@@ -21,10 +21,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, eigh
 
 from fecore.affine import AffineMatrix
 from fecore.arrays import FloatArray
+from fecore.dense import DenseFactor, largest_eigenpairs
 from fecore.eigen import NormalModes, normal_modes
 from fecore.errors import ModelError
 from fecore.factor import Factor, factorise
@@ -39,28 +39,6 @@ _KEPT = 3e-4  # energy norm below which a direction is left out of the basis, fo
 _REACH = 0.5  # relative change of a coefficient for which the derivative vectors are scaled
 _LARGEST = 160  # vectors; a basis that has grown beyond is begun anew at the coefficients then asked for
 _CLOSE = 0.1  # relative distance in μ below which modes are pooled
-
-
-@dataclass(frozen=True)
-class DenseFactor:
-    """Cholesky factorisation of a small matrix, made when it is first used."""
-
-    matrix: FloatArray
-
-    @cached_property
-    def _cholesky(self) -> tuple[FloatArray, bool]:
-        factor: tuple[FloatArray, bool] = cho_factor(self.matrix, lower=True)
-        return factor
-
-    def solve(self, right: FloatArray) -> FloatArray:
-        """A⁻¹ right."""
-        solution: FloatArray = cho_solve(self._cholesky, right)
-        return solution
-
-    def colour(self, white: FloatArray) -> FloatArray:
-        """L white."""
-        coloured: FloatArray = np.tril(self._cholesky[0]) @ white
-        return coloured
 
 
 @dataclass(frozen=True)
@@ -85,7 +63,7 @@ class ReducedSystem:
 
     def modes(self, stiffness: FloatArray, mass: FloatArray, count: int) -> NormalModes:
         """The `count` lowest modes at (k,) and (j,) coefficients; their shapes are coordinates in the basis."""
-        K, M = np.tensordot(stiffness, self.stiffness, 1), np.tensordot(mass, self.mass, 1)
+        K, M = _sum(stiffness, self.stiffness), _sum(mass, self.mass)
         free = self.rigid
         if free == 0:
             return self._elastic(K, M, K - self.shift * M, count)
@@ -103,16 +81,21 @@ class ReducedSystem:
     def _elastic(self, K: FloatArray, M: FloatArray, F: FloatArray, count: int) -> NormalModes:
         if count > len(K):
             raise ModelError(f"a basis of {len(K)} vectors does not hold {count} modes")
-        value, vectors = eigh(M, F, subset_by_index=[len(K) - count, len(K) - 1], check_finite=False)
-        value, vectors = value[::-1], vectors[:, ::-1]
+        value, vectors = largest_eigenpairs(M, F, count)
         return NormalModes(self.shift + 1 / value, vectors / np.sqrt(value), 0, self.shift, DenseFactor(F))
 
     def residual_energy(self, stiffness: FloatArray, mass: FloatArray, modes: NormalModes) -> FloatArray:
         """(n,) estimates of rᵀF₀⁻¹r, r = Kφ - λMφ, with the factor of safety."""
-        K, M = np.tensordot(stiffness, self.stiffness_sketch, 1), np.tensordot(mass, self.mass_sketch, 1)
+        K, M = _sum(stiffness, self.stiffness_sketch), _sum(mass, self.mass_sketch)
         seen = K @ modes.shapes - (M @ modes.shapes) * modes.eigenvalue
         energy: FloatArray = _SAFETY * np.einsum("sn,sn->n", seen, seen) / len(seen)
         return energy
+
+
+def _sum(weights: FloatArray, matrices: FloatArray) -> FloatArray:
+    """Σ_k weights_k matrices_k."""
+    total: FloatArray = weights @ matrices.reshape(len(matrices), -1)
+    return total.reshape(matrices.shape[1:])
 
 
 class ReducedModel:

@@ -16,6 +16,7 @@ derivative of the element stiffness by that coefficient.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -51,6 +52,7 @@ def shape_derivatives(natural: FloatArray) -> FloatArray:
     return np.stack([by_xi, by_eta], axis=1)
 
 
+@cache
 def gauss(order: int) -> tuple[FloatArray, FloatArray]:
     """(order², 2) Gauss points of the square and their (order²,) weights."""
     x, w = np.polynomial.legendre.leggauss(order)
@@ -173,7 +175,7 @@ class Shell8:
         coordinates = _distinct(coordinates)
         _, determinant = _jacobians(coordinates, natural)
         N = shape_functions(natural)
-        plain = np.einsum("ep,pi,pj->eij", determinant * weights, N, N, optimize=True)
+        plain = (N.T * (determinant * weights)[:, None, :]) @ N
         at = {name: place for place, name in enumerate(self.displacements)}
         coupled = {"I0": [("u", "u", 1), ("v", "v", 1), ("w", "w", 1)], "I2": [("rx", "rx", 1), ("ry", "ry", 1)]}
         coupled["I1"] = [("u", "ry", 1), ("ry", "u", 1), ("v", "rx", -1), ("rx", "v", -1)]

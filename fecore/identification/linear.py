@@ -42,7 +42,11 @@ def fit_linear(basis: ComplexArray, values: ComplexArray, weight: FloatArray) ->
     Raises:
         IdentificationError: the columns are dependent (two poles in one place), or too few lines were measured.
     """
-    normal = normal_matrices(basis, weight)
+    return solve_normal(normal_matrices(basis, weight), basis, values, weight)
+
+
+def solve_normal(normal: FloatArray, basis: ComplexArray, values: ComplexArray, weight: FloatArray) -> LinearFit:
+    """The same where the (N, q, q) normal matrices are known."""
     right = ((weight * values) @ basis.conj()).real
     scale = np.sqrt(np.einsum("nii->ni", normal))
     if not np.all(scale > 0):

@@ -23,7 +23,7 @@ from fecore.arrays import ComplexArray, FloatArray
 from fecore.errors import IdentificationError
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.basis import Terms, columns, derivatives, slopes
-from fecore.identification.linear import LinearFit, fit_linear, normal_matrices
+from fecore.identification.linear import LinearFit, normal_matrices, solve_normal
 from fecore.identification.noise import residual_variance
 from fecore.identification.residues import known_or, weights
 
@@ -102,13 +102,13 @@ def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fi
     """
     weight = weights(arrangement, variance)
     basis = columns(arrangement.omega, terms, arrangement.power)
-    linear = fit_linear(basis, arrangement.values, weight)
-    residual = np.where(arrangement.measured, arrangement.values - linear.coefficients @ basis.T, 0)
-    pulled = weight * residual
     steep = derivatives(arrangement.omega, terms, arrangement.power)
     gram = normal_matrices(np.concatenate([basis, steep], axis=1), weight)
-    turn = _slope_combinations(terms, linear.coefficients)
     q = terms.columns
+    linear = solve_normal(gram[:, :q, :q], basis, arrangement.values, weight)
+    residual = np.where(arrangement.measured, arrangement.values - linear.coefficients @ basis.T, 0)
+    pulled = weight * residual
+    turn = _slope_combinations(terms, linear.coefficients)
     cross = np.matmul(gram[:, :q, q:], turn)
     whole = np.matmul(turn.transpose(0, 2, 1), np.matmul(gram[:, q:, q:], turn))
     information = (whole - np.matmul(cross.transpose(0, 2, 1), np.matmul(linear.covariance, cross))).sum(axis=0)

@@ -14,10 +14,10 @@ from plates import PAPER
 from scipy.linalg import eigh
 
 from fecore.damping import RAYLEIGH, CaugheySeries, GeneralisedProportional
+from fecore.dense import DenseFactor
 from fecore.eigen import NormalModes
 from fecore.frf import Dof
 from fecore.laminate import OrthotropicMaterial
-from fecore.reduction import DenseFactor
 from fecore.sensitivity import (
     eigenvalue_derivatives,
     mode_forms,
