@@ -5,9 +5,9 @@
 s_i is each point's own standard deviation, τ the scatter between campaigns (clamping, instruments), which is not known
 and comes from the residuals. With s̄ the harmonic mean of the s_i, the total variance v = τ² + s̄² has the restricted
 likelihood of the residuals, with the s_i in proportion smaller where v < s̄², and a prior uniform in log v: what Student's t
-stands for. A true v below s̄² there cannot be, so what the posterior has there lies on s̄² (a confidence distribution
-with a point mass at the bound: Schweder and Hjort 2016). The mean of the precision 1/v gives the total variance and its spread the degrees of freedom of
-a t distribution (Satterthwaite's matching): ν = 2 E[1/v]² / Var[1/v].
+stands for. A true v below s̄² there cannot be, so what the posterior has there lies on s̄² (a confidence distribution with a
+point mass at the bound: Schweder and Hjort 2016). The mean of the precision 1/v gives the total variance and its spread the
+degrees of freedom of a t distribution (Satterthwaite's matching): ν = 2 E[1/v]² / Var[1/v].
 
 Cutting only moves v up, so charts call no more often than with Student's t, whatever τ is. A prior on τ ≥ 0, as one with
 some weight on τ = 0, calls more often where τ is near the s_i: 1.3 times as often with half a decade of weight.

@@ -35,6 +35,7 @@ CELLS = 60
 KNOWN = 1000.0
 """Degrees of freedom from which the scatter counts as known."""
 
+_MEMORYLESS = 2  # cells of a Shewhart chart, which goes anywhere from anywhere: exact
 _SHIFTS = 7  # quadrature nodes of e; with twice as many, limits move by less than 0.5 % (ν ≥ 5)
 _RATIOS = 6  # quadrature nodes of q
 _LOG_LIMITS = (np.log(0.02), np.log(60.0))  # between which limits are looked for
@@ -176,6 +177,7 @@ def _chain(chart: Chart, limits: Limits, cells: int, pending: int, cdf: Cdf) -> 
     Where one campaign outside is an alarm, the cells above the limit are not needed.
     """
     a, b, c = chart.recursion
+    cells = _MEMORYLESS if chart.kind == "shewhart" else cells
     width = limits.chart / (cells - 0.5)
     number = cells if pending == 1 else int(np.ceil(CAP * limits.chart / width))
     middle = width * np.arange(number)

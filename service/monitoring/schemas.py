@@ -59,7 +59,7 @@ class ChartIn(StrictModel):
     """The control chart."""
 
     kind: Literal["ewma", "cusum", "shewhart"] = "ewma"
-    weight: float = Field(0.2, gt=0, le=1, description="λ of an EWMA: small for slow and small changes")
+    weight: float = Field(0.3, gt=0, le=1, description="λ of an EWMA: small for slow and small changes")
     reference: float = Field(0.5, gt=0, lt=10, description="k of a CUSUM, half the change to be found, in its sd")
     jump_share: float = Field(0.5, ge=0, lt=1, description="share of the false alarms for the limit on single scores")
 
@@ -91,7 +91,7 @@ class MonitorIn(StrictModel):
     )
     horizon: int = Field(24, ge=1, le=1000, description="campaigns after the baseline over which that rate is held")
     pending: int = Field(1, ge=1, le=10, description="consecutive campaigns outside that make an alarm")
-    chart: ChartIn = Field(default_factory=lambda: ChartIn(kind="ewma", weight=0.2, reference=0.5, jump_share=0.5))
+    chart: ChartIn = Field(default_factory=lambda: ChartIn(kind="ewma", weight=0.3, reference=0.5, jump_share=0.5))
     expected_interval_days: float | None = Field(
         None, gt=0, le=36500, description="a campaign later than 1.5 of it is `no data`; none: nothing is expected"
     )
