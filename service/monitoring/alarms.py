@@ -112,13 +112,13 @@ def alarm_for(session: Session, user: User, alarm_id: UUID) -> tuple[Alarm, Moni
     """The alarm, if the user may see its project.
 
     Raises:
-        NotFound: there is none, or it is other people's.
+        NotFound: there is none, it is other people's, or its monitor is deleted.
     """
     found = session.execute(
         select(Alarm, Monitor, Structure)
         .join(Monitor, Monitor.id == Alarm.monitor_id)
         .join(Structure, Structure.id == Monitor.structure_id)
-        .where(Alarm.id == alarm_id)
+        .where(Alarm.id == alarm_id, Monitor.deleted_at.is_(None))
     ).one_or_none()
     if found is None:
         raise NotFound("alarm", alarm_id)
@@ -132,8 +132,11 @@ def acknowledge(session: Session, user: User, alarm: Alarm, monitor: Monitor, no
 
     Raises:
         Conflict: it is no alarm, or no longer one.
+        NotFound: its monitor has been deleted in between.
     """
     session.refresh(monitor, with_for_update=True)  # a judgement changes alarms too; first the monitor's row, always
+    if monitor.deleted_at is not None:
+        raise NotFound("alarm", alarm.id)
     session.refresh(alarm, with_for_update=True)
     if alarm.state != "alarm":
         raise Conflict(f"the alarm is {alarm.state}; only one that is open can be acknowledged")

@@ -189,8 +189,8 @@ def _store(session: Session, job_id: UUID, items: Iterator[Judgement]) -> None:
     row = session.get_one(MonitorAssessment, job_id)
     series = session.get_one(MonitorSeries, row.series_id)
     monitor = session.get_one(Monitor, series.monitor_id, with_for_update=True, populate_existing=True)
-    if series.number < monitor.series:
-        return  # a later version of the series is judged already; this one stays as it was
+    if series.number < monitor.series or monitor.deleted_at is not None:
+        return  # a later version of the series is judged already, or nobody wants to know; this one stays as it was
     series.document, series.digest, series.assessed_at = judgement.document, row.digest, datetime.now(UTC)
     monitor.series = series.number
     update_alarms(session, monitor, series, judgement.episodes)

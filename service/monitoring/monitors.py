@@ -10,7 +10,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import func, select, tuple_
+from sqlalchemy import ColumnElement, func, select, tuple_
 from sqlalchemy.orm import Session, undefer
 
 from fecore import __version__
@@ -22,7 +22,7 @@ from service.monitoring import runs
 from service.monitoring.assessment import rank
 from service.monitoring.schemas import CONSTANT, BaselineIn, ChartIn, MonitorIn, MonitorOut, MonitorPatch, WatchedIn
 from service.monitoring.steward import ask, next_time
-from service.monitoring.tables import Alarm, CampaignCompletion, Monitor, MonitorRun, MonitorSeries
+from service.monitoring.tables import AT_WORK, Alarm, CampaignCompletion, Monitor, MonitorRun, MonitorSeries
 from service.problems import Conflict, Invalid, NotFound, not_found_as
 from service.settings import Settings
 from service.structures.operations import current_version, describe_version, structure_for
@@ -33,12 +33,26 @@ NOW = timedelta(0)
 
 
 def monitor_for(
-    session: Session, user: User, monitor_id: UUID, role: Role = "viewer", *, lock: bool = False
+    session: Session,
+    user: User,
+    monitor_id: UUID,
+    role: Role = "viewer",
+    *,
+    lock: bool = False,
+    deleted: bool = False,
 ) -> Monitor:
     """The monitor, if the user has at least this role in its project.
 
+    Args:
+        session: the request's transaction.
+        user: who asks.
+        monitor_id: which one.
+        role: what the act needs.
+        lock: keep the steward, judgements and other edits off it until the transaction ends.
+        deleted: find a deleted monitor too.
+
     Raises:
-        NotFound: there is none, or it is other people's.
+        NotFound: there is none, it is other people's, or it is deleted.
         Forbidden: the user's role is too low.
     """
     monitor = session.get(Monitor, monitor_id)
@@ -48,6 +62,8 @@ def monitor_for(
         structure_for(session, user, monitor.structure_id, role)
     if lock:
         session.refresh(monitor, with_for_update=True)
+    if monitor.deleted_at is not None and not deleted:
+        raise NotFound("monitor", monitor_id)
     return monitor
 
 
@@ -129,11 +145,43 @@ def change_monitor(session: Session, user: User, monitor: Monitor, patch: Monito
         _check_mail(patch.mail_to, settings)
     for field in patch.model_fields_set:
         setattr(monitor, field, getattr(patch, field))
-    monitor.updated_at = session.execute(select(func.now())).scalar_one()
+    monitor.updated_at = _now(session)
     session.flush()
-    project = session.get_one(Structure, monitor.structure_id).project_id
+    project = _project_of(session, monitor)
     audit(session, user, "monitor.change", "monitor", monitor.id, project, changed=sorted(patch.model_fields_set))
     ask(session, monitor.id)
+
+
+def delete_monitor(session: Session, user: User, monitor: Monitor) -> None:
+    """Hide a locked monitor with its series and alarms, and run and judge nothing more; everything stays stored.
+
+    Runs under way end, since their updates are results of their own; a judgement under way changes and tells nothing.
+    """
+    monitor.deleted_at = monitor.updated_at = _now(session)
+    session.flush()
+    audit(session, user, "monitor.delete", "monitor", monitor.id, _project_of(session, monitor))
+
+
+def restore_monitor(session: Session, user: User, monitor: Monitor) -> None:
+    """Bring a locked monitor back; campaigns that came in between are run, and the series is judged anew.
+
+    Raises:
+        Conflict: the monitor is not deleted.
+    """
+    if monitor.deleted_at is None:
+        raise Conflict("the monitor is not deleted")
+    monitor.deleted_at, monitor.updated_at = None, _now(session)
+    session.flush()
+    audit(session, user, "monitor.restore", "monitor", monitor.id, _project_of(session, monitor))
+    ask(session, monitor.id)
+
+
+def _now(session: Session) -> datetime:
+    return session.execute(select(func.now())).scalar_one()
+
+
+def _project_of(session: Session, monitor: Monitor) -> UUID:
+    return session.get_one(Structure, monitor.structure_id).project_id
 
 
 def run_by_hand(session: Session, user: User, monitor: Monitor, campaign_id: UUID | None) -> list[MonitorRun]:
@@ -147,7 +195,7 @@ def run_by_hand(session: Session, user: User, monitor: Monitor, campaign_id: UUI
         raise Conflict("the monitor is at rest; set `active` first")
     if campaign_id is not None:
         _check_campaign(session, monitor, campaign_id)
-    project = session.get_one(Structure, monitor.structure_id).project_id
+    project = _project_of(session, monitor)
     runs.collect(session, runs.newest_series(session, monitor))
     started = runs.bring_up_to_date(
         session, monitor, runs.Moment(datetime.now(UTC), NOW), by_hand=True, only=campaign_id
@@ -194,7 +242,7 @@ def complete_campaign(session: Session, user: User, campaign: Campaign) -> tuple
         audit(session, user, "campaign.complete", "campaign", campaign.id, project)
     monitors = session.scalars(
         select(Monitor)
-        .where(Monitor.structure_id == campaign.structure_id, Monitor.active, Monitor.runs_on == "campaign")
+        .where(Monitor.structure_id == campaign.structure_id, AT_WORK, Monitor.runs_on == "campaign")
         .order_by(Monitor.id)
         .with_for_update()
     ).all()
@@ -206,12 +254,17 @@ def complete_campaign(session: Session, user: User, campaign: Campaign) -> tuple
     return row, started
 
 
+def hidden(deleted: bool) -> ColumnElement[bool]:
+    """The condition of a list: the monitors that are there, or the deleted ones instead."""
+    return Monitor.deleted_at.is_not(None) if deleted else Monitor.deleted_at.is_(None)
+
+
 def page_worst_first(
-    session: Session, user: User, state: str | None, cursor: str | None, limit: int
+    session: Session, user: User, state: str | None, deleted: bool, cursor: str | None, limit: int
 ) -> tuple[list[Monitor], str | None]:
     """One's monitors by the attention that their state asks for, then by age."""
     mine = select(Member.project_id).where(Member.user_id == user.id)
-    query = select(Monitor).join(Structure).where(Structure.project_id.in_(mine))
+    query = select(Monitor).join(Structure).where(Structure.project_id.in_(mine), hidden(deleted))
     if state is not None:
         query = query.where(Monitor.state == state)
     if cursor is not None:

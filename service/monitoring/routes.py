@@ -46,6 +46,8 @@ from service.structures.tables import Structure
 
 router = api_router(tags=["monitoring"])
 
+Deleted = Annotated[bool, Query(description="list deleted monitors, which can be restored, instead")]
+
 Version = Annotated[int | None, Query(ge=1, le=1_000_000, description="of the series; default: the one that is judged")]
 
 
@@ -66,11 +68,16 @@ def create_monitor(
 
 @router.get("/structures/{structure_id}/monitors")
 def list_monitors_of_structure(
-    structure_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+    structure_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    cursor: Cursor = None,
+    limit: Limit = 100,
+    deleted: Deleted = False,
 ) -> Page[MonitorOut]:
     """Monitors of a structure."""
     structure = structure_for(session, user, structure_id)
-    query = select(Monitor).where(Monitor.structure_id == structure.id)
+    query = select(Monitor).where(Monitor.structure_id == structure.id, monitors.hidden(deleted))
     rows, following = paged(session, query, Monitor.id, cursor, limit)
     return Page(items=monitors.describe_all(session, rows), next_cursor=following)
 
@@ -82,9 +89,10 @@ def list_monitors(
     state: Annotated[State | None, Query(description="in this state only")] = None,
     cursor: Cursor = None,
     limit: Limit = 100,
+    deleted: Deleted = False,
 ) -> Page[MonitorOut]:
     """One's monitors of all structures, worst state first."""
-    rows, following = monitors.page_worst_first(session, user, state, cursor, limit)
+    rows, following = monitors.page_worst_first(session, user, state, deleted, cursor, limit)
     return Page(items=monitors.describe_all(session, rows), next_cursor=following)
 
 
@@ -110,6 +118,23 @@ def change_monitor(
     if not body.model_fields_set:
         raise Invalid("", "names nothing to change")
     monitors.change_monitor(session, user, monitor, body, settings)
+    return _shown(session, monitor, response)
+
+
+@router.delete("/monitors/{monitor_id}", status_code=204)
+def delete_monitor(monitor_id: UUID, session: SessionDep, user: CurrentUser, request: Request) -> None:
+    """Hide a monitor with its series and alarms, and end its work. It stays stored and can be restored."""
+    monitor = monitors.monitor_for(session, user, monitor_id, "editor", lock=True)
+    if "if-match" in request.headers:
+        require_match(request, etag_of(monitors.describe_all(session, [monitor])[0]))
+    monitors.delete_monitor(session, user, monitor)
+
+
+@router.post("/monitors/{monitor_id}/restore")
+def restore_monitor(monitor_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> MonitorOut:
+    """Bring a deleted monitor back; campaigns that came in between are run."""
+    monitor = monitors.monitor_for(session, user, monitor_id, "editor", lock=True, deleted=True)
+    monitors.restore_monitor(session, user, monitor)
     return _shown(session, monitor, response)
 
 
@@ -199,9 +224,10 @@ def list_alarms(
     cursor: Cursor = None,
     limit: Limit = 100,
 ) -> Page[AlarmOut]:
-    """Alarms of one's projects, newest first, each with its history."""
+    """Alarms of one's projects, newest first, each with its history; those of deleted monitors are left out."""
     mine = select(Member.project_id).where(Member.user_id == user.id)
-    query = select(Alarm).join(Monitor).join(Structure).where(Structure.project_id.in_(mine))
+    there = (Structure.project_id.in_(mine), monitors.hidden(deleted=False))
+    query = select(Alarm).join(Monitor).join(Structure).where(*there)
     if state is not None:
         query = query.where(Alarm.state == state)
     if monitor is not None:

@@ -174,6 +174,7 @@ class MonitorOut(StrictModel):
     id: UUID
     created_at: datetime
     updated_at: datetime
+    deleted_at: datetime | None
     structure_id: UUID
     structure_name: str
     project_id: UUID

@@ -29,7 +29,7 @@ from service.jobs.tables import CHANGED
 from service.monitoring import runs
 from service.monitoring.assessment import judge_if_changed
 from service.monitoring.delivery import Postman
-from service.monitoring.tables import Monitor, MonitorAssessment, MonitorRun, MonitorSeries
+from service.monitoring.tables import AT_WORK, Monitor, MonitorAssessment, MonitorRun, MonitorSeries
 from service.settings import Settings
 
 ASKED = "modalbase_monitor_asked"
@@ -102,7 +102,7 @@ class _Steward:
 
     def _sweep(self) -> None:
         with self._sessions() as session:
-            everyone = session.scalars(select(Monitor.id).where(Monitor.active).order_by(Monitor.id)).all()
+            everyone = session.scalars(select(Monitor.id).where(AT_WORK).order_by(Monitor.id)).all()
         self._look_after(everyone)
 
     def _concerned(self, heard: Sequence[UUID]) -> Sequence[UUID]:
@@ -120,7 +120,7 @@ class _Steward:
                 Monitor.id.in_(of_run.where(*ended)),
                 Monitor.id.in_(of_judgement.where(*ended)),
             )
-            return session.scalars(select(Monitor.id).where(Monitor.active, wanted)).all()
+            return session.scalars(select(Monitor.id).where(AT_WORK, wanted)).all()
 
     def _look_after(self, monitors: Sequence[UUID]) -> None:
         for key in monitors:
@@ -140,7 +140,7 @@ class _Steward:
 def attend(session: Session, monitor_id: UUID, settle: timedelta) -> None:
     """Do what is to be done for one monitor, unless somebody else is at it."""
     monitor = session.scalars(
-        select(Monitor).where(Monitor.id == monitor_id, Monitor.active).with_for_update(skip_locked=True)
+        select(Monitor).where(Monitor.id == monitor_id, AT_WORK).with_for_update(skip_locked=True)
     ).one_or_none()
     if monitor is None:
         return

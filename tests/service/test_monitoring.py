@@ -15,7 +15,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from examples.monitoring import State, measured_frfs, post_campaign, send_measurement, structure_body
-from service.access import Member, Project
+from service.access import Member, Project, User
 from service.access.keys import user_named
 from service.campaigns.imports import IMPORT
 from service.campaigns.operations import create_campaign
@@ -25,7 +25,7 @@ from service.db.engine import Sessions, make_engine, make_sessions
 from service.jobs import enqueue
 from service.monitoring.assessment import set_state
 from service.monitoring.campaigns import seen_campaigns
-from service.monitoring.monitors import create_monitor
+from service.monitoring.monitors import create_monitor, delete_monitor, restore_monitor
 from service.monitoring.schemas import MonitorIn
 from service.monitoring.steward import attend
 from service.monitoring.tables import Monitor, MonitorRun
@@ -279,6 +279,53 @@ def test_a_monitor_by_hand_and_one_on_a_schedule(client: httpx.Client) -> None:
     (run,) = ok(client.post(f"monitors/{lab.monitor}/runs", json={}), 202)["items"]
     assert (run["state"], run["campaign_id"]) == ("running", campaign)
     lab.judged([campaign])
+
+
+def test_a_deleted_monitor_is_gone_until_it_is_restored(client: httpx.Client) -> None:
+    lab = Lab(client, runs_on="hand")
+    working = lab.watch(name="works")
+    first = lab.campaign(0)
+    path = f"monitors/{working}"
+    ok(client.post(f"{path}/restore"), 409)
+    etag = client.get(path).headers["ETag"]
+    ok(client.delete(path, headers={"If-Match": '"another"'}), 412)
+    ok(client.delete(path, headers={"If-Match": etag}), 204)
+    for gone in (path, f"{path}/series", f"{path}/series/figure", f"{path}/runs", f"{path}/deliveries"):
+        ok(client.get(gone), 404)
+    ok(client.delete(path), 404)
+    ok(client.patch(path, json={"name": "n"}, headers={"If-Match": "*"}), 404)
+    ok(client.post(f"{path}/runs", json={}), 404)
+    ok(client.get("alarms", params={"monitor": working}), 404)
+    everywhere = ("monitors", f"structures/{lab.structure}/monitors")
+    for listed in everywhere:
+        assert working not in ids(client, listed)
+        assert working in ids(client, listed, deleted="true")
+        assert lab.monitor not in ids(client, listed, deleted="true")
+    second = post_campaign(client, lab.structure, {"name": "in between", "performed_at": day(1)}, frfs(1.0, 1))
+    assert ok(client.post(f"campaigns/{second}/complete"))["runs"] == []
+    shown = ok(client.post(f"{path}/restore"))
+    assert (shown["deleted_at"], shown["name"]) == (None, "works")
+    lab.monitor = working
+    lab.judged([first, second])
+    told = [e["action"] for e in ok(client.get("audit-events"))["items"] if e["subject_id"] == working]
+    assert sorted(told) == ["monitor.create", "monitor.delete", "monitor.restore"]
+
+
+def ids(client: httpx.Client, path: str, **params: str) -> list[str]:
+    return [m["id"] for m in ok(client.get(path, params={"limit": 1000, **params}))["items"]]
+
+
+def test_a_deleted_monitor_is_not_looked_after(sessions: Sessions) -> None:
+    with sessions.begin() as session:
+        monitor, campaign = planted(session)
+        user = session.get_one(User, monitor.user_id)
+        session.add(measured(campaign))
+        delete_monitor(session, user, monitor)
+        attend(session, monitor.id, timedelta(0))
+        assert session.scalars(select(MonitorRun)).all() == []
+        restore_monitor(session, user, monitor)
+        attend(session, monitor.id, timedelta(0))
+        assert [run.state for run in session.scalars(select(MonitorRun))] == ["running"]
 
 
 def test_a_campaign_settles_before_it_counts_as_complete(sessions: Sessions) -> None:

@@ -23,18 +23,19 @@ from service.campaigns.tables import Frf
 from service.db.engine import Sessions
 from service.figures.printing import draw, render
 from service.figures.series import series_figure
-from service.jobs import Job
-from service.monitoring.alarms import acknowledge, update_alarms
-from service.monitoring.assessment import judge_if_changed, set_state
+from service.jobs import Job, enqueue
+from service.monitoring.alarms import acknowledge, alarm_for, update_alarms
+from service.monitoring.assessment import JUDGE, judge_if_changed, set_state
 from service.monitoring.judgement import Episode, Judgement, JudgementInputs, Observation, judge
-from service.monitoring.monitors import create_monitor
+from service.monitoring.monitors import create_monitor, delete_monitor, restore_monitor
 from service.monitoring.runs import newest_series
 from service.monitoring.schemas import MonitorIn
-from service.monitoring.tables import Alarm, AlarmEvent, Delivery, MonitorRun
-from service.problems import Conflict
+from service.monitoring.tables import Alarm, AlarmEvent, Delivery, MonitorAssessment, MonitorRun
+from service.problems import Conflict, NotFound
 from service.settings import Settings
 from service.structures.operations import create_structure
 from service.structures.schemas import StructureIn
+from service.structures.tables import Structure
 
 START = datetime(2025, 1, 1, tzinfo=UTC)
 MODES = [[25.0, 0.01, 0.02, None], [160.0, 0.02, 0.01, None], [400.0, 0.05, 0.01, None]]
@@ -225,6 +226,29 @@ def test_a_series_is_judged_when_something_is_new_and_not_again(world: World) ->
     world.campaigns[0].temperature_c = 20.0
     session.flush()
     assert queued(2.6) == 1
+
+
+def test_a_deleted_monitor_raises_no_alarm_and_hides_those_it_has(world: World) -> None:
+    """A judgement that was under way when the monitor was deleted changes nothing and tells nobody."""
+    session, monitor = world.session, world.monitor
+    world.judge((2, "alarm"))
+    alarm = session.scalars(select(Alarm)).one()
+    job = enqueue(session, kind=JUDGE, project_id=session.get_one(Structure, monitor.structure_id).project_id)
+    session.add(MonitorAssessment(id=job.id, series_id=world.series.id, digest="d"))
+    session.flush()
+    delete_monitor(session, world.user, monitor)
+    with pytest.raises(NotFound, match=r"alarm"):
+        alarm_for(session, world.user, alarm.id)
+    with pytest.raises(NotFound, match=r"alarm"):
+        acknowledge(session, world.user, alarm, monitor, "seen")
+    details = {"performed_at": START.isoformat(), "value": 1.0}
+    result = Judgement({"state": "alarm"}, (Episode("Ex", str(world.campaigns[3].id), "alarm", details),), "alarm")
+    JUDGE.store(session, job.id, iter([result]))
+    assert (world.alarms(), world.told(), monitor.state) == ([(2, "alarm")], ["alarm.raised"], "no data")
+    restore_monitor(session, world.user, monitor)
+    assert alarm_for(session, world.user, alarm.id)[0] is alarm
+    JUDGE.store(session, job.id, iter([result]))
+    assert (world.alarms(), monitor.state) == ([(3, "alarm")], "alarm")  # the same alarm, raised by another campaign
 
 
 def plain_frf(session: Session, campaign: UUID) -> None:
