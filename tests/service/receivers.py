@@ -6,13 +6,19 @@ import base64
 import hashlib
 import hmac
 import json
-import socketserver
+import ssl
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
+
+from aiosmtpd.controller import Controller
+from aiosmtpd.smtp import AuthResult, Envelope, LoginPassword, Session
+
+ACCOUNT = LoginPassword(b"modalbase", b"secret")
+"""Who may send mail."""
 
 
 class Receiver(ThreadingHTTPServer):
@@ -76,51 +82,40 @@ def signature_holds(secret: str, headers: dict[str, str], body: bytes) -> bool:
     return fresh and f"v1,{expected}" in headers["webhook-signature"].split(" ")
 
 
-class MailServer(socketserver.ThreadingTCPServer):
-    """Takes every mail."""
+class MailServer(Controller):
+    """aiosmtpd on a free port of loopback, which keeps the mails that it takes."""
 
-    def __init__(self) -> None:
-        self.mails: list[bytes] = []
-        super().__init__(("127.0.0.1", 0), _Smtp)
+    def __init__(self, account: LoginPassword | None, **options: Any) -> None:
+        self.account, self.mails, self.senders = account, list[bytes](), list[LoginPassword]()
+        super().__init__(self, hostname="127.0.0.1", port=0, authenticator=self._let_in, **options)
 
+    async def handle_DATA(self, _server: Any, session: Session, envelope: Envelope) -> str:
+        if self.account is not None and not session.authenticated:
+            return "530 5.7.0 log in first"
+        self.mails.append(envelope.original_content or b"")
+        return "250 kept"
 
-class _Smtp(socketserver.StreamRequestHandler):
-    def handle(self) -> None:
-        self._say("220 test")
-        for raw in self.rfile:
-            match raw.decode().strip().upper().split(":")[0].split(" ")[0]:
-                case "DATA":
-                    self._say("354 go on")
-                    self._keep()
-                case "QUIT":
-                    self._say("221 bye")
-                    return
-                case _:
-                    self._say("250 ok")
+    def _let_in(self, _server: Any, _session: Any, _envelope: Any, _mechanism: str, who: LoginPassword) -> AuthResult:
+        self.senders.append(who)
+        return AuthResult(success=who == self.account, handled=False)
 
-    def _keep(self) -> None:
-        lines = []
-        for raw in self.rfile:
-            if raw == b".\r\n":
-                break
-            lines.append(raw)
-        server = self.server
-        assert isinstance(server, MailServer)
-        server.mails.append(b"".join(lines))
-        self._say("250 kept")
-
-    def _say(self, line: str) -> None:
-        self.wfile.write(f"{line}\r\n".encode())
+    def _trigger_server(self) -> None:
+        assert self.server is not None
+        self.port = self.server.sockets[0].getsockname()[1]
+        super()._trigger_server()
 
 
 @contextmanager
-def mail_server() -> Iterator[MailServer]:
-    server = MailServer()
-    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
-    thread.start()
+def mail_server(security: str = "none", certificate: ssl.SSLContext | None = None) -> Iterator[MailServer]:
+    """One that talks plainly, or that takes mail of `ACCOUNT` alone: after STARTTLS, or over TLS from the first byte."""
+    options: dict[str, Any] = {
+        "none": {},
+        "starttls": {"tls_context": certificate, "require_starttls": True},
+        "tls": {"ssl_context": certificate, "auth_require_tls": False},  # it takes only STARTTLS for TLS
+    }[security]
+    server = MailServer(None if security == "none" else ACCOUNT, **options)
+    server.start()
     try:
         yield server
     finally:
-        server.shutdown()
-        thread.join()
-        server.server_close()
+        server.stop()

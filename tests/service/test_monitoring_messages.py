@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import base64
 import json
+import ssl
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
 from email import message_from_bytes, policy
 from ipaddress import ip_network
+from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
-from receivers import Receiver, mail_server, receiver, signature_holds
+import trustme
+from receivers import ACCOUNT, MailServer, Receiver, mail_server, receiver, signature_holds
 from sqlalchemy import select
 
 from service.access import Project
@@ -249,13 +252,47 @@ def test_an_operator_allows_networks() -> None:
         parse_url("http://")
 
 
-def test_mail(sessions: Sessions) -> None:
-    with mail_server() as server:
-        settings = Settings(
-            smtp_host="127.0.0.1", smtp_port=server.server_address[1], smtp_security="none", smtp_from="mb@lab.example"
-        )
+@pytest.fixture(scope="module")
+def authority() -> trustme.CA:
+    """A laboratory's own certificate authority."""
+    return trustme.CA()
+
+
+@pytest.fixture(scope="module")
+def certificate(authority: trustme.CA) -> ssl.SSLContext:
+    """What a mail server called localhost shows."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    authority.issue_cert("localhost").configure_cert(context)
+    return context
+
+
+@pytest.fixture
+def trusted(authority: trustme.CA, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The authority is one that this machine knows."""
+    authority.cert_pem.write_to_path(str(tmp_path / "ca.pem"))
+    monkeypatch.setenv("SSL_CERT_FILE", str(tmp_path / "ca.pem"))
+
+
+def mail_settings(server: MailServer, security: str, host: str = "localhost", password: str = "secret") -> Settings:
+    return LOOPBACK.model_copy(
+        update={
+            "smtp_host": host,
+            "smtp_port": server.port,
+            "smtp_security": security,
+            "smtp_user": None if security == "none" else "modalbase",
+            "smtp_password": password,
+            "smtp_from": "mb@lab.example",
+        }
+    )
+
+
+@pytest.mark.usefixtures("trusted")
+@pytest.mark.parametrize("security", ["none", "starttls", "tls"])
+def test_mail(sessions: Sessions, certificate: ssl.SSLContext, security: str) -> None:
+    with mail_server(security, certificate) as server:
         planted(sessions, "", recipient="engineer@lab.example")
-        sent(sessions, settings, lambda d: d.state == "delivered")
+        sent(sessions, mail_settings(server, security), lambda d: d.state == "delivered")
+    assert server.senders == ([] if security == "none" else [ACCOUNT])
     (text,) = server.mails
     mail = message_from_bytes(text, policy=policy.default)
     assert mail["To"] == "engineer@lab.example"
@@ -263,6 +300,37 @@ def test_mail(sessions: Sessions) -> None:
     assert mail["Message-ID"] == "<msg_1@modalbase>"
     assert mail["Bcc"] is None
     assert "value       3.21e+10 ± 4e+06" in mail.get_content()
+
+
+@pytest.mark.parametrize("security", ["starttls", "tls"])
+def test_a_mail_server_that_nobody_vouches_for_gets_nothing(
+    sessions: Sessions, certificate: ssl.SSLContext, security: str
+) -> None:
+    with mail_server(security, certificate) as server:
+        planted(sessions, "", recipient="engineer@lab.example")
+        delivery = sent(sessions, mail_settings(server, security), lambda d: d.last_error is not None)
+    assert "CERTIFICATE_VERIFY_FAILED" in (delivery.last_error or "")
+    assert (delivery.state, server.mails, server.senders) == ("waiting", [], [])
+
+
+@pytest.mark.usefixtures("trusted")
+@pytest.mark.parametrize(
+    ("server_security", "changes", "says"),
+    [
+        ("tls", {"host": "127.0.0.1"}, "CERTIFICATE_VERIFY_FAILED"),  # the certificate is of another name
+        ("starttls", {"password": "wrong"}, "SMTPAuthenticationError"),
+        ("none", {}, "STARTTLS extension not supported"),  # and nothing is sent in the clear
+    ],
+)
+def test_mail_that_cannot_be_handed_over_says_why(
+    sessions: Sessions, certificate: ssl.SSLContext, server_security: str, changes: dict[str, str], says: str
+) -> None:
+    asked = "tls" if server_security == "tls" else "starttls"
+    with mail_server(server_security, certificate) as server:
+        planted(sessions, "", recipient="engineer@lab.example")
+        delivery = sent(sessions, mail_settings(server, asked, **changes), lambda d: d.last_error is not None)
+    assert says in (delivery.last_error or "")
+    assert (delivery.state, server.mails) == ("waiting", [])
 
 
 def test_mail_without_a_server_says_so(sessions: Sessions) -> None:
