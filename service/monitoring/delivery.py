@@ -110,7 +110,7 @@ class Postman:
             for future in [self._senders.submit(self._send, delivery, hook) for delivery, hook in claimed]:
                 future.result()
             if not claimed:
-                self._look.wait(LOOK_SECONDS)
+                self._look.wait(min(LOOK_SECONDS, self._settings.delivery_pause_seconds))
 
     def _claim(self) -> list[tuple[Delivery, Webhook | None]]:
         """Take some due messages: nobody else takes them while they are being sent."""
