@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import sparse
 
 from fecore.affine import AffineMatrix, Pattern
@@ -25,6 +26,7 @@ _HELD = {
     "clamped": beam3.DISPLACEMENTS,
     "simply_supported": ("v", "w", "rx"),
 }
+_IN_PLANE = ("u", "v", "rz")
 
 
 @dataclass(frozen=True)
@@ -44,37 +46,52 @@ class BeamSection:
 
     @property
     def torsion_stiffness(self) -> float:
-        """GJ in N·m², by St-Venant's series for an orthotropic rectangle (Lekhnitskii, *Theory of Elasticity of an
-        Anisotropic Body*, section 35):
-
-            GJ = Gxy b t³/3 [1 - 192 t/(π⁵ b') Σ_odd tanh(nπb'/2t)/n⁵],   b' = b √(Gxz/Gxy)
-        """
-        b, t, m = self.width, self.thickness, self.material
-        n = np.arange(1, 200, 2)
-        stretched = b * np.sqrt(m.Gxz / m.Gxy)
-        series = float(np.sum(np.tanh(n * np.pi * stretched / (2 * t)) / n**5.0))
-        return float(m.Gxy * b * t**3 / 3 * (1 - 192 * t / (np.pi**5 * stretched) * series))
+        """GJ in N·m²; see the module's `torsion_stiffness`."""
+        return float(self.coefficients()[3])
 
     def coefficients(self) -> FloatArray:
-        """(6,) EA, GAy, GAz, GJ, EIy, EIz; EIy bends out of plane (along z)."""
-        b, t, m = self.width, self.thickness, self.material
-        area, shear = b * t, self.shear_correction
-        return np.array(
-            [
-                m.Ex * area,
-                shear * m.Gxy * area,
-                shear * m.Gxz * area,
-                self.torsion_stiffness,
-                m.Ex * b * t**3 / 12,
-                m.Ex * t * b**3 / 12,
-            ]
-        )
+        """(6,) as `section_stiffness`."""
+        m = self.material
+        return section_stiffness(m.Ex, m.Gxy, m.Gxz, self.width, self.thickness, self.shear_correction)
 
     def inertias(self) -> FloatArray:
-        """(5,) ρA, ρ(Iy + Iz), ρIy, ρIz, and 1 for the point masses."""
-        b, t, density = self.width, self.thickness, self.material.density
-        iy, iz = b * t**3 / 12, t * b**3 / 12
-        return np.array([density * b * t, density * (iy + iz), density * iy, density * iz, 1.0])
+        """(5,) as `section_inertia`."""
+        return section_inertia(self.material.density, self.width, self.thickness)
+
+
+def section_stiffness(
+    Ex: ArrayLike,
+    Gxy: ArrayLike,
+    Gxz: ArrayLike,
+    width: ArrayLike,
+    thickness: ArrayLike,
+    shear_correction: float = SHEAR_CORRECTION,
+) -> FloatArray:
+    """(6, …) EA, GAy, GAz, GJ, EIy, EIz of a rectangle; EIy bends out of plane (along z). Constants of one shape (…)."""
+    E, Gy, Gz, b, t = (np.asarray(each) for each in (Ex, Gxy, Gxz, width, thickness))
+    area, shear = b * t, shear_correction * b * t
+    torsion = torsion_stiffness(Gy, Gz, b, t)
+    return np.stack([E * area, shear * Gy, shear * Gz, torsion, E * b * t**3 / 12, E * t * b**3 / 12])
+
+
+def section_inertia(density: ArrayLike, width: ArrayLike, thickness: ArrayLike) -> FloatArray:
+    """(5, …) ρA, ρ(Iy + Iz), ρIy, ρIz of a rectangle, and 1 for the point masses."""
+    rho, b, t = (np.asarray(each) for each in (density, width, thickness))
+    iy, iz = b * t**3 / 12, t * b**3 / 12
+    return np.stack([rho * b * t, rho * (iy + iz), rho * iy, rho * iz, np.ones_like(rho)])
+
+
+def torsion_stiffness(Gxy: FloatArray, Gxz: FloatArray, width: FloatArray, thickness: FloatArray) -> FloatArray:
+    """GJ in N·m², by St-Venant's series for an orthotropic rectangle (Lekhnitskii, *Theory of Elasticity of an
+    Anisotropic Body*, section 35):
+
+        GJ = Gxy b t³/3 [1 - 192 t/(π⁵ b') Σ_odd tanh(nπb'/2t)/n⁵],   b' = b √(Gxz/Gxy)
+    """
+    n = np.arange(1, 200, 2)
+    slenderness = width / thickness * np.sqrt(Gxz / Gxy)
+    series = np.sum(np.tanh(n * np.pi * slenderness[..., None] / 2) / n**5.0, axis=-1)
+    stiffness: FloatArray = Gxy * width * thickness**3 / 3 * (1 - 192 / (np.pi**5 * slenderness) * series)
+    return stiffness
 
 
 @dataclass(frozen=True)
@@ -84,7 +101,7 @@ class BeamModel:
     Attributes:
         length: m.
         elements: number of elements.
-        stiffness: K(c), c as `BeamSection.coefficients`; mass: M(m), m as `BeamSection.inertias`.
+        stiffness: K(c), c as `section_stiffness`; mass: M(m), m as `section_inertia`.
         free_dofs: numbers of the free dofs among all.
         rigid_modes: (dofs, r) exact zero-energy motions.
     """
@@ -123,8 +140,17 @@ class BeamModel:
         return tuple(names[int(k)] for k in np.argmax(shares, axis=0))
 
 
-def beam(length: float, elements: int, boundary: Boundary, masses: Sequence[PointMass] = ()) -> BeamModel:
+def beam(
+    length: float, elements: int, boundary: Boundary, masses: Sequence[PointMass] = (), *, in_plane: bool = True
+) -> BeamModel:
     """Assemble the affine model of a beam of equal elements; x runs from 0 to `length`.
+
+    Args:
+        length: m.
+        elements: their number.
+        boundary: how the ends are held.
+        masses: point masses.
+        in_plane: False holds u, v and θz everywhere, so that out-of-plane bending and torsion are left.
 
     Raises:
         InputError: a length or number of elements is not positive, or a point mass lies off the beam.
@@ -140,6 +166,8 @@ def beam(length: float, elements: int, boundary: Boundary, masses: Sequence[Poin
         held[node, [beam3.DISPLACEMENTS.index(name) for name in _HELD[support]]] = True
     if boundary == "simply_supported":
         held[0, 0] = True  # one end holds the beam along its axis
+    if not in_plane:
+        held[:, [beam3.DISPLACEMENTS.index(name) for name in _IN_PLANE]] = True
     free = np.flatnonzero(~held.ravel())
     numbers = 2 * np.arange(elements)[:, None] + np.arange(3)
     pattern = Pattern.of(numbers, nodes, 6, free)

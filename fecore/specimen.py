@@ -1,17 +1,75 @@
-"""A rectangular specimen as a laboratory describes it, and its finite element model."""
+"""Specimens as a laboratory describes them, and how their finite element models follow from constants.
+
+A specimen has constants q that can be updated, and closed forms from q to the coefficients c(q) and m(q) of its affine model
+K(c), M(m). That is all that updating asks of it (`Body`), so a plate and a beam are updated alike.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
+from fecore import beam
+from fecore.arrays import BoolArray, FloatArray
 from fecore.errors import InputError
-from fecore.laminate import OrthotropicMaterial, Ply, Section, section
+from fecore.laminate import SHEAR_CORRECTION, OrthotropicMaterial, Ply, Section, section
 from fecore.mesh import rectangle
-from fecore.model import PlateModel, plate
+from fecore.model import Model, PlateModel, plate
 from fecore.supports import Boundary, PointMass, Spring, Supports
+
+CONSTANTS = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy", "density", "thickness")
+"""Constants of a `Specimen`."""
+
+BEAM_CONSTANTS = ("E", "nu", "density", "width", "thickness")
+"""Constants of a `BeamSpecimen`."""
+
+UNITS = {
+    **dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz", "E"), "Pa"),
+    **dict.fromkeys(("nu_xy", "nu"), "1"),
+    "density": "kg/m³",
+    **dict.fromkeys(("width", "thickness"), "m"),
+}
+"""SI unit of each constant."""
+
+SIGNED = frozenset({"nu_xy", "nu"})
+"""Constants that may be negative: Poisson's ratios."""
+
+
+class Body(Protocol):
+    """What updating asks of a specimen, whatever its model.
+
+    Closed forms take (c, …) constants in the order of `nominal`, and complex ones too: their derivatives are complex steps.
+    """
+
+    @property
+    def nominal(self) -> dict[str, float]:
+        """Constants that can be parameters, by name, SI."""
+        ...
+
+    @property
+    def springs(self) -> tuple[Spring, ...]:
+        """Elastic supports, the last coefficients of the model's stiffness."""
+        ...
+
+    @property
+    def model(self) -> Model:
+        """The affine finite element model, which holds for any constants."""
+        ...
+
+    def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
+        """(k, …) coefficients of the model's stiffness, springs apart."""
+        ...
+
+    def mass_coefficients(self, constants: FloatArray) -> FloatArray:
+        """(j, …) coefficients of the model's mass."""
+        ...
+
+    def are_physical(self, constants: FloatArray) -> BoolArray:
+        """(…) whether the constants are those of a stable material and a real section."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -47,6 +105,18 @@ class Specimen:
         """The nominal section."""
         return section([Ply(self.material, self.thickness)])
 
+    @property
+    def nominal(self) -> dict[str, float]:
+        """The material's constants and the thickness."""
+        constants = {name: float(getattr(self.material, name)) for name in CONSTANTS if name != "thickness"}
+        return {**constants, "thickness": self.thickness}
+
+    def with_constants(self, constants: FloatArray) -> Specimen:
+        """The specimen with other constants, in the order of `CONSTANTS`."""
+        values = dict(zip(CONSTANTS, map(float, constants), strict=True))
+        thickness = values.pop("thickness")
+        return replace(self, thickness=thickness, material=replace(self.material, **values))
+
     @cached_property
     def model(self) -> PlateModel:
         """The affine finite element model, which holds for any constants and thickness.
@@ -56,3 +126,96 @@ class Specimen:
         """
         held = Supports.of(self.boundary) if self.supports is None else self.supports
         return plate(rectangle(self.length, self.width, *self.divisions), held, self.masses, self.springs)
+
+    def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
+        """(9, …) as `PlateModel.stiffness_coefficients` orders them. With Q = Ex / (Ex - ν² Ey) they are
+
+        D11 = Ex Q t³/12,  D22 = Ey Q t³/12,  D12 = ν D22,  D66 = Gxy t³/12,  S55 = κ Gxz t,  S44 = κ Gyz t.
+        """
+        Ex, Ey, Gxy, Gxz, Gyz, nu, _, t = constants
+        bending, shear, rest = t**3 / 12, SHEAR_CORRECTION * t, Ex - nu**2 * Ey
+        Q11, Q22, none = Ex**2 / rest, Ex * Ey / rest, np.zeros_like(Ex)
+        rows = [Q11, nu * Q22, Q22, Gxy, none, none]
+        return np.stack([*(bending * row for row in rows), shear * Gxz, shear * Gyz, none])
+
+    def mass_coefficients(self, constants: FloatArray) -> FloatArray:
+        """(3, …) as `PlateModel.mass_coefficients` orders them: I0 = ρ t, I2 = ρ t³/12, and 1 for the point masses."""
+        density, t = constants[6], constants[7]
+        return np.stack([density * t, density * t**3 / 12, np.ones_like(t)])
+
+    def are_physical(self, constants: FloatArray) -> BoolArray:
+        """(…) all but ν positive, and the plane-stress stiffness positive definite: ν² Ey < Ex."""
+        Ex, Ey, nu = constants[0], constants[1], constants[5]
+        physical: BoolArray = _positive(CONSTANTS, constants) & (nu**2 * Ey < 0.99 * Ex)
+        return physical
+
+
+@dataclass(frozen=True)
+class BeamSpecimen:
+    """An isotropic strip as three-node Timoshenko beam elements, in out-of-plane bending and torsion.
+
+    Attributes:
+        length, width, thickness: m.
+        modulus: nominal Young's modulus E, Pa.
+        poisson: nominal Poisson's ratio ν; the shear modulus is E / 2(1 + ν).
+        density: nominal, kg/m³.
+        boundary: how it is held.
+        masses: what it carries, such as a sensor.
+        elements: along the length.
+    """
+
+    length: float
+    width: float
+    thickness: float
+    modulus: float
+    poisson: float
+    density: float
+    boundary: Boundary = "cantilever"
+    masses: tuple[PointMass, ...] = ()
+    elements: int = 40
+
+    def __post_init__(self) -> None:
+        constants = np.array(list(self.nominal.values()))
+        if not (np.all(np.isfinite(constants)) and self.are_physical(constants)):
+            stated = ", ".join(f"{name} = {value:g}" for name, value in self.nominal.items())
+            raise InputError("beam", f"has {stated}; expected positive numbers and -1 < nu < 0.5")
+
+    @property
+    def nominal(self) -> dict[str, float]:
+        """E, ν, density and section."""
+        values = (self.modulus, self.poisson, self.density, self.width, self.thickness)
+        return dict(zip(BEAM_CONSTANTS, values, strict=True))
+
+    @property
+    def springs(self) -> tuple[Spring, ...]:
+        """None: the beam model has no elastic supports."""
+        return ()
+
+    @cached_property
+    def model(self) -> beam.BeamModel:
+        """The affine finite element model without in-plane motion.
+
+        Raises:
+            InputError: the geometry, or the place of a mass, is wrong.
+        """
+        return beam.beam(self.length, self.elements, self.boundary, self.masses, in_plane=False)
+
+    def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
+        """(6, …) EA, GAy, GAz, GJ, EIy, EIz of an isotropic rectangle."""
+        E, nu, _, width, thickness = constants
+        shear = E / (2 * (1 + nu))
+        return beam.section_stiffness(E, shear, shear, width, thickness)
+
+    def mass_coefficients(self, constants: FloatArray) -> FloatArray:
+        """(5, …) ρA, ρ(Iy + Iz), ρIy, ρIz, and 1 for the point masses."""
+        return beam.section_inertia(*constants[2:])
+
+    def are_physical(self, constants: FloatArray) -> BoolArray:
+        """(…) all but ν positive, and -1 < ν < ½."""
+        physical: BoolArray = _positive(BEAM_CONSTANTS, constants) & (constants[1] > -1) & (constants[1] < 0.5)
+        return physical
+
+
+def _positive(names: tuple[str, ...], constants: FloatArray) -> BoolArray:
+    positive: BoolArray = np.all(constants[[row for row, name in enumerate(names) if name not in SIGNED]] > 0, axis=0)
+    return positive

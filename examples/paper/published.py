@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fecore.laminate import OrthotropicMaterial
-from fecore.specimen import Specimen
+from fecore.specimen import BeamSpecimen, Specimen
 
 DENSITY = 2012.0
 
@@ -39,6 +39,11 @@ def material(constants: dict[str, float]) -> OrthotropicMaterial:
     """A material of the paper's beam; transverse shear moduli that are not given come from a handbook."""
     shear = {"Gxz": HANDBOOK_TRANSVERSE_SHEAR, "Gyz": HANDBOOK_TRANSVERSE_SHEAR}
     return OrthotropicMaterial(**{**shear, **constants}, nu_xy=POISSON, density=DENSITY)
+
+
+def simulated(modulus: float = SIMULATED_MODULUS) -> BeamSpecimen:
+    """The isotropic beam of Section 3 with a given Young's modulus."""
+    return BeamSpecimen(*SIMULATED_GEOMETRY, modulus, SIMULATED_POISSON, DENSITY)
 
 
 def cantilever(constants: dict[str, float], thickness: float = 0.010) -> Specimen:

@@ -11,9 +11,9 @@ import numpy as np
 
 from fecore.damping import RAYLEIGH, damping_rate
 from fecore.frf import Dof, FrfSet
-from fecore.specimen import Specimen
+from fecore.specimen import BeamSpecimen, Specimen
 from fecore.updating.forward import ForwardModel, ForwardState
-from fecore.updating.parameters import parametrise
+from fecore.updating.parameters import Parameter, parametrise
 
 Points = dict[int, tuple[float, float, float]]
 
@@ -23,7 +23,7 @@ NOISE = 0.01  # of each record's rms
 LINES_HZ = np.arange(2.0, 1601.0, 2.0)
 
 
-def grid(specimen: Specimen) -> Points:
+def grid(specimen: Specimen | BeamSpecimen) -> Points:
     """33 points, three across and eleven along, numbered across the width from x = 0 as in Figure 5."""
     first = 0 if specimen.boundary == "free" else 1
     along = specimen.length * np.arange(first, first + 11) / (10 + first)
@@ -31,13 +31,12 @@ def grid(specimen: Specimen) -> Points:
     return dict(enumerate(places, start=1))
 
 
-def solve(specimen: Specimen) -> ForwardState:
-    """The specimen's modes at the 33 points."""
-    points = grid(specimen)
-    forward = ForwardModel(
-        specimen, parametrise(specimen), tuple(points), np.array(list(points.values()))[:, :2], MODES
-    )
-    return forward.solve(forward.parametrisation.prior_mean)
+def solve(specimen: Specimen | BeamSpecimen, points: Points | None = None) -> ForwardState:
+    """The specimen's modes at given points, or at a strip's 33."""
+    points = points or grid(specimen)
+    nominal = parametrise(specimen, [Parameter(name) for name in specimen.nominal])
+    forward = ForwardModel(specimen, nominal, tuple(points), np.array(list(points.values()))[:, :2], MODES)
+    return forward.solve(nominal.prior_mean)
 
 
 def measured_body(
@@ -59,21 +58,30 @@ def measured_body(
     ratio = np.full(omega.size, damping[-1])
     ratio[measured] = damping
     rate = np.where(np.arange(omega.size) < rigid, rigid_rate, 2 * ratio * omega)
-    return _frfs(state, omega, rate, seed, lines_hz)
+    return _frfs(state, omega, rate, seed, lines_hz, SENSOR)
 
 
-def rayleigh_body(specimen: Specimen, coefficients: np.ndarray, seed: int, lines_hz: np.ndarray = LINES_HZ) -> FrfSet:
-    """Accelerances of the specimen under exact Rayleigh damping."""
-    state = solve(specimen)
+def rayleigh_body(
+    specimen: Specimen | BeamSpecimen,
+    coefficients: np.ndarray,
+    seed: int,
+    lines_hz: np.ndarray = LINES_HZ,
+    points: Points | None = None,
+    sensor: int = SENSOR,
+) -> FrfSet:
+    """Accelerances of the specimen under exact Rayleigh damping, at given points or at a strip's 33."""
+    state = solve(specimen, points)
     omega = state.modes.omega
-    return _frfs(state, omega, damping_rate(RAYLEIGH, coefficients, omega), seed, lines_hz)
+    return _frfs(state, omega, damping_rate(RAYLEIGH, coefficients, omega), seed, lines_hz, sensor)
 
 
-def _frfs(state: ForwardState, omega: np.ndarray, rate: np.ndarray, seed: int, lines_hz: np.ndarray) -> FrfSet:
+def _frfs(
+    state: ForwardState, omega: np.ndarray, rate: np.ndarray, seed: int, lines_hz: np.ndarray, sensor: int
+) -> FrfSet:
     hammer = tuple(Dof(point, 3) for point in state.forward.points)
-    sensor = (Dof(SENSOR, 3),) * len(hammer)
-    values = state.frf_model(sensor, hammer).with_eigenvalue(omega**2).synthesise(lines_hz, rate)
+    response = (Dof(sensor, 3),) * len(hammer)
+    values = state.frf_model(response, hammer).with_eigenvalue(omega**2).synthesise(lines_hz, rate)
     random = np.random.default_rng(seed)
     noise = random.standard_normal(values.shape) + 1j * random.standard_normal(values.shape)
     rms = np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True))
-    return FrfSet(lines_hz, values + NOISE * rms * noise / np.sqrt(2), sensor, hammer)
+    return FrfSet(lines_hz, values + NOISE * rms * noise / np.sqrt(2), response, hammer)

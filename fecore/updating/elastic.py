@@ -211,8 +211,7 @@ class _Fit:
     def lowest(self) -> FloatArray:
         """(p,) what no parameter falls below: a thousandth of its prior mean; a Poisson's ratio has no such bound."""
         prior = self.forward.parametrisation
-        bounded = np.array([name != "nu_xy" for name in prior.names])
-        return np.where(bounded, _LOWEST * prior.prior_mean, -np.inf)
+        return np.where(prior.signed, -np.inf, _LOWEST * prior.prior_mean)
 
     def at_bound(self, theta: FloatArray) -> list[str]:
         """Parameters that ended at their bound, in words."""

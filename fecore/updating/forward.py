@@ -29,7 +29,7 @@ from fecore.sensitivity import (
     shape_derivatives,
     static_series,
 )
-from fecore.specimen import Specimen
+from fecore.specimen import Body
 from fecore.updating.parameters import Coefficients, Parametrisation
 
 OUT_OF_PLANE = 3
@@ -49,7 +49,7 @@ class ForwardModel:
         reduced: solve on a reduced basis (frequencies within 1e-6 of the full model), or the full model each time.
     """
 
-    specimen: Specimen
+    specimen: Body
     parametrisation: Parametrisation
     points: tuple[int, ...]
     places: FloatArray
@@ -59,7 +59,7 @@ class ForwardModel:
     @cached_property
     def observation(self) -> sparse.csr_array:
         """(p, dofs) interpolation of the deflection w at the points."""
-        return self.specimen.model.deflection(self.places)
+        return self.specimen.model.observation(self.places, np.full(len(self.places), OUT_OF_PLANE))
 
     @cached_property
     def basis(self) -> ReducedModel:
@@ -326,13 +326,11 @@ class _Pairs:
         return signed
 
 
-def modes_to_cover(specimen: Specimen, highest_hz: float, at_least: int) -> int:
-    """How many modes to solve for: those below twice a frequency in the nominal model, and at least so many elastic ones.
+def modes_to_cover(parametrisation: Parametrisation, highest_hz: float, at_least: int) -> int:
+    """How many modes to solve for: those below twice a frequency at the prior means, and at least so many elastic ones.
 
-    The factor is the margin for constants that come out lower than nominal, and for the residual series.
+    The factor is the margin for constants that come out lower, and for the residual series.
     """
-    model = specimen.model
-    stiffness = model.stiffness.at(model.stiffness_coefficients(specimen.section))
-    mass = model.mass.at(model.mass_coefficients(specimen.section))
-    below = modes_below(stiffness, mass, (2 * np.pi * 2 * highest_hz) ** 2)
+    model, c = parametrisation.body.model, parametrisation.coefficients(parametrisation.prior_mean)
+    below = modes_below(model.stiffness.at(c.stiffness), model.mass.at(c.mass), (2 * np.pi * 2 * highest_hz) ** 2)
     return max(below, at_least + int(model.rigid_modes.shape[1]))

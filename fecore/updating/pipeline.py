@@ -14,7 +14,7 @@ from fecore.damping import RAYLEIGH, CaugheySeries, DampingLaw, GeneralisedPropo
 from fecore.errors import InputError
 from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
-from fecore.specimen import Specimen
+from fecore.specimen import Body
 from fecore.updating.damping_stage import DampingResult, DampingStage
 from fecore.updating.elastic import ElasticResult, update_elastic
 from fecore.updating.forward import ForwardModel, modes_to_cover
@@ -43,7 +43,7 @@ _EXTRA_MODES = 3  # beyond the measured ones, at least, so that neighbours can b
 
 def update(
     measurement: Measurement,
-    specimen: Specimen,
+    specimen: Body,
     recipe: Recipe | None = None,
     progress: Progress = lambda *_: None,
     keeper: Keeper | None = None,
@@ -129,7 +129,7 @@ def _laws(recipe: Recipe, modal: ModalDamping) -> tuple[DampingLaw, ...]:
 
 
 def _forward(
-    specimen: Specimen, parametrisation: Parametrisation, measurement: Measurement, data: Prepared
+    specimen: Body, parametrisation: Parametrisation, measurement: Measurement, data: Prepared
 ) -> ForwardModel:
     """The forward model at all measured points, those of the modes' shapes first and in their order."""
     first = [] if data.modes is None else [dof.point for dof in data.modes.dofs]
@@ -137,7 +137,7 @@ def _forward(
     points = (*first, *rest)
     places = np.array([measurement.points[point][:2] for point in points])
     measured = 0 if data.modes is None else len(data.modes)
-    count = modes_to_cover(specimen, float(data.frfs.frequency_hz[-1]), measured + _EXTRA_MODES)
+    count = modes_to_cover(parametrisation, float(data.frfs.frequency_hz[-1]), measured + _EXTRA_MODES)
     return ForwardModel(specimen, parametrisation, points, places, count)
 
 

@@ -9,11 +9,11 @@ from uuid import UUID
 
 from pydantic import Field
 
-from fecore.specimen import Specimen
+from fecore.specimen import CONSTANTS, Specimen
 from fecore.supports import Edge, Spring
 from fecore.updating import recipe as core
 from fecore.updating.damping import Weighting
-from fecore.updating.parameters import CONSTANTS, DEFAULT_PARAMETERS, Parameter
+from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
 from service.problems import Int64, Name, StrictModel
 
 DampingModel = Literal["rayleigh", "caughey3", "caughey4", "generalised", "modal"]

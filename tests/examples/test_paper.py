@@ -39,7 +39,16 @@ def hung() -> free_beam.Study:
 def test_table_1_bending_modes(simulated: simulated_beam.Study) -> None:
     # Timoshenko's beam, closed form, four modes; 40 quadratic elements are good to 1e-5, the figures to half a digit.
     np.testing.assert_allclose(simulated.frequency_hz[:4], [24.943, 156.018, 435.523, 849.688], rtol=3e-5)
-    assert simulated.modulus == pytest.approx(30e9, rel=1e-8)  # λ is proportional to E: eigenvalues are good to 1e-9
+
+
+def test_the_simulated_beam_gives_its_modulus_and_damping_back(simulated: simulated_beam.Study) -> None:
+    rows = {row.name: row for row in simulated.update.parameters}
+    assert list(rows) == ["E", "a0", "a1"]
+    for name, value in zip(rows, (30e9, *SIMULATED_CONVERGED), strict=True):
+        assert rows[name].estimate == pytest.approx(value, rel=0.01)  # the project's target of damping at 1 % noise
+        assert rows[name].interval_95[0] < value < rows[name].interval_95[1]
+    assert rows["E"].estimate == pytest.approx(30e9, rel=2e-3)
+    assert [mode.kind for mode in simulated.update.modes[:5]] == ["bending"] * 5
 
 
 def test_table_2_read_in_hz_gives_table_1s_damping(simulated: simulated_beam.Study) -> None:

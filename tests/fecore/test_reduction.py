@@ -7,9 +7,9 @@ from plates import PAPER
 from fecore.eigen import normal_modes
 from fecore.factor import factorise
 from fecore.reduction import FREQUENCY_TOLERANCE, CoefficientRatio, ReducedModel
-from fecore.specimen import Specimen
+from fecore.specimen import CONSTANTS, Specimen
 from fecore.supports import PointMass
-from fecore.updating.parameters import CONSTANTS, Parameter, parametrise
+from fecore.updating.parameters import Parameter, parametrise
 
 FIVE = ("Ex", "Ey", "Gxy", "Gxz", "Gyz")
 

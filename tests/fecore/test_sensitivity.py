@@ -25,10 +25,10 @@ from fecore.sensitivity import (
     shape_derivatives,
     static_series,
 )
-from fecore.specimen import Specimen
+from fecore.specimen import CONSTANTS, Specimen
 from fecore.supports import PointMass
 from fecore.updating.forward import ForwardModel
-from fecore.updating.parameters import CONSTANTS, Parameter, parametrise
+from fecore.updating.parameters import Parameter, parametrise
 
 STEP = 1e-20
 

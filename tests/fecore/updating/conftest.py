@@ -8,9 +8,9 @@ import pytest
 from fecore.frf import Dof
 from fecore.laminate import OrthotropicMaterial
 from fecore.modes import MeasuredModes
-from fecore.specimen import Specimen
+from fecore.specimen import CONSTANTS, Specimen
 from fecore.updating.forward import ForwardModel
-from fecore.updating.parameters import CONSTANTS, Parameter, parametrise, with_constants
+from fecore.updating.parameters import Parameter, parametrise
 
 COUPONS = OrthotropicMaterial(Ex=33.05e9, Ey=31.80e9, Gxy=5.73e9, Gxz=4.5e9, Gyz=4.5e9, nu_xy=0.15, density=2012.0)
 TABLE_4 = {"Ex": 31.66e9, "Ey": 31.80e9, "Gxy": 6.30e9, "Gxz": 5.37e9, "Gyz": 5.37e9}
@@ -52,7 +52,7 @@ def forward(nominal: Specimen) -> ForwardModel:
 @pytest.fixture(scope="session")
 def updated_by_paper(nominal: Specimen) -> Specimen:
     values = [TABLE_4.get(name, getattr(nominal.material, name, nominal.thickness)) for name in CONSTANTS]
-    return with_constants(nominal, np.array(values))
+    return nominal.with_constants(np.array(values))
 
 
 @pytest.fixture(scope="session")

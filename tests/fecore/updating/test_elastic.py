@@ -8,10 +8,10 @@ import pytest
 from fecore.errors import UpdatingError
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
-from fecore.specimen import Specimen
+from fecore.specimen import CONSTANTS, Specimen
 from fecore.updating.elastic import update_elastic
 from fecore.updating.forward import ForwardModel
-from fecore.updating.parameters import CONSTANTS, Parameter, parametrise
+from fecore.updating.parameters import Parameter, parametrise
 from tests.fecore.updating.conftest import MEASURED_HZ, PARAMETERS, TABLE_4
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fecore.errors import InputError
-from fecore.specimen import Specimen
-from fecore.updating.parameters import CONSTANTS, Parameter, parametrise, with_constants
+from fecore.specimen import CONSTANTS, Specimen
+from fecore.updating.parameters import Parameter, parametrise
 
 EVERYTHING = tuple(Parameter(name) for name in CONSTANTS)
 
@@ -13,7 +13,7 @@ EVERYTHING = tuple(Parameter(name) for name in CONSTANTS)
 def test_coefficients_are_those_of_the_section(nominal: Specimen) -> None:
     theta = np.array([30e9, 28e9, 5e9, 4e9, 6e9, 0.2, 1900.0, 0.011])
     coefficients = parametrise(nominal, EVERYTHING).coefficients(theta)
-    section = with_constants(nominal, theta).section
+    section = nominal.with_constants(theta).section
     # The same closed forms evaluated in another order: equal to round-off.
     np.testing.assert_allclose(
         coefficients.stiffness, nominal.model.stiffness_coefficients(section), rtol=1e-13, atol=0
