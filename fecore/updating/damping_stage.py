@@ -237,9 +237,9 @@ class DampingStage:
         """The measured ratios' law, it scaled up and down, and each coefficient alone."""
         omega, ratio = self.ratios.omega, np.median(self.ratios.ratio)
         basis = law.basis(omega)
-        alone = [np.median(2 * omega * ratio / basis[:, j]) * row for j, row in enumerate(np.eye(basis.shape[1]))]
-        allowed = [row for row in alone if np.all(np.isfinite(row)) and np.all(basis @ row > 0)]
-        return [start, start * _SPREAD_OF_STARTS, start / _SPREAD_OF_STARTS, *allowed]
+        damping = np.flatnonzero(np.all(basis > 0, axis=0))  # coefficients that alone would damp every mode
+        alone = [np.median(2 * omega * ratio / basis[:, j]) * np.eye(basis.shape[1])[j] for j in damping]
+        return [start, start * _SPREAD_OF_STARTS, start / _SPREAD_OF_STARTS, *alone]
 
     def _try(self, law: DampingLaw, start: FloatArray, tight: float, *, last_hope: bool) -> list[DampingFit]:
         nuisance = self.nuisance(tight)

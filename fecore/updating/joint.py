@@ -57,6 +57,13 @@ def update_jointly(
 ) -> JointResult:
     """Estimate constants and damping from FRFs alone.
 
+    Args:
+        forward: the model.
+        frfs: on the fitted lines.
+        law: from which every mode's damping may deviate widely.
+        seed: of the draws.
+        progress: told the share that is done.
+
     Raises:
         UpdatingError: no start led to constants that stand still; it carries the last.
     """

@@ -90,8 +90,11 @@ def _elastic(
     if data.modes is not None:
         return update_elastic(forward, data.modes, progress, use_shapes=recipe.use_shapes), data.modes
     frfs = data.fitted if recipe.band_hz is None else data.fitted.band(*recipe.band_hz)
-    law = LAWS.get(recipe.damping_models[0], RAYLEIGH) if recipe.damping_models else RAYLEIGH
-    found = update_jointly(forward, _inside(frfs, (0.0, np.inf), recipe), law, recipe.seed, progress)
+    frfs = _inside(frfs, (0.0, np.inf), recipe)
+    # There every mode deviates from the law as far as it must, so `modal` is one common ratio to deviate from.
+    middle = float(np.sqrt(frfs.omega[0] * frfs.omega[-1]))
+    law = _laws(recipe, ModalDamping((middle,)))[0]
+    found = update_jointly(forward, frfs, law, recipe.seed, progress)
     return found.elastic, found.modes
 
 

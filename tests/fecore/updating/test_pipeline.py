@@ -97,6 +97,33 @@ def test_joint_update_needs_no_modes(measured: tuple[Measurement, dict[str, floa
     assert found["a0"].estimate == pytest.approx(true["a0"], rel=0.05)
 
 
+@pytest.mark.parametrize("law", ["modal", "generalised"])
+def test_joint_update_searches_with_the_law_asked_for(measured: tuple[Measurement, dict[str, float]], law: str) -> None:
+    measurement, true = measured
+    few = replace(measurement, frfs=measurement.frfs.select(list(range(0, 33, 4))))
+    joint = update(few, BEAM, Recipe(method="joint", damping_models=(law,)))
+    assert joint.damping_models[0].name == law
+    found = {p.name: p for p in joint.parameters}
+    for name in ("Ex", "Gxy", "Gxz"):
+        assert abs(found[name].estimate - true[name]) < 3 * found[name].standard_deviation, name
+    omega = 2 * np.pi * np.array([mode.measured_hz for mode in joint.modes])
+    ratio = np.array([mode.predicted_damping for mode in joint.modes], dtype=float)
+    assert ratio.size == 5
+    # The body lies off its Rayleigh law by 2 % (one standard deviation) a mode.
+    np.testing.assert_allclose(ratio, (true["a0"] / omega + true["a1"] * omega) / 2, rtol=0.06)
+
+
+def test_joint_update_refuses_an_unknown_law_before_it_searches(
+    measured: tuple[Measurement, dict[str, float]],
+) -> None:
+    told: list[float] = []
+    recipe = Recipe(method="joint", damping_models=("coulomb",))
+    with pytest.raises(InputError) as caught:
+        update(measured[0], BEAM, recipe, lambda _, share: told.append(share))
+    assert caught.value.field == "damping_models.0"
+    assert max(told) <= 0.4  # the share at which the search begins
+
+
 def test_shapes_tell_what_frequencies_do(measured: tuple[Measurement, dict[str, float]], result: UpdateResult) -> None:
     measurement, true = measured
     shaped = update(measurement, BEAM, Recipe(use_shapes=True))
