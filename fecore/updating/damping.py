@@ -9,7 +9,8 @@ by Levenberg-Marquardt. A law is never exact: each mode's rate is c_k exp(ε_k) 
 nuisance parameters join E, which for `noise` weights is the negative log likelihood. A law that fits keeps ε at zero; one
 that does not is then fitted to all modes alike, in place of to the one with the strongest signal. Modes that were not
 measured, above the band say, have shifts and deviations with priors too: else their tails, taken as exact, would tell a
-damping that nobody measured.
+damping that nobody measured. Rigid-body modes, and those that move on the springs of the supports, are damped by what they hang
+on and not by the law: each has a rate of its own.
 
 Every derivative goes through the modes' eigenvalues λ_k and damping rates c_k, of which there are
 few: ∂H_i/∂λ_k = -f A_ik/D_k² and ∂H_i/∂c_k = iω ∂H_i/∂λ_k. So the normal equations are accumulated once for (λ, c), and
@@ -19,14 +20,14 @@ any law is a small matrix on top of them.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
-from fecore.damping import DampingLaw
+from fecore.damping import DampingLaw, damping_rate
 from fecore.errors import InputError, UpdatingError
 from fecore.frf import FrfSet, ModalFrfModel, convert
 
@@ -38,6 +39,7 @@ _STUCK = 1e12  # damping beyond which no step will help
 _STALLED, _STALLED_STEPS = 1e-7, 5  # relative fall, so many times running, that no estimate can feel
 _ROUND_OFF = 1e-12  # of the weighted signal: noise-free data cannot be fitted better
 _LARGEST_SHIFT = 0.1  # a mode further off than this was not paired rightly
+_SUSPENSION_SD = 2.0  # prior standard deviation of the logarithm of a suspended mode's rate: nobody knows it
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,12 @@ class DampingFit:
     normal: NormalEquations
     history: FloatArray
 
+    def rates(self, omega: FloatArray) -> FloatArray:
+        """(m,) rates to predict unseen FRFs with, the model's modes at ω: the law's, but a suspended mode's own."""
+        rates = damping_rate(self.law, self.coefficients, omega)
+        rates[self.nuisance.suspended] = self.rate[self.nuisance.suspended]
+        return rates
+
 
 @dataclass(frozen=True)
 class Nuisance:
@@ -82,12 +90,16 @@ class Nuisance:
         first_shift: (s,) relative shifts to start from.
         shift_sd: (s,) prior standard deviation of the shifts; infinite where they are free.
         deviation_sd: (s,) prior standard deviation of ε; 0 where the law is taken as exact.
+        suspended: (r,) numbers of the modes that the law does not damp, with a rate of their own.
+        suspended_rate: (r,) about which these are expected, within a factor of some seven, 1/s.
     """
 
     modes: IntArray
     first_shift: FloatArray
     shift_sd: FloatArray
     deviation_sd: FloatArray
+    suspended: IntArray = field(default_factory=lambda: np.arange(0))
+    suspended_rate: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def of_exact_law(cls, modes: IntArray, first_shift: FloatArray) -> Nuisance:
@@ -259,10 +271,10 @@ def fit_law(
 
 @dataclass(frozen=True)
 class _Problem:
-    """The map from x = (coefficients a, shifts δ, logarithms ℓ of the rates that may deviate) to eigenvalues and rates.
+    """The map from x = (coefficients a, shifts δ, logarithms ℓ of the modes' own rates) to eigenvalues and rates.
 
     A mode that may deviate has a rate of its own, exp(ℓ_k), which the data fix and which a prior ties to the law:
-    ε_k = ℓ_k - ln c_k(a). So the valley along which a and ε trade is straight.
+    ε_k = ℓ_k - ln c_k(a). So the valley along which a and ε trade is straight. A suspended mode's is tied to a constant.
     """
 
     misfit: FrfMisfit
@@ -275,13 +287,19 @@ class _Problem:
         return len(self.law.coefficient_names)
 
     @cached_property
-    def free(self) -> IntArray:
-        """Numbers of the modes with a rate of their own."""
+    def tied(self) -> IntArray:
+        """Numbers of the modes with a rate of their own that is tied to the law."""
         return self.nuisance.modes[self.nuisance.deviation_sd > 0]
+
+    @cached_property
+    def own(self) -> IntArray:
+        """Numbers of the modes with a rate of their own: the tied, then the suspended ones."""
+        return np.concatenate([self.tied, self.nuisance.suspended])
 
     def first(self, start: FloatArray) -> FloatArray:
         rate = self.law.basis(self.omega(self.nuisance.first_shift)) @ start
-        return np.concatenate([start, self.nuisance.first_shift, np.log(rate[self.free])])
+        own = np.log(np.concatenate([rate[self.tied], self.nuisance.suspended_rate]))
+        return np.concatenate([start, self.nuisance.first_shift, own])
 
     def omega(self, shift: FloatArray) -> FloatArray:
         """(m,) circular frequencies of the shifted modes among the others."""
@@ -298,26 +316,29 @@ class _Problem:
         a, shift, own = self.split(x)
         omega = self.omega(shift)
         rate = self.law.basis(omega) @ a
-        rate[self.free] = np.exp(own)
+        rate[self.own] = np.exp(own)
         return omega**2, rate
 
     def prior(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Prior residuals ρ, in standard deviations, and their Jacobian by x: shifts, then deviations."""
         a, shift, own = self.split(x)
-        omega = self.omega(shift)[self.free]
+        omega = self.omega(shift)[self.tied]
         basis = self.law.basis(omega)
         law_rate = basis @ a
         shift_weight = 1 / self.nuisance.shift_sd
         weight = 1 / self.nuisance.deviation_sd[self.nuisance.deviation_sd > 0]
-        residual = np.concatenate([shift * shift_weight, weight * (own - np.log(law_rate))])
+        off = own - np.log(np.concatenate([law_rate, self.nuisance.suspended_rate]))
+        off_weight = np.concatenate([weight, np.full(self.nuisance.suspended.size, 1 / _SUSPENSION_SD)])
+        residual = np.concatenate([shift * shift_weight, off_weight * off])
         s, first = shift.size, self.count + shift.size
+        tied = s + np.arange(self.tied.size)
         jacobian = np.zeros((residual.size, x.size))
         jacobian[:s, self.count : first] = np.diag(shift_weight)
-        jacobian[s:, : self.count] = -(weight / law_rate)[:, None] * basis
+        jacobian[tied, : self.count] = -(weight / law_rate)[:, None] * basis
         moved = self.count + np.flatnonzero(self.nuisance.deviation_sd > 0)
-        base = self.misfit.model.omega[self.free]
-        jacobian[s + np.arange(own.size), moved] = -weight / law_rate * (self.law.slope(omega) @ a) * base
-        jacobian[s:, first:] = np.diag(weight)
+        base = self.misfit.model.omega[self.tied]
+        jacobian[tied, moved] = -weight / law_rate * (self.law.slope(omega) @ a) * base
+        jacobian[s:, first:] = np.diag(off_weight)
         return residual, jacobian
 
     def penalty(self, x: FloatArray) -> float:
@@ -338,9 +359,9 @@ class _Problem:
         columns, modes = self.count + np.arange(shift.size), self.nuisance.modes
         T[m:, : self.count] = self.law.basis(omega)
         T[m + modes, columns] = (self.law.slope(omega[modes]) @ a) * base[modes]
-        T[m + self.free] = 0
+        T[m + self.own] = 0
         T[modes, columns] = 2 * base[modes] * omega[modes]
-        T[m + self.free, self.count + shift.size + np.arange(own.size)] = np.exp(own)
+        T[m + self.own, self.count + shift.size + np.arange(own.size)] = np.exp(own)
         return T
 
     def within(self, x: FloatArray) -> FloatArray:
@@ -354,7 +375,8 @@ class _Problem:
         a, shift, _ = self.split(x)
         omega = self.misfit.model.omega
         needed = (omega > 0) & (omega <= self.misfit.measured.omega[-1])
-        needed[self.free] = True
+        needed[self.tied] = True
+        needed[self.nuisance.suspended] = False
         return bool(np.all(self.law.basis(self.omega(shift)[needed]) @ a > 0))
 
     def finish(self, x: FloatArray, normal: NormalEquations, history: FloatArray) -> DampingFit:

@@ -69,7 +69,7 @@ class DampingResult:
 
 @dataclass(frozen=True)
 class MeasuredRatios:
-    """Damping ratios of the paired modes.
+    """Damping ratios of the paired modes that the law has to explain.
 
     Attributes:
         omega: (n,) circular frequencies, rad/s.
@@ -114,20 +114,63 @@ class DampingStage:
         elastic = np.arange(self.elastic.updated.modes.rigid, self.model.omega.size)
         return np.setdiff1d(elastic, self.shifted)
 
+    @cached_property
+    def suspended(self) -> IntArray:
+        """Numbers, among all modes, of those that move as a body on its suspension, which damps them as it will."""
+        updated = self.elastic.updated
+        rigid = updated.modes.rigid
+        return np.concatenate([np.arange(rigid), rigid + np.flatnonzero(updated.on_springs)])
+
+    @cached_property
+    def rows(self) -> list[int]:
+        """Measured modes whose damping the law has to explain: those with a partner that is not suspended.
+
+        Raises:
+            UpdatingError: there is none.
+        """
+        rows = [
+            row
+            for (row, _), mode in zip(self.elastic.pairing.pairs, self.shifted, strict=True)
+            if mode not in self.suspended
+        ]
+        if not rows:
+            raise UpdatingError("no measured mode strains the specimen: all move on the springs", {}, ())
+        return rows
+
+    @cached_property
+    def lawful(self) -> IntArray:
+        """Numbers, among all modes, of the partners of `rows`."""
+        return self.shifted[~np.isin(self.shifted, self.suspended)]
+
+    @cached_property
+    def first_ratio(self) -> FloatArray:
+        """(n,) damping ratios of `rows` as measured, 2 % where none was."""
+        ratio = np.nan_to_num(self.modes.damping_ratio[self.rows], nan=_FIRST_RATIO)
+        return np.where(ratio > 0, ratio, _FIRST_RATIO)
+
     def nuisance(self, deviation_sd: float) -> Nuisance:
-        """Measured modes shift freely and deviate from the law a little; the others do both as far as priors let them."""
+        """Measured modes shift freely and deviate from the law a little, the others do both as far as priors let them.
+
+        Suspended ones have rates of their own, which may lie as far from the lowest elastic mode's as nobody knows.
+        """
         pairs, others = self.elastic.pairing.pairs, self.unmeasured.size
+        modes = np.concatenate([self.shifted, self.unmeasured])
+        deviation = np.concatenate([np.full(len(pairs), deviation_sd), np.full(others, _UNMEASURED_DEVIATION)])
+        lowest = 2 * self.first_ratio[0] * 2 * np.pi * self.modes.frequency_hz[self.rows[0]]
         return Nuisance(
-            modes=np.concatenate([self.shifted, self.unmeasured]),
+            modes=modes,
             first_shift=np.concatenate([self.first_shift, np.zeros(others)]),
             shift_sd=np.concatenate([np.full(len(pairs), np.inf), np.full(others, _UNMEASURED_SHIFT)]),
-            deviation_sd=np.concatenate([np.full(len(pairs), deviation_sd), np.full(others, _UNMEASURED_DEVIATION)]),
+            deviation_sd=np.where(np.isin(modes, self.suspended), 0.0, deviation),
+            suspended=self.suspended,
+            suspended_rate=np.full(self.suspended.size, lowest),
         )
 
     @cached_property
     def modal_law(self) -> ModalDamping:
-        """A damping ratio of its own for every shifted mode."""
-        return ModalDamping(tuple(np.sort(self.model.omega[self.shifted] * (1 + self.first_shift))))
+        """A damping ratio of its own for every measured mode that the law damps."""
+        shift = self.first_shift[~np.isin(self.shifted, self.suspended)]
+        return ModalDamping(tuple(np.sort(self.model.omega[self.lawful] * (1 + shift))))
 
     @cached_property
     def misfit(self) -> FrfMisfit:
@@ -159,8 +202,8 @@ class DampingStage:
 
     @cached_property
     def ratios(self) -> MeasuredRatios:
-        """Damping ratios of the paired modes: as measured where they were, else from the modal fit."""
-        rows = [row for row, _ in self.elastic.pairing.pairs]
+        """Damping ratios of `rows`: as measured where they were, else from the modal fit."""
+        rows = self.rows
         measured = self.modes.damping_ratio[rows]
         if np.all(np.nan_to_num(measured) > 0):
             covariance = np.zeros((len(rows), len(rows)))
@@ -173,18 +216,17 @@ class DampingStage:
 
     @cached_property
     def modal_ratios(self) -> MeasuredRatios:
-        """Damping ratios of the paired modes in the modal fit."""
-        omega = np.sqrt(self.modal.eigenvalue[self.shifted])
-        ratio = self.modal.rate[self.shifted] / (2 * omega)
-        order = np.argsort(self.model.omega[self.shifted])  # the modal law's coefficients ascend with their knots
+        """Damping ratios of `rows` in the modal fit."""
+        omega = np.sqrt(self.modal.eigenvalue[self.lawful])
+        ratio = self.modal.rate[self.lawful] / (2 * omega)
+        order = np.argsort(self.model.omega[self.lawful])  # the modal law's coefficients ascend with their knots
         covariance = np.empty((ratio.size, ratio.size))
         covariance[np.ix_(order, order)] = self.modal.noise_covariance
         return MeasuredRatios(omega, ratio, covariance / np.outer(ratio, ratio))
 
     def start(self, law: DampingLaw) -> FloatArray:
         """(p,) coefficients that come nearest to the measured damping ratios (2 % where none was measured)."""
-        ratio = np.nan_to_num(self.modes.damping_ratio, nan=_FIRST_RATIO)
-        return nearest_positive(law, 2 * np.pi * self.modes.frequency_hz, np.where(ratio > 0, ratio, _FIRST_RATIO))
+        return nearest_positive(law, 2 * np.pi * self.modes.frequency_hz[self.rows], self.first_ratio)
 
     def fit(self, law: DampingLaw, *, many_starts: bool, progress: Callable[[float], None]) -> DampingResult:
         """Fit a law, from one start or from several that lie far apart.

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.damping import DampingLaw
 from fecore.eigen import NormalModes, modes_below, normal_modes
 from fecore.errors import InputError
@@ -164,6 +164,18 @@ class ForwardState:
         """Kinds of the elastic modes: bending, torsion, in-plane."""
         shapes = self.modes.shapes[:, self.modes.rigid :]
         return self.forward.specimen.model.kinds(shapes if self.basis is None else self.basis @ shapes)
+
+    @cached_property
+    def on_springs(self) -> BoolArray:
+        """(n,) elastic modes that are motions of a nearly rigid body: most of their strain energy is in the springs."""
+        modes, count = self.modes, len(self.forward.specimen.springs)
+        shapes = modes.shapes[:, modes.rigid :]
+        energy = np.zeros(shapes.shape[1])
+        for spring in range(-count, 0):
+            force = self.terms.stiffness[spring] @ shapes
+            energy += self.coefficients.stiffness[spring] * np.sum(shapes * force, axis=0)
+        share: BoolArray = energy > modes.eigenvalue[modes.rigid :] / 2  # mass-normalised: φᵀKφ = λ
+        return share
 
     @cached_property
     def all_shapes(self) -> FloatArray:

@@ -41,7 +41,7 @@ _TURNS = 12
 _STILL = 0.01  # posterior standard deviations that the constants may move in the last turn
 _SHIFT_SD = 0.05  # prior standard deviation of a shift, while the model is not right yet
 _OTHERS_SHIFT_SD = 0.02  # the same for modes above the band
-_DEVIATION = 1.0  # of the logarithm of a mode's damping over the law's, which here only has to hold rigid modes
+_DEVIATION = 1.0  # of the logarithm of a mode's damping over the law's, which here only has to be near
 
 
 @dataclass(frozen=True)
@@ -173,6 +173,8 @@ def _modes_through(
         first_shift=np.zeros(elastic.size),
         shift_sd=np.concatenate([np.full(inside.size, _SHIFT_SD), np.full(others.size, _OTHERS_SHIFT_SD)]),
         deviation_sd=np.full(elastic.size, _DEVIATION),
+        suspended=np.arange(state.modes.rigid),
+        suspended_rate=np.full(state.modes.rigid, 2 * ratio * model.omega[inside[0]]),
     )
     misfit = FrfMisfit(frfs, model, weighting, variance)
     fit = fit_law(misfit, law, start, nuisance)

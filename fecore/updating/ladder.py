@@ -77,9 +77,8 @@ def climb(stage: DampingStage, laws: Sequence[DampingLaw]) -> Ladder:
     """Rank laws by the measured damping ratios. Laws with more coefficients than modes are left out."""
     omega, ratio = stage.ratios.omega, stage.ratios.ratio
     covariance = stage.ratios.relative_covariance + np.diag(np.full(ratio.size, DAMPING_DISCREPANCY**2))
-    rows = [row for row, _ in stage.elastic.pairing.pairs]
     fitting = [law for law in laws if len(law.coefficient_names) <= ratio.size]
-    return Ladder(tuple(_rung(law, omega, ratio, covariance, rows) for law in fitting))
+    return Ladder(tuple(_rung(law, omega, ratio, covariance, stage.rows) for law in fitting))
 
 
 def _rung(law: DampingLaw, omega: FloatArray, ratio: FloatArray, covariance: FloatArray, rows: list[int]) -> Rung:

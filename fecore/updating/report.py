@@ -13,7 +13,6 @@ from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic import ElasticResult
-from fecore.updating.forward import ForwardState
 from fecore.updating.ladder import Ladder, Rung
 from fecore.updating.measurement import Prepared
 from fecore.updating.posterior import interval_95
@@ -214,16 +213,14 @@ class Report:
 
     def _initial(self, frfs: FrfSet) -> ComplexArray:
         """FRFs of the model before: nominal constants, damping that the measured ratios give."""
-        return self._predict(self.elastic.initial, self.damping.start, frfs)
+        model = self.elastic.initial.frf_model(frfs.responses, frfs.references)
+        rate = damping_rate(self.damping.fit.law, self.damping.start, model.omega)
+        return model.synthesise(frfs.frequency_hz, rate, frfs.quantity)
 
     def _updated(self, frfs: FrfSet) -> ComplexArray:
         """FRFs of the model after, its own natural frequencies and all: the shifts are the fit's, not the model's."""
-        return self._predict(self.elastic.updated, self.damping.fit.coefficients, frfs)
-
-    def _predict(self, state: ForwardState, coefficients: FloatArray, frfs: FrfSet) -> ComplexArray:
-        model = state.frf_model(frfs.responses, frfs.references)
-        rate = damping_rate(self.damping.fit.law, coefficients, model.omega)
-        return model.synthesise(frfs.frequency_hz, rate, frfs.quantity)
+        model = self.elastic.updated.frf_model(frfs.responses, frfs.references)
+        return model.synthesise(frfs.frequency_hz, self.damping.fit.rates(model.omega), frfs.quantity)
 
     def _posterior(self) -> PosteriorSummary:
         if self.sampled is None:

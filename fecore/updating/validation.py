@@ -31,7 +31,7 @@ class Predictor:
     def predict(self, frfs: FrfSet) -> tuple[ComplexArray, FloatArray]:
         """(N, L) predicted FRFs, and (2, N, L) variances of their real and imaginary parts, noise not included."""
         model = self.elastic.updated.frf_model(frfs.responses, frfs.references)
-        rate = self.damping.fit.law.basis(model.omega) @ self.damping.fit.coefficients
+        rate = self.damping.fit.rates(model.omega)
         predicted = model.synthesise(frfs.frequency_hz, rate, frfs.quantity)
         changes = self._changes(frfs, model, rate)
         variance = np.stack([np.sum(part**2, axis=0) for part in (changes.real, changes.imag)])
@@ -46,6 +46,7 @@ class Predictor:
         by_rate = 1j * omega * by_eigenvalue
         A = model.residues
         basis = self.damping.fit.law.basis(model.omega)
+        basis[self.damping.fit.nuisance.suspended] = 0
         by_theta = state.residue_jacobian(frfs.responses, frfs.references) @ (factor * flexibility)
         by_theta = by_theta + np.einsum("nk,kp,kl->pnl", A, state.eigenvalue_jacobian, by_eigenvalue, optimize=True)
         by_law = np.einsum("nk,kp,kl->pnl", A, basis, by_rate, optimize=True)
