@@ -91,22 +91,7 @@ def _elastic(found: Study) -> None:
         to 1.2 % high, so its FE results were made with 10.00 mm."""
     )
     rows = {row.name: row for row in found.update.parameters}
-    printing.table(
-        "Table 4, from Table 3's measured frequencies, GPa",
-        ["", "initial", "ours", "± 1 sd", "paper", "difference %", "identified"],
-        [
-            [
-                name,
-                f"{rows[name].initial / 1e9:.2f}",
-                f"{rows[name].estimate / 1e9:.2f}",
-                f"{rows[name].standard_deviation / 1e9:.2f}",
-                f"{paper / 1e9:.2f}",
-                f"{100 * (rows[name].estimate / paper - 1):+.2f}",
-                "by the data" if rows[name].identifiable else "no: the prior",
-            ]
-            for name, paper in TABLE_4_UPDATED.items()
-        ],
-    )
+    printing.constants("Table 4, from Table 3's measured frequencies, GPa", rows, TABLE_4_UPDATED)
     printing.note(
         """Five frequencies of a slender cantilever say nothing of Ey and little of the transverse shear moduli: the paper's
         Ey is its coupon value, and so is ours, to the digit. Priors: 30 % about the coupons; Gxz = Gyz = 4.5 GPa is our

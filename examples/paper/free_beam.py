@@ -78,22 +78,7 @@ def report() -> None:
         2.0 % low at 10.00 mm, so unlike the cantilever's these constants belong to the printed thickness, more or less; the
         third mode (torsion) is 2 to 3 % low with either, so Gxy is too low as well."""
     )
-    printing.table(
-        "Updated constants, GPa (t = 10.12 mm)",
-        ["", "initial", "ours", "± 1 sd", "paper", "difference %", "identified"],
-        [
-            [
-                name,
-                f"{rows[name].initial / 1e9:.2f}",
-                f"{rows[name].estimate / 1e9:.2f}",
-                f"{rows[name].standard_deviation / 1e9:.2f}",
-                f"{paper / 1e9:.2f}",
-                f"{100 * (rows[name].estimate / paper - 1):+.2f}",
-                "by the data" if rows[name].identifiable else "no: the prior",
-            ]
-            for name, paper in FREE_UPDATED.items()
-        ],
-    )
+    printing.constants("Updated constants, GPa (t = 10.12 mm)", rows, FREE_UPDATED)
     printing.note(
         """Ours fit the measured frequencies, so Ex and Gxy are higher than the paper's. Nothing in four modes tells Ey or
         Gyz, and little tells Gxz: those three figures of the paper are its priors' or its regularisation's."""
@@ -116,8 +101,8 @@ def _damping(result: UpdateResult) -> None:
         {100 * law[2]:.2f} % from ours, because a Rayleigh law is smooth in frequency and modes 3 and 4 are neighbours."""
     )
     printing.note(
-        """The agreement of a0 is no independent evidence: rigid-body motion decays at a0 in a Rayleigh model, its share of
-        the FRFs is large at low frequency, and as the paper prints nothing of it, it was given the paper's a0 here."""
+        """The paper prints nothing of the rigid-body motion; the body here was given its a0. In stage 2 that motion has
+        rates of its own, for they are the suspension's, so a0 comes from the four elastic modes alone."""
     )
     for warning in result.warnings:
         printing.note(f"warning: {warning}")

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from examples.paper.trials import Trials
+from fecore.updating.result import ParameterEstimate
 
 
 def heading(text: str) -> None:
@@ -52,6 +53,26 @@ def trials(title: str, result: Trials, paper: np.ndarray) -> None:
     rows.append(["paper", "", _pair(paper), "", "", ""])
     table(title, ["", "start a0, a1", "end a0, a1", "steps", "SAC before", "after"], rows)
     print(f"  the ends lie within {100 * result.spread:.1e} % of each other")
+
+
+def constants(title: str, rows: Mapping[str, ParameterEstimate], published: Mapping[str, float]) -> None:
+    """Updated constants in GPa, ours beside the paper's."""
+    table(
+        title,
+        ["", "initial", "ours", "± 1 sd", "paper", "difference %", "identified"],
+        [
+            [
+                name,
+                f"{rows[name].initial / 1e9:.2f}",
+                f"{rows[name].estimate / 1e9:.2f}",
+                f"{rows[name].standard_deviation / 1e9:.2f}",
+                f"{paper / 1e9:.2f}",
+                f"{100 * (rows[name].estimate / paper - 1):+.2f}",
+                "by the data" if rows[name].identifiable else "no: the prior",
+            ]
+            for name, paper in published.items()
+        ],
+    )
 
 
 def percent(values: np.ndarray) -> str:

@@ -41,7 +41,7 @@ class Prepared:
 
     Attributes:
         frfs: all usable FRFs.
-        fitted: those that the fits see.
+        fitted: those that the fits see; fitted_rows: their rows among all.
         held: those that are held out, or None.
         modes: measured modes, with shapes along +z where the data give them; None where none were asked for.
         identification: how the modes were found; None where they were handed in.
@@ -50,6 +50,7 @@ class Prepared:
 
     frfs: FrfSet
     fitted: FrfSet
+    fitted_rows: list[int]
     held: FrfSet | None
     modes: MeasuredModes | None
     identification: Identification | None
@@ -69,14 +70,15 @@ def prepare(measurement: Measurement, hold_out: HoldOut, *, find_modes: bool = T
         IdentificationError: no modes were handed in and the FRFs support none.
     """
     frfs, warnings = _out_of_plane(measurement)
-    fitted, held = _split(frfs, hold_out)
+    kept, held_rows = _split(frfs, hold_out)
+    fitted, held = frfs.select(kept), frfs.select(held_rows) if held_rows else None
     if not find_modes:
-        return Prepared(frfs, fitted, held, None, None, warnings)
+        return Prepared(frfs, fitted, kept, held, None, None, warnings)
     if measurement.modes is None:
         found = identify(fitted)
-        return Prepared(frfs, fitted, held, found.modes, found, (*warnings, *found.warnings))
+        return Prepared(frfs, fitted, kept, held, found.modes, found, (*warnings, *found.warnings))
     modes, more = _with_shapes(fitted, measurement.modes)
-    return Prepared(frfs, fitted, held, modes, None, (*warnings, *more))
+    return Prepared(frfs, fitted, kept, held, modes, None, (*warnings, *more))
 
 
 def _out_of_plane(measurement: Measurement) -> tuple[FrfSet, tuple[str, ...]]:
@@ -97,8 +99,8 @@ def _out_of_plane(measurement: Measurement) -> tuple[FrfSet, tuple[str, ...]]:
     return chosen, warnings
 
 
-def _split(frfs: FrfSet, hold_out: HoldOut) -> tuple[FrfSet, FrfSet | None]:
-    """FRFs to fit, and those held out: of the recipe's points, or every eighth where it names none."""
+def _split(frfs: FrfSet, hold_out: HoldOut) -> tuple[list[int], list[int]]:
+    """Rows of the FRFs to fit, and of those held out: of the recipe's points, or every eighth where it names none."""
     roving = _roving_points(frfs)
     if hold_out.points is None:
         many = len(roving) >= _FEWEST_TO_HOLD_OUT
@@ -112,7 +114,7 @@ def _split(frfs: FrfSet, hold_out: HoldOut) -> tuple[FrfSet, FrfSet | None]:
     kept = [i for i in range(len(roving)) if i not in set(held)]
     if not kept:
         raise InputError("hold_out.points", "holds out every FRF, so nothing is left to fit")
-    return frfs.select(kept), frfs.select(held) if held else None
+    return kept, held
 
 
 def _roving_points(frfs: FrfSet) -> list[set[int]]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypedDict
 
 import numpy as np
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import FloatArray
 from fecore.damping import damping_rate
-from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic import ElasticResult
@@ -64,7 +64,7 @@ class Report:
     def result(self) -> UpdateResult:
         """The whole result."""
         names = self.elastic.updated.forward.parametrisation.names
-        law, frfs = self.damping.fit.law, self.data.frfs
+        law = self.damping.fit.law
         return UpdateResult(
             parameters=(*self._constants(), *self._coefficients()),
             modes=tuple(self._mode(row) for row in range(len(self.modes))),
@@ -81,14 +81,7 @@ class Report:
             frequency_discrepancy=self.elastic.discrepancy,
             damping_discrepancy=self.damping.discrepancy,
             band_hz=self.band,
-            prediction=Prediction(
-                frfs.frequency_hz,
-                frfs.responses,
-                frfs.references,
-                frfs.values,
-                self._initial(frfs),
-                self._updated(frfs),
-            ),
+            prediction=self.prediction,
             identification=self.data.identification,
             posterior=self._posterior(),
             warnings=(*self.elastic.warnings, *self.ladder.sentences(), *self._optima_warnings()),
@@ -183,10 +176,13 @@ class Report:
         )
 
     def _correlation(self) -> Correlation:
-        inside = self.data.fitted.band(*self.band)
+        frequency, (low, high) = self.data.frfs.frequency_hz, self.band
+        lines = np.flatnonzero((frequency >= low) & (frequency <= high))
+        fitted = np.ix_(np.array(self.data.fitted_rows), lines)
+        seen = self.prediction
         return Correlation(
-            initial=agreement(inside.values, self._initial(inside)),
-            updated=agreement(inside.values, self._updated(inside)),
+            initial=agreement(seen.measured[fitted], seen.initial[fitted]),
+            updated=agreement(seen.measured[fitted], seen.updated[fitted]),
             held_out_frfs=self._held_out_frfs(),
             held_out_band=self._held_out_band(),
             mac_matrix=self.elastic.pairing.mac,
@@ -211,16 +207,25 @@ class Report:
         frfs = self.data.fitted.band(low, high)
         return Predictor(self.elastic, self.damping).hold_against(frfs, (), (low, high))
 
-    def _initial(self, frfs: FrfSet) -> ComplexArray:
-        """FRFs of the model before: nominal constants, damping that the measured ratios give."""
-        model = self.elastic.initial.frf_model(frfs.responses, frfs.references)
-        rate = damping_rate(self.damping.fit.law, self.damping.start, model.omega)
-        return model.synthesise(frfs.frequency_hz, rate, frfs.quantity)
+    @cached_property
+    def prediction(self) -> Prediction:
+        """All usable FRFs beside the model's: before, with the damping that the measured ratios give, and after.
 
-    def _updated(self, frfs: FrfSet) -> ComplexArray:
-        """FRFs of the model after, its own natural frequencies and all: the shifts are the fit's, not the model's."""
-        model = self.elastic.updated.frf_model(frfs.responses, frfs.references)
-        return model.synthesise(frfs.frequency_hz, self.damping.fit.rates(model.omega), frfs.quantity)
+        The model after has its own natural frequencies and all: the shifts are the fit's, not the model's.
+        """
+        frfs, law = self.data.frfs, self.damping.fit.law
+        before, after = (
+            state.frf_model(frfs.responses, frfs.references) for state in (self.elastic.initial, self.elastic.updated)
+        )
+        first_rate = damping_rate(law, self.damping.start, before.omega)
+        return Prediction(
+            frfs.frequency_hz,
+            frfs.responses,
+            frfs.references,
+            frfs.values,
+            before.synthesise(frfs.frequency_hz, first_rate, frfs.quantity),
+            after.synthesise(frfs.frequency_hz, self.damping.fit.rates(after.omega), frfs.quantity),
+        )
 
     def _posterior(self) -> PosteriorSummary:
         if self.sampled is None:
