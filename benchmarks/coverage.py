@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fecore.damping import RAYLEIGH, damping_rate
+from fecore.damping import RAYLEIGH, beyond, damping_rate
 from fecore.frf import Dof, FrfSet
 from fecore.laminate import OrthotropicMaterial
 from fecore.specimen import Specimen
@@ -53,7 +53,8 @@ def draw(seed: int) -> tuple[Measurement, dict[str, float]]:
     omega = model.omega * (1 + FREQUENCY_ERROR * random.standard_normal(model.omega.size))
     rate = damping_rate(RAYLEIGH, np.array([true["a0"], true["a1"]]), omega)
     rate = rate * np.exp(DAMPING_ERROR * random.standard_normal(rate.size))
-    values = model.with_eigenvalue(omega**2).synthesise(LINES_HZ, rate)
+    tail = beyond(RAYLEIGH, np.array([true["a0"], true["a1"]]), float(omega[-1]))
+    values = model.with_eigenvalue(omega**2).synthesise(LINES_HZ, rate, beyond=tail)
     floor = NOISE * np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True) / 2)
     noise = random.standard_normal(values.shape) + 1j * random.standard_normal(values.shape)
     return Measurement(FrfSet(LINES_HZ, values + floor * noise, sensor, hammer), points), true

@@ -198,10 +198,11 @@ def damping_rate(law: DampingLaw, coefficients: FloatArray, omega: FloatArray) -
 def beyond(law: DampingLaw, coefficients: FloatArray, omega: float) -> tuple[float, float]:
     """(p, q) of the tangent p + qλ to a law's rate at λ = ω², for the modes above ω that a synthesis leaves out.
 
-    It is exact for Rayleigh damping: (a0, a1).
+    It is exact for Rayleigh damping: (a0, a1). Where the law falls the rate stays as it is, as a falling tangent would soon
+    feed energy in.
     """
     at = np.array([omega])
-    q = float((law.slope(at) @ coefficients)[0]) / (2 * omega)
+    q = max(float((law.slope(at) @ coefficients)[0]) / (2 * omega), 0.0)
     return float(damping_rate(law, coefficients, at)[0]) - q * omega**2, q
 
 
@@ -216,23 +217,30 @@ def damping_ratio(law: DampingLaw, coefficients: FloatArray, omega: FloatArray) 
     return damping_rate(law, coefficients, omega) / (2 * omega)
 
 
-def require_dissipation(law: DampingLaw, coefficients: FloatArray, low: float, high: float) -> None:
-    """Refuse a law that would feed energy in somewhere in a band.
+def negative_band(law: DampingLaw, coefficients: FloatArray, low: float, high: float) -> tuple[float, float] | None:
+    """First and last circular frequency of a band at which a law would feed energy in, or None where it never does.
 
     Args:
         law: the law.
         coefficients: (p,) its coefficients.
         low: circular frequency of the band's lower end, rad/s.
         high: of its upper end.
+    """
+    omega = np.linspace(low, high, 2001)
+    rate = damping_rate(law, coefficients, omega)
+    negative = omega[rate < -1e-12 * np.abs(rate).max()]
+    return (float(negative[0]), float(negative[-1])) if negative.size else None
+
+
+def require_dissipation(law: DampingLaw, coefficients: FloatArray, low: float, high: float) -> None:
+    """Refuse a law that would feed energy in somewhere in a band; arguments as of `negative_band`.
 
     Raises:
         InputError: the damping is negative in the band; it names the law and says where.
     """
-    omega = np.linspace(low, high, 2001)
-    rate = damping_rate(law, coefficients, omega)
-    negative = rate < -1e-12 * np.abs(rate).max()
-    if np.any(negative):
-        first, last = (omega[negative][[0, -1]] / (2 * np.pi)).tolist()
+    negative = negative_band(law, coefficients, low, high)
+    if negative is not None:
+        first, last = (omega / (2 * np.pi) for omega in negative)
         values = ", ".join(f"{n} = {v:g}" for n, v in zip(law.coefficient_names, coefficients, strict=True))
         raise InputError(
             f"damping.{law.name}",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fecore.damping import RAYLEIGH, damping_rate
+from fecore.damping import RAYLEIGH, ModalDamping, beyond, damping_rate
 from fecore.frf import Dof, FrfSet
 from fecore.specimen import BeamSpecimen, Specimen
 from fecore.updating.forward import ForwardModel, ForwardState
@@ -58,7 +58,8 @@ def measured_body(
     ratio = np.full(omega.size, damping[-1])
     ratio[measured] = damping
     rate = np.where(np.arange(omega.size) < rigid, rigid_rate, 2 * ratio * omega)
-    return _frfs(state, omega, rate, seed, lines_hz, SENSOR)
+    tail = beyond(ModalDamping((float(omega[-1]),)), damping[-1:], float(omega[-1]))
+    return _frfs(state, omega, rate, tail, seed, lines_hz, SENSOR)
 
 
 def rayleigh_body(
@@ -72,15 +73,23 @@ def rayleigh_body(
     """Accelerances of the specimen under exact Rayleigh damping, at given points or at a strip's 33."""
     state = solve(specimen, points)
     omega = state.modes.omega
-    return _frfs(state, omega, damping_rate(RAYLEIGH, coefficients, omega), seed, lines_hz, sensor)
+    rate, tail = damping_rate(RAYLEIGH, coefficients, omega), beyond(RAYLEIGH, coefficients, float(omega[-1]))
+    return _frfs(state, omega, rate, tail, seed, lines_hz, sensor)
 
 
 def _frfs(
-    state: ForwardState, omega: np.ndarray, rate: np.ndarray, seed: int, lines_hz: np.ndarray, sensor: int
+    state: ForwardState,
+    omega: np.ndarray,
+    rate: np.ndarray,
+    tail: tuple[float, float],
+    seed: int,
+    lines_hz: np.ndarray,
+    sensor: int,
 ) -> FrfSet:
+    """Modes at ω with given rates, those that the model leaves out with `tail`'s, and noise."""
     hammer = tuple(Dof(point, 3) for point in state.forward.points)
     response = (Dof(sensor, 3),) * len(hammer)
-    values = state.frf_model(response, hammer).with_eigenvalue(omega**2).synthesise(lines_hz, rate)
+    values = state.frf_model(response, hammer).with_eigenvalue(omega**2).synthesise(lines_hz, rate, beyond=tail)
     random = np.random.default_rng(seed)
     noise = random.standard_normal(values.shape) + 1j * random.standard_normal(values.shape)
     rms = np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True))

@@ -27,9 +27,9 @@ from typing import Literal, get_args
 import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
-from fecore.damping import DampingLaw, damping_rate
+from fecore.damping import DampingLaw, beyond, damping_rate
 from fecore.errors import InputError, UpdatingError
-from fecore.frf import FrfSet, ModalFrfModel, convert
+from fecore.frf import FrfSet, ModalFrfModel, Quantity, convert
 
 Weighting = Literal["linear", "relative", "log", "noise"]
 
@@ -39,6 +39,7 @@ _STUCK = 1e12  # damping beyond which no step will help
 _STALLED, _STALLED_STEPS = 1e-7, 5  # relative fall, so many times running, that no estimate can feel
 _ROUND_OFF = 1e-12  # of the weighted signal: noise-free data cannot be fitted better
 _LARGEST_SHIFT = 0.1  # a mode further off than this was not paired rightly
+_LARGEST_LOG_RATE = 25.0  # e²⁵ 1/s is beyond any damping: a step that overshoots must not overflow
 _SUSPENSION_SD = 2.0  # prior standard deviation of the logarithm of a suspended mode's rate: nobody knows it
 
 
@@ -74,8 +75,13 @@ class DampingFit:
     normal: NormalEquations
     history: FloatArray
 
+    def synthesise(self, model: ModalFrfModel, frequency_hz: FloatArray, quantity: Quantity) -> ComplexArray:
+        """(N, L) FRFs of the elastic model between any dofs under the law, modes that the model leaves out included."""
+        tail = beyond(self.law, self.coefficients, float(model.omega[-1]))
+        return model.synthesise(frequency_hz, self.rates(model.omega), quantity, tail)
+
     def rates(self, omega: FloatArray) -> FloatArray:
-        """(m,) rates to predict unseen FRFs with, the model's modes at ω: the law's, but a suspended mode's own."""
+        """(m,) rates to predict FRFs with, the model's modes at ω: the law's, but a suspended mode's own."""
         rates = damping_rate(self.law, self.coefficients, omega)
         rates[self.nuisance.suspended] = self.rate[self.nuisance.suspended]
         return rates
@@ -365,10 +371,12 @@ class _Problem:
         return T
 
     def within(self, x: FloatArray) -> FloatArray:
-        """X with its shifts held to what a rightly paired mode may be off."""
+        """X with its shifts held to what a rightly paired mode may be off, and its own rates to what is finite."""
         held = x.copy()
         shifts = slice(self.count, self.count + self.nuisance.modes.size)
         held[shifts] = np.clip(held[shifts], -_LARGEST_SHIFT, _LARGEST_SHIFT)
+        own = slice(shifts.stop, None)
+        held[own] = np.clip(held[own], -_LARGEST_LOG_RATE, _LARGEST_LOG_RATE)
         return held
 
     def is_allowed(self, x: FloatArray) -> bool:

@@ -9,7 +9,7 @@ from typing import TypedDict
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.damping import damping_rate
+from fecore.damping import beyond, damping_rate, negative_band
 from fecore.modes import MeasuredModes
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic import ElasticResult
@@ -84,7 +84,12 @@ class Report:
             prediction=self.prediction,
             identification=self.data.identification,
             posterior=self._posterior(),
-            warnings=(*self.elastic.warnings, *self.ladder.sentences(), *self._optima_warnings()),
+            warnings=(
+                *self.elastic.warnings,
+                *self.ladder.sentences(),
+                *self._negative_damping(),
+                *self._optima_warnings(),
+            ),
         )
 
     def _law(self, rung: Rung) -> DampingModelFit:
@@ -218,13 +223,14 @@ class Report:
             state.frf_model(frfs.responses, frfs.references) for state in (self.elastic.initial, self.elastic.updated)
         )
         first_rate = damping_rate(law, self.damping.start, before.omega)
+        first_tail = beyond(law, self.damping.start, float(before.omega[-1]))
         return Prediction(
             frfs.frequency_hz,
             frfs.responses,
             frfs.references,
             frfs.values,
-            before.synthesise(frfs.frequency_hz, first_rate, frfs.quantity),
-            after.synthesise(frfs.frequency_hz, self.damping.fit.rates(after.omega), frfs.quantity),
+            before.synthesise(frfs.frequency_hz, first_rate, frfs.quantity, first_tail),
+            self.damping.fit.synthesise(after, frfs.frequency_hz, frfs.quantity),
         )
 
     def _posterior(self) -> PosteriorSummary:
@@ -239,6 +245,24 @@ class Report:
             names,
             np.hstack([self.sampled.elastic, self.sampled.damping]),
         )
+
+    def _negative_damping(self) -> list[str]:
+        """Where in the band the fitted law, and the preferred one, would feed energy in: between or below the modes."""
+        low, high = (2 * np.pi * hz for hz in self.band)
+        fit, preferred = self.damping.fit, self.ladder.preferred
+        laws = [(fit.law, fit.coefficients)]
+        if preferred is not self.ladder.rungs[0]:
+            laws.append((preferred.law, preferred.coefficients))
+        found = []
+        for law, coefficients in laws:
+            negative = negative_band(law, coefficients, low, high)
+            if negative is not None:
+                first, last = (omega / (2 * np.pi) for omega in negative)
+                found.append(
+                    f"the {law.name} law as fitted is negative from {first:.4g} to {last:.4g} Hz, where it would feed energy "
+                    "in: use it at the measured modes alone, or another law"
+                )
+        return found
 
     def _optima_warnings(self) -> list[str]:
         if len(self.damping.optima) == 1:

@@ -32,7 +32,7 @@ class Predictor:
         """(N, L) predicted FRFs, and (2, N, L) variances of their real and imaginary parts, noise not included."""
         model = self.elastic.updated.frf_model(frfs.responses, frfs.references)
         rate = self.damping.fit.rates(model.omega)
-        predicted = model.synthesise(frfs.frequency_hz, rate, frfs.quantity)
+        predicted = self.damping.fit.synthesise(model, frfs.frequency_hz, frfs.quantity)
         changes = self._changes(frfs, model, rate)
         variance = np.stack([np.sum(part**2, axis=0) for part in (changes.real, changes.imag)])
         return predicted, variance

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -80,3 +81,17 @@ def test_modes_on_the_supports_springs_tell_nothing_of_the_law(updated_by_paper:
     np.testing.assert_allclose(coefficients(result), LAW, rtol=3e-3)
     assert not any("inadequate" in warning for warning in result.warnings)
     assert len(result.damping_models[-1].coefficients) == 4  # `modal` has one for each mode that is the body's own
+
+
+def test_a_law_that_is_negative_below_the_modes_is_said_to_be(updated_by_paper: Specimen) -> None:
+    """Ratios that rise with frequency ask for a0 < 0: at the modes it damps, below 130 Hz it would feed energy in."""
+    body, law = replace(updated_by_paper, boundary="free"), np.array([-20.0, 3e-5])
+    state = solved(body)
+    rate = damping_rate(RAYLEIGH, law, state.modes.omega)
+    rate[: state.modes.rigid] = 1.0
+    result = update(measured(state, rate), body)
+    rows = {row.name: row.estimate for row in result.parameters}
+    assert rows["a0"] == pytest.approx(law[0], rel=0.01)
+    told = [re.search(r"rayleigh law as fitted is negative from 2 to ([\d.]+) Hz", text) for text in result.warnings]
+    zero = [float(found[1]) for found in told if found]
+    assert zero == pytest.approx([np.sqrt(20 / 3e-5) / (2 * np.pi)], rel=0.01)
