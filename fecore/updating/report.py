@@ -165,8 +165,8 @@ class Report:
         frequency = None if updated is None else float(self.elastic.updated.frequency_hz[updated])
         matrix = self.elastic.pairing.mac
         predicted = None
-        if updated is not None:
-            number = updated + self.elastic.updated.modes.rigid
+        number = None if updated is None else updated + self.elastic.updated.modes.rigid
+        if number is not None and number not in self.damping.fit.nuisance.suspended:
             predicted = float(self.damping.fit.law_rate[number] / (2 * np.sqrt(self.damping.fit.eigenvalue[number])))
         return ModeComparison(
             number=row + 1,

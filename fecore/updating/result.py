@@ -40,7 +40,7 @@ class ParameterEstimate:
 class ModeComparison:
     """One measured mode beside the model's; None where there is no partner or nothing was measured.
 
-    `kind` is the model's word for its motion: bending or torsion.
+    `kind` is the model's word for its motion: bending or torsion. A mode on the supports' springs has no predicted damping.
     """
 
     number: int
@@ -107,7 +107,7 @@ class DampingModelFit:
         coefficients: by name, SI: the first law's from the FRFs, the others' from the modal damping ratios.
         bic: Bayesian information criterion on the damping ratios; infinite where the law cannot be had.
         preferred: whether it has the least of all.
-        missed: (n,) relative miss of each paired mode's ratio.
+        missed: (n,) relative miss of the ratio of each paired mode that the law damps.
     """
 
     name: str

@@ -80,6 +80,7 @@ def test_modes_on_the_supports_springs_tell_nothing_of_the_law(updated_by_paper:
     result = update(replace(measured(state, rate, np.arange(1.0, 1000.0)), modes=modes), body)
     np.testing.assert_allclose(coefficients(result), LAW, rtol=3e-3)
     assert not any("inadequate" in warning for warning in result.warnings)
+    assert [mode.predicted_damping is None for mode in result.modes] == [True] * 3 + [False] * 4
     assert len(result.damping_models[-1].coefficients) == 4  # `modal` has one for each mode that is the body's own
 
 
