@@ -21,6 +21,7 @@ from service.jobs.metrics import JobMetrics
 from service.problems import Unavailable
 from service.problems.http import add_problem_handlers
 from service.problems.middleware import BodyLimitMiddleware, RequestMiddleware
+from service.problems.openapi import RESPONSES, describe_problems
 from service.settings import Settings
 
 PREFIX = "/api/v1"
@@ -53,6 +54,7 @@ def create_app(settings: Settings) -> FastAPI:
         summary="Structural test campaigns, and finite element models updated to them",
         version=__version__,
         lifespan=lifespan,
+        responses=RESPONSES,
     )
     app.state.settings, app.state.engine, app.state.sessions = settings, engine, make_sessions(engine)
     app.state.changes = Changes(settings.database_url, settings.event_streams)
@@ -60,6 +62,7 @@ def create_app(settings: Settings) -> FastAPI:
         app.include_router(router, prefix=PREFIX)
     _add_health(app)
     add_problem_handlers(app)
+    describe_problems(app)
     app.add_middleware(BodyLimitMiddleware, settings=settings)
     app.add_middleware(RequestMiddleware)
     return app

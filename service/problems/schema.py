@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Generic, TypeVar
+from typing import Annotated, Any, Generic, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetCoreSchemaHandler
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from service.problems.json_body import refuse_unstorable_text
 
@@ -21,10 +22,37 @@ Int64 = Annotated[int, Field(ge=-INT64_MAX - 1, le=INT64_MAX)]
 """An integer that fits a bigint."""
 
 
+def _only_numbers(schema: Any) -> None:
+    """Have every number in a schema of pydantic's core refuse text and truth values; 3.0 may stand for the integer 3."""
+    if isinstance(schema, list | tuple):
+        for part in schema:
+            _only_numbers(part)
+    elif isinstance(schema, dict):
+        for part in schema.values():
+            _only_numbers(part)
+        if schema.get("type") in ("float", "int"):
+            inner = core_schema.no_info_before_validator_function(_number, dict(schema))
+            schema.clear()
+            schema.update(inner)
+
+
+def _number(value: object) -> object:
+    if isinstance(value, str | bool):
+        raise PydanticCustomError("not_a_number", "Input should be a number")
+    return value
+
+
 class StrictModel(BaseModel):
-    """A body: unknown fields, NaN and infinity are refused."""
+    """A body: unknown fields, NaN, infinity, and numbers given as text or as true and false are refused."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, str_strip_whitespace=False)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler, /) -> CoreSchema:
+        """Pydantic's own strictness would also refuse what JSON cannot say otherwise, such as dates."""
+        schema = handler(source)
+        _only_numbers(schema)
+        return schema
 
 
 class Page(BaseModel, Generic[Item]):

@@ -147,3 +147,39 @@ def test_health_metrics_and_documentation_need_no_key_and_no_internet(service: L
             path.startswith("/api/v1/") or path in ("/healthz", "/readyz")
             for path in client.get("/openapi.json").json()["paths"]
         )
+
+
+@pytest.mark.parametrize(
+    ("change", "pointer"),
+    [
+        ({"temperature_c": "20"}, "/temperature_c"),
+        ({"humidity_percent": True}, "/humidity_percent"),
+        ({"instruments": {"sensor_mass_kg": 0.005, "sensor_point": "3"}}, "/instruments/sensor_point"),
+        ({"frame": {"origin_m": [0.0, 0.0, False]}}, "/frame/origin_m/2"),
+    ],
+)
+def test_text_and_truth_values_are_no_numbers(
+    api: httpx.Client, structure: str, change: dict[str, Any], pointer: str
+) -> None:
+    body = {"name": "c", "boundary": "free"} | change
+    problem = is_problem(api.post(f"structures/{structure}/campaigns", json=body), 422)
+    assert problem["errors"] == [{"pointer": pointer, "detail": "Input should be a number"}]
+
+
+def test_a_float_of_integer_value_is_an_integer(api: httpx.Client, structure: str) -> None:
+    """As numpy writes them."""
+    body = {"name": "c", "boundary": "free", "instruments": {"sensor_mass_kg": 1, "sensor_point": 3.0}}
+    made = api.post(f"structures/{structure}/campaigns", json=body)
+    assert made.status_code == 201, made.text
+    assert made.json()["instruments"]["sensor_point"] == 3
+
+
+def test_openapi_says_that_every_operation_may_answer_with_a_problem(service: LocalService) -> None:
+    document = httpx.get(f"{service.url}/openapi.json", trust_env=False).json()
+    stated = {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}}
+    for path in document["paths"].values():
+        for operation in path.values():
+            assert operation["responses"]["4XX"]["content"] == stated
+            assert "422" not in operation["responses"]
+    required = document["components"]["schemas"]["Problem"]["required"]
+    assert set(required) <= set(httpx.get(f"{service.url}/api/v1/projects", trust_env=False).json())
