@@ -22,6 +22,30 @@ def select_bytes(session: Session, query: str, parameters: Sequence[Any]) -> lis
         return cursor.execute(cast("Any", query), parameters).fetchall()
 
 
+def stream_rows(
+    session: Session, query: str, parameters: Sequence[Any], types: Sequence[str]
+) -> Iterator[tuple[Any, ...]]:
+    """Rows of a query with `%s` placeholders, in the session's transaction, as the server sends them.
+
+    The server reads ahead while the rows are worked on, and no more than one of them is in memory. Until the last one
+    is taken, the session can do nothing else.
+
+    Args:
+        session: where.
+        query: the query.
+        parameters: of its placeholders.
+        types: of its columns.
+    """
+    command = f"COPY ({query}) TO STDOUT (FORMAT BINARY)"
+    with (
+        _translated(session, command),
+        _connection(session).cursor() as cursor,
+        cursor.copy(cast("Any", command), parameters) as copy,
+    ):
+        copy.set_types(types)
+        yield from copy.rows()
+
+
 @contextmanager
 def copy_rows(session: Session, table: str, columns: Mapping[str, str]) -> Iterator[Callable[[Sequence[Any]], None]]:
     """Stream rows into a table, in the session's transaction; while the block runs, the session can do nothing else.

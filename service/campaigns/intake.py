@@ -40,6 +40,7 @@ FRF_COLUMNS = {
     "data": "bytea",
     "sha256": "bytea",
 }
+POINT_COLUMNS = {"campaign_id": "uuid", "label": "int8", "x_m": "float8", "y_m": "float8", "z_m": "float8"}
 SAME_POINT_M = 1e-6
 """Coordinates of one point in two files may differ by this: a file may have them in single precision."""
 MOST_NAMED = 10
@@ -138,17 +139,9 @@ class _Intake:
 
     def _write_points(self) -> None:
         if self.new_points and not self.row.dry_run:
-            rows = [
-                {
-                    "campaign_id": self.row.campaign_id,
-                    "label": point.number,
-                    "x_m": point.xyz_m[0],
-                    "y_m": point.xyz_m[1],
-                    "z_m": point.xyz_m[2],
-                }
-                for point in self.new_points
-            ]
-            self.session.execute(insert(GridPoint), rows)
+            with copy_rows(self.session, GridPoint.__tablename__, POINT_COLUMNS) as write:
+                for point in self.new_points:
+                    write((self.row.campaign_id, point.number, *point.xyz_m))
 
     def _write_coherences(self) -> None:
         """Each coherence goes to the FRF between the same points; one that has none is reported as ignored."""

@@ -11,7 +11,7 @@ from typing import IO
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Session
 
-from service.campaigns.bytea import copy_rows, select_bytes
+from service.campaigns.bytea import copy_rows, stream_rows
 from service.campaigns.tables import Original
 from service.problems import ServiceError
 
@@ -54,16 +54,10 @@ def keep_original(session: Session, file: Spooled) -> None:
 
 
 def original_chunks(session: Session, sha256: bytes) -> Iterator[bytes]:
-    """The bytes of a stored file, chunk by chunk."""
-    number = 0
-    while True:
-        rows = select_bytes(
-            session, "SELECT data FROM original_chunks WHERE sha256 = %s AND number = %s", [sha256, number]
-        )
-        if not rows:
-            return
-        yield rows[0][0]
-        number += 1
+    """The bytes of a stored file, chunk by chunk; until the last one is taken, the session can do nothing else."""
+    query = "SELECT data FROM original_chunks WHERE sha256 = %s ORDER BY number"
+    for (data,) in stream_rows(session, query, [sha256], ["bytea"]):
+        yield data
 
 
 def write_original(session: Session, sha256: bytes, path: Path) -> None:

@@ -85,14 +85,18 @@ class Axis:
 
     def columns(self) -> dict[str, Any]:
         """The axis' columns of an FRF's row."""
-        end = float(self.frequency_hz()[-1])
-        return {"start_hz": self.start_hz, "end_hz": end, "step_hz": self.step_hz, "axis": self.lines}
+        return {"start_hz": self.start_hz, "end_hz": self._end_hz(), "step_hz": self.step_hz, "axis": self.lines}
 
     def frequency_hz(self) -> FloatArray:
         """(count,) frequency lines, Hz: start + k step."""
         if self.lines is not None:
             return np.frombuffer(self.lines, dtype="<f8").astype(np.float64)
         return self.start_hz + (self.step_hz or 0.0) * np.arange(self.count, dtype=np.float64)
+
+    def _end_hz(self) -> float:
+        if self.lines is not None:
+            return float(self.frequency_hz()[-1])
+        return self.start_hz + (self.step_hz or 0.0) * (self.count - 1)
 
 
 def encode_axis(frequency_hz: FloatArray) -> Axis:

@@ -124,12 +124,12 @@ class Attempt:
         if self._told_to_stop.wait(AGAIN_SECONDS) and self._stopped is not None:
             raise ChildEnded(self._stopped)
 
-    def _items(self, child: Child) -> Iterator[Any]:
+    def _items(self, child: Child) -> Iterator[Item]:
         """The child's items; its progress and its checkpoints go to the database on the way."""
         for message in child.messages():
             match message:
-                case Item(value):
-                    yield value
+                case Item():
+                    yield message
                 case Checkpoint(data):
                     self._aside(lambda session, data=data: checkpoints.save(session, self.job_id, self.number, data))
                 case Progress():

@@ -46,9 +46,15 @@ class Checkpoint:
 
 @dataclass(frozen=True)
 class Item:
-    """The computation yielded something to store."""
+    """The computation yielded something to store.
+
+    Attributes:
+        value: what.
+        size: bytes that it took on its way through the channel; set where it arrives.
+    """
 
     value: Any
+    size: int = 0
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Iterator
 from typing import Any
 
 from sqlalchemy.exc import DBAPIError
 
-KEPT_BYTES = 64 * 1024 * 1024
+from service.jobs.child import Item
+
+KEPT_BYTES = 16 * 1024 * 1024
 
 PASSING = ("08", "40", "53", "57P", "55P03")
 """SQLSTATEs of lost connections, rollbacks that ask for another try, exhausted resources, shutdowns, lock time-outs."""
@@ -29,25 +30,26 @@ class Replay:
         complete: nothing has been dropped; another `iter` gives every item.
     """
 
-    def __init__(self, source: Iterator[Any]) -> None:
+    def __init__(self, source: Iterator[Item]) -> None:
         self._source = source
-        self._kept: list[Any] = []
+        self._kept: list[Item] = []
         self._bytes = 0
         self.complete = True
 
     def __iter__(self) -> Iterator[Any]:
-        """The items from the first one on. Only the last iterator may be used."""
+        """What the items hold, from the first one on. Only the last iterator may be used."""
         if not self.complete:
             raise RuntimeError("the first items are gone")
-        yield from list(self._kept)
+        for item in list(self._kept):
+            yield item.value
         for item in self._source:
             self._keep(item)
-            yield item
+            yield item.value
 
-    def _keep(self, item: Any) -> None:
+    def _keep(self, item: Item) -> None:
         if not self.complete:
             return
-        self._bytes += len(pickle.dumps(item, pickle.HIGHEST_PROTOCOL))
+        self._bytes += item.size
         if self._bytes > KEPT_BYTES:
             self.complete = False
             self._kept.clear()

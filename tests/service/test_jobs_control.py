@@ -252,12 +252,24 @@ def test_metrics_by_kind_and_outcome(sessions: Sessions, database: str) -> None:
 
 
 def test_store_that_lost_its_connection_is_gone_through_again() -> None:
+    from service.jobs.child import Item
     from service.jobs.outages import Replay
 
     made: list[Any] = []
-    replay = Replay(made.append(i) or i for i in range(4))
+    replay = Replay(Item(made.append(i) or i, 1) for i in range(4))
     first = iter(replay)
     assert [next(first), next(first)] == [0, 1]
     assert list(iter(replay)) == [0, 1, 2, 3]
     assert list(iter(replay)) == [0, 1, 2, 3]
     assert made == [0, 1, 2, 3]  # the child computed each once
+
+
+def test_results_too_large_to_keep_are_passed_on_once() -> None:
+    from service.jobs.child import Item
+    from service.jobs.outages import KEPT_BYTES, Replay
+
+    replay = Replay(Item(i, KEPT_BYTES // 2) for i in range(4))
+    assert list(iter(replay)) == [0, 1, 2, 3]
+    assert not replay.complete
+    with pytest.raises(RuntimeError, match="gone"):
+        next(iter(replay))

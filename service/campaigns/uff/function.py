@@ -236,8 +236,9 @@ def _binary_data(frame: Frame, data: bytes, shape: _Shape) -> tuple[FloatArray, 
             f"its numbers make no sense as {'little' if header.little_endian else 'big'} endian, and do the other way"
             " round: the byte order in its header is wrong"
         )
-    bad = np.flatnonzero(~np.isfinite(flat).all(axis=1))
-    if bad.size:
+    finite = np.isfinite(flat)
+    if not finite.all():
+        bad = np.flatnonzero(~finite.all(axis=1))
         raise Refusal(f"{bad.size} points are NaN or infinite, the first is number {bad[0] + 1}")
     return flat, "" if layout == layouts[0] else "its abscissa is in single precision, its ordinates in double"
 
