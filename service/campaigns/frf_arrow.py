@@ -28,11 +28,10 @@ SCHEMA = na.struct(
 
 def write_arrow(session: Session, table: FrfTable, file: IO[bytes]) -> None:
     """One row a frequency line and FRF; `coherence` is null where an FRF has none."""
-    lines = table.lines.size
+    lines = table.frequency_hz.size
     frequency = np.ascontiguousarray(table.frequency_hz, np.float64)
-    both = zip(table.spectra(session), table.coherences(session), strict=True)
     with StreamWriter.from_writable(file) as writer:
-        for (frf, values), (_, coherence) in both:
+        for frf, values, coherence in table.both(session):
             columns = (
                 np.full(lines, frf.response_point, np.int64),
                 np.full(lines, frf.response_direction, np.int8),

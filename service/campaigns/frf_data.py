@@ -1,25 +1,21 @@
-"""Spectra out of the database: read in batches, verified, cut to a band and stride."""
+"""Spectra out of the database: streamed, verified, cut to a band and stride."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
-from uuid import UUID
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from fecore.arrays import FloatArray, IntArray
-from service.campaigns.bytea import select_bytes
+from fecore.arrays import FloatArray
+from service.campaigns.bytea import stream_rows
 from service.campaigns.spectra import Axis, Spectrum, decode
 from service.campaigns.tables import Frf
 from service.problems import Conflict, Invalid
-
-BYTES_AT_ONCE = 8 * 1024 * 1024
-COMPLEX128_BYTES = 16
 
 Values = NDArray[np.complexfloating]
 
@@ -32,21 +28,21 @@ class Cut:
     fmax: float | None = None
     stride: int = 1
 
-    def lines(self, frequency_hz: FloatArray) -> IntArray:
-        """Indices of the lines.
+    def lines(self, frequency_hz: FloatArray) -> slice:
+        """Which of these lines, which increase.
 
         Raises:
             Invalid: there is none.
         """
         low = -np.inf if self.fmin is None else self.fmin
         high = np.inf if self.fmax is None else self.fmax
-        kept = np.flatnonzero((frequency_hz >= low) & (frequency_hz <= high))[:: self.stride]
-        if kept.size == 0:
+        first, end = np.searchsorted(frequency_hz, low), np.searchsorted(frequency_hz, high, side="right")
+        if first == end:
             raise Invalid(
                 "fmin",
                 f"no line lies in {low:g} to {high:g} Hz; the lines go from {frequency_hz[0]:g} to {frequency_hz[-1]:g} Hz",
             )
-        return kept
+        return slice(int(first), int(end), self.stride)
 
 
 @dataclass(frozen=True)
@@ -56,12 +52,12 @@ class FrfTable:
     Attributes:
         frfs: N rows without their spectra.
         frequency_hz: (L,) the lines that are wanted.
-        lines: (L,) their indices in the stored spectra.
+        lines: where they are in the stored spectra.
     """
 
     frfs: Sequence[Frf]
     frequency_hz: FloatArray
-    lines: IntArray
+    lines: slice
 
     @property
     def dtype(self) -> np.dtype[np.complexfloating]:
@@ -80,15 +76,28 @@ class FrfTable:
 
     def spectra(self, session: Session) -> Iterator[tuple[Frf, Values]]:
         """Each FRF with its (L,) values, in order."""
-        for frf, data in _fetch(session, self.frfs, "data"):
-            assert data is not None
-            spectrum = Spectrum(frf.dtype, frf.lines, data, frf.sha256)  # type: ignore[arg-type]
-            yield frf, np.asarray(decode(spectrum)[self.lines], dtype=frf.dtype)
+        for frf, data in _stream(session, self.frfs, "data"):
+            yield frf, self._spectrum(frf, data)
 
     def coherences(self, session: Session) -> Iterator[tuple[Frf, FloatArray | None]]:
         """Each FRF with its (L,) coherence γ², or None."""
-        for frf, data in _fetch(session, self.frfs, "coherence"):
-            yield frf, None if data is None else read_coherence(frf, data)[self.lines]
+        for frf, data in _stream(session, self.frfs, "coherence"):
+            yield frf, self._coherence(frf, data)
+
+    def both(self, session: Session) -> Iterator[tuple[Frf, Values, FloatArray | None]]:
+        """Each FRF with its values and its coherence."""
+        if not self.has_coherence:
+            yield from ((frf, values, None) for frf, values in self.spectra(session))
+            return
+        for frf, data, coherence in _stream(session, self.frfs, "data", "coherence"):
+            yield frf, self._spectrum(frf, data), self._coherence(frf, coherence)
+
+    def _spectrum(self, frf: Frf, data: bytes) -> Values:
+        spectrum = Spectrum(frf.dtype, frf.lines, data, frf.sha256)  # type: ignore[arg-type]
+        return np.asarray(decode(spectrum)[self.lines], dtype=frf.dtype)
+
+    def _coherence(self, frf: Frf, data: bytes | None) -> FloatArray | None:
+        return None if data is None else read_coherence(frf, data)[self.lines]
 
 
 def read_coherence(frf: Frf, data: bytes) -> FloatArray:
@@ -145,14 +154,12 @@ def _axis(frf: Frf) -> str:
     return f"{frf.lines} lines from {frf.start_hz:g} to {frf.end_hz:g} Hz"
 
 
-def _fetch(
-    session: Session, frfs: Sequence[Frf], column: Literal["data", "coherence"]
-) -> Iterator[tuple[Frf, bytes | None]]:
-    """A spectrum column of the rows, in their order, a batch at a time."""
-    at_once = max(1, BYTES_AT_ONCE // (max(frf.lines for frf in frfs) * COMPLEX128_BYTES))
-    for first in range(0, len(frfs), at_once):
-        batch = frfs[first : first + at_once]
-        query = f"SELECT id, {column} FROM frfs WHERE id = ANY(%s)"
-        found: dict[UUID, bytes | None] = dict(select_bytes(session, query, [[frf.id for frf in batch]]))
-        for frf in batch:
-            yield frf, found[frf.id]
+def _stream(session: Session, frfs: Sequence[Frf], *columns: str) -> Iterator[tuple[Any, ...]]:
+    """The rows with these columns, in their order: the server reads the next spectrum while one is worked on."""
+    query = (
+        f"SELECT {', '.join(columns)} FROM unnest(%s::uuid[]) WITH ORDINALITY AS wanted (id, place)"
+        " JOIN frfs USING (id) ORDER BY place"
+    )
+    rows = stream_rows(session, query, [[frf.id for frf in frfs]], ["bytea"] * len(columns))
+    for frf, row in zip(frfs, rows, strict=True):
+        yield frf, *row

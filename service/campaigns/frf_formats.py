@@ -33,8 +33,7 @@ def write_json(session: Session, table: FrfTable, file: IO[bytes]) -> None:
     quantity = table.frfs[0].quantity
     head = {"quantity": quantity, "unit": UNITS[quantity], "frequency_hz": table.frequency_hz.tolist()}  # type: ignore[index]
     file.write(json.dumps(head, ensure_ascii=False)[:-1].encode() + b', "frfs": [')
-    both = zip(table.spectra(session), table.coherences(session), strict=True)
-    for i, ((frf, values), (_, coherence)) in enumerate(both):
+    for i, (frf, values, coherence) in enumerate(table.both(session)):
         item = {
             "id": str(frf.id),
             "label": frf.label,
@@ -53,7 +52,7 @@ def write_npz(session: Session, table: FrfTable, file: IO[bytes]) -> None:
 
     `coherence` is there where at least one FRF has one; the rows of the others are NaN. Values keep their precision.
     """
-    shape = (len(table.frfs), table.lines.size)
+    shape = (len(table.frfs), table.frequency_hz.size)
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
         _member(archive, "frequency_hz", table.frequency_hz)
         for key in KEYS:
@@ -64,7 +63,7 @@ def write_npz(session: Session, table: FrfTable, file: IO[bytes]) -> None:
         _member(archive, "quantity", np.array(table.frfs[0].quantity))
         _matrix(archive, "values", shape, table.dtype, (values for _, values in table.spectra(session)))
         if table.has_coherence:
-            nothing = np.full(table.lines.size, np.nan)
+            nothing = np.full(table.frequency_hz.size, np.nan)
             rows = (nothing if c is None else c for _, c in table.coherences(session))
             _matrix(archive, "coherence", shape, np.dtype(np.float64), rows)
 
@@ -75,8 +74,7 @@ def write_csv(session: Session, table: FrfTable, file: IO[bytes]) -> None:
     writer = csv.writer(text, lineterminator="\r\n")
     writer.writerow((*KEYS, "frequency_hz", "real", "imag", "coherence"))
     frequency = table.frequency_hz.tolist()
-    both = zip(table.spectra(session), table.coherences(session), strict=True)
-    for (frf, values), (_, coherence) in both:
+    for frf, values, coherence in table.both(session):
         head = _head(frf)
         gamma: Iterable[Any] = [""] * len(frequency) if coherence is None else coherence.tolist()
         rows = zip(frequency, values.real.tolist(), values.imag.tolist(), gamma, strict=True)
@@ -103,12 +101,14 @@ class Format:
     Attributes:
         media_type: of the file.
         suffix: of its name.
+        value_bytes: about what a value takes, its coherence included.
         write: writes tables; where `one_table`, there is one.
         one_table: only FRFs of one quantity on one axis can be written.
     """
 
     media_type: str
     suffix: str
+    value_bytes: int
     write: Callable[[Session, Sequence[FrfTable], IO[bytes]], None]
     one_table: bool = True
 
@@ -118,12 +118,12 @@ def _alone(write: Callable[[Session, FrfTable, IO[bytes]], None]) -> Callable[..
 
 
 FORMATS: dict[str, Format] = {
-    "json": Format("application/json", "json", _alone(write_json)),
-    "npz": Format("application/x-npz", "npz", _alone(write_npz)),
-    "csv": Format("text/csv", "csv", _alone(write_csv)),
-    "arrow": Format("application/vnd.apache.arrow.stream", "arrows", _alone(write_arrow)),
-    "uff": Format("application/x-uff", "uff", partial(write_uff, binary=True), one_table=False),
-    "uff-ascii": Format("text/x-uff", "uff", partial(write_uff, binary=False), one_table=False),
+    "json": Format("application/json", "json", 70, _alone(write_json)),
+    "npz": Format("application/x-npz", "npz", 24, _alone(write_npz)),
+    "csv": Format("text/csv", "csv", 90, _alone(write_csv)),
+    "arrow": Format("application/vnd.apache.arrow.stream", "arrows", 50, _alone(write_arrow)),
+    "uff": Format("application/x-uff", "uff", 24, partial(write_uff, binary=True), one_table=False),
+    "uff-ascii": Format("text/x-uff", "uff", 62, partial(write_uff, binary=False), one_table=False),
 }
 """By their names in `?format=`."""
 
@@ -132,8 +132,7 @@ def _functions(session: Session, tables: Sequence[FrfTable]) -> Iterator[uff.Con
     """Each FRF, and its coherence after it."""
     for table in tables:
         axis = _uff_axis(table)
-        both = zip(table.spectra(session), table.coherences(session), strict=True)
-        for (frf, values), (_, coherence) in both:
+        for frf, values, coherence in table.both(session):
             dofs = {key: getattr(frf, key) for key in KEYS}
             ids = (frf.label, table.description, "NONE", "NONE", "NONE")
             yield uff.Frf(
@@ -190,4 +189,4 @@ def _matrix(
         header = {"descr": npy.dtype_to_descr(dtype), "fortran_order": False, "shape": shape}
         npy.write_array_header_2_0(stream, header)
         for row in rows:
-            stream.write(np.ascontiguousarray(row, dtype=dtype).tobytes())
+            stream.write(np.ascontiguousarray(row, dtype=dtype).data)

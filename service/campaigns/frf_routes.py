@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 from fecore.frf import Quantity
 from service.access import CurrentUser, Cursor, Limit, SessionDep, SettingsDep, paged
 from service.campaigns import frf_bodies, frfs
-from service.campaigns.downloads import spooled
+from service.campaigns.downloads import fits_memory, in_memory, spooled
 from service.campaigns.frf_csv import from_csv
 from service.campaigns.frf_data import Cut, FrfTable, make_tables
 from service.campaigns.frf_formats import FORMATS
@@ -157,18 +157,20 @@ def get_frf_data(
 
 
 def _file(session: Session, tables: list[FrfTable], file_format: str, request: Request) -> Response:
-    """The tables as a file on disk that is sent and then removed; 304 where the client has it."""
+    """The tables as a file; 304 where the client has it."""
     form = FORMATS[file_format]
     headers = {"ETag": _etag(session, tables, file_format), "Vary": "Accept"}
     if headers["ETag"] in (tag.strip() for tag in request.headers.get("if-none-match", "").split(",")):
         return Response(status_code=304, headers=headers)
-    return spooled(lambda file: form.write(session, tables, file), form.media_type, f"frfs.{form.suffix}", headers)
+    size = form.value_bytes * sum(len(table.frfs) * table.frequency_hz.size for table in tables)
+    send = in_memory if fits_memory(request, size) else spooled
+    return send(lambda file: form.write(session, tables, file), form.media_type, f"frfs.{form.suffix}", headers)
 
 
 def _etag(session: Session, tables: list[FrfTable], file_format: str) -> str:
     digest = hashlib.sha256(file_format.encode())
     for table in tables:
-        digest.update(table.lines.tobytes())
+        digest.update(repr(table.lines).encode())
         for frf in table.frfs:
             digest.update(frf.id.bytes + frf.sha256 + (frf.coherence_sha256 or b""))
     if not FORMATS[file_format].one_table:  # such a file holds the grid points too

@@ -50,10 +50,6 @@ class PredictedTable(FrfTable):
         """Each FRF with its (L,) values, in order."""
         yield from zip(self.frfs, self.values, strict=True)
 
-    def coherences(self, session: Session) -> Iterator[tuple[Frf, FloatArray | None]]:  # noqa: ARG002
-        """A prediction has none."""
-        yield from ((frf, None) for frf in self.frfs)
-
 
 @dataclass(frozen=True)
 class Chosen:
