@@ -1,6 +1,8 @@
 """The measurement database: import against pyuff's own reading, spectra over HTTP against a raw SELECT, flat listing.
 
-Each row is measured in this run on this machine, against a real PostgreSQL, API and worker.
+Each row is measured in this run on this machine, against a real PostgreSQL, API and worker. Beside each stands what bounds
+it: the time in which PostgreSQL alone stores the bytes that an import stores, and that in which the client alone reads the
+bytes of an answer.
 """
 
 from __future__ import annotations
@@ -8,6 +10,7 @@ from __future__ import annotations
 import base64
 import io
 import os
+import socket
 import statistics
 import tempfile
 import threading
@@ -23,6 +26,7 @@ import psutil
 import psycopg
 import pyuff
 
+from service.campaigns.originals import CHUNK_BYTES
 from service.campaigns.uff import Axis, Frf, GridPoint
 from service.campaigns.uff.write import write_file
 from service.db.engine import psycopg_url
@@ -83,23 +87,25 @@ def _frfs(count: int, lines: int, seed: int) -> Iterator[GridPoint | Frf]:
 
 def _imports(api: httpx.Client, structure: str, service: LocalService, folder: Path) -> None:
     print(f"import of {FRFS} FRFs × {LINES} lines, upload to result, medians of {PAIRS} pairs of runs, load {_load()}")
-    print("(target: at most 1.5 × pyuff's reading; memory: of API, worker and child, above idle)")
-    print(f"{'':8} {'MB':>6} {'pyuff s':>9} {'import s':>9} {'ratio':>6} {'peak memory MB':>15}")
+    print("(target: at most 1.5 × pyuff's reading; COPY: PostgreSQL alone stores the file and its spectra;")
+    print(" memory: of API, worker and child, above idle)")
+    print(f"{'':8} {'MB':>6} {'pyuff s':>9} {'COPY s':>9} {'import s':>9} {'ratio':>6} {'peak memory MB':>15}")
     for name, binary in (("58b", True), ("58", False)):
         path = folder / f"{name}.uff"
         runs = []
         for pair in range(PAIRS):
             write_file(path, _frfs(FRFS, LINES, seed=pair), binary=binary)  # bytes that are not there yet
-            runs.append((_pyuff_seconds(path), *_timed_import(api, structure, service, path, FRFS)))
-        reading, taken, peak = (statistics.median(column) for column in zip(*runs, strict=True))
-        ratio = statistics.median(run[1] / run[0] for run in runs)
+            limits = _pyuff_seconds(path), _copy_seconds(service, path)
+            runs.append((*limits, *_timed_import(api, structure, service, path, FRFS)))
+        reading, copying, taken, peak = (statistics.median(column) for column in zip(*runs, strict=True))
+        ratio = statistics.median(run[2] / run[0] for run in runs)
         size = path.stat().st_size / 1e6
-        print(f"{name:8} {size:6.0f} {reading:9.2f} {taken:9.2f} {ratio:6.2f} {peak / 1e6:15.0f}")
+        print(f"{name:8} {size:6.0f} {reading:9.2f} {copying:9.2f} {taken:9.2f} {ratio:6.2f} {peak / 1e6:15.0f}")
         path.unlink()
     write_file(folder / "large.uff", _frfs(LARGE_FRFS, LINES, seed=PAIRS), binary=True)
     seconds, peak = _timed_import(api, structure, service, folder / "large.uff", LARGE_FRFS)
     size = (folder / "large.uff").stat().st_size / 1e6
-    print(f"{'58b':8} {size:6.0f} {'':9} {seconds:9.2f} {'':6} {peak / 1e6:15.0f}")
+    print(f"{'58b':8} {size:6.0f} {'':9} {'':9} {seconds:9.2f} {'':6} {peak / 1e6:15.0f}")
     (folder / "large.uff").unlink()
 
 
@@ -108,6 +114,25 @@ def _pyuff_seconds(path: Path) -> float:
     sets = pyuff.UFF(str(path)).read_sets()
     taken = time.perf_counter() - began
     assert sum(s["type"] == 58 for s in sets) == FRFS
+    return taken
+
+
+def _copy_seconds(service: LocalService, path: Path) -> float:
+    """What PostgreSQL needs for the file's bytes and then for those of its spectra, one transaction each."""
+    file, spectrum = path.read_bytes(), os.urandom(16 * LINES)
+    chunks = [file[at : at + CHUNK_BYTES] for at in range(0, len(file), CHUNK_BYTES)]
+    with psycopg.connect(psycopg_url(service.settings.database_url or ""), autocommit=True) as connection:
+        connection.execute("CREATE TABLE copied (id uuid PRIMARY KEY DEFAULT uuidv7(), data bytea)")
+        connection.execute("ALTER TABLE copied ALTER COLUMN data SET STORAGE EXTERNAL")
+        began = time.perf_counter()
+        for rows in (chunks, [spectrum] * FRFS):
+            command = "COPY copied (data) FROM STDIN (FORMAT BINARY)"
+            with connection.transaction(), connection.cursor() as cursor, cursor.copy(command) as copy:
+                copy.set_types(["bytea"])
+                for data in rows:
+                    copy.write_row((data,))
+        taken = time.perf_counter() - began
+        connection.execute("DROP TABLE copied")
     return taken
 
 
@@ -199,20 +224,43 @@ def _spectra(api: httpx.Client, structure: str, service: LocalService) -> None:
 
     def over_http() -> None:
         answer = api.get(f"campaigns/{campaign}/frfs/data", params={"format": "npz"}).raise_for_status()
-        with np.load(io.BytesIO(answer.content)) as got:
+        _check(answer.content)
+
+    def _check(content: bytes) -> None:
+        with np.load(io.BytesIO(content)) as got:
             assert got["values"].shape == values.shape
 
-    with psycopg.connect(psycopg_url(service.settings.database_url or "")) as connection:
+    body = api.get(f"campaigns/{campaign}/frfs/data", params={"format": "npz"}).raise_for_status().content
+    with _bare_server(body) as url, psycopg.connect(psycopg_url(service.settings.database_url or "")) as connection:
         query = "SELECT data FROM frfs WHERE campaign_id = %s ORDER BY id"
 
         def select() -> None:
             rows = connection.execute(query, [campaign], binary=True).fetchall()
             assert len([np.frombuffer(row[0], "<c16") for row in rows]) == 100
 
-        pairs = [(_median(select, 1), _median(over_http, 1)) for _ in range(25)]
-        raw, http = (statistics.median(column) for column in zip(*pairs, strict=True))
-    print(f"\n100 FRFs × {LINES} lines, medians of 25 pairs, load {_load()} (target: at most 3 × a raw SELECT)")
-    print(f"raw SELECT {1000 * raw:.1f} ms, npz over HTTP {1000 * http:.1f} ms, ratio {http / raw:.2f}")
+        def client_alone() -> None:
+            _check(api.get(url).content)
+
+        turns = [[_median(each, 1) for each in (select, client_alone, over_http)] for _ in range(25)]
+        raw, client, http = (statistics.median(column) for column in zip(*turns, strict=True))
+    print(f"\n100 FRFs × {LINES} lines, medians of 25 turns, load {_load()} (target: at most 3 × a raw SELECT)")
+    print(f"raw SELECT {1000 * raw:.1f} ms, npz over HTTP {1000 * http:.1f} ms, ratio {http / raw:.2f};", end=" ")
+    print(f"the client alone, with the same bytes from a bare socket: {1000 * client:.1f} ms, {client / raw:.2f}")
+
+
+@contextmanager
+def _bare_server(body: bytes) -> Iterator[str]:
+    """Address of a socket that gives these bytes to whoever connects, whatever is asked."""
+    answer = b"HTTP/1.1 200 OK\r\nContent-Length: %d\r\n\r\n%b" % (len(body), body)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def serve() -> None:
+            with listener.accept()[0] as connection:
+                while connection.recv(65536):
+                    connection.sendall(answer)
+
+        threading.Thread(target=serve, daemon=True).start()
+        yield f"http://127.0.0.1:{listener.getsockname()[1]}/"
 
 
 def _listing(api: httpx.Client, structure: str, service: LocalService) -> None:
