@@ -167,6 +167,28 @@ class FrfSet:
 
 
 @dataclass(frozen=True)
+class RovingMass:
+    """A sensor that moves with the response, so that every FRF belongs to a slightly different structure.
+
+    A mass m at the response point adds the force ω² m x there, so with the driving-point receptance G of that point
+
+        H' = H / (1 - ω² m G)                                          (Sherman and Morrison 1950, rank one)
+
+    Attributes:
+        mass: m, kg.
+        residues: (N, n) of G, one driving point an FRF; residual: (N, t) its residual terms.
+    """
+
+    mass: float
+    residues: FloatArray
+    residual: FloatArray
+
+    def drive(self, model: ModalFrfModel) -> ModalFrfModel:
+        """G of each FRF's response point, on the eigenvalues of the model that it loads."""
+        return ModalFrfModel(model.eigenvalue, self.residues, self.residual, model.shift)
+
+
+@dataclass(frozen=True)
 class ModalFrfModel:
     """What the FRFs between measured degrees of freedom need from a model: Eq. 8 (with its erratum) and a residual.
 
@@ -182,12 +204,14 @@ class ModalFrfModel:
         residues: (N, n) A_ik, signs of the directions included.
         residual: (N, t) R_0, R_1 …
         shift: σ, rad²/s².
+        roving: a sensor that loads each FRF at a place of its own, or None.
     """
 
     eigenvalue: FloatArray
     residues: FloatArray
     residual: FloatArray
     shift: float
+    roving: RovingMass | None = None
 
     @property
     def omega(self) -> FloatArray:
@@ -210,8 +234,26 @@ class ModalFrfModel:
         denominator = self.eigenvalue[:, None] - omega**2 + 1j * omega * rate[:, None]
         power = residual_powers(omega, self.shift, self.residual.shape[1], beyond)
         receptance = self.residues @ (1 / denominator) + self.residual @ power
+        if self.roving is not None:
+            drive = self.roving.residues @ (1 / denominator) + self.roving.residual @ power
+            receptance = receptance / (1 - omega**2 * self.roving.mass * drive)
         converted: ComplexArray = receptance * convert(omega, quantity)
         return converted
+
+    def load_factors(
+        self, frequency_hz: FloatArray, rate: FloatArray, quantity: Quantity, beyond: tuple[float, float] = (0.0, 0.0)
+    ) -> tuple[ComplexArray, ComplexArray] | None:
+        """(N, L) factors g, h of ∂H' = g ∂H + h ∂H_d, H and H_d the FRFs without the roving mass; None where none roves.
+
+        By the rank-one formula of `RovingMass`, g = 1/(1 - ω² m G) and h = g ω² m H'/f with f of `convert`.
+        """
+        if self.roving is None:
+            return None
+        omega = 2 * np.pi * frequency_hz
+        drive = self.roving.drive(self).synthesise(frequency_hz, rate, "receptance", beyond)
+        factor = 1 / (1 - omega**2 * self.roving.mass * drive)
+        loaded = self.synthesise(frequency_hz, rate, quantity, beyond)
+        return factor, factor * omega**2 * self.roving.mass * loaded / convert(omega, quantity)
 
     def blocks(
         self,

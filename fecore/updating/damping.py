@@ -180,40 +180,83 @@ class FrfMisfit:
     def normal(self, eigenvalue: FloatArray, rate: FloatArray) -> NormalEquations:
         """Normal equations at given eigenvalues and rates."""
         residual, weight = self.residual(self.predict(eigenvalue, rate))
-        by = self.derivatives(eigenvalue, rate)
+        jacobian = self.jacobian(eigenvalue, rate)
         return NormalEquations(
             float(np.sum(weight * np.abs(residual) ** 2)),
-            self.gradient(by, weight * residual),
-            self.hessian(by, weight),
+            jacobian.gradient(weight * residual),
+            jacobian.hessian(weight),
         )
 
-    def derivatives(self, eigenvalue: FloatArray, rate: FloatArray) -> ComplexArray:
-        """(2, m, L) factors d of ∂H_i/∂u_k = A_ik d_k(ω) for u = λ, c."""
-        omega = self.measured.omega
+    def jacobian(self, eigenvalue: FloatArray, rate: FloatArray) -> FrfJacobian:
+        """Derivatives by u = λ, c at given eigenvalues and rates."""
+        omega, quantity = self.measured.omega, self.measured.quantity
         denominator = eigenvalue[:, None] - omega**2 + 1j * omega * rate[:, None]
-        by_eigenvalue = -convert(omega, self.measured.quantity) / denominator**2
-        return np.stack([by_eigenvalue, 1j * omega * by_eigenvalue])
+        by_eigenvalue = -convert(omega, quantity) / denominator**2
+        model = self.model.with_eigenvalue(eigenvalue)
+        factors = model.load_factors(self.measured.frequency_hz, rate, quantity)
+        return FrfJacobian(self, np.stack([by_eigenvalue, 1j * omega * by_eigenvalue]), factors)
 
-    def gradient(self, by: ComplexArray, weighted: ComplexArray) -> FloatArray:
+    @cached_property
+    def products(self) -> FloatArray:
+        """(N, m²) products A_ik A_ij of the residues."""
+        return _products(self.model.residues, self.model.residues)
+
+    @cached_property
+    def drive_products(self) -> tuple[FloatArray, FloatArray]:
+        """(N, m²) products A_ik B_ij and B_ik B_ij with the residues B of a roving sensor's driving points."""
+        assert self.model.roving is not None, "a sensor roves"
+        B = self.model.roving.residues
+        return _products(self.model.residues, B), _products(B, B)
+
+
+def _products(A: FloatArray, B: FloatArray) -> FloatArray:
+    return (A[:, :, None] * B[:, None, :]).reshape(len(A), -1)
+
+
+@dataclass(frozen=True)
+class FrfJacobian:
+    """Derivatives of the FRFs at one point: ∂H_i/∂u_k = A_ik d_k, and (A_ik g_i + B_ik h_i) d_k under a roving mass.
+
+    Attributes:
+        misfit: whose FRFs they are.
+        by: (2, m, L) factors d for u = λ, c.
+        factors: (N, L) g and h (`ModalFrfModel.load_factors`), or None.
+    """
+
+    misfit: FrfMisfit
+    by: ComplexArray
+    factors: tuple[ComplexArray, ComplexArray] | None
+
+    def gradient(self, weighted: ComplexArray) -> FloatArray:
         """(2m,) 2 Re Jᴴ(w r): the descent direction's data."""
-        projected = self.model.residues.T @ weighted
-        both: FloatArray = 2 * np.real(np.sum(by.conj() * projected, axis=2))
+        model = self.misfit.model
+        if self.factors is None or model.roving is None:
+            projected = model.residues.T @ weighted
+        else:
+            g, h = self.factors
+            projected = model.residues.T @ (g.conj() * weighted) + model.roving.residues.T @ (h.conj() * weighted)
+        both: FloatArray = 2 * np.real(np.sum(self.by.conj() * projected, axis=2))
         return both.ravel()
 
-    def hessian(self, by: ComplexArray, weight: FloatArray) -> FloatArray:
+    def hessian(self, weight: FloatArray) -> FloatArray:
         """(2m, 2m) 2 Re JᴴWJ."""
-        m, omega = by.shape[1], self.measured.omega
-        coupling = (weight.T @ self._products).reshape(-1, m, m)
-        lines = by[0].conj().T[:, :, None] * by[0].T[:, None, :] * coupling
+        by, omega = self.by, self.misfit.measured.omega
+        lines = by[0].conj().T[:, :, None] * by[0].T[:, None, :] * self._coupling(weight)
         plain, once, twice = np.tensordot(np.stack([np.ones_like(omega), 1j * omega, omega**2 + 0j]), lines, 1)
         cross = 2 * np.real(once)
         return np.block([[2 * np.real(plain), cross], [cross.T, 2 * np.real(twice)]])
 
-    @cached_property
-    def _products(self) -> FloatArray:
-        """(N, m²) products A_ik A_ij of the residues."""
-        A = self.model.residues
-        return (A[:, :, None] * A[:, None, :]).reshape(len(A), -1)
+    def _coupling(self, weight: FloatArray) -> FloatArray | ComplexArray:
+        """(L, m, m) Σ_i w_i (A_ik g_i + B_ik h_i)* (A_ij g_i + B_ij h_i)."""
+        misfit, m = self.misfit, self.by.shape[1]
+        if self.factors is None:
+            return (weight.T @ misfit.products).reshape(-1, m, m)
+        g, h = self.factors
+        mixed, driving = misfit.drive_products
+        crossed = ((weight * g.conj() * h).T @ mixed).reshape(-1, m, m)
+        own = (weight * np.abs(g) ** 2).T @ misfit.products + (weight * np.abs(h) ** 2).T @ driving
+        coupled: ComplexArray = own.reshape(-1, m, m) + crossed + crossed.conj().transpose(0, 2, 1)
+        return coupled
 
 
 def fit_law(
@@ -391,10 +434,10 @@ class _Problem:
         eigenvalue, rate = self.modes(x)
         T, (hessian, _) = self.chain(x), self.system(x, normal)
         inverse = np.linalg.inv(hessian)
-        by = self.misfit.derivatives(eigenvalue, rate)
+        jacobian = self.misfit.jacobian(eigenvalue, rate)
         _, weight = self.misfit.residual(self.misfit.predict(eigenvalue, rate))
         # Circular noise of variance v: cov(2 Re Jᴴ W n) = 2 Re Jᴴ W² V J, which is the hessian with weights w²v.
-        spread = T.T @ self.misfit.hessian(by, weight**2 * self.misfit.variance) @ T
+        spread = T.T @ jacobian.hessian(weight**2 * self.misfit.variance) @ T
         covariance = inverse @ spread @ inverse
         a, shift, _ = self.split(x)
         return DampingFit(

@@ -305,13 +305,16 @@ class DampingStage:
         """(p, q) derivative of the estimate by stage 1's: constants move shapes, and the modes that carry no shift."""
         state, misfit = self.elastic.updated, self.misfit
         omega = self.frfs.omega
-        denominator = fit.eigenvalue[:, None] - omega**2 + 1j * omega * fit.rate[:, None]
-        by_residue = state.residue_jacobian(self.frfs.responses, self.frfs.references) @ (
-            convert(omega, self.frfs.quantity) / denominator
+        flexibility = convert(omega, self.frfs.quantity) / (
+            fit.eigenvalue[:, None] - omega**2 + 1j * omega * fit.rate[:, None]
         )
-        by = misfit.derivatives(fit.eigenvalue, fit.rate)
+        jacobian = misfit.jacobian(fit.eigenvalue, fit.rate)
+        by_residue = state.residue_jacobian(self.frfs.responses, self.frfs.references) @ flexibility
+        if jacobian.factors is not None:
+            by_drive = state.residue_jacobian(self.frfs.responses, self.frfs.responses) @ flexibility
+            by_residue = jacobian.factors[0] * by_residue + jacobian.factors[1] * by_drive
         _, weight = misfit.residual(misfit.predict(fit.eigenvalue, fit.rate))
-        gradients = np.array([misfit.gradient(by, weight * change) for change in by_residue])
+        gradients = np.array([jacobian.gradient(weight * change) for change in by_residue])
         by_eigenvalue = np.zeros_like(gradients)
         by_eigenvalue[:, : fit.eigenvalue.size] = state.eigenvalue_jacobian.T
         moved: FloatArray = -fit.response @ (gradients + by_eigenvalue @ fit.normal.hessian).T

@@ -18,7 +18,7 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.damping import DampingLaw
 from fecore.eigen import NormalModes, modes_below, normal_modes
 from fecore.errors import InputError
-from fecore.frf import RESIDUAL_TERMS, Dof, ModalFrfModel, Quantity, convert, residual_powers
+from fecore.frf import RESIDUAL_TERMS, Dof, ModalFrfModel, Quantity, RovingMass, convert, residual_powers
 from fecore.model import ModeKind
 from fecore.reduction import ReducedModel
 from fecore.sensitivity import (
@@ -47,6 +47,7 @@ class ForwardModel:
         places: (p, 2) their coordinates on the specimen, m.
         count: how many modes to solve for.
         reduced: solve on a reduced basis (frequencies within 1e-6 of the full model), or the full model each time.
+        roving_mass: of a sensor that sits at the response point of each FRF, kg. The modes are those without it.
     """
 
     specimen: Body
@@ -55,6 +56,7 @@ class ForwardModel:
     places: FloatArray
     count: int
     reduced: bool = True
+    roving_mass: float = 0.0
 
     @cached_property
     def observation(self) -> sparse.csr_array:
@@ -232,15 +234,28 @@ class ForwardState:
 
     def frf_model(self, responses: Sequence[Dof], references: Sequence[Dof]) -> ModalFrfModel:
         """Synthesis of the FRFs between some dofs, with residual terms for the truncated modes."""
-        pairs = _Pairs.of(self.forward, responses, references)
-        state = self.forward.holding(self, pairs.reference)
+        state, pairs, drive = self._ready(responses, references)
         residual, _ = state._residual(pairs, derivatives=False)
+        roving = None
+        if drive is not None:
+            drive_residual, _ = state._residual(drive, derivatives=False)
+            roving = RovingMass(self.forward.roving_mass, drive.products(state.all_shapes), drive_residual)
         return ModalFrfModel(
             eigenvalue=state.modes.eigenvalue,
             residues=pairs.products(state.all_shapes),
             residual=residual,
             shift=state.modes.shift,
+            roving=roving,
         )
+
+    def _ready(self, responses: Sequence[Dof], references: Sequence[Dof]) -> tuple[ForwardState, _Pairs, _Pairs | None]:
+        """The points of the FRFs, and the driving points where a sensor roves, with a basis that holds what they need."""
+        pairs, drive = _Pairs.of(self.forward, responses, references), None
+        rows = pairs.reference
+        if self.forward.roving_mass:
+            drive = _Pairs.of(self.forward, responses, responses)
+            rows = np.concatenate([rows, drive.reference])
+        return self.forward.holding(self, rows), pairs, drive
 
     def residue_jacobian(self, responses: Sequence[Dof], references: Sequence[Dof]) -> FloatArray:
         """(p, N, m) derivative of the residues of `frf_model` by the parameters."""
@@ -264,22 +279,41 @@ class ForwardState:
 
         with D = λ - ω² + iωc and G as in `fecore.sensitivity`, so that repeated roots come out right.
         """
-        pairs = _Pairs.of(self.forward, responses, references)
-        state = self.forward.holding(self, pairs.reference)
-        omega, natural = 2 * np.pi * frequency_hz, state.modes.omega
+        state, pairs, drive = self._ready(responses, references)
+        change = state._changes(frequency_hz, law, law_coefficients, pairs, quantity, beyond)
+        if drive is None:
+            return change
+        rate = law.basis(state.modes.omega) @ law_coefficients
+        factors = state.frf_model(responses, references).load_factors(frequency_hz, rate, quantity, beyond)
+        assert factors is not None, "a sensor roves"
+        moved = state._changes(frequency_hz, law, law_coefficients, drive, quantity, beyond)
+        loaded: ComplexArray = factors[0] * change + factors[1] * moved
+        return loaded
+
+    def _changes(
+        self,
+        frequency_hz: FloatArray,
+        law: DampingLaw,
+        law_coefficients: FloatArray,
+        pairs: _Pairs,
+        quantity: Quantity,
+        beyond: tuple[float, float],
+    ) -> ComplexArray:
+        """(p, N, L) derivative of the FRFs without a roving mass."""
+        omega, natural = 2 * np.pi * frequency_hz, self.modes.omega
         rate = law.basis(natural) @ law_coefficients
         moving = natural > 0
         rate_by = np.zeros_like(natural)  # ∂c/∂λ
         rate_by[moving] = law.slope(natural[moving]) @ law_coefficients / (2 * natural[moving])
-        D = state.modes.eigenvalue[:, None] - omega**2 + 1j * omega * rate[:, None]
-        change = pairs.product_derivatives(state.all_shapes, state.shape_jacobian) @ (1 / D)
-        first, second = np.nonzero(same_cluster(state.modes.eigenvalue))
-        G = state.eigenvalue_matrix[:, first, second]
-        left, right = state.all_shapes[first][:, pairs.response], state.all_shapes[second][:, pairs.reference]
+        D = self.modes.eigenvalue[:, None] - omega**2 + 1j * omega * rate[:, None]
+        change = pairs.product_derivatives(self.all_shapes, self.shape_jacobian) @ (1 / D)
+        first, second = np.nonzero(same_cluster(self.modes.eigenvalue))
+        G = self.eigenvalue_matrix[:, first, second]
+        left, right = self.all_shapes[first][:, pairs.response], self.all_shapes[second][:, pairs.reference]
         resonance = (1 + 1j * omega * rate_by[first, None]) / (D[first] * D[second])
         change = change - (pairs.sign[:, None] * (left * right).T * G[:, None, :]) @ resonance
-        _, residual_by = state._residual(pairs, derivatives=True)
-        power = residual_powers(omega, state.modes.shift, RESIDUAL_TERMS, beyond)
+        _, residual_by = self._residual(pairs, derivatives=True)
+        power = residual_powers(omega, self.modes.shift, RESIDUAL_TERMS, beyond)
         converted: ComplexArray = (change + residual_by @ power) * convert(omega, quantity)
         return converted
 

@@ -28,11 +28,18 @@ class Measurement:
         frfs: FRFs in SI.
         points: coordinates (x, y, z) in m of each grid point, in the specimen's frame.
         modes: measured modes; None to identify them from the FRFs. Shapes are found from the FRFs where they have none.
+        roving_mass: of a sensor that sat at the response point of each FRF in turn, kg; 0 where none did. One that stood
+            still is a `PointMass` of the specimen.
     """
 
     frfs: FrfSet
     points: Mapping[int, tuple[float, float, float]]
     modes: MeasuredModes | None = None
+    roving_mass: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.roving_mass) and self.roving_mass >= 0):
+            raise InputError("roving_mass", f"is {self.roving_mass}, expected kg, not negative")
 
 
 @dataclass(frozen=True)

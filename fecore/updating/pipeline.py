@@ -65,7 +65,10 @@ def update(
     recipe = recipe or Recipe()
     parametrisation = parametrise(specimen, recipe.parameters)
     progress("identifying the modes" if measurement.modes is None else "finding mode shapes", 0.0)
-    data = prepare(measurement, recipe.hold_out, find_modes=recipe.method == "two_stage")
+    # Under a roving sensor the FRFs have no common modes to be identified.
+    data = prepare(
+        measurement, recipe.hold_out, find_modes=recipe.method == "two_stage" and not measurement.roving_mass
+    )
     forward = _forward(specimen, parametrisation, measurement, data)
     progress(_ELASTIC, 0.4)
     elastic, modes = _elastic(forward, data, recipe, lambda share: progress(_ELASTIC, 0.4 + 0.2 * share))
@@ -80,7 +83,20 @@ def update(
     progress("correlating", 0.95)
     result = Report(elastic, damping, ladder, modes, data, band, recipe.hold_out.band_hz, sampled).result()
     progress("done", 1.0)
-    return replace(result, warnings=(*data.warnings, *result.warnings))
+    return replace(result, warnings=(*data.warnings, *_roving(measurement, recipe), *result.warnings))
+
+
+def _roving(measurement: Measurement, recipe: Recipe) -> list[str]:
+    """What a roving sensor's mass means for the result, in words."""
+    if not measurement.roving_mass:
+        return []
+    text = (
+        f"the sensor of {1e3 * measurement.roving_mass:.3g} g moved with the response, so the FRFs have no common modes: "
+        "constants and modes (those without the sensor) come from the FRFs through the loaded model, as with the method joint"
+    )
+    if measurement.modes is not None and recipe.method == "two_stage":
+        text += "; the mode set was not used"
+    return [text]
 
 
 def _elastic(
@@ -141,7 +157,9 @@ def _forward(
     places = np.array([measurement.points[point][:2] for point in points])
     measured = 0 if data.modes is None else len(data.modes)
     count = modes_to_cover(parametrisation, float(data.frfs.frequency_hz[-1]), measured + _EXTRA_MODES)
-    return ForwardModel(specimen, parametrisation, points, places, count)
+    # Under a roving sensor a basis would have to hold the static deflections of every point: the full model is quicker.
+    mass = measurement.roving_mass
+    return ForwardModel(specimen, parametrisation, points, places, count, reduced=not mass, roving_mass=mass)
 
 
 def _band(recipe: Recipe, frfs: FrfSet, elastic: ElasticResult) -> tuple[float, float]:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import emcee
@@ -212,7 +212,8 @@ def _elastic_density(elastic: ElasticResult) -> LogProbability:
     state = elastic.updated
     prior, columns = state.forward.parametrisation, np.array([column for _, column in elastic.pairing.pairs])
     highest = int(columns.max()) + 1 + state.modes.rigid
-    frequencies = _LocalFrequencies.about(state.forward, elastic.theta, elastic.sampled_covariance, highest)
+    forward = state.forward if state.forward.reduced else replace(state.forward, reduced=True)
+    frequencies = _LocalFrequencies.about(forward, elastic.theta, elastic.sampled_covariance, highest)
     measured, weight = elastic.measured_hz, elastic.weight
 
     def density(theta: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.correlation import csac, csf, frac, sac
-from fecore.frf import FrfSet, ModalFrfModel, convert
+from fecore.frf import Dof, FrfSet, ModalFrfModel, convert
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic import ElasticResult
 from fecore.updating.result import FrfCorrelation, HeldOut
@@ -39,6 +39,18 @@ class Predictor:
 
     def _changes(self, frfs: FrfSet, model: ModalFrfModel, rate: FloatArray) -> ComplexArray:
         """(q, N, L) change of the FRFs by one standard deviation of each of q independent causes."""
+        change = self._plain_changes(frfs, frfs.references, model, rate)
+        factors = model.load_factors(frfs.frequency_hz, rate, frfs.quantity)
+        if factors is None or model.roving is None:
+            return change
+        loaded: ComplexArray = factors[0] * change
+        loaded += factors[1] * self._plain_changes(frfs, frfs.responses, model.roving.drive(model), rate)
+        return loaded
+
+    def _plain_changes(
+        self, frfs: FrfSet, references: tuple[Dof, ...], model: ModalFrfModel, rate: FloatArray
+    ) -> ComplexArray:
+        """(q, N, L) the same of FRFs to other references, without a roving mass."""
         omega, state = frfs.omega, self.elastic.updated
         factor = convert(omega, frfs.quantity)
         flexibility = 1 / (model.eigenvalue[:, None] - omega**2 + 1j * omega * rate[:, None])
@@ -47,7 +59,7 @@ class Predictor:
         A = model.residues
         basis = self.damping.fit.law.basis(model.omega)
         basis[self.damping.fit.nuisance.suspended] = 0
-        by_theta = state.residue_jacobian(frfs.responses, frfs.references) @ (factor * flexibility)
+        by_theta = state.residue_jacobian(frfs.responses, references) @ (factor * flexibility)
         by_theta = by_theta + np.einsum("nk,kp,kl->pnl", A, state.eigenvalue_jacobian, by_eigenvalue, optimize=True)
         by_law = np.einsum("nk,kp,kl->pnl", A, basis, by_rate, optimize=True)
         by_both = np.concatenate([by_theta, by_law])

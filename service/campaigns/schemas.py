@@ -37,7 +37,7 @@ class FrameIn(StrictModel):
 
 
 class Instruments(StrictModel):
-    """What was measured with. A sensor mass without a point is a roving sensor's."""
+    """What was measured with. A sensor of a mass but no point stood where all responses are, or moved with them."""
 
     hammer: dict[str, JsonValue] = Field(default_factory=dict, max_length=100)
     sensor: dict[str, JsonValue] = Field(default_factory=dict, max_length=100)
@@ -46,7 +46,7 @@ class Instruments(StrictModel):
         default=None, ge=0, le=1000, description="kg; 0 for a sensor that does not touch"
     )
     sensor_point: Point | None = Field(
-        default=None, description="grid point where the sensor sits; none where it roves"
+        default=None, description="grid point where the sensor sits; none where it moves with the response"
     )
 
 

@@ -47,12 +47,12 @@ def load_update(session: Session, job_id: UUID, _workspace: Path) -> UpdateInput
     modes = None if recipe.mode_set is None else modes_in_frame(load_modes(session, recipe.mode_set), frame)
     used = campaign.frf_sets[0]
     parameters, prior_warnings = _parameters(session, recipe)
-    specimen, sensor_warnings = specimen_of(campaign)
+    specimen = specimen_of(campaign)
     return UpdateInputs(
-        measurement=Measurement(used.frfs, campaign.points, modes),
+        measurement=Measurement(used.frfs, campaign.points, modes, roving_mass(campaign)),
         specimen=recipe.supported(specimen),
         recipe=replace(recipe.to_core(), parameters=parameters),
-        warnings=(*campaign.warnings, *_left_out(campaign), *prior_warnings, *sensor_warnings),
+        warnings=(*campaign.warnings, *_left_out(campaign), *prior_warnings),
         provenance=_provenance(job, campaign, used),
     )
 
@@ -64,19 +64,32 @@ def _as_of(session: Session, job: UpdateJob, campaign: stored.Measurement) -> st
     return replace(campaign, structure=described, structure_version_id=version.id, structure_version=version.number)
 
 
-def specimen_of(campaign: stored.Measurement) -> tuple[Specimen, tuple[str, ...]]:
-    """The specimen that was measured, with its sensor where one sits at a point; and what is not modelled, in words."""
-    structure = campaign.structure
-    warnings: list[str] = []
-    masses: tuple[PointMass, ...] = ()
-    if campaign.sensor_mass_kg and campaign.sensor_point is None:
-        warnings.append("the sensor's mass is not modelled: no sensor_point is stated, so it is taken to rove")
-    elif campaign.sensor_mass_kg and campaign.sensor_point is not None:
-        if campaign.sensor_point not in campaign.points:
-            raise InputError("instruments.sensor_point", f"{campaign.sensor_point} is not a grid point of the campaign")
-        x, y, _ = campaign.points[campaign.sensor_point]
-        masses = (PointMass(x, y, campaign.sensor_mass_kg),)
-    return nominal_specimen(structure, campaign.boundary, masses), tuple(warnings)
+def specimen_of(campaign: stored.Measurement) -> Specimen:
+    """The specimen that was measured, with its sensor where one sat at a point.
+
+    Raises:
+        InputError: the sensor's point is not a grid point.
+    """
+    point = _sensor_point(campaign)
+    if not campaign.sensor_mass_kg or point is None:
+        return nominal_specimen(campaign.structure, campaign.boundary)
+    if point not in campaign.points:
+        raise InputError("instruments.sensor_point", f"{point} is not a grid point of the campaign")
+    x, y, _ = campaign.points[point]
+    return nominal_specimen(campaign.structure, campaign.boundary, (PointMass(x, y, campaign.sensor_mass_kg),))
+
+
+def roving_mass(campaign: stored.Measurement) -> float:
+    """Mass in kg of a sensor that moved with the response; 0 where it has none or sat at a point."""
+    return campaign.sensor_mass_kg if _sensor_point(campaign) is None else 0.0
+
+
+def _sensor_point(campaign: stored.Measurement) -> int | None:
+    """Where the sensor sat: where the campaign says, or where all responses were measured; None where it moved."""
+    if campaign.sensor_point is not None or not campaign.frf_sets:
+        return campaign.sensor_point
+    points = {dof.point for dof in campaign.frf_sets[0].frfs.responses}
+    return points.pop() if len(points) == 1 else None
 
 
 def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointMass, ...] = ()) -> Specimen:

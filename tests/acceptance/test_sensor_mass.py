@@ -1,0 +1,75 @@
+"""A campaign that states its sensor's mass, over HTTP: the sensor moved from point to point, or stood still."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+import httpx
+import numpy as np
+import pytest
+
+from fecore.specimen import Specimen
+from fecore.supports import PointMass
+from fecore.updating.measurement import Measurement
+from tests.acceptance.test_main_job import NOMINAL, finished, posted, result_of
+from tests.fecore.updating.conftest import COUPONS
+from tests.fecore.updating.test_roving import LAW, MASS, TRUE, measured
+
+BODY = Specimen(0.5, 0.04, 0.010, replace(COUPONS, **TRUE))
+
+
+def campaign_with(api: httpx.Client, name: str, taken: Measurement) -> str:
+    """A campaign whose sensor has a mass and no stated point."""
+    project = posted(api, "projects", {"name": f"sensor {name}"})
+    geometry = {"length_m": BODY.length, "width_m": BODY.width, "thickness_m": BODY.thickness}
+    structure = posted(
+        api,
+        f"projects/{project['id']}/structures",
+        {"name": "beam", "density_kg_m3": BODY.material.density, "geometry": geometry, "material": NOMINAL},
+    )
+    body = {"name": "tour", "boundary": "cantilever", "instruments": {"sensor_mass_kg": MASS}}
+    campaign = posted(api, f"structures/{structure['id']}/campaigns", body)["id"]
+    items = [{"label": label, "x_m": x, "y_m": y, "z_m": z} for label, (x, y, z) in taken.points.items()]
+    api.put(f"campaigns/{campaign}/grid-points", json={"items": items}).raise_for_status()
+    buffer = io.BytesIO()
+    np.savez(
+        buffer,
+        frequency_hz=taken.frfs.frequency_hz,
+        values=taken.frfs.values,
+        response_point=np.array([dof.point for dof in taken.frfs.responses]),
+        response_direction=np.array([dof.direction for dof in taken.frfs.responses]),
+        reference_point=np.array([dof.point for dof in taken.frfs.references]),
+        reference_direction=np.array([dof.direction for dof in taken.frfs.references]),
+        quantity=np.array(taken.frfs.quantity),
+    )
+    sent = api.post(
+        f"campaigns/{campaign}/frfs", content=buffer.getvalue(), headers={"Content-Type": "application/x-npz"}
+    )
+    assert sent.status_code == 201, sent.text
+    return str(campaign)
+
+
+def moved() -> Measurement:
+    return measured(BODY, MASS)
+
+
+def standing() -> Measurement:
+    """The same tour the other way round: the hammer goes about and the sensor stands at point 33."""
+    still = measured(replace(BODY, masses=(PointMass(0.5, 0.02, MASS),)), 0.0)
+    return replace(still, frfs=replace(still.frfs, responses=still.frfs.references, references=still.frfs.responses))
+
+
+@pytest.mark.parametrize(("name", "taken", "roves"), [("moved", moved, True), ("standing", standing, False)])
+def test_the_sensors_mass_is_modelled(api: httpx.Client, name: str, taken, roves: bool) -> None:
+    campaign = campaign_with(api, name, taken())
+    location = api.post(f"campaigns/{campaign}/update-jobs", json={}).raise_for_status().headers["Location"]
+    job = finished(api, location)
+    assert job["status"] == "succeeded", job
+    result = result_of(api, location)
+    rows = {row["name"]: row for row in result["parameters"]}
+    for parameter, value in {**TRUE, "a0": LAW[0], "a1": LAW[1]}.items():
+        low, high = rows[parameter]["interval_95"]
+        assert low < value < high, parameter
+    assert rows["Ex"]["estimate"] == pytest.approx(TRUE["Ex"], rel=2e-3)  # massless sensors would leave it 2 % low
+    assert any("4.8 g moved with the response" in warning for warning in result["warnings"]) == roves
