@@ -88,8 +88,8 @@ def _frfs(count: int, lines: int, seed: int) -> Iterator[GridPoint | Frf]:
 def _imports(api: httpx.Client, structure: str, service: LocalService, folder: Path) -> None:
     print(f"import of {FRFS} FRFs × {LINES} lines, upload to result, medians of {PAIRS} pairs of runs, load {_load()}")
     print("(target: at most 1.5 × pyuff's reading; COPY: PostgreSQL alone stores the file and its spectra;")
-    print(" memory: of API, worker and child, above idle)")
-    print(f"{'':8} {'MB':>6} {'pyuff s':>9} {'COPY s':>9} {'import s':>9} {'ratio':>6} {'peak memory MB':>15}")
+    print(" memory: of API, worker and child, pages that they share counted for each; in brackets above idle)")
+    print(f"{'':8} {'MB':>6} {'pyuff s':>9} {'COPY s':>9} {'import s':>9} {'ratio':>6} {'peak memory MB':>16}")
     for name, binary in (("58b", True), ("58", False)):
         path = folder / f"{name}.uff"
         runs = []
@@ -97,15 +97,15 @@ def _imports(api: httpx.Client, structure: str, service: LocalService, folder: P
             write_file(path, _frfs(FRFS, LINES, seed=pair), binary=binary)  # bytes that are not there yet
             limits = _pyuff_seconds(path), _copy_seconds(service, path)
             runs.append((*limits, *_timed_import(api, structure, service, path, FRFS)))
-        reading, copying, taken, peak = (statistics.median(column) for column in zip(*runs, strict=True))
+        reading, copying, taken, *peak = (statistics.median(column) for column in zip(*runs, strict=True))
         ratio = statistics.median(run[2] / run[0] for run in runs)
         size = path.stat().st_size / 1e6
-        print(f"{name:8} {size:6.0f} {reading:9.2f} {copying:9.2f} {taken:9.2f} {ratio:6.2f} {peak / 1e6:15.0f}")
+        print(f"{name:8} {size:6.0f} {reading:9.2f} {copying:9.2f} {taken:9.2f} {ratio:6.2f} {_memory(*peak)}")
         path.unlink()
     write_file(folder / "large.uff", _frfs(LARGE_FRFS, LINES, seed=PAIRS), binary=True)
-    seconds, peak = _timed_import(api, structure, service, folder / "large.uff", LARGE_FRFS)
+    seconds, *peak = _timed_import(api, structure, service, folder / "large.uff", LARGE_FRFS)
     size = (folder / "large.uff").stat().st_size / 1e6
-    print(f"{'58b':8} {size:6.0f} {'':9} {'':9} {seconds:9.2f} {'':6} {peak / 1e6:15.0f}")
+    print(f"{'58b':8} {size:6.0f} {'':9} {'':9} {seconds:9.2f} {'':6} {_memory(*peak)}")
     (folder / "large.uff").unlink()
 
 
@@ -138,15 +138,19 @@ def _copy_seconds(service: LocalService, path: Path) -> float:
 
 def _timed_import(
     api: httpx.Client, structure: str, service: LocalService, path: Path, frfs: int
-) -> tuple[float, float]:
-    """Seconds, and bytes of memory at the peak."""
+) -> tuple[float, float, float]:
+    """Seconds, and bytes of memory at the peak, and above what it was before."""
     campaign = _campaign(api, structure, path.name)
     with _peak_memory(service) as peak:
         began = time.perf_counter()
         counts = _import(api, campaign, path)
         taken = time.perf_counter() - began
     assert counts == {"frfs": frfs, "grid_points": frfs, "modes": 0}
-    return taken, float(peak[0])
+    return taken, float(peak[0]), float(peak[1])
+
+
+def _memory(peak: float, above_idle: float) -> str:
+    return f"{peak / 1e6:10.0f} ({above_idle / 1e6:.0f})"
 
 
 def _load() -> str:
@@ -166,9 +170,9 @@ def _import(api: httpx.Client, campaign: str, path: Path) -> dict[str, int]:
 
 @contextmanager
 def _peak_memory(service: LocalService) -> Iterator[list[int]]:
-    """Largest sum of the resident memory of API, worker and their children, above what it was at the beginning."""
+    """Largest sum of the resident memory of API, worker and their children; and above what it was at the beginning."""
     ended = threading.Event()
-    peak = [0]
+    peak = [0, 0]
 
     def resident() -> int:
         total = 0
@@ -184,7 +188,8 @@ def _peak_memory(service: LocalService) -> Iterator[list[int]]:
 
     def watch() -> None:
         while not ended.wait(0.05):
-            peak[0] = max(peak[0], resident() - before)
+            peak[0] = max(peak[0], resident())
+            peak[1] = peak[0] - before
 
     thread = threading.Thread(target=watch)
     thread.start()

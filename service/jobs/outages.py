@@ -9,7 +9,7 @@ from sqlalchemy.exc import DBAPIError
 
 from service.jobs.child import Item
 
-KEPT_BYTES = 64 * 1024 * 1024
+KEPT_BYTES = 32 * 1024 * 1024
 
 PASSING = ("08", "40", "53", "57P", "55P03")
 """SQLSTATEs of lost connections, rollbacks that ask for another try, exhausted resources, shutdowns, lock time-outs."""
