@@ -92,7 +92,7 @@ def pyfe3d(specimen: Specimen) -> np.ndarray:
 
 def calculix(specimen: Specimen) -> np.ndarray:
     """S8R by the `ccx` process: input written, solved, frequencies read back. It has in-plane modes too."""
-    table = _ccx([*_calculix_model(specimen), "*STEP", "*FREQUENCY", str(MODES), "*END STEP"]).split("P A R T I C I P")[
+    table = ccx([*_calculix_model(specimen), "*STEP", "*FREQUENCY", str(MODES), "*END STEP"]).split("P A R T I C I P")[
         0
     ]
     rows = re.findall(r"^\s+\d+\s+\S+\s+\S+\s+(\S+)\s+\S+\s*$", table, re.MULTILINE)
@@ -108,7 +108,7 @@ def calculix_frfs(specimen: Specimen, a0: float, a1: float, highest_hz: float, b
     places = [(x, y) for x in np.linspace(0.05, specimen.length, 11) for y in (-0.02, 0.0, 0.02)]
     seen = [int(np.argmin(np.linalg.norm(nodes - place, axis=1))) + 1 for place in places]
     load = ["*CLOAD", f"{seen[-1]},3,1."]
-    table = _ccx(
+    table = ccx(
         [
             *_calculix_model(specimen),
             *("*NSET, NSET=SEEN", ",\n".join(map(str, seen))),
@@ -138,8 +138,8 @@ def _calculix_model(specimen: Specimen) -> list[str]:
     return [*lines, "*BOUNDARY", "ROOT,1,6"]
 
 
-def _ccx(lines: list[str]) -> str:
-    """The printed output of a run."""
+def ccx(lines: list[str]) -> str:
+    """The printed output of a run of CalculiX."""
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "beam.inp").write_text("\n".join([*lines, ""]))
         subprocess.run(["ccx", "-i", "beam"], cwd=folder, check=True, capture_output=True)

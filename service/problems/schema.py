@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Generic, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetCoreSchemaHandler
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationInfo
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from service.problems.json_body import refuse_unstorable_text
@@ -31,13 +31,13 @@ def _only_numbers(schema: Any) -> None:
         for part in schema.values():
             _only_numbers(part)
         if schema.get("type") in ("float", "int"):
-            inner = core_schema.no_info_before_validator_function(_number, dict(schema))
+            inner = core_schema.with_info_before_validator_function(_number, dict(schema))
             schema.clear()
             schema.update(inner)
 
 
-def _number(value: object) -> object:
-    if isinstance(value, str | bool):
+def _number(value: object, info: ValidationInfo) -> object:
+    if isinstance(value, str | bool) and info.mode in ("python", "json"):  # in the cells of a table all is text
         raise PydanticCustomError("not_a_number", "Input should be a number")
     return value
 
