@@ -35,7 +35,8 @@ FREQUENCY_TOLERANCE = 1e-6
 
 _SKETCH = 32  # random vectors: χ² with 32 degrees of freedom …
 _SAFETY = 3.0  # … falls below a third of its mean once in 10⁵
-_KEPT = 3e-4  # energy norm below which a direction is left out of the basis, for vectors of unit energy
+_KEPT = 3e-4  # energy norm below which a direction is left out of the basis, for vectors of unit energy …
+_KEPT_LATER = 1e-6  # … and of those that are to mend an error; the frequency's error is its square
 _REACH = 0.5  # relative change of a coefficient for which the derivative vectors are scaled
 _LARGEST = 160  # vectors; a basis that has grown beyond is begun anew at the coefficients then asked for
 _CLOSE = 0.1  # relative distance in μ below which modes are pooled
@@ -176,7 +177,7 @@ class ReducedModel:
             self._begin(stiffness, mass)
             return self.system.modes(stiffness, mass, self._count)
         full = self._solve_full(stiffness, mass)
-        self._add(self._unit_energy(full.shapes[:, full.rigid :]))
+        self._add(self._unit_energy(full.shapes[:, full.rigid :]), _KEPT_LATER)
         modes = self.system.modes(stiffness, mass, self._count)
         worst = float(np.abs(modes.frequency_hz[full.rigid :] / full.frequency_hz[full.rigid :] - 1).max())
         if worst > self._tolerance:
@@ -230,14 +231,14 @@ class ReducedModel:
         moved = self._factor.solve(np.hstack(forces)) if forces else np.zeros((len(unit), 0))
         return np.hstack([unit, _REACH * moved])
 
-    def _add(self, vectors: FloatArray) -> None:
+    def _add(self, vectors: FloatArray, kept: float = _KEPT) -> None:
         """Take what lies outside the basis into it, in F₀-orthonormal directions of enough energy."""
         V = self._vectors
         image = self._metric @ V
         for _ in range(2):
             vectors = vectors - V @ (image.T @ vectors)
         weight, turn = np.linalg.eigh(vectors.T @ (self._metric @ vectors))
-        keep = weight > _KEPT**2
+        keep = weight > kept**2
         fresh = vectors @ (turn[:, keep] / np.sqrt(weight[keep]))
         fresh = fresh - V @ (image.T @ fresh)
         lower = np.linalg.cholesky(fresh.T @ (self._metric @ fresh))

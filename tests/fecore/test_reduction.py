@@ -68,6 +68,18 @@ def test_near_the_start_nothing_is_solved_in_full_and_shapes_agree() -> None:
     assert reduced.full_solves == 1
 
 
+def test_a_parameter_at_its_bound_is_mended_to_the_tolerance() -> None:
+    """A thousandth of the transverse shear: what enrichment must add has little energy at the start and much there."""
+    specimen = Specimen(0.5, 0.04, 0.01, PAPER)
+    model, parametrisation = specimen.model, parametrise(specimen, [Parameter(name) for name in FIVE])
+    start = parametrisation.coefficients(parametrisation.prior_mean)
+    reduced = ReducedModel(model, start.stiffness, start.mass, 20)
+    for share in ([0.93, 0.81, 0.61, 1e-3, 1e-3], [0.97, 0.91, 0.80, 1e-3, 1e-3]):  # the second lies near the first
+        c = parametrisation.coefficients(parametrisation.prior_mean * np.array(share))
+        found = reduced.modes(c.stiffness, c.mass).frequency_hz
+        np.testing.assert_allclose(found, full_modes(model, c, 20).frequency_hz, rtol=FREQUENCY_TOLERANCE)
+
+
 @pytest.mark.parametrize("boundary", ["cantilever", "free"])
 def test_static_deflections_of_covered_points(boundary) -> None:
     specimen = laden(boundary)
