@@ -36,7 +36,7 @@ FREQUENCY_TOLERANCE = 1e-6
 _SKETCH = 32  # random vectors: χ² with 32 degrees of freedom …
 _SAFETY = 3.0  # … falls below a third of its mean once in 10⁵
 _KEPT = 3e-4  # energy norm below which a direction is left out of the basis, for vectors of unit energy …
-_KEPT_LATER = 1e-6  # … and of those that are to mend an error; the frequency's error is its square
+_MENDED = 0.1  # … and of those that are to mend an error, as a share of what would make the tolerance
 _REACH = 0.5  # relative change of a coefficient for which the derivative vectors are scaled
 _LARGEST = 160  # vectors; a basis that has grown beyond is begun anew at the coefficients then asked for
 _CLOSE = 0.1  # relative distance in μ below which modes are pooled
@@ -177,7 +177,9 @@ class ReducedModel:
             self._begin(stiffness, mass)
             return self.system.modes(stiffness, mass, self._count)
         full = self._solve_full(stiffness, mass)
-        self._add(self._unit_energy(full.shapes[:, full.rigid :]), _KEPT_LATER)
+        # What is left out of a vector has there no more than 1/α of its energy at the start.
+        kept = _MENDED * np.sqrt(self._tolerance * self._smallest(stiffness, mass))
+        self._add(self._unit_energy(full.shapes[:, full.rigid :]), min(kept, _KEPT))
         modes = self.system.modes(stiffness, mass, self._count)
         worst = float(np.abs(modes.frequency_hz[full.rigid :] / full.frequency_hz[full.rigid :] - 1).max())
         if worst > self._tolerance:
@@ -186,9 +188,7 @@ class ReducedModel:
 
     def frequency_error(self, stiffness: FloatArray, mass: FloatArray, modes: NormalModes) -> FloatArray:
         """(n,) estimated relative errors of the natural frequencies of the elastic modes."""
-        alpha = self._ratio[0].smallest(stiffness)
-        if self._shift:
-            alpha = min(alpha, self._ratio[1].smallest(mass))
+        alpha = self._smallest(stiffness, mass)
         if alpha <= 0:
             return np.full(modes.eigenvalue.size - modes.rigid, np.inf)
         away = (modes.eigenvalue - self._shift)[modes.rigid :]
@@ -197,6 +197,11 @@ class ReducedModel:
         close = distance < _CLOSE
         gap = np.minimum(np.where(close, np.inf, distance).min(axis=1), 1.0)
         return np.asarray((close @ energy) / gap * (away / modes.eigenvalue[modes.rigid :]) / 2)
+
+    def _smallest(self, stiffness: FloatArray, mass: FloatArray) -> float:
+        """α with F(c) ≥ αF₀."""
+        alpha = self._ratio[0].smallest(stiffness)
+        return min(alpha, self._ratio[1].smallest(mass)) if self._shift else alpha
 
     def cover(self, loads: FloatArray, stiffness: FloatArray, mass: FloatArray) -> None:
         """Take the static deflections at given coefficients under (dofs, l) more unit forces into the basis."""

@@ -35,12 +35,14 @@ def same_cluster(eigenvalue: FloatArray) -> BoolArray:
     return np.asarray(label[:, None] == label)
 
 
-def mode_forms(
-    modes: NormalModes, stiffness_by: Sequence[Matrix], mass_by: Sequence[Matrix]
-) -> tuple[FloatArray, FloatArray]:
-    """(p, n, n) forms φ_jᵀK'φ_k and φ_jᵀM'φ_k for each of p parameters."""
+def mode_forms(modes: NormalModes, terms: Sequence[Matrix], weights: FloatArray) -> FloatArray:
+    """(p, n, n) forms φ_jᵀA'φ_k of A' = Σ_k weights_kp A_k for each of p parameters, from k matrices and (k, p) weights."""
     phi = modes.shapes
-    return np.array([phi.T @ (A @ phi) for A in stiffness_by]), np.array([phi.T @ (A @ phi) for A in mass_by])
+    forms = np.zeros((weights.shape[1], phi.shape[1], phi.shape[1]))
+    for term, weight in zip(terms, weights, strict=True):
+        if weight.any():
+            forms += weight[:, None, None] * (phi.T @ (term @ phi))
+    return forms
 
 
 def eigenvalue_derivatives(modes: NormalModes, stiffness_forms: FloatArray, mass_forms: FloatArray) -> FloatArray:

@@ -207,7 +207,10 @@ class ForwardState:
     @cached_property
     def eigenvalue_matrix(self) -> FloatArray:
         """(p, m, m) derivatives of the eigenvalues; off the diagonal inside repeated roots only (`sensitivity`)."""
-        return eigenvalue_derivatives(self.modes, *mode_forms(self.modes, *self._by))
+        c = self.coefficients
+        stiffness = mode_forms(self.modes, self.terms.stiffness, c.stiffness_by)
+        mass = mode_forms(self.modes, self.terms.mass, c.mass_by)
+        return eigenvalue_derivatives(self.modes, stiffness, mass)
 
     @cached_property
     def eigenvalue_jacobian(self) -> FloatArray:

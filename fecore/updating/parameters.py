@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -97,29 +98,21 @@ class Parametrisation:
 
     def are_physical(self, theta: FloatArray) -> BoolArray:
         """(w,) the same for (w, p) parameters."""
-        constants, springs = self._split((self.base + theta @ self.spread.T).T)
+        constants, springs = self.split((self.base + theta @ self.spread.T).T)
         physical: BoolArray = self.body.are_physical(constants) & np.all(springs > 0, axis=0)
         return physical
 
     def coefficient_values(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(w, k + s) stiffness coefficients and (w, j) inertias at (w, p) parameters, without derivatives."""
-        constants, springs = self._split((self.base + theta @ self.spread.T).T)
+        constants, springs = self.split((self.base + theta @ self.spread.T).T)
         stiffness = np.concatenate([self.body.stiffness_coefficients(constants), springs])
         return stiffness.T, self.body.mass_coefficients(constants).T
 
     def coefficients(self, theta: FloatArray) -> Coefficients:
-        """Section coefficients, springs and inertias with their derivatives by θ."""
-        constants, springs = self._split(self.constants(theta))
-        by_constants, by_springs = self._split(self.spread)
-        stiffness, mass = self.body.stiffness_coefficients, self.body.mass_coefficients
-        return Coefficients(
-            np.concatenate([stiffness(constants), springs]),
-            np.vstack([_derivative(stiffness, constants) @ by_constants, by_springs]),
-            mass(constants),
-            _derivative(mass, constants) @ by_constants,
-        )
+        """Section coefficients, springs and inertias, and when asked for their derivatives by θ."""
+        return Coefficients(self, theta)
 
-    def _split(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def split(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rows of the constants and of the springs."""
         count = len(self.body.nominal)
         return rows[:count], rows[count:]
@@ -130,14 +123,42 @@ class Coefficients:
     """Coefficients of an affine model and their derivatives by the parameters.
 
     Attributes:
-        stiffness: (k + s,) as the model orders them, springs last; stiffness_by: (k + s, p).
-        mass: (j,) as the model orders them; mass_by: (j, p).
+        parametrisation: from θ to coefficients.
+        theta: (p,) θ.
     """
 
-    stiffness: FloatArray
-    stiffness_by: FloatArray
-    mass: FloatArray
-    mass_by: FloatArray
+    parametrisation: Parametrisation
+    theta: FloatArray
+
+    @cached_property
+    def stiffness(self) -> FloatArray:
+        """(k + s,) as the model orders them, springs last."""
+        constants, springs = self._values
+        return np.concatenate([self.parametrisation.body.stiffness_coefficients(constants), springs])
+
+    @cached_property
+    def stiffness_by(self) -> FloatArray:
+        """(k + s, p) their derivatives."""
+        by_constants, by_springs = self.parametrisation.split(self.parametrisation.spread)
+        slope = _derivative(self.parametrisation.body.stiffness_coefficients, self._values[0])
+        return np.vstack([slope @ by_constants, by_springs])
+
+    @cached_property
+    def mass(self) -> FloatArray:
+        """(j,) as the model orders them."""
+        return self.parametrisation.body.mass_coefficients(self._values[0])
+
+    @cached_property
+    def mass_by(self) -> FloatArray:
+        """(j, p) their derivatives."""
+        by_constants, _ = self.parametrisation.split(self.parametrisation.spread)
+        slope: FloatArray = _derivative(self.parametrisation.body.mass_coefficients, self._values[0]) @ by_constants
+        return slope
+
+    @cached_property
+    def _values(self) -> tuple[FloatArray, FloatArray]:
+        """Constants and springs."""
+        return self.parametrisation.split(self.parametrisation.constants(self.theta))
 
 
 def parametrise(specimen: Body, parameters: Sequence[Parameter] = DEFAULT_PARAMETERS) -> Parametrisation:

@@ -78,7 +78,7 @@ def test_eigenvalues_and_shapes_against_complex_steps() -> None:
     K, M = pencil.at(THETA)
     modes = modes_of(K, M, 6)
     by = pencil.by(THETA)
-    G = eigenvalue_derivatives(modes, *mode_forms(modes, *by))
+    G = eigenvalue_derivatives(modes, *(mode_forms(modes, terms, np.eye(2)) for terms in by))
     shapes = shape_derivatives(K, M, modes, *by)
     for p in range(2):
         stepped = THETA.astype(complex)
@@ -119,7 +119,7 @@ def test_repeated_roots_give_exact_derivatives_of_what_has_one() -> None:
     inside = same_cluster(modes.eigenvalue)
     assert inside[1, 2]
     assert inside.sum() == 7
-    G = eigenvalue_derivatives(modes, *mode_forms(modes, [dK], [dM]))[0]
+    G = eigenvalue_derivatives(modes, *(mode_forms(modes, [term], np.ones((1, 1))) for term in (dK, dM)))[0]
     by = shape_derivatives(K, M, modes, [dK], [dM])[0]
     z = 6.3 + 0.4j
     pair = modes.shapes[:, 1:3]
