@@ -8,6 +8,7 @@ length in each FRF, which keeps the normal equations well conditioned for distin
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -21,11 +22,17 @@ class LinearFit:
 
     Attributes:
         coefficients: (N, q) real coefficients.
-        covariance: (N, q, q) their covariance for the stated weights (inverse normal matrices).
+        root: (N, q, q) R with RᵀR the inverse normal matrices. What is left of a product after projection on the basis
+            keeps twice the digits when it is made from the root.
     """
 
     coefficients: FloatArray
-    covariance: FloatArray
+    root: FloatArray
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """(N, q, q) covariance of the coefficients for the stated weights."""
+        return np.matmul(self.root.transpose(0, 2, 1), self.root)
 
 
 def fit_linear(basis: ComplexArray, values: ComplexArray, weight: FloatArray) -> LinearFit:
@@ -45,13 +52,18 @@ def fit_linear(basis: ComplexArray, values: ComplexArray, weight: FloatArray) ->
     return solve_normal(normal_matrices(basis, weight), basis, values, weight)
 
 
-def solve_normal(normal: FloatArray, basis: ComplexArray, values: ComplexArray, weight: FloatArray) -> LinearFit:
-    """The same where the (N, q, q) normal matrices are known."""
+def solve_normal(
+    normal: FloatArray, basis: ComplexArray, values: ComplexArray, weight: FloatArray, ridge: float = 0.0
+) -> LinearFit:
+    """The same where the (N, q, q) normal matrices are known.
+
+    A `ridge` on columns of unit length holds what the data cannot tell at small values.
+    """
     right = ((weight * values) @ basis.conj()).real
     scale = np.sqrt(np.einsum("nii->ni", normal))
     if not np.all(scale > 0):
         raise IdentificationError("a term has no weight on the measured lines of an FRF; leave that FRF out")
-    unit = normal / (scale[:, :, None] * scale[:, None, :])
+    unit = normal / (scale[:, :, None] * scale[:, None, :]) + ridge * np.eye(normal.shape[1])
     try:
         inverse = np.linalg.inv(np.linalg.cholesky(unit))
     except np.linalg.LinAlgError:
@@ -59,8 +71,8 @@ def solve_normal(normal: FloatArray, basis: ComplexArray, values: ComplexArray, 
             "the model's terms cannot be told apart on the measured lines: two poles coincide, or there are fewer lines"
             " than unknowns; use fewer poles or a wider band"
         ) from None
-    covariance = np.matmul(inverse.transpose(0, 2, 1), inverse) / (scale[:, :, None] * scale[:, None, :])
-    return LinearFit(np.einsum("nij,nj->ni", covariance, right), covariance)
+    root = inverse / scale[:, None, :]
+    return LinearFit(np.einsum("nji,nj->ni", root, np.einsum("nij,nj->ni", root, right)), root)
 
 
 def normal_matrices(basis: ComplexArray, weight: FloatArray) -> FloatArray:

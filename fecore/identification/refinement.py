@@ -32,6 +32,7 @@ _STALLED = 0.01  # two steps in a row that gain less than this have found the fl
 _VAGUE = 1e-10  # smallest eigenvalue of the scaled information: a vaguer one gives a large variance, not infinity
 _HELD = 1e60  # information on a parameter that is held: its variance is nothing
 _STEPS = 40
+_RIDGE = 1e-12  # on columns of unit length: far above the round-off of their products, far below what matters
 _DAMPING_RANGE = (1e-5, 0.95)
 
 
@@ -94,7 +95,15 @@ class Fit:
         return np.asarray(inverse / scale[:, None] / scale * max(1.0, self.chi_squared / self.freedom))
 
 
-def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fit:
+def settled(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fit:
+    """`evaluate`, also where these weights leave terms that can hardly be told apart: so they can be pruned."""
+    try:
+        return evaluate(arrangement, terms, variance)
+    except IdentificationError:
+        return evaluate(arrangement, terms, variance, _RIDGE)
+
+
+def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray, ridge: float = 0.0) -> Fit:
     """Linear coefficients, residual and Gauss-Newton matrices at given poles.
 
     Raises:
@@ -105,13 +114,14 @@ def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fi
     steep = derivatives(arrangement.omega, terms, arrangement.power)
     gram = normal_matrices(np.concatenate([basis, steep], axis=1), weight)
     q = terms.columns
-    linear = solve_normal(gram[:, :q, :q], basis, arrangement.values, weight)
+    linear = solve_normal(gram[:, :q, :q], basis, arrangement.values, weight, ridge)
     residual = np.where(arrangement.measured, arrangement.values - linear.coefficients @ basis.T, 0)
     pulled = weight * residual
     turn = _slope_combinations(terms, linear.coefficients)
     cross = np.matmul(gram[:, :q, q:], turn)
     whole = np.matmul(turn.transpose(0, 2, 1), np.matmul(gram[:, q:, q:], turn))
-    information = (whole - np.matmul(cross.transpose(0, 2, 1), np.matmul(linear.covariance, cross))).sum(axis=0)
+    seen = np.matmul(linear.root, cross)
+    information = (whole - np.matmul(seen.transpose(0, 2, 1), seen)).sum(axis=0)
     gradient = np.einsum("nij,ni->j", turn, (pulled @ steep.conj()).real)
     still = np.concatenate([terms.held, terms.held, np.zeros(terms.decay.size, dtype=bool)])
     information[still, :] = information[:, still] = 0.0
@@ -134,9 +144,9 @@ def refine(arrangement: Arrangement, terms: Terms, variance: FloatArray, steps: 
     """Poles of least χ² for a given noise variance, from the given start.
 
     Raises:
-        IdentificationError: the start's terms cannot be told apart.
+        IdentificationError: a term has no weight.
     """
-    fit = evaluate(arrangement, terms, variance)
+    fit = settled(arrangement, terms, variance)
     damping, small = 1e-4, 0
     for _ in range(steps):
         step, predicted = _step(fit, damping)
@@ -161,7 +171,7 @@ def refine_with_noise(arrangement: Arrangement, terms: Terms, variance: FloatArr
     """Poles with the noise variance estimated from the fit's own residual, alternating until the poles rest.
 
     Raises:
-        IdentificationError: the start's terms cannot be told apart.
+        IdentificationError: a term has no weight.
     """
     fit = refine(arrangement, terms, variance)
     for _ in range(passes):
@@ -169,7 +179,7 @@ def refine_with_noise(arrangement: Arrangement, terms: Terms, variance: FloatArr
         fit = refine(arrangement, fit.terms, noise_of(arrangement, fit))
         if _distance(before, fit) < 0.02:
             break
-    return evaluate(arrangement, fit.terms, noise_of(arrangement, fit))
+    return settled(arrangement, fit.terms, noise_of(arrangement, fit))
 
 
 def noise_of(arrangement: Arrangement, fit: Fit) -> FloatArray:

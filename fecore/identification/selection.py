@@ -17,9 +17,10 @@ from scipy.ndimage import uniform_filter1d
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.correlation import mac
+from fecore.errors import IdentificationError
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.basis import Terms, columns
-from fecore.identification.refinement import Fit, evaluate, noise_of, refine, refine_with_noise
+from fecore.identification.refinement import Fit, noise_of, refine, refine_with_noise, settled
 from fecore.identification.residues import weights
 
 _ROUNDS = 30
@@ -76,7 +77,7 @@ def select(
     pool = (candidate_hz, candidate_zeta)
     fit = _grow_all(arrangement, fit, pool, shut, most, None)
     # a mode that is missing can pass for noise: look again with the noise that the records' roughness states
-    fit = _grow_all(arrangement, evaluate(arrangement, fit.terms, variance), pool, shut, most, variance)
+    fit = _grow_all(arrangement, settled(arrangement, fit.terms, variance), pool, shut, most, variance)
     free = replace(fit.terms, held=np.zeros(fit.terms.pairs, dtype=bool))
     fit = refine(arrangement, free, noise_of(arrangement, fit), steps=8)
     held = hold_vague(fit, ~in_band(arrangement, fit.terms.frequency_hz))
@@ -84,7 +85,7 @@ def select(
     thrifty = _prune(arrangement, _unique(arrangement, fit)[0])  # with the noise known at last
     if thrifty is not fit:
         fit = refine_with_noise(arrangement, thrifty.terms, noise_of(arrangement, thrifty))
-    return evaluate(arrangement, _ascending(fit.terms), fit.variance)
+    return settled(arrangement, _ascending(fit.terms), fit.variance)
 
 
 def _grow_all(
@@ -103,10 +104,15 @@ def _grow_all(
         grown = _grow(arrangement, fit, hz[open_], zeta[open_], most)
         if grown is None:
             break
-        fit = refine(arrangement, grown, fit.variance, steps=8)
-        held = hold_vague(fit, ~in_band(arrangement, fit.terms.frequency_hz))
-        noise = noise_of(arrangement, fit) if variance is None else variance
-        fit, closed = _unique(arrangement, _prune(arrangement, evaluate(arrangement, held, noise)))
+        try:
+            larger = refine(arrangement, grown, fit.variance, steps=8)
+            if larger.chi_squared >= fit.chi_squared:  # only round-off can make a larger model the worse one
+                break
+            held = hold_vague(larger, ~in_band(arrangement, larger.terms.frequency_hz))
+            noise = noise_of(arrangement, larger) if variance is None else variance
+            fit, closed = _unique(arrangement, _prune(arrangement, settled(arrangement, held, noise)))
+        except IdentificationError:  # terms that cannot be told apart: what was found before stands
+            break
         shut += closed
         score = fit.misfit(arrangement.measured) + np.log(fit.freedom + fit.unknowns) * fit.unknowns
         best, best_score, idle = (fit, score, 0) if score < best_score else (best, best_score, idle + 1)
@@ -205,13 +211,13 @@ def gains(arrangement: Arrangement, fit: Fit, hz: FloatArray, zeta: FloatArray) 
     weight = weights(arrangement, fit.variance)
     right = ((weight * fit.residual) @ extra.conj()).real
     cross = _cross_products(basis, extra, weight)
-    projected = np.matmul(fit.linear.covariance, cross)
+    projected = np.matmul(fit.linear.root, cross)
     count = 2 * hz.size
     one, two = extra[:, 0:count:2], extra[:, 1:count:2]
     entries = []
     for a, b, i, j in ((one, one, 0, 0), (one, two, 0, 1), (two, two, 1, 1)):
         raw = weight @ (a.real * b.real + a.imag * b.imag)
-        kept = raw - np.einsum("nqk,nqk->nk", cross[:, :, i:count:2], projected[:, :, j:count:2])
+        kept = raw - np.einsum("nqk,nqk->nk", projected[:, :, i:count:2], projected[:, :, j:count:2])
         entries.append((raw, kept))
     (raw11, s11), (_, s12), (raw22, s22) = entries
     g1, g2 = right[:, 0:count:2], right[:, 1:count:2]
@@ -222,7 +228,7 @@ def gains(arrangement: Arrangement, fit: Fit, hz: FloatArray, zeta: FloatArray) 
     single = []
     for place in range(count, extra.shape[1]):
         raw = weight @ np.abs(extra[:, place]) ** 2
-        kept = raw - np.einsum("nq,nq->n", cross[:, :, place], projected[:, :, place])
+        kept = raw - np.einsum("nq,nq->n", projected[:, :, place], projected[:, :, place])
         with np.errstate(invalid="ignore", divide="ignore"):
             single.append(float(np.where(kept > _ALONE * raw, right[:, place] ** 2 / kept, 0.0).sum()))
     exponent = {e: value - price(fit, 1, 0)[0] for e, value in zip(absent, single[: len(absent)], strict=True)}
