@@ -32,7 +32,8 @@ class LinearFit:
     @cached_property
     def covariance(self) -> FloatArray:
         """(N, q, q) covariance of the coefficients for the stated weights."""
-        return np.matmul(self.root.transpose(0, 2, 1), self.root)
+        covariance: FloatArray = np.matmul(self.root.transpose(0, 2, 1), self.root)
+        return covariance
 
 
 def fit_linear(basis: ComplexArray, values: ComplexArray, weight: FloatArray) -> LinearFit:
