@@ -2,7 +2,8 @@
 
 CalculiX (`ccx`, where it is installed) solves beams of 20-node solid elements with random constants; its modes are
 superposed under random Rayleigh damping, noise is added, and the update is told what a laboratory knows: geometry, density,
-boundary, the sensor's mass, coupon values. `python -m benchmarks.independent [sets] [seed]`.
+boundary, the sensor's mass, coupon values. A solid yields a little under a point mass, which no plate does: with one a1 comes
+out some 0.5 % low. `python -m benchmarks.independent [sets] [seed]`.
 
 Noise: H (1 + m g₁) + n rms(H) g₂ with complex normal g of unit variance, rms over the record.
 """
@@ -164,6 +165,8 @@ def row(beam: Beam, rng: np.random.Generator) -> tuple[str, list[bool], list[boo
         true = truth[parameter.name]
         error = 100 * (parameter.estimate / true - 1)
         low, high = parameter.interval_95
+        if parameter.name == "Gyz":  # tied to Gxz by default, which is another constant here
+            continue
         held.append(low <= true <= high)
         if parameter.name in TOLERANCE:
             within.append(abs(error) <= TOLERANCE[parameter.name] * min(max(100 * beam.noise, 1), 2))

@@ -197,20 +197,26 @@ class FrfMisfit:
         return FrfJacobian(self, np.stack([by_eigenvalue, 1j * omega * by_eigenvalue]), factors)
 
     @cached_property
-    def products(self) -> FloatArray:
-        """(N, m²) products A_ik A_ij of the residues."""
-        return _products(self.model.residues, self.model.residues)
+    def pairs(self) -> tuple[IntArray, IntArray]:
+        """Both numbers k ≤ j of each pair of modes: what is summed over FRFs and lines is Hermitian in them."""
+        k, j = np.triu_indices(self.model.omega.size)
+        return k, j
 
     @cached_property
-    def drive_products(self) -> tuple[FloatArray, FloatArray]:
-        """(N, m²) products A_ik B_ij and B_ik B_ij with the residues B of a roving sensor's driving points."""
+    def products(self) -> FloatArray:
+        """(pairs, N) products A_ik A_ij of the residues."""
+        return self._products(self.model.residues, self.model.residues)
+
+    @cached_property
+    def drive_products(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(pairs, N) products A_ik B_ij, B_ik A_ij and B_ik B_ij with the residues B of a roving sensor's driving points."""
         assert self.model.roving is not None, "a sensor roves"
-        B = self.model.roving.residues
-        return _products(self.model.residues, B), _products(B, B)
+        A, B = self.model.residues, self.model.roving.residues
+        return self._products(A, B), self._products(B, A), self._products(B, B)
 
-
-def _products(A: FloatArray, B: FloatArray) -> FloatArray:
-    return (A[:, :, None] * B[:, None, :]).reshape(len(A), -1)
+    def _products(self, A: FloatArray, B: FloatArray) -> FloatArray:
+        k, j = self.pairs
+        return np.ascontiguousarray((A[:, k] * B[:, j]).T)
 
 
 @dataclass(frozen=True)
@@ -240,22 +246,26 @@ class FrfJacobian:
 
     def hessian(self, weight: FloatArray) -> FloatArray:
         """(2m, 2m) 2 Re JᴴWJ."""
-        by, omega = self.by, self.misfit.measured.omega
-        lines = by[0].conj().T[:, :, None] * by[0].T[:, None, :] * self._coupling(weight)
-        plain, once, twice = np.tensordot(np.stack([np.ones_like(omega), 1j * omega, omega**2 + 0j]), lines, 1)
-        cross = 2 * np.real(once)
-        return np.block([[2 * np.real(plain), cross], [cross.T, 2 * np.real(twice)]])
+        (k, j), d, omega = self.misfit.pairs, self.by[0], self.misfit.measured.omega
+        lines = d.conj()[k] * d[j] * self._coupling(weight)
+        plain, once, twice = 2 * (lines @ np.stack([np.ones_like(omega), omega, omega**2]).T).T
+        eigenvalues, crossed, rates = np.zeros((3, len(d), len(d)))
+        eigenvalues[k, j] = eigenvalues[j, k] = plain.real
+        rates[k, j] = rates[j, k] = twice.real
+        crossed[j, k] = once.imag  # Re iω z, which changes its sign with that of the imaginary part
+        crossed[k, j] = -once.imag
+        return np.block([[eigenvalues, crossed], [crossed.T, rates]])
 
     def _coupling(self, weight: FloatArray) -> FloatArray | ComplexArray:
-        """(L, m, m) Σ_i w_i (A_ik g_i + B_ik h_i)* (A_ij g_i + B_ij h_i)."""
-        misfit, m = self.misfit, self.by.shape[1]
+        """(pairs, L) Σ_i w_i (A_ik g_i + B_ik h_i)* (A_ij g_i + B_ij h_i)."""
+        misfit = self.misfit
         if self.factors is None:
-            return (weight.T @ misfit.products).reshape(-1, m, m)
+            return misfit.products @ weight
         g, h = self.factors
-        mixed, driving = misfit.drive_products
-        crossed = ((weight * g.conj() * h).T @ mixed).reshape(-1, m, m)
-        own = (weight * np.abs(g) ** 2).T @ misfit.products + (weight * np.abs(h) ** 2).T @ driving
-        coupled: ComplexArray = own.reshape(-1, m, m) + crossed + crossed.conj().transpose(0, 2, 1)
+        mixed, turned, driving = misfit.drive_products
+        between = weight * g.conj() * h
+        own = misfit.products @ (weight * np.abs(g) ** 2) + driving @ (weight * np.abs(h) ** 2)
+        coupled: ComplexArray = own + mixed @ between + turned @ between.conj()
         return coupled
 
 
