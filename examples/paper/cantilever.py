@@ -20,8 +20,8 @@ from examples.paper.published import (
 from examples.paper.synthesis import grid, measured_body, rayleigh_body, solve
 from examples.paper.trials import Trials, run
 from fecore.modes import MeasuredModes
-from fecore.updating.damping import Weighting
 from fecore.updating.measurement import Measurement
+from fecore.updating.misfit import Weighting
 from fecore.updating.pipeline import update
 from fecore.updating.result import UpdateResult
 

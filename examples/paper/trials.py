@@ -10,7 +10,8 @@ import numpy as np
 from fecore.correlation import sac
 from fecore.damping import RAYLEIGH, damping_rate
 from fecore.frf import FrfSet, ModalFrfModel
-from fecore.updating.damping import FrfMisfit, Nuisance, Weighting, fit_law
+from fecore.updating.damping import Nuisance, fit_law
+from fecore.updating.misfit import FrfMisfit, Weighting
 
 
 @dataclass(frozen=True)

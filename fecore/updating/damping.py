@@ -22,16 +22,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, get_args
 
 import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.damping import DampingLaw, beyond, damping_rate
-from fecore.errors import InputError, UpdatingError
-from fecore.frf import FrfSet, ModalFrfModel, Quantity, convert
-
-Weighting = Literal["linear", "relative", "log", "noise"]
+from fecore.errors import UpdatingError
+from fecore.frf import ModalFrfModel, Quantity
+from fecore.updating.misfit import FrfMisfit, NormalEquations
 
 _MAX_ITERATIONS = 100
 _TOLERANCE = 1e-10  # share of the misfit that an undamped step could still gain at convergence
@@ -113,162 +111,6 @@ class Nuisance:
         return cls(modes, first_shift, np.full(modes.size, np.inf), np.zeros(modes.size))
 
 
-@dataclass(frozen=True)
-class NormalEquations:
-    """Normal equations of the misfit by u = (λ_1 … λ_m, c_1 … c_m) at one point: cost, (2m,) gradient, (2m, 2m) hessian."""
-
-    cost: float
-    gradient: FloatArray
-    hessian: FloatArray
-
-
-@dataclass(frozen=True)
-class FrfMisfit:
-    """Measured FRFs, the model's residues, and the weighting between them.
-
-    Attributes:
-        measured: measured FRFs in the fitted band.
-        model: the elastic model's part of the synthesis.
-        weighting: name of the residual.
-        variance: (N, L) noise variance E|n|², for `noise` weights and for the covariance of the estimate.
-    """
-
-    measured: FrfSet
-    model: ModalFrfModel
-    weighting: Weighting
-    variance: FloatArray
-
-    def __post_init__(self) -> None:
-        if self.weighting not in get_args(Weighting):
-            raise InputError("weighting", f"is {self.weighting!r}, expected one of {', '.join(get_args(Weighting))}")
-        if self.weighting in ("relative", "log") and np.any(self.measured.values == 0):
-            raise InputError(
-                "weighting", f"{self.weighting!r} needs FRFs without zeros; leave out the lines that are 0"
-            )
-
-    def predict(self, eigenvalue: FloatArray, rate: FloatArray) -> ComplexArray:
-        """(N, L) FRFs with other eigenvalues and rates but the model's residues."""
-        return self.model.with_eigenvalue(eigenvalue).synthesise(
-            self.measured.frequency_hz, rate, self.measured.quantity
-        )
-
-    def residual(self, predicted: ComplexArray) -> tuple[ComplexArray, FloatArray]:
-        """(N, L) residuals in units of H, and their weights."""
-        values = self.measured.values
-        if self.weighting == "log":
-            # r = H ln(H_exp/H) has the derivative -∂H of the log residual times H, to first order.
-            return predicted * np.log(values / predicted), np.abs(predicted) ** -2
-        if self.weighting == "noise":
-            return values - predicted, 1 / self.variance
-        if self.weighting == "relative":
-            return values - predicted, np.abs(values) ** -2
-        return values - predicted, np.ones(values.shape)
-
-    def signal(self) -> float:
-        """Weighted sum of squares that the data themselves are worth."""
-        values = self.measured.values
-        if self.weighting in ("relative", "log"):
-            return float(values.size)
-        weight = 1 / self.variance if self.weighting == "noise" else 1.0
-        return float(np.sum(weight * np.abs(values) ** 2))
-
-    def cost(self, eigenvalue: FloatArray, rate: FloatArray) -> float:
-        """E at given eigenvalues and rates."""
-        residual, weight = self.residual(self.predict(eigenvalue, rate))
-        return float(np.sum(weight * np.abs(residual) ** 2))
-
-    def normal(self, eigenvalue: FloatArray, rate: FloatArray) -> NormalEquations:
-        """Normal equations at given eigenvalues and rates."""
-        residual, weight = self.residual(self.predict(eigenvalue, rate))
-        jacobian = self.jacobian(eigenvalue, rate)
-        return NormalEquations(
-            float(np.sum(weight * np.abs(residual) ** 2)),
-            jacobian.gradient(weight * residual),
-            jacobian.hessian(weight),
-        )
-
-    def jacobian(self, eigenvalue: FloatArray, rate: FloatArray) -> FrfJacobian:
-        """Derivatives by u = λ, c at given eigenvalues and rates."""
-        omega, quantity = self.measured.omega, self.measured.quantity
-        denominator = eigenvalue[:, None] - omega**2 + 1j * omega * rate[:, None]
-        by_eigenvalue = -convert(omega, quantity) / denominator**2
-        model = self.model.with_eigenvalue(eigenvalue)
-        factors = model.load_factors(self.measured.frequency_hz, rate, quantity)
-        return FrfJacobian(self, np.stack([by_eigenvalue, 1j * omega * by_eigenvalue]), factors)
-
-    @cached_property
-    def pairs(self) -> tuple[IntArray, IntArray]:
-        """Both numbers k ≤ j of each pair of modes: what is summed over FRFs and lines is Hermitian in them."""
-        k, j = np.triu_indices(self.model.omega.size)
-        return k, j
-
-    @cached_property
-    def products(self) -> FloatArray:
-        """(pairs, N) products A_ik A_ij of the residues."""
-        return self._products(self.model.residues, self.model.residues)
-
-    @cached_property
-    def drive_products(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(pairs, N) products A_ik B_ij, B_ik A_ij and B_ik B_ij with the residues B of a roving sensor's driving points."""
-        assert self.model.roving is not None, "a sensor roves"
-        A, B = self.model.residues, self.model.roving.residues
-        return self._products(A, B), self._products(B, A), self._products(B, B)
-
-    def _products(self, A: FloatArray, B: FloatArray) -> FloatArray:
-        k, j = self.pairs
-        return np.ascontiguousarray((A[:, k] * B[:, j]).T)
-
-
-@dataclass(frozen=True)
-class FrfJacobian:
-    """Derivatives of the FRFs at one point: ∂H_i/∂u_k = A_ik d_k, and (A_ik g_i + B_ik h_i) d_k under a roving mass.
-
-    Attributes:
-        misfit: whose FRFs they are.
-        by: (2, m, L) factors d for u = λ, c.
-        factors: (N, L) g and h (`ModalFrfModel.load_factors`), or None.
-    """
-
-    misfit: FrfMisfit
-    by: ComplexArray
-    factors: tuple[ComplexArray, ComplexArray] | None
-
-    def gradient(self, weighted: ComplexArray) -> FloatArray:
-        """(2m,) 2 Re Jᴴ(w r): the descent direction's data."""
-        model = self.misfit.model
-        if self.factors is None or model.roving is None:
-            projected = model.residues.T @ weighted
-        else:
-            g, h = self.factors
-            projected = model.residues.T @ (g.conj() * weighted) + model.roving.residues.T @ (h.conj() * weighted)
-        both: FloatArray = 2 * np.real(np.sum(self.by.conj() * projected, axis=2))
-        return both.ravel()
-
-    def hessian(self, weight: FloatArray) -> FloatArray:
-        """(2m, 2m) 2 Re JᴴWJ."""
-        (k, j), d, omega = self.misfit.pairs, self.by[0], self.misfit.measured.omega
-        lines = d.conj()[k] * d[j] * self._coupling(weight)
-        plain, once, twice = 2 * (lines @ np.stack([np.ones_like(omega), omega, omega**2]).T).T
-        eigenvalues, crossed, rates = np.zeros((3, len(d), len(d)))
-        eigenvalues[k, j] = eigenvalues[j, k] = plain.real
-        rates[k, j] = rates[j, k] = twice.real
-        crossed[j, k] = once.imag  # Re iω z, which changes its sign with that of the imaginary part
-        crossed[k, j] = -once.imag
-        return np.block([[eigenvalues, crossed], [crossed.T, rates]])
-
-    def _coupling(self, weight: FloatArray) -> FloatArray | ComplexArray:
-        """(pairs, L) Σ_i w_i (A_ik g_i + B_ik h_i)* (A_ij g_i + B_ij h_i)."""
-        misfit = self.misfit
-        if self.factors is None:
-            return misfit.products @ weight
-        g, h = self.factors
-        mixed, turned, driving = misfit.drive_products
-        between = weight * g.conj() * h
-        own = misfit.products @ (weight * np.abs(g) ** 2) + driving @ (weight * np.abs(h) ** 2)
-        coupled: ComplexArray = own + mixed @ between + turned @ between.conj()
-        return coupled
-
-
 def fit_law(
     misfit: FrfMisfit,
     law: DampingLaw,
@@ -308,12 +150,11 @@ def fit_law(
             return problem.finish(x, normal, np.array(history))
         step = np.linalg.solve(scaled + damping * np.eye(x.size), gradient / size) / size
         candidate = problem.within(x + step)
-        allowed = problem.is_allowed(candidate)
-        cost = misfit.cost(*problem.modes(candidate)) + problem.penalty(candidate) if allowed else np.inf
-        if cost <= total:
+        there = misfit.normal(*problem.modes(candidate)) if problem.is_allowed(candidate) else None
+        cost = np.inf if there is None else there.cost + problem.penalty(candidate)
+        if there is not None and cost <= total:
             stalled = stalled + 1 if total - cost <= _STALLED * total else 0
-            x, total, damping = candidate, cost, damping / 10
-            normal = misfit.normal(*problem.modes(x))
+            x, total, damping, normal = candidate, cost, damping / 10, there
             history.append(x[: start.size])
             if stalled >= _STALLED_STEPS:
                 return problem.finish(x, normal, np.array(history))
@@ -447,7 +288,8 @@ class _Problem:
         jacobian = self.misfit.jacobian(eigenvalue, rate)
         _, weight = self.misfit.residual(self.misfit.predict(eigenvalue, rate))
         # Circular noise of variance v: cov(2 Re Jᴴ W n) = 2 Re Jᴴ W² V J, which is the hessian with weights w²v.
-        spread = T.T @ jacobian.hessian(weight**2 * self.misfit.variance) @ T
+        moved = normal.reduction @ T
+        spread = moved.T @ jacobian.hessian(weight**2 * self.misfit.variance) @ moved
         covariance = inverse @ spread @ inverse
         a, shift, _ = self.split(x)
         return DampingFit(

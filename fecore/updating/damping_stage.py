@@ -14,8 +14,9 @@ from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, ModalFrfModel, convert
 from fecore.identification.noise import residual_variance
 from fecore.modes import MeasuredModes
-from fecore.updating.damping import DampingFit, FrfMisfit, Nuisance, Weighting, fit_law
+from fecore.updating.damping import DampingFit, Nuisance, fit_law
 from fecore.updating.elastic import ElasticResult
+from fecore.updating.misfit import FrfMisfit, Weighting
 from fecore.updating.posterior import discrepancy
 
 DAMPING_DISCREPANCY = 0.02
@@ -26,6 +27,7 @@ LAW_DISCREPANCY = 0.002
 
 _UNMEASURED_SHIFT = 0.01  # prior standard deviation of the shift of a mode that was not measured
 _UNMEASURED_DEVIATION = 2.0  # and of the logarithm of its damping over the law's: nobody measured it
+_GAIN_SD = 0.01  # prior standard deviation of a mode's gain: what a sensor's calibration is good for
 _FIRST_NOISE = 1e-3
 _FIRST_RATIO = 0.02  # of modes whose damping was not measured
 _SAME_OPTIMUM = 1e-3  # relative distance of coefficients that counts as one point
@@ -176,13 +178,20 @@ class DampingStage:
     def misfit(self) -> FrfMisfit:
         """The misfit with a noise variance: the measured one, or one from the residual of an unweighted modal fit."""
         if self.frfs.variance is not None:
-            return FrfMisfit(self.frfs, self.model, self.weighting, self.frfs.variance)
+            return FrfMisfit(self.frfs, self.model, self.weighting, self.frfs.variance, self._gain_sd)
         even = FrfMisfit(self.frfs, self.model, "linear", np.ones(self.frfs.values.shape))
         first = fit_law(even, self.modal_law, self.start(self.modal_law), self.nuisance(0), self._unit(even))
         predicted = even.predict(first.eigenvalue, first.rate)
         measured = np.ones(predicted.shape, dtype=bool)
         variance = residual_variance(self.frfs.values - predicted, predicted, measured, 0)
-        return FrfMisfit(self.frfs, self.model, self.weighting, variance)
+        return FrfMisfit(self.frfs, self.model, self.weighting, variance, self._gain_sd)
+
+    @property
+    def _gain_sd(self) -> FloatArray | None:
+        """Prior spread of the gains of the modes that the law has to explain; only `noise` weights give it a unit."""
+        if self.weighting != "noise":
+            return None
+        return np.where(np.isin(np.arange(self.model.omega.size), self.lawful), _GAIN_SD, 0.0)
 
     @cached_property
     def modal(self) -> DampingFit:
@@ -314,7 +323,7 @@ class DampingStage:
             by_drive = state.residue_jacobian(self.frfs.responses, self.frfs.responses) @ flexibility
             by_residue = jacobian.factors[0] * by_residue + jacobian.factors[1] * by_drive
         _, weight = misfit.residual(misfit.predict(fit.eigenvalue, fit.rate))
-        gradients = np.array([jacobian.gradient(weight * change) for change in by_residue])
+        gradients = np.array([jacobian.gradient(weight * change) for change in by_residue]) @ fit.normal.reduction
         by_eigenvalue = np.zeros_like(gradients)
         by_eigenvalue[:, : fit.eigenvalue.size] = state.eigenvalue_jacobian.T
         moved: FloatArray = -fit.response @ (gradients + by_eigenvalue @ fit.normal.hessian).T

@@ -27,10 +27,11 @@ from fecore.errors import UpdatingError
 from fecore.frf import Dof, FrfSet
 from fecore.identification.noise import residual_variance
 from fecore.modes import MeasuredModes
-from fecore.updating.damping import DampingFit, FrfMisfit, Nuisance, Weighting, fit_law
+from fecore.updating.damping import DampingFit, Nuisance, fit_law
 from fecore.updating.damping_stage import nearest_positive
 from fecore.updating.elastic import ElasticResult, update_elastic
 from fecore.updating.forward import OUT_OF_PLANE, ForwardModel
+from fecore.updating.misfit import FrfMisfit, Weighting
 
 _DRAWS = 512
 _DRAWN_SD = 1.0  # draws cover so many of the prior's standard deviations to either side

@@ -12,7 +12,7 @@ from pydantic import Field
 from fecore.specimen import CONSTANTS, Specimen
 from fecore.supports import Edge, Spring
 from fecore.updating import recipe as core
-from fecore.updating.damping import Weighting
+from fecore.updating.misfit import Weighting
 from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
 from service.problems import Int64, Name, StrictModel
 

@@ -14,9 +14,9 @@ from fecore.frf import Dof, FrfSet
 from fecore.modes import MeasuredModes
 from fecore.specimen import Specimen
 from fecore.supports import PointMass
-from fecore.updating.damping import FrfMisfit
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.measurement import Measurement
+from fecore.updating.misfit import FrfMisfit
 from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.result import UpdateResult

@@ -1,0 +1,221 @@
+"""The misfit between measured FRFs and the model's, and its normal equations by the modes' eigenvalues and damping rates.
+
+With D_k = λ_k - ω² + iωc_k and f the factor of the quantity, ∂H_i/∂λ_k = -f A_ik/D_k² and ∂H_i/∂c_k = iω ∂H_i/∂λ_k. All
+residuals are sums over the few modes, so the normal equations of all lines and FRFs come from Hermitian (modes × modes) sums.
+
+A mode may have a **gain** g_k ~ N(0, s²), common to all FRFs: H = Σ (1 + g_k) A_k f/D_k. A sensor's calibration, or what it
+stands on, scales a resonance as damping does, but does not widen it. The misfit is linear in the gains, so they are
+minimised out of it at every point (variable projection; Golub and Pereyra, Inverse Problems 19, 2003): cost, gradient and
+hessian are those that remain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, get_args
+
+import numpy as np
+
+from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.errors import InputError
+from fecore.frf import FrfSet, ModalFrfModel, convert
+
+Weighting = Literal["linear", "relative", "log", "noise"]
+
+
+@dataclass(frozen=True)
+class NormalEquations:
+    """Normal equations of the misfit by u = (λ_1 … λ_m, c_1 … c_m) at one point, gains minimised out.
+
+    Attributes:
+        cost: misfit E, with the gains' prior.
+        gradient, hessian: (2m,) and (2m, 2m).
+        reduction: (b, 2m) how u moves with the gains it draws along: it reduces what `FrfJacobian` gives.
+    """
+
+    cost: float
+    gradient: FloatArray
+    hessian: FloatArray
+    reduction: FloatArray
+
+
+@dataclass(frozen=True)
+class FrfMisfit:
+    """Measured FRFs, the model's residues, and the weighting between them.
+
+    Attributes:
+        measured: measured FRFs in the fitted band.
+        model: the elastic model's part of the synthesis.
+        weighting: name of the residual.
+        variance: (N, L) noise variance E|n|², for `noise` weights and for the covariance of the estimate.
+        gain_sd: (m,) prior standard deviation of the modes' gains, 0 where a mode has none; None where none has.
+    """
+
+    measured: FrfSet
+    model: ModalFrfModel
+    weighting: Weighting
+    variance: FloatArray
+    gain_sd: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        if self.weighting not in get_args(Weighting):
+            raise InputError("weighting", f"is {self.weighting!r}, expected one of {', '.join(get_args(Weighting))}")
+        if self.weighting in ("relative", "log") and np.any(self.measured.values == 0):
+            raise InputError(
+                "weighting", f"{self.weighting!r} needs FRFs without zeros; leave out the lines that are 0"
+            )
+
+    def predict(self, eigenvalue: FloatArray, rate: FloatArray) -> ComplexArray:
+        """(N, L) FRFs with other eigenvalues and rates but the model's residues."""
+        return self.model.with_eigenvalue(eigenvalue).synthesise(
+            self.measured.frequency_hz, rate, self.measured.quantity
+        )
+
+    def residual(self, predicted: ComplexArray) -> tuple[ComplexArray, FloatArray]:
+        """(N, L) residuals in units of H, and their weights."""
+        values = self.measured.values
+        if self.weighting == "log":
+            # r = H ln(H_exp/H) has the derivative -∂H of the log residual times H, to first order.
+            return predicted * np.log(values / predicted), np.abs(predicted) ** -2
+        if self.weighting == "noise":
+            return values - predicted, 1 / self.variance
+        if self.weighting == "relative":
+            return values - predicted, np.abs(values) ** -2
+        return values - predicted, np.ones(values.shape)
+
+    def signal(self) -> float:
+        """Weighted sum of squares that the data themselves are worth."""
+        values = self.measured.values
+        if self.weighting in ("relative", "log"):
+            return float(values.size)
+        weight = 1 / self.variance if self.weighting == "noise" else 1.0
+        return float(np.sum(weight * np.abs(values) ** 2))
+
+    @cached_property
+    def gained(self) -> IntArray:
+        """Numbers of the modes with a gain."""
+        return np.flatnonzero(np.zeros(0) if self.gain_sd is None else self.gain_sd)
+
+    def normal(self, eigenvalue: FloatArray, rate: FloatArray) -> NormalEquations:
+        """Normal equations at given eigenvalues and rates."""
+        residual, weight = self.residual(self.predict(eigenvalue, rate))
+        jacobian = self.jacobian(eigenvalue, rate)
+        cost = float(np.sum(weight * np.abs(residual) ** 2))
+        gradient, hessian = jacobian.gradient(weight * residual), jacobian.hessian(weight)
+        plain = np.eye(2 * eigenvalue.size)
+        if self.gain_sd is None or not self.gained.size:
+            return NormalEquations(cost, gradient, hessian, plain)
+        u, g = slice(0, len(plain)), slice(len(plain), None)
+        own = hessian[g, g] + np.diag(self.gain_sd[self.gained] ** -2.0)
+        gain, drawn = np.linalg.solve(own, gradient[g]), np.linalg.solve(own, hessian[g, u])
+        scale = np.ones((2, eigenvalue.size))  # derivatives by λ and c of a mode with a gain are so much larger
+        scale[:, self.gained] += gain
+        s = scale.ravel()
+        return NormalEquations(
+            cost - float(gradient[g] @ gain) / 2,
+            s * (gradient[u] - hessian[u, g] @ gain),
+            s[:, None] * (hessian[u, u] - hessian[u, g] @ drawn) * s,
+            np.vstack([plain, -drawn]) * s,
+        )
+
+    def jacobian(self, eigenvalue: FloatArray, rate: FloatArray) -> FrfJacobian:
+        """Derivatives by u = λ, c and the gains at given eigenvalues and rates."""
+        model = self.model.with_eigenvalue(eigenvalue)
+        factors = model.load_factors(self.measured.frequency_hz, rate, self.measured.quantity)
+        return FrfJacobian(self, eigenvalue, rate, factors)
+
+    @cached_property
+    def pairs(self) -> tuple[IntArray, IntArray]:
+        """Both numbers k ≤ j of each pair of modes: what is summed over FRFs and lines is Hermitian in them."""
+        k, j = np.triu_indices(self.model.omega.size)
+        return k, j
+
+    @cached_property
+    def products(self) -> FloatArray:
+        """(pairs, N) products A_ik A_ij of the residues."""
+        return self._products(self.model.residues, self.model.residues)
+
+    @cached_property
+    def drive_products(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(pairs, N) products A_ik B_ij, B_ik A_ij and B_ik B_ij with the residues B of a roving sensor's driving points."""
+        assert self.model.roving is not None, "a sensor roves"
+        A, B = self.model.residues, self.model.roving.residues
+        return self._products(A, B), self._products(B, A), self._products(B, B)
+
+    def _products(self, A: FloatArray, B: FloatArray) -> FloatArray:
+        k, j = self.pairs
+        return np.ascontiguousarray((A[:, k] * B[:, j]).T)
+
+
+@dataclass(frozen=True)
+class FrfJacobian:
+    """Derivatives of the FRFs at one point by v = (λ, c, g of the gained modes): A_ik d_k, or under a roving mass
+    (A_ik g_i + B_ik h_i) d_k.
+
+    Attributes:
+        misfit: whose FRFs they are.
+        eigenvalue, rate: (m,) where.
+        factors: (N, L) g and h (`ModalFrfModel.load_factors`), or None.
+    """
+
+    misfit: FrfMisfit
+    eigenvalue: FloatArray
+    rate: FloatArray
+    factors: tuple[ComplexArray, ComplexArray] | None
+
+    @cached_property
+    def denominator(self) -> ComplexArray:
+        """(m, L) D."""
+        omega = self.misfit.measured.omega
+        return self.eigenvalue[:, None] - omega**2 + 1j * omega * self.rate[:, None]
+
+    @cached_property
+    def by_eigenvalue(self) -> ComplexArray:
+        """(m, L) d for λ; that for c is iω, and that for g is -D times as large."""
+        factor: ComplexArray = -convert(self.misfit.measured.omega, self.misfit.measured.quantity) / self.denominator**2
+        return factor
+
+    def gradient(self, weighted: ComplexArray) -> FloatArray:
+        """(b,) 2 Re Jᴴ(w r): the descent direction's data."""
+        misfit, model = self.misfit, self.misfit.model
+        if self.factors is None or model.roving is None:
+            projected = model.residues.T @ weighted
+        else:
+            g, h = self.factors
+            projected = model.residues.T @ (g.conj() * weighted) + model.roving.residues.T @ (h.conj() * weighted)
+        by = 2 * self.by_eigenvalue.conj() * projected
+        gains = -np.sum((self.denominator.conj() * by)[misfit.gained].real, axis=1)
+        return np.concatenate([by.real.sum(axis=1), by.imag @ misfit.measured.omega, gains])
+
+    def hessian(self, weight: FloatArray) -> FloatArray:
+        """(b, b) 2 Re JᴴWJ, from the sums S_p = 2 Σ_l ω^p d_k* d_j Σ_i w_i A_ik A_ij, since all else is a power of ω."""
+        (k, j), d, omega = self.misfit.pairs, self.by_eigenvalue, self.misfit.measured.omega
+        lines = d.conj()[k] * d[j] * self._coupling(weight)
+        S = np.zeros((5, len(d), len(d)), dtype=complex)
+        S[:, k, j] = (2 * lines @ np.stack([omega**p for p in range(5)], axis=1)).T
+        S[:, j, k] = S[:, k, j].conj()
+        crossed = -S[1].imag  # Re iω z
+        plain = np.block([[S[0].real, crossed], [crossed.T, S[2].real]])
+        n = self.misfit.gained
+        if not n.size:
+            return plain
+        c, lam = self.rate[:, None], self.eigenvalue[:, None]
+        by_eigenvalue = -(lam * S[0] - S[2] - 1j * c * S[1]).real
+        by_rate = -(1j * (lam * S[1] - S[3]) + c * S[2]).real
+        both = lam * lam.T * S[0] - (lam + lam.T) * S[2] + S[4] + c * c.T * S[2]
+        both = (both + 1j * (c.T * (lam * S[1] - S[3]) - c * (lam.T * S[1] - S[3]))).real
+        mixed = np.hstack([by_eigenvalue, by_rate])[n]
+        return np.block([[plain, mixed.T], [mixed, both[np.ix_(n, n)]]])
+
+    def _coupling(self, weight: FloatArray) -> FloatArray | ComplexArray:
+        """(pairs, L) Σ_i w_i (A_ik g_i + B_ik h_i)* (A_ij g_i + B_ij h_i)."""
+        misfit = self.misfit
+        if self.factors is None:
+            return misfit.products @ weight
+        g, h = self.factors
+        mixed, turned, driving = misfit.drive_products
+        between = weight * g.conj() * h
+        own = misfit.products @ (weight * np.abs(g) ** 2) + driving @ (weight * np.abs(h) ** 2)
+        coupled: ComplexArray = own + mixed @ between + turned @ between.conj()
+        return coupled
