@@ -2,8 +2,7 @@
 
 CalculiX (`ccx`, where it is installed) solves beams of 20-node solid elements with random constants; its modes are
 superposed under random Rayleigh damping, noise is added, and the update is told what a laboratory knows: geometry, density,
-boundary, the sensor's mass, coupon values. A solid yields a little under a point mass, which no plate does: with one a1 comes
-out some 0.5 % low. `python -m benchmarks.independent [sets] [seed]`.
+boundary, the sensor's mass, coupon values. `python -m benchmarks.independent [sets] [seed]`.
 
 Noise: H (1 + m g₁) + n rms(H) g₂ with complex normal g of unit variance, rms over the record.
 """
