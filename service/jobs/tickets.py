@@ -77,12 +77,19 @@ class Tickets:
         connector = PsycopgConnector(conninfo=self._url, min_size=1, max_size=4, timeout=5, reconnect_timeout=5)
         queue = App(connector=connector)
         queue.task(name=TASK, pass_context=True)(self._job)
-        async with queue.open_async():
+        opening = asyncio.ensure_future(connector.open_async())
+        try:
+            await asyncio.shield(opening)
             clearing = asyncio.create_task(self._clear(queue))
             try:
                 await queue.run_worker_async(**self._options)
             finally:
                 clearing.cancel()
+        finally:
+            # A pool that is cancelled while it opens leaves tasks behind that swallow every later cancellation.
+            await asyncio.wait([opening])
+            if opening.exception() is None:
+                await connector.close_async()
 
     async def _clear(self, queue: App) -> None:
         """Remove the tickets that dead workers held: the jobs' rows know better what became of the jobs."""
