@@ -27,13 +27,19 @@ def _only_numbers(schema: Any) -> None:
     if isinstance(schema, list | tuple):
         for part in schema:
             _only_numbers(part)
-    elif isinstance(schema, dict):
+    elif isinstance(schema, dict) and not _has_check(schema):
         for part in schema.values():
             _only_numbers(part)
         if schema.get("type") in ("float", "int"):
             inner = core_schema.with_info_before_validator_function(_number, dict(schema))
             schema.clear()
             schema.update(inner)
+
+
+def _has_check(schema: dict[str, Any]) -> bool:
+    """Whether a number is checked already, as those of a model within a model are."""
+    function = schema.get("function")
+    return isinstance(function, dict) and function.get("function") is _number
 
 
 def _number(value: object, info: ValidationInfo) -> object:
