@@ -7,7 +7,7 @@ from typing import Annotated
 from uuid import UUID
 
 from fastapi import Query, Response
-from sqlalchemy import ColumnElement, func, or_, select
+from sqlalchemy import ColumnElement, or_, select
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Session
 
@@ -27,6 +27,7 @@ from service.access.schemas import (
     ProjectOut,
 )
 from service.access.tables import ApiKey, AuditEvent, Member, Project, User
+from service.db.clock import transaction_time
 from service.problems import Conflict, NotFound, Page, api_router
 
 router = api_router(tags=["access"])
@@ -132,7 +133,7 @@ def revoke_api_key(key_id: UUID, session: SessionDep, user: CurrentUser) -> None
     if row is None:
         raise NotFound("API key", key_id)
     if row.revoked_at is None:
-        row.revoked_at = session.scalar(select(func.now()))
+        row.revoked_at = transaction_time(session)
         audit(session, user, "api_key.revoke", "api_key", row.id)
 
 

@@ -13,6 +13,7 @@ from service.access import Role, User, audit
 from service.campaigns.frame import SPECIMEN, Frame, make_frame
 from service.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch, FrameIn, Instruments
 from service.campaigns.tables import Campaign
+from service.db.clock import transaction_time
 from service.problems import Conflict, NotFound, not_found_as
 from service.structures.operations import structure_for
 from service.structures.tables import Structure
@@ -89,7 +90,7 @@ def change_campaign(session: Session, user: User, campaign: Campaign, patch: Cam
     for field in patch.model_fields_set:
         value = getattr(patch, field)
         setattr(campaign, field, value.model_dump(mode="json") if isinstance(value, BaseModel) else value)
-    campaign.updated_at = _now(session)
+    campaign.updated_at = transaction_time(session)
     session.flush()
     changed = sorted(patch.model_fields_set)
     audit(session, user, "campaign.change", "campaign", campaign.id, project_of(session, campaign), changed=changed)
@@ -97,7 +98,7 @@ def change_campaign(session: Session, user: User, campaign: Campaign, patch: Cam
 
 def delete_campaign(session: Session, user: User, campaign: Campaign) -> None:
     """Hide a campaign and all that is in it; everything stays stored, so that results keep their lineage."""
-    campaign.deleted_at = campaign.updated_at = _now(session)
+    campaign.deleted_at = campaign.updated_at = transaction_time(session)
     session.flush()
     audit(session, user, "campaign.delete", "campaign", campaign.id, project_of(session, campaign))
 
@@ -110,7 +111,7 @@ def restore_campaign(session: Session, user: User, campaign: Campaign) -> None:
     """
     if campaign.deleted_at is None:
         raise Conflict("the campaign is not deleted")
-    campaign.deleted_at, campaign.updated_at = None, _now(session)
+    campaign.deleted_at, campaign.updated_at = None, transaction_time(session)
     session.flush()
     audit(session, user, "campaign.restore", "campaign", campaign.id, project_of(session, campaign))
 

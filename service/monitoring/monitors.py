@@ -18,6 +18,7 @@ from fecore.updating.parameters import parametrise
 from service.access import Member, Role, User, audit
 from service.campaigns.tables import Campaign
 from service.coupons.operations import batch_for
+from service.db.clock import transaction_time
 from service.monitoring import runs
 from service.monitoring.assessment import rank
 from service.monitoring.schemas import CONSTANT, BaselineIn, ChartIn, MonitorIn, MonitorOut, MonitorPatch, WatchedIn
@@ -145,7 +146,7 @@ def change_monitor(session: Session, user: User, monitor: Monitor, patch: Monito
         _check_mail(patch.mail_to, settings)
     for field in patch.model_fields_set:
         setattr(monitor, field, getattr(patch, field))
-    monitor.updated_at = _now(session)
+    monitor.updated_at = transaction_time(session)
     session.flush()
     project = _project_of(session, monitor)
     audit(session, user, "monitor.change", "monitor", monitor.id, project, changed=sorted(patch.model_fields_set))
@@ -157,7 +158,7 @@ def delete_monitor(session: Session, user: User, monitor: Monitor) -> None:
 
     Runs under way end, since their updates are results of their own; a judgement under way changes and tells nothing.
     """
-    monitor.deleted_at = monitor.updated_at = _now(session)
+    monitor.deleted_at = monitor.updated_at = transaction_time(session)
     session.flush()
     audit(session, user, "monitor.delete", "monitor", monitor.id, _project_of(session, monitor))
 
@@ -170,14 +171,10 @@ def restore_monitor(session: Session, user: User, monitor: Monitor) -> None:
     """
     if monitor.deleted_at is None:
         raise Conflict("the monitor is not deleted")
-    monitor.deleted_at, monitor.updated_at = None, _now(session)
+    monitor.deleted_at, monitor.updated_at = None, transaction_time(session)
     session.flush()
     audit(session, user, "monitor.restore", "monitor", monitor.id, _project_of(session, monitor))
     ask(session, monitor.id)
-
-
-def _now(session: Session) -> datetime:
-    return session.execute(select(func.now())).scalar_one()
 
 
 def _project_of(session: Session, monitor: Monitor) -> UUID:

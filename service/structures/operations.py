@@ -7,10 +7,11 @@ from typing import Any
 from uuid import UUID
 
 from pydantic import ValidationError
-from sqlalchemy import func, select
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.access import Role, User, audit, project_for
+from service.db.clock import transaction_time
 from service.problems import Fault, Invalid, NotFound, not_found_as
 from service.structures.schemas import Geometry, Laminate, Material, StructureIn, StructureOut, StructurePatch
 from service.structures.tables import Structure, StructureVersion
@@ -65,7 +66,7 @@ def change_structure(session: Session, user: User, structure: Structure, patch: 
     if any(getattr(after, field) != getattr(before, field) for field in physical):
         structure.version += 1
         _add_version(session, structure, after)
-    structure.updated_at = session.execute(select(func.now())).scalar_one()
+    structure.updated_at = transaction_time(session)
     session.flush()
     audit(session, user, "structure.change", "structure", structure.id, structure.project_id, version=structure.version)
 
