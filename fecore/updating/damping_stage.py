@@ -247,7 +247,7 @@ class DampingStage:
         missed = np.log(law_ratio(law, self.ratios.omega, self.ratios.ratio) / self.ratios.ratio)
         tight = discrepancy(missed, len(law.coefficient_names), LAW_DISCREPANCY)
         spread = discrepancy(missed, len(law.coefficient_names), DAMPING_DISCREPANCY)
-        starts = self._starts(law, start) if many_starts else [start]
+        starts = self.starts(law) if many_starts else [start]
         fits: list[DampingFit] = []
         for done, first in enumerate(starts):
             progress(done / len(starts))
@@ -284,9 +284,9 @@ class DampingStage:
         own = self.modal_ratios
         return replace(own, relative_covariance=own.relative_covariance + tight**2 * np.eye(own.ratio.size))
 
-    def _starts(self, law: DampingLaw, start: FloatArray) -> list[FloatArray]:
+    def starts(self, law: DampingLaw) -> list[FloatArray]:
         """The measured ratios' law, it scaled up and down, and each coefficient alone."""
-        omega, ratio = self.ratios.omega, np.median(self.ratios.ratio)
+        start, omega, ratio = self.start(law), self.ratios.omega, np.median(self.ratios.ratio)
         basis = law.basis(omega)
         damping = np.flatnonzero(np.all(basis > 0, axis=0))  # coefficients that alone would damp every mode
         alone = [np.median(2 * omega * ratio / basis[:, j]) * np.eye(basis.shape[1])[j] for j in damping]
