@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.linalg.lapack import dormqr, dpotrf, dstein, dsterf, dsygst, dsytrd, dtrtrs
+from scipy.linalg.blas import dtrsm
+from scipy.linalg.lapack import dormqr, dpotrf, dstein, dsterf, dsytrd, dtrtrs
 
 from fecore.arrays import FloatArray
 from fecore.errors import ModelError
@@ -49,7 +50,7 @@ def largest_eigenpairs(A: FloatArray, B: FloatArray, count: int) -> tuple[FloatA
     L, fault = dpotrf(B, lower=1)
     if fault:
         raise ModelError("the reduced stiffness is not positive definite: are the constants right?")
-    C, _ = dsygst(A, L, lower=1)
+    C = dtrsm(1.0, L, dtrsm(1.0, L, A, lower=1), side=1, lower=1, trans_a=1)  # dsygst takes twice as long
     value, vectors = _by_inverse_iteration(C, count) or np.linalg.eigh(C)
     vectors, _ = dtrtrs(L, vectors[:, ::-1][:, :count], lower=1, trans=1)
     return value[::-1][:count], vectors

@@ -1,8 +1,8 @@
 """A reduced basis of an affine model: modes for new coefficients in a fraction of a millisecond, with their error.
 
 The motion is sought in a space V of some tens of vectors: the modes at the coefficients c₀ of the start, the vectors
-F₀⁻¹K_kφ and F₀⁻¹M_jφ into which they move when a coefficient changes (F₀ = K(c₀) - σM(c₀)), and the static deflections
-under unit forces at reference points with theirs. As K and M are linear in their coefficients, so are VᵀKV and VᵀMV, and
+F₀⁻¹ΔKφ and F₀⁻¹ΔMφ into which they move when a parameter changes the coefficients (F₀ = K(c₀) - σM(c₀)), and the static
+deflections under unit forces at reference points with theirs. As K and M are linear in their coefficients, so are VᵀKV and VᵀMV, and
 their terms are projected once (Balmès, Mech. Syst. Signal Process. 10, 1996).
 
 The error of each mode is estimated on every solve. With the residual r = Kφ - λMφ and μ = 1/(λ - σ),
@@ -37,7 +37,7 @@ _SKETCH = 32  # random vectors: χ² with 32 degrees of freedom …
 _SAFETY = 3.0  # … falls below a third of its mean once in 10⁵
 _KEPT = 3e-4  # energy norm below which a direction is left out of the basis, for vectors of unit energy …
 _MENDED = 0.1  # … and of those that are to mend an error, as a share of what would make the tolerance
-_REACH = 0.5  # relative change of a coefficient for which the derivative vectors are scaled
+_REACH = 0.5  # relative change of a coefficient, where no changes are given
 _LARGEST = 160  # vectors; a basis that has grown beyond is begun anew at the coefficients then asked for
 _CLOSE = 0.1  # relative distance in μ below which modes are pooled
 
@@ -110,6 +110,8 @@ class ReducedModel:
         count: how many modes are asked for.
         loads: (dofs, l) unit forces whose static deflections the basis has to hold too.
         tolerance: largest estimated relative error of a natural frequency.
+        changes: (k, d) and (j, d) changes of the coefficients that are to come, about as large as they will; it starts with
+            the motion's first derivatives along them. None: each coefficient by itself.
     """
 
     def __init__(
@@ -120,8 +122,10 @@ class ReducedModel:
         count: int,
         loads: FloatArray | None = None,
         tolerance: float = FREQUENCY_TOLERANCE,
+        changes: tuple[FloatArray, FloatArray] | None = None,
     ) -> None:
         self._model, self._count, self._tolerance = model, count, tolerance
+        self._changes = (np.diag(_REACH * stiffness), np.diag(_REACH * mass)) if changes is None else changes
         self._loads = np.zeros((model.stiffness.size, 0)) if loads is None else loads
         self.full_solves = 0
         self._begin(stiffness, mass)
@@ -227,14 +231,13 @@ class ReducedModel:
         return unit
 
     def _with_derivatives(self, vectors: FloatArray) -> FloatArray:
-        """Vectors of unit energy, and F₀⁻¹ c_k K_k, F₀⁻¹ σ_n m_j M_j of them, scaled by the reach of a coefficient."""
-        unit = self._unit_energy(vectors)
-        model, (c, m) = self._model, self._start
-        forces = [c[k] * (model.stiffness.term(k) @ unit) for k in range(c.size) if c[k]]
-        scale = np.einsum("di,di->i", unit, model.mass.at(m) @ unit)
-        forces += [m[j] * (model.mass.term(j) @ unit) / scale for j in range(m.size) if m[j]]
-        moved = self._factor.solve(np.hstack(forces)) if forces else np.zeros((len(unit), 0))
-        return np.hstack([unit, _REACH * moved])
+        """Vectors of unit energy, and for each change F₀⁻¹ ΔK and λ F₀⁻¹ ΔM of them, λ the vector's Rayleigh quotient."""
+        unit, model = self._unit_energy(vectors), self._model
+        stiffer, heavier = (change.T[change.any(axis=0)] for change in self._changes)
+        mass = np.einsum("di,di->i", unit, model.mass.at(self._start[1]) @ unit)
+        forces = [model.stiffness.at(change) @ unit for change in stiffer]
+        forces += [model.mass.at(change) @ unit / mass for change in heavier]
+        return np.hstack([unit, *(self._factor.solve(force) for force in forces)])
 
     def _add(self, vectors: FloatArray, kept: float = _KEPT) -> None:
         """Take what lies outside the basis into it, in F₀-orthonormal directions of enough energy."""

@@ -66,8 +66,11 @@ class ForwardModel:
     @cached_property
     def basis(self) -> ReducedModel:
         """The reduced basis about the prior means; it grows as it is used."""
-        start = self.parametrisation.coefficients(self.parametrisation.prior_mean)
-        return ReducedModel(self.specimen.model, start.stiffness, start.mass, self.count)
+        prior = self.parametrisation
+        start = prior.coefficients(prior.prior_mean)
+        reach = np.maximum(prior.prior_sd, np.abs(prior.prior_mean) / 2)
+        changes = start.stiffness_by * reach, start.mass_by * reach
+        return ReducedModel(self.specimen.model, start.stiffness, start.mass, self.count, changes=changes)
 
     @cached_property
     def _covered(self) -> set[int]:
