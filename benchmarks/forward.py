@@ -10,6 +10,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable
+from unittest.mock import patch
 
 import numpy as np
 
@@ -54,14 +55,20 @@ def _solve(model: PlateModel) -> np.ndarray:
     return normal_modes(K, M, 10, model.rigid_modes).frequency_hz
 
 
+def _unproven() -> np.ndarray:
+    """The same modes, as the peers give them: without the count that proves that none is missing."""
+    with patch("fecore.eigen._missing", lambda *_: 0):
+        return ten_modes()
+
+
 def against_peers() -> None:
     """Assembly + 10 modes at 40 × 4: medians, ratios, and errors against a fine mesh.
 
     Each figure is from the mesh to the frequencies: mesh, assembly, factorisation, modes; CalculiX as a process, its
-    input written and its output read. Ours proves that no mode is missing, which no peer does.
+    input written and its output read. Ours proves that no mode is missing, which no peer does; so there is a row without.
     """
     reference = ten_modes(120, 12)
-    rounds: list[tuple[str, Callable[[], np.ndarray]]] = [("modalbase", ten_modes)]
+    rounds: list[tuple[str, Callable[[], np.ndarray]]] = [("modalbase", ten_modes), ("  without its proof", _unproven)]
     if importlib.util.find_spec("skfem"):
         rounds.append(("scikit-fem", lambda: forward_peers.scikit_fem(SPECIMEN)))
     if importlib.util.find_spec("pyfe3d"):
@@ -71,8 +78,11 @@ def against_peers() -> None:
     print("assembly + 10 modes, 40 x 4     median ms   ratio      CPU ms   bending 1   torsion 1 (error %)")
     times: dict[str, list[tuple[float, float]]] = {name: [] for name, _ in rounds}
     found = {name: call() for name, call in rounds}
-    for _ in range(25):  # in turn, so that a busy machine is busy for all
-        for name, call in rounds:
+    random = np.random.default_rng(0)
+    for _ in range(
+        25
+    ):  # in turn, so that a busy machine is busy for all; in no order, as each leaves the caches to the next
+        for name, call in (rounds[i] for i in random.permutation(len(rounds))):
             start, busy = time.perf_counter(), sum(os.times()[:4])
             used = time.process_time()
             call()
@@ -85,7 +95,7 @@ def against_peers() -> None:
         errors = [100 * (found[name][np.argmin(np.abs(found[name] - f))] / f - 1) for f in reference[[0, 2]]]
         wall, cpu = np.median(times[name], axis=0)
         print(f"  {name:28s} {wall:9.2f} {wall / own:7.2f} {cpu:11.2f}   {errors[0]:+9.4f}   {errors[1]:+9.4f}")
-    if len(rounds) < 4:
+    if len(rounds) < 5:
         print("  (peers that are not installed are left out)")
 
 

@@ -62,8 +62,10 @@ class Pattern:
 
     def assemble(self, elements: FloatArray) -> FloatArray:
         """Values at the pattern's places of (e, d·d) element matrices, or of (1, d·d) alike for all elements."""
-        each = np.broadcast_to(elements.T, (elements.shape[1], self.slots.size // elements.shape[1]))
-        summed = np.bincount(self.slots, weights=each.ravel(), minlength=self.indices.size + 1)
+        slots = self.slots.reshape(elements.shape[1], -1)
+        used = elements.any(axis=0)  # two thirds of a mass matrix are nothing
+        each = np.broadcast_to(elements[:, used].T, (int(used.sum()), slots.shape[1]))
+        summed = np.bincount(slots[used].ravel(), weights=each.ravel(), minlength=self.indices.size + 1)
         return np.asarray(summed[:-1], dtype=float)
 
     def find(self, matrix: sparse.csc_array) -> tuple[IntArray, FloatArray]:

@@ -2,8 +2,8 @@
 
 The motion is sought in a space V of some tens of vectors: the modes at the coefficients c₀ of the start, the vectors
 F₀⁻¹ΔKφ and F₀⁻¹ΔMφ into which they move when a parameter changes the coefficients (F₀ = K(c₀) - σM(c₀)), and the static
-deflections under unit forces at reference points with theirs. As K and M are linear in their coefficients, so are VᵀKV and VᵀMV, and
-their terms are projected once (Balmès, Mech. Syst. Signal Process. 10, 1996).
+deflections under unit forces at reference points with theirs. As K and M are linear in their coefficients, so are VᵀKV and
+VᵀMV, and their terms are projected once (Balmès, Mech. Syst. Signal Process. 10, 1996).
 
 The error of each mode is estimated on every solve. With the residual r = Kφ - λMφ and μ = 1/(λ - σ),
 
@@ -28,6 +28,7 @@ from fecore.dense import DenseFactor, largest_eigenpairs
 from fecore.eigen import NormalModes, normal_modes
 from fecore.errors import ModelError
 from fecore.factor import Factor, factorise
+from fecore.frf import RESIDUAL_TERMS
 from fecore.model import Model
 
 FREQUENCY_TOLERANCE = 1e-6
@@ -216,9 +217,13 @@ class ReducedModel:
     def _hold_static(self, loads: FloatArray, factor: Factor, mass: FloatArray) -> None:
         if loads.shape[1] == 0:
             return
-        static = factor.solve(loads)
-        following = factor.solve(self._model.mass.at(mass) @ static)
-        self._add(np.hstack([self._with_derivatives(static), self._unit_energy(following)]))
+        static, M = factor.solve(loads), self._model.mass.at(mass)
+        following = static
+        for _ in range(RESIDUAL_TERMS):
+            # Nearly all of it are the lowest modes; FRFs are told by what it has besides them.
+            self._add(self._unit_energy(self._outside(following)))
+            following = factor.solve(M @ following)
+        self._add(self._with_derivatives(static))
 
     def _solve_full(self, stiffness: FloatArray, mass: FloatArray) -> NormalModes:
         self.full_solves += 1
@@ -241,17 +246,21 @@ class ReducedModel:
 
     def _add(self, vectors: FloatArray, kept: float = _KEPT) -> None:
         """Take what lies outside the basis into it, in F₀-orthonormal directions of enough energy."""
+        vectors = self._outside(vectors)
+        weight, turn = np.linalg.eigh(vectors.T @ (self._metric @ vectors))
+        keep = weight > kept**2
+        fresh = self._outside(vectors @ (turn[:, keep] / np.sqrt(weight[keep])))
+        lower = np.linalg.cholesky(fresh.T @ (self._metric @ fresh))
+        self._vectors = np.hstack([self._vectors, fresh @ np.linalg.inv(lower).T])
+        self.__dict__.pop("system", None)
+
+    def _outside(self, vectors: FloatArray) -> FloatArray:
+        """What lies outside the basis; twice, as the first pass leaves round-off of the whole."""
         V = self._vectors
         image = self._metric @ V
         for _ in range(2):
             vectors = vectors - V @ (image.T @ vectors)
-        weight, turn = np.linalg.eigh(vectors.T @ (self._metric @ vectors))
-        keep = weight > kept**2
-        fresh = vectors @ (turn[:, keep] / np.sqrt(weight[keep]))
-        fresh = fresh - V @ (image.T @ fresh)
-        lower = np.linalg.cholesky(fresh.T @ (self._metric @ fresh))
-        self._vectors = np.hstack([V, fresh @ np.linalg.inv(lower).T])
-        self.__dict__.pop("system", None)
+        return vectors
 
 
 class CoefficientRatio:

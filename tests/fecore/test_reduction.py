@@ -90,7 +90,9 @@ def test_a_basis_that_knows_what_may_change_is_smaller_and_as_good() -> None:
     for _ in range(10):
         c = parametrisation.coefficients(parametrisation.prior_mean * (1 + 0.05 * rng.uniform(-1, 1, 5)))
         full = full_modes(model, c, 9).frequency_hz
-        small, large = (np.abs(b.system.modes(c.stiffness, c.mass, 9).frequency_hz / full - 1) for b in (knowing, blind))
+        small, large = (
+            np.abs(b.system.modes(c.stiffness, c.mass, 9).frequency_hz / full - 1) for b in (knowing, blind)
+        )
         assert small.max() < 2 * large.max() + 1e-9
 
 
