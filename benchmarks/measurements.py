@@ -124,6 +124,7 @@ def _copy_seconds(service: LocalService, path: Path) -> float:
     with psycopg.connect(psycopg_url(service.settings.database_url or ""), autocommit=True) as connection:
         connection.execute("CREATE TABLE copied (id uuid PRIMARY KEY DEFAULT uuidv7(), data bytea)")
         connection.execute("ALTER TABLE copied ALTER COLUMN data SET STORAGE EXTERNAL")
+        connection.execute("ALTER TABLE copied SET (toast_tuple_target = 8160)")  # as `original_chunks`
         began = time.perf_counter()
         for rows in (chunks, [spectrum] * FRFS):
             command = "COPY copied (data) FROM STDIN (FORMAT BINARY)"

@@ -15,7 +15,23 @@ from service.campaigns.bytea import copy_rows, stream_rows
 from service.campaigns.tables import Original
 from service.problems import ServiceError
 
-CHUNK_BYTES = 1024 * 1024
+CHUNK_BYTES = 8092
+"""A row with a chunk of this size just fills a page, so that it is stored there at once; PostgreSQL would cut a larger one
+into pieces of 2 kB, each with an entry in an index and a record in the log of its own.
+"""
+READ_BYTES = 1024 * 1024
+
+# As many chunks at a time as make READ_BYTES; those of earlier versions are of 1 MiB.
+_READ = """
+    SELECT coalesce((
+      SELECT string_agg(data, '' ORDER BY number) FROM original_chunks
+      WHERE sha256 = file.sha256 AND number >= start AND number < start + step
+    ), '')
+    FROM (
+      SELECT sha256, greatest(1, %s / greatest(1, length(data))) AS step FROM original_chunks WHERE sha256 = %s AND number = 0
+    ) file
+    CROSS JOIN LATERAL generate_series(0, (SELECT max(number) FROM original_chunks o WHERE o.sha256 = file.sha256), step) start
+"""
 
 
 class DamagedOriginalError(ServiceError):
@@ -54,9 +70,8 @@ def keep_original(session: Session, file: Spooled) -> None:
 
 
 def original_chunks(session: Session, sha256: bytes) -> Iterator[bytes]:
-    """The bytes of a stored file, chunk by chunk; until the last one is taken, the session can do nothing else."""
-    query = "SELECT data FROM original_chunks WHERE sha256 = %s ORDER BY number"
-    for (data,) in stream_rows(session, query, [sha256], ["bytea"]):
+    """The bytes of a stored file, block by block; until the last one is taken, the session can do nothing else."""
+    for (data,) in stream_rows(session, _READ, [READ_BYTES, sha256], ["bytea"]):
         yield data
 
 

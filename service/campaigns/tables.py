@@ -58,7 +58,7 @@ class Original(Base):
 
 
 class OriginalChunk(Base):
-    """A stretch of an uploaded file."""
+    """A stretch of an uploaded file, of a size that fills a page: the table's `toast_tuple_target` keeps it there."""
 
     __tablename__ = "original_chunks"
 
