@@ -56,11 +56,12 @@ def _told(error: Exception) -> tuple[str, int] | None:
     from sqlalchemy.exc import OperationalError
 
     from service.db.engine import DatabaseUrlError
+    from service.db.opening import DataFolderError
     from service.db.schema import SchemaError
     from service.problems.errors import ServiceError
     from service.supervisor import StartError
 
-    if isinstance(error, DatabaseUrlError | SchemaError | StartError | ServiceError):
+    if isinstance(error, DatabaseUrlError | DataFolderError | SchemaError | StartError | ServiceError):
         return str(error), 1
     if isinstance(error, OperationalError):
         return f"the database does not answer: {error.orig}", 1
@@ -113,9 +114,9 @@ def up(port: Port = None, data: Data = None, host: Host = None) -> None:
 
     settings = _settings(port=port, data=data, host=host)
     end = threading.Event()
-    for name in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(name, lambda *_: end.set())
     with LocalService(settings) as service:
+        for name in (signal.SIGINT, signal.SIGTERM):  # until here they break off the start
+            signal.signal(name, lambda *_: end.set())
         typer.echo(f"modalbase {__version__}")
         typer.echo(f"  API            {service.url}/api/v1")
         typer.echo(f"  documentation  {service.url}/docs")
@@ -234,9 +235,22 @@ def db_current(data: Data = None) -> None:
             engine.dispose()
 
 
+def _name(text: str) -> str:
+    """A name as REST takes it."""
+    from pydantic import TypeAdapter, ValidationError
+
+    from service.problems.schema import Name
+
+    try:
+        return TypeAdapter[str](Name).validate_python(text)
+    except ValidationError as error:
+        raise typer.BadParameter("; ".join(fault["msg"] for fault in error.errors())) from None
+
+
 @keys.command("create")
 def keys_create(
-    name: Annotated[str, typer.Option(help="Name of the user, who is made when absent")], data: Data = None
+    name: Annotated[str, typer.Option(help="Name of the user, who is made when absent", callback=_name)],
+    data: Data = None,
 ) -> None:
     """Make an API key and print it, alone on standard output. Works while the service runs."""
     from service.access import audit

@@ -32,6 +32,7 @@ from service.db.schema import require_head
 from service.settings import Settings
 
 START_SECONDS = 60.0
+ANSWER_SECONDS = 2.0  # the socket listens before the API answers: ask again, and see whether the API still runs
 STOP_SECONDS = 10.0
 STANDARD_ERROR = 2
 
@@ -113,7 +114,7 @@ class LocalService:
 
     def _wait_until_ready(self) -> None:
         deadline = time.monotonic() + START_SECONDS
-        with httpx.Client(trust_env=False, timeout=START_SECONDS) as client:
+        with httpx.Client(trust_env=False, timeout=ANSWER_SECONDS) as client:
             while time.monotonic() < deadline:
                 if name := self.ended():
                     raise StartError(f"the {name} ended while starting; its log says why")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import suppress
 from typing import Annotated
 from uuid import UUID
@@ -59,6 +60,22 @@ def list_projects(
 def get_project(project_id: UUID, session: SessionDep, user: CurrentUser) -> ProjectOut:
     """One project."""
     return ProjectOut.model_validate(project_for(session, user, project_id))
+
+
+@router.get("/projects/{project_id}/members")
+def list_members(
+    project_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+) -> Page[MemberOut]:
+    """Who is in a project, and in which role."""
+    project = project_for(session, user, project_id)
+    query = select(Member).where(Member.project_id == project.id)
+    rows, following = paged(session, query, Member.user_id, cursor, limit)
+    names = _names(session, {row.user_id for row in rows})
+    items = [
+        MemberOut(project_id=project.id, user_id=row.user_id, user=names[row.user_id], role=row.role)  # type: ignore[arg-type]  # the column holds roles
+        for row in rows
+    ]
+    return Page(items=items, next_cursor=following)
 
 
 @router.put("/projects/{project_id}/members/{member}")
@@ -151,4 +168,10 @@ def list_audit_events(
     if project is not None:
         query = query.where(AuditEvent.project_id == project_for(session, user, project).id)
     rows, following = paged(session, query, AuditEvent.id, cursor, limit, newest_first=True)
-    return Page(items=[AuditEventOut.model_validate(row) for row in rows], next_cursor=following)
+    names = _names(session, {row.user_id for row in rows})
+    items = [AuditEventOut(**row.__dict__, user=names.get(row.user_id)) for row in rows]
+    return Page(items=items, next_cursor=following)
+
+
+def _names(session: Session, user_ids: Iterable[UUID | None]) -> dict[UUID | None, str]:
+    return {user.id: user.name for user in session.scalars(select(User).where(User.id.in_(user_ids)))}

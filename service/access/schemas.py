@@ -71,11 +71,12 @@ class NewKeyOut(KeyOut):
 
 
 class AuditEventOut(_Out):
-    """Who did what."""
+    """Who did what; no user where it was the operator at the command line, or the service itself."""
 
     id: UUID
     created_at: datetime
     user_id: UUID | None
+    user: str | None
     project_id: UUID | None
     action: str
     subject_type: str

@@ -19,11 +19,12 @@ from service.campaigns.frf_data import Cut, FrfTable, make_tables
 from service.campaigns.frf_formats import FORMATS
 from service.campaigns.frf_schemas import FrfOut, FrfsIn
 from service.campaigns.grid_points import stored_points
-from service.campaigns.negotiation import choose_format
+from service.campaigns.negotiation import choose_format, one_of
 from service.campaigns.operations import campaign_for
 from service.campaigns.tables import Frf
 from service.campaigns.uploads import UploadDep
 from service.problems import Invalid, NotFound, Page, UnsupportedMediaType, api_router
+from service.problems.openapi import schema_of
 
 router = api_router(tags=["FRFs"])
 
@@ -33,7 +34,7 @@ BODY = {
     "requestBody": {
         "required": True,
         "content": {
-            "application/json": {"schema": FrfsIn.model_json_schema(ref_template="#/components/schemas/{model}")},
+            "application/json": {"schema": schema_of(FrfsIn)},
             "application/x-npz": {"schema": {"type": "string", "format": "binary"}},
             "text/csv": {"schema": {"type": "string"}},
         },
@@ -61,7 +62,10 @@ def _filter(
 
 FilterDep = Annotated[frfs.FrfFilter, Depends(_filter)]
 Stride = Annotated[int, Query(ge=1, le=1_000_000, description="every how many-th line")]
-Format = Annotated[str | None, Query(alias="format", description="json, npz, csv, arrow, uff (58b), uff-ascii (58)")]
+Format = Annotated[
+    Annotated[str, one_of(MEDIA_TYPES)] | None,
+    Query(alias="format", description="uff is set 58b, uff-ascii set 58; default: by Accept"),
+]
 Accept = Annotated[str | None, Header(include_in_schema=False)]
 
 

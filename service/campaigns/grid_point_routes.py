@@ -10,12 +10,13 @@ from pydantic import ValidationError
 
 from service.access import CurrentUser, SessionDep, SettingsDep, audit, etag_of, require_match
 from service.campaigns import grid_points
-from service.campaigns.negotiation import choose_format
+from service.campaigns.negotiation import choose_format, one_of
 from service.campaigns.operations import campaign_for, lock_campaign, project_of
 from service.campaigns.schemas import GridPoints
 from service.campaigns.uploads import UploadDep
 from service.problems import Fault, Invalid, PayloadTooLarge, UnsupportedMediaType, api_router
 from service.problems.json_body import parse_json
+from service.problems.openapi import schema_of
 
 router = api_router(tags=["grid points"])
 
@@ -24,7 +25,7 @@ BODY = {
     "requestBody": {
         "required": True,
         "content": {
-            "application/json": {"schema": GridPoints.model_json_schema(ref_template="#/components/schemas/{model}")},
+            "application/json": {"schema": schema_of(GridPoints)},
             "text/csv": {"schema": {"type": "string"}},
         },
     }
@@ -38,7 +39,9 @@ def get_grid_points(
     user: CurrentUser,
     response: Response,
     accept: Annotated[str | None, Header(include_in_schema=False)] = None,
-    file_format: Annotated[str | None, Query(alias="format", description="json or csv; else by Accept")] = None,
+    file_format: Annotated[
+        Annotated[str, one_of(MEDIA_TYPES)] | None, Query(alias="format", description="default: by Accept")
+    ] = None,
 ) -> GridPoints | Response:
     """All grid points of a campaign, in the file's coordinates, as JSON or CSV."""
     campaign = campaign_for(session, user, campaign_id)

@@ -13,7 +13,7 @@ from service.campaigns import mode_sets
 from service.campaigns.downloads import spooled
 from service.campaigns.mode_formats import write_uff
 from service.campaigns.mode_schemas import ModeSetIn, ModeSetOut
-from service.campaigns.negotiation import choose_format
+from service.campaigns.negotiation import choose_format, one_of
 from service.campaigns.operations import campaign_for
 from service.campaigns.tables import ModeSet
 from service.problems import Page, api_router
@@ -52,7 +52,8 @@ def get_mode_set(
     session: SessionDep,
     user: CurrentUser,
     file_format: Annotated[
-        str | None, Query(alias="format", description="json or uff (set 55); else by Accept")
+        Annotated[str, one_of(MEDIA_TYPES)] | None,
+        Query(alias="format", description="uff is set 55; default: by Accept"),
     ] = None,
     accept: Annotated[str | None, Header(include_in_schema=False)] = None,
 ) -> ModeSetOut | Response:

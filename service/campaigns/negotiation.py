@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from pydantic import WithJsonSchema
+
 from service.problems import Invalid, NotAcceptable
+
+
+def one_of(media_types: Mapping[str, str]) -> WithJsonSchema:
+    """What OpenAPI says of `?format=`; `choose_format` checks it."""
+    return WithJsonSchema({"type": "string", "enum": list(media_types)})
 
 
 def choose_format(wanted: str | None, accept: str | None, media_types: Mapping[str, str]) -> str:

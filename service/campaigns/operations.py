@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from datetime import datetime
 from uuid import UUID
 
 from pydantic import BaseModel
-from sqlalchemy import func, select
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.access import Role, User, audit
@@ -86,14 +85,15 @@ def create_campaign(session: Session, user: User, structure_id: UUID, body: Camp
 
 
 def change_campaign(session: Session, user: User, campaign: Campaign, patch: CampaignPatch) -> None:
-    """Apply a patch to a campaign that is locked for update."""
+    """Apply a patch to a campaign that is locked for update; what was before is kept in the audit trail."""
+    now = patch.model_dump(mode="json", exclude_unset=True)
+    was = describe(campaign).model_dump(mode="json", include=set(now))
     for field in patch.model_fields_set:
         value = getattr(patch, field)
         setattr(campaign, field, value.model_dump(mode="json") if isinstance(value, BaseModel) else value)
     campaign.updated_at = transaction_time(session)
     session.flush()
-    changed = sorted(patch.model_fields_set)
-    audit(session, user, "campaign.change", "campaign", campaign.id, project_of(session, campaign), changed=changed)
+    audit(session, user, "campaign.change", "campaign", campaign.id, project_of(session, campaign), was=was, now=now)
 
 
 def delete_campaign(session: Session, user: User, campaign: Campaign) -> None:
@@ -133,7 +133,3 @@ def describe(campaign: Campaign) -> CampaignOut:
         updated_at=campaign.updated_at,
         deleted_at=campaign.deleted_at,
     )
-
-
-def _now(session: Session) -> datetime:
-    return session.execute(select(func.now())).scalar_one()

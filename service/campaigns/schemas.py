@@ -6,13 +6,13 @@ from datetime import datetime
 from typing import Annotated, Any, Literal, Self
 from uuid import UUID
 
-from pydantic import AwareDatetime, Field, JsonValue, field_validator, model_validator
+from pydantic import Field, JsonValue, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from fecore.errors import InputError
 from fecore.frf import Quantity
 from service.campaigns.frame import make_frame
-from service.problems import Name, StrictModel, Text
+from service.problems import Name, StrictModel, Text, Time
 
 Boundary = Literal["cantilever", "free", "simply_supported"]
 Point = Annotated[int, Field(ge=1, le=9_999_999_999, description="label of a grid point")]
@@ -55,7 +55,7 @@ class CampaignIn(StrictModel):
 
     name: Name
     boundary: Boundary
-    performed_at: AwareDatetime | None = None
+    performed_at: Time | None = None
     temperature_c: float | None = Field(None, gt=-273.15, le=1000)
     humidity_percent: float | None = Field(None, ge=0, le=100)
     instruments: Instruments = Instruments()
@@ -68,7 +68,7 @@ class CampaignPatch(StrictModel):
 
     name: Name | None = None
     boundary: Boundary | None = None
-    performed_at: AwareDatetime | None = None
+    performed_at: Time | None = None
     temperature_c: float | None = Field(None, gt=-273.15, le=1000)
     humidity_percent: float | None = Field(None, ge=0, le=100)
     instruments: Instruments | None = None

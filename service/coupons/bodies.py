@@ -7,15 +7,16 @@ from pathlib import PurePosixPath, PureWindowsPath
 from typing import Annotated, Any, TypeVar
 
 from fastapi import Depends, Request
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
 
-from service.access import SettingsDep
+from service.access import CurrentUser, SettingsDep
 from service.coupons.curve_schemas import CurveCouponIn
 from service.coupons.schemas import CouponIn
 from service.problems import Fault, Invalid, PayloadTooLarge, UnsupportedMediaType
 from service.problems.json_body import escape, parse_json
+from service.problems.openapi import schema_of
 
 Body = TypeVar("Body")
 
@@ -36,7 +37,8 @@ class RawCurve:
     data: bytes
 
 
-async def _received(request: Request, settings: SettingsDep) -> list[CouponIn] | RawCurve:
+async def _received(request: Request, settings: SettingsDep, _: CurrentUser) -> list[CouponIn] | RawCurve:
+    """The body, which is read after the key was checked."""
     kind = request.headers.get("content-type", "").split(";")[0].strip().lower()
     if kind == "multipart/form-data":
         return await _multipart(request, settings.json_limit_bytes)
@@ -92,7 +94,7 @@ def documented() -> dict[str, Any]:
             "required": True,
             "content": {
                 "application/json": {
-                    "schema": {"anyOf": [_schema(CouponIn), {"type": "array", "items": _schema(CouponIn)}]}
+                    "schema": {"anyOf": [schema_of(CouponIn), {"type": "array", "items": schema_of(CouponIn)}]}
                 },
                 "multipart/form-data": {
                     "schema": {
@@ -100,25 +102,10 @@ def documented() -> dict[str, Any]:
                         "required": ["file", "coupon"],
                         "properties": {
                             "file": {"type": "string", "format": "binary"},
-                            "coupon": _schema(CurveCouponIn),
+                            "coupon": schema_of(CurveCouponIn),
                         },
                     }
                 },
             },
         }
     }
-
-
-def _schema(model: type[BaseModel]) -> dict[str, Any]:
-    """A schema that stands alone: what it refers to goes in its place."""
-    whole = model.model_json_schema()
-    definitions = whole.pop("$defs", {})
-
-    def inline(node: Any) -> Any:
-        if isinstance(node, dict):
-            if "$ref" in node:
-                return inline(definitions[node["$ref"].rsplit("/", 1)[1]])
-            return {key: inline(value) for key, value in node.items()}
-        return [inline(item) for item in node] if isinstance(node, list) else node
-
-    return dict(inline(whole))

@@ -23,6 +23,8 @@ def sqlalchemy_url(url: str) -> str:
         parsed = make_url(url)
     except ArgumentError:
         raise DatabaseUrlError("the database's URL cannot be read, expected postgresql://user@host/database") from None
+    if "@" in (parsed.host or ""):  # would name the rest of the password in every error
+        raise DatabaseUrlError("the database's URL has more than one @; write one in the user or password as %40")
     if parsed.get_backend_name() not in ("postgresql", "postgres"):
         raise DatabaseUrlError(f"the database is {parsed.get_backend_name()!r}, expected a postgresql:// URL")
     return parsed.set(drivername="postgresql+psycopg").render_as_string(hide_password=False)

@@ -46,6 +46,8 @@ from service.structures.tables import Structure
 
 router = api_router(tags=["monitoring"])
 
+FIGURES: dict[int | str, dict[str, Any]] = {200: {"content": {kind: {} for kind in MEDIA_TYPES.values()}}}
+
 Deleted = Annotated[bool, Query(description="list deleted monitors, which can be restored, instead")]
 
 Version = Annotated[int | None, Query(ge=1, le=1_000_000, description="of the series; default: the one that is judged")]
@@ -180,7 +182,7 @@ def get_series(monitor_id: UUID, session: SessionDep, user: CurrentUser, series:
     return series_document(session, monitor, monitors.series_for(session, monitor, series))
 
 
-@router.get("/monitors/{monitor_id}/series/figure")
+@router.get("/monitors/{monitor_id}/series/figure", response_class=Response, responses=FIGURES)
 def get_series_figure(
     monitor_id: UUID,
     session: SessionDep,

@@ -8,13 +8,13 @@ from typing import Annotated, Any, Literal, Self
 from uuid import UUID
 
 from croniter import croniter
-from pydantic import AwareDatetime, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from fecore.errors import InputError
 from fecore.trend import Chart, Watch
 from service.campaigns.schemas import Boundary
-from service.problems import Name, StrictModel, Text
+from service.problems import Name, StrictModel, Text, Time
 from service.updating.schemas import RecipeIn
 
 Direction = Literal["fall", "rise", "both"]
@@ -52,7 +52,7 @@ class BaselineIn(StrictModel):
     """What later campaigns are held against: the first campaigns, from a date on if one is stated."""
 
     campaigns: int = Field(12, ge=4, le=1000, description="how many; with k covariates at least 4 + k")
-    since: AwareDatetime | None = Field(None, description="campaigns before this are left out, as after a repair")
+    since: Time | None = Field(None, description="campaigns before this are left out, as after a repair")
 
 
 class ChartIn(StrictModel):

@@ -18,7 +18,7 @@ from service.problems.errors import (
     not_found_as,
 )
 from service.problems.routing import api_router
-from service.problems.schema import Int64, Name, Page, StrictModel, Text
+from service.problems.schema import Int64, Name, Page, StrictModel, Text, Time
 
 __all__ = [
     "Conflict",
@@ -36,6 +36,7 @@ __all__ = [
     "ServiceError",
     "StrictModel",
     "Text",
+    "Time",
     "TooManyRequests",
     "Unauthorized",
     "Unavailable",

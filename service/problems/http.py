@@ -88,9 +88,16 @@ def _validation_error(_: Request, error: Exception) -> JSONResponse:
     return problem(422, str(e.Invalid(faults)), faults)
 
 
-def _http_exception(_: Request, error: Exception) -> JSONResponse:
+def _http_exception(request: Request, error: Exception) -> JSONResponse:
+    """The framework's own; what its router says is said so that a person can go on."""
     assert isinstance(error, HTTPException)
-    return problem(error.status_code, str(error.detail), headers=error.headers)
+    detail = str(error.detail)
+    if detail == http.HTTPStatus.NOT_FOUND.phrase:
+        detail = f"no such address: {request.url.path}; /docs lists all that there are"
+    elif detail == http.HTTPStatus.METHOD_NOT_ALLOWED.phrase:
+        allowed = (error.headers or {}).get("Allow", "another method")
+        detail = f"{request.method} is not possible at this address, {allowed} is; /docs lists all that there are"
+    return problem(error.status_code, detail, headers=error.headers)
 
 
 def _data_error(_: Request, error: Exception) -> JSONResponse:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from fastapi import FastAPI
+from pydantic import BaseModel
 
 _REFERENCE = {"$ref": "#/components/schemas/Problem"}
 
@@ -48,6 +49,21 @@ _PROBLEM = {
         },
     },
 }
+
+
+def schema_of(model: type[BaseModel]) -> dict[str, Any]:
+    """The schema of a body that a route reads itself, standing alone: what it refers to goes in its place."""
+    whole = model.model_json_schema()
+    definitions = whole.pop("$defs", {})
+
+    def inline(node: Any) -> Any:
+        if isinstance(node, dict):
+            if "$ref" in node:
+                return inline(definitions[node["$ref"].rsplit("/", 1)[1]])
+            return {key: inline(value) for key, value in node.items()}
+        return [inline(item) for item in node] if isinstance(node, list) else node
+
+    return dict(inline(whole))
 
 
 def describe_problems(app: FastAPI) -> None:

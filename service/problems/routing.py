@@ -8,7 +8,9 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.routing import APIRoute
+from starlette.datastructures import Headers
 
+from service.problems.errors import UnsupportedMediaType
 from service.problems.json_body import parse_json
 
 LARGE = 65536  # bytes beyond which parsing would hold up other requests
@@ -35,9 +37,9 @@ class StrictRoute(APIRoute):
         handle = super().get_route_handler()
 
         async def strict(request: Request) -> Response:
-            kind = request.headers.get("content-type", "").split(";")[0].strip().lower()
-            if self.body_field is None or not (kind == "application/json" or kind.endswith("+json")):
+            if self.body_field is None:
                 return await handle(request)
+            _require_json(request.headers)
             checked = StrictRequest(request.scope, request.receive)
             if body := await checked.body():
                 checked.strict_json = (
@@ -46,6 +48,17 @@ class StrictRoute(APIRoute):
             return await handle(checked)
 
         return strict
+
+
+def _require_json(headers: Headers) -> None:
+    """Refuse a body that is not said to be JSON, such as what `curl -d` sends when it is told nothing."""
+    kind = headers.get("content-type", "").split(";")[0].strip().lower()
+    if kind == "application/json" or kind.endswith("+json"):
+        return
+    if kind or headers.get("content-length", "0") != "0" or "transfer-encoding" in headers:
+        raise UnsupportedMediaType(
+            f"the body is {kind or 'of no stated type'}, expected JSON and `Content-Type: application/json`"
+        )
 
 
 def api_router(*, tags: list[str]) -> APIRouter:

@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any, Generic, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationInfo
+from pydantic import (
+    AfterValidator,
+    AwareDatetime,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    ValidationInfo,
+)
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from service.problems.json_body import refuse_unstorable_text
@@ -15,8 +25,19 @@ INT64_MAX = 2**63 - 1
 Text = Annotated[str, AfterValidator(refuse_unstorable_text)]
 """A string that PostgreSQL can store: no NUL, no lone surrogate."""
 
-Name = Annotated[str, AfterValidator(refuse_unstorable_text), Field(min_length=1, max_length=200)]
-"""A name given by a person: 1 to 200 characters, storable."""
+Name = Annotated[str, AfterValidator(refuse_unstorable_text), Field(min_length=1, max_length=200, pattern=r"\S")]
+"""A name given by a person: 1 to 200 characters, not all of them blank, storable."""
+
+
+def _written_out(value: object) -> object:
+    """Refuse the numbers that pydantic takes for seconds since 1970: 20260302 would be a day of that year."""
+    if isinstance(value, int | float) or (isinstance(value, str) and not re.match(r"\s*\d{4}-", value)):
+        raise PydanticCustomError("time", "Input should be a time with its zone, such as 2026-03-02T09:30:00Z")
+    return value
+
+
+Time = Annotated[AwareDatetime, BeforeValidator(_written_out)]
+"""A moment, written as ISO 8601 with its time zone."""
 
 Int64 = Annotated[int, Field(ge=-INT64_MAX - 1, le=INT64_MAX)]
 """An integer that fits a bigint."""

@@ -13,7 +13,7 @@ from service.access import CurrentUser, SessionDep
 from service.campaigns.downloads import spooled
 from service.campaigns.frf_data import Cut
 from service.campaigns.frf_formats import FORMATS
-from service.campaigns.negotiation import choose_format
+from service.campaigns.negotiation import choose_format, one_of
 from service.problems import Invalid, api_router
 from service.updating.operations import update_job_for
 from service.updating.predictions import Chosen, Model, predicted_table
@@ -39,7 +39,10 @@ def get_predicted_frfs(
     fmin: Annotated[Hertz, Query(description="Hz")] = None,
     fmax: Annotated[Hertz, Query(description="Hz")] = None,
     stride: Annotated[int, Query(ge=1, le=1_000_000, description="every how many-th line")] = 1,
-    file_format: Annotated[str | None, Query(alias="format", description="as of measured FRFs")] = None,
+    file_format: Annotated[
+        Annotated[str, one_of(MEDIA_TYPES)] | None,
+        Query(alias="format", description="as of measured FRFs; default: by Accept"),
+    ] = None,
     accept: Annotated[str | None, Header(include_in_schema=False)] = None,
 ) -> Response:
     """FRFs that the model predicts where FRFs were measured, in the formats, coordinates and order of the measured ones.

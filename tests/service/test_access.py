@@ -46,10 +46,13 @@ def test_roles(new_client: NewClient) -> None:
     assert owner.put(f"projects/{key}/members/{name}", json={"role": "viewer"}).json()["role"] == "viewer"
     assert guest.get(f"projects/{key}").status_code == 200
     assert guest.put(f"projects/{key}/members/{name}", json={"role": "owner"}).status_code == 403
+    members = guest.get(f"projects/{key}/members").json()["items"]
+    assert {(m["user"], m["role"]) for m in members} == {(name_of(owner), "owner"), (name, "viewer")}
     assert owner.put(f"projects/{key}/members/{name}", json={"role": "king"}).status_code == 422
     assert owner.put(f"projects/{key}/members/nobody", json={}).status_code == 404
     assert owner.delete(f"projects/{key}/members/{name}").status_code == 204
     assert guest.get(f"projects/{key}").status_code == 404
+    assert guest.get(f"projects/{key}/members").status_code == 404
     assert owner.delete(f"projects/{key}/members/{name}").status_code == 404
 
 
@@ -100,7 +103,7 @@ def test_acts_are_audited_with_their_request(new_client: NewClient) -> None:
     answer = api.post("projects", json={"name": "beam"}, headers={"X-Request-ID": "r-1"})
     event = api.get("audit-events").json()["items"][0]
     assert (event["action"], event["subject_id"], event["request_id"]) == ("project.create", answer.json()["id"], "r-1")
-    assert event["detail"] == {"name": "beam"}
+    assert (event["user"], event["detail"]) == (name_of(api), {"name": "beam"})
     assert other.get("audit-events").json()["items"] == []
     assert other.get("audit-events", params={"project": answer.json()["id"]}).status_code == 404
 

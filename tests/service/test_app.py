@@ -44,6 +44,7 @@ def is_problem(answer: httpx.Response, status: int) -> dict[str, object]:
         (b'{"name": "x", "colour": 1}', "/colour", "not permitted"),
         (b'{"name": 5}', "/name", "valid string"),
         (b'{"name": ""}', "/name", "at least 1"),
+        (b'{"name": " \\t"}', "/name", "match pattern"),
         (b"[]", "", "valid dictionary"),
     ],
 )
@@ -80,10 +81,27 @@ def test_unknown_things_are_404(api: httpx.Client, path: str) -> None:
     is_problem(api.get(path), 404)
 
 
+def test_an_address_that_is_none_names_the_ones_that_are(service: LocalService, api: httpx.Client) -> None:
+    assert (
+        is_problem(api.get("nowhere"), 404)["detail"]
+        == "no such address: /api/v1/nowhere; /docs lists all that there are"
+    )
+    with httpx.Client(base_url=service.url, trust_env=False, follow_redirects=True) as client:
+        assert client.get("/").url.path == "/docs"  # where a browser begins
+
+
 def test_wrong_method_is_405(api: httpx.Client) -> None:
-    answer = api.put("projects", json={})
-    is_problem(answer, 405)
+    answer = api.delete("projects")
+    assert "DELETE is not possible" in str(is_problem(answer, 405)["detail"])
     assert answer.headers["allow"]
+
+
+@pytest.mark.parametrize("kind", [None, "application/x-www-form-urlencoded", "text/plain; charset=utf-8"])
+def test_a_body_that_is_not_said_to_be_json_is_415(api: httpx.Client, kind: str | None) -> None:
+    """As `curl -d` sends it, which says that it is a form."""
+    headers = {} if kind is None else {"Content-Type": kind}
+    problem = is_problem(api.post("projects", content=b'{"name": "x"}', headers=headers), 415)
+    assert "expected JSON and `Content-Type: application/json`" in str(problem["detail"])
 
 
 @pytest.mark.parametrize(
@@ -181,5 +199,31 @@ def test_openapi_says_that_every_operation_may_answer_with_a_problem(service: Lo
         for operation in path.values():
             assert operation["responses"]["4XX"]["content"] == stated
             assert "422" not in operation["responses"]
+    assert "Problem" in document["components"]["schemas"]
+
+
+def test_openapi_names_every_format_and_defines_what_it_refers_to(service: LocalService) -> None:
+    document = httpx.get(f"{service.url}/openapi.json", trust_env=False).json()
+    formats = {
+        path: {
+            name
+            for choice in parameter["schema"].get("anyOf", [parameter["schema"]])
+            for name in choice.get("enum", [])
+        }
+        for path, operations in document["paths"].items()
+        for parameter in operations.get("get", {}).get("parameters", [])
+        if parameter["name"] == "format"
+    }
+    frfs = {"json", "npz", "csv", "arrow", "uff", "uff-ascii"}
+    assert formats["/api/v1/campaigns/{campaign_id}/frfs/data"] == frfs
+    assert formats["/api/v1/update-jobs/{job_id}/frfs/data"] == frfs
+    assert formats["/api/v1/mode-sets/{mode_set_id}"] == {"json", "uff"}
+    assert all(formats.values()), formats
+    references = set(re.findall(r'"#/components/schemas/([^"]+)"', json.dumps(document)))
+    assert references <= set(document["components"]["schemas"])
+
+
+def test_a_problem_has_all_that_it_must_have(service: LocalService) -> None:
+    document = httpx.get(f"{service.url}/openapi.json", trust_env=False).json()
     required = document["components"]["schemas"]["Problem"]["required"]
     assert set(required) <= set(httpx.get(f"{service.url}/api/v1/projects", trust_env=False).json())

@@ -56,6 +56,9 @@ def test_name_and_boundary_are_enough(api: httpx.Client, structure: str, checked
     [
         ({"boundary": "hanging"}, "/boundary"),
         ({"performed_at": "2026-03-02T09:30:00"}, "/performed_at"),
+        ({"performed_at": "2026-03-02"}, "/performed_at"),
+        ({"performed_at": 20260302}, "/performed_at"),  # no seconds since 1970
+        ({"performed_at": "1772443800"}, "/performed_at"),
         ({"temperature_c": -300}, "/temperature_c"),
         ({"humidity_percent": 101}, "/humidity_percent"),
         ({"instruments": {"sensor_mass_kg": -1}}, "/instruments/sensor_mass_kg"),
@@ -85,6 +88,8 @@ def test_a_patch_changes_what_it_names(api: httpx.Client, campaign: str, checked
     checked(api.patch(f"campaigns/{campaign}", json={"name": "late"}), 428)
     newer = {"If-Match": api.get(f"campaigns/{campaign}").headers["ETag"]}
     cleared = checked(api.patch(f"campaigns/{campaign}", json={"temperature_c": None}, headers=newer), 200)
+    recorded = checked(api.get("audit-events"), 200)["items"][0]
+    assert recorded["detail"] == {"was": {"temperature_c": 19.0}, "now": {"temperature_c": None}}
     assert cleared["temperature_c"] is None
     for body, pointer in (({"name": None}, "/name"), ({}, ""), ({"structure_id": str(uuid4())}, "/structure_id")):
         assert pointers(checked(api.patch(f"campaigns/{campaign}", json=body, headers={"If-Match": "*"}), 422)) == {

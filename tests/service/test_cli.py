@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import httpx
@@ -132,7 +132,80 @@ def test_schema_that_is_not_at_head_is_refused_with_the_command_that_mends_it(em
     assert modalbase("keys", "create", "--name", "x", MODALBASE_DATABASE_URL=empty_database).returncode == 0
 
 
-@pytest.mark.parametrize("url", ["postgresql://u:secret@127.0.0.1:1/d", "mysql://u:secret@h/d", "nonsense"])
+@pytest.mark.parametrize("made", ["a file", "below a file"])
+def test_data_folder_that_cannot_be_used_is_a_clear_error(short_folder: Path, made: str) -> None:
+    file = short_folder / "taken"
+    file.write_text("")
+    data = file if made == "a file" else file / "data"
+    for command in (["up", "--port", "0"], ["keys", "create", "--name", "x"]):
+        ended = modalbase(*command, "--data", str(data))
+        assert (ended.returncode, ended.stdout) == (1, "")
+        assert ended.stderr.startswith(f"modalbase: cannot use the data folder {data}: ")
+        assert len(ended.stderr.splitlines()) == 1
+
+
+def test_postgresql_that_does_not_start_is_a_clear_error(short_folder: Path) -> None:
+    postgres = short_folder / "broken" / "postgres"
+    postgres.mkdir(parents=True)
+    (postgres / "PG_VERSION").write_text("7\n")  # of another PostgreSQL, or what a full disk left
+    ended = modalbase("up", "--port", "0", "--data", str(postgres.parent))
+    assert (ended.returncode, ended.stdout) == (1, "")
+    assert "Traceback" not in ended.stderr
+    assert f"PostgreSQL does not start in {postgres.parent}" in ended.stderr.splitlines()[-1]
+
+
+def starting(data: Path) -> tuple[subprocess.Popen[str], psutil.Process]:
+    """`modalbase up` that has just begun its API, which listens and does not answer yet; and the API."""
+    process = subprocess.Popen(
+        [str(COMMAND), "up", "--port", "0", "--data", str(data)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment(),
+    )  # fmt: skip
+    while process.poll() is None:
+        for child in psutil.Process(process.pid).children():
+            with suppress(psutil.Error):  # one of initdb's, which has ended since
+                if "serve" in child.cmdline():
+                    return process, child
+        time.sleep(0.01)
+    raise AssertionError(process.communicate())
+
+
+def test_an_api_that_dies_while_starting_ends_up_at_once(short_folder: Path) -> None:
+    data = short_folder / "dies"
+    process, api = starting(data)
+    api.kill()
+    said, errors = process.communicate(timeout=30)  # it used to wait a minute for an answer
+    assert (process.returncode, said) == (1, "")
+    assert errors.splitlines()[-1] == "modalbase: the api ended while starting; its log says why"
+    assert gone(data), living(data)
+
+
+def test_up_can_be_ended_while_it_starts(short_folder: Path) -> None:
+    data = short_folder / "ended"
+    process, api = starting(data)
+    api.suspend()  # it stays starting
+    process.send_signal(signal.SIGTERM)
+    api.resume()
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 0, errors
+    assert gone(data), living(data)
+
+
+@pytest.mark.parametrize("name", ["", "  ", "x" * 201])
+def test_a_users_name_is_as_rest_takes_it(short_folder: Path, name: str) -> None:
+    ended = modalbase("keys", "create", "--name", name, "--data", str(short_folder / "names"))
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert not (short_folder / "names").exists()
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "postgresql://u:p@secret@127.0.0.1:1/d",
+        "postgresql://u:secret@127.0.0.1:1/d",
+        "mysql://u:secret@h/d",
+        "nonsense",
+    ],
+)
 def test_database_that_does_not_answer_is_a_clear_error(url: str) -> None:
     ended = modalbase("keys", "create", "--name", "x", MODALBASE_DATABASE_URL=url)
     assert (ended.returncode, ended.stdout) == (1, "")

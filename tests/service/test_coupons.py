@@ -113,6 +113,13 @@ def test_a_senseless_specimen_is_refused_with_its_pointer(
     assert checked(api.get(f"coupon-batches/{batch}/coupons"), 200)["items"] == []
 
 
+def test_the_key_is_checked_before_the_body(api: httpx.Client, batch: str, checked: Checked) -> None:
+    path = f"coupon-batches/{batch}/coupons"
+    for body in ({"specimen": "A"}, "nonsense"):
+        checked(api.post(path, json=body, headers={"Authorization": ""}), 401)
+    checked(api.post(path, files={"file": b""}, headers={"Authorization": "Bearer wrong"}), 401)
+
+
 def test_a_specimen_is_recorded_once(api: httpx.Client, batch: str, checked: Checked) -> None:
     coupon = {"specimen": "A1", "E_Pa": 33e9}
     checked(api.post(f"coupon-batches/{batch}/coupons", json=coupon), 201)
