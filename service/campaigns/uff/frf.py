@@ -79,7 +79,7 @@ def frf_of(
             (raw.reference_point, raw.reference_direction, "reference"),
         )
     )
-    double = raw.values.astype(np.complex128)
+    double = raw.values.astype(np.complex128, copy=factor != 1.0)
     if factor != 1.0:
         double.view(np.float64)[:] *= factor  # part by part: a complex product would lose the sign of zeros
     values: NDArray[np.complex64] | ComplexArray = double

@@ -246,7 +246,8 @@ def _binary_data(frame: Frame, data: bytes, shape: _Shape) -> tuple[FloatArray, 
 def _doubles(table: NDArray[np.void]) -> FloatArray:
     """Rows of a binary table as doubles."""
     with np.errstate(invalid="ignore"):  # a signalling NaN warns; NaNs are refused by name
-        return np.hstack([table[name].astype(np.float64) for name in table.dtype.names or ()])
+        columns = [table[name].astype(np.float64, copy=False) for name in table.dtype.names or ()]
+    return columns[0] if len(columns) == 1 else np.hstack(columns)
 
 
 def _swapped(table: NDArray[np.void]) -> bool:
