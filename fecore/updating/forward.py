@@ -68,7 +68,7 @@ class ForwardModel:
         """The reduced basis about the prior means; it grows as it is used."""
         prior = self.parametrisation
         start = prior.coefficients(prior.prior_mean)
-        reach = np.maximum(prior.prior_sd, np.abs(prior.prior_mean) / 2)
+        reach = np.minimum(prior.prior_sd, np.where(prior.signed, 0.5, np.abs(prior.prior_mean) / 2))
         changes = start.stiffness_by * reach, start.mass_by * reach
         return ReducedModel(self.specimen.model, start.stiffness, start.mass, self.count, changes=changes)
 
