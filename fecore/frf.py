@@ -80,7 +80,8 @@ class FrfSet:
         responses: N response degrees of freedom.
         references: N force degrees of freedom.
         quantity: what kind of FRF all of them are.
-        variance: (N, L) variance of the complex noise E|n|² of each value, or None where it is not known.
+        variance: (N, L) variance of the complex noise E|n|² of each value, NaN or None where it is not known, infinite
+            where nothing was measured.
     """
 
     frequency_hz: FloatArray
@@ -111,6 +112,20 @@ class FrfSet:
     def omega(self) -> FloatArray:
         """(L,) circular frequency of the lines, rad/s."""
         return 2 * np.pi * self.frequency_hz
+
+    @property
+    def measured(self) -> BoolArray:
+        """(N, L) where a value was measured."""
+        if self.variance is None:
+            return np.ones(self.values.shape, dtype=bool)
+        return ~np.isposinf(self.variance)
+
+    def unmeasured_at(self, gaps: BoolArray) -> FrfSet:
+        """The same FRFs with (N, L) more values taken as not measured."""
+        if not gaps.any():
+            return self
+        variance = np.full(self.values.shape, np.nan) if self.variance is None else self.variance
+        return replace(self, variance=np.where(gaps, np.inf, variance))
 
     def without(self, low_hz: float, high_hz: float) -> FrfSet:
         """The same FRFs but for the lines from `low_hz` to `high_hz`.

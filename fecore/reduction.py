@@ -215,6 +215,7 @@ class ReducedModel:
         self._hold_static(loads, factorise(K - self._shift * M), mass)
 
     def _hold_static(self, loads: FloatArray, factor: Factor, mass: FloatArray) -> None:
+        loads = loads[:, loads.any(axis=0)]  # at a support a force moves nothing
         if loads.shape[1] == 0:
             return
         static, M = factor.solve(loads), self._model.mass.at(mass)

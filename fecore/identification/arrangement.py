@@ -37,6 +37,7 @@ class Arrangement:
         roving: p dofs at which shapes are found.
         fixed: m dofs against which they are measured.
         row: (N, 2) index into `roving` and into `fixed` of each FRF.
+        source: (N,) number of each FRF among those handed in, set after set.
     """
 
     frequency_hz: FloatArray
@@ -48,6 +49,7 @@ class Arrangement:
     roving: tuple[Dof, ...]
     fixed: tuple[Dof, ...]
     row: IntArray
+    source: IntArray
 
     @property
     def omega(self) -> FloatArray:
@@ -88,6 +90,7 @@ class Arrangement:
             roving=roving,
             fixed=fixed,
             row=row,
+            source=self.source[keep],
         )
 
 
@@ -154,7 +157,8 @@ def arrange(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None
         pairs += [(Dof(a.point, a.axis), Dof(b.point, b.axis)) for a, b in both]
     roving, fixed, row = split_sides(tuple(pairs))
     measured = ~np.isposinf(variance)
-    return Arrangement(axis, values, measured, variance, tuple(pairs), sets[0].quantity, roving, fixed, row)
+    source = np.arange(len(pairs))
+    return Arrangement(axis, values, measured, variance, tuple(pairs), sets[0].quantity, roving, fixed, row, source)
 
 
 def split_sides(pairs: tuple[tuple[Dof, Dof], ...]) -> tuple[tuple[Dof, ...], tuple[Dof, ...], IntArray]:

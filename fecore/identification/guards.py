@@ -34,11 +34,15 @@ _CLOSE = 1.5  # distance of two modes in their mean bandwidth from which their s
 
 @dataclass(frozen=True)
 class Verdict:
-    """Poles that are modes (indices into the terms, ascending in frequency), their significance, and the others."""
+    """Poles that are modes (indices into the terms, ascending in frequency), their significance, and the others.
+
+    `spoilt` are the numbers of the lines that interference stands on.
+    """
 
     kept: IntArray
     significance: FloatArray
     refused: tuple[RefusedPole, ...]
+    spoilt: IntArray
 
 
 def judge(arrangement: Arrangement, fit: Fit) -> Verdict:
@@ -47,7 +51,7 @@ def judge(arrangement: Arrangement, fit: Fit) -> Verdict:
     n = terms.pairs
     sd = np.sqrt(np.maximum(np.diag(fit.parameter_covariance), 0))
     significance = worth(fit)[0] / price(fit, 2, 2)[1]
-    kept, refused = [], []
+    kept, refused, spoilt = [], [], []
     for k in np.argsort(terms.frequency_hz):
         f, zeta = float(terms.frequency_hz[k]), float(terms.damping_ratio[k])
         if not in_band(arrangement, terms.frequency_hz[[k]])[0]:
@@ -67,6 +71,7 @@ def judge(arrangement: Arrangement, fit: Fit) -> Verdict:
             reason = f"{which} it: a fault of that record rather than a mode of the structure"
         elif _rests_on_one_line(arrangement, fit, int(k)):
             reason = "it rests on one line and its neighbours: interference rather than a resonance"
+            spoilt += _lines_about(arrangement, f)
         elif significance[k] < _WEAK_PRICE and _largest_share(arrangement, fit, int(k)) < _WEAK:
             reason = "it is weak in every FRF and hardly pays: more likely a misfit than a mode"
         if reason is None:
@@ -74,7 +79,7 @@ def judge(arrangement: Arrangement, fit: Fit) -> Verdict:
         else:
             refused.append(RefusedPole(f, zeta, reason))
     chosen = np.array(kept, dtype=np.int64)
-    return Verdict(chosen, significance[chosen], tuple(refused))
+    return Verdict(chosen, significance[chosen], tuple(refused), np.unique(np.array(spoilt, dtype=np.int64)))
 
 
 def remarks(arrangement: Arrangement, fit: Fit, verdict: Verdict, shapes: Shapes) -> list[str]:
@@ -144,11 +149,16 @@ def _rests_on_one_line(arrangement: Arrangement, fit: Fit, k: int) -> bool:
     f, zeta = float(fit.terms.frequency_hz[k]), float(fit.terms.damping_ratio[k])
     if 2 * zeta * f > arrangement.spacing_hz:
         return False
-    nearest = int(np.argmin(np.abs(arrangement.frequency_hz - f)))
     variance = fit.variance.copy()
-    variance[:, max(0, nearest - 1) : nearest + 2] *= 1e12
+    variance[:, _lines_about(arrangement, f)] *= 1e12
     others = evaluate(arrangement, fit.terms, variance)
     return bool(worth(others)[0][k] < price(fit, 2, 2)[1])
+
+
+def _lines_about(arrangement: Arrangement, frequency_hz: float) -> list[int]:
+    """Numbers of the three lines nearest to a frequency."""
+    nearest = int(np.argmin(np.abs(arrangement.frequency_hz - frequency_hz)))
+    return list(range(max(0, nearest - 1), min(nearest + 2, arrangement.frequency_hz.size)))
 
 
 def _rank_two(arrangement: Arrangement, fit: Fit, verdict: Verdict) -> list[str]:

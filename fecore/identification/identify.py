@@ -92,6 +92,7 @@ def identify(frfs: FrfSet | Sequence[FrfSet], options: Options | None = None) ->
     notes += [*told, *remarks(arrangement, fit, verdict, shapes), *_noise_remarks(arrangement, fit)]
     notes += unexplained(arrangement, fit, variance)
     clock.lap("shapes")
+    spoilt = np.isin(np.arange(arrangement.frequency_hz.size), verdict.spoilt)
     return Identification(
         modes=_modes(arrangement, fit, verdict, shapes),
         shapes=shapes,
@@ -99,12 +100,13 @@ def identify(frfs: FrfSet | Sequence[FrfSet], options: Options | None = None) ->
         terms=fit.terms,
         stabilisation=diagram,
         used=tuple(arrangement.label(r) for r in range(len(arrangement.pairs))),
+        rows=arrangement.source,
         refused=screened.refused,
         refused_poles=verdict.refused,
         warnings=tuple(notes + [f"FRF {r.frf} was not used: {r.reason}" for r in screened.refused]),
         frequency_hz=arrangement.frequency_hz,
         quantity=arrangement.quantity,
-        measured=np.where(arrangement.measured, arrangement.values, np.nan),
+        measured=np.where(arrangement.measured & ~spoilt, arrangement.values, np.nan),
         predicted=fit.model(arrangement),
         noise_variance=fit.variance,
         noise_ratio=fit.chi_squared / fit.freedom,

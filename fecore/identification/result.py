@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.frf import Quantity
 from fecore.identification.basis import Terms
 from fecore.identification.screening import Refused
@@ -39,13 +39,13 @@ class Identification:
         worth it.
         terms: the whole fitted series, with the poles out of band and the residual terms.
         stabilisation: data of the stabilisation diagram.
-        used: labels of the FRFs that were used, response first.
+        used: labels of the FRFs that were used, response first; rows: (N,) their numbers among those handed in.
         refused: the FRFs that were not, with reasons.
         refused_poles: in-band poles that are not modes, with reasons.
         warnings: what a user should know, in words.
         frequency_hz: (L,) lines of the fit.
         quantity: what kind of FRF `measured` and `predicted` are.
-        measured: (N, L) the FRFs as used (signs turned to positive directions), NaN where not measured.
+        measured: (N, L) the FRFs as used (signs turned to positive directions), NaN where not measured or spoilt.
         predicted: (N, L) the fitted FRFs.
         noise_variance: (N, L) variance E|n|² of each value, as handed in or estimated.
         noise_ratio: mean weighted square of the residual over the noise variance: 1 where the model explains all but
@@ -59,6 +59,7 @@ class Identification:
     terms: Terms
     stabilisation: Stabilisation
     used: tuple[str, ...]
+    rows: IntArray
     refused: tuple[Refused, ...]
     refused_poles: tuple[RefusedPole, ...]
     warnings: tuple[str, ...]

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import median_filter
 
-from fecore.arrays import BoolArray, ComplexArray, FloatArray
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
 from fecore.identification.arrangement import Arrangement, arrange, pair_label
@@ -48,11 +48,15 @@ class Screened:
         arrangement: the usable FRFs.
         refused: the others.
         warnings: what a user should know.
+        kept: (n,) numbers, among the FRFs handed in, of those that may be used: copies that were averaged too.
+        measured: (n, L) which of their values may be used.
     """
 
     arrangement: Arrangement
     refused: tuple[Refused, ...]
     warnings: tuple[str, ...]
+    kept: IntArray
+    measured: BoolArray
 
 
 def screen(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None = None) -> Screened:
@@ -77,8 +81,16 @@ def screen(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None 
     if refused:
         arrangement = arrangement.without(list(refused))
     arrangement, spikes = _without_spikes(arrangement)
-    arrangement, doubles, notes_on_doubles = _merge_repeated(arrangement)
-    return Screened(arrangement, tuple(out + doubles), tuple(notes + spikes + notes_on_doubles))
+    merged, drop, notes_on_doubles = _merge_repeated(arrangement)
+    out += [fault for fault in drop.values() if fault is not None]
+    kept = [row for row in range(len(arrangement.pairs)) if drop.get(row) is None]
+    return Screened(
+        arrangement=merged,
+        refused=tuple(out),
+        warnings=tuple(notes + spikes + notes_on_doubles),
+        kept=arrangement.source[kept],
+        measured=arrangement.measured[kept],
+    )
 
 
 def lines_in_words(frequency_hz: FloatArray, most: int = 4) -> str:
@@ -174,8 +186,10 @@ def _spikes(record: ComplexArray, measured: BoolArray) -> tuple[BoolArray, BoolA
     return spikes, jumps
 
 
-def _merge_repeated(arrangement: Arrangement) -> tuple[Arrangement, list[Refused], list[str]]:
+def _merge_repeated(arrangement: Arrangement) -> tuple[Arrangement, dict[int, Refused | None], list[str]]:
     """Average FRFs measured twice between the same dofs; leave both out where they contradict each other.
+
+    With the result come the rows that it lacks: those refused, and None for a copy that was averaged.
 
     Reciprocal FRFs (hit and read exchanged) are compared too, but kept, since both belong to the shapes.
     """
@@ -207,7 +221,7 @@ def _merge_repeated(arrangement: Arrangement) -> tuple[Arrangement, list[Refused
                 "all FRFs contradict their repeats: " + next(r.reason for r in drop.values() if r)
             )
         merged = merged.without(list(drop))
-    return merged, [r for r in drop.values() if r is not None], list(dict.fromkeys(notes))
+    return merged, drop, list(dict.fromkeys(notes))
 
 
 def _contradiction(first: str, other: str, likeness: float) -> str:

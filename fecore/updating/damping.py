@@ -5,7 +5,8 @@ The modes and their residues come from the updated elastic model and stay; the l
 
     E(a, δ) = Σ_i Σ_l w_il |r_il|²,    r = H_exp - H(λ_k (1 + δ_k)², c(a, ω_k))   (or ln H_exp/H for `log`)
 
-by Levenberg-Marquardt. A law is never exact: each mode's rate is c_k exp(ε_k) with ε_k ~ N(0, s²), and the priors of the
+by Levenberg-Marquardt (its damping by Nielsen, IMM-REP-1999-05: one that swings by factors makes every other step fail where
+the misfit is curved). A law is never exact: each mode's rate is c_k exp(ε_k) with ε_k ~ N(0, s²), and the priors of the
 nuisance parameters join E, which for `noise` weights is the negative log likelihood. A law that fits keeps ε at zero; one
 that does not is then fitted to all modes alike, in place of to the one with the strongest signal. Modes that were not
 measured, above the band say, have shifts and deviations with priors too: else their tails, taken as exact, would tell a
@@ -33,10 +34,13 @@ from fecore.updating.misfit import FrfMisfit, NormalEquations
 
 _MAX_ITERATIONS = 100
 _TOLERANCE = 1e-10  # share of the misfit that an undamped step could still gain at convergence
+_FIRST_DAMPING = 1e-3
+_LEAST_RELIEF = 0.1  # of the damping after a step as good as foretold
 _STUCK = 1e12  # damping beyond which no step will help
 _STALLED, _STALLED_STEPS = 1e-7, 5  # relative fall, so many times running, that no estimate can feel
 _ROUND_OFF = 1e-12  # of the weighted signal: noise-free data cannot be fitted better
 _LARGEST_SHIFT = 0.1  # a mode further off than this was not paired rightly
+_LARGEST_BELIEVED_SHIFT = 0.5  # of a mode that was not measured
 _LARGEST_LOG_RATE = 25.0  # e²⁵ 1/s is beyond any damping: a step that overshoots must not overflow
 _SUSPENSION_SD = 2.0  # prior standard deviation of the logarithm of a suspended mode's rate: nobody knows it
 
@@ -138,7 +142,7 @@ def fit_law(
     normal = misfit.normal(*problem.modes(x))
     total = normal.cost + problem.penalty(x)
     floor = _ROUND_OFF**2 * misfit.signal()
-    damping, stalled = 1e-3, 0
+    damping, growth, stalled = _FIRST_DAMPING, 2.0, 0
     for iteration in range(_MAX_ITERATIONS):
         progress(1 - 0.7**iteration)
         hessian, gradient = problem.system(x, normal)
@@ -154,14 +158,16 @@ def fit_law(
         cost = np.inf if there is None else there.cost + problem.penalty(candidate)
         if there is not None and cost <= total:
             stalled = stalled + 1 if total - cost <= _STALLED * total else 0
-            x, total, damping, normal = candidate, cost, damping / 10, there
+            foretold = float(step @ gradient - step @ hessian @ step / 2)
+            damping *= max(_LEAST_RELIEF, 1 - (2 * (total - cost) / foretold - 1) ** 3)
+            x, total, growth, normal = candidate, cost, 2.0, there
             history.append(x[: start.size])
             if stalled >= _STALLED_STEPS:
                 return problem.finish(x, normal, np.array(history))
         elif damping > _STUCK:
             break
         else:
-            damping *= 10
+            damping, growth = damping * growth, 2 * growth
     raise UpdatingError(
         f"the {law.name} fit did not converge; check the band, the modes and the geometry",
         best=dict(zip(law.coefficient_names, map(float, x[: start.size]), strict=True)),
@@ -264,11 +270,17 @@ class _Problem:
         T[m + self.own, self.count + shift.size + np.arange(own.size)] = np.exp(own)
         return T
 
+    @cached_property
+    def largest_shift(self) -> FloatArray:
+        """(s,) largest shifts: what a rightly paired mode may be off, or more where the prior says so."""
+        believed = np.where(np.isfinite(self.nuisance.shift_sd), 3 * self.nuisance.shift_sd, 0.0)
+        return np.clip(believed, _LARGEST_SHIFT, _LARGEST_BELIEVED_SHIFT)
+
     def within(self, x: FloatArray) -> FloatArray:
         """X with its shifts held to what a rightly paired mode may be off, and its own rates to what is finite."""
         held = x.copy()
         shifts = slice(self.count, self.count + self.nuisance.modes.size)
-        held[shifts] = np.clip(held[shifts], -_LARGEST_SHIFT, _LARGEST_SHIFT)
+        held[shifts] = np.clip(held[shifts], -self.largest_shift, self.largest_shift)
         own = slice(shifts.stop, None)
         held[own] = np.clip(held[own], -_LARGEST_LOG_RATE, _LARGEST_LOG_RATE)
         return held
@@ -279,7 +291,9 @@ class _Problem:
         needed = (omega > 0) & (omega <= self.misfit.measured.omega[-1])
         needed[self.tied] = True
         needed[self.nuisance.suspended] = False
-        return bool(np.all(self.law.basis(self.omega(shift)[needed]) @ a > 0))
+        basis = self.law.basis(self.omega(shift)[needed])
+        # A shift past a border between two knots of a modal law would leave one of its coefficients without a mode.
+        return bool(np.all(basis @ a > 0) and np.all(basis.any(axis=0)))
 
     def finish(self, x: FloatArray, normal: NormalEquations, history: FloatArray) -> DampingFit:
         eigenvalue, rate = self.modes(x)
@@ -289,7 +303,7 @@ class _Problem:
         _, weight = self.misfit.residual(self.misfit.predict(eigenvalue, rate))
         # Circular noise of variance v: cov(2 Re Jᴴ W n) = 2 Re Jᴴ W² V J, which is the hessian with weights w²v.
         moved = normal.reduction @ T
-        spread = moved.T @ jacobian.hessian(weight**2 * self.misfit.variance) @ moved
+        spread = moved.T @ jacobian.hessian(self.misfit.scatter(weight)) @ moved
         covariance = inverse @ spread @ inverse
         a, shift, _ = self.split(x)
         return DampingFit(

@@ -25,12 +25,13 @@ DAMPING_DISCREPANCY = 0.02
 LAW_DISCREPANCY = 0.002
 """The same for the estimate, as `elastic.THEORY_DISCREPANCY` is to `elastic.FREQUENCY_DISCREPANCY`."""
 
-_UNMEASURED_SHIFT = 0.01  # prior standard deviation of the shift of a mode that was not measured
+_UNMEASURED_SHIFT = 0.01  # prior standard deviation of the shift of an unmeasured mode, the constants given
 _UNMEASURED_DEVIATION = 2.0  # and of the logarithm of its damping over the law's: nobody measured it
 _GAIN_SD = 0.01  # prior standard deviation of a mode's gain: what a sensor's calibration is good for
 _FIRST_NOISE = 1e-3
 _FIRST_RATIO = 0.02  # of modes whose damping was not measured
 _SAME_OPTIMUM = 1e-3  # relative distance of coefficients that counts as one point
+_SAME_TO_NOISE = 0.3  # and their distance in standard deviations by noise alone
 _RIVAL = 10.0  # difference of negative log posteriors below which a second optimum is worth telling
 _SPREAD_OF_STARTS = 5.0
 
@@ -150,6 +151,15 @@ class DampingStage:
         ratio = np.nan_to_num(self.modes.damping_ratio[self.rows], nan=_FIRST_RATIO)
         return np.where(ratio > 0, ratio, _FIRST_RATIO)
 
+    @cached_property
+    def unmeasured_shift_sd(self) -> FloatArray:
+        """(u,) prior standard deviations of the shifts of `unmeasured`: the constants may be uncertain that tell them."""
+        state = self.elastic.updated
+        by = state.eigenvalue_jacobian[self.unmeasured] / (2 * state.modes.eigenvalue[self.unmeasured, None])
+        variance = np.einsum("kp,pq,kq->k", by, self.elastic.covariance, by)
+        spread: FloatArray = np.sqrt(_UNMEASURED_SHIFT**2 + variance)
+        return spread
+
     def nuisance(self, deviation_sd: float) -> Nuisance:
         """Measured modes shift freely and deviate from the law a little, the others do both as far as priors let them.
 
@@ -162,7 +172,7 @@ class DampingStage:
         return Nuisance(
             modes=modes,
             first_shift=np.concatenate([self.first_shift, np.zeros(others)]),
-            shift_sd=np.concatenate([np.full(len(pairs), np.inf), np.full(others, _UNMEASURED_SHIFT)]),
+            shift_sd=np.concatenate([np.full(len(pairs), np.inf), self.unmeasured_shift_sd]),
             deviation_sd=np.where(np.isin(modes, self.suspended), 0.0, deviation),
             suspended=self.suspended,
             suspended_rate=np.full(self.suspended.size, lowest),
@@ -177,13 +187,16 @@ class DampingStage:
     @cached_property
     def misfit(self) -> FrfMisfit:
         """The misfit with a noise variance: the measured one, or one from the residual of an unweighted modal fit."""
-        if self.frfs.variance is not None:
-            return FrfMisfit(self.frfs, self.model, self.weighting, self.frfs.variance, self._gain_sd)
-        even = FrfMisfit(self.frfs, self.model, "linear", np.ones(self.frfs.values.shape))
+        stated = self.frfs.variance
+        if stated is not None and not np.isnan(stated).any():
+            return FrfMisfit(self.frfs, self.model, self.weighting, stated, self._gain_sd)
+        measured = self.frfs.measured
+        even = FrfMisfit(self.frfs, self.model, "linear", np.where(measured, 1.0, np.inf))
         first = fit_law(even, self.modal_law, self.start(self.modal_law), self.nuisance(0), self._unit(even))
         predicted = even.predict(first.eigenvalue, first.rate)
-        measured = np.ones(predicted.shape, dtype=bool)
         variance = residual_variance(self.frfs.values - predicted, predicted, measured, 0)
+        if stated is not None:
+            variance = np.where(np.isnan(stated), variance, stated)
         return FrfMisfit(self.frfs, self.model, self.weighting, variance, self._gain_sd)
 
     @property
@@ -202,7 +215,7 @@ class DampingStage:
     @cached_property
     def scale(self) -> float:
         """What E of one value is by noise alone, with the weighting of this stage."""
-        return 1.0 if self.weighting == "noise" else self.modal.cost / self.frfs.values.size
+        return 1.0 if self.weighting == "noise" else self.modal.cost / np.sum(self.misfit.counted)
 
     @staticmethod
     def _unit(misfit: FrfMisfit) -> float:
@@ -263,7 +276,7 @@ class DampingStage:
         sampled = self.sampled_ratios(tight)
         slope = law.basis(sampled.omega) / (2 * sampled.omega * sampled.ratio)[:, None]
         rivals = [fit.coefficients for fit in fits if fit.objective - best.objective < _RIVAL * self.scale]
-        optima = _different(rivals)
+        optima = _different(rivals, _SAME_TO_NOISE * np.sqrt(np.diag(best.noise_covariance)))
         return DampingResult(
             fit=best,
             start=start,
@@ -340,7 +353,8 @@ def nearest_positive(law: DampingLaw, omega: FloatArray, ratio: FloatArray) -> F
     """Coefficients nearest to given ratios; where those would damp a mode negatively, nearest to their median."""
     if omega.size < len(law.coefficient_names):
         raise UpdatingError(
-            f"{omega.size} modes cannot fix the {len(law.coefficient_names)} coefficients of the {law.name} law",
+            f"{omega.size} measured {'mode' if omega.size == 1 else 'modes'} cannot fix the {len(law.coefficient_names)} "
+            f"coefficients of the {law.name} law; measure a wider band, or put `modal` first in damping_models",
             best={},
             history=(),
         )
@@ -350,10 +364,10 @@ def nearest_positive(law: DampingLaw, omega: FloatArray, ratio: FloatArray) -> F
     return fit_ratios(law, omega, np.full_like(ratio, float(np.median(ratio))))
 
 
-def _different(points: list[FloatArray]) -> tuple[FloatArray, ...]:
-    """Points that are further than round-off from all before them."""
+def _different(points: list[FloatArray], apart: FloatArray) -> tuple[FloatArray, ...]:
+    """Points that lie further from all before them than the fit resolves: than round-off, or than (p,) `apart`."""
     kept: list[FloatArray] = []
     for point in points:
-        if all(np.max(np.abs(point - other) / np.maximum(np.abs(other), 1e-300)) > _SAME_OPTIMUM for other in kept):
+        if all(np.any(np.abs(point - other) > np.maximum(_SAME_OPTIMUM * np.abs(other), apart)) for other in kept):
             kept.append(point)
     return tuple(kept)

@@ -40,6 +40,7 @@ SHAPE_DISCREPANCY = 0.01
 _UNKNOWN_FREQUENCY_SD = 0.0002  # a typed-in frequency is taken to be this sure, as a share of it
 _MAX_ITERATIONS = 40
 _MAX_HALVINGS = 12
+_FAR = 2.0  # prior standard deviations from the prior mean that are worth telling
 _LOWEST = 1e-3  # of its prior mean: what no positive parameter falls below
 _STEP_TOLERANCE = 1e-4  # in posterior standard deviations
 _COST_ROUND_OFF = 1e-7  # eigenvalues are good to some 1e-9, so a smaller rise of the cost means nothing
@@ -222,6 +223,17 @@ class _Fit:
             for i in held
         ]
 
+    def far_from_prior(self, theta: FloatArray) -> list[str]:
+        """Parameters that ended where their prior did not expect them, in words."""
+        prior = self.forward.parametrisation
+        away = (theta - prior.prior_mean) / prior.prior_sd
+        return [
+            f"{prior.names[i]} ended {abs(away[i]):.1f} prior standard deviations {'above' if away[i] > 0 else 'below'} its "
+            f"prior mean ({theta[i]:.3g} against {prior.prior_mean[i]:.3g}): the prior or the model is wrong, and its interval "
+            "supposes neither"
+            for i in np.flatnonzero(np.abs(away) > _FAR)
+        ]
+
     def bounded_step(self, theta: FloatArray, system: _System) -> FloatArray:
         """The Gauss-Newton step of the parameters that are not held at their bound."""
         free = np.ones(theta.size, dtype=bool)
@@ -305,7 +317,11 @@ class _Fit:
             null_directions=null_directions(covariance, prior.prior_sd),
             discrepancy=wide,
             history=history,
-            warnings=(*pairing.messages(self.modes.frequency_hz, state.frequency_hz), *self.at_bound(state.theta)),
+            warnings=(
+                *pairing.messages(self.modes.frequency_hz, state.frequency_hz),
+                *self.at_bound(state.theta),
+                *self.far_from_prior(state.theta),
+            ),
         )
 
 

@@ -89,8 +89,9 @@ def _search(
     prior = forward.parametrisation
     draws = qmc.Sobol(prior.prior_mean.size, seed=seed).random(_DRAWS)
     thetas = prior.prior_mean + _DRAWN_SD * (2 * draws - 1) * prior.prior_sd
-    lines = frfs.frequency_hz[:: max(1, frfs.frequency_hz.size // _COARSE_LINES)]
-    measured = _log_magnitude(frfs.values[:, :: max(1, frfs.frequency_hz.size // _COARSE_LINES)])
+    coarse = slice(None, None, max(1, frfs.frequency_hz.size // _COARSE_LINES))
+    measured = _log_magnitude(frfs.values[:, coarse])
+    known = frfs.measured[:, coarse]
     ranked: list[tuple[float, FloatArray, float]] = []
     for done, theta in enumerate(thetas):
         progress(done / len(thetas))
@@ -101,8 +102,8 @@ def _search(
         for ratio in _RATIOS:
             rate = law.basis(model.omega) @ nearest_positive(law, omega, np.full(omega.size, ratio))
             if np.all(rate[model.omega > 0] > 0):
-                off = measured - _log_magnitude(model.synthesise(lines, rate, frfs.quantity))
-                ranked.append((float(np.mean(np.abs(off))), theta, ratio))
+                off = measured - _log_magnitude(model.synthesise(frfs.frequency_hz[coarse], rate, frfs.quantity))
+                ranked.append((float(np.mean(np.abs(off[known]))), theta, ratio))
     ranked.sort(key=lambda row: row[0])
     return _apart([(theta, ratio) for _, theta, ratio in ranked], prior.prior_sd)
 
@@ -131,19 +132,21 @@ def _take_turns(
     Raises:
         UpdatingError: the constants do not come to rest, or a fit fails.
     """
-    variance: FloatArray = np.ones(frfs.values.shape)
-    weighting: Weighting = "log" if np.all(frfs.values != 0) else "linear"
+    measured = frfs.measured
+    variance: FloatArray = np.where(measured, 1.0, np.inf)
+    weighting: Weighting = "log" if np.all(frfs.values[measured] != 0) else "linear"
     start: FloatArray | None = None
     for _ in range(_TURNS):
         modes, fit, misfit = _modes_through(forward, frfs, law, theta, start, ratio, weighting, variance)
         elastic = update_elastic(forward, modes)
         predicted = misfit.predict(fit.eigenvalue, fit.rate)
-        variance = residual_variance(frfs.values - predicted, predicted, np.ones(predicted.shape, dtype=bool), 0)
+        residual = np.where(measured, frfs.values - predicted, 0)
+        variance = np.where(measured, residual_variance(residual, predicted, measured, 0), np.inf)
         moved = np.abs(elastic.theta - theta) / np.sqrt(np.diag(elastic.covariance))
         settled = weighting == "noise" and moved.max() < _STILL
         theta, start, weighting = elastic.theta, fit.coefficients, "noise"
         if settled:
-            left = float(np.sum(np.abs(frfs.values - predicted) ** 2) / np.sum(np.abs(frfs.values) ** 2))
+            left = float(np.sum(np.abs(residual) ** 2) / np.sum(np.abs(frfs.values[measured]) ** 2))
             return left, JointResult(elastic, modes)
     best = dict(zip(forward.parametrisation.names, map(float, theta), strict=True))
     raise UpdatingError(f"the joint update did not come to rest in {_TURNS} turns", best, ())

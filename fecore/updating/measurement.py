@@ -11,11 +11,14 @@ from fecore.correlation import pair_modes
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import Dof, FrfSet
 from fecore.identification import Identification, identify, shapes_at_poles
+from fecore.identification.screening import Screened, screen
 from fecore.modes import MeasuredModes
+from fecore.specimen import Body
 from fecore.updating.forward import OUT_OF_PLANE
 from fecore.updating.recipe import HoldOut
 
 _SAME_POLE = 1.05  # ratio of frequencies within which a typed mode and an identified one are the same
+_STILL = 1e-9  # share of the mesh's deflections that a point on a support takes part in, round-off
 _HELD_OUT_OF = 8  # every eighth FRF is held out unless the recipe says otherwise
 _FEWEST_TO_HOLD_OUT = 16
 
@@ -64,28 +67,70 @@ class Prepared:
     warnings: tuple[str, ...]
 
 
-def prepare(measurement: Measurement, hold_out: HoldOut, *, find_modes: bool = True) -> Prepared:
+def prepare(measurement: Measurement, specimen: Body, hold_out: HoldOut, *, find_modes: bool = True) -> Prepared:
     """Choose FRFs and find modes.
 
     Args:
         measurement: what was measured.
+        specimen: on which.
         hold_out: what the fits must not see.
         find_modes: False leaves modes and their shapes alone: the joint update needs none.
 
     Raises:
-        InputError: no FRF can be used, a point has no coordinates, or the hold-out leaves nothing.
+        InputError: no FRF can be used, a point has no coordinates or lies off the specimen, or the hold-out leaves nothing.
         IdentificationError: no modes were handed in and the FRFs support none.
     """
     frfs, warnings = _out_of_plane(measurement)
-    kept, held_rows = _split(frfs, hold_out)
+    frfs, still = _moving(frfs, measurement, specimen)
+    rows = _split(frfs, hold_out)
+    screened = screen(frfs)
+    place = {int(row): number for number, row in enumerate(screened.kept)}
+    kept, held_rows = ([place[row] for row in side if row in place] for side in rows)
+    if not kept:
+        raise IdentificationError(f"no FRF that is to be fitted is usable: {'; '.join(_refusals(screened))}")
+    frfs = frfs.select(list(place)).unmeasured_at(~screened.measured)
+    warnings = (*warnings, *still, *screened.warnings, *_refusals(screened))
     fitted, held = frfs.select(kept), frfs.select(held_rows) if held_rows else None
-    if not find_modes:
-        return Prepared(frfs, fitted, kept, held, None, None, warnings)
-    if measurement.modes is None:
+    modes, found = None, None
+    if find_modes and measurement.modes is None:
         found = identify(fitted)
-        return Prepared(frfs, fitted, kept, held, found.modes, found, (*warnings, *found.warnings))
-    modes, more = _with_shapes(fitted, measurement.modes)
-    return Prepared(frfs, fitted, kept, held, modes, None, (*warnings, *more))
+        modes, fitted, warnings = found.modes, _without_outliers(fitted, found), (*warnings, *found.warnings)
+        found = replace(found, refused=(*screened.refused, *found.refused))
+    elif find_modes and measurement.modes is not None:
+        modes, more = _with_shapes(fitted, measurement.modes)
+        warnings = (*warnings, *more)
+    return Prepared(frfs, fitted, kept, held, modes, found, tuple(dict.fromkeys(warnings)))
+
+
+def _refusals(screened: Screened) -> list[str]:
+    return [f"FRF {fault.frf} was not used: {fault.reason}" for fault in screened.refused]
+
+
+def _without_outliers(frfs: FrfSet, found: Identification) -> FrfSet:
+    """The FRFs without the values that identification has found to be spoilt."""
+    gaps = ~frfs.measured
+    gaps[found.rows] |= np.isnan(found.measured)
+    return frfs.unmeasured_at(gaps)
+
+
+def _moving(frfs: FrfSet, measurement: Measurement, specimen: Body) -> tuple[FrfSet, list[str]]:
+    """The FRFs between points that the supports let move; what was left out, in words."""
+    points = sorted({dof.point for dof in (*frfs.responses, *frfs.references)})
+    places = np.array([measurement.points[point][:2] for point in points])
+    observed = abs(specimen.model.observation(places, np.full(len(points), OUT_OF_PLANE))).sum(axis=1)
+    still = {point for point, reach in zip(points, observed, strict=True) if reach < _STILL}
+    pairs = list(zip(frfs.responses, frfs.references, strict=True))
+    moving = [i for i, pair in enumerate(pairs) if not still & {dof.point for dof in pair}]
+    if len(moving) == len(pairs):
+        return frfs, []
+    names, one = ", ".join(map(str, sorted(still))), len(still) == 1
+    where = (
+        f"{'point' if one else 'points'} {names} {'lies' if one else 'lie'} on a support that holds still in the model"
+    )
+    if not moving:
+        raise InputError("boundary", f"leaves no FRF: {where}; check the boundary and the coordinates of the points")
+    left = len(pairs) - len(moving)
+    return frfs.select(moving), [f"{where}: {left} FRFs at them were left out; is the boundary right?"]
 
 
 def _out_of_plane(measurement: Measurement) -> tuple[FrfSet, tuple[str, ...]]:

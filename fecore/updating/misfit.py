@@ -17,7 +17,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import InputError
 from fecore.frf import FrfSet, ModalFrfModel, convert
 
@@ -48,7 +48,8 @@ class FrfMisfit:
         measured: measured FRFs in the fitted band.
         model: the elastic model's part of the synthesis.
         weighting: name of the residual.
-        variance: (N, L) noise variance E|n|², for `noise` weights and for the covariance of the estimate.
+        variance: (N, L) noise variance E|n|², for `noise` weights and for the covariance of the estimate; infinite where
+            nothing was measured, which then counts with no weighting.
         gain_sd: (m,) prior standard deviation of the modes' gains, 0 where a mode has none; None where none has.
     """
 
@@ -61,7 +62,7 @@ class FrfMisfit:
     def __post_init__(self) -> None:
         if self.weighting not in get_args(Weighting):
             raise InputError("weighting", f"is {self.weighting!r}, expected one of {', '.join(get_args(Weighting))}")
-        if self.weighting in ("relative", "log") and np.any(self.measured.values == 0):
+        if self.weighting in ("relative", "log") and np.any(self.measured.values[self.counted] == 0):
             raise InputError(
                 "weighting", f"{self.weighting!r} needs FRFs without zeros; leave out the lines that are 0"
             )
@@ -72,9 +73,19 @@ class FrfMisfit:
             self.measured.frequency_hz, rate, self.measured.quantity
         )
 
+    @cached_property
+    def counted(self) -> BoolArray:
+        """(N, L) where a value was measured."""
+        return ~np.isposinf(self.variance)
+
     def residual(self, predicted: ComplexArray) -> tuple[ComplexArray, FloatArray]:
-        """(N, L) residuals in units of H, and their weights."""
-        values = self.measured.values
+        """(N, L) residuals in units of H, and their weights: both 0 where nothing was measured."""
+        if self.counted.all():
+            return self._residual(self.measured.values, predicted)
+        residual, weight = self._residual(np.where(self.counted, self.measured.values, predicted), predicted)
+        return residual, np.where(self.counted, weight, 0.0)
+
+    def _residual(self, values: ComplexArray, predicted: ComplexArray) -> tuple[ComplexArray, FloatArray]:
         if self.weighting == "log":
             # r = H ln(H_exp/H) has the derivative -∂H of the log residual times H, to first order.
             return predicted * np.log(values / predicted), np.abs(predicted) ** -2
@@ -84,11 +95,15 @@ class FrfMisfit:
             return values - predicted, np.abs(values) ** -2
         return values - predicted, np.ones(values.shape)
 
+    def scatter(self, weight: FloatArray) -> FloatArray:
+        """(N, L) w²v: the noise of weighted residuals."""
+        return np.where(self.counted, weight, 0.0) ** 2 * np.where(self.counted, self.variance, 0.0)
+
     def signal(self) -> float:
         """Weighted sum of squares that the data themselves are worth."""
-        values = self.measured.values
+        values = np.where(self.counted, self.measured.values, 0)
         if self.weighting in ("relative", "log"):
-            return float(values.size)
+            return float(np.sum(self.counted))
         weight = 1 / self.variance if self.weighting == "noise" else 1.0
         return float(np.sum(weight * np.abs(values) ** 2))
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from fecore.damping import RAYLEIGH, CaugheySeries, DampingLaw, GeneralisedProportional, ModalDamping
-from fecore.errors import InputError
+from fecore.errors import InputError, UpdatingError
 from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
 from fecore.specimen import Body
@@ -22,6 +22,7 @@ from fecore.updating.joint import update_jointly
 from fecore.updating.ladder import climb
 from fecore.updating.measurement import Measurement, Prepared, prepare
 from fecore.updating.parameters import Parametrisation, parametrise
+from fecore.updating.plausibility import examine
 from fecore.updating.recipe import Recipe
 from fecore.updating.report import Report
 from fecore.updating.result import UpdateResult
@@ -67,7 +68,7 @@ def update(
     progress("identifying the modes" if measurement.modes is None else "finding mode shapes", 0.0)
     # Under a roving sensor the FRFs have no common modes to be identified.
     data = prepare(
-        measurement, recipe.hold_out, find_modes=recipe.method == "two_stage" and not measurement.roving_mass
+        measurement, specimen, recipe.hold_out, find_modes=recipe.method == "two_stage" and not measurement.roving_mass
     )
     forward = _forward(specimen, parametrisation, measurement, data)
     progress(_ELASTIC, 0.4)
@@ -75,15 +76,14 @@ def update(
     band = _band(recipe, data.fitted, elastic)
     stage = DampingStage(_inside(data.fitted, band, recipe), elastic, modes, recipe.weighting)
     laws = _laws(recipe, stage.modal_law)
-    damping = stage.fit(
-        laws[0], many_starts=True, progress=lambda share: progress("updating the damping", 0.6 + 0.1 * share)
-    )
+    doubts = examine(stage)
+    damping = _damping(stage, laws[0], doubts, lambda share: progress("updating the damping", 0.6 + 0.1 * share))
     ladder = climb(stage, laws)
     sampled = _sampled(recipe, elastic, stage, damping, progress, keeper)
     progress("correlating", 0.95)
     result = Report(elastic, damping, ladder, modes, data, band, recipe.hold_out.band_hz, sampled).result()
     progress("done", 1.0)
-    return replace(result, warnings=(*data.warnings, *_roving(measurement, recipe), *result.warnings))
+    return replace(result, warnings=(*data.warnings, *_roving(measurement, recipe), *doubts, *result.warnings))
 
 
 def _roving(measurement: Measurement, recipe: Recipe) -> list[str]:
@@ -112,6 +112,16 @@ def _elastic(
     law = _laws(recipe, ModalDamping((middle,)))[0]
     found = update_jointly(forward, frfs, law, recipe.seed, progress)
     return found.elastic, found.modes
+
+
+def _damping(
+    stage: DampingStage, law: DampingLaw, doubts: list[str], progress: Callable[[float], None]
+) -> DampingResult:
+    """Stage 2; where it fails, what looked wrong before it is told with the failure."""
+    try:
+        return stage.fit(law, many_starts=True, progress=progress)
+    except UpdatingError as error:
+        raise UpdatingError("; ".join([error.message, *doubts]), error.best, error.history) from error
 
 
 def _sampled(

@@ -184,10 +184,10 @@ class Report:
         frequency, (low, high) = self.data.frfs.frequency_hz, self.band
         lines = np.flatnonzero((frequency >= low) & (frequency <= high))
         fitted = np.ix_(np.array(self.data.fitted_rows), lines)
-        seen = self.prediction
+        seen, frfs = self.prediction, self.data.fitted.band(low, high)
         return Correlation(
-            initial=agreement(seen.measured[fitted], seen.initial[fitted]),
-            updated=agreement(seen.measured[fitted], seen.updated[fitted]),
+            initial=agreement(frfs, seen.initial[fitted]),
+            updated=agreement(frfs, seen.updated[fitted]),
             held_out_frfs=self._held_out_frfs(),
             held_out_band=self._held_out_band(),
             mac_matrix=self.elastic.pairing.mac,

@@ -85,16 +85,18 @@ class Predictor:
     def hold_against(self, frfs: FrfSet, points: tuple[int, ...], band_hz: tuple[float, float]) -> HeldOut:
         """Compare held-out FRFs with their prediction; the noise level is that of the fitted data."""
         predicted, variance = self.predict(frfs)
-        noise = frfs.variance if frfs.variance is not None else self._noise(predicted)
+        measured = frfs.measured
+        stated = np.nan if frfs.variance is None else frfs.variance
+        noise = np.where(np.isnan(stated), self._noise(predicted), stated)
         error = frfs.values - predicted
         inside = [
-            np.abs(part) <= _REACH * np.sqrt(spread + noise / 2)
+            (np.abs(part) <= _REACH * np.sqrt(spread + noise / 2))[measured]
             for part, spread in zip((error.real, error.imag), variance, strict=True)
         ]
         return HeldOut(
             points=points,
             band_hz=band_hz,
-            agreement=agreement(frfs.values, predicted),
+            agreement=agreement(frfs, predicted),
             coverage_95=float(np.mean(inside)),
         )
 
@@ -102,19 +104,21 @@ class Predictor:
         """(N, L) noise variance of unseen FRFs: the fitted ones' v = a² + b²|H|², with the median a² and b²."""
         seen = self.damping.misfit
         level = np.abs(seen.predict(self.damping.modal.eigenvalue, self.damping.modal.rate)) ** 2
-        pairs = np.array([_line(row, floor) for row, floor in zip(level, seen.variance, strict=True)])
+        rows = zip(level, seen.variance, seen.counted, strict=True)
+        pairs = np.array([_line(row[known], floor[known]) for row, floor, known in rows])
         slope, constant = np.median(pairs, axis=0)
         variance: FloatArray = constant + slope * np.abs(predicted) ** 2
         return variance
 
 
-def agreement(measured: ComplexArray, predicted: ComplexArray) -> FrfCorrelation:
-    """SAC, FRAC, CSAC and CSF of some FRFs."""
+def agreement(frfs: FrfSet, predicted: ComplexArray) -> FrfCorrelation:
+    """SAC, FRAC, CSAC and CSF of some FRFs, over the values that were measured."""
+    values, there = (np.where(frfs.measured, each, 0) for each in (frfs.values, predicted))
     return FrfCorrelation(
-        sac=sac(measured, predicted),
-        frac=frac(measured, predicted),
-        csac=csac(measured, predicted),
-        csf=csf(measured, predicted),
+        sac=sac(values, there),
+        frac=frac(values, there),
+        csac=csac(values, there),
+        csf=csf(values, there),
     )
 
 

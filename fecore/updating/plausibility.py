@@ -1,0 +1,162 @@
+"""Whether the measured FRFs are those of the model at all, before damping is sought in them.
+
+Natural frequencies alone cannot tell a wrong length or density from other elastic constants: all scale them alike. The
+height of the FRFs can: it goes with the modal masses. And a wrong sign, factor or point of one FRF leaves the frequencies as
+they are, but not that FRF. So each FRF is compared with the model's, whose modes are moved to the measured frequencies and have
+the measured damping ratios, by its height s and likeness c over the lines,
+
+    s = median Re H/H_model,     c = Re H_modelᴴ H / (|H_model| |H|);
+
+the median, as peaks that few lines resolve, or a mode that was not measured, would move a mean.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.arrays import BoolArray, FloatArray, IntArray
+from fecore.errors import UpdatingError
+from fecore.identification.arrangement import pair_label
+from fecore.updating.damping_stage import DampingStage
+
+_COMMON = 0.05  # by which the FRFs may be larger or smaller than the model's: twice what calibrations are good for
+_OWN = 0.3  # by which one FRF's factor may lie off that of all
+_LIKE = 0.7  # likeness below which an FRF is another one
+_WEAK = 0.05  # of the median energy of the FRFs: weaker ones, near a nodal line, are noise and the neighbours' tails
+_NEAR = 0.1  # of its frequency: lines at an unmeasured mode
+_SAME_SHAPE = 0.8  # MAC
+_LARGEST_MISS = 0.1  # of a frequency, after the update
+_MOST = 5  # FRFs named in one sentence
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """Measured FRFs beside the model's.
+
+    Attributes:
+        height: (N,) s.
+        likeness: (N,) c.
+        loud: (N,) FRFs with enough energy to be judged.
+        labels: N names, response first.
+    """
+
+    height: FloatArray
+    likeness: FloatArray
+    loud: BoolArray
+    labels: tuple[str, ...]
+
+    @classmethod
+    def of(cls, stage: DampingStage) -> Likeness:
+        """Compare on the fitted lines."""
+        frfs, law = stage.frfs, stage.modal_law
+        omega = stage.model.omega.copy()
+        omega[stage.shifted] *= 1 + stage.first_shift
+        rate = law.basis(omega) @ stage.start(law)
+        predicted = stage.model.with_eigenvalue(omega**2).synthesise(frfs.frequency_hz, rate, frfs.quantity)
+        seen = frfs.measured & _clear_lines(frfs.frequency_hz, stage.model.omega[stage.unmeasured] / (2 * np.pi))
+        values, there = (np.where(seen, each, 0) for each in (frfs.values, predicted))
+        own, model = (np.maximum(np.sum(np.abs(each) ** 2, axis=1), 1e-300) for each in (values, there))
+        both = np.sum((there.conj() * values).real, axis=1)
+        height = [float(np.median((v[known] / t[known]).real)) for v, t, known in zip(values, there, seen, strict=True)]
+        return cls(
+            height=np.array(height),
+            likeness=both / np.sqrt(own * model),
+            loud=own > _WEAK * np.median(own),
+            labels=tuple(pair_label(*pair) for pair in zip(frfs.responses, frfs.references, strict=True)),
+        )
+
+    @property
+    def common(self) -> float:
+        """Median factor of the FRFs."""
+        return float(np.median(self.height[self.loud]))
+
+    def sentences(self) -> list[str]:
+        """What looks wrong, in words."""
+        usual = float(np.median(self.likeness[self.loud]))
+        if usual < _LIKE:
+            return [
+                f"most FRFs are unlike the model's (median likeness {usual:.2f}): a wrong boundary, geometry, frame or "
+                "numbering of the points; do not use these estimates before that is found"
+            ]
+        found = []
+        if abs(np.log(self.common)) > _COMMON:
+            found.append(
+                f"the FRFs are {self.common:.3g} times as large as the model's: check calibration (hammer, sensor, units), "
+                "geometry, density, added masses and boundary; the estimates are only as right as these"
+            )
+        relative = self.height / self.common
+        like: BoolArray = self.likeness >= _LIKE
+        turned: BoolArray = self.likeness <= -_LIKE
+        scaled: BoolArray = like & (np.abs(relative - 1) > _OWN)
+        told = (
+            (turned, "the opposite sign of the model's: a wrong direction or polarity"),
+            (scaled, "another height than the rest: a wrong sensitivity or range"),
+            (~like & ~turned, "little likeness with the model's: a wrong point, or a spoilt record"),
+        )
+        rows = [(np.flatnonzero(which & self.loud), what) for which, what in told]
+        return found + [self._sentence(which, relative, what) for which, what in rows if which.size]
+
+    def _sentence(self, rows: IntArray, relative: FloatArray, what: str) -> str:
+        names = ", ".join(f"{self.labels[row]} ({relative[row]:+.2f})" for row in rows[:_MOST])
+        more = f" and {rows.size - _MOST} more" if rows.size > _MOST else ""
+        who = "FRF {} has" if rows.size == 1 else "FRFs {} have"
+        return f"{who.format(names + more)} {what} (in brackets the factor over that of all); mend or leave out"
+
+
+def _clear_lines(frequency_hz: FloatArray, unmeasured_hz: FloatArray) -> BoolArray:
+    """(L,) lines away from modes whose damping nobody measured; all where none is."""
+    away: BoolArray = np.all(np.abs(frequency_hz[:, None] / unmeasured_hz - 1) > _NEAR, axis=1)
+    return away if away.any() else np.ones_like(away)
+
+
+def examine(stage: DampingStage) -> list[str]:
+    """What looks wrong with the measurement or the model before stage 2, in words.
+
+    Raises:
+        UpdatingError: the model is so far off that damping cannot be sought: modes that stay apart in frequency, or FRFs of the
+            opposite sign.
+    """
+    found = _unlike_shapes(stage)
+    missed = np.abs(stage.first_shift)
+    likeness = Likeness.of(stage)
+    pairs, updated = stage.elastic.pairing.pairs, stage.elastic.updated
+    if missed.max() > _LARGEST_MISS:
+        row, column = pairs[int(np.argmax(missed))]
+        hz, model = stage.modes.frequency_hz[row], updated.frequency_hz[column]
+        raise _refusal(
+            stage,
+            f"the updated model still misses measured mode {row + 1} ({hz:.2f} Hz) by {100 * (model / hz - 1):+.0f} %: "
+            "this is not the model of the specimen, or its modes were paired wrongly; check boundary, geometry and the points' "
+            "coordinates, or measure at more points, across the width too",
+            found,
+        )
+    if likeness.common <= 0:
+        raise _refusal(
+            stage,
+            "most FRFs have the opposite sign of the model's: a wrong direction or polarity of the hammer or the sensor, or a "
+            "wrong boundary",
+            found,
+        )
+    return [*found, *likeness.sentences()]
+
+
+def _refusal(stage: DampingStage, message: str, found: list[str]) -> UpdatingError:
+    names = stage.elastic.updated.forward.parametrisation.names
+    best = dict(zip(names, map(float, stage.elastic.theta), strict=True))
+    history = tuple(iterate.cost for iterate in stage.elastic.history)
+    return UpdatingError("; ".join([message, *found]), best, history)
+
+
+def _unlike_shapes(stage: DampingStage) -> list[str]:
+    matrix, pairs = stage.elastic.pairing.mac, stage.elastic.pairing.pairs
+    if matrix is None:
+        return []
+    return [
+        f"measured mode {row + 1} ({stage.modes.frequency_hz[row]:.2f} Hz) has only MAC {matrix[row, column]:.2f} with its "
+        f"partner, model mode {column + 1} ({stage.elastic.updated.frequency_hz[column]:.2f} Hz): check boundary, points and "
+        "directions"
+        for row, column in pairs
+        if matrix[row, column] < _SAME_SHAPE
+    ]
