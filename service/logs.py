@@ -32,6 +32,7 @@ def configure_logs(settings: Settings) -> None:
     handler.setFormatter(
         structlog.stdlib.ProcessorFormatter(foreign_pre_chain=shared, processors=_writers(settings.log_format))
     )
+    logging.captureWarnings(capture=True)  # a glyph that a print lacks, say: a line as any other
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(settings.log_level.upper())

@@ -10,6 +10,7 @@ import io
 import json
 from collections.abc import Mapping
 from datetime import datetime
+from html import unescape
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -33,7 +34,13 @@ DPI = 200
 _DASHES = {"solid": "-", "dash": "--", "dot": ":", "dashdot": "-."}
 _SYMBOLS = {"circle": "o", "diamond": "D", "square": "s", "x": "x", "cross": "+"}
 _POINTS = 0.75  # of a CSS pixel
-_RC: Any = {"font.size": 8, "svg.hashsalt": "modalbase", "svg.fonttype": "path", "pdf.fonttype": 42}
+_RC: Any = {
+    "font.size": 8,
+    "text.parse_math": False,  # a $ in a name is a $
+    "svg.hashsalt": "modalbase",
+    "svg.fonttype": "path",
+    "pdf.fonttype": 42,
+}
 
 
 def render(figure: Figure, file_format: Format) -> bytes:
@@ -77,7 +84,7 @@ def draw(figure: Figure) -> Sheet:
             handles.setdefault(trace["name"], handle)
     for note in layout.get("annotations", ()):
         sheet.text(note["x"], note["y"], note["text"], ha="center", wrap=True)
-    sheet.suptitle(layout["title"]["text"], fontsize=9, y=0.97)
+    sheet.suptitle(unescape(layout["title"]["text"]), fontsize=9, y=0.97)
     if handles:
         sheet.legend(
             handles.values(), handles.keys(), loc="lower center", ncols=4, frameon=False, fontsize=7, markerscale=0.7

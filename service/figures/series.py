@@ -8,13 +8,16 @@ are their ids, so that a page can link them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from html import escape
 from typing import Any
 
 from service.figures.look import ALARM, BAND, INITIAL, MEASURED, QUIET, UPDATED, Figure, axis, layout
 
 Z_95 = 1.959964
-SCALES = {"Ex": (1e-9, "GPa"), "Ey": (1e-9, "GPa"), "Gxy": (1e-9, "GPa"), "Gxz": (1e-9, "GPa"), "Gyz": (1e-9, "GPa")}
-UNITS = {"density": "kg/m³", "thickness": "m", "a0": "1/s", "a1": "s"}
+SHOWN = {"Pa": (1e-9, "GPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1": (1.0, "–")}
+"""Factor and unit in which values of an SI unit are drawn; others as they are."""
+
+LONGEST_NAME = 50
 SIGNS = {"fall": -1, "rise": 1}
 
 
@@ -26,12 +29,12 @@ def series_figure(document: Mapping[str, Any], parameter: str) -> Figure:
         parameter: a watched one. One that has no values yet gives empty axes that say so.
     """
     found = [p for p in document["parameters"] if p["name"] == parameter]
-    scale, unit = scale_of(parameter)
-    title = f"{document['structure_name']} – {document['monitor_name']}: {parameter}"
+    scale, unit = _shown_in(found[0]) if found else (1.0, None)
+    title = f"{_name(document['structure_name'])} – {_name(document['monitor_name'])}: {parameter}"
     shown = layout(
         f"{title} ({found[0]['state'] if found else 'no data'})",
-        xaxis=axis("", type="date", anchor="y2"),
-        yaxis=axis(f"{parameter} [{unit}]", domain=[0.42, 1.0]),
+        xaxis=axis("campaign performed (UTC)", type="date", anchor="y2"),
+        yaxis=axis(parameter if unit is None else f"{parameter} [{unit}]", domain=[0.42, 1.0]),
         yaxis2=axis("control chart [sd]", domain=[0.0, 0.32]),
     )
     if not found:
@@ -41,21 +44,23 @@ def series_figure(document: Mapping[str, Any], parameter: str) -> Figure:
         ]
         return {"data": [], "layout": shown}
     row = found[0]
-    names = {c["campaign_id"]: c["name"] for c in document["campaigns"]}
+    names = {c["campaign_id"]: _name(c["name"]) for c in document["campaigns"]}
     alarms = [a for a in document["alarms"] if a["parameter"] == parameter and a["state"] != "withdrawn"]
     data = [*_values(row, names, scale), *_expectation(row, scale), *_chart(row, names), *_alarms(alarms, row, scale)]
     return {"data": data, "layout": shown}
 
 
-def scale_of(parameter: str) -> tuple[float, str]:
-    """Factor from SI and unit in which a parameter is drawn."""
-    if parameter in SCALES:
-        return SCALES[parameter]
-    if parameter.startswith("frequency_"):
-        return 1.0, "Hz"
-    if parameter.startswith("damping_ratio_"):
+def _shown_in(row: Mapping[str, Any]) -> tuple[float, str | None]:
+    """Factor from SI and unit in which a parameter is drawn; no unit where it is not known."""
+    if row["name"].startswith(("damping_ratio_", "zeta")):
         return 100.0, "%"
-    return 1.0, UNITS.get(parameter, "SI")
+    return SHOWN.get(row["unit"], (1.0, row["unit"]))
+
+
+def _name(given: str) -> str:
+    """A name given by a person, as Plotly wants text: it takes < for markup. Cut where it is too long for a title."""
+    cut = given if len(given) <= LONGEST_NAME else given[: LONGEST_NAME - 1] + "…"
+    return escape(cut, quote=False)
 
 
 def _values(row: Mapping[str, Any], names: Mapping[str, str], scale: float) -> list[dict[str, Any]]:
@@ -74,7 +79,7 @@ def _values(row: Mapping[str, Any], names: Mapping[str, str], scale: float) -> l
         marker = {"symbol": "circle-open", "color": QUIET, "size": 8}
         traces.append({**common, "name": "raw", "y": [scale * p["raw"] for p in points], "marker": marker})
         corrected = [None if p["corrected"] is None else scale * p["corrected"] for p in points]
-        name = "corrected for " + ", ".join(c["name"] for c in row["baseline"]["covariates"])
+        name = "corrected for " + ", ".join(c["name"].split("_")[0] for c in row["baseline"]["covariates"])
     else:
         corrected, name = [scale * p["raw"] for p in points], "estimate"
     marker = {"symbol": "circle", "color": MEASURED, "size": 8}
@@ -155,7 +160,7 @@ def _alarms(alarms: Sequence[Mapping[str, Any]], row: Mapping[str, Any], scale: 
             "name": "alarm",
             "x": [p["performed_at"] for _, p in seen],
             "y": [scale * (p["raw"] if p["corrected"] is None else p["corrected"]) for _, p in seen],
-            "text": [f"{a['state']}{': ' + a['note'] if a['note'] else ''}" for a, _ in seen],
+            "text": [a["state"] + (f": {_name(a['note'])}" if a["note"] else "") for a, _ in seen],
             "customdata": [[a["alarm_id"], a["campaign_id"]] for a, _ in seen],
             "marker": {"symbol": "diamond-open", "color": ALARM, "size": 16},
         }

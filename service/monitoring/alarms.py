@@ -14,6 +14,7 @@ from service.access import User, audit, project_for
 from service.monitoring.judgement import Episode
 from service.monitoring.messages import announce
 from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorSeries
+from service.monitoring.values import unit_of
 from service.problems import Conflict, NotFound, not_found_as
 from service.structures.tables import Structure
 
@@ -95,6 +96,7 @@ def _summary(alarm: Alarm) -> dict[str, Any]:
     return {
         "id": str(alarm.id),
         "parameter": alarm.parameter,
+        "unit": unit_of(alarm.parameter),
         "campaign_id": str(alarm.campaign_id),
         "series": alarm.series,
         "state": alarm.state,

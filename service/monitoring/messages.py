@@ -73,12 +73,12 @@ def as_mail(delivery: Delivery, sender: str) -> EmailMessage:
         f"state       {data['monitor']['state']}",
     ]
     if alarm := data.get("alarm"):
-        details = alarm["details"]
+        details, unit = alarm["details"], f" {alarm['unit']}" if alarm.get("unit") not in (None, "1") else ""
         lines += [
             f"parameter   {alarm['parameter']}",
             f"campaign    {alarm['campaign_id']} of {details['performed_at']}",
-            f"value       {details['value']:.6g} ± {details['standard_deviation']:.2g}",
-            f"baseline    {details['baseline']:.6g} ± {details['baseline_sd']:.2g}",
+            f"value       {details['value']:.6g} ± {details['standard_deviation']:.2g}{unit}",
+            f"baseline    {details['baseline']:.6g} ± {details['baseline_sd']:.2g}{unit}",
             f"note        {data['note']}",
         ]
     mail.set_content("\n".join(lines) + "\n")

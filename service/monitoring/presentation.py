@@ -15,6 +15,7 @@ from service.jobs import Job
 from service.monitoring.runs import latest_runs
 from service.monitoring.schemas import AlarmEventOut, AlarmOut, RunOut
 from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorAssessment, MonitorRun, MonitorSeries
+from service.monitoring.values import unit_of
 from service.structures.tables import Structure
 
 
@@ -38,7 +39,7 @@ def series_document(session: Session, monitor: Monitor, series: MonitorSeries) -
         "judgement": _last_judgement(session, series),
         "notes": judged["notes"],
         "campaigns": _campaigns(session, series),
-        "parameters": judged["parameters"],
+        "parameters": [{**row, "unit": unit_of(row["name"])} for row in judged["parameters"]],
         "alarms": [describe_mark(alarm) for alarm in alarms],
     }
 
@@ -101,6 +102,7 @@ def describe_mark(alarm: Alarm) -> dict[str, Any]:
     return {
         "alarm_id": str(alarm.id),
         "parameter": alarm.parameter,
+        "unit": unit_of(alarm.parameter),
         "campaign_id": str(alarm.campaign_id),
         "state": alarm.state,
         "performed_at": alarm.details["performed_at"],
@@ -152,6 +154,7 @@ def _described(alarm: Alarm, monitor: Monitor, structure: Structure, history: li
         structure_id=structure.id,
         project_id=structure.project_id,
         parameter=alarm.parameter,
+        unit=unit_of(alarm.parameter),
         campaign_id=alarm.campaign_id,
         series=alarm.series,
         state=alarm.state,  # type: ignore[arg-type]  # the column's constraint is the schema's

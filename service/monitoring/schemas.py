@@ -258,6 +258,7 @@ class AlarmOut(StrictModel):
     structure_id: UUID
     project_id: UUID
     parameter: str
+    unit: str | None
     campaign_id: UUID = Field(description="campaign that raised it")
     series: int
     state: Literal["alarm", "acknowledged", "cleared", "withdrawn"]

@@ -4,12 +4,14 @@ campaign to the next.
 
 from __future__ import annotations
 
+import re
 from typing import Any
 from uuid import UUID
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from fecore.specimen import UNITS
 from service.campaigns.tables import Mode
 
 Pair = tuple[float, float | None]
@@ -33,3 +35,18 @@ def watched_values(session: Session, document: dict[str, Any]) -> dict[str, Any]
         sds = (None, None) if mode is None else (mode.frequency_sd_hz, mode.damping_sd)
         modes.append([row["measured_hz"], sds[0], row["measured_damping"], sds[1]])
     return {"parameters": parameters, "modes": modes}
+
+
+def unit_of(parameter: str) -> str | None:
+    """SI unit of a watched value; None of a spring's stiffness, whose name is the recipe's."""
+    if parameter in UNITS:
+        return UNITS[parameter]
+    if parameter.startswith("frequency_"):
+        return "Hz"
+    if re.fullmatch(r"damping_ratio_\d+|zeta\d+", parameter):
+        return "1"
+    if parameter.startswith("g_"):
+        return "1/s"
+    if power := re.fullmatch(r"a(\d)", parameter):
+        return {"0": "1/s", "1": "s"}.get(power[1], f"s^{2 * int(power[1]) - 1}")
+    return None

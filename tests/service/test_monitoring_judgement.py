@@ -14,6 +14,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from examples.monitoring import structure_body
+from fecore.damping import RAYLEIGH, CaugheySeries, GeneralisedProportional
 from fecore.trend import Acknowledgement, Watch
 from service.access import Member, Project
 from service.access.keys import user_named
@@ -31,6 +32,7 @@ from service.monitoring.monitors import create_monitor, delete_monitor, restore_
 from service.monitoring.runs import newest_series
 from service.monitoring.schemas import MonitorIn
 from service.monitoring.tables import Alarm, AlarmEvent, Delivery, MonitorAssessment, MonitorRun
+from service.monitoring.values import unit_of
 from service.problems import Conflict, NotFound
 from service.settings import Settings
 from service.structures.operations import create_structure
@@ -263,6 +265,7 @@ def document(watch: Watch, observations: Sequence[Observation]) -> dict[str, Any
     alarm = {"alarm_id": "A", "parameter": "Ex", "campaign_id": "8", "state": "alarm", "note": None}
     return {
         **result,
+        "parameters": [{**row, "unit": unit_of(row["name"])} for row in result["parameters"]],
         "structure_name": "bridge",
         "monitor_name": "stringer",
         "campaigns": [{"campaign_id": o.campaign, "name": f"c{o.campaign}"} for o in observations],
@@ -277,7 +280,7 @@ def test_the_figure_shows_the_series() -> None:
     figure = series_figure(given, "Ex")
     traces = {trace["name"]: trace for trace in figure["data"]}
     points = given["parameters"][0]["points"]
-    corrected = traces["corrected for temperature_c"]
+    corrected = traces["corrected for temperature"]
     assert corrected["y"] == [pytest.approx(1e-9 * p["corrected"]) for p in points]
     assert corrected["customdata"] == [str(i) for i in range(10)]
     assert corrected["error_y"]["array"] == [pytest.approx(1.959964e-9 * p["standard_deviation"]) for p in points]
@@ -303,6 +306,39 @@ def test_the_figure_is_printed_as_it_is() -> None:
     figure["data"].append({"type": "heatmap", "name": "x"})
     with pytest.raises(ValueError, match="heatmap"):
         draw(figure)
+
+
+def test_names_are_drawn_as_they_are() -> None:
+    """Neither TeX, which matplotlib would read between dollars, nor markup, which Plotly would."""
+    given = document(Watch({"Ex": "fall"}, baseline=6), values(*[1.0] * 8, 0.95, 0.95))
+    given |= {"structure_name": r"$\frac{1 and $x_{ <b>", "monitor_name": "m" * 200}
+    figure = series_figure(given, "Ex")
+    title = figure["layout"]["title"]["text"]
+    assert title == r"$\frac{1 and $x_{ &lt;b&gt; – " + "m" * 49 + "…: Ex (alarm)"
+    assert draw(figure).get_suptitle() == title.replace("&lt;", "<").replace("&gt;", ">")
+    for file_format in ("svg", "png", "pdf"):
+        assert len(render(figure, file_format)) > 10_000  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("parameter", "label", "factor"),
+    [("a1", "a1 [µs]", 1e6), ("frequency_2", "frequency_2 [Hz]", 1), ("damping_ratio_2", "damping_ratio_2 [%]", 100)],
+)
+def test_axes_have_units(parameter: str, label: str, factor: float) -> None:
+    given = document(Watch({"Ex": "fall"}, baseline=6), values(*[1.0] * 8))
+    row = {**given["parameters"][0], "name": parameter, "unit": unit_of(parameter)}
+    figure = series_figure({**given, "parameters": [row], "alarms": []}, parameter)
+    assert figure["layout"]["yaxis"]["title"]["text"] == label
+    assert "UTC" in figure["layout"]["xaxis"]["title"]["text"]
+    assert figure["data"][0]["y"] == [pytest.approx(factor * p["raw"]) for p in row["points"]]
+
+
+def test_units_are_those_of_the_results() -> None:
+    laws = (RAYLEIGH, CaugheySeries("caughey4", (0, 1, 2, 3)), GeneralisedProportional(("constant", "root"), 1.0))
+    for law in laws:
+        for name, unit in zip(law.coefficient_names, law.coefficient_units, strict=True):
+            assert unit_of(name) == unit
+    assert [unit_of(name) for name in ("Ex", "nu_xy", "density", "zeta3", "spring")] == ["Pa", "1", "kg/m³", "1", None]
 
 
 def test_the_figure_of_nothing_says_so() -> None:

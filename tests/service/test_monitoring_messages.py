@@ -37,6 +37,7 @@ ALARM = {
         "monitor": {"id": "m", "name": "stringer", "state": "alarm"},
         "alarm": {
             "parameter": "Ex",
+            "unit": "Pa",
             "campaign_id": "c",
             "details": {
                 "performed_at": "2026-01-01T00:00:00+00:00",
@@ -299,7 +300,7 @@ def test_mail(sessions: Sessions, certificate: ssl.SSLContext, security: str) ->
     assert mail["Subject"] == "[modalbase] alarm.raised: Ex of bridge Bcc: all"
     assert mail["Message-ID"] == "<msg_1@modalbase>"
     assert mail["Bcc"] is None
-    assert "value       3.21e+10 ± 4e+06" in mail.get_content()
+    assert "value       3.21e+10 ± 4e+06 Pa" in mail.get_content()
 
 
 @pytest.mark.parametrize("security", ["starttls", "tls"])
