@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import os
 import signal
@@ -53,6 +54,8 @@ def _told(error: Exception) -> tuple[str, int] | None:
 
     if isinstance(error, ClientError):
         return str(error), error.code
+    if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+        return f"cannot write{f' {error.filename}' if error.filename else ''}: no space left", 2
 
     from sqlalchemy.exc import OperationalError
 

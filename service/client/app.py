@@ -10,12 +10,12 @@ import typer
 
 from service.client.coupons import coupons
 from service.client.exporting import export
-from service.client.measuring import campaigns, frfs, import_files
+from service.client.measuring import campaigns, frfs, import_files, structures
 from service.client.updating import result, update
 
 
 def add_commands(app: typer.Typer) -> None:
     """Add the client's commands to an application."""
     app.command("import")(import_files)
-    for command in (campaigns, frfs, coupons, update, result, export):
+    for command in (structures, campaigns, frfs, coupons, update, result, export):
         app.command()(command)

@@ -164,14 +164,24 @@ def _watched(blocks: Iterator[bytes], watch: Watch, size: int | None) -> Iterato
 
 def _write(blocks: Iterator[bytes], target: Path | None) -> int:
     if target is None:
-        return sum(sys.stdout.buffer.write(block) for block in blocks)
+        size = sum(sys.stdout.buffer.write(block) for block in blocks)
+        sys.stdout.buffer.flush()
+        return size
+    try:
+        if target.exists() and not target.is_file():  # /dev/null, a pipe: nothing to be put in their place
+            with target.open("wb") as file:
+                return sum(file.write(block) for block in blocks)
+        return _write_whole(blocks, target)
+    except OSError as error:
+        raise ClientError(f"cannot write {target}: {error.strerror}", Exit.USAGE) from error
+
+
+def _write_whole(blocks: Iterator[bytes], target: Path) -> int:
     part = target.with_name(target.name + ".part")
     try:
         with part.open("wb") as file:
             size = sum(file.write(block) for block in blocks)
         part.replace(target)
-    except OSError as error:
-        raise ClientError(f"cannot write {target}: {error.strerror}", Exit.USAGE) from error
     finally:
         part.unlink(missing_ok=True)
     return size

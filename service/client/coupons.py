@@ -32,12 +32,13 @@ def coupons(
     if files and about is None:
         raise ClientError("state with --about what the files hold: dimensions, columns and their units", Exit.USAGE)
     known = {} if about is None else json_file(about)
+    specimens = known.pop("specimens", {})
+    if not (isinstance(specimens, dict) and all(isinstance(more, dict) for more in specimens.values())):
+        raise ClientError(f'{about}: specimens is no object such as {{"A3": {{"excluded": true}}}}', Exit.USAGE)
     path = f"coupon-batches/{an_id(batch)}"
     with Connection(url) as service:
         for file in files or []:
-            specimens = known.get("specimens", {})
-            common = {name: value for name, value in known.items() if name != "specimens"}
-            coupon = {"specimen": file.stem, **common, **specimens.get(file.stem, {})}
+            coupon = {"specimen": file.stem, **known, **specimens.get(file.stem, {})}
             try:
                 service.submit(f"{path}/coupons", file, {"coupon": json.dumps(coupon)})
             except ClientError as error:

@@ -30,14 +30,20 @@ def print_json(value: Any) -> None:
     typer.echo(json.dumps(value, ensure_ascii=False, indent=2))
 
 
-def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """A table; numbers to the right."""
-    console = Console()
+class Written(str):
+    """A number as it is to be shown."""
+
+
+def print_table(
+    title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], console: Console | None = None
+) -> None:
+    """A table, on standard output where no console is given; numbers to the right."""
+    console = console or Console()
     if not console.is_terminal:
-        console = Console(width=PLAIN_WIDTH)
+        console = Console(width=PLAIN_WIDTH, stderr=console.stderr)
     table = Table(title=title or None, title_justify="left", box=None, pad_edge=False)
     for i, name in enumerate(columns):
-        numeric = bool(rows) and all(isinstance(row[i], int | float | None) for row in rows)
+        numeric = bool(rows) and all(isinstance(row[i], int | float | Written | None) for row in rows)
         table.add_column(name, justify="right" if numeric else "left", no_wrap=not numeric and name == "id")
     for row in rows:
         table.add_row(*(_cell(value) for value in row))

@@ -1,4 +1,4 @@
-"""`modalbase import`, `campaigns` and `frfs`."""
+"""`modalbase import`, `structures`, `campaigns` and `frfs`."""
 
 from __future__ import annotations
 
@@ -46,6 +46,8 @@ def import_files(
                     f"campaigns/{an_id(campaign)}/imports", file, watch,
                     filename=file.name, dry_run=str(dry_run).lower(), quantity=quantity,
                 )  # fmt: skip
+            if job["already_imported"]:
+                typer.echo(f"{file.name}: the campaign has this file already; it is not read again", err=True)
             done.append(wait_for(service, f"imports/{job['id']}", file.name) if wait else job)
     if as_json:
         print_json(done)
@@ -71,6 +73,24 @@ def _print_report(job: dict[str, Any]) -> None:
             typer.echo(f"{job['filename']}: dataset {one['number']} (type {one['type']}): {one['reason']}", err=True)
 
 
+def structures(
+    project: Annotated[str | None, typer.Option(help="Of this project only")] = None,
+    as_json: AsJson = False,
+    url: Url = HERE,
+) -> None:
+    """List structures: what campaigns are of."""
+    from service.client.connection import Connection
+    from service.client.display import print_json, print_table
+
+    with Connection(url) as service:
+        found = list(_structures(service, project))
+    if as_json:
+        print_json(found)
+    else:
+        rows = [[s["id"], s["project_name"], s["name"], s["version"], s["created_at"]] for s in found]
+        print_table("", ("id", "project", "name", "version", "created_at"), rows)
+
+
 def campaigns(
     project: Annotated[str | None, typer.Option(help="Of this project only")] = None,
     structure: Annotated[str | None, typer.Option(help="Of this structure only")] = None,
@@ -83,6 +103,8 @@ def campaigns(
     from service.client.connection import Connection
     from service.client.display import print_json, print_table
 
+    if project is not None and structure is not None:
+        raise ClientError("state --project or --structure: a structure is in one project", Exit.USAGE)
     with Connection(url) as service:
         if new is not None:
             if structure is None or boundary is None:
@@ -105,14 +127,18 @@ def campaigns(
 
 def _campaigns(service: Connection, project: str | None, structure: str | None) -> Iterator[dict[str, Any]]:
     """Campaigns with the names of their structures."""
-    if structure is not None:
-        structures = [service.get(f"structures/{an_id(structure)}")]
-    else:
-        projects = [an_id(project)] if project else [p["id"] for p in service.pages("projects")]
-        structures = [s for p in projects for s in service.pages(f"projects/{p}/structures")]
-    for one in structures:
+    among = [service.get(f"structures/{an_id(structure)}")] if structure else _structures(service, project)
+    for one in among:
         for found in service.pages(f"structures/{one['id']}/campaigns"):
             yield {**found, "structure_name": one["name"]}
+
+
+def _structures(service: Connection, project: str | None) -> Iterator[dict[str, Any]]:
+    """Structures with the names of their projects."""
+    among = [service.get(f"projects/{an_id(project)}")] if project else service.pages("projects")
+    for one in among:
+        for found in service.pages(f"projects/{one['id']}/structures"):
+            yield {**found, "project_name": one["name"]}
 
 
 def frfs(

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from service.client.errors import ClientError, Exit
 from service.client.options import HERE, AsJson, Campaign, Url, an_id, json_file
 
 
@@ -27,6 +28,8 @@ def update(
     from service.client.jobs import require_success, wait_for
     from service.client.results import print_result
 
+    if idempotency_key is not None and not (idempotency_key.isascii() and idempotency_key.isprintable()):
+        raise ClientError("--idempotency-key takes printable ASCII alone, as all that goes in a header", Exit.USAGE)
     body = {} if recipe is None else json_file(recipe)
     if mode_set is not None:
         body["mode_set"] = mode_set
@@ -44,7 +47,7 @@ def update(
     if as_json:
         print_json(document)
     else:
-        print_result(job["id"], document)
+        print_result(f"update {job['id']}", document)
 
 
 def result(
@@ -60,4 +63,4 @@ def result(
     if as_json:
         print_json(document)
     else:
-        print_result(job, document)
+        print_result(f"update {job}", document)

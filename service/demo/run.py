@@ -8,14 +8,16 @@ import tempfile
 import time
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import httpx
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
+from service.client.results import print_result
 from service.demo.laboratory import Laboratory
-from service.demo.tables import print_result
+from service.demo.paper import UPDATED
 from service.settings import Settings
 from service.supervisor import LocalService
 
@@ -56,7 +58,9 @@ def run_demo(*, as_json: bool, keep: bool) -> None:
         )
         laboratory = Laboratory(client, {"start of database, API and worker": starting})
         result = _with_progress(console, laboratory)
-        print_result(console, result, laboratory.durations)
+        print_result("updated parameters, beside the paper's", result, published=UPDATED, console=console)
+        steps = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in laboratory.durations.items())
+        console.print(f"{steps}; {sum(laboratory.durations.values()):.2f} s together", highlight=False)
         if as_json:
             typer.echo(json.dumps(result))
         if keep:
@@ -70,7 +74,7 @@ def _folder() -> Path:
     return folder
 
 
-def _with_progress(console: Console, laboratory: Laboratory) -> dict[str, object]:
+def _with_progress(console: Console, laboratory: Laboratory) -> dict[str, Any]:
     columns = (TextColumn("{task.description:<32}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         bar = progress.add_task("starting", total=1.0)

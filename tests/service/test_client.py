@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import httpx
@@ -14,6 +16,7 @@ import numpy as np
 import pytest
 
 from service.campaigns.uff import DatasetReport, Frf, ModeShape, read_file
+from service.client.results import print_result
 from service.demo import paper
 from service.supervisor import LocalService
 
@@ -73,6 +76,7 @@ def test_from_a_file_to_an_updated_model(
     assert (imported["status"], imported["filename"], imported["counts"]["frfs"]) == ("succeeded", uff.name, 33)
     again = run("import", uff, "-c", campaign)
     assert again.stdout.count(imported["id"]) == 1
+    assert "the campaign has this file already" in again.stderr
     assert len(json.loads(run("frfs", campaign, "--json", "--limit", "20").stdout)) == 20
     table = run("frfs", campaign).stdout
     assert table.startswith("33 FRFs")
@@ -88,7 +92,7 @@ def test_from_a_file_to_an_updated_model(
     job = document["provenance"]["update_job"]
     assert json.loads(run("result", job, "--json").stdout) == document
     shown = run("result", job)
-    assert {"Ex", "a0", "modes"} <= set(shown.stdout.split())
+    assert {"Ex", "GPa", "a0", "µs", "modes", "SAC"} <= set(shown.stdout.split())
     assert all(f"warning: {warning}" in shown.stderr for warning in document["warnings"])
 
     predictions_are_exported(run, job, campaign, tmp_path)
@@ -118,6 +122,68 @@ def predictions_are_exported(run: Run, job: str, campaign: str, folder: Path) ->
     assert len(read) == len(values)
     assert read[0].id_lines[1] == f"predicted by the updated model, update job {job}"
     assert read[0].values.dtype == np.complex64
+
+
+def test_values_have_the_digits_that_their_uncertainty_leaves(capsys: pytest.CaptureFixture[str]) -> None:
+    common = {"initial": 33.05e9, "identifiable": True}
+    known = {"estimate": 31.7049e9, "standard_deviation": 0.1582e9, "interval_95": [31.39e9, 32.01e9]}
+    fixed = {"estimate": 2012.0, "standard_deviation": 0.0, "interval_95": [2012.0, 2012.0]}
+    parameters = [
+        {"name": "Ex", "unit": "Pa", **common, **known},
+        {"name": "density", "unit": "kg/m³", **common, "initial": None, **fixed},
+    ]
+    criteria = {"sac": [0.5, 1.0], "frac": [1.0], "csac_mean": 0.99, "csf_mean": None}
+    document = {
+        "parameters": parameters,
+        "modes": [],
+        "correlation": {**criteria, "initial": criteria, "held_out": None},
+        "warnings": ["look"],
+    }
+    print_result("update", document, published={"Ex": 31.66e9})
+    said = capsys.readouterr()
+    lines = [line.split() for line in said.out.splitlines()]
+    assert ["Ex", "GPa", "33.05", "31.70", "0.16", "31.39", "…", "32.01", "yes", "31.66"] in lines
+    assert ["density", "kg/m³", "–", "2012", "0", "2012", "…", "2012", "yes", "–"] in lines
+    assert ["updated", "0.7500", "1.0000", "0.9900", "–"] in lines
+    assert said.err == "warning: look\n"
+
+
+def test_structures_are_listed_for_the_commands_that_want_their_id(run: Run, structure: str, project: str) -> None:
+    assert structure in run("structures").stdout
+    (found,) = json.loads(run("structures", "--project", project, "--json").stdout)
+    assert (found["id"], found["name"], found["project_name"]) == (structure, "FRP beam", "tests")
+    assert "--project or --structure" in one_line(
+        run("campaigns", "--project", project, "--structure", structure, code=USAGE)
+    )
+
+
+def test_an_export_goes_through_a_pipe_and_leaves_it_there(
+    run: Run, api: httpx.Client, campaign: str, tmp_path: Path
+) -> None:
+    """As to /dev/null, which a file must not replace."""
+    points = {"items": [{"label": 1, "x_m": 0.25, "y_m": 0, "z_m": 0}]}
+    api.put(f"campaigns/{campaign}/grid-points", json=points).raise_for_status()
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with ThreadPoolExecutor() as pool:
+        read = pool.submit(pipe.read_text)
+        run("export", campaign, "--what", "grid-points", "--format", "csv", "--out", pipe)
+        assert read.result(20).splitlines() == ["label,x_m,y_m,z_m", "1,0.25,0.0,0.0"]
+    assert pipe.is_fifo()
+
+
+def test_a_full_disk_is_one_line(campaign: str, service: LocalService, api: httpx.Client) -> None:
+    environment = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": api.headers["authorization"].split()[1]}
+    for command in (
+        ["campaigns", "--json"],
+        ["export", campaign, "--what", "grid-points", "--format", "csv", "--out", "-"],
+    ):
+        with Path("/dev/full").open("w") as full:
+            done = subprocess.run(
+                [sys.executable, "-m", "service", *command],
+                env=os.environ | environment, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False,
+            )  # fmt: skip
+        assert (done.returncode, done.stderr) == (USAGE, "modalbase: cannot write: no space left\n")
 
 
 def test_modes_and_grid_points_are_exported(run: Run, api: httpx.Client, campaign: str, tmp_path: Path) -> None:
@@ -161,6 +227,9 @@ def test_coupons_come_in_from_a_machines_files(run: Run, api: httpx.Client, stru
     shown = run("coupons", batch)
     assert "slipped" in shown.stdout
     assert "D3039 asks for at least 5" in shown.stderr
+    wrong = tmp_path / "wrong.json"
+    wrong.write_text('{"specimens": ["A1"]}')
+    assert "specimens" in one_line(run("coupons", batch, tmp_path / "A1.csv", "--about", wrong, code=USAGE))
     again = one_line(run("coupons", batch, tmp_path / "A1.csv", "--about", about, code=REFUSED))
     assert "A1.csv" in again
     assert "already" in again
@@ -197,6 +266,7 @@ def test_errors_are_one_line_with_an_exit_code(run: Run, campaign: str, tmp_path
     recipe = tmp_path / "recipe.json"
     recipe.write_text('{"weigting": "log"}')
     assert "/weigting" in one_line(run("update", campaign, "--recipe", recipe, code=REFUSED))
+    assert "ASCII" in one_line(run("update", campaign, "--idempotency-key", "März", code=USAGE))
     recipe.write_text("[1]")
     assert "no JSON object" in one_line(run("update", campaign, "--recipe", recipe, code=USAGE))
     run("import", tmp_path / "absent.uff", "-c", campaign, code=USAGE)
