@@ -26,6 +26,15 @@ from service.problems.openapi import RESPONSES, describe_problems
 from service.settings import Settings
 
 PREFIX = "/api/v1"
+DESCRIPTION = """\
+Begin with **Authorize** and a key (`modalbase keys create --name NAME`). The main job, each step with the id that the one
+before it answers: `POST /projects`; `POST /projects/{id}/structures`; `POST /structures/{id}/campaigns`;
+`POST /campaigns/{id}/imports` with a UFF file, until `GET /imports/{id}` has succeeded; `POST /campaigns/{id}/update-jobs` with
+the recipe `{}`, until `GET /update-jobs/{id}` has succeeded; `GET /update-jobs/{id}/result`.
+
+Units are SI and in the names of fields, times UTC. Lists come in pages: hand `next_cursor` in as `cursor`. What is edited
+has an `ETag`, which `If-Match` repeats.
+"""
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -53,6 +62,7 @@ def create_app(settings: Settings) -> FastAPI:
     app: FastAPI = FastAPIOffline(
         title="modalbase",
         summary="Structural test campaigns, and finite element models updated to them",
+        description=DESCRIPTION,
         version=__version__,
         lifespan=lifespan,
         responses=RESPONSES,

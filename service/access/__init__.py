@@ -13,12 +13,13 @@ What a feature needs of it::
 
 from service.access.audit import audit
 from service.access.dependencies import CurrentUser, SessionDep, SettingsDep
-from service.access.etag import etag_of, require_match
+from service.access.etag import IF_MATCH, etag_of, require_match
 from service.access.paging import Cursor, Limit, paged
 from service.access.projects import Role, project_for
 from service.access.tables import ApiKey, AuditEvent, Member, Project, User
 
 __all__ = [
+    "IF_MATCH",
     "ApiKey",
     "AuditEvent",
     "CurrentUser",

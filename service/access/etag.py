@@ -3,11 +3,24 @@
 from __future__ import annotations
 
 import hashlib
+from typing import Any
 
 from fastapi import Request
 from pydantic import BaseModel
 
 from service.problems.errors import PreconditionFailed, PreconditionRequired
+
+IF_MATCH: dict[str, Any] = {
+    "parameters": [
+        {
+            "name": "If-Match",
+            "in": "header",
+            "schema": {"type": "string"},
+            "description": "the ETag of the version that you change, as its GET gave it",
+        }
+    ]
+}
+"""`openapi_extra` of a route that calls `require_match`."""
 
 
 def etag_of(body: BaseModel) -> str:

@@ -9,7 +9,7 @@ from uuid import UUID
 from pydantic import ConfigDict
 
 from service.access.projects import Role
-from service.problems.schema import Name, StrictModel, Text
+from service.problems.schema import Name, StrictModel, Text, example
 
 
 class _Out(StrictModel):
@@ -18,6 +18,8 @@ class _Out(StrictModel):
 
 class ProjectIn(StrictModel):
     """A new project."""
+
+    model_config = example(name="bridge deck")
 
     name: Name
     description: Text = ""

@@ -8,7 +8,7 @@ from uuid import UUID
 from fastapi import Header, Query, Request, Response
 from pydantic import ValidationError
 
-from service.access import CurrentUser, SessionDep, SettingsDep, audit, etag_of, require_match
+from service.access import IF_MATCH, CurrentUser, SessionDep, SettingsDep, audit, etag_of, require_match
 from service.campaigns import grid_points
 from service.campaigns.negotiation import choose_format, one_of
 from service.campaigns.operations import campaign_for, lock_campaign, project_of
@@ -22,13 +22,14 @@ router = api_router(tags=["grid points"])
 
 MEDIA_TYPES = {"json": "application/json", "csv": "text/csv"}
 BODY = {
+    **IF_MATCH,
     "requestBody": {
         "required": True,
         "content": {
             "application/json": {"schema": schema_of(GridPoints)},
             "text/csv": {"schema": {"type": "string"}},
         },
-    }
+    },
 }
 
 

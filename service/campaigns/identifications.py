@@ -24,13 +24,15 @@ from service.campaigns.operations import campaign_for, frame_of, project_of
 from service.campaigns.tables import Campaign, Identification, ModeSet
 from service.jobs import Job, JobKind, enqueue, job_state
 from service.jobs.kinds import Report
-from service.problems import Name, NotFound, StrictModel, not_found_as
+from service.problems import Name, NotFound, StrictModel, example, not_found_as
 
 Frequency = Annotated[float, Field(ge=0, le=1e7, description="Hz")]
 
 
 class IdentificationIn(StrictModel):
     """How to identify; `{}` will do."""
+
+    model_config = example()
 
     name: Name = "identified"
     band_hz: tuple[Frequency, Frequency] | None = Field(None, description="lines to use; default: all")

@@ -10,7 +10,7 @@ from pydantic import Field, field_validator
 from pydantic_core import PydanticCustomError
 
 from service.campaigns.schemas import Point
-from service.problems import Name, StrictModel
+from service.problems import Name, StrictModel, example
 
 Origin = Literal["typed", "file", "identified"]
 
@@ -58,6 +58,11 @@ class ModeIn(StrictModel):
 
 class ModeSetIn(StrictModel):
     """Modes of a campaign, in any order."""
+
+    model_config = example(
+        name="typed in",
+        modes=[{"frequency_hz": 25.61, "damping_ratio": 0.1556}, {"frequency_hz": 160.85, "damping_ratio": 0.0284}],
+    )
 
     name: Name
     modes: list[ModeIn] = Field(min_length=1, max_length=10_000)

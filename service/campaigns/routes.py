@@ -8,7 +8,7 @@ from uuid import UUID
 from fastapi import Query, Request, Response
 from sqlalchemy import select
 
-from service.access import CurrentUser, Cursor, Limit, SessionDep, etag_of, paged, require_match
+from service.access import IF_MATCH, CurrentUser, Cursor, Limit, SessionDep, etag_of, paged, require_match
 from service.campaigns import operations
 from service.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch
 from service.campaigns.tables import Campaign
@@ -51,7 +51,7 @@ def get_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser, resp
     return _shown(operations.campaign_for(session, user, campaign_id), response)
 
 
-@router.patch("/campaigns/{campaign_id}")
+@router.patch("/campaigns/{campaign_id}", openapi_extra=IF_MATCH)
 def change_campaign(
     campaign_id: UUID, body: CampaignPatch, session: SessionDep, user: CurrentUser, request: Request, response: Response
 ) -> CampaignOut:
@@ -65,7 +65,7 @@ def change_campaign(
     return _shown(campaign, response)
 
 
-@router.delete("/campaigns/{campaign_id}", status_code=204)
+@router.delete("/campaigns/{campaign_id}", status_code=204, openapi_extra=IF_MATCH)
 def delete_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser, request: Request) -> None:
     """Hide a campaign and what is in it. It stays stored and can be restored."""
     campaign = operations.campaign_for(session, user, campaign_id, "editor")

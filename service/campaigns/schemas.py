@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 from fecore.errors import InputError
 from fecore.frf import Quantity
 from service.campaigns.frame import make_frame
-from service.problems import Name, StrictModel, Text, Time
+from service.problems import Name, StrictModel, Text, Time, example
 
 Boundary = Literal["cantilever", "free", "simply_supported"]
 Point = Annotated[int, Field(ge=1, le=9_999_999_999, description="label of a grid point")]
@@ -53,6 +53,8 @@ class Instruments(StrictModel):
 class CampaignIn(StrictModel):
     """A campaign as a client describes it."""
 
+    model_config = example(name="March", boundary="cantilever", performed_at="2026-03-02T09:30:00Z", temperature_c=21.5)
+
     name: Name
     boundary: Boundary
     performed_at: Time | None = None
@@ -65,6 +67,8 @@ class CampaignIn(StrictModel):
 
 class CampaignPatch(StrictModel):
     """Members to change; a member that may be unknown is cleared with null."""
+
+    model_config = example(temperature_c=20.5)
 
     name: Name | None = None
     boundary: Boundary | None = None

@@ -10,7 +10,7 @@ from fastapi import Query, Request, Response
 from fastapi.responses import JSONResponse
 from sqlalchemy import select
 
-from service.access import CurrentUser, Cursor, Limit, SessionDep, etag_of, paged, require_match
+from service.access import IF_MATCH, CurrentUser, Cursor, Limit, SessionDep, etag_of, paged, require_match
 from service.coupons import curves, operations
 from service.coupons.bodies import CouponBody, RawCurve, documented
 from service.coupons.curve_schemas import CurveOut
@@ -91,7 +91,7 @@ def get_coupon(coupon_id: UUID, session: SessionDep, user: CurrentUser, response
     return _shown(operations.describe_coupon(operations.coupon_for(session, user, coupon_id)), response)
 
 
-@router.patch("/coupons/{coupon_id}")
+@router.patch("/coupons/{coupon_id}", openapi_extra=IF_MATCH)
 def change_coupon(
     coupon_id: UUID, body: ExclusionIn, session: SessionDep, user: CurrentUser, request: Request, response: Response
 ) -> CouponOut:

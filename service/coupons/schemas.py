@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from fecore.coupons.failure import check_failure_code
 from fecore.errors import InputError
-from service.problems import Name, StrictModel, Text
+from service.problems import Name, StrictModel, Text, example
 
 Constant = Literal["Ex", "Ey", "Gxy", "nu_xy"]
 Standard = Literal["D3039", "D3518"]
@@ -50,6 +50,8 @@ class PublishedMean(StrictModel):
 
 class BatchIn(StrictModel):
     """A batch: which constants of the structure it gives, and a published mean of each that has no specimens here."""
+
+    model_config = example(name="0°, D3039", constants=["Ex"])
 
     name: Name
     constants: list[Constant] = Field(min_length=1, max_length=4, description="elastic constants that the batch gives")
@@ -95,6 +97,8 @@ class BatchOut(StrictModel):
 class CouponIn(StrictModel):
     """Results of one specimen."""
 
+    model_config = example(specimen="A1", E_Pa=33.1e9, nu=0.16, failure_code="AGM")
+
     specimen: Name
     standard: Standard = "D3039"
     E_Pa: Modulus | None = Field(None, description="tensile chord modulus along the specimen")
@@ -120,6 +124,8 @@ class CouponIn(StrictModel):
 
 class ExclusionIn(StrictModel):
     """Whether a recorded specimen counts."""
+
+    model_config = example(excluded=True, exclusion_reason="slipped in the grip")
 
     excluded: bool
     exclusion_reason: Text | None = Field(None, min_length=1, max_length=1000)

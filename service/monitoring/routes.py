@@ -10,6 +10,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.access import (
+    IF_MATCH,
     CurrentUser,
     Cursor,
     Limit,
@@ -104,7 +105,7 @@ def get_monitor(monitor_id: UUID, session: SessionDep, user: CurrentUser, respon
     return _shown(session, monitors.monitor_for(session, user, monitor_id), response)
 
 
-@router.patch("/monitors/{monitor_id}")
+@router.patch("/monitors/{monitor_id}", openapi_extra=IF_MATCH)
 def change_monitor(
     monitor_id: UUID,
     body: MonitorPatch,
@@ -123,7 +124,7 @@ def change_monitor(
     return _shown(session, monitor, response)
 
 
-@router.delete("/monitors/{monitor_id}", status_code=204)
+@router.delete("/monitors/{monitor_id}", status_code=204, openapi_extra=IF_MATCH)
 def delete_monitor(monitor_id: UUID, session: SessionDep, user: CurrentUser, request: Request) -> None:
     """Hide a monitor with its series and alarms, and end its work. It stays stored and can be restored."""
     monitor = monitors.monitor_for(session, user, monitor_id, "editor", lock=True)

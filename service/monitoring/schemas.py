@@ -14,7 +14,7 @@ from pydantic_core import PydanticCustomError
 from fecore.errors import InputError
 from fecore.trend import Chart, Watch
 from service.campaigns.schemas import Boundary
-from service.problems import Name, StrictModel, Text, Time
+from service.problems import Name, StrictModel, Text, Time, example
 from service.updating.schemas import RecipeIn
 
 Direction = Literal["fall", "rise", "both"]
@@ -69,6 +69,8 @@ DEFAULT_WATCHED = [WatchedIn(name=name, direction=None) for name in ("Ex", "Gxy"
 
 class MonitorIn(StrictModel):
     """A monitor; everything but its name has a default."""
+
+    model_config = example(name="stringer 1", baseline={"campaigns": 12}, covariates=["temperature_c"])
 
     name: Name
     recipe: RecipeIn = Field(default_factory=lambda: RecipeIn.model_validate({}))
@@ -153,6 +155,8 @@ class MonitorIn(StrictModel):
 class MonitorPatch(StrictModel):
     """Members to change. What decides about the series is frozen: for another recipe or baseline make another monitor."""
 
+    model_config = example(active=False)
+
     name: Name | None = None
     active: bool | None = Field(None, description="a monitor at rest runs nothing by itself and judges nothing")
     expected_interval_days: float | None = Field(None, gt=0, le=36500, description="null: nothing is expected")
@@ -207,6 +211,8 @@ class MonitorOut(StrictModel):
 class RunsIn(StrictModel):
     """What to run. `{}`: every campaign that has not been run as it is now, in time order."""
 
+    model_config = example()
+
     campaign: UUID | None = Field(None, description="this one, complete or not; one that failed is tried again")
     rerun: bool = Field(False, description="all campaigns anew, as the next version of the series")
     reason: Text = Field("", max_length=1000, description="why it is rerun")
@@ -235,6 +241,8 @@ class RunOut(StrictModel):
 
 class AcknowledgementIn(StrictModel):
     """Somebody has seen the alarm."""
+
+    model_config = example(note="joint 3 retightened")
 
     note: Annotated[Text, Field(min_length=1, max_length=2000)]
 

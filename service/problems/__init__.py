@@ -18,7 +18,7 @@ from service.problems.errors import (
     not_found_as,
 )
 from service.problems.routing import api_router
-from service.problems.schema import Int64, Name, Page, StrictModel, Text, Time
+from service.problems.schema import Int64, Name, Page, StrictModel, Text, Time, example
 
 __all__ = [
     "Conflict",
@@ -42,5 +42,6 @@ __all__ = [
     "Unavailable",
     "UnsupportedMediaType",
     "api_router",
+    "example",
     "not_found_as",
 ]

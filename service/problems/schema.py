@@ -25,7 +25,7 @@ INT64_MAX = 2**63 - 1
 Text = Annotated[str, AfterValidator(refuse_unstorable_text)]
 """A string that PostgreSQL can store: no NUL, no lone surrogate."""
 
-Name = Annotated[str, AfterValidator(refuse_unstorable_text), Field(min_length=1, max_length=200, pattern=r"\S")]
+Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"\S"), AfterValidator(refuse_unstorable_text)]
 """A name given by a person: 1 to 200 characters, not all of them blank, storable."""
 
 
@@ -80,6 +80,11 @@ class StrictModel(BaseModel):
         schema = handler(source)
         _only_numbers(schema)
         return schema
+
+
+def example(**fields: Any) -> ConfigDict:
+    """A body that the documentation page fills in: one that works, once its ids are one's own."""
+    return ConfigDict(json_schema_extra={"examples": [fields]})
 
 
 class Page(BaseModel, Generic[Item]):

@@ -7,7 +7,7 @@ from uuid import UUID
 from fastapi import Request, Response
 from sqlalchemy import select
 
-from service.access import CurrentUser, Cursor, Limit, SessionDep, etag_of, paged, project_for, require_match
+from service.access import IF_MATCH, CurrentUser, Cursor, Limit, SessionDep, etag_of, paged, project_for, require_match
 from service.problems import Invalid, NotFound, Page, api_router
 from service.structures import operations
 from service.structures.schemas import StructureIn, StructureOut, StructurePatch
@@ -56,7 +56,7 @@ def get_structure_version(structure_id: UUID, number: int, session: SessionDep, 
     return operations.describe_version(version, structure.name)
 
 
-@router.patch("/structures/{structure_id}")
+@router.patch("/structures/{structure_id}", openapi_extra=IF_MATCH)
 def change_structure(
     structure_id: UUID,
     body: StructurePatch,

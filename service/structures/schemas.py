@@ -13,7 +13,7 @@ from uuid import UUID
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from service.problems import Name, StrictModel
+from service.problems import Name, StrictModel, example
 
 Length = Annotated[float, Field(gt=0, le=1000, description="m")]
 Density = Annotated[float, Field(gt=0, le=50_000, description="kg/m³")]
@@ -97,6 +97,13 @@ class Laminate(StrictModel):
 class StructureIn(StrictModel):
     """A structure as a client describes it: with a laminate or with a material, not both."""
 
+    model_config = example(
+        name="FRP beam",
+        geometry={"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.010},
+        density_kg_m3=2012,
+        material={"Ex_Pa": 33e9, "Ey_Pa": 32e9, "Gxy_Pa": 5.7e9, "Gxz_Pa": 4.5e9, "Gyz_Pa": 4.5e9, "nu_xy": 0.15},
+    )
+
     name: Name
     geometry: Geometry
     density_kg_m3: Density
@@ -120,6 +127,8 @@ class StructureIn(StrictModel):
 
 class StructurePatch(StrictModel):
     """Members to change. A laminate replaces a material and the other way round; null is not a value here."""
+
+    model_config = example(density_kg_m3=2020)
 
     name: Name | None = None
     geometry: Geometry | None = None

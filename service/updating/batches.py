@@ -26,21 +26,21 @@ class BatchJobIn(StrictModel):
     recipe: RecipeIn | None = Field(None, description="default: the batch's recipe")
 
 
-class BatchIn(StrictModel):
+class UpdateBatchIn(StrictModel):
     """Updates to queue together."""
 
     recipe: RecipeIn | None = Field(None, description="of the jobs that have none of their own; default: {}")
     jobs: list[BatchJobIn] = Field(min_length=1, max_length=1000)
 
 
-class BatchOut(StrictModel):
+class UpdateBatchOut(StrictModel):
     """The jobs of a batch, in its order."""
 
     items: list[UpdateJobOut]
 
 
 def start_batch(
-    session: Session, user: User, batch: BatchIn, idempotency_key: str | None, priority: int
+    session: Session, user: User, batch: UpdateBatchIn, idempotency_key: str | None, priority: int
 ) -> list[UpdateJob]:
     """Queue every update of a batch, in the caller's transaction. The same key and body again: the jobs that are there.
 

@@ -16,14 +16,16 @@ from service.jobs.events import STREAM, Events
 from service.problems import Page, Text, api_router
 from service.structures.operations import structure_for
 from service.updating import operations
-from service.updating.batches import BatchIn, BatchOut, start_batch
+from service.updating.batches import UpdateBatchIn, UpdateBatchOut, start_batch
 from service.updating.schemas import RecipeIn, UpdateJobOut
 from service.updating.tables import UpdateJob
 
 router = api_router(tags=["update jobs"])
 
 Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]
-IdempotencyKey = Annotated[Text | None, Header(max_length=255)]
+IdempotencyKey = Annotated[
+    Text | None, Header(max_length=255, description="one of your own: the same again gives the same, no second one")
+]
 Priority = Annotated[int, Query(ge=-100, le=100, description="of the project's waiting jobs the highest runs first")]
 
 
@@ -48,15 +50,15 @@ def start_update(
 
 @router.post("/update-jobs", status_code=202)
 def start_updates(
-    batch: BatchIn,
+    batch: UpdateBatchIn,
     session: SessionDep,
     user: CurrentUser,
     idempotency_key: IdempotencyKey = None,
     priority: Priority = 0,
-) -> BatchOut:
+) -> UpdateBatchOut:
     """Queue updates of many campaigns: all of them, or with any fault none."""
     rows = start_batch(session, user, batch, idempotency_key, priority)
-    return BatchOut(items=operations.describe_all(session, rows))
+    return UpdateBatchOut(items=operations.describe_all(session, rows))
 
 
 @router.get("/update-jobs")

@@ -14,7 +14,7 @@ from fecore.supports import Edge, Spring
 from fecore.updating import recipe as core
 from fecore.updating.misfit import Weighting
 from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
-from service.problems import Int64, Name, StrictModel
+from service.problems import Int64, Name, StrictModel, example
 
 DampingModel = Literal["rayleigh", "caughey3", "caughey4", "generalised", "modal"]
 Frequency = Annotated[float, Field(ge=0, le=1e7, description="Hz")]
@@ -60,6 +60,8 @@ class HoldOutIn(StrictModel):
 
 class RecipeIn(StrictModel):
     """How to use a campaign; `{}` will do for a first look."""
+
+    model_config = example()
 
     method: Literal["two_stage", "joint"] = Field(
         "two_stage", description="joint: constants and damping together from the FRFs, without modes"
