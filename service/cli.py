@@ -204,11 +204,14 @@ def worker(
     from service.monitoring.steward import steward
 
     settings = _settings(data=data, worker_concurrency=concurrency, job_threads=threads)
+    known, wanted = {kind.queue for kind in KINDS}, queues.split(",") if queues else None
+    if wanted is not None and not known.issuperset(wanted):  # it would wait for ever
+        _stop_with(f"--queues {queues}: there is {', '.join(sorted(known))}, separated by commas where several", 2)
     configure_logs(settings)
     _end_with_stdin(attached)
     _spare_what_is_loaded()
     with open_database(settings) as opened, steward(opened):
-        run_worker(opened, KINDS, queues.split(",") if queues else None)
+        run_worker(opened, KINDS, wanted)
 
 
 @db.command("upgrade")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import socket
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -145,6 +147,27 @@ def uploads_over_the_limit_are_413(client: httpx.Client, campaign: str) -> None:
     npz = {"Content-Type": "application/x-npz"}
     is_problem(client.post(f"{campaign}/frfs", content=iter([block] * 3), headers=npz), 413)
     assert client.get(f"{campaign}/imports").json()["items"] == []
+
+
+def test_a_request_that_is_broken_off_is_no_error_of_ours(
+    service: LocalService, api: httpx.Client, campaign: str
+) -> None:
+    """Nothing is stored, and neither log nor metrics say 500, which somebody would be called for."""
+    key = api.headers["authorization"]
+    head = (
+        f"POST /api/v1/campaigns/{campaign}/imports HTTP/1.1\r\nHost: x\r\nAuthorization: {key}\r\n"
+        "Content-Type: application/octet-stream\r\nContent-Length: 1000000\r\n\r\n"
+    )
+    with socket.create_connection(("127.0.0.1", httpx.URL(service.url).port)) as line:
+        line.sendall(head.encode() + b"    -1\n" * 1000)
+        time.sleep(0.5)
+    count = 'modalbase_http_request_seconds_count{method="POST",route="/campaigns/{campaign_id}/imports",status="%s"}'
+    end = time.monotonic() + 20
+    while count % 499 not in (metrics := httpx.get(f"{service.url}/metrics", trust_env=False).text):
+        assert time.monotonic() < end, metrics
+        time.sleep(0.1)
+    assert count % 500 not in metrics
+    assert api.get(f"campaigns/{campaign}/imports").json()["items"] == []
 
 
 def test_request_id_is_the_clients_where_sane(api: httpx.Client) -> None:

@@ -214,6 +214,12 @@ def test_database_that_does_not_answer_is_a_clear_error(url: str) -> None:
     assert "secret" not in ended.stderr
 
 
+def test_a_queue_that_nobody_fills_is_refused() -> None:
+    ended = modalbase("worker", "--queues", "jobs,imports")
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr == "modalbase: --queues jobs,imports: there is jobs, separated by commas where several\n"
+
+
 def test_wrong_setting_is_a_clear_error() -> None:
     ended = modalbase("worker", MODALBASE_JOB_WALL_SECONDS="soon")
     assert ended.returncode == 1
