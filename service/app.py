@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
+import structlog
 from fastapi import FastAPI, Response
 from fastapi.responses import RedirectResponse
 from fastapi_offline import FastAPIOffline
@@ -24,6 +25,8 @@ from service.problems.http import add_problem_handlers
 from service.problems.middleware import BodyLimitMiddleware, RequestMiddleware
 from service.problems.openapi import RESPONSES, describe_problems
 from service.settings import Settings
+
+log = structlog.stdlib.get_logger("modalbase.http")
 
 PREFIX = "/api/v1"
 DESCRIPTION = """\
@@ -98,8 +101,11 @@ def _add_health(app: FastAPI) -> None:
             with app.state.engine.connect() as connection:
                 connection.execute(text("SELECT 1"))
             require_head(app.state.engine)
-        except (SchemaError, SQLAlchemyError) as error:
+        except SchemaError as error:
             raise Unavailable(str(error)) from error
+        except SQLAlchemyError as error:  # its words name hosts and folders, and anybody may ask
+            log.warning("not ready", error=str(error))
+            raise Unavailable("the database does not answer") from error
         return {"status": "ok"}
 
     jobs = CollectorRegistry()

@@ -11,6 +11,7 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from sqlalchemy.exc import DataError, IntegrityError, OperationalError
+from sqlalchemy.exc import TimeoutError as NoConnectionFree
 from starlette.exceptions import HTTPException
 
 from fecore.errors import FecoreError, InputError
@@ -62,6 +63,7 @@ def add_problem_handlers(app: FastAPI) -> None:
         (DataError, _data_error),
         (IntegrityError, _integrity_error),
         (OperationalError, _operational_error),
+        (NoConnectionFree, _operational_error),
     ):
         app.add_exception_handler(kind, handler)
 

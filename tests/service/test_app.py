@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
 import socket
@@ -10,8 +11,11 @@ from collections.abc import Callable
 from typing import Any
 
 import httpx
+import psycopg
 import pytest
+from sqlalchemy import make_url
 
+from service.app import create_app
 from service.settings import Settings
 from service.supervisor import LocalService
 
@@ -168,6 +172,37 @@ def test_a_request_that_is_broken_off_is_no_error_of_ours(
         time.sleep(0.1)
     assert count % 500 not in metrics
     assert api.get(f"campaigns/{campaign}/imports").json()["items"] == []
+
+
+def test_without_a_database_503_and_nothing_of_how_it_is_reached(new_database: Callable[[], str]) -> None:
+    url = new_database()
+    with LocalService(Settings(database_url=url, port=0, log_level="error"), worker=False) as cut:
+        key = cut.new_key("k")
+        admin = make_url(url).set(database="postgres").render_as_string(hide_password=False)
+        with psycopg.connect(admin, autocommit=True) as connection:
+            connection.execute(f"DROP DATABASE {make_url(url).database} WITH (FORCE)")
+        with httpx.Client(base_url=cut.url, headers={"Authorization": f"Bearer {key}"}, trust_env=False) as client:
+            assert is_problem(client.get("/readyz"), 503)["detail"] == "the database does not answer"
+            assert (
+                is_problem(client.get("/api/v1/projects"), 503)["detail"] == "the database does not answer; try again"
+            )
+            assert client.get("/healthz").status_code == 200
+
+
+def test_when_all_connections_are_taken_503(new_database: Callable[[], str]) -> None:
+    app = create_app(Settings(database_url=new_database(), database_pool=1))
+    engine = app.state.engine
+    engine.pool._timeout = 0.05  # in place of half a minute
+
+    async def ask() -> httpx.Response:
+        transport = httpx.ASGITransport(app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://test/api/v1/") as client:
+            return await client.get("projects", headers={"Authorization": "Bearer mb_000000000000_x"})
+
+    with engine.connect(), engine.connect():
+        assert is_problem(asyncio.run(ask()), 503)["detail"] == "the database does not answer; try again"
+    assert is_problem(asyncio.run(ask()), 401)
+    engine.dispose()
 
 
 def test_request_id_is_the_clients_where_sane(api: httpx.Client) -> None:
