@@ -14,6 +14,7 @@ What a feature needs of it::
 from service.access.audit import audit
 from service.access.dependencies import CurrentUser, SessionDep, SettingsDep
 from service.access.etag import IF_MATCH, etag_of, require_match
+from service.access.hiding import bring_back, hide
 from service.access.paging import Cursor, Limit, paged
 from service.access.projects import Role, project_for
 from service.access.tables import ApiKey, AuditEvent, Member, Project, User
@@ -32,7 +33,9 @@ __all__ = [
     "SettingsDep",
     "User",
     "audit",
+    "bring_back",
     "etag_of",
+    "hide",
     "paged",
     "project_for",
     "require_match",

@@ -8,12 +8,12 @@ from pydantic import BaseModel
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.access import Role, User, audit
+from service.access import Role, User, audit, bring_back, hide
 from service.campaigns.frame import SPECIMEN, Frame, make_frame
 from service.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch, FrameIn, Instruments
 from service.campaigns.tables import Campaign
 from service.db.clock import transaction_time
-from service.problems import Conflict, NotFound, not_found_as
+from service.problems import NotFound, not_found_as
 from service.structures.operations import structure_for
 from service.structures.tables import Structure
 
@@ -98,9 +98,7 @@ def change_campaign(session: Session, user: User, campaign: Campaign, patch: Cam
 
 def delete_campaign(session: Session, user: User, campaign: Campaign) -> None:
     """Hide a campaign and all that is in it; everything stays stored, so that results keep their lineage."""
-    campaign.deleted_at = campaign.updated_at = transaction_time(session)
-    session.flush()
-    audit(session, user, "campaign.delete", "campaign", campaign.id, project_of(session, campaign))
+    hide(session, user, campaign, "campaign", project_of(session, campaign))
 
 
 def restore_campaign(session: Session, user: User, campaign: Campaign) -> None:
@@ -109,11 +107,7 @@ def restore_campaign(session: Session, user: User, campaign: Campaign) -> None:
     Raises:
         Conflict: the campaign is not deleted.
     """
-    if campaign.deleted_at is None:
-        raise Conflict("the campaign is not deleted")
-    campaign.deleted_at, campaign.updated_at = None, transaction_time(session)
-    session.flush()
-    audit(session, user, "campaign.restore", "campaign", campaign.id, project_of(session, campaign))
+    bring_back(session, user, campaign, "campaign", project_of(session, campaign))
 
 
 def describe(campaign: Campaign) -> CampaignOut:

@@ -62,13 +62,13 @@ def _parameter(row: Mapping[str, Any]) -> list[Any]:
     def written(value: float | None) -> Written | None:
         if value is None or places is None:
             return _scaled(row, value)
-        return Written(f"{scale * value:.{places}f}")
+        return Written(f"{scale * value:z.{places}f}")
 
     low, high = (written(value) for value in row["interval_95"] or (None, None))
     interval = None if low is None or high is None else Written(f"{low} … {high}")
     return [
         row["name"], unit, written(row["initial"]), written(row["estimate"]), written(row["standard_deviation"]),
-        interval, "yes" if row["identifiable"] else "no: prior",
+        interval, row["identifiable"],
     ]  # fmt: skip
 
 
@@ -78,7 +78,7 @@ def _scaled(row: Mapping[str, Any], value: float | None) -> Written | None:
 
 
 def _mode(row: Mapping[str, Any]) -> list[Any]:
-    forms = {"measured_hz": ".2f", "initial_hz": ".2f", "updated_hz": ".2f", "error_percent": "+.2f", "mac": ".4f"}
+    forms = {"measured_hz": ".2f", "initial_hz": ".2f", "updated_hz": ".2f", "error_percent": "+z.2f", "mac": ".4f"}
     cells = [None if row[name] is None else Written(f"{row[name]:{form}}") for name, form in forms.items()]
     ratios = [row["measured_damping"], row["predicted_damping"]]
     return [row["number"], row["kind"], *cells, *(None if r is None else Written(f"{100 * r:.2f}") for r in ratios)]

@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session, undefer
 
 from fecore import __version__
 from fecore.updating.parameters import parametrise
-from service.access import Member, Role, User, audit
+from service.access import Member, Role, User, audit, bring_back, hide
 from service.campaigns.tables import Campaign
 from service.coupons.operations import batch_for
 from service.db.clock import transaction_time
@@ -144,12 +144,13 @@ def change_monitor(session: Session, user: User, monitor: Monitor, patch: Monito
     """Apply a patch to a locked monitor."""
     if patch.mail_to:
         _check_mail(patch.mail_to, settings)
-    for field in patch.model_fields_set:
-        setattr(monitor, field, getattr(patch, field))
+    now = patch.model_dump(exclude_unset=True)
+    was = {field: getattr(monitor, field) for field in now}
+    for field, value in now.items():
+        setattr(monitor, field, value)
     monitor.updated_at = transaction_time(session)
     session.flush()
-    project = _project_of(session, monitor)
-    audit(session, user, "monitor.change", "monitor", monitor.id, project, changed=sorted(patch.model_fields_set))
+    audit(session, user, "monitor.change", "monitor", monitor.id, _project_of(session, monitor), was=was, now=now)
     ask(session, monitor.id)
 
 
@@ -158,9 +159,7 @@ def delete_monitor(session: Session, user: User, monitor: Monitor) -> None:
 
     Runs under way end, since their updates are results of their own; a judgement under way changes and tells nothing.
     """
-    monitor.deleted_at = monitor.updated_at = transaction_time(session)
-    session.flush()
-    audit(session, user, "monitor.delete", "monitor", monitor.id, _project_of(session, monitor))
+    hide(session, user, monitor, "monitor", _project_of(session, monitor))
 
 
 def restore_monitor(session: Session, user: User, monitor: Monitor) -> None:
@@ -169,11 +168,7 @@ def restore_monitor(session: Session, user: User, monitor: Monitor) -> None:
     Raises:
         Conflict: the monitor is not deleted.
     """
-    if monitor.deleted_at is None:
-        raise Conflict("the monitor is not deleted")
-    monitor.deleted_at, monitor.updated_at = None, transaction_time(session)
-    session.flush()
-    audit(session, user, "monitor.restore", "monitor", monitor.id, _project_of(session, monitor))
+    bring_back(session, user, monitor, "monitor", _project_of(session, monitor))
     ask(session, monitor.id)
 
 

@@ -76,8 +76,11 @@ def _service_error(_: Request, error: Exception) -> JSONResponse:
 
 
 def _core_error(_: Request, error: Exception) -> JSONResponse:
-    faults = [e.Fault(_pointer(error.field.split(".")), error.message)] if isinstance(error, InputError) else []
-    return problem(422, str(error), faults)
+    """The core names a field by dots; here it is a pointer, in the detail too."""
+    if not isinstance(error, InputError):
+        return problem(422, str(error))
+    found = e.Invalid(_pointer(error.field.split(".")), error.message)
+    return problem(422, str(found), found.faults)
 
 
 def _validation_error(_: Request, error: Exception) -> JSONResponse:

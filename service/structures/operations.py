@@ -100,8 +100,8 @@ def _described(structure: Structure, version: StructureVersion) -> StructureOut:
 
 
 def describe_version(version: StructureVersion, name: str) -> StructureIn:
-    """What a structure was in a version."""
-    return StructureIn(name=name, **_physical(version))
+    """What a structure was in a version. It was checked when it came in, perhaps by rules of that time."""
+    return StructureIn.model_construct(name=name, **_physical(version))
 
 
 def _physical(version: StructureVersion) -> dict[str, Any]:

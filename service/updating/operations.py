@@ -111,6 +111,8 @@ def _check_parameters(recipe: RecipeIn, structure: Any, campaign: Campaign) -> N
     parametrise(recipe.supported(specimen), core.parameters)
     if recipe.band_hz is not None and not recipe.band_hz[0] < recipe.band_hz[1]:
         raise InputError("band_hz", "expected its low end below its high end")
+    if len(set(recipe.damping_models)) < len(recipe.damping_models):
+        raise InputError("damping_models", "names a law twice")
 
 
 def _check_data(session: Session, recipe: RecipeIn, campaign: Campaign) -> None:

@@ -166,6 +166,7 @@ def test_identification_alone_makes_a_mode_set_that_an_update_takes(api: httpx.C
         ({"hold_out": {"points": [99]}}, "/hold_out/points"),
         ({"hold_out": {"band_hz": [0, 2000]}}, "/hold_out/band_hz"),
         ({"damping_models": []}, "/damping_models"),
+        ({"damping_models": ["modal", "rayleigh", "modal"]}, "/damping_models"),
         ({"mode_set": "01890000-0000-7000-8000-000000000000"}, "/mode_set"),
         ({"prior_from_coupon_batch": "01890000-0000-7000-8000-000000000000"}, "/prior_from_coupon_batch"),
     ],
@@ -177,6 +178,7 @@ def test_contradictory_recipes_are_refused_at_the_door(api: httpx.Client, recipe
     assert answer.status_code == 422, answer.text
     assert answer.headers["content-type"] == "application/problem+json"
     assert pointer in [fault["pointer"] for fault in answer.json()["errors"]]
+    assert f"{pointer}: " in answer.json()["detail"]
     assert api.get(f"update-jobs?campaign={campaign}").json()["items"] == []
 
 

@@ -127,9 +127,11 @@ def predictions_are_exported(run: Run, job: str, campaign: str, folder: Path) ->
 def test_values_have_the_digits_that_their_uncertainty_leaves(capsys: pytest.CaptureFixture[str]) -> None:
     common = {"initial": 33.05e9, "identifiable": True}
     known = {"estimate": 31.7049e9, "standard_deviation": 0.1582e9, "interval_95": [31.39e9, 32.01e9]}
+    near_zero = {"estimate": 23.0, "standard_deviation": 13.0, "interval_95": [-0.2, 48.0]}
     fixed = {"estimate": 2012.0, "standard_deviation": 0.0, "interval_95": [2012.0, 2012.0]}
     parameters = [
         {"name": "Ex", "unit": "Pa", **common, **known},
+        {"name": "g_root", "unit": "1/s", "initial": 25.0, "identifiable": False, **near_zero},
         {"name": "density", "unit": "kg/m³", **common, "initial": None, **fixed},
     ]
     criteria = {"sac": [0.5, 1.0], "frac": [1.0], "csac_mean": 0.99, "csf_mean": None}
@@ -143,6 +145,7 @@ def test_values_have_the_digits_that_their_uncertainty_leaves(capsys: pytest.Cap
     said = capsys.readouterr()
     lines = [line.split() for line in said.out.splitlines()]
     assert ["Ex", "GPa", "33.05", "31.70", "0.16", "31.39", "…", "32.01", "yes", "31.66"] in lines
+    assert ["g_root", "1/s", "25", "23", "13", "0", "…", "48", "no", "–"] in lines
     assert ["density", "kg/m³", "–", "2012", "0", "2012", "…", "2012", "yes", "–"] in lines
     assert ["updated", "0.7500", "1.0000", "0.9900", "–"] in lines
     assert said.err == "warning: look\n"

@@ -403,6 +403,8 @@ def test_wishes_that_cannot_be_met(lab: Lab, client: httpx.Client) -> None:
     ok(client.get("monitors", params={"cursor": "@"}), 422)
     resting = lab.watch(runs_on="hand")
     change(client, f"monitors/{resting}", {"active": False})
+    (told, *_) = ok(client.get("audit-events"))["items"]
+    assert (told["action"], told["detail"]) == ("monitor.change", {"was": {"active": True}, "now": {"active": False}})
     assert "at rest" in ok(client.post(f"monitors/{resting}/runs", json={}), 409)["detail"]
 
 
