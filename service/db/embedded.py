@@ -69,18 +69,21 @@ def _start(pgdata: Path) -> PostgresServer:
 
 
 def _forget_dead_server(pgdata: Path) -> None:
-    """After a power cut `postmaster.pid` names a process that is gone, or, worse, another program's."""
+    """After a power cut `postmaster.pid` names a process that is gone, another program's, or, cut off, none."""
     file = pgdata / "postmaster.pid"
     if not file.exists():
         return
-    pid = int(file.read_text().split("\n", 1)[0])
+    pid = file.read_text().split("\n", 1)[0]
+    if not (pid.isdecimal() and _is_postgres(int(pid))):
+        file.unlink()
+
+
+def _is_postgres(pid: int) -> bool:
     try:
         process = psutil.Process(pid)
-        alive = process.name().lower().startswith("postgres") and process.status() != psutil.STATUS_ZOMBIE
+        return bool(process.name().lower().startswith("postgres") and process.status() != psutil.STATUS_ZOMBIE)
     except psutil.NoSuchProcess:
-        alive = False
-    if not alive:
-        file.unlink()
+        return False
 
 
 def _database(server_url: str) -> str:

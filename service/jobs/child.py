@@ -147,7 +147,7 @@ class _Reporter:
         now = time.monotonic()
         if stage != self._stage or now - self._time >= REPORT_SECONDS:
             self._stage, self._time = stage, now
-            self._channel.send(Progress(stage, min(max(float(progress), 0.0), 1.0)))
+            self._channel.send(Progress(stage, round(min(max(float(progress), 0.0), 1.0), 4)))
 
     def checkpoint(self, data: bytes) -> None:
         if len(data) > CHECKPOINT_BYTES:

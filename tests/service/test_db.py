@@ -160,11 +160,12 @@ def test_embedded_server_survives_the_death_of_its_starter(short_folder: Path) -
 
 
 def test_embedded_server_starts_over_a_stale_pid_file(short_folder: Path) -> None:
-    """After a power cut the file names a process id that may be another program's by now: here, ours."""
+    """After a power cut the file is cut off, or names a process id that may be another program's by now: here, ours."""
     folder = short_folder / "p"
-    with embedded_server(folder):
-        stale = (folder / "postgres" / "postmaster.pid").read_text().splitlines()
     file = folder / "postgres" / "postmaster.pid"
-    file.write_text("\n".join([str(psutil.Process().pid), *stale[1:]]) + "\n")
-    with embedded_server(folder) as url, psycopg.connect(url) as connection:
-        assert connection.execute("SELECT 1").fetchone() == (1,)
+    with embedded_server(folder):
+        _, *rest = file.read_text().splitlines()
+    for left in ("\n".join([str(psutil.Process().pid), *rest]) + "\n", ""):
+        file.write_text(left)
+        with embedded_server(folder) as url, psycopg.connect(url) as connection:
+            assert connection.execute("SELECT 1").fetchone() == (1,)
