@@ -147,9 +147,14 @@ def fit_law(
         progress(1 - 0.7**iteration)
         hessian, gradient = problem.system(x, normal)
         size = np.sqrt(np.diag(hessian))
+        if not np.all(size > 0):
+            raise _undetermined(law, x, normal.cost)
         scaled = hessian / np.outer(size, size)
         # What an undamped step would gain: a small step of a damped one tells nothing.
-        gain = float(gradient / size @ np.linalg.solve(scaled, gradient / size)) / 2
+        try:
+            gain = float(gradient / size @ np.linalg.solve(scaled, gradient / size)) / 2
+        except np.linalg.LinAlgError as error:
+            raise _undetermined(law, x, normal.cost) from error
         if gain <= _TOLERANCE * total + floor:
             return problem.finish(x, normal, np.array(history))
         step = np.linalg.solve(scaled + damping * np.eye(x.size), gradient / size) / size
@@ -172,6 +177,14 @@ def fit_law(
         f"the {law.name} fit did not converge; check the band, the modes and the geometry",
         best=dict(zip(law.coefficient_names, map(float, x[: start.size]), strict=True)),
         history=(normal.cost,),
+    )
+
+
+def _undetermined(law: DampingLaw, x: FloatArray, cost: float) -> UpdatingError:
+    return UpdatingError(
+        f"the FRFs do not tell the coefficients of the {law.name} law apart; fit a wider band, or a law with fewer of them",
+        best=dict(zip(law.coefficient_names, map(float, x), strict=False)),
+        history=(cost,),
     )
 
 
@@ -204,6 +217,9 @@ class _Problem:
 
     def first(self, start: FloatArray) -> FloatArray:
         rate = self.law.basis(self.omega(self.nuisance.first_shift)) @ start
+        if np.any(rate[self.tied] <= 0):
+            best = dict(zip(self.law.coefficient_names, map(float, start), strict=True))
+            raise UpdatingError(f"the {self.law.name} law cannot start where it damps a mode negatively", best, ())
         own = np.log(np.concatenate([rate[self.tied], self.nuisance.suspended_rate]))
         return np.concatenate([start, self.nuisance.first_shift, own])
 
@@ -305,6 +321,8 @@ class _Problem:
         moved = normal.reduction @ T
         spread = moved.T @ jacobian.hessian(self.misfit.scatter(weight)) @ moved
         covariance = inverse @ spread @ inverse
+        at = np.arange(len(covariance))
+        covariance[at, at] = np.maximum(covariance[at, at], 0)  # where the noise is next to nothing, round-off is not
         a, shift, _ = self.split(x)
         return DampingFit(
             law=self.law,

@@ -100,20 +100,33 @@ class DampingStage:
         return self.elastic.updated.frf_model(self.frfs.responses, self.frfs.references)
 
     @cached_property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """Measured and model modes with a resonance in the band: of others the FRFs tell no damping.
+
+        Raises:
+            UpdatingError: there is none.
+        """
+        low, high = self.frfs.frequency_hz[[0, -1]]
+        hz = self.modes.frequency_hz
+        inside = tuple((i, j) for i, j in self.elastic.pairing.pairs if low <= hz[i] <= high)
+        if not inside:
+            raise UpdatingError(f"no paired mode lies in the band, {low:g} to {high:g} Hz; fit a wider one", {}, ())
+        return inside
+
+    @cached_property
     def shifted(self) -> IntArray:
-        """Numbers, among all modes, of those that were measured: they carry a frequency shift."""
+        """Numbers, among all modes, of those that were measured in the band: they carry a frequency shift."""
         rigid = self.elastic.updated.modes.rigid
-        return np.array([rigid + column for _, column in self.elastic.pairing.pairs])
+        return np.array([rigid + column for _, column in self.pairs])
 
     @cached_property
     def first_shift(self) -> FloatArray:
         """(s,) measured over model frequency of the shifted modes, relative."""
-        pairs = self.elastic.pairing.pairs
-        return np.array([self.modes.frequency_hz[i] / self.elastic.updated.frequency_hz[j] - 1 for i, j in pairs])
+        return np.array([self.modes.frequency_hz[i] / self.elastic.updated.frequency_hz[j] - 1 for i, j in self.pairs])
 
     @cached_property
     def unmeasured(self) -> IntArray:
-        """Numbers, among all modes, of elastic ones without a measured partner: their tails reach into the band."""
+        """Numbers, among all modes, of elastic ones without a measured partner in the band: their tails reach into it."""
         elastic = np.arange(self.elastic.updated.modes.rigid, self.model.omega.size)
         return np.setdiff1d(elastic, self.shifted)
 
@@ -131,11 +144,7 @@ class DampingStage:
         Raises:
             UpdatingError: there is none.
         """
-        rows = [
-            row
-            for (row, _), mode in zip(self.elastic.pairing.pairs, self.shifted, strict=True)
-            if mode not in self.suspended
-        ]
+        rows = [row for (row, _), mode in zip(self.pairs, self.shifted, strict=True) if mode not in self.suspended]
         if not rows:
             raise UpdatingError("no measured mode strains the specimen: all move on the springs", {}, ())
         return rows
@@ -165,7 +174,7 @@ class DampingStage:
 
         Suspended ones have rates of their own, which may lie as far from the lowest elastic mode's as nobody knows.
         """
-        pairs, others = self.elastic.pairing.pairs, self.unmeasured.size
+        pairs, others = self.pairs, self.unmeasured.size
         modes = np.concatenate([self.shifted, self.unmeasured])
         deviation = np.concatenate([np.full(len(pairs), deviation_sd), np.full(others, _UNMEASURED_DEVIATION)])
         lowest = 2 * self.first_ratio[0] * 2 * np.pi * self.modes.frequency_hz[self.rows[0]]
@@ -248,7 +257,8 @@ class DampingStage:
 
     def start(self, law: DampingLaw) -> FloatArray:
         """(p,) coefficients that come nearest to the measured damping ratios (2 % where none was measured)."""
-        return nearest_positive(law, 2 * np.pi * self.modes.frequency_hz[self.rows], self.first_ratio)
+        omega = 2 * np.pi * self.modes.frequency_hz[self.rows]
+        return nearest_positive(law, omega, self.first_ratio, self.model.omega[self.unmeasured])
 
     def fit(self, law: DampingLaw, *, many_starts: bool, progress: Callable[[float], None]) -> DampingResult:
         """Fit a law, from one start or from several that lie far apart.
@@ -349,8 +359,10 @@ def law_ratio(law: DampingLaw, omega: FloatArray, ratio: FloatArray) -> FloatArr
     return near
 
 
-def nearest_positive(law: DampingLaw, omega: FloatArray, ratio: FloatArray) -> FloatArray:
-    """Coefficients nearest to given ratios; where those would damp a mode negatively, nearest to their median."""
+def nearest_positive(
+    law: DampingLaw, omega: FloatArray, ratio: FloatArray, others: FloatArray | tuple[()] = ()
+) -> FloatArray:
+    """Coefficients nearest to given ratios; where those would damp one of these or other modes negatively, to their median."""
     if omega.size < len(law.coefficient_names):
         raise UpdatingError(
             f"{omega.size} measured {'mode' if omega.size == 1 else 'modes'} cannot fix the {len(law.coefficient_names)} "
@@ -359,7 +371,7 @@ def nearest_positive(law: DampingLaw, omega: FloatArray, ratio: FloatArray) -> F
             history=(),
         )
     coefficients = fit_ratios(law, omega, ratio)
-    if np.all(law.basis(omega) @ coefficients > 0):
+    if np.all(law.basis(np.concatenate([omega, others])) @ coefficients > 0):
         return coefficients
     return fit_ratios(law, omega, np.full_like(ratio, float(np.median(ratio))))
 

@@ -39,10 +39,12 @@ SHAPE_DISCREPANCY = 0.01
 
 _UNKNOWN_FREQUENCY_SD = 0.0002  # a typed-in frequency is taken to be this sure, as a share of it
 _MAX_ITERATIONS = 40
+_SWINGING = 15  # iterations after which a fit that is not at rest swings
 _MAX_HALVINGS = 12
 _FAR = 2.0  # prior standard deviations from the prior mean that are worth telling
 _LOWEST = 1e-3  # of its prior mean: what no positive parameter falls below
 _STEP_TOLERANCE = 1e-4  # in posterior standard deviations
+_SWINGING_TOLERANCE = 1e-2  # the same once it swings: large residuals make Gauss-Newton steps overshoot
 _COST_ROUND_OFF = 1e-7  # eigenvalues are good to some 1e-9, so a smaller rise of the cost means nothing
 
 
@@ -120,18 +122,22 @@ def update_elastic(
     pairing = initial_pairing = fit.pair(state)
     spread = FREQUENCY_DISCREPANCY
     history: list[ElasticIterate] = []
+    torn: set[int] = set()
     for iteration in range(_MAX_ITERATIONS):
         progress(1 - 0.6**iteration)
         system = fit.linearise(state, pairing, spread)
         history.append(ElasticIterate(state.theta, _measured_order(state, pairing, len(modes)), system.cost))
         step = fit.bounded_step(state.theta, system)
-        if step @ system.hessian @ step < _STEP_TOLERANCE**2:
+        tolerance = _STEP_TOLERANCE if iteration < _SWINGING else _SWINGING_TOLERANCE
+        if step @ system.hessian @ step < tolerance**2:
             return fit.finish(state, pairing, spread, initial_state, initial_pairing, tuple(history))
         state = fit.descend(state, pairing, spread, step, system.cost, history)
-        pairing = fit.pair(state)
+        before, pairing = pairing, fit.pair(state)
+        if iteration >= _SWINGING:
+            torn |= {row for row, _ in set(before.pairs) ^ set(pairing.pairs)}
         spread = discrepancy(*fit.relative_residual(state, pairing, spread), THEORY_DISCREPANCY)
     raise UpdatingError(
-        f"the elastic update did not converge in {_MAX_ITERATIONS} iterations; check geometry, density, boundary and priors",
+        fit.without_rest(torn),
         best=dict(zip(forward.parametrisation.names, map(float, state.theta), strict=True)),
         history=tuple(iterate.cost for iterate in history),
     )
@@ -233,6 +239,17 @@ class _Fit:
             "supposes neither"
             for i in np.flatnonzero(np.abs(away) > _FAR)
         ]
+
+    def without_rest(self, torn: set[int]) -> str:
+        """Why an iteration goes on for ever, and what to do, in words; `torn` are the modes whose partner changed."""
+        said = f"the elastic update did not converge in {_MAX_ITERATIONS} iterations; "
+        if not torn:
+            return said + "check geometry, density, boundary and priors"
+        which = ", ".join(f"{row + 1} ({self.modes.frequency_hz[row]:.2f} Hz)" for row in sorted(torn))
+        return said + (
+            f"the partner of measured mode {which} changes to and fro, as modes of the model mix there or the points "
+            "cannot tell them apart: leave it out of the mode set, measure at more points, or check boundary and geometry"
+        )
 
     def bounded_step(self, theta: FloatArray, system: _System) -> FloatArray:
         """The Gauss-Newton step of the parameters that are not held at their bound."""

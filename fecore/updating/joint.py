@@ -184,6 +184,11 @@ def _modes_through(
     fit = fit_law(misfit, law, start, nuisance)
     omega = np.sqrt(fit.eigenvalue[inside])
     measured = fit.rate[inside] / (2 * omega)
+    if measured.max() >= 1:
+        best = dict(zip(forward.parametrisation.names, map(float, theta), strict=True))
+        raise UpdatingError(
+            "the joint update damps a mode beyond the critical; check band, boundary and priors", best, ()
+        )
     order = np.argsort(omega, kind="stable")
     shapes = state.all_shapes[inside][order]
     dofs = tuple(Dof(point, OUT_OF_PLANE) for point in forward.points)

@@ -55,7 +55,13 @@ class Likeness:
         omega[stage.shifted] *= 1 + stage.first_shift
         rate = law.basis(omega) @ stage.start(law)
         predicted = stage.model.with_eigenvalue(omega**2).synthesise(frfs.frequency_hz, rate, frfs.quantity)
-        seen = frfs.measured & _clear_lines(frfs.frequency_hz, stage.model.omega[stage.unmeasured] / (2 * np.pi))
+        unknown = [
+            mode
+            for mode, (row, _) in zip(stage.shifted, stage.pairs, strict=True)
+            if np.isnan(stage.modes.damping_ratio[row])
+        ]
+        blunt = omega[np.concatenate([stage.unmeasured, np.array(unknown, dtype=np.int64)])]
+        seen = frfs.measured & _clear_lines(frfs.frequency_hz, blunt / (2 * np.pi))
         values, there = (np.where(seen, each, 0) for each in (frfs.values, predicted))
         own, model = (np.maximum(np.sum(np.abs(each) ** 2, axis=1), 1e-300) for each in (values, there))
         both = np.sum((there.conj() * values).real, axis=1)
@@ -105,9 +111,9 @@ class Likeness:
         return f"{who.format(names + more)} {what} (in brackets the factor over that of all); mend or leave out"
 
 
-def _clear_lines(frequency_hz: FloatArray, unmeasured_hz: FloatArray) -> BoolArray:
+def _clear_lines(frequency_hz: FloatArray, blunt_hz: FloatArray) -> BoolArray:
     """(L,) lines away from modes whose damping nobody measured; all where none is."""
-    away: BoolArray = np.all(np.abs(frequency_hz[:, None] / unmeasured_hz - 1) > _NEAR, axis=1)
+    away: BoolArray = np.all(np.abs(frequency_hz[:, None] / blunt_hz - 1) > _NEAR, axis=1)
     return away if away.any() else np.ones_like(away)
 
 
@@ -121,7 +127,7 @@ def examine(stage: DampingStage) -> list[str]:
     found = _unlike_shapes(stage)
     missed = np.abs(stage.first_shift)
     likeness = Likeness.of(stage)
-    pairs, updated = stage.elastic.pairing.pairs, stage.elastic.updated
+    pairs, updated = stage.pairs, stage.elastic.updated
     if missed.max() > _LARGEST_MISS:
         row, column = pairs[int(np.argmax(missed))]
         hz, model = stage.modes.frequency_hz[row], updated.frequency_hz[column]

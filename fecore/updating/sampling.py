@@ -287,7 +287,12 @@ class _LocalFrequencies:
         elastic = slice(0, highest - local.rigid)
         miss = np.abs(local.at(probes)[:, elastic] / exact[:, elastic] - 1).max(initial=0) if probes.size else 0.0
         if miss > 100 * _BASIS_TOLERANCE:
-            raise UpdatingError(f"the sampling basis misses the frequencies by {miss:.1e}", best={}, history=())
+            raise UpdatingError(
+                f"the sampling basis misses the frequencies by {miss:.1e} in the reach of the priors; narrow those of what the "
+                "data do not tell, or take the posterior `laplace`",
+                best={},
+                history=(),
+            )
         return local
 
     def at(self, theta: FloatArray) -> FloatArray:
