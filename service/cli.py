@@ -131,6 +131,8 @@ def up(port: Port = None, data: Data = None, host: Host = None) -> None:
         while not end.wait(0.2):
             if gone := service.ended():
                 raise StartError(f"the {gone} ended unexpectedly; its log above says why")
+            if service.keep_database():
+                typer.echo("PostgreSQL had died; it runs again", err=True)
     typer.echo("ended")
 
 

@@ -26,6 +26,7 @@ from sqlalchemy import func, select
 
 from service.access.keys import create_key, user_named
 from service.access.tables import ApiKey
+from service.db.embedded import keep_running
 from service.db.engine import make_engine, make_sessions
 from service.db.opening import open_database
 from service.db.schema import require_head
@@ -62,6 +63,7 @@ class LocalService:
         self.url = ""
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self._stack = ExitStack()
+        self._lost_at: float | None = None  # since when PostgreSQL does not start again
 
     def __enter__(self) -> Self:
         with ExitStack() as stack:
@@ -100,6 +102,24 @@ class LocalService:
     def ended(self) -> str | None:
         """Name of a process that ended by itself, which none should; None while all run."""
         return next((name for name, process in self.processes.items() if process.poll() is not None), None)
+
+    def keep_database(self) -> bool:
+        """Start the embedded PostgreSQL again where it died by itself, for lack of memory say. Whether it had.
+
+        Raises:
+            StartError: it has not come back for a minute.
+        """
+        if self.given.database_url is not None:
+            return False
+        try:
+            restarted = keep_running(self.given.data)
+        except subprocess.SubprocessError as error:
+            self._lost_at = self._lost_at or time.monotonic()
+            if time.monotonic() - self._lost_at > START_SECONDS:
+                raise StartError(f"PostgreSQL died and does not start again: {error}") from error
+            return False
+        self._lost_at = None
+        return restarted
 
     def _spawn(self, name: str, command: list[str], log: int, *fds: int) -> None:
         self.processes[name] = subprocess.Popen(

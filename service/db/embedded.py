@@ -58,6 +58,22 @@ def embedded_server(folder: Path) -> Iterator[str]:
                 inside.lockfile.close()  # the library leaves it open where it did not get the lock
 
 
+def keep_running(folder: Path) -> bool:
+    """Start the server of a folder that one is in on again, where it died by itself. Whether it had.
+
+    Raises:
+        subprocess.SubprocessError: it does not start, for one because the last of its processes are still dying.
+    """
+    folder = folder.expanduser().resolve()
+    if _runs(folder / "postgres"):
+        return False
+    with InterProcessLock(folder / ".starting"):
+        if _runs(folder / "postgres"):  # another who is in was first
+            return False
+        _start(folder / "postgres")
+    return True
+
+
 def _start(pgdata: Path) -> PostgresServer:
     """Start the server of a folder, or find it running. The caller holds the gate."""
     pgdata.mkdir(exist_ok=True)
@@ -70,19 +86,17 @@ def _start(pgdata: Path) -> PostgresServer:
 
 def _forget_dead_server(pgdata: Path) -> None:
     """After a power cut `postmaster.pid` names a process that is gone, another program's, or, cut off, none."""
-    file = pgdata / "postmaster.pid"
-    if not file.exists():
-        return
-    pid = file.read_text().split("\n", 1)[0]
-    if not (pid.isdecimal() and _is_postgres(int(pid))):
-        file.unlink()
+    if not _runs(pgdata):
+        (pgdata / "postmaster.pid").unlink(missing_ok=True)
 
 
-def _is_postgres(pid: int) -> bool:
+def _runs(pgdata: Path) -> bool:
+    """Whether the process that `postmaster.pid` names is a PostgreSQL."""
     try:
-        process = psutil.Process(pid)
+        pid = (pgdata / "postmaster.pid").read_text().split("\n", 1)[0]
+        process = psutil.Process(int(pid) if pid.isdecimal() else 0)
         return bool(process.name().lower().startswith("postgres") and process.status() != psutil.STATUS_ZOMBIE)
-    except psutil.NoSuchProcess:
+    except (FileNotFoundError, psutil.NoSuchProcess):
         return False
 
 

@@ -103,6 +103,22 @@ def test_up_and_down(short_folder: Path) -> None:
     assert gone(data, 2.0), living(data)
 
 
+def test_up_starts_a_killed_postgresql_again(short_folder: Path) -> None:
+    data = short_folder / "up"
+    with up(data) as (process, url, key):
+        postmaster = int((data / "postgres" / "postmaster.pid").read_text().split()[0])
+        psutil.Process(postmaster).kill()
+        end = time.monotonic() + 30
+        while (answer := status(url, key)) != 200 and time.monotonic() < end:
+            assert answer == 503
+            time.sleep(0.1)
+        assert answer == 200
+        assert process.poll() is None
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(30) == 0
+    assert gone(data), living(data)
+
+
 def test_killed_up_leaves_nothing_running(short_folder: Path) -> None:
     data = short_folder / "killed"
     with up(data) as (process, _, _key):
