@@ -55,6 +55,7 @@ def _told(error: Exception) -> tuple[str, int] | None:
     if isinstance(error, ClientError):
         return str(error), error.code
     if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+        _forget_output()
         return f"cannot write{f' {error.filename}' if error.filename else ''}: no space left", 2
 
     from sqlalchemy.exc import OperationalError
@@ -75,6 +76,12 @@ def _told(error: Exception) -> tuple[str, int] | None:
 def _stop_with(message: str, code: int = 1) -> NoReturn:
     typer.echo(f"modalbase: {message}", err=True)
     sys.exit(code)
+
+
+def _forget_output() -> None:
+    """What could not be written is not tried again when the interpreter ends, which would tell it a second time."""
+    with open(os.devnull, "wb") as nothing:
+        os.dup2(nothing.fileno(), sys.stdout.fileno())
 
 
 def _leave(_signal: int, _frame: FrameType | None) -> NoReturn:

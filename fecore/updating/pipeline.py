@@ -75,8 +75,9 @@ def update(
     elastic, modes = _elastic(forward, data, recipe, lambda share: progress(_ELASTIC, 0.4 + 0.2 * share))
     band = _band(recipe, data.fitted, elastic)
     stage = DampingStage(_inside(data.fitted, band, recipe), elastic, modes, recipe.weighting)
-    laws = _laws(recipe, stage.modal_law)
-    doubts = examine(stage)
+    asked = _laws(recipe, stage.modal_law)
+    laws = _told_by(len(stage.rows), asked)
+    doubts = [*_unasked(asked[0], laws[0], len(stage.rows)), *examine(stage)]
     damping = _damping(stage, laws[0], doubts, lambda share: progress("updating the damping", 0.6 + 0.1 * share))
     ladder = climb(stage, laws)
     sampled = _sampled(recipe, elastic, stage, damping, progress, keeper)
@@ -155,6 +156,22 @@ def _laws(recipe: Recipe, modal: ModalDamping) -> tuple[DampingLaw, ...]:
         if name not in known:
             raise InputError(f"damping_models.{index}", f"is {name!r}, expected one of {', '.join(known)}")
     return tuple(known[name] for name in recipe.damping_models)
+
+
+def _told_by(modes: int, laws: tuple[DampingLaw, ...]) -> tuple[DampingLaw, ...]:
+    """Those of the laws that so many modes can tell; all, where they can tell none."""
+    return tuple(law for law in laws if len(law.coefficient_names) <= modes) or laws
+
+
+def _unasked(asked: DampingLaw, law: DampingLaw, modes: int) -> list[str]:
+    """That another law takes the place of the first one, in words."""
+    if law is asked:
+        return []
+    count = "one measured mode cannot" if modes == 1 else f"{modes} measured modes cannot"
+    return [
+        f"{count} fix the {len(asked.coefficient_names)} coefficients of the {asked.name} law, so the damping is that of"
+        f" the {law.name} law; a wider band with more modes would tell"
+    ]
 
 
 def _forward(

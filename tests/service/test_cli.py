@@ -104,7 +104,7 @@ def test_up_and_down(short_folder: Path) -> None:
 
 
 def test_up_starts_a_killed_postgresql_again(short_folder: Path) -> None:
-    data = short_folder / "up"
+    data = short_folder / "again"
     with up(data) as (process, url, key):
         postmaster = int((data / "postgres" / "postmaster.pid").read_text().split()[0])
         psutil.Process(postmaster).kill()
