@@ -176,9 +176,10 @@ def _calculix(own: float, solves: int, calls: int, second: float) -> None:
     print(
         f"  around CalculiX S8R, reckoned: {solves} eigenvalue solutions of {one:.2f} s and {calls} runs of its steady state"
         f" dynamics of {sweep:.1f} s ({spectra.shape[0]} lines x {spectra.shape[1]}): {total:.0f} s, ratio {total / own:.0f}"
+        " (target: 100)"
     )
     total = one * (solves + 1) + second
-    print(f"  its modes superposed by us in stage 2 instead: {total:.0f} s, ratio {total / own:.0f} (target: 100)")
+    print(f"  its modes superposed by us in stage 2 instead: {total:.0f} s, ratio {total / own:.0f}")
 
 
 def main() -> None:
