@@ -28,6 +28,7 @@ _WEAK = 0.05  # of the median energy of the FRFs: weaker ones, near a nodal line
 _NEAR = 0.1  # of its frequency: lines at an unmeasured mode
 _SAME_SHAPE = 0.8  # MAC
 _LARGEST_MISS = 0.1  # of a frequency, after the update
+_USUAL_MISS = 0.01  # root mean square of all: five times what plate theory misses of a body and its supports
 _MOST = 5  # FRFs named in one sentence
 
 
@@ -145,7 +146,18 @@ def examine(stage: DampingStage) -> list[str]:
             "wrong boundary",
             found,
         )
-    return [*found, *likeness.sentences()]
+    return [*found, *_missed_frequencies(missed), *likeness.sentences()]
+
+
+def _missed_frequencies(missed: FloatArray) -> list[str]:
+    rms = float(np.sqrt(np.mean(missed**2)))
+    if rms < _USUAL_MISS:
+        return []
+    return [
+        f"the updated model misses the measured frequencies by {100 * rms:.1f} % (rms), far more than plate theory does: a "
+        "prior that is too sure, a constant fixed at a wrong value, or wrong geometry, density or boundary; the estimates are "
+        "only as right as these"
+    ]
 
 
 def _refusal(stage: DampingStage, message: str, found: list[str]) -> UpdatingError:

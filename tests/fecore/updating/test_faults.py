@@ -243,6 +243,16 @@ def test_an_estimate_far_from_its_prior_is_told(measured: Measurement, mean: flo
     assert all(where in text for text in result.warnings if "prior mean" in text)
 
 
+def test_frequencies_that_a_sure_prior_keeps_the_model_from_are_told(measured: Measurement) -> None:
+    truth = draw(0)[1]["Ex"]
+    sure = Recipe(parameters=(Parameter("Ex", prior_mean=1.05 * truth, prior_sd=1e-4 * truth), Parameter("Gxy")))
+    told = [text for text in update(measured, BEAM, sure).warnings if "misses the measured frequencies by" in text]
+    assert len(told) == 1
+    assert float(re.findall(r"by ([\d.]+) %", told[0])[0]) == pytest.approx(
+        2.0, abs=1.0
+    )  # half of 5 %, fewer where Gxy helps
+
+
 def test_one_mode_needs_a_law_of_one_coefficient(measured: Measurement) -> None:
     """The next law of the default that one mode can tell takes Rayleigh's place and says so; Rayleigh alone is refused."""
     low = replace(measured, frfs=measured.frfs.band(2.0, 70.0))
