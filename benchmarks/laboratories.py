@@ -240,7 +240,7 @@ def judge(laboratory: Laboratory) -> Outcome:
 
 def main(sets: int = SETS, seed: int = SEED) -> None:
     """Print coverage by class, and what became of each fault."""
-    honest = [(draw(seed + k), judge(draw(seed + k))) for k in range(sets)]
+    honest = [(laboratory, judge(laboratory)) for laboratory in map(draw, range(seed, seed + sets))]
     print(f"  {len(honest)} laboratories without a fault: {sum(not outcome.error for _, outcome in honest)} updated")
     for error, count in collections.Counter(outcome.error[:90] for _, outcome in honest if outcome.error).most_common():
         print(f"    {count} × {error}")

@@ -93,11 +93,7 @@ def normal_modes(
         )
     shift = _shift(stiffness, mass, rigid) if free else 0.0
     factor = factorise(_shifted(stiffness, mass, shift))
-    for width in (
-        1,
-        2,
-        wanted + 2,
-    ):  # symmetry repeats a root no more than twice; a block of all wanted modes holds any
+    for width in (1, 2, wanted + 2):  # symmetry repeats a root no more than twice; so many hold any
         value, vectors = _lanczos(factor, mass, rigid, wanted, width)
         eigenvalue = shift + 1 / value
         missing = _missing(stiffness, mass, eigenvalue, free)

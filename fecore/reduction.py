@@ -218,13 +218,13 @@ class ReducedModel:
         loads = loads[:, loads.any(axis=0)]  # at a support a force moves nothing
         if loads.shape[1] == 0:
             return
-        static, M = factor.solve(loads), self._model.mass.at(mass)
-        following = static
+        M, forces, series = self._model.mass.at(mass), loads, []
         for _ in range(RESIDUAL_TERMS):
+            series.append(factor.solve(forces))
             # Nearly all of it are the lowest modes; FRFs are told by what it has besides them.
-            self._add(self._unit_energy(self._outside(following)))
-            following = factor.solve(M @ following)
-        self._add(self._with_derivatives(static))
+            self._add(self._unit_energy(self._outside(series[-1])))
+            forces = M @ series[-1]
+        self._add(self._with_derivatives(series[0]))
 
     def _solve_full(self, stiffness: FloatArray, mass: FloatArray) -> NormalModes:
         self.full_solves += 1

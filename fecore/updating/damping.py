@@ -31,6 +31,7 @@ from fecore.damping import DampingLaw, beyond, damping_rate
 from fecore.errors import UpdatingError
 from fecore.frf import ModalFrfModel, Quantity
 from fecore.updating.misfit import FrfMisfit, NormalEquations
+from fecore.updating.parameters import by_name
 
 _MAX_ITERATIONS = 100
 _TOLERANCE = 1e-10  # share of the misfit that an undamped step could still gain at convergence
@@ -175,7 +176,7 @@ def fit_law(
             damping, growth = damping * growth, 2 * growth
     raise UpdatingError(
         f"the {law.name} fit did not converge; check the band, the modes and the geometry",
-        best=dict(zip(law.coefficient_names, map(float, x[: start.size]), strict=True)),
+        best=by_name(law.coefficient_names, x[: start.size]),
         history=(normal.cost,),
     )
 
@@ -183,7 +184,7 @@ def fit_law(
 def _undetermined(law: DampingLaw, x: FloatArray, cost: float) -> UpdatingError:
     return UpdatingError(
         f"the FRFs do not tell the coefficients of the {law.name} law apart; fit a wider band, or a law with fewer of them",
-        best=dict(zip(law.coefficient_names, map(float, x), strict=False)),
+        best=by_name(law.coefficient_names, x[: len(law.coefficient_names)]),
         history=(cost,),
     )
 
@@ -218,7 +219,7 @@ class _Problem:
     def first(self, start: FloatArray) -> FloatArray:
         rate = self.law.basis(self.omega(self.nuisance.first_shift)) @ start
         if np.any(rate[self.tied] <= 0):
-            best = dict(zip(self.law.coefficient_names, map(float, start), strict=True))
+            best = by_name(self.law.coefficient_names, start)
             raise UpdatingError(f"the {self.law.name} law cannot start where it damps a mode negatively", best, ())
         own = np.log(np.concatenate([rate[self.tied], self.nuisance.suspended_rate]))
         return np.concatenate([start, self.nuisance.first_shift, own])

@@ -26,6 +26,7 @@ from fecore.errors import InputError, UpdatingError
 from fecore.identification import turn_real
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.updating.parameters import by_name
 from fecore.updating.posterior import Verdict, discrepancy, null_directions, verdicts
 
 FREQUENCY_DISCREPANCY = 0.002
@@ -138,7 +139,7 @@ def update_elastic(
         spread = discrepancy(*fit.relative_residual(state, pairing, spread), THEORY_DISCREPANCY)
     raise UpdatingError(
         fit.without_rest(torn),
-        best=dict(zip(forward.parametrisation.names, map(float, state.theta), strict=True)),
+        best=by_name(forward.parametrisation.names, state.theta),
         history=tuple(iterate.cost for iterate in history),
     )
 
@@ -168,7 +169,7 @@ class _Fit:
         if not pairing.pairs:
             raise UpdatingError(
                 "no measured mode is like any mode of the model; check the boundary, the grid points and the frame",
-                best=dict(zip(self.forward.parametrisation.names, map(float, state.theta), strict=True)),
+                best=by_name(self.forward.parametrisation.names, state.theta),
                 history=(),
             )
         return pairing
@@ -283,7 +284,7 @@ class _Fit:
                 return candidate
         raise UpdatingError(
             "the elastic update diverges: no step along the Gauss-Newton direction lowers the misfit",
-            best=dict(zip(self.forward.parametrisation.names, map(float, state.theta), strict=True)),
+            best=by_name(self.forward.parametrisation.names, state.theta),
             history=tuple(iterate.cost for iterate in history),
         )
 

@@ -32,6 +32,7 @@ from fecore.updating.damping_stage import nearest_positive
 from fecore.updating.elastic import ElasticResult, update_elastic
 from fecore.updating.forward import OUT_OF_PLANE, ForwardModel
 from fecore.updating.misfit import FrfMisfit, Weighting
+from fecore.updating.parameters import by_name
 
 _DRAWS = 512
 _DRAWN_SD = 1.0  # draws cover so many of the prior's standard deviations to either side
@@ -148,7 +149,7 @@ def _take_turns(
         if settled:
             left = float(np.sum(np.abs(residual) ** 2) / np.sum(np.abs(frfs.values[measured]) ** 2))
             return left, JointResult(elastic, modes)
-    best = dict(zip(forward.parametrisation.names, map(float, theta), strict=True))
+    best = by_name(forward.parametrisation.names, theta)
     raise UpdatingError(f"the joint update did not come to rest in {_TURNS} turns", best, ())
 
 
@@ -185,7 +186,7 @@ def _modes_through(
     omega = np.sqrt(fit.eigenvalue[inside])
     measured = fit.rate[inside] / (2 * omega)
     if measured.max() >= 1:
-        best = dict(zip(forward.parametrisation.names, map(float, theta), strict=True))
+        best = by_name(forward.parametrisation.names, theta)
         raise UpdatingError(
             "the joint update damps a mode beyond the critical; check band, boundary and priors", best, ()
         )

@@ -73,12 +73,16 @@ class Ladder:
         return [text]
 
 
+def told_by(modes: int, laws: Sequence[DampingLaw]) -> tuple[DampingLaw, ...]:
+    """Those of the laws that so many modes can tell: with no more coefficients than modes."""
+    return tuple(law for law in laws if len(law.coefficient_names) <= modes)
+
+
 def climb(stage: DampingStage, laws: Sequence[DampingLaw]) -> Ladder:
-    """Rank laws by the measured damping ratios. Laws with more coefficients than modes are left out."""
+    """Rank laws, each of which the modes can tell, by the measured damping ratios."""
     omega, ratio = stage.ratios.omega, stage.ratios.ratio
     covariance = stage.ratios.relative_covariance + np.diag(np.full(ratio.size, DAMPING_DISCREPANCY**2))
-    fitting = [law for law in laws if len(law.coefficient_names) <= ratio.size]
-    return Ladder(tuple(_rung(law, omega, ratio, covariance, stage.rows) for law in fitting))
+    return Ladder(tuple(_rung(law, omega, ratio, covariance, stage.rows) for law in laws))
 
 
 def _rung(law: DampingLaw, omega: FloatArray, ratio: FloatArray, covariance: FloatArray, rows: list[int]) -> Rung:

@@ -233,6 +233,11 @@ def _check_tie(where: str, p: Parameter, by_name: dict[str, Parameter]) -> None:
         raise InputError(f"{where}.tied_to", f"{p.tied_to!r} is not a free parameter of this recipe")
 
 
+def by_name(names: Sequence[str], values: FloatArray) -> dict[str, float]:
+    """(n,) values by their names, as results and errors carry them."""
+    return dict(zip(names, map(float, values), strict=True))
+
+
 def _derivative(closed_form: Callable[[FloatArray], FloatArray], constants: FloatArray) -> FloatArray:
     """(k, c) derivative of a closed form by its constants."""
     step = _STEP * np.maximum(np.abs(constants), _STEP)

@@ -19,7 +19,7 @@ from fecore.updating.damping_stage import DampingResult, DampingStage
 from fecore.updating.elastic import ElasticResult, update_elastic
 from fecore.updating.forward import ForwardModel, modes_to_cover
 from fecore.updating.joint import update_jointly
-from fecore.updating.ladder import climb
+from fecore.updating.ladder import climb, told_by
 from fecore.updating.measurement import Measurement, Prepared, prepare
 from fecore.updating.parameters import Parametrisation, parametrise
 from fecore.updating.plausibility import examine
@@ -76,7 +76,7 @@ def update(
     band = _band(recipe, data.fitted, elastic)
     stage = DampingStage(_inside(data.fitted, band, recipe), elastic, modes, recipe.weighting)
     asked = _laws(recipe, stage.modal_law)
-    laws = _told_by(len(stage.rows), asked)
+    laws = told_by(len(stage.rows), asked) or asked  # where they can tell none, the fit says so
     doubts = [*_unasked(asked[0], laws[0], len(stage.rows)), *examine(stage)]
     damping = _damping(stage, laws[0], doubts, lambda share: progress("updating the damping", 0.6 + 0.1 * share))
     ladder = climb(stage, laws)
@@ -156,11 +156,6 @@ def _laws(recipe: Recipe, modal: ModalDamping) -> tuple[DampingLaw, ...]:
         if name not in known:
             raise InputError(f"damping_models.{index}", f"is {name!r}, expected one of {', '.join(known)}")
     return tuple(known[name] for name in recipe.damping_models)
-
-
-def _told_by(modes: int, laws: tuple[DampingLaw, ...]) -> tuple[DampingLaw, ...]:
-    """Those of the laws that so many modes can tell; all, where they can tell none."""
-    return tuple(law for law in laws if len(law.coefficient_names) <= modes) or laws
 
 
 def _unasked(asked: DampingLaw, law: DampingLaw, modes: int) -> list[str]:

@@ -20,6 +20,7 @@ from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.errors import UpdatingError
 from fecore.identification.arrangement import pair_label
 from fecore.updating.damping_stage import DampingStage
+from fecore.updating.parameters import by_name
 
 _COMMON = 0.05  # by which the FRFs may be larger or smaller than the model's: twice what calibrations are good for
 _OWN = 0.3  # by which one FRF's factor may lie off that of all
@@ -161,8 +162,7 @@ def _missed_frequencies(missed: FloatArray) -> list[str]:
 
 
 def _refusal(stage: DampingStage, message: str, found: list[str]) -> UpdatingError:
-    names = stage.elastic.updated.forward.parametrisation.names
-    best = dict(zip(names, map(float, stage.elastic.theta), strict=True))
+    best = by_name(stage.elastic.updated.forward.parametrisation.names, stage.elastic.theta)
     history = tuple(iterate.cost for iterate in stage.elastic.history)
     return UpdatingError("; ".join([message, *found]), best, history)
 

@@ -15,6 +15,7 @@ from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic import ElasticResult
 from fecore.updating.ladder import Ladder, Rung
 from fecore.updating.measurement import Prepared
+from fecore.updating.parameters import by_name
 from fecore.updating.posterior import interval_95
 from fecore.updating.result import (
     ConvergenceStep,
@@ -71,13 +72,13 @@ class Report:
             correlation=self._correlation(),
             damping_models=tuple(self._law(rung) for rung in self.ladder.rungs),
             damping_starts=self.damping.starts,
-            damping_optima=tuple(_named(law.coefficient_names, point) for point in self.damping.optima),
+            damping_optima=tuple(by_name(law.coefficient_names, point) for point in self.damping.optima),
             damping_history=self.damping.fit.history,
             convergence=tuple(
-                ConvergenceStep(_named(names, step.theta), step.frequency_hz, step.cost)
+                ConvergenceStep(by_name(names, step.theta), step.frequency_hz, step.cost)
                 for step in self.elastic.history
             ),
-            null_directions=tuple(_named(names, direction) for direction in self.elastic.null_directions),
+            null_directions=tuple(by_name(names, direction) for direction in self.elastic.null_directions),
             frequency_discrepancy=self.elastic.discrepancy,
             damping_discrepancy=self.damping.discrepancy,
             band_hz=self.band,
@@ -97,7 +98,7 @@ class Report:
         coefficients = self.damping.fit.coefficients if first else rung.coefficients
         return DampingModelFit(
             name=rung.law.name,
-            coefficients=_named(rung.law.coefficient_names, coefficients),
+            coefficients=by_name(rung.law.coefficient_names, coefficients),
             bic=rung.bic,
             preferred=rung is self.ladder.preferred,
             missed=rung.missed,
@@ -269,7 +270,7 @@ class Report:
             return []
         law = self.damping.fit.law
         points = [
-            ", ".join(f"{name} = {value:.4g}" for name, value in _named(law.coefficient_names, point).items())
+            ", ".join(f"{name} = {value:.4g}" for name, value in by_name(law.coefficient_names, point).items())
             for point in self.damping.optima
         ]
         return [f"the {law.name} fit has {len(points)} optima, of which the first is reported: {'; '.join(points)}"]
@@ -281,10 +282,6 @@ def _width(estimate: float, spread: float, samples: FloatArray | None) -> _Width
         return {"standard_deviation": spread, "interval_95": interval_95(estimate, spread)}
     low, high = np.quantile(samples, [0.025, 0.975])
     return {"standard_deviation": float(np.std(samples)), "interval_95": (float(low), float(high))}
-
-
-def _named(names: tuple[str, ...], values: FloatArray) -> dict[str, float]:
-    return dict(zip(names, map(float, values), strict=True))
 
 
 def _spread(by: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -28,7 +28,7 @@ from fecore.errors import UpdatingError
 from fecore.updating.damping_stage import DampingResult, DampingStage
 from fecore.updating.elastic import ElasticResult
 from fecore.updating.forward import ForwardModel
-from fecore.updating.parameters import Parametrisation
+from fecore.updating.parameters import Parametrisation, by_name
 
 WANTED_SAMPLES = 5000
 """Effective samples of every parameter."""
@@ -174,7 +174,7 @@ def run_chain(
     raise UpdatingError(
         f"the chain did not converge: {steps} steps are {steps / tau.max():.0f} autocorrelation times, expected "
         f"{_TIMES_AUTOCORRELATION}; the posterior may be degenerate: fix or tie a parameter that is not identifiable",
-        best=dict(zip(names, map(float, start), strict=True)),
+        best=by_name(names, start),
         history=(),
     )
 

@@ -11,9 +11,8 @@ depends_on = None
 
 
 def upgrade() -> None:
-    op.execute(
-        "ALTER TABLE original_chunks SET (toast_tuple_target = 8160)"
-    )  # bytes of a row up to which it stays in the page
+    # Bytes of a row up to which it stays in the page.
+    op.execute("ALTER TABLE original_chunks SET (toast_tuple_target = 8160)")
 
 
 def downgrade() -> None:

@@ -11,6 +11,7 @@ from uuid import UUID
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from fecore.damping import CaugheySeries
 from fecore.specimen import UNITS
 from service.campaigns.tables import Mode
 
@@ -48,5 +49,5 @@ def unit_of(parameter: str) -> str | None:
     if parameter.startswith("g_"):
         return "1/s"
     if power := re.fullmatch(r"a(\d)", parameter):
-        return {"0": "1/s", "1": "s"}.get(power[1], f"s^{2 * int(power[1]) - 1}")
+        return CaugheySeries("", (int(power[1]),)).coefficient_units[0]
     return None
