@@ -12,10 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from fecore.damping import RAYLEIGH, beyond, damping_rate
+from fecore.body.laminate import OrthotropicMaterial
+from fecore.body.specimen import Specimen
+from fecore.dynamics.damping_laws import RAYLEIGH, beyond, damping_rate
 from fecore.frf import Dof, FrfSet
-from fecore.laminate import OrthotropicMaterial
-from fecore.specimen import Specimen
 from fecore.updating.forward import ForwardModel
 from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import parametrise
@@ -39,7 +39,7 @@ def grid() -> dict[int, tuple[float, float, float]]:
 def draw(seed: int) -> tuple[Measurement, dict[str, float]]:
     """A measurement of a random beam, and its true parameters."""
     random = np.random.default_rng(seed)
-    spread = {"Ex": 0.12, "Ey": 0.30, "Gxy": 0.12, "Gxz": 0.12}  # Ey as its prior says, for nothing else tells of it
+    spread = {"Ex": 0.12, "Ey": 0.30, "Gxy": 0.12, "Gxz": 0.12}  # Ey as its prior says, for nothing else depends on it
     factor = {name: np.clip(1 + share * random.standard_normal(), 0.4, 1.6) for name, share in spread.items()}
     true = {name: float(getattr(NOMINAL, name) * factor[name]) for name in spread}
     true["a0"], true["a1"] = 30 * np.exp(0.3 * random.standard_normal()), 1e-5 * np.exp(0.3 * random.standard_normal())

@@ -15,15 +15,15 @@ from unittest.mock import patch
 import numpy as np
 
 from benchmarks import forward_peers
-from fecore.damping import RAYLEIGH, damping_rate
-from fecore.eigen import normal_modes
-from fecore.factor import factorise
+from fecore.body.laminate import OrthotropicMaterial, Ply, section
+from fecore.body.mesh import rectangle
+from fecore.body.model import PlateModel, plate
+from fecore.body.specimen import Specimen
+from fecore.body.supports import PointMass, Supports
+from fecore.dynamics.damping_laws import RAYLEIGH, damping_rate
+from fecore.dynamics.eigen import normal_modes
+from fecore.dynamics.factor import factorise
 from fecore.frf import Dof
-from fecore.laminate import OrthotropicMaterial, Ply, section
-from fecore.mesh import rectangle
-from fecore.model import PlateModel, plate
-from fecore.specimen import Specimen
-from fecore.supports import PointMass, Supports
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.parameters import parametrise
 
@@ -57,7 +57,7 @@ def _solve(model: PlateModel) -> np.ndarray:
 
 def _unproven() -> np.ndarray:
     """The same modes, as the peers give them: without the count that proves that none is missing."""
-    with patch("fecore.eigen._missing", lambda *_: 0):
+    with patch("fecore.dynamics.eigen._missing", lambda *_: 0):
         return ten_modes()
 
 
@@ -164,8 +164,8 @@ def growth() -> None:
 
 
 def factorisations() -> None:
-    """The factorisation that `fecore.factor` picks beside SuperLU in symmetric mode and CHOLMOD."""
-    import fecore.factor as chosen
+    """The factorisation that `fecore.dynamics.factor` picks beside SuperLU in symmetric mode and CHOLMOD."""
+    import fecore.dynamics.factor as chosen
 
     print("factorisation of K      dofs  band   banded ms   SuperLU ms   CHOLMOD ms (numeric + symbolic)")
     for nx, ny in ((40, 4), (160, 16), (50, 50)):

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import eigsh
 
-from fecore.laminate import Ply, section
-from fecore.mesh import rectangle
-from fecore.specimen import Specimen
+from fecore.body.laminate import Ply, section
+from fecore.body.mesh import rectangle
+from fecore.body.specimen import Specimen
 
 MODES = 10
 

@@ -20,7 +20,7 @@ import numpy as np
 from fecore.correlation import mac
 from fecore.frf import FrfSet
 from fecore.identification import Options, identify
-from tests.fecore.identification.beams import PAPER_HZ, PAPER_ZETA, cantilever_shapes, grid, many_frfs, paper_frfs
+from tests.support.beams import PAPER_HZ, PAPER_ZETA, cantilever_shapes, grid, many_frfs, paper_frfs
 
 SEEDS = int(os.environ.get("IDENTIFICATION_SEEDS", "30"))
 
@@ -96,7 +96,7 @@ def _print_peer(noise: float) -> None:
         rows.append((model.nat_freq, model.nat_xi))
     f, zeta = (np.array(v, dtype=float) for v in zip(*rows, strict=True))
     print(
-        f"sdypy-EMA beside it ({len(rows)} seeds, {(time.perf_counter() - began) / len(rows):.2f} s each), told where to look:"
+        f"sdypy-EMA at the known frequencies ({len(rows)} seeds, {(time.perf_counter() - began) / len(rows):.2f} s each):"
     )
     for k in range(5):
         off = np.abs(f[:, k] / PAPER_HZ[k] - 1) > 0.02

@@ -1,7 +1,7 @@
 """The default recipe on beams that another finite element code has made: errors and intervals, set by set.
 
 CalculiX (`ccx`, where it is installed) solves beams of 20-node solid elements with random constants; its modes are
-superposed under random Rayleigh damping, noise is added, and the update is told what a laboratory knows: geometry, density,
+superposed under random Rayleigh damping, noise is added, and the update gets what a laboratory knows: geometry, density,
 boundary, the sensor's mass, coupon values. `python -m benchmarks.independent [sets] [seed]`.
 
 Noise: H (1 + m g₁) + n rms(H) g₂ with complex normal g of unit variance, rms over the record.
@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.forward_peers import ccx
+from fecore.body.laminate import OrthotropicMaterial
+from fecore.body.specimen import Specimen
+from fecore.body.supports import PointMass
 from fecore.frf import Dof, FrfSet
-from fecore.laminate import OrthotropicMaterial
-from fecore.specimen import Specimen
-from fecore.supports import PointMass
 from fecore.updating.measurement import Measurement
 from fecore.updating.pipeline import update
 
@@ -148,7 +148,7 @@ def measurement(beam: Beam, rng: np.random.Generator) -> Measurement:
     return Measurement(FrfSet(hz, H, dofs, (Dof(beam.sensor, 3),) * len(dofs)), grid(beam))
 
 
-def told(beam: Beam) -> Specimen:
+def stated(beam: Beam) -> Specimen:
     """The specimen as the laboratory knows it."""
     x, y, _ = grid(beam)[beam.sensor]
     masses = (PointMass(x, y, beam.sensor_mass),) if beam.sensor_mass else ()
@@ -157,7 +157,7 @@ def told(beam: Beam) -> Specimen:
 
 def row(beam: Beam, rng: np.random.Generator) -> tuple[str, list[bool], list[bool]]:
     """A line of the table; whether each error is within its tolerance, and each interval holds the truth."""
-    result = update(measurement(beam, rng), told(beam))
+    result = update(measurement(beam, rng), stated(beam))
     truth = {**beam.constants, "a0": beam.a0, "a1": beam.a1}
     text, within, held = [], [], []
     for parameter in result.parameters:

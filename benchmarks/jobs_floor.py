@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,7 @@ from service.supervisor import environment
 ROOT = Path(__file__).parents[1]
 STEPS = 10
 RESULT = "floor.result"
+PATIENCE_SECONDS = 600.0
 
 
 def load_second(_session: Session, job_id: UUID, _workspace: Path) -> dict[str, Any]:
@@ -117,15 +118,17 @@ class Floor:
         """Start an API process and wait until it answers."""
         process = self.modalbase("serve", port=port, **settings)
         with httpx.Client(trust_env=False) as client:
-            for _ in range(600):
+
+            def answers() -> bool:
+                if process.poll() is not None:
+                    raise RuntimeError(f"the API did not start: {self.log.read_text()[-2000:]}")
                 try:
-                    if client.get(f"http://127.0.0.1:{port}/readyz").is_success:
-                        return process
+                    return client.get(f"http://127.0.0.1:{port}/readyz").is_success
                 except httpx.TransportError:
-                    if process.poll() is not None:
-                        break
-                time.sleep(0.1)
-        raise RuntimeError(f"the API did not start: {self.log.read_text()[-2000:]}")
+                    return False
+
+            self.until(answers, "the API's first answer")
+        return process
 
     def kill(self, process: subprocess.Popen[bytes]) -> None:
         """SIGKILL, without a word."""
@@ -138,7 +141,7 @@ class Floor:
         postmaster = psutil.Process(int((self.folder / "postgres" / "postmaster.pid").read_text().split("\n", 1)[0]))
         began = time.monotonic()
         postmaster.send_signal(signal.SIGQUIT)
-        postmaster.wait(30)
+        postmaster.wait(PATIENCE_SECONDS)
         self._servers.enter_context(embedded_server(self.folder))
         return time.monotonic() - began
 
@@ -160,13 +163,21 @@ class Floor:
         with self.sessions() as session:
             return list(session.scalars(select(AuditEvent.subject_id).where(AuditEvent.action == RESULT)))
 
-    def wait(self, seconds: float, count: int) -> None:
-        """Until so many jobs have succeeded or failed."""
-        end = time.monotonic() + seconds
-        while sum(job.finished_at is not None for job in self.jobs()) < count:
+    def wait(self, count: int) -> None:
+        """Until so many jobs have ended."""
+        self.until(lambda: sum(job.finished_at is not None for job in self.jobs()) >= count, f"the end of {count} jobs")
+
+    def until(self, condition: Callable[[], object], what: str) -> None:
+        """Look until it is so.
+
+        Raises:
+            TimeoutError: not within `PATIENCE_SECONDS`; says what was waited for, and what the processes wrote last.
+        """
+        end = time.monotonic() + PATIENCE_SECONDS
+        while not condition():
             if time.monotonic() > end:
-                raise TimeoutError(f"{count} jobs were not done in {seconds:g} s; see {self.log}")
-            time.sleep(0.1)
+                raise TimeoutError(f"not within {PATIENCE_SECONDS:g} s: {what}; {self.log.read_text()[-2000:]}")
+            time.sleep(0.05)
 
     def close(self) -> None:
         """End every process."""
@@ -174,7 +185,7 @@ class Floor:
             process.terminate()
         for process in self.processes:
             try:
-                process.wait(20)
+                process.wait(60)
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
@@ -183,6 +194,7 @@ class Floor:
 
     def _start(self, command: list[str], url: str | None, settings: dict[str, Any]) -> subprocess.Popen[bytes]:
         given = environment(Settings(database_url=url or self.url, log_level="warning", **settings))
+        given["PYTHONPATH"] = str(ROOT)  # this package too, whose folder is not taken from where a process is started
         with self.log.open("ab") as log:
             process = subprocess.Popen(command, cwd=ROOT, env=os.environ | given, stdout=log, stderr=log)
         self.processes.append(process)

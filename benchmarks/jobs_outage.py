@@ -2,13 +2,15 @@
 
 The worker reaches PostgreSQL through a proxy on loopback, which is taken away for a while: connections break, new ones
 are refused. Once the worker is alone, so that its finished work waits for the database; once another worker, which is
-not cut off, takes its work over, and what the first one brings comes too late.
+not cut off, takes its work over, and what the first one brings comes too late. The other worker then ends, and the first
+one gets work of its own.
 """
 
 from __future__ import annotations
 
 import select
 import socket
+import subprocess
 import threading
 import time
 from collections import Counter
@@ -18,7 +20,7 @@ from pathlib import Path
 
 from sqlalchemy import make_url
 
-from benchmarks.jobs_floor import SECOND, floor
+from benchmarks.jobs_floor import SECOND, Floor, floor
 
 LEASE_SECONDS = 3.0
 
@@ -94,25 +96,34 @@ class Outage:
 
 
 def outage(seconds: float, *, others: bool, jobs: int = 6) -> Outage:
-    """Cut a worker off for so many seconds while it works on jobs of a second each."""
+    """Cut a worker off while it works on jobs of a second each.
+
+    Args:
+        seconds: how long; with another worker, from when that one has done all there is.
+        others: another worker is there, which is not cut off.
+        jobs: queued before the cut.
+    """
     with floor() as here, closing(Proxy(here.folder / "postgres" / ".s.PGSQL.5432")) as proxy:
         database = make_url(here.url)
         through = database.set(host="127.0.0.1", port=proxy.port, query={}).render_as_string(hide_password=False)
         here.put(SECOND, jobs)
         worker = here.worker(through, job_lease_seconds=LEASE_SECONDS)
-        here.wait(60, 1)
-        time.sleep(0.5)  # the second one is begun
+        here.wait(1)
+        here.until(lambda: _computing(here, worker), "the second job's computation")
         proxy.close()
+        cut = time.time()
         if others:
-            here.worker(job_lease_seconds=LEASE_SECONDS)
+            other = here.worker(job_lease_seconds=LEASE_SECONDS)
+            here.wait(jobs)  # what the first worker held is taken over when its lease has lapsed
         time.sleep(seconds)
         restored = time.time()
         proxy.restore()
         if others:
-            here.wait(60, jobs)
-            here.put(SECOND, 4)  # that there is something to come back to
-            jobs += 4
-        here.wait(120, jobs)
+            other.terminate()
+            other.wait()
+            here.put(SECOND, 2)  # for the worker that comes back, and nobody else
+            jobs += 2
+        here.wait(jobs)
         rows, results = here.jobs(), Counter(here.results())
         mine = f":{worker.pid}:"
         ends = [
@@ -121,7 +132,7 @@ def outage(seconds: float, *, others: bool, jobs: int = 6) -> Outage:
             if job.finished_at is not None and mine in (job.worker or "") and job.finished_at.timestamp() > restored
         ]
         return Outage(
-            seconds=seconds,
+            seconds=restored - cut,
             others=others,
             jobs=jobs,
             succeeded=sum(job.state == "succeeded" for job in rows),
@@ -131,6 +142,14 @@ def outage(seconds: float, *, others: bool, jobs: int = 6) -> Outage:
             back_seconds=min(ends, default=float("nan")),
             same_worker=worker.poll() is None,
         )
+
+
+def _computing(here: Floor, worker: subprocess.Popen[bytes]) -> bool:
+    """Is the worker in the middle of a job?"""
+    return any(
+        job.state == "running" and f":{worker.pid}:" in (job.worker or "") and "step" in (job.stage or "")
+        for job in here.jobs()
+    )
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""The default recipe in laboratories that are not the paper's: do intervals hold, and is every fault told?
+"""The default recipe in laboratories that are not the paper's: do intervals hold, and is every fault reported?
 
 Each set draws a structure (strips and plates, 1 to 20 mm; glass fibre, carbon fibre, nearly isotropic), a boundary, a tour
 (grid, edge, centre line, a few points; roving hammer or sensors, two references, negative directions), a band (from 0 Hz,
@@ -18,12 +18,13 @@ from typing import get_args
 
 import numpy as np
 
-from fecore.damping import RAYLEIGH, ModalDamping, beyond, damping_rate
+from fecore.body.laminate import OrthotropicMaterial
+from fecore.body.specimen import Specimen
+from fecore.body.supports import Boundary
+from fecore.dynamics.damping_laws import RAYLEIGH, ModalDamping, beyond, damping_rate
+from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.errors import FecoreError
-from fecore.frf import Dof, FrfSet, ModalFrfModel, Quantity
-from fecore.laminate import OrthotropicMaterial
-from fecore.specimen import Specimen
-from fecore.supports import Boundary
+from fecore.frf import Dof, FrfSet, Quantity
 from fecore.updating.forward import ForwardModel, modes_to_cover
 from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import parametrise
@@ -56,13 +57,13 @@ class Laboratory:
 
     Attributes:
         kind: what was drawn, by name.
-        told: the specimen as it is stated.
+        stated: the specimen as it is stated.
         measurement: what was measured.
         true: constants by name; a0 and a1 where the body's damping has them.
     """
 
     kind: dict[str, str]
-    told: Specimen
+    stated: Specimen
     measurement: Measurement
     true: dict[str, float]
 
@@ -86,14 +87,14 @@ def draw(seed: int, fault: str = "none") -> Laboratory:
     }
     length, width, thickness, divisions = BODIES[kind["body"]]
     nominal = MATERIALS[kind["material"]]
-    told = Specimen(length, width, thickness, nominal, kind["boundary"], divisions=divisions)  # type: ignore[arg-type]
+    stated = Specimen(length, width, thickness, nominal, kind["boundary"], divisions=divisions)  # type: ignore[arg-type]
     spread = rng.choice([0.1, 0.2, 0.3])
     true = {
         name: float(getattr(nominal, name) * (1 + spread * np.clip(rng.standard_normal(), -1.5, 1.5)))
         for name in ("Ex", "Ey", "Gxy", "Gxz")
     }
-    body = replace(told, material=replace(nominal, **true, Gyz=nominal.Gyz * true["Gxz"] / nominal.Gxz))
-    points = _tour(kind["tour"], told, rng)
+    body = replace(stated, material=replace(nominal, **true, Gyz=nominal.Gyz * true["Gxz"] / nominal.Gxz))
+    points = _tour(kind["tour"], stated, rng)
     responses, references = _pairs(points, rng)
     hz, first, last = _axis(kind, body, rng)
     model, rigid = _model(body, points, responses, references, hz)
@@ -102,8 +103,8 @@ def draw(seed: int, fault: str = "none") -> Laboratory:
     if law is not None:
         true.update(a0=float(law[0]), a1=float(law[1]))
     frfs = FrfSet(hz, values, responses, references, kind["quantity"])  # type: ignore[arg-type]
-    told, measurement = _spoil(fault, told, Measurement(frfs, points), rng)
-    return Laboratory({**kind, "fault": fault}, told, measurement, true)
+    stated, measurement = _spoil(fault, stated, Measurement(frfs, points), rng)
+    return Laboratory({**kind, "fault": fault}, stated, measurement, true)
 
 
 def _tour(tour: str, body: Specimen, rng: np.random.Generator) -> dict[int, tuple[float, float, float]]:
@@ -189,7 +190,7 @@ def _frfs(
 
 
 def _spoil(
-    fault: str, told: Specimen, measurement: Measurement, rng: np.random.Generator
+    fault: str, stated: Specimen, measurement: Measurement, rng: np.random.Generator
 ) -> tuple[Specimen, Measurement]:
     """What the laboratory gets wrong."""
     values, points = measurement.frfs.values.copy(), dict(measurement.points)
@@ -205,12 +206,12 @@ def _spoil(
     elif fault == "overload":
         values[row, int(rng.integers(5, values.shape[1] - 5))] += 20 * level.max()
     elif fault == "boundary":
-        told = replace(told, boundary="cantilever" if told.boundary == "free" else "free")
+        stated = replace(stated, boundary="cantilever" if stated.boundary == "free" else "free")
     elif fault == "length":
-        told = replace(told, length=1.1 * told.length)
+        stated = replace(stated, length=1.1 * stated.length)
     elif fault == "thickness":
-        told = replace(told, thickness=1.1 * told.thickness)
-    return told, replace(measurement, frfs=replace(measurement.frfs, values=values), points=points)
+        stated = replace(stated, thickness=1.1 * stated.thickness)
+    return stated, replace(measurement, frfs=replace(measurement.frfs, values=values), points=points)
 
 
 @dataclass(frozen=True)
@@ -227,7 +228,7 @@ def judge(laboratory: Laboratory) -> Outcome:
     """Run the default recipe. Only errors of the core are an outcome; any other ends the benchmark."""
     start = time.perf_counter()
     try:
-        result = update(laboratory.measurement, laboratory.told)
+        result = update(laboratory.measurement, laboratory.stated)
     except FecoreError as error:
         return Outcome(f"{type(error).__name__}: {error}", (), {}, time.perf_counter() - start)
     held = {
@@ -256,7 +257,7 @@ def main(sets: int = SETS, seed: int = SEED) -> None:
             print(f"    {name:10s} {value:16s} {100 * np.mean(held):5.1f} % of {len(held)}")
     times = [outcome.seconds for _, outcome in honest]
     print(f"  time: median {np.median(times):.2f} s, longest {max(times):.1f} s")
-    print("  faults:     refused   told  silent, with a wrong interval")
+    print("  faults:     refused   warned  silent, with a wrong interval")
     for place, fault in enumerate(FAULTS):
         numbers = [k for k in range(place, len(honest), len(FAULTS)) if not honest[k][1].error]
         outcomes = [(judge(draw(seed + k, fault)), _kinds(honest[k][1])) for k in numbers]

@@ -26,10 +26,10 @@ import psutil
 import psycopg
 import pyuff
 
-from service.campaigns.originals import CHUNK_BYTES
-from service.campaigns.uff import Axis, Frf, GridPoint
-from service.campaigns.uff.write import write_file
+from modalbase.formats.uff import Axis, Frf, GridPoint
+from modalbase.formats.uff.write import write_file
 from service.db.engine import psycopg_url
+from service.imports.originals import CHUNK_BYTES
 from service.settings import Settings
 from service.supervisor import LocalService
 

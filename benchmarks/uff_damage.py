@@ -2,7 +2,7 @@
 
 A variant passes when the file is refused, when a dataset is refused or its change noted, when it reads equal, or when
 the damage made another sound number and exactly that number is read (a digit flipped in an ordinate: nothing in the
-format could tell). Anything else is a silent change, and there must be none.
+format could detect). Anything else is a silent change, and there must be none.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from service.campaigns.uff import (
+from modalbase.formats.uff import (
     Axis,
     DatasetReport,
     FileHeader,
@@ -31,7 +31,7 @@ from service.campaigns.uff import (
     UffError,
     read_file,
 )
-from service.campaigns.uff.write import encode
+from modalbase.formats.uff.write import encode
 
 VERDICTS = ("file refused", "dataset refused or noted", "equal", "reads what is written", "SILENT CHANGE")
 FLOODS = {
@@ -278,7 +278,7 @@ def _variants(files: dict[str, bytes], count: int, rng: np.random.Generator) -> 
 _FLOOD = """
 import re, sys, time
 from pathlib import Path
-from service.campaigns.uff import DatasetReport, UffError, read_file
+from modalbase.formats.uff import DatasetReport, UffError, read_file
 def peak():  # of this process alone: ru_maxrss begins with its parent's
     return int(re.search(r"VmHWM:\\s*(\\d+)", Path("/proc/self/status").read_text())[1])
 before = peak()

@@ -10,8 +10,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pyuff
 
-from service.campaigns.uff import Axis, Frf, Limits, read_file
-from service.campaigns.uff.write import write_file
+from modalbase.formats.uff import Axis, Frf, Limits, read_file
+from modalbase.formats.uff.write import write_file
 
 FRFS, LINES, ROUNDS = 1000, 3201, 3
 _IDS = ("FRF", "NONE", "NONE", "NONE", "NONE")

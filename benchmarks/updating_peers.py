@@ -11,12 +11,12 @@ import numpy as np
 from scipy.linalg import cholesky
 from scipy.optimize import OptimizeResult, least_squares
 
-from fecore.damping import RAYLEIGH
+from fecore.dynamics.damping_laws import RAYLEIGH
 from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
-from fecore.updating.damping import Nuisance
 from fecore.updating.elastic import ElasticResult
 from fecore.updating.forward import ForwardModel
+from fecore.updating.law_fit import Nuisance
 from fecore.updating.misfit import FrfMisfit
 
 
@@ -31,15 +31,16 @@ class ElasticByDifferences:
     def __post_init__(self) -> None:
         self.solves = 0
         self.rows, self.columns = (list(side) for side in zip(*self.ours.pairing.pairs, strict=True))
-        self.root = cholesky(self.ours.weight)
+        n = self.ours.residual.size
+        self.root = cholesky(np.linalg.inv(self.ours.noise + self.ours.discrepancy**2 * np.eye(n)))
 
     def residual(self, theta: np.ndarray) -> np.ndarray:
         """Frequency errors and distances from the prior, in standard deviations."""
         self.solves += 1
         found = self.forward.solve(theta).frequency_hz[self.columns]
-        prior = self.forward.parametrisation
-        errors = self.root @ (found - self.modes.frequency_hz[self.rows])
-        return np.concatenate([errors, (theta - prior.prior_mean) / prior.prior_sd])
+        coordinates = self.ours.coordinates
+        errors = self.root @ np.log(found / self.modes.frequency_hz[self.rows])
+        return np.concatenate([errors, (coordinates.of(theta) - coordinates.mean) / coordinates.sd])
 
     def fit(self) -> OptimizeResult:
         """From the prior's mean, in units of the prior; smaller steps drown in the round-off of the eigenvalues."""
@@ -57,7 +58,7 @@ class DampingByDifferences:
 
     def __post_init__(self) -> None:
         self.syntheses = 0
-        self.frfs: FrfSet = self.misfit.measured
+        self.frfs: FrfSet = self.misfit.frfs
         self.sd = np.sqrt(self.misfit.variance / 2)  # of the real and of the imaginary part
         self.ends = np.cumsum([2, self.nuisance.modes.size, self.nuisance.modes.size])
 

@@ -17,13 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
+from fecore.body.laminate import OrthotropicMaterial
+from fecore.body.specimen import Specimen
 from fecore.frf import Dof
-from fecore.laminate import OrthotropicMaterial
-from fecore.specimen import Specimen
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
-from service.campaigns.uff.content import Axis, FileHeader, Frf, GridPoint
-from service.campaigns.uff.write import write_file
+from modalbase.formats.uff.content import Axis, FileHeader, Frf, GridPoint
+from modalbase.formats.uff.write import write_file
 
 MEASURED_HZ = np.array([25.61, 160.85, 399.28, 442.65, 867.96])
 MEASURED_DAMPING = np.array([15.56, 2.84, 2.43, 1.47, 1.26]) / 100

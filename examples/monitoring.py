@@ -21,9 +21,9 @@ from typing import Any
 import httpx
 import numpy as np
 
+from fecore.body.laminate import OrthotropicMaterial
+from fecore.body.specimen import Specimen
 from fecore.frf import Dof
-from fecore.laminate import OrthotropicMaterial
-from fecore.specimen import Specimen
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
 

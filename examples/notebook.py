@@ -1,36 +1,33 @@
-"""An update without the service: a UFF file read with pyuff, the core, and the result as plain Python.
+"""An update without the service: a UFF file, the core, and the result as plain Python.
 
     python examples/notebook.py [FILE]
 
-The file must have grid points (set 2411) and accelerances (set 58), in SI, of the beam below; by default it is that of the
-demonstration.
+The file must have grid points (set 15 or 2411) and accelerances on one frequency axis (set 58) of the beam below; by default
+it is that of the demonstration.
 """
 
 import sys
 
 import numpy as np
-import pyuff
 
-from fecore.frf import Dof, FrfSet
-from fecore.laminate import OrthotropicMaterial
-from fecore.specimen import Specimen
-from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import Parameter
-from fecore.updating.pipeline import update
-from fecore.updating.recipe import HoldOut, Recipe
+from fecore import Dof, FrfSet, HoldOut, Measurement, OrthotropicMaterial, Parameter, Recipe, Specimen, update
+from modalbase import read_uff
+from modalbase.formats import uff
 
-file = sys.argv[1] if len(sys.argv) > 1 else "service/demo/paper_beam.uff"
-sets = pyuff.UFF(file).read_sets()
-nodes = next(entry for entry in sets if entry["type"] == 2411)
-frfs = [entry for entry in sets if entry["type"] == 58]
+content = list(read_uff(sys.argv[1] if len(sys.argv) > 1 else "service/demo/paper_beam.uff"))
+for report in content:
+    if isinstance(report, uff.DatasetReport) and report.outcome == "refused":
+        print(f"dataset {report.number} (type {report.type}): {report.reason}", file=sys.stderr)
+frfs = [item for item in content if isinstance(item, uff.Frf)]
 measurement = Measurement(
     frfs=FrfSet(
-        frequency_hz=np.array(frfs[0]["x"]),
-        values=np.array([entry["data"] for entry in frfs]),
-        responses=tuple(Dof(int(entry["rsp_node"]), int(entry["rsp_dir"])) for entry in frfs),
-        references=tuple(Dof(int(entry["ref_node"]), int(entry["ref_dir"])) for entry in frfs),
+        frequency_hz=frfs[0].frequency.points(),
+        values=np.array([frf.values for frf in frfs]),
+        responses=tuple(Dof(frf.response_point, frf.response_direction) for frf in frfs),
+        references=tuple(Dof(frf.reference_point, frf.reference_direction) for frf in frfs),
+        quantity=frfs[0].quantity,
     ),
-    points={int(n): place for n, *place in zip(nodes["node_nums"], nodes["x"], nodes["y"], nodes["z"], strict=True)},
+    points={item.number: item.xyz_m for item in content if isinstance(item, uff.GridPoint)},
 )
 beam = Specimen(
     length=0.5,
@@ -52,7 +49,7 @@ recipe = Recipe(
 
 
 def progress(stage: str, share: float) -> None:
-    """Told between iterations; an exception raised here cancels the update."""
+    """Called between iterations; an exception raised here cancels the update."""
     print(f"\r{100 * share:3.0f} % {stage:40}", end="", file=sys.stderr)
 
 
@@ -60,8 +57,8 @@ result = update(measurement, beam, recipe, progress)
 print(file=sys.stderr)
 for row in result.parameters:
     low, high = row.interval_95
-    told = "" if row.identifiable else "  the prior, not the data"
-    print(f"{row.name:4} {row.estimate:10.4g} {row.unit:4} 95 %: {low:10.4g} to {high:10.4g}{told}")
+    remark = "" if row.identifiable else "  the prior, not the data"
+    print(f"{row.name:4} {row.estimate:10.4g} {row.unit:4} 95 %: {low:10.4g} to {high:10.4g}{remark}")
 for mode in result.modes:
     print(
         f"mode {mode.number} ({mode.kind}): {mode.measured_hz:.2f} Hz, model {mode.updated_hz:.2f} Hz, MAC {mode.mac:.4f}"

@@ -1,8 +1,95 @@
 """Finite element model updating of fibre reinforced plastic beams: pure numpy and scipy, usable alone in a notebook.
 
-The rooms stand in the order in which data flows: laminate, mesh, elements, model, eigen, reduction, damping, frf,
-identification, correlation, updating, trend. All quantities are SI (m, kg, s, Pa); frequencies are in Hz only where a
-name says `_hz`.
+What a notebook needs is exported here; it stands in the order in which data flows::
+
+    specimen = Specimen(0.5, 0.04, 0.01, OrthotropicMaterial(...), "cantilever")
+    found = identify([FrfSet(frequency_hz, values, responses, references)])       # modes with their covariance
+    result = update(Measurement(frfs, points), specimen, Recipe())                # parameters with their uncertainty
+
+All quantities are SI (m, kg, s, Pa); frequencies are in Hz only where a name says `_hz`.
 """
 
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fecore.body.laminate import OrthotropicMaterial, Ply, homogenise, section
+    from fecore.body.specimen import BeamSpecimen, Specimen
+    from fecore.body.supports import Edge, PointMass, Spring
+    from fecore.correlation import csac, csf, frac, mac, sac
+    from fecore.errors import FecoreError, IdentificationError, InputError, ModelError, UpdatingError
+    from fecore.frf import Dof, FrfSet
+    from fecore.identification import Identification, Options, identify
+    from fecore.modes import MeasuredModes
+    from fecore.updating.forward import ForwardModel
+    from fecore.updating.measurement import Measurement
+    from fecore.updating.parameters import Parameter
+    from fecore.updating.pipeline import update
+    from fecore.updating.recipe import HoldOut, Recipe
+    from fecore.updating.result import UpdateResult
+
 __version__ = "0.1.0"
+
+_HOMES = {
+    "body.laminate": ("OrthotropicMaterial", "Ply", "homogenise", "section"),
+    "body.specimen": ("BeamSpecimen", "Specimen"),
+    "body.supports": ("Edge", "PointMass", "Spring"),
+    "correlation": ("csac", "csf", "frac", "mac", "sac"),
+    "errors": ("FecoreError", "IdentificationError", "InputError", "ModelError", "UpdatingError"),
+    "frf": ("Dof", "FrfSet"),
+    "identification": ("Identification", "Options", "identify"),
+    "modes": ("MeasuredModes",),
+    "updating.forward": ("ForwardModel",),
+    "updating.measurement": ("Measurement",),
+    "updating.parameters": ("Parameter",),
+    "updating.pipeline": ("update",),
+    "updating.recipe": ("HoldOut", "Recipe"),
+    "updating.result": ("UpdateResult",),
+}
+
+__all__ = [
+    "BeamSpecimen",
+    "Dof",
+    "Edge",
+    "FecoreError",
+    "ForwardModel",
+    "FrfSet",
+    "HoldOut",
+    "Identification",
+    "IdentificationError",
+    "InputError",
+    "MeasuredModes",
+    "Measurement",
+    "ModelError",
+    "Options",
+    "OrthotropicMaterial",
+    "Parameter",
+    "Ply",
+    "PointMass",
+    "Recipe",
+    "Specimen",
+    "Spring",
+    "UpdateResult",
+    "UpdatingError",
+    "__version__",
+    "csac",
+    "csf",
+    "frac",
+    "homogenise",
+    "identify",
+    "mac",
+    "sac",
+    "section",
+    "update",
+]
+
+if not TYPE_CHECKING:  # a checker is to know the names above, and no others
+
+    def __getattr__(name: str) -> Any:
+        """A member when it is first asked for: what needs the version alone does not wait for scipy."""
+        for module, names in _HOMES.items():
+            if name in names:
+                return getattr(import_module(f"fecore.{module}"), name)
+        raise AttributeError(f"module 'fecore' has no attribute {name!r}")

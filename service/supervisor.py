@@ -6,7 +6,8 @@
 
 `modalbase up`, the demonstration and the tests all use this. The processes that it starts end with it, also when it is
 killed: their standard input is a pipe that closes with it. Each of them is in on the embedded server, so whoever
-leaves last stops PostgreSQL.
+leaves last stops PostgreSQL. What ends by itself is started again by `tend`; the socket that the API listens on is kept
+here, so that requests wait meanwhile instead of being refused.
 """
 
 from __future__ import annotations
@@ -16,8 +17,11 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
+from selectors import EVENT_READ, DefaultSelector
 from types import TracebackType
 from typing import Self
 
@@ -26,13 +30,15 @@ from sqlalchemy import func, select
 
 from service.access.keys import create_key, user_named
 from service.access.tables import ApiKey
-from service.db.embedded import keep_running
+from service.db.embedded import keep_running, runs
 from service.db.engine import make_engine, make_sessions
 from service.db.opening import open_database
+from service.db.postgres import PostgresError
 from service.db.schema import require_head
+from service.parts import PAUSES, GivenUpError, NotStartedError, Part, how_it_ended
 from service.settings import Settings
 
-START_SECONDS = 60.0
+START_SECONDS = 120.0
 ANSWER_SECONDS = 2.0  # the socket listens before the API answers: ask again, and see whether the API still runs
 STOP_SECONDS = 10.0
 STANDARD_ERROR = 2
@@ -50,22 +56,27 @@ class LocalService:
         processes: the API and the worker, by name.
     """
 
-    def __init__(self, settings: Settings, *, log_file: Path | None = None, worker: bool = True) -> None:
+    def __init__(
+        self, settings: Settings, *, log_file: Path | None = None, worker: bool = True, pauses: Sequence[float] = PAUSES
+    ) -> None:
         """Prepare; nothing runs before `with`.
 
         Args:
             settings: with `port=0` any free port is taken.
             log_file: where the processes write their log; standard error by default.
             worker: start a worker too.
+            pauses: seconds before what ended is started again, for each time that it ends in a row.
         """
-        self.given, self.log_file, self.worker = settings, log_file, worker
+        self.given, self.log_file, self.worker, self.pauses = settings, log_file, worker, pauses
         self.settings = settings
         self.url = ""
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._parts: list[Part] = []
         self._stack = ExitStack()
-        self._lost_at: float | None = None  # since when PostgreSQL does not start again
 
     def __enter__(self) -> Self:
+        if os.name == "nt":
+            raise StartError("the service does not run on Windows itself; run it in WSL 2 or on a server")
         with ExitStack() as stack:
             listener = stack.enter_context(listening_socket(self.given.host, self.given.port))
             self.settings = stack.enter_context(open_database(self.given, migrate_embedded=True))
@@ -76,11 +87,16 @@ class LocalService:
             self.url = f"http://{_bracketed(self.given.host)}:{port}"
             log = stack.enter_context(self.log_file.open("ab")).fileno() if self.log_file else STANDARD_ERROR
             stack.callback(self._end_processes)
-            self._spawn("api", ["serve", "--listener", str(listener.fileno())], log, listener.fileno())
+            if self.given.database_url is None:
+                self._parts.append(Part("PostgreSQL", self._start_postgresql, self._postgresql_ended, self.pauses))
+            self._run("api", ["serve", "--listener", str(listener.fileno())], log, listener.fileno())
             if self.worker:
-                self._spawn("worker", ["worker"], log)
-            self._wait_until_ready()
-            listener.close()
+                reading, writing = os.pipe()  # each worker writes to it when it takes jobs
+                stack.callback(os.close, reading)
+                stack.callback(os.close, writing)
+                self._run("worker", ["worker", "--ready", str(writing)], log, writing)
+                self._wait_until("the worker takes no jobs", partial(_has_come, reading))
+            self._wait_until(f"the API does not answer at {self.url}", self._answers)
             self._stack = stack.pop_all()
         return self
 
@@ -103,48 +119,65 @@ class LocalService:
         """Name of a process that ended by itself, which none should; None while all run."""
         return next((name for name, process in self.processes.items() if process.poll() is not None), None)
 
-    def keep_database(self) -> bool:
-        """Start the embedded PostgreSQL again where it died by itself, for lack of memory say. Whether it had.
+    def tend(self) -> list[str]:
+        """Start again what ended by itself, after a pause; a line for the operator of each thing that happened.
 
         Raises:
-            StartError: it has not come back for a minute.
+            StartError: one of them ended again and again.
         """
-        if self.given.database_url is not None:
-            return False
+        lines = []
+        for part in self._parts:  # PostgreSQL first: without it the others cannot start
+            try:
+                lines += [line] if (line := part.tend()) else []
+            except GivenUpError as error:
+                raise StartError(f"{error}; the log above says why") from error
+            if part.name == "PostgreSQL" and not part.runs:
+                break
+        return lines
+
+    def _start_postgresql(self) -> None:
         try:
-            restarted = keep_running(self.given.data)
-        except subprocess.SubprocessError as error:
-            self._lost_at = self._lost_at or time.monotonic()
-            if time.monotonic() - self._lost_at > START_SECONDS:
-                raise StartError(f"PostgreSQL died and does not start again: {error}") from error
-            return False
-        self._lost_at = None
-        return restarted
+            keep_running(self.given.data)
+        except PostgresError as error:
+            raise NotStartedError(str(error)) from error
 
-    def _spawn(self, name: str, command: list[str], log: int, *fds: int) -> None:
-        self.processes[name] = subprocess.Popen(
-            [sys.executable, "-m", "service", *command, "--attached"],
-            env=os.environ | environment(self.given),
-            stdin=subprocess.PIPE,
-            stdout=log,
-            stderr=log,
-            pass_fds=fds,
-            start_new_session=True,  # Ctrl-C is ours; they are told by us
-        )
+    def _postgresql_ended(self) -> str | None:
+        return None if runs(self.given.data) else "ended by itself"
 
-    def _wait_until_ready(self) -> None:
+    def _run(self, name: str, command: list[str], log: int, *fds: int) -> None:
+        """Start a process that runs as long as the service does."""
+
+        def start() -> None:
+            if (old := self.processes.get(name)) is not None and old.stdin is not None:
+                old.stdin.close()
+            self.processes[name] = subprocess.Popen(
+                # -P and its variable, for its children: no module of the folder that it is started in is imported.
+                [sys.executable, "-P", "-m", "service", *command, "--attached"],
+                env=environment(self.given),
+                stdin=subprocess.PIPE,
+                stdout=log,
+                stderr=log,
+                pass_fds=fds,
+                start_new_session=True,  # Ctrl-C is ours, and ends them through us
+            )
+
+        start()
+        self._parts.append(Part(f"the {name}", start, lambda: how_it_ended(self.processes[name]), self.pauses))
+
+    def _wait_until(self, otherwise: str, ready: Callable[[], bool]) -> None:
         deadline = time.monotonic() + START_SECONDS
-        with httpx.Client(trust_env=False, timeout=ANSWER_SECONDS) as client:
-            while time.monotonic() < deadline:
-                if name := self.ended():
-                    raise StartError(f"the {name} ended while starting; its log says why")
-                try:
-                    if client.get(f"{self.url}/readyz").is_success:
-                        return
-                except httpx.TransportError:
-                    pass  # not listening yet
-                time.sleep(0.05)
-        raise StartError(f"the API did not answer at {self.url} within {START_SECONDS:g} s")
+        while not ready():
+            if name := self.ended():
+                raise StartError(f"the {name} ended while starting; its log says why")
+            if time.monotonic() > deadline:
+                raise StartError(f"{otherwise} after {START_SECONDS:g} s")
+            time.sleep(0.05)
+
+    def _answers(self) -> bool:
+        try:
+            return httpx.get(f"{self.url}/readyz", trust_env=False, timeout=ANSWER_SECONDS).is_success
+        except httpx.TransportError:
+            return False  # not listening yet
 
     def _end_processes(self) -> None:
         for process in self.processes.values():
@@ -161,10 +194,19 @@ class LocalService:
         self.processes.clear()
 
 
+def _has_come(pipe: int) -> bool:
+    """Whether something has been written to a pipe."""
+    with DefaultSelector() as selector:
+        selector.register(pipe, EVENT_READ)
+        return bool(selector.select(0))
+
+
 def environment(settings: Settings) -> dict[str, str]:
-    """The environment variables that give another process the same settings."""
+    """The environment of a process with the same settings, which imports nothing from the folder it is started in."""
     values = settings.model_dump(mode="json", exclude_none=True)
-    return {f"MODALBASE_{name.upper()}": str(value) for name, value in values.items()}
+    others = {name: value for name, value in os.environ.items() if not name.startswith("MODALBASE_")}
+    ours = {f"MODALBASE_{name.upper()}": str(value) for name, value in values.items()}
+    return others | ours | {"PYTHONSAFEPATH": "1"}
 
 
 def listening_socket(host: str, port: int) -> socket.socket:

@@ -26,8 +26,11 @@ from service.db.engine import Sessions, make_engine, make_sessions
 from service.db.schema import upgrade
 from service.settings import Settings
 from service.supervisor import LocalService
+from tests.support.places import shared_folder
+from tests.support.rest import client_of
 
 TEMPLATE = "test_template"
+pytest_plugins = ["tests.support.laboratory", "tests.support.working"]
 
 
 def _on(server: str, database: str) -> str:
@@ -84,11 +87,31 @@ def database(server: str, new_database: Callable[[], str]) -> Iterator[str]:
 
 
 @pytest.fixture
-def empty_database(server: str) -> Iterator[str]:
-    url = _on(server, f"test_{uuid4().hex}")
-    _admin(server, f"CREATE DATABASE {make_url(url).database}")
-    yield url
-    _drop(server, url)
+def new_empty_database(server: str) -> Iterator[Callable[[], str]]:
+    """Makes databases without a schema."""
+    made: list[str] = []
+
+    def make() -> str:
+        made.append(_on(server, f"test_{uuid4().hex}"))
+        _admin(server, f"CREATE DATABASE {make_url(made[-1]).database}")
+        return made[-1]
+
+    yield make
+    for url in made:
+        _drop(server, url)
+
+
+@pytest.fixture
+def empty_database(new_empty_database: Callable[[], str]) -> str:
+    return new_empty_database()
+
+
+@pytest.fixture
+def empty(empty_database: str) -> Iterator[Engine]:
+    """An engine on a database without any table."""
+    engine = make_engine(empty_database)
+    yield engine
+    engine.dispose()
 
 
 @pytest.fixture
@@ -116,15 +139,7 @@ def new_client(service: LocalService) -> Iterator[Callable[[], httpx.Client]]:
     clients: list[httpx.Client] = []
 
     def make() -> httpx.Client:
-        key = service.new_key(f"tester-{uuid4().hex}")
-        clients.append(
-            httpx.Client(
-                base_url=f"{service.url}/api/v1/",
-                headers={"Authorization": f"Bearer {key}"},
-                timeout=60,
-                trust_env=False,
-            )
-        )
+        clients.append(client_of(service, f"tester-{uuid4().hex}"))
         return clients[-1]
 
     yield make
@@ -146,3 +161,15 @@ def key_of(sessions: Sessions) -> Callable[[str], str]:
             return create_key(session, user_named(session, name), "test")[1]
 
     return make
+
+
+@pytest.fixture
+def blind_open() -> Path:
+    """FRFs of beams by another finite element code, with the truth beside them."""
+    return shared_folder("BLIND_OPEN", "blind-open")
+
+
+@pytest.fixture
+def uff_corpus() -> Path:
+    """Other people's UFF files."""
+    return shared_folder("UFF_CORPUS", "uff-corpus")

@@ -80,8 +80,8 @@ def report() -> None:
     )
     printing.constants("Updated constants, GPa (t = 10.12 mm)", rows, FREE_UPDATED)
     printing.note(
-        """Ours fit the measured frequencies, so Ex and Gxy are higher than the paper's. Nothing in four modes tells Ey or
-        Gyz, and little tells Gxz: those three figures of the paper are its priors' or its regularisation's."""
+        """Ours fit the measured frequencies, so Ex and Gxy are higher than the paper's. Four modes do not depend on Ey or
+        Gyz, and hardly on Gxz: those three figures of the paper are its priors' or its regularisation's."""
     )
     _damping(found.update)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fecore.laminate import OrthotropicMaterial
-from fecore.specimen import BeamSpecimen, Specimen
+from fecore.body.laminate import OrthotropicMaterial
+from fecore.body.specimen import BeamSpecimen, Specimen
 
 DENSITY = 2012.0
 

@@ -10,8 +10,9 @@ from examples.paper import printing
 from examples.paper.published import SIMULATED_CONVERGED, SIMULATED_GEOMETRY, SIMULATED_MODULUS, TABLE_2, simulated
 from examples.paper.synthesis import rayleigh_body, solve
 from examples.paper.trials import Trials, run
-from fecore.damping import RAYLEIGH, damping_ratio
-from fecore.frf import Dof, FrfSet, ModalFrfModel
+from fecore.dynamics.damping_laws import RAYLEIGH, damping_ratio
+from fecore.dynamics.synthesis import ModalFrfModel
+from fecore.frf import Dof, FrfSet
 from fecore.updating.forward import ForwardState
 from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from fecore.damping import RAYLEIGH, ModalDamping, beyond, damping_rate
+from fecore.body.specimen import BeamSpecimen, Specimen
+from fecore.dynamics.damping_laws import RAYLEIGH, ModalDamping, beyond, damping_rate
 from fecore.frf import Dof, FrfSet
-from fecore.specimen import BeamSpecimen, Specimen
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.parameters import Parameter, parametrise
 

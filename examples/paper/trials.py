@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.correlation import sac
-from fecore.damping import RAYLEIGH, damping_rate
-from fecore.frf import FrfSet, ModalFrfModel
-from fecore.updating.damping import Nuisance, fit_law
+from fecore.dynamics.damping_laws import RAYLEIGH, damping_rate
+from fecore.dynamics.synthesis import ModalFrfModel
+from fecore.frf import FrfSet
+from fecore.updating.law_fit import Nuisance, fit_law
 from fecore.updating.misfit import FrfMisfit, Weighting
 
 

@@ -2,6 +2,9 @@
 
     x̄ = Σ x_i / n,   s = √(Σ (x_i − x̄)² / (n − 1)),   CV = 100 s / |x̄|
 
+An outlier is known by its distance from the median in units of the median absolute deviation, which one or two strange
+specimens do not move; the mean and s of five specimens are moved so far by one that it hides itself.
+
 As a prior the batch stands for one more piece of the same material, the structure: its constant is spread about x̄ like
 another specimen. With n specimens that is a t distribution with n − 1 degrees of freedom and scale s √(1 + 1/n); the
 prior is the normal distribution with the same 95 % interval, so its standard deviation is
@@ -27,8 +30,16 @@ ASSUMED_CV = 0.30
 """Scatter of a constant of which only one value is known, as a share of it: the same as of a handbook value."""
 
 
+OUTLIER_LIMIT = {
+    4: 6.91, 5: 7.91, 6: 5.53, 7: 5.83, 8: 4.92, 9: 5.10, 10: 4.58, 12: 4.36, 15: 4.28, 20: 4.00, 30: 3.85, 50: 3.75,
+}  # fmt: skip
+"""By the number of specimens, max |x − median| / (1.4826 MAD) that 95 of 100 normal samples stay below; simulated."""
+
+_NORMAL_MAD = 1.4826  # the standard deviation of a normal distribution over its median absolute deviation
+
+
 @dataclass(frozen=True)
-class Specimen:
+class CouponResult:
     """Reduced results of a specimen.
 
     Attributes:
@@ -119,7 +130,39 @@ def statistics(values: Sequence[float]) -> Statistics:
     return Statistics(x.size, float(x.mean()), float(x.std(ddof=1)) if x.size > 1 else None)
 
 
-def summarise(specimens: Sequence[Specimen]) -> BatchSummary:
+def outliers(values: Sequence[float]) -> tuple[int, ...]:
+    """Indices of values that lie too far from the median to belong to the others.
+
+    A value counts as an outlier where |x − median| / (1.4826 MAD) is above `OUTLIER_LIMIT`: in one of twenty batches of
+    sound specimens any is. Below four values none is: nobody can say which of three is the strange one.
+
+    Args:
+        values: (n,) one property of the specimens that count.
+    """
+    x = np.asarray(values, float)
+    if x.size < min(OUTLIER_LIMIT):
+        return ()
+    distance = np.abs(x - np.median(x))
+    scale = _NORMAL_MAD * max(float(np.median(distance)), 1e-9 * abs(float(np.median(x))))
+    limit = np.interp(x.size, list(OUTLIER_LIMIT), list(OUTLIER_LIMIT.values()))
+    return tuple(int(i) for i in np.flatnonzero(distance > limit * scale))
+
+
+def outlier_warnings(specimens: Sequence[CouponResult]) -> list[str]:
+    """A sentence for each outlier among the specimens that count, with its value beside the median of all."""
+    found = []
+    for name in dict.fromkeys(name for s in specimens for name in s.values):
+        having = [s for s in specimens if s.exclusion_reason is None and name in s.values]
+        values = [s.values[name] for s in having]
+        found += [
+            f"{name}: specimen {having[i].name} has {values[i]:.4g}, the median is {np.median(values):.4g}; it lies too "
+            "far out for the scatter of the others: look for its cause, and exclude it with the reason if there is one"
+            for i in outliers(values)
+        ]
+    return found
+
+
+def summarise(specimens: Sequence[CouponResult]) -> BatchSummary:
     """Summary of a batch.
 
     Raises:
@@ -141,6 +184,7 @@ def summarise(specimens: Sequence[Specimen]) -> BatchSummary:
         for name, found in properties.items()
         if found.n is not None and found.n < FEWEST_SPECIMENS
     ]
+    warnings += outlier_warnings(counted)
     coded = [s.failure_code for s in counted if s.failure_code is not None]
     at_grip = sum(failed_at_grip(code) for code in coded)
     if coded and 2 * at_grip > len(coded):

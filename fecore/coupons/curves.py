@@ -28,6 +28,13 @@ RESTART = 0.1
 BACKWARD = 0.02
 """Strain that runs back within a chord range by more than this share of it is a slipped gauge, not noise."""
 
+JUMP = 10.0
+"""A step of strain this many times the steps around it is a jump of the extensometer, not of the specimen."""
+
+LEAST_JUMP = 500e-6
+"""m/m; a smaller step spoils no result that is read off the curve."""
+
+_STEPS_AROUND = 10  # on each side of a step that may be a jump
 _END_TOLERANCE = 0.05  # of the range's length: how far the closest point may lie from an end
 _LARGEST_STRAIN = 1.0  # m/m; above it the unit is surely another
 
@@ -140,6 +147,48 @@ def single_run(curve: Curve) -> Curve:
     return curve.part(0, stop)
 
 
+def jump(strain: FloatArray) -> int | None:
+    """Index of the first point after a jump of the extensometer, or None.
+
+    A clip that slips moves by one step that is large beside its neighbours on both sides. A specimen that yields, or a
+    machine that records at another rate from some point on, makes large steps one after the other.
+
+    Args:
+        strain: (n,) m/m; NaN where it was lost.
+    """
+    step = np.abs(np.diff(strain))
+    for i in np.flatnonzero(np.nan_to_num(step) > LEAST_JUMP):
+        before, after = step[max(i - _STEPS_AROUND, 0) : i], step[i + 1 : i + 1 + _STEPS_AROUND]
+        usual = [float(np.nanmedian(part)) for part in (before, after) if np.isfinite(part).any()]
+        if usual and step[i] > JUMP * max(usual):
+            return int(i) + 1
+    return None
+
+
+def without_jump(curve: Curve, warnings: list[str]) -> Curve:
+    """The curve with its strains taken as lost from a jump of the extensometer on, which a warning then says."""
+    found = [
+        i
+        for values in (curve.strain, curve.strain_back, curve.transverse_strain)
+        if values is not None and (i := jump(values)) is not None
+    ]
+    if not found:
+        return curve
+    at = min(found)
+    warnings.append(
+        f"a strain jumps at point {at + 1} by more than {JUMP:g} times the steps around it: the extensometer slipped; "
+        "strains from there on are left out"
+    )
+    lost = np.arange(len(curve)) >= at
+    strains = (
+        None if values is None else np.where(lost, np.nan, values)
+        for values in (curve.strain, curve.strain_back, curve.transverse_strain)
+    )
+    front, back, transverse = strains
+    assert front is not None
+    return Curve(curve.force_n, front, back, transverse, curve.time_s)
+
+
 @dataclass(frozen=True)
 class Chord:
     """A chord range on a curve.
@@ -158,6 +207,17 @@ class Chord:
     def slope(self, y: FloatArray) -> float:
         """Δy / Δx between the ends."""
         return float((self.at(y)[1] - self.at(y)[0]) / (self.stop - self.start))
+
+    def regression_slope(self, x: FloatArray, y: FloatArray) -> float:
+        """Slope of the least-squares line through the measured points from end to end.
+
+        The chord uses two points and feels the noise of both; the line uses all of them. Where the two differ by more
+        than noise, the curve bends within the range.
+        """
+        tolerance = 1e-9 * (self.stop - self.start)  # ends that were computed by interpolation
+        inside = (x >= self.start - tolerance) & (x <= self.stop + tolerance)
+        inside &= np.arange(x.size) <= int(np.flatnonzero(np.any(self.weights != 0, axis=0))[-1])
+        return float(np.polyfit(x[inside], y[inside], 1)[0])
 
     def at(self, y: FloatArray) -> FloatArray:
         """(2,) y at the ends."""

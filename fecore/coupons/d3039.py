@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.coupons.curves import Chord, Curve, Ends, chord, mean_dimension, single_run
-from fecore.coupons.transition import transition_strain
+from fecore.coupons.curves import Chord, Curve, Ends, chord, mean_dimension, single_run, without_jump
+from fecore.coupons.transition import knee_warning, transition_strain
 from fecore.errors import InputError
 
 CHORD_RANGE = (1000e-6, 3000e-6)
@@ -43,7 +43,8 @@ class TensileResult:
         width_m, thickness_m, area_m2: means of the readings, and their product.
         maximum_force_n, strength_pa: P_max and F.
         ultimate_strain: m/m; None where the gauge was lost before the maximum force.
-        modulus_pa: chord modulus E; None without a strain.
+        modulus_pa: chord modulus E.
+        regression_modulus_pa: slope of the least-squares line through all points of the chord range.
         chord_range: strains that were used, m/m.
         poisson_ratio: None without a transverse strain.
         transition_strain: None where the curve has no knee.
@@ -58,6 +59,7 @@ class TensileResult:
     strength_pa: float
     ultimate_strain: float | None
     modulus_pa: float
+    regression_modulus_pa: float
     chord_range: tuple[float, float]
     poisson_ratio: float | None
     transition_strain: float | None
@@ -86,11 +88,11 @@ def reduce(
     """
     width, thickness = mean_dimension("width_m", width_m), mean_dimension("thickness_m", thickness_m)
     area = width * thickness
-    run = single_run(curve)
+    warnings = [] if thickness <= width else ["the thickness is larger than the width; are they exchanged?"]
+    run = without_jump(single_run(curve), warnings)
     strain, stress = run.mean_strain, run.force_n / area
     force = float(run.force_n.max())
     ultimate = float(strain[-1]) if np.isfinite(strain[-1]) else None
-    warnings: list[str] = []
     start, stop = chord_range or _standard_range(strain, run.force_n, ultimate, warnings)
     if not 0 <= start < stop:
         raise InputError("chord_range", f"is {start} to {stop}, expected two rising strains, m/m")
@@ -98,11 +100,13 @@ def reduce(
     modulus = line.slope(stress)
     if modulus <= 0:
         raise InputError("curve", "the force falls over the chord range; are force and strain of one test?")
+    warnings += knee_warning(strain, stress, line.start, line.stop)
     bending = _bending_percent(run, line)
     if bending is not None and bending > MOST_BENDING_PERCENT:
         warnings.append(f"{bending:.1f} % bending, more than {MOST_BENDING_PERCENT:.0f} %: see to the alignment")
     return TensileResult(
-        width, thickness, area, force, force / area, ultimate, modulus, (line.start, line.stop),
+        width, thickness, area, force, force / area, ultimate, modulus,
+        line.regression_slope(strain, stress), (line.start, line.stop),
         _poisson_ratio(run, line), transition_strain(strain, stress), bending, tuple(warnings),
     )  # fmt: skip
 
@@ -123,7 +127,7 @@ def _standard_range(
     if reached >= LOW_ULTIMATE:
         return CHORD_RANGE
     if ultimate is None:
-        raise InputError("strain", "was lost too early to tell the chord range; state chord_range")
+        raise InputError("strain", "was lost too early to choose the chord range; state chord_range")
     warnings.append(f"failed at {ultimate * 1e6:.0f} µε, below 6000: the chord is from 25 to 50 % of it")
     return SHORT_RANGE[0] * ultimate, SHORT_RANGE[1] * ultimate
 

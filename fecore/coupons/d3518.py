@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.coupons.curves import Curve, Ends, chord, mean_dimension, single_run
+from fecore.coupons.curves import Curve, Ends, chord, mean_dimension, single_run, without_jump
 from fecore.errors import InputError
 
 START_RANGE = (1500e-6, 2500e-6)
@@ -40,6 +40,7 @@ class ShearResult:
     Attributes:
         width_m, thickness_m, area_m2: means of the readings, and their product.
         modulus_pa: chord modulus G.
+        regression_modulus_pa: slope of the least-squares line through all points of the chord range.
         chord_range: γ that were used.
         offset_strength_pa, offset_strain: where the 0.2 % line meets the curve; None where it failed before.
         maximum_stress_pa, maximum_stress_strain: τ_max and its γ.
@@ -51,6 +52,7 @@ class ShearResult:
     thickness_m: float
     area_m2: float
     modulus_pa: float
+    regression_modulus_pa: float
     chord_range: tuple[float, float]
     offset_strength_pa: float | None
     offset_strain: float | None
@@ -82,13 +84,15 @@ def reduce(
     if not START_RANGE[0] <= chord_start <= START_RANGE[1]:
         raise InputError("chord_start", f"is {chord_start * 1e6:.0f} µε, expected 1500 to 2500")
     width, thickness = mean_dimension("width_m", width_m), mean_dimension("thickness_m", thickness_m)
-    run = single_run(curve)
+    warnings: list[str] = []
+    run = without_jump(single_run(curve), warnings)
     if run.transverse_strain is None:
         raise InputError("transverse_strain", "is missing; γ = ε_x − ε_y needs it")
     gamma = run.mean_strain - run.transverse_strain
     tau = run.force_n / (2 * width * thickness)
     known = np.isfinite(gamma)
-    warnings = [] if known.all() else ["a strain was lost before the maximum force; stresses after it are left out"]
+    if not known.all():
+        warnings.append("a strain was lost before the maximum force; stresses after it are left out")
     gamma, tau = gamma[known], tau[known]
     line = chord(gamma, chord_start, chord_start + CHORD_LENGTH, ends, field="shear_strain")
     if (
@@ -109,7 +113,7 @@ def reduce(
     if offset is None:
         warnings.append("failed before the 0.2 % offset line: no offset strength")
     return ShearResult(
-        width, thickness, width * thickness, modulus, (line.start, line.stop),
+        width, thickness, width * thickness, modulus, line.regression_slope(gamma, tau), (line.start, line.stop),
         None if offset is None else offset[1], None if offset is None else offset[0],
         float(tau[at]), float(gamma[at]), bool(not allowed.all()), tuple(warnings),
     )  # fmt: skip

@@ -55,3 +55,27 @@ def _line_misfits(x: FloatArray, y: FloatArray) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore"):
         explained = np.where(sxx > 0, sxy**2 / sxx, 0.0)
     return np.maximum(syy - explained, 0.0)
+
+
+def knee_warning(strain: FloatArray, stress: FloatArray, start: float, stop: float) -> list[str]:
+    """A sentence where the curve has a knee within a chord range, whose modulus is then of neither part; else nothing.
+
+    The whole curve is searched, and then the range with as much again on either side: a knee in the first tenth of a
+    long curve that bends later is too small a part of the whole to stand out there.
+
+    Args:
+        strain: (n,) m/m.
+        stress: (n,) Pa.
+        start: lower end of the chord, m/m.
+        stop: its upper end, m/m.
+    """
+    length = stop - start
+    near = (strain >= start - length) & (strain <= stop + length)
+    for x, y in ((strain, stress), (strain[near], stress[near])):
+        knee = transition_strain(x, y)
+        if knee is not None and start < knee < stop:
+            return [
+                f"the curve has a knee at {knee * 1e6:.0f} µε, within the chord from {start * 1e6:.0f} to "
+                f"{stop * 1e6:.0f}: the modulus mixes two slopes; choose a range on one side of it"
+            ]
+    return []

@@ -108,20 +108,16 @@ def set_with_gaps(
     quantity: Quantity = "accelerance",
     variance: FloatArray | None = None,
 ) -> FrfSet:
-    """An FRF set from data with holes: values that are NaN or infinite are stored as 0 with an infinite variance.
-
-    An infinite variance is how this package marks a value that was not measured; NaN is a variance that is not known.
-    """
+    """An FRF set from data with holes: values that are NaN or infinite count as not measured."""
     hole = ~np.isfinite(values)
-    known = np.full(values.shape, np.nan) if variance is None else np.array(variance, dtype=float)
-    known[hole] = np.inf
     return FrfSet(
         np.asarray(frequency_hz, dtype=float),
         np.where(hole, 0, values).astype(complex),
         tuple(responses),
         tuple(references),
         quantity,
-        known if hole.any() or variance is not None else None,
+        variance,
+        ~hole,
     )
 
 
@@ -153,7 +149,8 @@ def arrange(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None
         both = list(zip(frf_set.responses, frf_set.references, strict=True))
         sign = np.array([a.sign * b.sign for a, b in both])
         values[rows, place] = sign[:, None] * frf_set.values
-        variance[rows, place] = np.nan if frf_set.variance is None else frf_set.variance
+        known = np.nan if frf_set.variance is None else frf_set.variance
+        variance[rows, place] = np.where(frf_set.measured, known, np.inf)
         pairs += [(Dof(a.point, a.axis), Dof(b.point, b.axis)) for a, b in both]
     roving, fixed, row = split_sides(tuple(pairs))
     measured = ~np.isposinf(variance)

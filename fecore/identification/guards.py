@@ -1,7 +1,11 @@
-"""Which poles of a fitted series are modes, and what else must be told of them.
+"""Which poles of a fitted series are modes, which are doubtful, and which are refused.
 
-A pole is a mode when it lies in the band, is physical, is determined by the data, pays by the Bayesian criterion, and
-would still pay without the line that it stands on. What fails is named with its reason, and is no mode.
+A pole is refused when it cannot be a mode: outside the band, within three lines of 0 Hz, overdamped, resting on one line, not
+determined, or not worth its unknowns. What is left has several witnesses, and one that speaks against it makes it doubtful,
+with
+its reason: how large it is beside the errors of the FRFs, whether halves of the data find it again, whether its shape is that
+of
+a mode, how wide it is beside the line spacing, and how near to the end of the band.
 """
 
 from __future__ import annotations
@@ -9,190 +13,170 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.basis import columns
+from fecore.identification.gains import in_band, loss, price
 from fecore.identification.refinement import Fit, evaluate
 from fecore.identification.result import RefusedPole
-from fecore.identification.selection import in_band, price, worth
-from fecore.identification.shapes import Shapes, residue_matrix
+from fecore.identification.search import Search
+from fecore.identification.shapes import phase_collinearity
+from fecore.identification.sifting import Need
+from fecore.identification.subsets import Again
 
-_OVERDAMPED = 0.6  # a pole damped more than this is a trend of the record, not a resonance
-_FIRST_LINES = 3.0
-_VAGUE_FREQUENCY = 0.03
-_VAGUE_DAMPING = 0.5
-_FEW_LINES = 2.0  # lines in the half-power bandwidth below which the damping is not resolved
-_COMPLEX = 0.8  # modal phase collinearity below which a mode is called complex
-_WEAK_PRICE = 10.0  # times the Bayesian price that a weak mode must be worth
-_WEAK = 0.5  # share of an FRF at its own frequency below which a mode is called weak
-_SECOND_SHAPE = 0.1  # second singular value of the residues over the first from which there are two modes
-_UNEXPLAINED = 4.0  # mean square of the residual over the noise, over five lines, that is worth telling
-_CLOSE = 1.5  # distance of two modes in their mean bandwidth from which their shapes mix little
+OVERDAMPED = 0.6  # a pole damped more than this is a trend of the record, not a resonance
+FIRST_LINES = 3.0
+VAGUE_FREQUENCY = 0.03
+VAGUE_DAMPING = 0.5
+_LARGE = 3.0  # misfit without the mode over the errors, below which it is within their reach
+_WEAK = 0.5  # share of any FRF (half as much of all together) at its own frequency below which a mode is doubtful
+_WEAK_PRICE = 10.0  # ... unless the evidence is so many times its price
+_SURE = 5.0  # ... unless the evidence is so many times its price
+_COLLINEAR = 0.6  # modal phase collinearity below which a shape is hardly that of a mode
+_STRONG = 100.0  # ratio from which a complex shape is believed
+_FEW_POINTS = 4
+_NARROW = 1.0  # lines in the half-power bandwidth below which a mode is no wider than a tone
+_MAINS = (50.0, 60.0)  # Hz
+_EDGE = 0.5  # half bandwidths (and lines) from the end of the band
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Poles that are modes (indices into the terms, ascending in frequency), their significance, and the others.
+    """Poles that are modes or doubtful (indices into the terms, ascending in frequency), and the others.
 
-    `spoilt` are the numbers of the lines that interference stands on.
+    Attributes:
+        kept: their numbers in the terms.
+        significance: evidence in units of the price.
+        doubt: why each is doubtful, None where it is not.
+        refused: the others in band, with reasons.
+        spoilt: numbers of the lines that interference stands on.
     """
 
     kept: IntArray
     significance: FloatArray
+    doubt: tuple[str | None, ...]
     refused: tuple[RefusedPole, ...]
     spoilt: IntArray
 
 
-def judge(arrangement: Arrangement, fit: Fit) -> Verdict:
-    """Decide which poles of the series are modes."""
-    terms = fit.terms
-    n = terms.pairs
-    sd = np.sqrt(np.maximum(np.diag(fit.parameter_covariance), 0))
-    significance = worth(fit)[0] / price(fit, 2, 2)[1]
-    kept, refused, spoilt = [], [], []
-    for k in np.argsort(terms.frequency_hz):
-        f, zeta = float(terms.frequency_hz[k]), float(terms.damping_ratio[k])
-        if not in_band(arrangement, terms.frequency_hz[[k]])[0]:
+def judge(arrangement: Arrangement, fit: Fit, search: Search, needs: dict[int, Need], again: Again) -> Verdict:
+    """Decide which poles of the series are modes.
+
+    Args:
+        arrangement: all FRFs.
+        fit: the series fitted to them.
+        search: their combinations, for what must be tried in many ways.
+        needs: how much each pole in band is needed.
+        again: where halves of the data find the poles.
+    """
+    kept, doubts, refused, spoilt = [], [], [], []
+    for k in np.argsort(fit.terms.frequency_hz):
+        f, zeta = float(fit.terms.frequency_hz[k]), float(fit.terms.damping_ratio[k])
+        if not in_band(arrangement, fit.terms.frequency_hz[[k]])[0]:
             continue
-        reason = None
-        if f < _FIRST_LINES * arrangement.spacing_hz:
-            reason = f"it lies within {_FIRST_LINES:g} lines of 0 Hz, as drift and rigid-body motion do"
-        elif zeta > _OVERDAMPED:
-            reason = f"damping of {100 * zeta:.0f} % is a trend of the record, not a resonance"
-        elif significance[k] < 1:
-            reason = "it lowers the misfit by less than its unknowns are worth"
-        elif sd[k] > _VAGUE_FREQUENCY or sd[n + k] > _VAGUE_DAMPING * max(zeta, arrangement.spacing_hz / f):
-            vague = f"± {100 * sd[k]:.1f} % in frequency, ± {100 * sd[n + k] / zeta:.0f} % of its damping"
-            reason = f"the data hardly determine it ({vague})"
-        elif len(seeing := _seen_in(fit, int(k))) < min(2, (len(arrangement.pairs) + 1) // 2):
-            which = f"only {arrangement.label(seeing[0])} shows" if seeing else "no single FRF shows"
-            reason = f"{which} it: a fault of that record rather than a mode of the structure"
-        elif _rests_on_one_line(arrangement, fit, int(k)):
+        reason = _impossible(arrangement, fit, int(k), needs)
+        if reason is None and _rests_on_one_line(search, fit, int(k)):
             reason = "it rests on one line and its neighbours: interference rather than a resonance"
             spoilt += _lines_about(arrangement, f)
-        elif significance[k] < _WEAK_PRICE and _largest_share(arrangement, fit, int(k)) < _WEAK:
-            reason = "it is weak in every FRF and hardly pays: more likely a misfit than a mode"
         if reason is None:
             kept.append(int(k))
+            doubts.append(_doubt(arrangement, fit, int(k), needs[int(k)], again))
         else:
             refused.append(RefusedPole(f, zeta, reason))
-    chosen = np.array(kept, dtype=np.int64)
-    return Verdict(chosen, significance[chosen], tuple(refused), np.unique(np.array(spoilt, dtype=np.int64)))
+    return Verdict(
+        np.array(kept, dtype=np.int64),
+        np.array([needs[k].evidence for k in kept]),
+        tuple(doubts),
+        tuple(refused),
+        np.unique(np.array(spoilt, dtype=np.int64)),
+    )
 
 
-def remarks(arrangement: Arrangement, fit: Fit, verdict: Verdict, shapes: Shapes) -> list[str]:
-    """What a user should know of the modes that were kept."""
-    f, zeta = fit.terms.frequency_hz[verdict.kept], fit.terms.damping_ratio[verdict.kept]
-    sd = np.sqrt(np.diag(fit.parameter_covariance))[fit.terms.pairs + verdict.kept]
-    notes = []
-    for k in range(f.size):
-        name = f"mode {k + 1} ({f[k]:.2f} Hz)"
-        lines = 2 * zeta[k] * f[k] / max(arrangement.spacing_hz, 1e-300)
-        if lines < _FEW_LINES:
-            notes.append(
-                f"{name}: its half-power bandwidth covers {lines:.1f} lines, so its damping rests on the window and on"
-                " leakage; measure with a finer line spacing"
-            )
-        if (share := _largest_share(arrangement, fit, int(verdict.kept[k]))) < _WEAK:
-            notes.append(f"{name}: weak, at most {100 * share:.0f} % of any FRF at its own frequency")
-        if shapes.collinearity[k] < _COMPLEX:
-            notes.append(f"{name}: complex shape (modal phase collinearity {shapes.collinearity[k]:.2f})")
-        if sd[k] > 0.1 * zeta[k]:
-            notes.append(f"{name}: damping is known to ± {100 * sd[k] / zeta[k]:.0f} % only")
-        if k and (f[k] - f[k - 1]) < _CLOSE * (zeta[k] * f[k] + zeta[k - 1] * f[k - 1]) / 2:
-            notes.append(f"modes {k} and {k + 1} ({f[k - 1]:.2f} and {f[k]:.2f} Hz) overlap: a close pair")
-    return notes + _rank_two(arrangement, fit, verdict) + _driving_points(arrangement, fit, verdict)
+def _impossible(arrangement: Arrangement, fit: Fit, k: int, needs: dict[int, Need]) -> str | None:
+    f, zeta = float(fit.terms.frequency_hz[k]), float(fit.terms.damping_ratio[k])
+    sd = np.sqrt(np.maximum(np.diag(fit.parameter_covariance), 0))
+    of_f, of_zeta = float(sd[k]), float(sd[fit.terms.pairs + k])
+    if f < FIRST_LINES * arrangement.spacing_hz:
+        return f"it lies within {FIRST_LINES:g} lines of 0 Hz, as drift and rigid-body motion do"
+    if zeta > OVERDAMPED:
+        return f"damping of {100 * zeta:.0f} % is a trend of the record, not a resonance"
+    if k not in needs or needs[k].evidence < 1:
+        return "it lowers the misfit by less than its unknowns are worth"
+    if of_f > VAGUE_FREQUENCY or of_zeta > VAGUE_DAMPING * max(zeta, arrangement.spacing_hz / f):
+        vague = f"± {100 * of_f:.1f} % in frequency, ± {100 * of_zeta / zeta:.0f} % of its damping"
+        return f"the data hardly determine it ({vague})"
+    seeing = _seen_in(fit, k)
+    if len(seeing) < min(2, (len(arrangement.pairs) + 1) // 2):
+        which = f"only {arrangement.label(seeing[0])} shows" if seeing else "no single FRF shows"
+        return f"{which} it: a fault of that record rather than a mode of the structure"
+    return None
 
 
-def _largest_share(arrangement: Arrangement, fit: Fit, k: int) -> float:
-    """Largest magnitude of the mode in an FRF, at the mode's own frequency, over that FRF's magnitude there."""
+def _doubt(arrangement: Arrangement, fit: Fit, k: int, need: Need, again: Again) -> str | None:
+    """Why a pole that pays may still be no mode, or None."""
+    f, zeta = float(fit.terms.frequency_hz[k]), float(fit.terms.damping_ratio[k])
+    line = arrangement.spacing_hz
+    low, high = arrangement.frequency_hz[[0, -1]]
+    largest, share = shares(arrangement, fit, k)
+    residues = fit.linear.coefficients[:, 2 * k] + 1j * fit.linear.coefficients[:, 2 * k + 1]
+    collinear = phase_collinearity(residues)
+    if need.ratio < _LARGE and need.evidence < _SURE:
+        return (
+            f"what it explains is {need.ratio:.1f} times the errors of the FRFs on its lines: a misfit may look like it"
+        )
+    few = len(arrangement.pairs) < _FEW_POINTS
+    if (2 * share if few else min(largest, 2 * share)) < _WEAK and need.evidence < _WEAK_PRICE:
+        return f"it is weak, {100 * share:.0f} % of the FRFs at its own frequency"
+    if len(arrangement.pairs) >= _FEW_POINTS and collinear < _COLLINEAR and need.ratio < _STRONG:
+        return f"its shape is hardly that of a mode (modal phase collinearity {collinear:.2f})"
+    if not again.found[k]:
+        return f"{again.halves} do not both find it again ({again.words(k)})"
+    mains = [base * round(f / base) for base in _MAINS if round(f / base) and abs(f - base * round(f / base)) < line]
+    if mains and 2 * zeta * f < _NARROW * line:
+        return f"it is as narrow as a tone and lies at {mains[0]:g} Hz, a multiple of the mains frequency"
+    if min(f - low, high - f) < _EDGE * max(zeta * f, line) and need.evidence < _WEAK_PRICE:
+        return "it lies at the end of the band, where half of its resonance is missing"
+    return None
+
+
+def shares(arrangement: Arrangement, fit: Fit, k: int) -> tuple[float, float]:
+    """Magnitude of the mode over that of the FRFs at the mode's own frequency: the largest of any FRF, and of all together."""
     omega = 2 * np.pi * fit.terms.frequency_hz[[k]]
     own = columns(omega, replace(fit.terms, exponents=(), decay=np.empty(0)), arrangement.power)[0, 2 * k : 2 * k + 2]
     line = int(np.argmin(np.abs(arrangement.omega - omega)))
-    whole = np.abs(fit.model(arrangement)[:, line])
+    every = columns(arrangement.omega, fit.terms, arrangement.power)[line]
+    whole = np.abs(fit.linear.coefficients @ every)
     mode = np.abs(fit.linear.coefficients[:, 2 * k : 2 * k + 2] @ own)
-    return float(np.max(mode / np.maximum(whole, np.sqrt(fit.variance[:, line]))))
+    return float(np.max(mode / np.maximum(whole, np.sqrt(fit.variance[:, line])))), float(
+        np.linalg.norm(mode) / np.linalg.norm(whole)
+    )
 
 
 def _seen_in(fit: Fit, k: int) -> list[int]:
     """FRFs in which the residue of pole k pays for itself."""
     part = slice(2 * k, 2 * k + 2)
     c, V = fit.linear.coefficients[:, part], fit.linear.covariance[:, part, part]
-    worth_of = np.einsum("ni,ni->n", c, np.linalg.solve(V, c[:, :, None])[:, :, 0])
-    return [int(r) for r in np.flatnonzero(worth_of > price(fit, 2, 2)[1] / len(c))]
+    worth_of = np.einsum("ni,nij,nj->n", c, np.linalg.pinv(V, hermitian=True), c)
+    return [int(r) for r in np.flatnonzero(worth_of > price(fit, len(c), 2, 2)[1] / len(c))]
 
 
-def unexplained(arrangement: Arrangement, fit: Fit, rough: FloatArray) -> list[str]:
-    """Where the residual of all FRFs together is far above the noise that their own roughness states."""
-    square = np.where(arrangement.measured, np.abs(fit.residual) ** 2 / rough, 0.0).sum(axis=0)
-    level = uniform_filter1d(square / np.maximum(arrangement.measured.sum(axis=0), 1), 5, mode="nearest")
-    at: list[int] = []
-    for line in np.argsort(-level)[:50]:
-        if level[line] > _UNEXPLAINED and len(at) < 4 and all(abs(line - other) > 10 for other in at):
-            at.append(int(line))
-    if not at:
-        return []
-    where = ", ".join(f"{arrangement.frequency_hz[line]:g} Hz ({np.sqrt(level[line]):.1f} times)" for line in at)
-    return [
-        f"the residual stands above the noise near {where}: a mode that the lines do not separate, a non-linear one,"
-        " leakage or interference; try a finer line spacing"
-    ]
-
-
-def _rests_on_one_line(arrangement: Arrangement, fit: Fit, k: int) -> bool:
+def _rests_on_one_line(search: Search, fit: Fit, k: int) -> bool:
     """True where the pole, narrower than the lines lie apart, does not pay without the three lines nearest to it.
 
     A true resonance has tails that fall with the distance; a tone has what the window makes of it, three lines.
     """
+    arrangement = search.arrangement
     f, zeta = float(fit.terms.frequency_hz[k]), float(fit.terms.damping_ratio[k])
     if 2 * zeta * f > arrangement.spacing_hz:
         return False
-    variance = fit.variance.copy()
+    variance = np.array(search.variance(None))
     variance[:, _lines_about(arrangement, f)] *= 1e12
     others = evaluate(arrangement, fit.terms, variance)
-    return bool(worth(others)[0][k] < price(fit, 2, 2)[1])
+    return bool(loss(others)[0][k] < price(others, len(search.small.source.pairs), 2, 2)[1])
 
 
 def _lines_about(arrangement: Arrangement, frequency_hz: float) -> list[int]:
     """Numbers of the three lines nearest to a frequency."""
     nearest = int(np.argmin(np.abs(arrangement.frequency_hz - frequency_hz)))
     return list(range(max(0, nearest - 1), min(nearest + 2, arrangement.frequency_hz.size)))
-
-
-def _rank_two(arrangement: Arrangement, fit: Fit, verdict: Verdict) -> list[str]:
-    """Poles whose residues against several fixed dofs are not one shape: two modes at one frequency."""
-    if len(arrangement.roving) * len(arrangement.fixed) != len(arrangement.pairs) or len(arrangement.fixed) < 2:
-        return []
-    residues, variance = fit.residues()
-    size = np.sqrt(len(arrangement.roving)) + np.sqrt(len(arrangement.fixed))
-    notes = []
-    for number, k in enumerate(verdict.kept, start=1):
-        singular = np.linalg.svd(residue_matrix(arrangement, residues[:, k]), compute_uv=False)
-        noise = size * np.sqrt(np.mean(variance[:, k]))  # about the largest singular value of noise alone
-        if singular[1] > 5 * noise and singular[1] > _SECOND_SHAPE * singular[0]:
-            notes.append(
-                f"mode {number} ({fit.terms.frequency_hz[k]:.2f} Hz): its residues against the fixed dofs are of rank two:"
-                " two modes at one frequency, of which the stronger shape is given"
-            )
-    return notes
-
-
-def _driving_points(arrangement: Arrangement, fit: Fit, verdict: Verdict) -> list[str]:
-    """A driving point has positive modal masses; where most come out negative, one of its signs is wrong."""
-    notes = []
-    f, zeta = fit.terms.frequency_hz[verdict.kept], fit.terms.damping_ratio[verdict.kept]
-    damped = 2 * np.pi * f * np.sqrt(1 - zeta**2)
-    for row, (a, b) in enumerate(arrangement.pairs):
-        if a != b:
-            continue
-        c = fit.linear.coefficients[row]
-        modal = (2j * damped * (c[2 * verdict.kept] + 1j * c[2 * verdict.kept + 1])).real
-        if modal.size and np.sum(modal[modal < 0]) < -0.5 * np.sum(np.abs(modal)):
-            notes.append(
-                f"driving point {arrangement.label(row)}: {int(np.sum(modal < 0))} of {modal.size} modes have a negative"
-                " modal mass there, so the sign of hammer or sensor is wrong (a hit along -Z entered as +Z?); all shapes"
-                " of this fixed dof are turned if it is the sensor, one entry if it is the hit"
-            )
-    return notes

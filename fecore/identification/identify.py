@@ -2,15 +2,17 @@
 
 screen       what can be used, and what is wrong with the rest
 stabilise    linear p-LSCF poles over many orders: candidates
-select       poles that the data support, refined by maximum likelihood, with residual terms
-judge        which of them are modes
+grow         poles that the data support, in combinations of the FRFs, under a model of their errors
+learn        the errors from the residual; lines of interference are left out; poles that are not needed are dropped
+refine       all FRFs, by maximum likelihood
+judge        which poles are modes, which are doubtful
 shapes       residues to complex, real and mass-normalised shapes
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,21 +22,25 @@ from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.basis import poles
-from fecore.identification.guards import Verdict, judge, remarks, unexplained
-from fecore.identification.noise import believable, rough_variance
-from fecore.identification.outliers import leave_out_outliers
+from fecore.identification.drift import Drift, sessions
+from fecore.identification.guards import Verdict, judge
+from fecore.identification.noise import believable, line_scatter, rough_variance
+from fecore.identification.pole_search import final_fit, leakage, search_poles
 from fecore.identification.refinement import Fit
-from fecore.identification.result import Identification
+from fecore.identification.remarks import remarks, unexplained
+from fecore.identification.result import Found, Identification, RefusedPole
 from fecore.identification.screening import screen
-from fecore.identification.selection import select
 from fecore.identification.shapes import Shapes, shapes_from_residues
 from fecore.identification.stabilisation import Stabilisation, first_variance, stabilise
+from fecore.identification.subsets import halves
 from fecore.modes import MeasuredModes
 
 _BEYOND = np.array([1.02, 1.06, 1.12, 1.2, 1.35, 1.6])  # candidate frequencies above the band, in its end
 _BELOW = np.array([0.5, 0.8, 0.95])  # ... and below it, in its start
 _LOOK_BACK = 40
 _WIDTHS = np.array([0.01, 0.03, 0.1])
+
+Report = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
@@ -58,12 +64,15 @@ class Options:
             raise InputError("most_modes", f"is {self.most_modes}, expected 1 to 200")
 
 
-def identify(frfs: FrfSet | Sequence[FrfSet], options: Options | None = None) -> Identification:
+def identify(
+    frfs: FrfSet | Sequence[FrfSet], options: Options | None = None, report: Report = lambda _stage, _share: None
+) -> Identification:
     """Natural frequencies, damping ratios and shapes of all modes in the band, with their covariance.
 
     Args:
         frfs: the FRFs of one campaign: one set, or several with different axes or quantities.
         options: band, order and number of modes; defaults suit an unattended run.
+        report: called often with the step and the share of the work that is done; what it raises ends the run.
 
     Raises:
         InputError: the FRFs or options cannot be read as such.
@@ -71,38 +80,46 @@ def identify(frfs: FrfSet | Sequence[FrfSet], options: Options | None = None) ->
     """
     options = options or Options()
     clock = _Clock()
+    report("screening the FRFs", 0.0)
     screened = screen(frfs, options.band_hz)
     arrangement, notes = screened.arrangement, list(screened.warnings)
-    clock.lap("screening")
     arrangement, doubts = _doubt_variance(arrangement)
-    notes += doubts
+    arrangement, left_out = leakage(arrangement)
+    scatter = line_scatter(arrangement.values, arrangement.measured, _first_line(arrangement))
+    noise = np.where(np.isfinite(arrangement.variance), arrangement.variance, scatter)
+    notes += [*doubts, *left_out]
+    clock.lap("screening")
+    report("linear estimates", 0.05)
     variance = first_variance(arrangement)
     diagram = stabilise(arrangement, variance, _orders(arrangement, options.highest_order))
     clock.lap("linear stage")
-    hz, zeta = _candidates(arrangement, diagram)
     most = min(options.most_modes, int(arrangement.measured.sum(axis=1).min()) // 4)
-    fit = select(arrangement, hz, zeta, variance, most)
-    arrangement, fit, told = leave_out_outliers(arrangement, fit)
+    searched = search_poles(arrangement, noise, _candidates(arrangement, diagram), most, report)
+    clock.lap("search")
+    arrangement, fit, drift, said = final_fit(arrangement, searched, report)
     clock.lap("refinement")
-    verdict = judge(arrangement, fit)
+    report("judging the modes", 0.9)
+    again = halves(searched.search, searched.sifted.fit)
+    verdict = judge(arrangement, fit, searched.search, searched.sifted.needs, again)
+    refused = (*verdict.refused, *(RefusedPole(*pole) for pole in searched.sifted.dropped))
     if not verdict.kept.size:
-        raise IdentificationError(_nothing(arrangement, diagram, verdict))
+        raise IdentificationError(_nothing(arrangement, diagram, refused))
     shapes = _shapes(arrangement, fit, verdict)
-    notes += [f"no mode at {p.frequency_hz:.2f} Hz: {p.reason}" for p in verdict.refused]
-    notes += [*told, *remarks(arrangement, fit, verdict, shapes), *_noise_remarks(arrangement, fit)]
+    notes += [f"no mode at {p.frequency_hz:.2f} Hz: {p.reason}" for p in refused]
+    notes += [*searched.said, *said, *remarks(arrangement, fit, verdict, shapes), *_noise_remarks(arrangement, fit)]
     notes += unexplained(arrangement, fit, variance)
     clock.lap("shapes")
+    report("done", 1.0)
     spoilt = np.isin(np.arange(arrangement.frequency_hz.size), verdict.spoilt)
+    errors = searched.search.errors
     return Identification(
-        modes=_modes(arrangement, fit, verdict, shapes),
-        shapes=shapes,
-        significance=verdict.significance,
+        found=Found(_modes(arrangement, fit, verdict, shapes, drift), shapes, verdict.significance, verdict.doubt),
         terms=fit.terms,
         stabilisation=diagram,
         used=tuple(arrangement.label(r) for r in range(len(arrangement.pairs))),
         rows=arrangement.source,
         refused=screened.refused,
-        refused_poles=verdict.refused,
+        refused_poles=refused,
         warnings=tuple(notes + [f"FRF {r.frf} was not used: {r.reason}" for r in screened.refused]),
         frequency_hz=arrangement.frequency_hz,
         quantity=arrangement.quantity,
@@ -110,8 +127,16 @@ def identify(frfs: FrfSet | Sequence[FrfSet], options: Options | None = None) ->
         predicted=fit.model(arrangement),
         noise_variance=fit.variance,
         noise_ratio=fit.chi_squared / fit.freedom,
+        model_error=errors.relative,
+        drift=0.0 if drift is None else drift.sd,
+        memory_lines=fit.memory,
         seconds=clock.laps,
     )
+
+
+def _first_line(arrangement: Arrangement) -> float:
+    """Number of the first line, counted from 0 Hz."""
+    return float(arrangement.frequency_hz[0] / max(arrangement.spacing_hz, 1e-300))
 
 
 def _orders(arrangement: Arrangement, highest: int) -> tuple[int, ...]:
@@ -148,13 +173,15 @@ def _shapes(arrangement: Arrangement, fit: Fit, verdict: Verdict) -> Shapes:
     return shapes_from_residues(arrangement, residues[:, kept], spread[:, kept], damped)
 
 
-def _modes(arrangement: Arrangement, fit: Fit, verdict: Verdict, shapes: Shapes) -> MeasuredModes:
+def _modes(arrangement: Arrangement, fit: Fit, verdict: Verdict, shapes: Shapes, drift: Drift | None) -> MeasuredModes:
     kept, n = verdict.kept, fit.terms.pairs
     f = fit.terms.frequency_hz[kept]
     both = np.concatenate([kept, n + kept])
     covariance = fit.parameter_covariance[np.ix_(both, both)]
     scale = np.concatenate([f, np.ones(f.size)])  # from ln f to f
     covariance = covariance * np.outer(scale, scale)
+    if drift is not None:  # the mean of as many drifts as there are sessions, common to all modes
+        covariance[: f.size, : f.size] += np.outer(f, f) * drift.sd**2 / sessions(arrangement)
     return MeasuredModes(f, fit.terms.damping_ratio[kept], shapes.complex, arrangement.roving, covariance)
 
 
@@ -188,11 +215,11 @@ def _noise_remarks(arrangement: Arrangement, fit: Fit) -> list[str]:
     ]
 
 
-def _nothing(arrangement: Arrangement, diagram: Stabilisation, verdict: Verdict) -> str:
+def _nothing(arrangement: Arrangement, diagram: Stabilisation, refused: tuple[RefusedPole, ...]) -> str:
     """What was seen and what to try, for a record without a mode."""
     band = f"{arrangement.frequency_hz[0]:g} to {arrangement.frequency_hz[-1]:g} Hz"
     stable = np.unique(np.round(diagram.frequency_hz[diagram.damping_stable], -1))
-    seen = [f"{p.frequency_hz:.1f} Hz ({p.reason})" for p in verdict.refused]
+    seen = [f"{p.frequency_hz:.1f} Hz ({p.reason})" for p in refused]
     again = f"Poles that came back from order to order lie near {', '.join(f'{f:g}' for f in stable[:8])} Hz. "
     return (
         f"no mode is supported by the {len(arrangement.pairs)} FRFs from {band}. "

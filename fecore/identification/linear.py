@@ -1,8 +1,11 @@
-"""Weighted linear least squares of all FRFs at once, for given poles.
+"""Weighted linear least squares of all FRFs at once, for given poles, that dependent columns cannot spoil.
 
-Each FRF i has its own weights w_i² = 1/v_i, so its own normal matrix G_i = Re Φᴴ W_i² Φ. Since all share the basis Φ,
-all the G_i come from products of the weights with the line-wise outer products of Φ. Columns are scaled to unit
-length in each FRF, which keeps the normal equations well conditioned for distinct poles.
+Each FRF i has its own weights w_i² = 1/v_i, so its own normal matrix G_i = Re Φᴴ W_i² Φ. Normal matrices square the condition
+number of Φ. Therefore Φ is first made orthonormal under the weights' mean over the FRFs, Φ = Q T⁻¹, by the singular value
+decomposition of its scaled columns: what is left of G_i is as well conditioned as the FRFs' weights are alike, and a
+direction of
+the coefficients that the lines do not determine (a singular value below round-off) is left out, so that it is 0 in the solution
+and touches no other coefficient.
 """
 
 from __future__ import annotations
@@ -15,6 +18,8 @@ import numpy as np
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.errors import IdentificationError
 
+_NULL = 1e-9  # of the largest singular value: below it a direction of the scaled coefficients is round-off
+
 
 @dataclass(frozen=True)
 class LinearFit:
@@ -22,17 +27,22 @@ class LinearFit:
 
     Attributes:
         coefficients: (N, q) real coefficients.
-        root: (N, q, q) R with RᵀR the inverse normal matrices. What is left of a product after projection on the basis
-            keeps twice the digits when it is made from the root.
+        frame: (L, r) the basis made orthonormal, r <= q.
+        turn: (q, r) coefficients of the basis from those of the frame.
+        root: (N, r, r) R with RᵀR the inverse normal matrices of the frame. What is left of a product after projection keeps
+            twice the digits when it is made from the root.
     """
 
     coefficients: FloatArray
+    frame: ComplexArray
+    turn: FloatArray
     root: FloatArray
 
     @cached_property
     def covariance(self) -> FloatArray:
         """(N, q, q) covariance of the coefficients for the stated weights."""
-        covariance: FloatArray = np.matmul(self.root.transpose(0, 2, 1), self.root)
+        lever = np.matmul(self.root, self.turn.T)
+        covariance: FloatArray = np.matmul(lever.transpose(0, 2, 1), lever)
         return covariance
 
 
@@ -50,35 +60,73 @@ def fit_linear(basis: ComplexArray, values: ComplexArray, weight: FloatArray) ->
     Raises:
         IdentificationError: the columns are dependent (two poles in one place), or too few lines were measured.
     """
-    return solve_normal(normal_matrices(basis, weight), basis, values, weight)
-
-
-def solve_normal(
-    normal: FloatArray, basis: ComplexArray, values: ComplexArray, weight: FloatArray, ridge: float = 0.0
-) -> LinearFit:
-    """The same where the (N, q, q) normal matrices are known.
-
-    A `ridge` on columns of unit length holds what the data cannot tell at small values.
-    """
-    right = ((weight * values) @ basis.conj()).real
-    scale = np.sqrt(np.einsum("nii->ni", normal))
-    if not np.all(scale > 0):
-        raise IdentificationError("a term has no weight on the measured lines of an FRF; leave that FRF out")
-    unit = normal / (scale[:, :, None] * scale[:, None, :]) + ridge * np.eye(normal.shape[1])
-    try:
-        inverse = np.linalg.inv(np.linalg.cholesky(unit))
-    except np.linalg.LinAlgError:
+    frame, turn = orthonormal(basis, weight)
+    if frame.shape[1] < basis.shape[1]:
         raise IdentificationError(
             "the model's terms cannot be told apart on the measured lines: two poles coincide, or there are fewer lines"
             " than unknowns; use fewer poles or a wider band"
-        ) from None
-    root = inverse / scale[:, None, :]
-    return LinearFit(np.einsum("nji,nj->ni", root, np.einsum("nij,nj->ni", root, right)), root)
+        )
+    return solve_normal(normal_matrices(frame, weight), frame, turn, values, weight)
+
+
+def orthonormal(basis: ComplexArray, weight: FloatArray) -> tuple[ComplexArray, FloatArray]:
+    """The basis made orthonormal under the mean weight, (L, r), and (q, r) what makes it so; null directions are left out."""
+    root = mean_weight(weight)
+    scaled = np.concatenate([basis.real * root[:, None], basis.imag * root[:, None]])
+    length = np.linalg.norm(scaled, axis=0)
+    length = np.where(length > 0, length, 1.0)
+    triangle = np.linalg.qr(scaled / length, mode="r")
+    _, singular, right = np.linalg.svd(triangle)
+    singular, right = singular[: len(right)], right[: singular.size]
+    kept = singular > _NULL * singular.max(initial=0.0)
+    turn = (right[kept] / singular[kept, None]).T / length[:, None]
+    return np.asarray(basis @ turn), np.asarray(turn)
+
+
+def mean_weight(weight: FloatArray) -> FloatArray:
+    """(L,) root of the mean over the FRFs of their weights, each FRF's scaled to mean 1."""
+    level = weight.mean(axis=1, keepdims=True)
+    return np.asarray(np.sqrt(np.mean(weight / np.where(level > 0, level, 1.0), axis=0)))
+
+
+def solve_normal(
+    normal: FloatArray, frame: ComplexArray, turn: FloatArray, values: ComplexArray, weight: FloatArray
+) -> LinearFit:
+    """The coefficients where the (N, r, r) normal matrices of the orthonormal frame are known.
+
+    Raises:
+        IdentificationError: an FRF has fewer measured lines than unknowns.
+    """
+    right = ((weight * values) @ frame.conj()).real
+    scale = np.sqrt(np.einsum("nii->ni", normal))
+    if not np.all(scale > 0):
+        raise IdentificationError("a term has no weight on the measured lines of an FRF; leave that FRF out")
+    unit = normal / (scale[:, :, None] * scale[:, None, :])
+    if alike(weight):
+        unit = unit[:1]
+    try:
+        inverse: FloatArray = np.asarray(np.linalg.inv(np.linalg.cholesky(unit)), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        inverse = _roots(unit)
+    root = np.asarray(np.broadcast_to(inverse, normal.shape)) / scale[:, None, :]
+    solved = np.einsum("nji,nj->ni", root, np.einsum("nij,nj->ni", root, right))
+    return LinearFit(solved @ turn.T, frame, turn, root)
+
+
+def _roots(normal: FloatArray) -> FloatArray:
+    """(N, r, r) R with RᵀR the inverse of each matrix on the directions that it determines, 0 on the others."""
+    value, vector = np.linalg.eigh(normal)
+    floor = _NULL * value[:, -1:]
+    inverse = np.where(value > floor, 1 / np.sqrt(np.where(value > floor, value, 1.0)), 0.0)
+    return np.asarray(inverse[:, :, None] * vector.transpose(0, 2, 1))
 
 
 def normal_matrices(basis: ComplexArray, weight: FloatArray) -> FloatArray:
     """(N, q, q) normal matrices Re Φᴴ W_i² Φ of all FRFs, by matrix products over the lines."""
     q, rows = basis.shape[1], weight.shape[0]
+    if alike(weight):
+        both = np.concatenate([basis.real, basis.imag]) * np.sqrt(np.tile(weight[0], 2))[:, None]
+        return np.asarray(np.broadcast_to(both.T @ both, (rows, q, q)))
     real, imag = np.ascontiguousarray(basis.real.T), np.ascontiguousarray(basis.imag.T)
     across = np.ascontiguousarray(weight.T)
     normal = np.empty((q, q, rows))
@@ -87,3 +135,8 @@ def normal_matrices(basis: ComplexArray, weight: FloatArray) -> FloatArray:
         normal[i, i:] = outer @ across
         normal[i:, i] = normal[i, i:]
     return np.ascontiguousarray(normal.transpose(2, 0, 1))
+
+
+def alike(weight: FloatArray) -> bool:
+    """True where all FRFs have the same weights, as combinations of many FRFs have, and one FRF alone."""
+    return bool(np.all(weight == weight[0]))

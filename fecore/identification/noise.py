@@ -9,12 +9,18 @@ scoring iteration of the Gaussian likelihood).
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
 
 _ITERATIONS = 8
 _POLISH = 8
+_COLOURED = 6.0  # ratio of the most to the least noise of a record from which it is taken to follow frequency
+_NODES = 64  # frequencies at which the scatter of the lines is taken, by ratio
+_REACH = 0.3  # half the window over the number of its line
+_NARROW, _WIDE = 4, 40  # ... and its bounds, lines
 _FLOOR = 1e-5  # of the rms of a record: below this nothing is believed, so that clean data keep finite weights
 
 
@@ -45,12 +51,30 @@ def believable(variance: FloatArray, rough: FloatArray, measured: BoolArray) -> 
     return variance * factor[:, None], factor
 
 
-def residual_variance(residual: ComplexArray, model: ComplexArray, measured: BoolArray, columns: float) -> FloatArray:
-    """(N, L) variance from the residual of a fit with `columns` real coefficients an FRF."""
+def residual_variance(
+    residual: ComplexArray,
+    model: ComplexArray,
+    measured: BoolArray,
+    columns: float,
+    profile: FloatArray | None = None,
+) -> FloatArray:
+    """(N, L) variance from the residual of a fit with `columns` real coefficients an FRF.
+
+    With a `profile` (L,) the part that is constant over the record follows it instead: v = a² profile + b²|H|².
+    """
     lines = measured.sum(axis=1)
     spare = np.maximum(2 * lines - columns, 1) / np.maximum(2 * lines, 1)
     square = np.abs(residual) ** 2 / spare[:, None]
-    return _two_part(square, np.abs(model) ** 2, measured, model, measured, robust=False)
+    if profile is None:
+        return _two_part(square, np.abs(model) ** 2, measured, model, measured, robust=False)
+    flat = model / np.sqrt(profile)
+    return profile * _two_part(square / profile, np.abs(flat) ** 2, measured, flat, measured, robust=False)
+
+
+def profile_of(scatter: FloatArray) -> FloatArray | None:
+    """(L,) how noise follows frequency, from the scatter of the lines of all FRFs; None where it hardly does."""
+    shape = np.mean(scatter / np.median(scatter, axis=1, keepdims=True), axis=0)
+    return np.asarray(shape) if shape.max() > _COLOURED * shape.min() else None
 
 
 def _two_part(
@@ -99,3 +123,37 @@ def _regress(square: FloatArray, level: FloatArray, weight: FloatArray) -> tuple
         np.where(slope < 0, 0.0, np.where(constant < 0, only_slope, slope)),
     )
     return constant, slope
+
+
+def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -> FloatArray:
+    """(N, L) variance of what changes from line to line without memory, as it follows frequency.
+
+    The running median of the squared second differences (E = 1.5 v, median of an exponential = ln 2 of its mean), over a window
+    that grows with the number of the line from 0 Hz: leakage rises towards 0 Hz as a power of it. A median does not see
+    resonances as long as they cover less than half of the window.
+
+    Args:
+        values: (N, L) FRFs, or the residual of a fit.
+        measured: (N, L) where they were measured.
+        first_line: frequency of the first line over the line spacing.
+    """
+    lines = values.shape[1]
+    jump = np.abs(values[:, 1:-1] - (values[:, :-2] + values[:, 2:]) / 2) ** 2 / (1.5 * np.log(2))
+    whole = measured[:, 1:-1] & measured[:, :-2] & measured[:, 2:]
+    jump = np.where(whole & (jump > 0), jump, np.nan)
+    nodes = np.unique(np.geomspace(1 + first_line, lines + first_line, _NODES).round() - first_line - 1).astype(int)
+    nodes = np.clip(nodes, 0, lines - 3)
+    seen = np.empty((len(values), nodes.size))
+    for place, node in enumerate(nodes):
+        reach = int(np.clip(_REACH * (node + first_line), _NARROW, _WIDE))
+        part = jump[:, max(0, node - reach) : node + reach + 1]
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # a window without one measured line
+            seen[:, place] = np.nanmedian(part, axis=1)
+    line = np.arange(-1, lines - 1)
+    usual = np.mean(np.abs(values) ** 2, axis=1)
+    out = np.empty((len(values), lines))
+    for row, own in enumerate(seen):
+        known = np.isfinite(own)
+        out[row] = np.exp(np.interp(line, nodes[known], np.log(own[known]))) if known.any() else usual[row]
+    return np.asarray(np.maximum(out, _FLOOR**2 * np.maximum(usual, np.finfo(float).tiny)[:, None]))

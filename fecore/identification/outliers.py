@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fecore.arrays import BoolArray
+from fecore.arrays import BoolArray, FloatArray
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.refinement import Fit, noise_of, refine_with_noise
 from fecore.identification.screening import lines_in_words
@@ -26,7 +26,9 @@ def _near_poles(arrangement: Arrangement, fit: Fit) -> BoolArray:
     return np.asarray(((off < reach) & narrow).any(axis=1))
 
 
-def leave_out_outliers(arrangement: Arrangement, fit: Fit) -> tuple[Arrangement, Fit, list[str]]:
+def leave_out_outliers(
+    arrangement: Arrangement, fit: Fit, profile: FloatArray | None = None
+) -> tuple[Arrangement, Fit, list[str]]:
     """Fit without isolated outliers. A misfit at a resonance spans several lines and is not one."""
     notes: list[str] = []
     for _ in range(_PASSES):
@@ -45,7 +47,7 @@ def leave_out_outliers(arrangement: Arrangement, fit: Fit) -> tuple[Arrangement,
             notes.append(f"{arrangement.label(int(row))}: {words} left out, far off what the other lines say")
         measured = arrangement.measured & ~found
         arrangement = replace(arrangement, measured=measured, values=np.where(measured, arrangement.values, 0))
-        fit = refine_with_noise(arrangement, fit.terms, noise_of(arrangement, fit))
+        fit = refine_with_noise(arrangement, fit.terms, noise_of(arrangement, fit, profile), profile=profile)
     if len(notes) > 8:
         notes = [*notes[:8], f"outlying values were left out of {len(notes) - 8} more FRFs"]
     return arrangement, fit, notes

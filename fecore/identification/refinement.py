@@ -14,25 +14,26 @@ inner products of all FRFs come from one matrix product over the lines, since ev
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import BoolArray, ComplexArray, FloatArray
 from fecore.errors import IdentificationError
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.basis import Terms, columns, derivatives, slopes
-from fecore.identification.linear import LinearFit, normal_matrices, solve_normal
+from fecore.identification.linear import LinearFit, mean_weight, normal_matrices, orthonormal, solve_normal
 from fecore.identification.noise import residual_variance
 from fecore.identification.residues import known_or, weights
 
 _ENOUGH = 1e-3  # a predicted decrease of χ² below this is a move of a thirtieth of a standard deviation
 _STALLED = 0.01  # two steps in a row that gain less than this have found the floor of a flat valley
-_VAGUE = 1e-10  # smallest eigenvalue of the scaled information: a vaguer one gives a large variance, not infinity
+_VAGUE = 1e-10  # eigenvalue of the scaled information below which a direction is null: a large variance, not infinity
+_TOUCHED = 1e-4  # share of a null direction from which a parameter takes part in it; less is round-off
 _HELD = 1e60  # information on a parameter that is held: its variance is nothing
 _STEPS = 40
-_RIDGE = 1e-12  # on columns of unit length: far above the round-off of their products, far below what matters
 _DAMPING_RANGE = (1e-5, 0.95)
 
 
@@ -48,7 +49,9 @@ class Fit:
         chi_squared: weighted sum of squared residuals; its expectation is `freedom`.
         freedom: twice the number of measured values less the number of unknowns.
         information: (parameters, parameters) matrix H of (ln ω_1 … ln ω_n, ζ_1 … ζ_n, ln a …).
-        cross: (N, q, parameters) products ΦᵀJ, from which residues inherit the uncertainty of the poles.
+        lever: (N, q, parameters) -∂c/∂θ, by which residues inherit the uncertainty of the poles.
+        gradient: (parameters,) of -χ²/2.
+        memory: number of lines that are worth one.
     """
 
     terms: Terms
@@ -58,8 +61,14 @@ class Fit:
     chi_squared: float
     freedom: int
     information: FloatArray
-    cross: FloatArray
+    lever: FloatArray
     gradient: FloatArray
+    memory: float = 1.0
+
+    @property
+    def inflation(self) -> float:
+        """Factor of all variances: the residual's size over the stated noise, and the lines that are worth one."""
+        return max(1.0, self.chi_squared / self.freedom) * self.memory
 
     @property
     def unknowns(self) -> int:
@@ -80,77 +89,90 @@ class Fit:
         With c = A⁻¹(Φᵀy) and poles that err by e, δc = -A⁻¹ΦᵀJ e: Cov(c) = A⁻¹ + A⁻¹B Cov(θ) BᵀA⁻¹, B = ΦᵀJ.
         """
         n = self.terms.pairs
-        lever = np.matmul(self.linear.covariance, self.cross)[:, : 2 * n]
-        own = np.einsum("nii->ni", self.linear.covariance)[:, : 2 * n] * max(1.0, self.chi_squared / self.freedom)
+        lever = self.lever[:, : 2 * n]
+        own = np.einsum("nii->ni", self.linear.covariance)[:, : 2 * n] * self.inflation
         spread = own + np.einsum("nip,pq,niq->ni", lever, self.parameter_covariance, lever)
         c = self.linear.coefficients[:, : 2 * n]
         return c[:, 0::2] + 1j * c[:, 1::2], spread[:, 0::2] + spread[:, 1::2]
 
     @cached_property
     def parameter_covariance(self) -> FloatArray:
-        """Covariance of the non-linear parameters, scaled up where the residual is larger than the stated noise."""
-        scale = np.sqrt(np.maximum(np.diag(self.information), 1e-200))
-        value, vector = np.linalg.eigh(self.information / scale[:, None] / scale)
-        inverse = (vector / np.maximum(value, _VAGUE)) @ vector.T
-        return np.asarray(inverse / scale[:, None] / scale * max(1.0, self.chi_squared / self.freedom))
+        """Covariance of the non-linear parameters, scaled up where the residual is larger than the stated noise.
+
+        A null direction of the information gives its own parameters a large variance and touches no other.
+        """
+        scale, value, vector, null = spectrum(self.information)
+        inverse = (vector[:, ~null] / value[~null]) @ vector[:, ~null].T
+        inverse[np.diag_indices_from(inverse)] += np.where(null, 1 / _VAGUE, 0.0) @ np.where(
+            vector.T**2 > _TOUCHED, vector.T**2, 0.0
+        )
+        return np.asarray(inverse / scale[:, None] / scale * self.inflation)
 
 
-def settled(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fit:
-    """`evaluate`, also where these weights leave terms that can hardly be told apart: so they can be pruned."""
-    try:
-        return evaluate(arrangement, terms, variance)
-    except IdentificationError:
-        return evaluate(arrangement, terms, variance, _RIDGE)
+def spectrum(information: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+    """Scale of the parameters, eigenvalues and vectors of the scaled information, and which directions are null."""
+    diagonal = np.diag(information)
+    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    value, vector = np.linalg.eigh(information / scale[:, None] / scale)
+    return scale, value, vector, value < _VAGUE
 
 
-def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray, ridge: float = 0.0) -> Fit:
+def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fit:
     """Linear coefficients, residual and Gauss-Newton matrices at given poles.
 
+    The derivative columns are taken less their projection on the frame, which leaves H as it is and spares it the cancellation.
+
     Raises:
-        IdentificationError: terms that cannot be told apart.
+        IdentificationError: an FRF has no weight on the lines of a term.
     """
     weight = weights(arrangement, variance)
     basis = columns(arrangement.omega, terms, arrangement.power)
+    frame, own = orthonormal(basis, weight)
     steep = derivatives(arrangement.omega, terms, arrangement.power)
-    gram = normal_matrices(np.concatenate([basis, steep], axis=1), weight)
-    q = terms.columns
-    linear = solve_normal(gram[:, :q, :q], basis, arrangement.values, weight, ridge)
+    mean = mean_weight(weight)[:, None] ** 2
+    inside = (frame.conj().T @ (mean * steep)).real
+    steep = steep - frame @ inside
+    r = frame.shape[1]
+    gram = normal_matrices(np.concatenate([frame, steep], axis=1), weight)
+    linear = solve_normal(gram[:, :r, :r], frame, own, arrangement.values, weight)
     residual = np.where(arrangement.measured, arrangement.values - linear.coefficients @ basis.T, 0)
     pulled = weight * residual
     turn = _slope_combinations(terms, linear.coefficients)
-    cross = np.matmul(gram[:, :q, q:], turn)
-    whole = np.matmul(turn.transpose(0, 2, 1), np.matmul(gram[:, q:, q:], turn))
-    seen = np.matmul(linear.root, cross)
+    seen = np.matmul(linear.root, np.matmul(gram[:, :r, r:], turn))
+    whole = np.matmul(turn.transpose(0, 2, 1), np.matmul(gram[:, r:, r:], turn))
     information = (whole - np.matmul(seen.transpose(0, 2, 1), seen)).sum(axis=0)
+    lever = np.matmul(own, np.matmul(linear.root.transpose(0, 2, 1), seen) + np.matmul(inside, turn))
     gradient = np.einsum("nij,ni->j", turn, (pulled @ steep.conj()).real)
     still = np.concatenate([terms.held, terms.held, np.zeros(terms.decay.size, dtype=bool)])
     information[still, :] = information[:, still] = 0.0
     information[still, still] = _HELD
-    gradient[still], cross[:, :, still] = 0.0, 0.0
+    gradient[still], lever[:, :, still] = 0.0, 0.0
     return Fit(
         terms,
         linear,
         variance,
         residual,
         float(np.sum((pulled.conj() * residual).real)),
-        2 * int(arrangement.measured.sum()) - terms.parameters - len(residual) * q,
+        2 * int(arrangement.measured.sum()) - terms.parameters - len(residual) * terms.columns,
         information,
-        cross,
+        lever,
         gradient,
     )
 
 
-def refine(arrangement: Arrangement, terms: Terms, variance: FloatArray, steps: int = _STEPS) -> Fit:
-    """Poles of least χ² for a given noise variance, from the given start.
+def refine(
+    arrangement: Arrangement, terms: Terms, variance: FloatArray, steps: int = _STEPS, enough: float = _ENOUGH
+) -> Fit:
+    """Poles of least χ² for a given noise variance, from the given start; a step that would gain less than `enough` ends it.
 
     Raises:
         IdentificationError: a term has no weight.
     """
-    fit = settled(arrangement, terms, variance)
+    fit = evaluate(arrangement, terms, variance)
     damping, small = 1e-4, 0
     for _ in range(steps):
         step, predicted = _step(fit, damping)
-        if predicted < _ENOUGH:
+        if predicted < enough:
             break
         trial = _try(arrangement, moved(fit.terms, step), variance)
         if trial is not None and trial.chi_squared < fit.chi_squared:
@@ -167,8 +189,17 @@ def refine(arrangement: Arrangement, terms: Terms, variance: FloatArray, steps: 
     return fit
 
 
-def refine_with_noise(arrangement: Arrangement, terms: Terms, variance: FloatArray, passes: int = 3) -> Fit:
+def refine_with_noise(
+    arrangement: Arrangement,
+    terms: Terms,
+    variance: FloatArray,
+    passes: int = 3,
+    profile: FloatArray | None = None,
+    report: Callable[[], None] = lambda: None,
+) -> Fit:
     """Poles with the noise variance estimated from the fit's own residual, alternating until the poles rest.
+
+    `report` is called between the passes.
 
     Raises:
         IdentificationError: a term has no weight.
@@ -176,17 +207,18 @@ def refine_with_noise(arrangement: Arrangement, terms: Terms, variance: FloatArr
     fit = refine(arrangement, terms, variance)
     for _ in range(passes):
         before = fit
-        fit = refine(arrangement, fit.terms, noise_of(arrangement, fit))
+        report()
+        fit = refine(arrangement, fit.terms, noise_of(arrangement, fit, profile))
         if _distance(before, fit) < 0.02:
             break
-    return settled(arrangement, fit.terms, noise_of(arrangement, fit))
+    return evaluate(arrangement, fit.terms, noise_of(arrangement, fit, profile))
 
 
-def noise_of(arrangement: Arrangement, fit: Fit) -> FloatArray:
+def noise_of(arrangement: Arrangement, fit: Fit, profile: FloatArray | None = None) -> FloatArray:
     """(N, L) noise variance: as handed in where known, else from the residual of the fit."""
     model = arrangement.values - fit.residual
     share = fit.terms.columns + fit.terms.parameters / len(arrangement.pairs)
-    return known_or(arrangement, residual_variance(fit.residual, model, arrangement.measured, share))
+    return known_or(arrangement, residual_variance(fit.residual, model, arrangement.measured, share, profile))
 
 
 def moved(terms: Terms, step: FloatArray) -> Terms:
@@ -202,8 +234,9 @@ def moved(terms: Terms, step: FloatArray) -> Terms:
 
 def _step(fit: Fit, damping: float) -> tuple[FloatArray, float]:
     """Damped step, limited to the width of each pole, and the decrease of χ² that the quadratic model predicts."""
-    scale = np.maximum(np.diag(fit.information), 1e-300)
-    step = np.linalg.solve(fit.information + damping * np.diag(scale) + 1e-14 * np.diag(scale), fit.gradient)
+    scale, value, vector, null = spectrum(fit.information)
+    along = vector.T @ (fit.gradient / scale) / np.where(null, np.inf, value + damping)
+    step = vector @ along / scale
     zeta = fit.terms.damping_ratio
     limit = np.concatenate([np.maximum(zeta, 1e-3), np.maximum(0.7 * zeta, 1e-4), np.full(fit.terms.decay.size, 1.0)])
     step = np.clip(step, -limit, limit)  # each by itself: one vague parameter must not hold back the others
@@ -229,6 +262,14 @@ def _distance(before: Fit, after: Fit) -> float:
         ]
     )
     return float(np.max(np.abs(move) / sd, initial=0.0)) if n or move.size else 0.0
+
+
+def frequency_slope(arrangement: Arrangement, fit: Fit, which: BoolArray) -> ComplexArray:
+    """(N, L) ∂H/∂ln ω of the fitted FRFs, the poles marked in `which` moved alike."""
+    terms = Terms(fit.terms.frequency_hz[which], fit.terms.damping_ratio[which], ())
+    pairs = fit.linear.coefficients[:, : 2 * fit.terms.pairs].reshape(len(fit.residual), -1, 2)[:, which]
+    turn = _slope_combinations(terms, pairs.reshape(len(pairs), -1))[:, :, : terms.pairs].sum(axis=2)
+    return np.asarray(turn @ derivatives(arrangement.omega, terms, arrangement.power).T)
 
 
 def _slope_combinations(terms: Terms, coefficients: FloatArray) -> FloatArray:

@@ -92,7 +92,7 @@ def fit_residues(arrangement: Arrangement, terms: Terms, variance: FloatArray | 
     """Residues of all FRFs for given poles, weighted by `variance`, or by one estimated from the residual.
 
     Raises:
-        IdentificationError: fewer lines than unknowns, or terms that cannot be told apart.
+        IdentificationError: fewer lines than unknowns, or terms that cannot be separated.
     """
     lines = arrangement.measured.sum(axis=1)
     if 2 * lines.min() <= terms.columns:

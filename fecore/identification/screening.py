@@ -23,6 +23,7 @@ _SPIKE = 400.0  # jump squared over the local median of jumps squared
 _JUMP = 30.0  # ... that is worth comparing between FRFs
 _SHARED = 0.25  # share of the FRFs that may show a spike at one line
 _RAISED = 2.0  # neighbours of a true resonance stand this much above the lines further off; those of a spike do not
+_LIKE = 0.5  # correlation from which two reciprocal FRFs may be the same beside drift and hits off the point
 _SAME = 0.9  # correlation from which two FRFs between the same dofs are the same FRF
 _DEAD = 1e-9  # of the strongest record's rms: below it a channel is dead
 
@@ -204,7 +205,13 @@ def _merge_repeated(arrangement: Arrangement) -> tuple[Arrangement, dict[int, Re
         for other in rest:
             label = pair_label(*arrangement.pairs[other])
             likeness = _correlation(arrangement, first, other)
-            if likeness < _SAME:
+            reciprocal = arrangement.pairs[first] != arrangement.pairs[other]
+            if reciprocal and _LIKE < likeness < _SAME:  # a session with a drift and hits of its own
+                notes.append(
+                    f"{arrangement.label(first)} and {label} should be the same FRF by reciprocity; their correlation is"
+                    f" {likeness:.2f}"
+                )
+            elif likeness < _SAME:
                 reason = _contradiction(arrangement.label(first), label, likeness)
                 drop[first], drop[other] = Refused(arrangement.label(first), reason), Refused(label, reason)
             elif arrangement.pairs[first] == arrangement.pairs[other] and first not in drop:

@@ -1,124 +1,125 @@
-"""Which poles the data support: forward selection by gain of likelihood, backward elimination, both by information
-criteria.
+"""Which poles the data support: forward selection by evidence, backward elimination, both under the error model.
 
-The linear stage offers poles of all orders, true and spurious; a few more outside the band stand for what lies
-beyond. From an empty model those are added whose residues lower χ² the most (the gain of a candidate, all other
-coefficients re-fitted, is a 2x2 problem an FRF), the poles are refined, and what no longer pays is dropped. A term
-pays when its gain exceeds Akaike's 2 per unknown; a pole that is reported as a mode must pay the stricter ln(data)
-per unknown of the Bayesian criterion.
+The linear stage offers poles of all orders, true and spurious; a few more outside the band stand for what lies beyond. From an
+empty model those are added that the evidence favours most (the gain of a candidate, all other coefficients re-fitted, is a 2x2
+problem an FRF), the poles are refined, and what no longer pays is dropped.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.correlation import mac
-from fecore.errors import IdentificationError
 from fecore.identification.arrangement import Arrangement
-from fecore.identification.basis import Terms, columns
-from fecore.identification.refinement import Fit, noise_of, refine, refine_with_noise, settled
-from fecore.identification.residues import weights
+from fecore.identification.basis import Terms
+from fecore.identification.gains import Worth, evidence, gains, in_band, loss, pole_power, pole_price, price, worth
+from fecore.identification.learning import learn
+from fecore.identification.refinement import Fit, evaluate, refine
+from fecore.identification.search import Search
 
-_ROUNDS = 30
-_BLOCK = 256  # lines whose products stay in the cache
-_PATIENCE = 2  # rounds without a better Bayesian criterion before growing ends
-_SECOND_LOOK = 6  # rounds with the records' own noise: a misfit of another kind must not be chased for long
+_FEW = 0.25  # poles added in a round, over those there, from which the residual is taken for errors
+_PARTED = 0.05  # damping up to which a pole may be two
+_POOR = 4.0  # misfit over the errors of a pole that is parted
+_ENOUGH = 1.0  # decrease of χ² that a step while poles are missing is worth
+_PATIENCE = 3  # rounds in a row after which growing ends when what was added was dropped again
 _BATCH = 0.03  # candidates added in one round have at least this share of the round's largest gain
 _APART = 2.0  # ... and lie this many summed half bandwidths from each other
-_ALONE = 1e-6  # share of a candidate's power that the model's own terms leave: below it nothing new is in it
 _VAGUE_FREQUENCY = 0.05  # standard deviation of ln ω from which a pole is no longer moved
 _VAGUE_DAMPING = 0.7  # ... and of ln ζ
 _SCALES = (1, 5, 25)  # lines over which the residual is averaged to find its peaks
 _PEAKS = 6
 _BEYOND = 3  # most poles outside the band
 _SAME_SHAPE = 0.9  # MAC of the residues of two near poles from which they are one mode
-RESIDUAL_TERMS = (-2, -1, 0, 1, 2)
 
 
-@dataclass(frozen=True)
-class Gains:
-    """What each possible term would lower χ² by, less Akaike's price.
-
-    Attributes:
-        pole: (K,) of the candidate poles.
-        exponent: of the residual terms not in the model.
-        decay: of floating bodies with the rates of `_rates`.
-    """
-
-    pole: FloatArray
-    exponent: dict[int, float]
-    decay: dict[float, float]
-
-
-def price(fit: Fit, columns_added: int, parameters_added: int) -> tuple[float, float]:
-    """Least gain of χ² that pays for new unknowns by Akaike's and by the Bayesian criterion."""
-    unknowns = columns_added * len(fit.residual) + parameters_added
-    return 2.0 * unknowns, float(np.log(fit.freedom + fit.unknowns)) * unknowns
-
-
-def select(
-    arrangement: Arrangement, candidate_hz: FloatArray, candidate_zeta: FloatArray, variance: FloatArray, most: int
-) -> Fit:
-    """Model of all supported poles and residual terms, refined, with the noise estimated from its residual.
+def grow(
+    search: Search, start: Terms, pool: tuple[FloatArray, FloatArray], most: int, step: Callable[[Fit], None]
+) -> tuple[Search, Fit]:
+    """Add terms, refine and prune until nothing pays.
 
     Args:
-        arrangement: the FRFs.
-        candidate_hz: (K,) frequencies of candidate poles, in and out of band.
-        candidate_zeta: (K,) their damping ratios.
-        variance: (N, L) first noise variance.
+        search: FRFs and their errors.
+        start: terms to start from.
+        pool: frequencies (Hz) and damping ratios of candidate poles, in and out of band.
         most: largest number of poles.
+        step: called after every round with the fit so far.
+
+    Returns:
+        The search, with larger errors where the residual shows them once few poles are added, and the fit.
     """
-    fit = refine(arrangement, Terms(np.empty(0), np.empty(0), (0,)), variance, steps=0)
+    arrangement = search.arrangement
+    fit = evaluate(arrangement, start, search.variance(None))
+    if start.pairs:
+        fit = evaluate(arrangement, start, search.variance(fit))
     shut: list[tuple[float, float]] = []
-    pool = (candidate_hz, candidate_zeta)
-    fit = _grow_all(arrangement, fit, pool, shut, most, None)
-    # a mode that is missing can pass for noise: look again with the noise that the records' roughness states
-    fit = _grow_all(arrangement, settled(arrangement, fit.terms, variance), pool, shut, most, variance)
-    free = replace(fit.terms, held=np.zeros(fit.terms.pairs, dtype=bool))
-    fit = refine(arrangement, free, noise_of(arrangement, fit), steps=8)
-    held = hold_vague(fit, ~in_band(arrangement, fit.terms.frequency_hz))
-    fit = refine_with_noise(arrangement, held, noise_of(arrangement, fit))
-    thrifty = _prune(arrangement, _unique(arrangement, fit)[0])  # with the noise known at last
-    if thrifty is not fit:
-        fit = refine_with_noise(arrangement, thrifty.terms, noise_of(arrangement, thrifty))
-    return settled(arrangement, _ascending(fit.terms), fit.variance)
-
-
-def _grow_all(
-    arrangement: Arrangement,
-    fit: Fit,
-    pool: tuple[FloatArray, FloatArray],
-    shut: list[tuple[float, float]],
-    most: int,
-    variance: FloatArray | None,
-) -> Fit:
-    """Add terms, refine and prune until nothing pays; the noise is `variance`, or follows the residual where None."""
-    best, best_score, idle = fit, np.inf, 0
-    for _ in range(_ROUNDS if variance is None else _SECOND_LOOK):
+    largest, idle = 0, 0
+    while idle < _PATIENCE:
+        if (parted := _part(search, fit)) is not None:
+            fit = parted
         hz, zeta = (np.concatenate(both) for both in zip(pool, residual_peaks(arrangement, fit), strict=True))
-        open_ = np.all([(hz < low) | (hz > high) for low, high in shut] or [np.ones(hz.size, dtype=bool)], axis=0)
-        grown = _grow(arrangement, fit, hz[open_], zeta[open_], most)
+        open_ = _open(hz, shut, fit.terms.frequency_hz)
+        grown = _grow(arrangement, fit, hz[open_], zeta[open_], most, search.scale(fit))
         if grown is None:
             break
-        try:
-            larger = refine(arrangement, grown, fit.variance, steps=8)
-            if larger.chi_squared >= fit.chi_squared:  # only round-off can make a larger model the worse one
-                break
-            held = hold_vague(larger, ~in_band(arrangement, larger.terms.frequency_hz))
-            noise = noise_of(arrangement, larger) if variance is None else variance
-            fit, closed = _unique(arrangement, _prune(arrangement, settled(arrangement, held, noise)))
-        except IdentificationError:  # terms that cannot be told apart: what was found before stands
-            break
+        pairs = fit.terms.pairs
+        larger = refine(arrangement, grown, fit.variance, steps=8, enough=_ENOUGH)
+        held = hold_vague(larger, ~in_band(arrangement, larger.terms.frequency_hz))
+        larger = evaluate(arrangement, held, search.variance(larger))
+        fit, closed = _unique(search, _prune(search, larger))
         shut += closed
-        score = fit.misfit(arrangement.measured) + np.log(fit.freedom + fit.unknowns) * fit.unknowns
-        best, best_score, idle = (fit, score, 0) if score < best_score else (best, best_score, idle + 1)
-        if idle == _PATIENCE:
-            break
-    return best
+        if 0 <= fit.terms.pairs - pairs <= _FEW * pairs - 0.5:
+            search = learn(search, fit, upwards=True)
+        idle = 0 if fit.terms.columns > largest else idle + 1
+        largest = max(largest, fit.terms.columns)
+        step(fit)
+    return search, fit
+
+
+def _part(search: Search, fit: Fit) -> Fit | None:
+    """The fit with the worst-fitted pole parted in two, where that pays.
+
+    From one pole that lies between two modes, a second one that is added beside it may lead nowhere.
+    """
+    arrangement, terms = search.arrangement, fit.terms
+    inside = np.flatnonzero(in_band(arrangement, terms.frequency_hz) & (terms.damping_ratio < _PARTED))
+    if not inside.size:
+        return None
+    power = pole_power(arrangement, terms.frequency_hz[inside], terms.damping_ratio[inside])
+    misfit = np.sum(np.abs(fit.residual) ** 2 / fit.variance, axis=0) @ (power / power.sum(axis=0))
+    k = int(inside[np.argmax(misfit)])
+    if misfit.max() < _POOR * len(search.small.source.pairs):
+        return None
+    f, zeta = terms.frequency_hz[k], terms.damping_ratio[k]
+    both = f * (1 + np.array([-0.7, 0.7]) * zeta)
+    two = without_pole(terms, k)
+    two = replace(
+        two,
+        frequency_hz=np.append(two.frequency_hz, both),
+        damping_ratio=np.append(two.damping_ratio, [zeta / 2, zeta / 2]),
+        held=np.append(two.held, [False, False]),
+    )
+    trial = refine(arrangement, two, fit.variance, steps=12)
+    gain = np.array([fit.chi_squared - trial.chi_squared])
+    scale = search.scale(trial)
+    power = pole_power(arrangement, terms.frequency_hz[[k]], terms.damping_ratio[[k]])
+    pays = evidence(gain, arrangement, trial, power, scale, gained=True)
+    if pays[0] < price(trial, scale.records, 2, 2)[1]:
+        return None
+    return evaluate(arrangement, trial.terms, search.variance(trial))
+
+
+def _open(hz: FloatArray, shut: list[tuple[float, float]], present: FloatArray) -> BoolArray:
+    """(K,) False for candidates beside a pole where a second one was found to be the same mode."""
+    free = np.ones(hz.size, dtype=bool)
+    for low, high in shut:
+        if np.any((present >= low) & (present <= high)):
+            free &= (hz < low) | (hz > high)
+    return free
 
 
 def residual_peaks(arrangement: Arrangement, fit: Fit) -> tuple[FloatArray, FloatArray]:
@@ -141,16 +142,6 @@ def residual_peaks(arrangement: Arrangement, fit: Fit) -> tuple[FloatArray, Floa
     return pairs[0], pairs[1]
 
 
-def _ascending(terms: Terms) -> Terms:
-    order = np.argsort(terms.frequency_hz)
-    return replace(
-        terms,
-        frequency_hz=terms.frequency_hz[order],
-        damping_ratio=terms.damping_ratio[order],
-        held=terms.held[order],
-    )
-
-
 def hold_vague(fit: Fit, among: BoolArray) -> Terms:
     """The terms with every pole of those held whose frequency or damping the data hardly determine."""
     n = fit.terms.pairs
@@ -161,32 +152,29 @@ def hold_vague(fit: Fit, among: BoolArray) -> Terms:
     return replace(fit.terms, damping_ratio=zeta, held=fit.terms.held | vague)
 
 
-def in_band(arrangement: Arrangement, hz: FloatArray) -> BoolArray:
-    """(n,) True for frequencies within the measured lines."""
-    return np.asarray((hz >= arrangement.frequency_hz[0]) & (hz <= arrangement.frequency_hz[-1]))
-
-
-def _unique(arrangement: Arrangement, fit: Fit) -> tuple[Fit, list[tuple[float, float]]]:
+def _unique(search: Search, fit: Fit) -> tuple[Fit, list[tuple[float, float]]]:
     """Drop what is the same mode found twice, and say around which frequencies no more poles are to be tried.
 
-    Two poles are one mode when they lie within their half bandwidths (or a line) of each other and their residues are
+    Two poles are one mode when they lie within a half bandwidth (or a line) of each other and their residues are
     the same shape, or when the lines cannot resolve them at all. True double modes differ in shape.
     """
+    arrangement = search.arrangement
     shut: list[tuple[float, float]] = []
     if _same_pole(arrangement, fit) is not None:  # near poles share their residues until they have come to rest
         fit = refine(arrangement, fit.terms, fit.variance)
     while (pair := _same_pole(arrangement, fit)) is not None:
         k, keep = pair
-        width = 0.5 * max(fit.terms.damping_ratio[keep] * fit.terms.frequency_hz[keep], arrangement.spacing_hz)
+        narrower = min(fit.terms.damping_ratio[i] * fit.terms.frequency_hz[i] for i in pair)
+        width = 0.5 * max(narrower, arrangement.spacing_hz)
         shut.append((fit.terms.frequency_hz[keep] - width, fit.terms.frequency_hz[keep] + width))
-        fit = _prune(arrangement, refine(arrangement, without_pole(fit.terms, k), fit.variance, steps=8))
+        fit = _prune(search, refine(arrangement, without_pole(fit.terms, k), fit.variance, steps=8))
     return fit, shut
 
 
 def _same_pole(arrangement: Arrangement, fit: Fit) -> tuple[int, int] | None:
     """(pole to drop, pole to keep) of the first two that are one mode, or None."""
     terms, line = fit.terms, arrangement.spacing_hz
-    value = worth(fit)[0]
+    value = loss(fit)[0]
     inside = np.flatnonzero(in_band(arrangement, terms.frequency_hz))
     pairs = fit.linear.coefficients[:, : 2 * terms.pairs]
     residues = pairs[:, 0::2] + 1j * pairs[:, 1::2]
@@ -194,71 +182,11 @@ def _same_pole(arrangement: Arrangement, fit: Fit) -> tuple[int, int] | None:
     for place, k in enumerate(inside):
         for j in inside[place + 1 :]:
             apart = abs(terms.frequency_hz[k] - terms.frequency_hz[j])
-            unresolved = apart < line and min(width[k], width[j]) < line
+            unresolved = apart < line / 2 and min(width[k], width[j]) < line
             alike = mac(residues[:, k], residues[:, j])[0, 0] > _SAME_SHAPE
-            if unresolved or (alike and apart < max(line, width[k] + width[j])):
+            if unresolved or (alike and apart < max(line, width[k], width[j])):
                 return (int(k), int(j)) if value[k] < value[j] else (int(j), int(k))
     return None
-
-
-def gains(arrangement: Arrangement, fit: Fit, hz: FloatArray, zeta: FloatArray) -> Gains:
-    """Gain of each candidate when it is added alone and all coefficients are fitted anew, poles held."""
-    terms = fit.terms
-    absent = [e for e in RESIDUAL_TERMS if e not in terms.exponents]
-    basis = columns(arrangement.omega, terms, arrangement.power)
-    rates = _rates(arrangement) if not terms.decay.size else np.empty(0)
-    extra = columns(arrangement.omega, Terms(hz, zeta, tuple(absent), rates), arrangement.power)
-    weight = weights(arrangement, fit.variance)
-    right = ((weight * fit.residual) @ extra.conj()).real
-    cross = _cross_products(basis, extra, weight)
-    projected = np.matmul(fit.linear.root, cross)
-    count = 2 * hz.size
-    one, two = extra[:, 0:count:2], extra[:, 1:count:2]
-    entries = []
-    for a, b, i, j in ((one, one, 0, 0), (one, two, 0, 1), (two, two, 1, 1)):
-        raw = weight @ (a.real * b.real + a.imag * b.imag)
-        kept = raw - np.einsum("nqk,nqk->nk", projected[:, :, i:count:2], projected[:, :, j:count:2])
-        entries.append((raw, kept))
-    (raw11, s11), (_, s12), (raw22, s22) = entries
-    g1, g2 = right[:, 0:count:2], right[:, 1:count:2]
-    determinant = s11 * s22 - s12**2
-    alone = (s11 > _ALONE * raw11) & (s22 > _ALONE * raw22) & (determinant > _ALONE * s11 * s22)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        gain = np.where(alone, (s22 * g1**2 - 2 * s12 * g1 * g2 + s11 * g2**2) / determinant, 0.0).sum(axis=0)
-    single = []
-    for place in range(count, extra.shape[1]):
-        raw = weight @ np.abs(extra[:, place]) ** 2
-        kept = raw - np.einsum("nq,nq->n", projected[:, :, place], projected[:, :, place])
-        with np.errstate(invalid="ignore", divide="ignore"):
-            single.append(float(np.where(kept > _ALONE * raw, right[:, place] ** 2 / kept, 0.0).sum()))
-    exponent = {e: value - price(fit, 1, 0)[0] for e, value in zip(absent, single[: len(absent)], strict=True)}
-    decay = {float(a): v - price(fit, 1, 1)[0] for a, v in zip(rates, single[len(absent) :], strict=True)}
-    return Gains(gain - _pole_price(arrangement, fit, hz), exponent, decay)
-
-
-def _pole_price(arrangement: Arrangement, fit: Fit, hz: FloatArray) -> FloatArray:
-    """Akaike's price for a pole out of band, which is but a better residual term; the Bayesian one for a mode."""
-    akaike, bayes = price(fit, 2, 2)
-    return np.where(in_band(arrangement, hz), bayes, akaike)
-
-
-def _rates(arrangement: Arrangement) -> FloatArray:
-    """Rates of floating bodies to try, 1/s: those that bend the lowest tenth of the band."""
-    low, high = arrangement.omega[0], arrangement.omega[-1]
-    return np.asarray(np.geomspace(max(low, 1e-3 * high), 0.1 * high, 6)) if low < 0.1 * high else np.empty(0)
-
-
-def worth(fit: Fit) -> tuple[FloatArray, FloatArray]:
-    """What χ² would rise by without each pole pair (n,) and without each other term (other poles held)."""
-    n = fit.terms.pairs
-    c, V = fit.linear.coefficients, fit.linear.covariance
-    pole = np.zeros(n)
-    for k in range(n):
-        part = slice(2 * k, 2 * k + 2)
-        solved = np.linalg.solve(V[:, part, part], c[:, part, None])[:, :, 0]
-        pole[k] = float(np.sum(c[:, part] * solved))
-    spread = np.einsum("nii->ni", V)[:, 2 * n :]
-    return pole, np.asarray(np.sum(c[:, 2 * n :] ** 2 / spread, axis=0))
 
 
 def without_pole(terms: Terms, k: int) -> Terms:
@@ -271,9 +199,11 @@ def without_pole(terms: Terms, k: int) -> Terms:
     )
 
 
-def _grow(arrangement: Arrangement, fit: Fit, hz: FloatArray, zeta: FloatArray, most: int) -> Terms | None:
+def _grow(
+    arrangement: Arrangement, fit: Fit, hz: FloatArray, zeta: FloatArray, most: int, scale: Worth
+) -> Terms | None:
     """The model with the best new terms, or None when none pays or the model is full."""
-    gain = gains(arrangement, fit, hz, zeta)
+    gain = gains(arrangement, fit, hz, zeta, scale)
     terms, room = fit.terms, most - fit.terms.pairs
     best_pole = float(gain.pole.max(initial=0.0)) if room > 0 else 0.0
     # a residual term is simpler than a pole: prefer it unless the pole does far better
@@ -307,16 +237,17 @@ def _grow(arrangement: Arrangement, fit: Fit, hz: FloatArray, zeta: FloatArray, 
     )
 
 
-def _prune(arrangement: Arrangement, fit: Fit) -> Fit:
+def _prune(search: Search, fit: Fit) -> Fit:
     """Drop one by one, least worth first, what does not pay, refining in between."""
+    arrangement, records = search.arrangement, len(search.small.source.pairs)
     while True:
-        pole, other = worth(fit)
+        pole, other = worth(arrangement, fit, search.scale(fit))
         count = len(fit.terms.exponents)
         dear = np.concatenate(
             [
-                pole - _pole_price(arrangement, fit, fit.terms.frequency_hz),
-                other[:count] - price(fit, 1, 0)[0],
-                other[count:] - price(fit, 1, 1)[0],
+                pole - pole_price(arrangement, fit, records, fit.terms.frequency_hz),
+                other[:count] - price(fit, records, 1, 0)[0],
+                other[count:] - price(fit, records, 1, 1)[0],
             ]
         )
         if not dear.size or dear.min() >= 0:
@@ -332,16 +263,3 @@ def _without(terms: Terms, which: int) -> Terms:
     if which < len(terms.exponents):
         return replace(terms, exponents=terms.exponents[:which] + terms.exponents[which + 1 :])
     return replace(terms, decay=np.delete(terms.decay, which - len(terms.exponents)))
-
-
-def _cross_products(basis: np.ndarray, extra: np.ndarray, weight: FloatArray) -> FloatArray:
-    """(N, q, k) Re Φᴴ W Ψ of every FRF, in blocks of lines that bound the memory."""
-    q, k = basis.shape[1], extra.shape[1]
-    across = np.ascontiguousarray(weight.T)
-    products = np.zeros((q, k, weight.shape[0]))
-    for start in range(0, basis.shape[0], _BLOCK):
-        part = slice(start, start + _BLOCK)
-        real, imag = np.ascontiguousarray(extra[part].real.T), np.ascontiguousarray(extra[part].imag.T)
-        for i in range(q):
-            products[i] += (real * basis[part, i].real + imag * basis[part, i].imag) @ across[part]
-    return np.ascontiguousarray(products.transpose(2, 0, 1))

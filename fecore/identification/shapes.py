@@ -39,6 +39,11 @@ class Shapes:
     collinearity: FloatArray
     mass_normalised: FloatArray | None
 
+    def select(self, which: IntArray) -> Shapes:
+        """The shapes of some modes."""
+        mass = None if self.mass_normalised is None else self.mass_normalised[which]
+        return Shapes(self.complex[which], self.real[which], self.sd[which], self.collinearity[which], mass)
+
 
 def phase_collinearity(shape: ComplexArray) -> float:
     """Modal phase collinearity, 1 when all entries share a phase (or its opposite) and 0 when phases are scattered.

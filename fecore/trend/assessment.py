@@ -91,7 +91,7 @@ def assess(
     Args:
         series: by parameter; campaigns in any order.
         watch: the recipe.
-        as_of: now, so that a late campaign can be told; by default the last campaign.
+        as_of: now, so that a late campaign is recognised; by default the last campaign.
         acknowledgements: of alarms, in any order.
 
     Raises:
@@ -146,7 +146,7 @@ def _parameter(
 
 
 def _speed(ordered: Series, watch: Watch, baseline: Baseline) -> tuple[Rate | None, tuple[str, ...]]:
-    """The rate of change, or why there is none: a covariate that runs with time cannot be told from ageing."""
+    """The rate of change, or why there is none: a covariate that runs with time cannot be separated from ageing."""
     try:
         return rate(ordered, watch.covariates, baseline.mean), ()
     except InputError as error:

@@ -24,7 +24,7 @@ from scipy import special, stats
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.errors import InputError
-from fecore.trend.regression import Fit, fit_with_scatter
+from fecore.trend.regression import RegressionFit, fit_with_scatter
 from fecore.trend.series import Series, select
 
 _CONSISTENT = 0.01  # p-value below which the stated standard deviations are called too large
@@ -48,7 +48,7 @@ class Baseline:
     low: FloatArray
     high: FloatArray
     variance: FloatArray
-    fit: Fit
+    fit: RegressionFit
     leverage_mean: float
     leverage_max: float
 

@@ -29,11 +29,11 @@ from fecore.errors import InputError
 _GRID = 400  # points of log v; the posterior is smooth over a decade
 _LEAST, _WIDEST = 1e-2, 1e4  # of v on the grid, in units of the smallest and the largest plausible variance
 _NEGLIGIBLE = 1e-4  # scatter of residuals over s̄² from which less makes no difference
-_NORMAL = 1000.0  # more degrees of freedom than this are not told from a normal distribution
+_NORMAL = 1000.0  # more degrees of freedom than this are taken as a normal distribution
 
 
 @dataclass(frozen=True)
-class Fit:
+class RegressionFit:
     """A regression and what it does not know.
 
     Attributes:
@@ -54,7 +54,7 @@ class Fit:
     excess: float
 
 
-def fit_with_scatter(X: FloatArray, y: FloatArray, s: FloatArray) -> Fit:
+def fit_with_scatter(X: FloatArray, y: FloatArray, s: FloatArray) -> RegressionFit:
     """Fit β and τ.
 
     Args:
@@ -63,13 +63,13 @@ def fit_with_scatter(X: FloatArray, y: FloatArray, s: FloatArray) -> Fit:
         s: (n,) their own standard deviations, positive.
 
     Raises:
-        InputError: fewer than p + 2 points, or regressors that the points do not tell apart.
+        InputError: fewer than p + 2 points, or regressors that the points do not separate.
     """
     n, p = X.shape
     if n < p + 2:
         raise InputError("points", f"{n} points for {p} coefficients and their scatter, expected at least {p + 2}")
     if np.linalg.matrix_rank(X / np.maximum(np.abs(X).max(axis=0), 1e-300)) < p:
-        raise InputError("covariates", "the points do not tell the regressors apart (a constant or repeated covariate)")
+        raise InputError("covariates", "the points do not separate the regressors (a constant or repeated covariate)")
     harmonic = float(1 / np.mean(1 / s**2))
     ordinary = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
     seen = float(ordinary @ ordinary) / (n - p)
@@ -85,7 +85,7 @@ def fit_with_scatter(X: FloatArray, y: FloatArray, s: FloatArray) -> Fit:
     between = max(total - harmonic, 0.0)
     beta, covariance = _generalised_least_squares(X, y, s**2 + between)
     own = y - X @ _generalised_least_squares(X, y, s**2)[0]
-    return Fit(
+    return RegressionFit(
         beta,
         covariance,
         float(np.sqrt(between)),

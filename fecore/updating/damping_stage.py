@@ -1,39 +1,47 @@
-"""Stage 2 in the pipeline: which modes shift, how noisy the data are, and what the estimate's spread is made of."""
+"""Stage 2: a damping law from the FRFs of the updated model, step by step.
+
+    data = damping_data(frfs, elastic, modes, weighting, inputs)      modes take their parts
+    reference = fit_reference(data)                                   noise, delay, and a ratio of its own for every mode
+    result = fit_damping(data, reference, law)                        the law, and what its spread is made of
+
+A law is never exact: each mode's damping is off it by a share ε ~ N(0, s²), whose prior scale is 2 % as in no body damping
+follows a law better; s is the root of its posterior mean, and enters estimate and interval alike.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
-from fecore.arrays import FloatArray, IntArray
-from fecore.damping import DampingLaw, ModalDamping, fit_ratios
+from fecore.arrays import FloatArray
+from fecore.dynamics.damping_laws import DampingLaw, ModalDamping, fit_ratios
+from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.errors import UpdatingError
-from fecore.frf import FrfSet, ModalFrfModel, convert
+from fecore.frf import FrfSet, convert
 from fecore.identification.noise import residual_variance
 from fecore.modes import MeasuredModes
-from fecore.updating.damping import DampingFit, Nuisance, fit_law
 from fecore.updating.elastic import ElasticResult
+from fecore.updating.inputs import UNSTATED_WINDOW, Inputs
+from fecore.updating.law_fit import DampingFit, Nuisance, fit_law
 from fecore.updating.misfit import FrfMisfit, Weighting
+from fecore.updating.mode_roles import ModeRoles, assign_roles
 from fecore.updating.posterior import discrepancy
 
 DAMPING_DISCREPANCY = 0.02
-"""Prior standard deviation of a damping ratio about its law, as a share of it, for the intervals."""
-
-LAW_DISCREPANCY = 0.002
-"""The same for the estimate, as `elastic.THEORY_DISCREPANCY` is to `elastic.FREQUENCY_DISCREPANCY`."""
+"""Prior standard deviation of a damping ratio about its law, as a share of it."""
 
 _UNMEASURED_SHIFT = 0.01  # prior standard deviation of the shift of an unmeasured mode, the constants given
 _UNMEASURED_DEVIATION = 2.0  # and of the logarithm of its damping over the law's: nobody measured it
-_GAIN_SD = 0.01  # prior standard deviation of a mode's gain: what a sensor's calibration is good for
+_GAIN_SD = 0.01  # prior standard deviation of a mode's own gain: where a sensor stands, say
+_COMMON_GAIN_SD = 0.05  # of the gain of all modes: calibrations, and the model's mass
 _FIRST_NOISE = 1e-3
-_FIRST_RATIO = 0.02  # of modes whose damping was not measured
 _SAME_OPTIMUM = 1e-3  # relative distance of coefficients that counts as one point
 _SAME_TO_NOISE = 0.3  # and their distance in standard deviations by noise alone
 _RIVAL = 10.0  # difference of negative log posteriors below which a second optimum is worth telling
 _SPREAD_OF_STARTS = 5.0
+_LARGE_TURN = 0.02  # rad, of a delay at the highest line: beyond, the data are turned back and the fit begins anew
 
 
 @dataclass(frozen=True)
@@ -46,28 +54,39 @@ class DampingResult:
         starts: how many starts were tried.
         optima: coefficients of every different point that the starts converged to and that the data do not refute
             against the best, which comes first.
-        modal: the same data fitted with a ratio of its own for every measured mode.
-        covariance: (p, p) with noise, stage 1's uncertainty and the law's discrepancy.
-        sampled_covariance: (p, p) Gaussian approximation of the posterior given the damping ratios as the estimate took them.
-        admitted_covariance: (p, p) what the discrepancy adds beyond that.
-        tight: relative deviation from the law that the estimate allowed.
-        by_elastic: (p, q) derivative of the estimate by the elastic parameters.
+        reference: the same data fitted with a ratio of its own for every measured mode.
+        sources: by name of its source, (p, k) independent standard deviations of which the coefficients' error is made.
+        pulls: (p, e) change of the coefficients by one standard deviation of each of stage 1's excursions.
+        window: (p,) change of the coefficients by an exponential window of one standard deviation of its rate.
+        by_elastic: (p, q) derivative of the estimate by stage 1's parameters.
         discrepancy: estimated relative deviation of a damping ratio from the law.
-        misfit: what was minimised, with the noise variance that was used.
     """
 
     fit: DampingFit
     start: FloatArray
     starts: int
     optima: tuple[FloatArray, ...]
-    modal: DampingFit
-    covariance: FloatArray
-    sampled_covariance: FloatArray
-    admitted_covariance: FloatArray
-    tight: float
+    reference: ReferenceFit
+    sources: Mapping[str, FloatArray]
+    pulls: FloatArray
+    window: FloatArray
     by_elastic: FloatArray
     discrepancy: float
-    misfit: FrfMisfit
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(p, p) of the coefficients, excursions and the window apart."""
+        total: FloatArray = np.sum([part @ part.T for part in self.sources.values()], axis=0)
+        return total
+
+    @property
+    def own_covariance(self) -> FloatArray:
+        """(p, p) the same with stage 1's parameters given."""
+        own: FloatArray = np.sum([self.sources[name] @ self.sources[name].T for name in _OWN_SOURCES], axis=0)
+        return own
+
+
+_OWN_SOURCES = ("measurement noise of FRFs", "discrepancy of the law", "modes not measured")
 
 
 @dataclass(frozen=True)
@@ -86,271 +105,274 @@ class MeasuredRatios:
 
 
 @dataclass(frozen=True)
-class DampingStage:
-    """The data of stage 2: FRFs in the band, stage 1's result, measured modes."""
+class DampingData:
+    """What stage 2 starts from.
+
+    Attributes:
+        frfs: FRFs on the fitted lines.
+        elastic: stage 1's result.
+        modes: measured modes, an exponential window's rate subtracted from their damping.
+        weighting: of the residuals.
+        inputs: what the laboratory says of window and delay.
+        model: the updated elastic model between the measured dofs.
+        roles: which part each mode takes.
+        modal_law: a damping ratio of its own for every measured mode that the law damps.
+    """
 
     frfs: FrfSet
     elastic: ElasticResult
     modes: MeasuredModes
     weighting: Weighting
+    inputs: Inputs
+    model: ModalFrfModel
+    roles: ModeRoles
+    modal_law: ModalDamping
 
-    @cached_property
-    def model(self) -> ModalFrfModel:
-        """The updated elastic model between the measured dofs."""
-        return self.elastic.updated.frf_model(self.frfs.responses, self.frfs.references)
-
-    @cached_property
-    def pairs(self) -> tuple[tuple[int, int], ...]:
-        """Measured and model modes with a resonance in the band: of others the FRFs tell no damping.
-
-        Raises:
-            UpdatingError: there is none.
-        """
-        low, high = self.frfs.frequency_hz[[0, -1]]
-        hz = self.modes.frequency_hz
-        inside = tuple((i, j) for i, j in self.elastic.pairing.pairs if low <= hz[i] <= high)
-        if not inside:
-            raise UpdatingError(f"no paired mode lies in the band, {low:g} to {high:g} Hz; fit a wider one", {}, ())
-        return inside
-
-    @cached_property
-    def shifted(self) -> IntArray:
-        """Numbers, among all modes, of those that were measured in the band: they carry a frequency shift."""
-        rigid = self.elastic.updated.modes.rigid
-        return np.array([rigid + column for _, column in self.pairs])
-
-    @cached_property
-    def first_shift(self) -> FloatArray:
-        """(s,) measured over model frequency of the shifted modes, relative."""
-        return np.array([self.modes.frequency_hz[i] / self.elastic.updated.frequency_hz[j] - 1 for i, j in self.pairs])
-
-    @cached_property
-    def unmeasured(self) -> IntArray:
-        """Numbers, among all modes, of elastic ones without a measured partner in the band: their tails reach into it."""
-        elastic = np.arange(self.elastic.updated.modes.rigid, self.model.omega.size)
-        return np.setdiff1d(elastic, self.shifted)
-
-    @cached_property
-    def suspended(self) -> IntArray:
-        """Numbers, among all modes, of those that move as a body on its suspension, which damps them as it will."""
-        updated = self.elastic.updated
-        rigid = updated.modes.rigid
-        return np.concatenate([np.arange(rigid), rigid + np.flatnonzero(updated.on_springs)])
-
-    @cached_property
-    def rows(self) -> list[int]:
-        """Measured modes whose damping the law has to explain: those with a partner that is not suspended.
-
-        Raises:
-            UpdatingError: there is none.
-        """
-        rows = [row for (row, _), mode in zip(self.pairs, self.shifted, strict=True) if mode not in self.suspended]
-        if not rows:
-            raise UpdatingError("no measured mode strains the specimen: all move on the springs", {}, ())
-        return rows
-
-    @cached_property
-    def lawful(self) -> IntArray:
-        """Numbers, among all modes, of the partners of `rows`."""
-        return self.shifted[~np.isin(self.shifted, self.suspended)]
-
-    @cached_property
-    def first_ratio(self) -> FloatArray:
-        """(n,) damping ratios of `rows` as measured, 2 % where none was."""
-        ratio = np.nan_to_num(self.modes.damping_ratio[self.rows], nan=_FIRST_RATIO)
-        return np.where(ratio > 0, ratio, _FIRST_RATIO)
-
-    @cached_property
-    def unmeasured_shift_sd(self) -> FloatArray:
-        """(u,) prior standard deviations of the shifts of `unmeasured`: the constants may be uncertain that tell them."""
-        state = self.elastic.updated
-        by = state.eigenvalue_jacobian[self.unmeasured] / (2 * state.modes.eigenvalue[self.unmeasured, None])
-        variance = np.einsum("kp,pq,kq->k", by, self.elastic.covariance, by)
-        spread: FloatArray = np.sqrt(_UNMEASURED_SHIFT**2 + variance)
-        return spread
+    def start(self, law: DampingLaw) -> FloatArray:
+        """(p,) coefficients that come nearest to the measured damping ratios (2 % where none was measured)."""
+        omega = 2 * np.pi * self.modes.frequency_hz[self.roles.rows]
+        return nearest_positive(law, omega, self.roles.first_ratio, self.model.omega[self.roles.unmeasured])
 
     def nuisance(self, deviation_sd: float) -> Nuisance:
         """Measured modes shift freely and deviate from the law a little, the others do both as far as priors let them.
 
-        Suspended ones have rates of their own, which may lie as far from the lowest elastic mode's as nobody knows.
+        Suspended ones have rates of their own, which may lie as far from the lowest elastic mode's as nobody knows. How far
+        an unmeasured mode may shift includes the constants' own uncertainty.
         """
-        pairs, others = self.pairs, self.unmeasured.size
-        modes = np.concatenate([self.shifted, self.unmeasured])
-        deviation = np.concatenate([np.full(len(pairs), deviation_sd), np.full(others, _UNMEASURED_DEVIATION)])
-        lowest = 2 * self.first_ratio[0] * 2 * np.pi * self.modes.frequency_hz[self.rows[0]]
+        roles, state = self.roles, self.elastic.updated
+        others, measured = roles.unmeasured.size, len(roles.pairs)
+        by = state.eigenvalue_jacobian[roles.unmeasured] / (2 * state.modes.eigenvalue[roles.unmeasured, None])
+        variance = np.einsum("kp,pq,kq->k", by, self.elastic.covariance, by)
+        modes = np.concatenate([roles.shifted, roles.unmeasured])
+        deviation = np.concatenate([np.full(measured, deviation_sd), np.full(others, _UNMEASURED_DEVIATION)])
+        lowest = 2 * roles.first_ratio[0] * 2 * np.pi * self.modes.frequency_hz[roles.rows[0]]
         return Nuisance(
             modes=modes,
-            first_shift=np.concatenate([self.first_shift, np.zeros(others)]),
-            shift_sd=np.concatenate([np.full(len(pairs), np.inf), self.unmeasured_shift_sd]),
-            deviation_sd=np.where(np.isin(modes, self.suspended), 0.0, deviation),
-            suspended=self.suspended,
-            suspended_rate=np.full(self.suspended.size, lowest),
+            first_shift=np.concatenate([roles.first_shift, np.zeros(others)]),
+            shift_sd=np.concatenate([np.full(measured, np.inf), np.sqrt(_UNMEASURED_SHIFT**2 + variance)]),
+            deviation_sd=np.where(np.isin(modes, roles.suspended), 0.0, deviation),
+            suspended=roles.suspended,
+            suspended_rate=np.full(roles.suspended.size, lowest),
+            window_rate=2 * (self.inputs.window_rate or 0.0),
         )
 
-    @cached_property
-    def modal_law(self) -> ModalDamping:
-        """A damping ratio of its own for every measured mode that the law damps."""
-        shift = self.first_shift[~np.isin(self.shifted, self.suspended)]
-        return ModalDamping(tuple(np.sort(self.model.omega[self.lawful] * (1 + shift))))
+    def misfit(self, frfs: FrfSet, weighting: Weighting, variance: FloatArray) -> FrfMisfit:
+        """The misfit of some FRFs; only `noise` weights give gains and a delay a unit."""
+        if weighting != "noise":
+            return FrfMisfit(frfs, self.model, weighting, variance)
+        gain = np.where(np.isin(np.arange(self.model.omega.size), self.roles.lawful), _GAIN_SD, 0.0)
+        delay = self.inputs.standard_deviation("delay")
+        return FrfMisfit(frfs, self.model, weighting, variance, gain, _COMMON_GAIN_SD, delay)
 
-    @cached_property
-    def misfit(self) -> FrfMisfit:
-        """The misfit with a noise variance: the measured one, or one from the residual of an unweighted modal fit."""
-        stated = self.frfs.variance
-        if stated is not None and not np.isnan(stated).any():
-            return FrfMisfit(self.frfs, self.model, self.weighting, stated, self._gain_sd)
-        measured = self.frfs.measured
-        even = FrfMisfit(self.frfs, self.model, "linear", np.where(measured, 1.0, np.inf))
-        first = fit_law(even, self.modal_law, self.start(self.modal_law), self.nuisance(0), self._unit(even))
-        predicted = even.predict(first.eigenvalue, first.rate)
-        variance = residual_variance(self.frfs.values - predicted, predicted, measured, 0)
-        if stated is not None:
-            variance = np.where(np.isnan(stated), variance, stated)
-        return FrfMisfit(self.frfs, self.model, self.weighting, variance, self._gain_sd)
+    def window_sd(self) -> float:
+        """Standard deviation of an exponential window's rate 1/τ, 1/s; where none was stated it is one-sided.
 
-    @property
-    def _gain_sd(self) -> FloatArray | None:
-        """Prior spread of the gains of the modes that the law has to explain; only `noise` weights give it a unit."""
-        if self.weighting != "noise":
-            return None
-        return np.where(np.isin(np.arange(self.model.omega.size), self.lawful), _GAIN_SD, 0.0)
-
-    @cached_property
-    def modal(self) -> DampingFit:
-        """The reference of every law: a ratio of its own for every measured mode."""
-        nuisance = self.nuisance(0)
-        return fit_law(self.misfit, self.modal_law, self.start(self.modal_law), nuisance, self._unit(self.misfit))
-
-    @cached_property
-    def scale(self) -> float:
-        """What E of one value is by noise alone, with the weighting of this stage."""
-        return 1.0 if self.weighting == "noise" else self.modal.cost / np.sum(self.misfit.counted)
-
-    @staticmethod
-    def _unit(misfit: FrfMisfit) -> float:
-        """A first guess of `scale`: a thousandth of the signal's own weight."""
-        return 1.0 if misfit.weighting == "noise" else _FIRST_NOISE * misfit.signal() / misfit.measured.values.size
-
-    @cached_property
-    def ratios(self) -> MeasuredRatios:
-        """Damping ratios of `rows`: as measured where they were, else from the modal fit."""
-        rows = self.rows
-        measured = self.modes.damping_ratio[rows]
-        if np.all(np.nan_to_num(measured) > 0):
-            covariance = np.zeros((len(rows), len(rows)))
-            if self.modes.covariance is not None:
-                places = len(self.modes) + np.array(rows)
-                covariance = self.modes.covariance[np.ix_(places, places)]
-            omega = 2 * np.pi * self.modes.frequency_hz[rows]
-            return MeasuredRatios(omega, measured, covariance / np.outer(measured, measured))
-        return self.modal_ratios
-
-    @cached_property
-    def modal_ratios(self) -> MeasuredRatios:
-        """Damping ratios of `rows` in the modal fit."""
-        omega = np.sqrt(self.modal.eigenvalue[self.lawful])
-        ratio = self.modal.rate[self.lawful] / (2 * omega)
-        order = np.argsort(self.model.omega[self.lawful])  # the modal law's coefficients ascend with their knots
-        covariance = np.empty((ratio.size, ratio.size))
-        covariance[np.ix_(order, order)] = self.modal.noise_covariance
-        return MeasuredRatios(omega, ratio, covariance / np.outer(ratio, ratio))
-
-    def start(self, law: DampingLaw) -> FloatArray:
-        """(p,) coefficients that come nearest to the measured damping ratios (2 % where none was measured)."""
-        omega = 2 * np.pi * self.modes.frequency_hz[self.rows]
-        return nearest_positive(law, omega, self.first_ratio, self.model.omega[self.unmeasured])
-
-    def fit(self, law: DampingLaw, *, many_starts: bool, progress: Callable[[float], None]) -> DampingResult:
-        """Fit a law, from one start or from several that lie far apart.
-
-        Raises:
-            UpdatingError: no start converged.
+        A window that nobody stated cannot decay faster than the slowest mode was seen to.
         """
-        start = self.start(law)
-        missed = np.log(law_ratio(law, self.ratios.omega, self.ratios.ratio) / self.ratios.ratio)
-        tight = discrepancy(missed, len(law.coefficient_names), LAW_DISCREPANCY)
-        spread = discrepancy(missed, len(law.coefficient_names), DAMPING_DISCREPANCY)
-        starts = self.starts(law) if many_starts else [start]
-        fits: list[DampingFit] = []
-        for done, first in enumerate(starts):
-            progress(done / len(starts))
-            fits += self._try(law, first, tight, last_hope=not fits and done == len(starts) - 1)
-        fits.sort(key=lambda fit: fit.objective)
-        best = fits[0]
-        by_elastic = self._by_elastic(best)
-        covariance = (
-            best.noise_covariance
-            + self._model_spread(best, spread)
-            + by_elastic @ self.elastic.covariance @ by_elastic.T
-        )
-        sampled = self.sampled_ratios(tight)
-        slope = law.basis(sampled.omega) / (2 * sampled.omega * sampled.ratio)[:, None]
-        rivals = [fit.coefficients for fit in fits if fit.objective - best.objective < _RIVAL * self.scale]
-        optima = _different(rivals, _SAME_TO_NOISE * np.sqrt(np.diag(best.noise_covariance)))
-        return DampingResult(
-            fit=best,
-            start=start,
-            starts=len(starts),
-            optima=optima,
-            modal=self.modal,
-            covariance=covariance,
-            sampled_covariance=np.linalg.inv(slope.T @ np.linalg.inv(sampled.relative_covariance) @ slope),
-            admitted_covariance=self._model_spread(best, float(np.sqrt(max(spread**2 - tight**2, 0.0)))),
-            tight=tight,
-            by_elastic=by_elastic,
-            discrepancy=spread,
-            misfit=self.misfit,
-        )
+        if self.inputs.window_rate is not None:
+            return self.inputs.window_rate_sd
+        seen = self.roles.first_ratio * 2 * np.pi * self.modes.frequency_hz[self.roles.rows]
+        spacing = float(np.median(np.diff(self.frfs.frequency_hz))) if self.frfs.frequency_hz.size > 1 else 0.0
+        return min(UNSTATED_WINDOW * spacing, float(seen.min()))
 
-    def sampled_ratios(self, tight: float) -> MeasuredRatios:
-        """Ratios of the modal fit to these FRFs, known to their noise and to the deviation that the estimate allows."""
-        own = self.modal_ratios
-        return replace(own, relative_covariance=own.relative_covariance + tight**2 * np.eye(own.ratio.size))
 
-    def starts(self, law: DampingLaw) -> list[FloatArray]:
-        """The measured ratios' law, it scaled up and down, and each coefficient alone."""
-        start, omega, ratio = self.start(law), self.ratios.omega, np.median(self.ratios.ratio)
-        basis = law.basis(omega)
-        damping = np.flatnonzero(np.all(basis > 0, axis=0))  # coefficients that alone would damp every mode
-        alone = [np.median(2 * omega * ratio / basis[:, j]) * np.eye(basis.shape[1])[j] for j in damping]
-        return [start, start * _SPREAD_OF_STARTS, start / _SPREAD_OF_STARTS, *alone]
+@dataclass(frozen=True)
+class ReferenceFit:
+    """A ratio of its own for every measured mode: the reference of every law.
 
-    def _try(self, law: DampingLaw, start: FloatArray, tight: float, *, last_hope: bool) -> list[DampingFit]:
-        nuisance = self.nuisance(tight)
+    Attributes:
+        misfit: with the noise variance: the measured one, or one from the residual of an unweighted modal fit. A delay between
+            the channels is taken out of its FRFs.
+        fit: the modal fit.
+        scale: what the misfit of one value is by noise alone, with the weighting of this stage.
+        ratios: damping ratios as measured where they were, else from the modal fit.
+        own_ratios: those of the modal fit.
+        delay: between the channels, as the FRFs show it, s.
+    """
+
+    misfit: FrfMisfit
+    fit: DampingFit
+    scale: float
+    ratios: MeasuredRatios
+    own_ratios: MeasuredRatios
+    delay: float
+
+
+def damping_data(
+    frfs: FrfSet, elastic: ElasticResult, modes: MeasuredModes, weighting: Weighting, inputs: Inputs | None = None
+) -> DampingData:
+    """Assign the modes their parts in stage 2.
+
+    Raises:
+        UpdatingError: no measured mode in the band strains the specimen.
+    """
+    roles = assign_roles(frfs, elastic, modes)
+    model = elastic.updated.frf_model(frfs.responses, frfs.references)
+    shift = roles.first_shift[~np.isin(roles.shifted, roles.suspended)]
+    modal_law = ModalDamping(tuple(np.sort(model.omega[roles.lawful] * (1 + shift))))
+    return DampingData(frfs, elastic, modes, weighting, inputs or Inputs.exact(), model, roles, modal_law)
+
+
+def fit_reference(data: DampingData) -> ReferenceFit:
+    """Find the noise and the channels' delay, and fit every measured mode by itself.
+
+    Raises:
+        UpdatingError: the fit did not converge.
+    """
+    frfs, delay = data.frfs, 0.0
+    variance = _noise_variance(data)
+    for _ in range(3):
+        misfit = data.misfit(frfs, data.weighting, variance)
+        fit = fit_law(misfit, data.modal_law, data.start(data.modal_law), data.nuisance(0), _unit(misfit))
+        left = misfit.delay(fit.eigenvalue, fit.rate)
+        delay += left
+        if abs(left) * frfs.omega[-1] < _LARGE_TURN:
+            break
+        frfs = replace(frfs, values=frfs.values * np.exp(1j * frfs.omega * left))
+    own = _modal_ratios(data, fit)
+    scale = 1.0 if data.weighting == "noise" else fit.cost / float(np.sum(misfit.counted))
+    return ReferenceFit(misfit, fit, scale, _measured_ratios(data) or own, own, delay)
+
+
+def fit_damping(
+    data: DampingData,
+    reference: ReferenceFit,
+    law: DampingLaw,
+    *,
+    many_starts: bool = True,
+    progress: Callable[[float], None] = lambda _: None,
+) -> DampingResult:
+    """Fit a law, from one start or from several that lie far apart.
+
+    Raises:
+        UpdatingError: no start converged.
+    """
+    start, ratios = data.start(law), reference.ratios
+    missed = np.log(law_ratio(law, ratios.omega, ratios.ratio) / ratios.ratio)
+    spread = discrepancy(missed, len(law.coefficient_names), DAMPING_DISCREPANCY)
+    starts = _starts(law, start, ratios) if many_starts else [start]
+    fits: list[DampingFit] = []
+    for done, first in enumerate(starts):
+        progress(done / len(starts))
         try:
-            return [fit_law(self.misfit, law, start, nuisance, self.scale)]
+            fits.append(fit_law(reference.misfit, law, first, data.nuisance(spread), reference.scale))
         except UpdatingError:
-            if last_hope:
+            if not fits and done == len(starts) - 1:
                 raise
-            return []
+    fits.sort(key=lambda fit: fit.objective)
+    best = fits[0]
+    elastic, by_elastic = data.elastic, _by_elastic(data, reference.misfit, best)
+    by_coordinates = by_elastic * elastic.coordinates.slope(elastic.theta)
+    rivals = [fit.coefficients for fit in fits if fit.objective - best.objective < _RIVAL * reference.scale]
+    return DampingResult(
+        fit=best,
+        start=start,
+        starts=len(starts),
+        optima=_different(rivals, _SAME_TO_NOISE * np.sqrt(np.diag(best.noise_covariance))),
+        reference=reference,
+        sources={
+            **_own_sources(data, best, spread),
+            **{n: by_coordinates @ part for n, part in elastic.sources.items()},
+        },
+        pulls=by_coordinates @ elastic.pulls,
+        window=-law_of_window(law, ratios) * data.window_sd(),
+        by_elastic=by_elastic,
+        discrepancy=spread,
+    )
 
-    def _model_spread(self, fit: DampingFit, relative: float) -> FloatArray:
-        """(p, p) covariance by each mode lying off the law by its share, and unmeasured ones off the model's frequency."""
-        m, others = fit.eigenvalue.size, self.unmeasured
-        by = fit.response @ fit.normal.hessian
-        by_rate = by[:, m + fit.nuisance.modes] * fit.rate[fit.nuisance.modes] * relative
-        by_shift = by[:, others] * 2 * fit.eigenvalue[others] * self.elastic.discrepancy
-        spread: FloatArray = by_rate @ by_rate.T + by_shift @ by_shift.T
-        return spread
 
-    def _by_elastic(self, fit: DampingFit) -> FloatArray:
-        """(p, q) derivative of the estimate by stage 1's: constants move shapes, and the modes that carry no shift."""
-        state, misfit = self.elastic.updated, self.misfit
-        omega = self.frfs.omega
-        flexibility = convert(omega, self.frfs.quantity) / (
-            fit.eigenvalue[:, None] - omega**2 + 1j * omega * fit.rate[:, None]
-        )
-        jacobian = misfit.jacobian(fit.eigenvalue, fit.rate)
-        by_residue = state.residue_jacobian(self.frfs.responses, self.frfs.references) @ flexibility
-        if jacobian.factors is not None:
-            by_drive = state.residue_jacobian(self.frfs.responses, self.frfs.responses) @ flexibility
-            by_residue = jacobian.factors[0] * by_residue + jacobian.factors[1] * by_drive
-        _, weight = misfit.residual(misfit.predict(fit.eigenvalue, fit.rate))
-        gradients = np.array([jacobian.gradient(weight * change) for change in by_residue]) @ fit.normal.reduction
-        by_eigenvalue = np.zeros_like(gradients)
-        by_eigenvalue[:, : fit.eigenvalue.size] = state.eigenvalue_jacobian.T
-        moved: FloatArray = -fit.response @ (gradients + by_eigenvalue @ fit.normal.hessian).T
-        return moved
+def _noise_variance(data: DampingData) -> FloatArray:
+    """(N, L) noise variance: as stated, else from the residual of an unweighted modal fit."""
+    stated, measured = data.frfs.variance, data.frfs.measured
+    if stated is not None and not np.isnan(stated[measured]).any():
+        return np.where(measured, stated, 1.0)
+    even = data.misfit(data.frfs, "linear", np.ones(measured.shape))
+    first = fit_law(even, data.modal_law, data.start(data.modal_law), data.nuisance(0), _unit(even))
+    predicted = even.predict(first.eigenvalue, first.rate)
+    variance = residual_variance(data.frfs.values - predicted, predicted, measured, 0)
+    return variance if stated is None else np.where(np.isnan(stated), variance, stated)
+
+
+def _unit(misfit: FrfMisfit) -> float:
+    """A first guess of a fit's scale: a thousandth of the signal's own weight."""
+    return 1.0 if misfit.weighting == "noise" else _FIRST_NOISE * misfit.signal() / misfit.frfs.values.size
+
+
+def _measured_ratios(data: DampingData) -> MeasuredRatios | None:
+    """Damping ratios that the law has to explain as they were measured; None where one of them was not."""
+    rows = data.roles.rows
+    measured = data.modes.damping_ratio[rows]
+    if not np.all(np.nan_to_num(measured) > 0):
+        return None
+    covariance = np.zeros((len(rows), len(rows)))
+    if data.modes.covariance is not None:
+        places = len(data.modes) + np.array(rows)
+        covariance = data.modes.covariance[np.ix_(places, places)]
+    omega = 2 * np.pi * data.modes.frequency_hz[rows]
+    return MeasuredRatios(omega, measured, covariance / np.outer(measured, measured))
+
+
+def _modal_ratios(data: DampingData, modal: DampingFit) -> MeasuredRatios:
+    """The same in the modal fit."""
+    lawful = data.roles.lawful
+    omega = np.sqrt(modal.eigenvalue[lawful])
+    ratio = modal.law_rate[lawful] / (2 * omega)
+    order = np.argsort(data.model.omega[lawful])  # the modal law's coefficients ascend with their knots
+    covariance = np.empty((ratio.size, ratio.size))
+    covariance[np.ix_(order, order)] = modal.noise_covariance
+    return MeasuredRatios(omega, ratio, covariance / np.outer(ratio, ratio))
+
+
+def _starts(law: DampingLaw, start: FloatArray, ratios: MeasuredRatios) -> list[FloatArray]:
+    """The measured ratios' law, it scaled up and down, and each coefficient alone."""
+    omega, ratio = ratios.omega, np.median(ratios.ratio)
+    basis = law.basis(omega)
+    damping = np.flatnonzero(np.all(basis > 0, axis=0))  # coefficients that alone would damp every mode
+    alone = [np.median(2 * omega * ratio / basis[:, j]) * np.eye(basis.shape[1])[j] for j in damping]
+    return [start, start * _SPREAD_OF_STARTS, start / _SPREAD_OF_STARTS, *alone]
+
+
+def _own_sources(data: DampingData, fit: DampingFit, relative: float) -> dict[str, FloatArray]:
+    """(p, k) by noise, by each mode lying off the law by its share, and by unmeasured ones off the model's frequency."""
+    m, others, moved = fit.eigenvalue.size, data.roles.unmeasured, fit.nuisance.modes
+    by = fit.response @ fit.normal.hessian
+    by_shift = by[:, others] * 2 * fit.eigenvalue[others] * data.elastic.discrepancy
+    scale = np.sqrt(np.diag(fit.noise_covariance))
+    safe = np.where(scale > 0, scale, 1.0)
+    value, turn = np.linalg.eigh(fit.noise_covariance / np.outer(safe, safe))
+    parts = (
+        safe[:, None] * turn * np.sqrt(np.maximum(value, 0)),
+        by[:, m + moved] * fit.law_rate[moved] * relative,
+        by_shift,
+    )
+    return dict(zip(_OWN_SOURCES, parts, strict=True))
+
+
+def _by_elastic(data: DampingData, misfit: FrfMisfit, fit: DampingFit) -> FloatArray:
+    """(p, q) derivative of the estimate by stage 1's: constants move shapes, and the modes that carry no shift."""
+    state, frfs = data.elastic.updated, data.frfs
+    omega = frfs.omega
+    flexibility = convert(omega, frfs.quantity) / (fit.eigenvalue[:, None] - omega**2 + 1j * omega * fit.rate[:, None])
+    jacobian = misfit.jacobian(fit.eigenvalue, fit.rate)
+    by_residue = state.residue_jacobian(frfs.responses, frfs.references) @ flexibility
+    if jacobian.factors is not None:
+        by_drive = state.residue_jacobian(frfs.responses, frfs.responses) @ flexibility
+        by_residue = jacobian.factors[0] * by_residue + jacobian.factors[1] * by_drive
+    _, weight = misfit.residual(misfit.predict(fit.eigenvalue, fit.rate))
+    gradients = np.array([jacobian.gradient(weight * change) for change in by_residue]) @ fit.normal.reduction
+    by_eigenvalue = np.zeros_like(gradients)
+    by_eigenvalue[:, : fit.eigenvalue.size] = state.eigenvalue_jacobian.T
+    moved: FloatArray = -fit.response @ (gradients + by_eigenvalue @ fit.normal.hessian).T
+    return moved
+
+
+def law_of_window(law: DampingLaw, ratios: MeasuredRatios) -> FloatArray:
+    """(p,) change of a law's coefficients per rate 1/τ of an exponential window: every modal rate grows by 2/τ."""
+    basis = law.basis(ratios.omega) / (2 * ratios.omega * ratios.ratio)[:, None]
+    scale = np.linalg.norm(basis, axis=0)
+    share = 1 / (ratios.omega * ratios.ratio)
+    grown: FloatArray = np.linalg.lstsq(basis / scale, share, rcond=None)[0] / scale
+    return grown
 
 
 def law_ratio(law: DampingLaw, omega: FloatArray, ratio: FloatArray) -> FloatArray:
@@ -362,7 +384,11 @@ def law_ratio(law: DampingLaw, omega: FloatArray, ratio: FloatArray) -> FloatArr
 def nearest_positive(
     law: DampingLaw, omega: FloatArray, ratio: FloatArray, others: FloatArray | tuple[()] = ()
 ) -> FloatArray:
-    """Coefficients nearest to given ratios; where those would damp one of these or other modes negatively, to their median."""
+    """Coefficients nearest to given ratios; where those would damp one of these or other modes negatively, to their median.
+
+    Raises:
+        UpdatingError: there are fewer modes than coefficients.
+    """
     if omega.size < len(law.coefficient_names):
         raise UpdatingError(
             f"{omega.size} measured {'mode' if omega.size == 1 else 'modes'} cannot fix the {len(law.coefficient_names)} "

@@ -1,22 +1,20 @@
 """Stage 1: elastic constants from natural frequencies and mode shapes (Eqs. 12-14, Fig. 1).
 
-The maximum a posteriori estimate by Gauss-Newton,
+The maximum a posteriori estimate in the coordinates ξ of `coordinates`, parameters and inputs together, by Levenberg and
+Marquardt's method on the misfit
 
-    Δθ = (SᵀC_e⁻¹S + C_p⁻¹)⁻¹ [SᵀC_e⁻¹ (f_exp - f(θ)) + C_p⁻¹ (θ₀ - θ)],     S = ∂f/∂θ analytic,
+    E(ξ) = ½ rᵀ(C_noise + s² 1)⁻¹ r + ½ (ξ - ξ₀)ᵀC_p⁻¹(ξ - ξ₀),     r = ln f_exp - ln f(ξ),     S = ∂ln f/∂ξ analytic.
 
-with C_e = C_noise + diag((s f)²): the noise of the measured frequencies and the model's relative discrepancy s.
-Measured and model modes are paired anew by MAC at every iterate, as constants move modes past each other.
-
-The discrepancy is estimated from the residuals with a prior, and plays two parts. The *estimate* weighs data against prior
-with the most probable s, whose prior is what plate theory itself misses (0.05 %: see `docs/accuracy.md`); a larger s would
-let a poor prior mean pull on well-measured data. The *covariance* is the expected error of that estimate at the posterior
-mean of s with the wide prior of a real body and its supports (0.2 %), so the interval admits what the estimate assumes away.
+Measured and model modes are paired anew by MAC as constants move modes past each other, and the discrepancy s is the root of
+its posterior mean. The intervals are those of the posterior with s marginalised (`posterior`), and reach on to one side where
+an input is believed to be nothing but may be something (`excursions`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -24,29 +22,30 @@ from fecore.arrays import FloatArray
 from fecore.correlation import Pairing, pair_modes
 from fecore.errors import InputError, UpdatingError
 from fecore.identification import turn_real
+from fecore.least_squares import Stopping, minimise
 from fecore.modes import MeasuredModes
+from fecore.updating.coordinates import Coordinates
+from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.parameters import by_name
-from fecore.updating.posterior import Verdict, discrepancy, null_directions, verdicts
-
-FREQUENCY_DISCREPANCY = 0.002
-"""Prior standard deviation of the model's error in a natural frequency, as a share of it, for the intervals."""
-
-THEORY_DISCREPANCY = 0.0005
-"""The same for the estimate: what plate theory misses of a three-dimensional body's frequencies."""
+from fecore.updating.posterior import (
+    DISCREPANCY,
+    Identifiability,
+    Mixture,
+    discrepancy,
+    identifiability,
+    marginalise,
+    null_directions,
+)
 
 SHAPE_DISCREPANCY = 0.01
 """Standard deviation of a measured shape about the model's at a point, as a share of the shape's largest entry."""
 
 _UNKNOWN_FREQUENCY_SD = 0.0002  # a typed-in frequency is taken to be this sure, as a share of it
-_MAX_ITERATIONS = 40
-_SWINGING = 15  # iterations after which a fit that is not at rest swings
-_MAX_HALVINGS = 12
-_FAR = 2.0  # prior standard deviations from the prior mean that are worth telling
-_LOWEST = 1e-3  # of its prior mean: what no positive parameter falls below
-_STEP_TOLERANCE = 1e-4  # in posterior standard deviations
-_SWINGING_TOLERANCE = 1e-2  # the same once it swings: large residuals make Gauss-Newton steps overshoot
-_COST_ROUND_OFF = 1e-7  # eigenvalues are good to some 1e-9, so a smaller rise of the cost means nothing
+_TURNS, _STEPS = 30, 6  # pairings and discrepancies that are tried, and steps with each
+_SWINGING = 12  # turns after which a fit that is not at rest swings
+_REST = 1e-4  # posterior standard deviations that an undamped step may still move
+_SAME_DISCREPANCY = 0.01  # relative change that changes nothing
 
 
 @dataclass(frozen=True)
@@ -60,40 +59,61 @@ class ElasticIterate:
 
 @dataclass(frozen=True)
 class ElasticResult:
-    """Updated elastic parameters.
+    """Updated elastic parameters θ, the laboratory's inputs among them.
 
     Attributes:
-        theta: (p,) estimate.
-        covariance: (p, p) posterior covariance, model discrepancy included.
-        noise_covariance: (p, p) covariance of the estimate under measurement noise alone.
-        sampled_covariance: (p, p) Gaussian approximation of the posterior whose mode the estimate is.
-        admitted_covariance: (p, p) what the discrepancy adds beyond that: the two make `covariance`.
-        measured_hz, weight: (n,) paired measured frequencies and (n, n) C_e⁻¹ of the estimate.
+        theta: (p,) estimate, SI.
+        coordinates: the map to the coordinates ξ in which the posterior is nearly Gaussian.
+        mixture: the posterior of ξ about the estimate.
+        sources: by name of its source, (p, k) independent standard deviations of which the error of ξ is made at the mean
+            discrepancy: Σ LLᵀ is the posterior covariance.
+        covariance: (p, p) posterior covariance of θ, discrepancy included, excursions not.
+        noise_covariance: (p, p) covariance of θ under measurement noise alone.
+        excursions: inputs that may be something, for what they do.
+        sensitivity, gain: (n, p) ∂ln f/∂ξ of the paired modes, and (p, n) ∂ξ̂/∂ln f_measured.
+        measured_log: (n,) logarithms of the paired measured frequencies; noise: (n, n) their covariance.
         initial, updated: the model at the prior means and at the estimate.
         initial_pairing, pairing: measured to model modes, before and after.
-        verdicts: identifiability of each parameter.
+        identifiability: of each parameter.
         null_directions: (q, p) unit vectors, in prior standard deviations, of which the data say next to nothing.
         discrepancy: estimated relative model error of a frequency, which the covariance includes.
+        residual: (n,) ln f_measured - ln f_model of the paired modes.
         history: iterates, first to last.
-        warnings: what a user must know.
     """
 
     theta: FloatArray
+    coordinates: Coordinates
+    mixture: Mixture
+    sources: Mapping[str, FloatArray]
     covariance: FloatArray
     noise_covariance: FloatArray
-    sampled_covariance: FloatArray
-    admitted_covariance: FloatArray
-    measured_hz: FloatArray
-    weight: FloatArray
+    excursions: tuple[Excursion, ...]
+    sensitivity: FloatArray
+    gain: FloatArray
+    measured_log: FloatArray
+    noise: FloatArray
     initial: ForwardState
     updated: ForwardState
     initial_pairing: Pairing
     pairing: Pairing
-    verdicts: tuple[Verdict, ...]
+    identifiability: tuple[Identifiability, ...]
     null_directions: FloatArray
     discrepancy: float
+    residual: FloatArray
     history: tuple[ElasticIterate, ...]
-    warnings: tuple[str, ...]
+
+    @property
+    def misfit(self) -> float:
+        """Root mean square of the residuals."""
+        return float(np.sqrt(np.mean(self.residual**2)))
+
+    @cached_property
+    def pulls(self) -> FloatArray:
+        """(p, e) change of ξ by one standard deviation of each excursion: what the frequencies then belong to."""
+        columns = [column for _, column in self.pairing.pairs]
+        if not self.excursions:
+            return np.zeros((self.theta.size, 0))
+        return -self.gain @ np.column_stack([each.shift[columns] for each in self.excursions])
 
 
 def update_elastic(
@@ -102,14 +122,18 @@ def update_elastic(
     progress: Callable[[float], None] = lambda _: None,
     *,
     use_shapes: bool = False,
+    start: FloatArray | None = None,
+    seek_excursions: Callable[[ForwardState], tuple[Excursion, ...]] = lambda _: (),
 ) -> ElasticResult:
     """Estimate the parameters from measured modes.
 
     Args:
         forward: the model; its first points are those of the modes' shapes, in their order.
         modes: measured modes; without shapes they are paired by frequency.
-        progress: told the share of the stage that is done.
+        progress: called with the share of the stage that is done.
         use_shapes: fit realised shapes too; needs modes with shapes.
+        start: (p,) θ to start from, the prior means by default.
+        seek_excursions: what inputs may do that are believed to be nothing, at the updated model.
 
     Raises:
         InputError: shapes are asked for and there are none.
@@ -119,24 +143,36 @@ def update_elastic(
     if use_shapes and modes.shapes is None:
         raise InputError("use_shapes", "the measured modes have no shapes at points of the model")
     fit = _Fit(forward, modes, use_shapes)
-    state = initial_state = forward.solve(forward.parametrisation.prior_mean)
-    pairing = initial_pairing = fit.pair(state)
-    spread = FREQUENCY_DISCREPANCY
+    prior_mean = forward.parametrisation.prior_mean
+    initial = forward.solve(prior_mean)
+    initial_pairing = fit.pair(initial)
+    state = initial if start is None else forward.solve(start)
+    pairing, spread = fit.pair(state), DISCREPANCY
     history: list[ElasticIterate] = []
     torn: set[int] = set()
-    for iteration in range(_MAX_ITERATIONS):
-        progress(1 - 0.6**iteration)
-        system = fit.linearise(state, pairing, spread)
-        history.append(ElasticIterate(state.theta, _measured_order(state, pairing, len(modes)), system.cost))
-        step = fit.bounded_step(state.theta, system)
-        tolerance = _STEP_TOLERANCE if iteration < _SWINGING else _SWINGING_TOLERANCE
-        if step @ system.hessian @ step < tolerance**2:
-            return fit.finish(state, pairing, spread, initial_state, initial_pairing, tuple(history))
-        state = fit.descend(state, pairing, spread, step, system.cost, history)
-        before, pairing = pairing, fit.pair(state)
-        if iteration >= _SWINGING:
+    visited = 0
+
+    def visit(_: int, point: _Point) -> None:
+        nonlocal visited
+        progress(1 - 0.7**visited)
+        visited += 1
+        if not history or point.state.theta is not history[-1].theta:
+            frequencies = _measured_order(point.state, point.pairing, len(modes))
+            history.append(ElasticIterate(point.state.theta, frequencies, point.cost))
+
+    for turn in range(_TURNS):
+        stopping = Stopping(relative=0.0, absolute=_REST**2 / 2, steps=_STEPS)
+        found = minimise(fit.at(state, pairing, spread), fit.move, stopping, visit)
+        state, before = found.point.state, pairing
+        pairing = fit.pair(state)
+        if turn >= _SWINGING:
             torn |= {row for row, _ in set(before.pairs) ^ set(pairing.pairs)}
-        spread = discrepancy(*fit.relative_residual(state, pairing, spread), THEORY_DISCREPANCY)
+        fresh = discrepancy(*fit.relative_residual(fit.at(state, pairing, spread)), DISCREPANCY)
+        settled = abs(fresh / spread - 1) < _SAME_DISCREPANCY and before.pairs == pairing.pairs
+        if settled and found.outcome in ("converged", "stuck"):
+            point = fit.at(state, pairing, spread)
+            return fit.finish(point, initial, initial_pairing, tuple(history), seek_excursions(state))
+        spread = fresh
     raise UpdatingError(
         fit.without_rest(torn),
         best=by_name(forward.parametrisation.names, state.theta),
@@ -145,14 +181,18 @@ def update_elastic(
 
 
 @dataclass(frozen=True)
-class _System:
-    """Gauss-Newton system of the negative log posterior at one iterate."""
+class _Point:
+    """A solved model with the misfit there, as `minimise` asks for it."""
 
-    cost: float
-    gradient: FloatArray
-    hessian: FloatArray
+    state: ForwardState
+    pairing: Pairing
+    spread: float
+    residual: FloatArray
     sensitivity: FloatArray
     weight: FloatArray
+    cost: float
+    descent: FloatArray
+    hessian: FloatArray
 
 
 @dataclass(frozen=True)
@@ -162,6 +202,10 @@ class _Fit:
     forward: ForwardModel
     modes: MeasuredModes
     use_shapes: bool = False
+
+    @cached_property
+    def coordinates(self) -> Coordinates:
+        return Coordinates(self.forward.parametrisation)
 
     def pair(self, state: ForwardState) -> Pairing:
         model_shapes = None if self.modes.shapes is None else state.shapes[:, : len(self.modes.dofs)]
@@ -175,27 +219,41 @@ class _Fit:
         return pairing
 
     def noise(self, rows: list[int]) -> FloatArray:
-        """(n, n) covariance of the paired measured frequencies by noise."""
+        """(n, n) covariance of the logarithms of the paired measured frequencies by noise."""
         if self.modes.covariance is None:
-            return np.diag((_UNKNOWN_FREQUENCY_SD * self.modes.frequency_hz[rows]) ** 2)
-        return self.modes.covariance[np.ix_(rows, rows)]
+            return np.eye(len(rows)) * _UNKNOWN_FREQUENCY_SD**2
+        hz = self.modes.frequency_hz[rows]
+        return self.modes.covariance[np.ix_(rows, rows)] / np.outer(hz, hz)
 
-    def linearise(self, state: ForwardState, pairing: Pairing, spread: float) -> _System:
+    def at(self, state: ForwardState, pairing: Pairing, spread: float) -> _Point:
+        """The misfit at a solved model, for a pairing and a discrepancy."""
         rows, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
-        measured = self.modes.frequency_hz[rows]
-        weight = np.linalg.inv(self.noise(rows) + np.diag((spread * measured) ** 2))
-        residual = measured - state.frequency_hz[columns]
-        S = state.frequency_jacobian[columns]
-        prior = self.forward.parametrisation
-        away = (state.theta - prior.prior_mean) / prior.prior_sd
+        coordinates = self.coordinates
+        weight = np.linalg.inv(self.noise(rows) + spread**2 * np.eye(len(rows)))
+        residual = np.log(self.modes.frequency_hz[rows] / state.frequency_hz[columns])
+        slope = coordinates.slope(state.theta)
+        S = state.frequency_jacobian[columns] / state.frequency_hz[columns, None] * slope
+        away = (coordinates.of(state.theta) - coordinates.mean) / coordinates.sd
         missed, by = self.shape_residual(state, pairing)
-        return _System(
+        by = by * slope
+        return _Point(
+            state,
+            pairing,
+            spread,
+            residual,
+            S,
+            weight,
             cost=float(residual @ weight @ residual + away @ away + missed @ missed) / 2,
-            gradient=-S.T @ weight @ residual + away / prior.prior_sd - by.T @ missed,
-            hessian=S.T @ weight @ S + np.diag(prior.prior_sd**-2) + by.T @ by,
-            sensitivity=S,
-            weight=weight,
+            descent=S.T @ weight @ residual - away / coordinates.sd + by.T @ missed,
+            hessian=S.T @ weight @ S + np.diag(coordinates.sd**-2) + by.T @ by,
         )
+
+    def move(self, point: _Point, step: FloatArray) -> _Point | None:
+        """The point that a step in the coordinates leads to; None where no specimen could be."""
+        xi = self.coordinates.of(point.state.theta) + step
+        if not self.coordinates.are_believable(xi[None])[0]:
+            return None
+        return self.at(self.forward.solve(self.coordinates.values(xi)), point.pairing, point.spread)
 
     def shape_residual(self, state: ForwardState, pairing: Pairing) -> tuple[FloatArray, FloatArray]:
         """Realised measured less model shapes, each at its best scale, in standard deviations, and -∂/∂θ of them."""
@@ -215,35 +273,14 @@ class _Fit:
             jacobians.append(scale * across.T / SHAPE_DISCREPANCY)
         return np.concatenate(residuals), np.vstack(jacobians)
 
-    @property
-    def lowest(self) -> FloatArray:
-        """(p,) what no parameter falls below: a thousandth of its prior mean; a Poisson's ratio has no such bound."""
-        prior = self.forward.parametrisation
-        return np.where(prior.signed, -np.inf, _LOWEST * prior.prior_mean)
-
-    def at_bound(self, theta: FloatArray) -> list[str]:
-        """Parameters that ended at their bound, in words."""
-        held = np.flatnonzero(theta <= self.lowest)
-        names = self.forward.parametrisation.names
-        return [
-            f"{names[i]} ended at its lower bound, {theta[i]:.3g}: the data ask for less; look at the model or leave it out"
-            for i in held
-        ]
-
-    def far_from_prior(self, theta: FloatArray) -> list[str]:
-        """Parameters that ended where their prior did not expect them, in words."""
-        prior = self.forward.parametrisation
-        away = (theta - prior.prior_mean) / prior.prior_sd
-        return [
-            f"{prior.names[i]} ended {abs(away[i]):.1f} prior standard deviations {'above' if away[i] > 0 else 'below'} its "
-            f"prior mean ({theta[i]:.3g} against {prior.prior_mean[i]:.3g}): the prior or the model is wrong, and its interval "
-            "supposes neither"
-            for i in np.flatnonzero(np.abs(away) > _FAR)
-        ]
+    def relative_residual(self, point: _Point) -> tuple[FloatArray, float]:
+        """Residuals as shares of the frequencies, and how many parameters they determine: tr(H⁻¹ SᵀWS)."""
+        informed = point.sensitivity.T @ point.weight @ point.sensitivity
+        return point.residual, float(np.trace(np.linalg.solve(point.hessian, informed)))
 
     def without_rest(self, torn: set[int]) -> str:
         """Why an iteration goes on for ever, and what to do, in words; `torn` are the modes whose partner changed."""
-        said = f"the elastic update did not converge in {_MAX_ITERATIONS} iterations; "
+        said = f"the elastic update did not converge in {_TURNS} turns of {_STEPS} steps; "
         if not torn:
             return said + "check geometry, density, boundary and priors"
         which = ", ".join(f"{row + 1} ({self.modes.frequency_hz[row]:.2f} Hz)" for row in sorted(torn))
@@ -252,95 +289,67 @@ class _Fit:
             "cannot tell them apart: leave it out of the mode set, measure at more points, or check boundary and geometry"
         )
 
-    def bounded_step(self, theta: FloatArray, system: _System) -> FloatArray:
-        """The Gauss-Newton step of the parameters that are not held at their bound."""
-        free = np.ones(theta.size, dtype=bool)
-        step = np.zeros(theta.size)
-        for _ in range(theta.size):
-            step = np.zeros(theta.size)
-            step[free] = np.linalg.solve(system.hessian[np.ix_(free, free)], -system.gradient[free])
-            pressed = free & (theta <= self.lowest) & (step < 0)
-            if not pressed.any() or pressed[free].all():
-                break
-            free &= ~pressed
-        return step
-
-    def descend(
-        self,
-        state: ForwardState,
-        pairing: Pairing,
-        spread: float,
-        step: FloatArray,
-        cost: float,
-        history: list[ElasticIterate],
-    ) -> ForwardState:
-        """The next iterate: the full step, halved until it is physical and the cost does not grow."""
-        for halving in range(_MAX_HALVINGS):
-            theta = np.maximum(state.theta + step / 2**halving, self.lowest)
-            if not self.forward.parametrisation.is_physical(theta):
-                continue
-            candidate = self.forward.solve(theta)
-            if self.linearise(candidate, pairing, spread).cost <= cost + _COST_ROUND_OFF * (1 + cost):
-                return candidate
-        raise UpdatingError(
-            "the elastic update diverges: no step along the Gauss-Newton direction lowers the misfit",
-            best=by_name(self.forward.parametrisation.names, state.theta),
-            history=tuple(iterate.cost for iterate in history),
-        )
-
-    def relative_residual(self, state: ForwardState, pairing: Pairing, spread: float) -> tuple[FloatArray, float]:
-        """Residuals as shares of the frequencies, and how many parameters they determine: tr(H⁻¹ SᵀWS)."""
-        rows, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
-        system = self.linearise(state, pairing, spread)
-        informed = system.hessian - np.diag(self.forward.parametrisation.prior_sd**-2)
-        fitted = float(np.trace(np.linalg.solve(system.hessian, informed)))
-        return state.frequency_hz[columns] / self.modes.frequency_hz[rows] - 1, fitted
-
     def finish(
         self,
-        state: ForwardState,
-        pairing: Pairing,
-        spread: float,
+        point: _Point,
         initial: ForwardState,
         initial_pairing: Pairing,
         history: tuple[ElasticIterate, ...],
+        excursions: tuple[Excursion, ...],
     ) -> ElasticResult:
-        """The result, with the expected error of the estimate θ̂ = θ₀ + G (f_exp - f(θ₀)), linear in data and prior mean:
+        """The result, with what its error is made of.
 
-        E[(θ̂ - θ)(θ̂ - θ)ᵀ] = G C_e Gᵀ + (1 - GS) C_p (1 - GS)ᵀ, where G belongs to the estimate's C_e and the wide C_e stands
-        in the middle. With the estimate's own C_e it is the posterior covariance H⁻¹, so the rest is G (C_e - C_e,estimate) Gᵀ.
+        The estimate is linear in data and prior means, so its error is Gε + H⁻¹C_p⁻¹(ξ₀ - ξ) with G = H⁻¹SᵀW; the variances of
+        these parts, the noise's, the discrepancy's and each prior's, add up to H⁻¹.
         """
-        estimator = self.linearise(state, pairing, spread)
-        gain = np.linalg.solve(estimator.hessian, estimator.sensitivity.T @ estimator.weight)
-        wide = discrepancy(*self.relative_residual(state, pairing, spread), FREQUENCY_DISCREPANCY)
-        sampled = np.linalg.inv(estimator.hessian)
-        more = np.linalg.inv(self.linearise(state, pairing, wide).weight) - np.linalg.inv(estimator.weight)
-        admitted = gain @ more @ gain.T
-        covariance = sampled + admitted
+        state, pairing, coordinates = point.state, point.pairing, self.coordinates
         rows = [row for row, _ in pairing.pairs]
-        prior = self.forward.parametrisation
+        noise = self.noise(rows)
+        of_data = point.sensitivity.T @ point.weight @ point.sensitivity
+        mixture = marginalise(
+            point.residual,
+            noise,
+            point.sensitivity,
+            point.hessian - of_data,
+            point.descent - point.sensitivity.T @ point.weight @ point.residual,
+        )
+        inverse = np.linalg.inv(point.hessian)
+        gain = inverse @ point.sensitivity.T @ point.weight
+        slope = coordinates.slope(state.theta)
+        prior, names = self.forward.parametrisation, self.forward.parametrisation.names
+        sources = {"measurement noise": gain @ _root(noise), "model discrepancy": gain * point.spread}
+        for column, name in enumerate(names):
+            what = name if name not in prior.reported else f"prior of {name}"
+            sources[what] = inverse[:, [column]] / coordinates.sd[column]
         return ElasticResult(
             theta=state.theta,
-            covariance=covariance,
-            noise_covariance=gain @ self.noise(rows) @ gain.T,
-            sampled_covariance=sampled,
-            admitted_covariance=admitted,
-            measured_hz=self.modes.frequency_hz[rows],
-            weight=estimator.weight,
+            coordinates=coordinates,
+            mixture=mixture,
+            sources=sources,
+            covariance=mixture.total * np.outer(slope, slope),
+            noise_covariance=(gain @ noise @ gain.T) * np.outer(slope, slope),
+            excursions=excursions,
+            sensitivity=point.sensitivity,
+            gain=gain,
+            measured_log=np.log(self.modes.frequency_hz[rows]),
+            noise=noise,
             initial=initial,
             updated=state,
             initial_pairing=initial_pairing,
             pairing=pairing,
-            verdicts=verdicts(prior.names, prior.prior_sd, np.sqrt(np.diag(covariance))),
-            null_directions=null_directions(covariance, prior.prior_sd),
-            discrepancy=wide,
+            identifiability=identifiability(names, inverse, coordinates.sd),
+            null_directions=null_directions(inverse, coordinates.sd),
+            discrepancy=point.spread,
+            residual=point.residual,
             history=history,
-            warnings=(
-                *pairing.messages(self.modes.frequency_hz, state.frequency_hz),
-                *self.at_bound(state.theta),
-                *self.far_from_prior(state.theta),
-            ),
         )
+
+
+def _root(covariance: FloatArray) -> FloatArray:
+    """R with RRᵀ = a covariance that may be singular."""
+    value, vectors = np.linalg.eigh(covariance)
+    root: FloatArray = vectors * np.sqrt(np.maximum(value, 0))
+    return root
 
 
 def _measured_order(state: ForwardState, pairing: Pairing, count: int) -> FloatArray:

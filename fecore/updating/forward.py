@@ -1,35 +1,36 @@
 """The forward model as updating sees it: parameters in, modes at the measured points and their derivatives out.
 
-Modes come from a reduced basis (`fecore.reduction`) that checks itself and grows where it must, or from the full model.
-Either way a state offers the same: its system is a pair of matrices, over the dofs or over the basis, and all derivatives
-are exact ones of that system (`fecore.sensitivity`).
+Modes come from a reduced basis (`fecore.dynamics.reduction`) that checks itself and grows where it must, or from the full
+model. Either way a state offers the same: its system is a pair of matrices, over the dofs or over the basis, and all
+derivatives are exact ones of that system (`fecore.dynamics.sensitivity`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy import sparse
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from fecore.damping import DampingLaw
-from fecore.eigen import NormalModes, modes_below, normal_modes
-from fecore.errors import InputError
-from fecore.frf import RESIDUAL_TERMS, Dof, ModalFrfModel, Quantity, RovingMass, convert, residual_powers
-from fecore.model import ModeKind
-from fecore.reduction import ReducedModel
-from fecore.sensitivity import (
+from fecore.body.model import ModeKind
+from fecore.body.specimen import Body
+from fecore.dynamics.damping_laws import DampingLaw
+from fecore.dynamics.eigen import NormalModes, modes_below, normal_modes
+from fecore.dynamics.reduction import ReducedModel
+from fecore.dynamics.sensitivity import (
     Matrix,
     eigenvalue_derivatives,
     mode_forms,
+    mode_shape_derivatives,
     same_cluster,
-    shape_derivatives,
     static_series,
 )
-from fecore.specimen import Body
+from fecore.dynamics.synthesis import RESIDUAL_TERMS, ModalFrfModel, RovingMass, residual_powers
+from fecore.errors import InputError
+from fecore.frf import Dof, Quantity, convert
 from fecore.updating.parameters import Coefficients, Parametrisation
 
 OUT_OF_PLANE = 3
@@ -110,6 +111,16 @@ class ForwardModel:
         )
         return ForwardState(self, theta, c, modes, full, None)
 
+    def frequencies_at(self, parametrisation: Parametrisation, theta: FloatArray) -> FloatArray:
+        """(n,) elastic natural frequencies, Hz, where another parametrisation of the same mesh gives the coefficients."""
+        c = parametrisation.coefficients(theta)
+        modes = (
+            self.basis.modes(c.stiffness, c.mass)
+            if self.reduced
+            else replace(self, parametrisation=parametrisation).solve(theta).modes
+        )
+        return modes.frequency_hz[modes.rigid :]
+
     def holding(self, state: ForwardState, rows: IntArray) -> ForwardState:
         """The same state on a basis that holds the static deflections under forces at the given points."""
         missing = sorted(set(rows.tolist()) - self._covered)
@@ -164,11 +175,31 @@ class ForwardState:
         """(n,) natural frequencies of the elastic modes, Hz."""
         return self.modes.frequency_hz[self.modes.rigid :]
 
+    @property
+    def constants(self) -> FloatArray:
+        """(c + s,) constants and springs, SI."""
+        return self.forward.parametrisation.constants(self.theta)
+
+    @cached_property
+    def full_shapes(self) -> FloatArray:
+        """(dofs, n) mass-normalised shapes of the elastic modes."""
+        shapes = self.modes.shapes[:, self.modes.rigid :]
+        return shapes if self.basis is None else self.basis @ shapes
+
+    def deflection(self, places: FloatArray) -> FloatArray:
+        """(n, p) deflection w of the elastic modes at (p, 2) places, m."""
+        observed = self.forward.specimen.model.observation(places, np.full(len(places), OUT_OF_PLANE))
+        return np.asarray((observed @ self.full_shapes).T)
+
+    def participation(self, motions: FloatArray) -> FloatArray:
+        """(m, n) rᵀMφ of (dofs, m) motions and the elastic modes."""
+        mass = self.forward.specimen.model.mass.at(self.coefficients.mass)
+        return np.asarray((mass @ motions).T @ self.full_shapes)
+
     @cached_property
     def kinds(self) -> tuple[ModeKind, ...]:
         """Kinds of the elastic modes: bending, torsion, in-plane."""
-        shapes = self.modes.shapes[:, self.modes.rigid :]
-        return self.forward.specimen.model.kinds(shapes if self.basis is None else self.basis @ shapes)
+        return self.forward.specimen.model.kinds(self.full_shapes)
 
     @cached_property
     def on_springs(self) -> BoolArray:
@@ -234,7 +265,7 @@ class ForwardState:
         """(p, m, points) derivative of all shapes at the measured points."""
         c = self.coefficients
         stiffness, mass = self.terms.sum("stiffness", c.stiffness), self.terms.sum("mass", c.mass)
-        by = shape_derivatives(stiffness, mass, self.modes, *self._by)
+        by = mode_shape_derivatives(stiffness, mass, self.modes, *self._by)
         jacobian: FloatArray = np.array([(self._observation @ each).T for each in by])
         return jacobian
 
@@ -283,7 +314,7 @@ class ForwardState:
 
             ∂H_ij = Σ_k ∂A_k/D_k - Σ_kl φ_ik G_kl (1 + iω c'(λ)) φ_jl / (D_k D_l) + Σ_t ∂R_t zᵗ/sᵗ⁺¹
 
-        with D = λ - ω² + iωc and G as in `fecore.sensitivity`, so that repeated roots come out right.
+        with D = λ - ω² + iωc and G as in `fecore.dynamics.sensitivity`, so that repeated roots come out right.
         """
         state, pairs, drive = self._ready(responses, references)
         change = state._changes(frequency_hz, law, law_coefficients, pairs, quantity, beyond)

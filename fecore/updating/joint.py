@@ -16,21 +16,22 @@ are wide.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import qmc
 
 from fecore.arrays import ComplexArray, FloatArray
-from fecore.damping import DampingLaw
+from fecore.dynamics.damping_laws import DampingLaw
 from fecore.errors import UpdatingError
 from fecore.frf import Dof, FrfSet
 from fecore.identification.noise import residual_variance
 from fecore.modes import MeasuredModes
-from fecore.updating.damping import DampingFit, Nuisance, fit_law
 from fecore.updating.damping_stage import nearest_positive
 from fecore.updating.elastic import ElasticResult, update_elastic
-from fecore.updating.forward import OUT_OF_PLANE, ForwardModel
+from fecore.updating.excursions import Excursion
+from fecore.updating.forward import OUT_OF_PLANE, ForwardModel, ForwardState
+from fecore.updating.law_fit import DampingFit, Nuisance, fit_law
 from fecore.updating.misfit import FrfMisfit, Weighting
 from fecore.updating.parameters import by_name
 
@@ -55,7 +56,12 @@ class JointResult:
 
 
 def update_jointly(
-    forward: ForwardModel, frfs: FrfSet, law: DampingLaw, seed: int, progress: Callable[[float], None] = lambda _: None
+    forward: ForwardModel,
+    frfs: FrfSet,
+    law: DampingLaw,
+    seed: int,
+    progress: Callable[[float], None] = lambda _: None,
+    seek_excursions: Callable[[ForwardState], tuple[Excursion, ...]] = lambda _: (),
 ) -> JointResult:
     """Estimate constants and damping from FRFs alone.
 
@@ -64,7 +70,8 @@ def update_jointly(
         frfs: on the fitted lines.
         law: from which every mode's damping may deviate widely.
         seed: of the draws.
-        progress: told the share that is done.
+        progress: called with the share that is done.
+        seek_excursions: what inputs may do that are believed to be nothing, at the updated model.
 
     Raises:
         UpdatingError: no start led to constants that stand still; it carries the last.
@@ -80,7 +87,8 @@ def update_jointly(
             failure = error
     if not found:
         raise failure
-    return min(found, key=lambda row: row[0])[1]
+    best = min(found, key=lambda row: row[0])[1]
+    return replace(best, elastic=replace(best.elastic, excursions=seek_excursions(best.elastic.updated)))
 
 
 def _search(
@@ -88,8 +96,10 @@ def _search(
 ) -> list[tuple[FloatArray, float]]:
     """The best starts among draws from the prior: least mean difference of log magnitudes."""
     prior = forward.parametrisation
-    draws = qmc.Sobol(prior.prior_mean.size, seed=seed).random(_DRAWS)
-    thetas = prior.prior_mean + _DRAWN_SD * (2 * draws - 1) * prior.prior_sd
+    free = len(prior.reported)
+    draws = qmc.Sobol(free, seed=seed).random(_DRAWS)
+    thetas = np.tile(prior.prior_mean, (_DRAWS, 1))
+    thetas[:, :free] += _DRAWN_SD * (2 * draws - 1) * prior.prior_sd[:free]
     coarse = slice(None, None, max(1, frfs.frequency_hz.size // _COARSE_LINES))
     measured = _log_magnitude(frfs.values[:, coarse])
     known = frfs.measured[:, coarse]
@@ -134,7 +144,7 @@ def _take_turns(
         UpdatingError: the constants do not come to rest, or a fit fails.
     """
     measured = frfs.measured
-    variance: FloatArray = np.where(measured, 1.0, np.inf)
+    variance: FloatArray = np.ones(measured.shape)
     weighting: Weighting = "log" if np.all(frfs.values[measured] != 0) else "linear"
     start: FloatArray | None = None
     for _ in range(_TURNS):
@@ -142,7 +152,7 @@ def _take_turns(
         elastic = update_elastic(forward, modes)
         predicted = misfit.predict(fit.eigenvalue, fit.rate)
         residual = np.where(measured, frfs.values - predicted, 0)
-        variance = np.where(measured, residual_variance(residual, predicted, measured, 0), np.inf)
+        variance = residual_variance(residual, predicted, measured, 0)
         moved = np.abs(elastic.theta - theta) / np.sqrt(np.diag(elastic.covariance))
         settled = weighting == "noise" and moved.max() < _STILL
         theta, start, weighting = elastic.theta, fit.coefficients, "noise"

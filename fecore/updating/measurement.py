@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fecore.body.specimen import Body
 from fecore.correlation import pair_modes
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import Dof, FrfSet
 from fecore.identification import Identification, identify, shapes_at_poles
 from fecore.identification.screening import Screened, screen
 from fecore.modes import MeasuredModes
-from fecore.specimen import Body
 from fecore.updating.forward import OUT_OF_PLANE
-from fecore.updating.recipe import HoldOut
+from fecore.updating.inputs import Inputs
+from fecore.updating.recipe import HoldOut, Recipe
 
 _SAME_POLE = 1.05  # ratio of frequencies within which a typed mode and an identified one are the same
 _STILL = 1e-9  # share of the mesh's deflections that a point on a support takes part in, round-off
@@ -28,19 +29,23 @@ class Measurement:
     """What was measured on a specimen.
 
     Attributes:
-        frfs: FRFs in SI.
+        frfs: FRFs in SI; None where modes alone were measured.
         points: coordinates (x, y, z) in m of each grid point, in the specimen's frame.
         modes: measured modes; None to identify them from the FRFs. Shapes are found from the FRFs where they have none.
         roving_mass: of a sensor that sat at the response point of each FRF in turn, kg; 0 where none did. One that stood
             still is a `PointMass` of the specimen.
+        inputs: how well the laboratory knows what else it hands in.
     """
 
-    frfs: FrfSet
+    frfs: FrfSet | None
     points: Mapping[int, tuple[float, float, float]]
     modes: MeasuredModes | None = None
     roving_mass: float = 0.0
+    inputs: Inputs = field(default_factory=Inputs)
 
     def __post_init__(self) -> None:
+        if self.frfs is None and self.modes is None:
+            raise InputError("measurement", "has neither FRFs nor modes")
         if not (np.isfinite(self.roving_mass) and self.roving_mass >= 0):
             raise InputError("roving_mass", f"is {self.roving_mass}, expected kg, not negative")
 
@@ -50,7 +55,7 @@ class Prepared:
     """A measurement ready for updating.
 
     Attributes:
-        frfs: all usable FRFs.
+        frfs: all usable FRFs; None where there are none.
         fitted: those that the fits see; fitted_rows: their rows among all.
         held: those that are held out, or None.
         modes: measured modes, with shapes along +z where the data give them; None where none were asked for.
@@ -58,8 +63,8 @@ class Prepared:
         warnings: what a user must know.
     """
 
-    frfs: FrfSet
-    fitted: FrfSet
+    frfs: FrfSet | None
+    fitted: FrfSet | None
     fitted_rows: list[int]
     held: FrfSet | None
     modes: MeasuredModes | None
@@ -67,22 +72,32 @@ class Prepared:
     warnings: tuple[str, ...]
 
 
-def prepare(measurement: Measurement, specimen: Body, hold_out: HoldOut, *, find_modes: bool = True) -> Prepared:
+def prepare(
+    measurement: Measurement,
+    specimen: Body,
+    recipe: Recipe,
+    report: Callable[[str, float], None] = lambda _stage, _share: None,
+    *,
+    find_modes: bool = True,
+) -> Prepared:
     """Choose FRFs and find modes.
 
     Args:
         measurement: what was measured.
         specimen: on which.
-        hold_out: what the fits must not see.
+        recipe: what the fits must not see, and how modes are identified.
+        report: told the step of the identification and the share of it that is done.
         find_modes: False leaves modes and their shapes alone: the joint update needs none.
 
     Raises:
         InputError: no FRF can be used, a point has no coordinates or lies off the specimen, or the hold-out leaves nothing.
-        IdentificationError: no modes were handed in and the FRFs support none.
+        IdentificationError: no modes were handed in and the FRFs support none, or doubtful ones only.
     """
-    frfs, warnings = _out_of_plane(measurement)
+    if measurement.frfs is None:
+        return _of_modes_alone(measurement)
+    frfs, warnings = _out_of_plane(measurement.frfs, measurement)
     frfs, still = _moving(frfs, measurement, specimen)
-    rows = _split(frfs, hold_out)
+    rows = _split(frfs, recipe.hold_out)
     screened = screen(frfs)
     place = {int(row): number for number, row in enumerate(screened.kept)}
     kept, held_rows = ([place[row] for row in side if row in place] for side in rows)
@@ -93,8 +108,9 @@ def prepare(measurement: Measurement, specimen: Body, hold_out: HoldOut, *, find
     fitted, held = frfs.select(kept), frfs.select(held_rows) if held_rows else None
     modes, found = None, None
     if find_modes and measurement.modes is None:
-        found = identify(fitted)
-        modes, fitted, warnings = found.modes, _without_outliers(fitted, found), (*warnings, *found.warnings)
+        found = identify(fitted, recipe.identification, report)
+        modes = found.chosen(include_doubtful=recipe.include_doubtful).modes
+        fitted, warnings = _without_outliers(fitted, found), (*warnings, *found.warnings)
         found = replace(found, refused=(*screened.refused, *found.refused))
     elif find_modes and measurement.modes is not None:
         modes, more = _with_shapes(fitted, measurement.modes)
@@ -109,7 +125,8 @@ def _refusals(screened: Screened) -> list[str]:
 def _without_outliers(frfs: FrfSet, found: Identification) -> FrfSet:
     """The FRFs without the values that identification has found to be spoilt."""
     gaps = ~frfs.measured
-    gaps[found.rows] |= np.isnan(found.measured)
+    lines = np.searchsorted(frfs.frequency_hz, found.frequency_hz * (1 - 1e-9))  # those of its band
+    gaps[np.ix_(found.rows, lines)] |= np.isnan(found.measured)
     return frfs.unmeasured_at(gaps)
 
 
@@ -133,9 +150,18 @@ def _moving(frfs: FrfSet, measurement: Measurement, specimen: Body) -> tuple[Frf
     return frfs.select(moving), [f"{where}: {left} FRFs at them were left out; is the boundary right?"]
 
 
-def _out_of_plane(measurement: Measurement) -> tuple[FrfSet, tuple[str, ...]]:
+def _of_modes_alone(measurement: Measurement) -> Prepared:
+    """Modes without FRFs, with their out-of-plane shapes at points that have coordinates."""
+    assert measurement.modes is not None, "a measurement has FRFs or modes"
+    modes = measurement.modes
+    warnings: tuple[str, ...] = ()
+    if modes.shapes is not None:
+        modes, warnings = _out_of_plane_shapes(set(measurement.points), modes)
+    return Prepared(None, None, [], None, modes, None, warnings)
+
+
+def _out_of_plane(frfs: FrfSet, measurement: Measurement) -> tuple[FrfSet, tuple[str, ...]]:
     """The FRFs between ±z directions of known points, without a line at 0 Hz; what was left out, in words."""
-    frfs = measurement.frfs
     pairs = list(zip(frfs.responses, frfs.references, strict=True))
     flat = [i for i, pair in enumerate(pairs) if all(dof.axis == OUT_OF_PLANE for dof in pair)]
     missing = sorted({dof.point for i in flat for dof in pairs[i]} - set(measurement.points))
@@ -187,7 +213,7 @@ def _with_shapes(frfs: FrfSet, modes: MeasuredModes) -> tuple[MeasuredModes, tup
     bend the shapes. Where a typed pole is one that the FRFs show, the residues are taken at the latter.
     """
     if modes.shapes is not None:
-        return _out_of_plane_shapes(frfs, modes)
+        return _out_of_plane_shapes({dof.point for dof in (*frfs.responses, *frfs.references)}, modes)
     frequency, ratio = modes.frequency_hz.copy(), modes.damping_ratio.copy()
     try:
         seen = identify(frfs).terms
@@ -214,12 +240,11 @@ def _with_shapes(frfs: FrfSet, modes: MeasuredModes) -> tuple[MeasuredModes, tup
     return replace(modes, shapes=found.shapes[places], dofs=found.dofs), ()
 
 
-def _out_of_plane_shapes(frfs: FrfSet, modes: MeasuredModes) -> tuple[MeasuredModes, tuple[str, ...]]:
-    """The modes with their shapes along +z at points that have FRFs; without such dofs the shapes are of no use."""
-    points = {dof.point for dof in (*frfs.responses, *frfs.references)}
+def _out_of_plane_shapes(points: set[int], modes: MeasuredModes) -> tuple[MeasuredModes, tuple[str, ...]]:
+    """The modes with their shapes along +z at known points; without such dofs the shapes are of no use."""
     columns = [i for i, dof in enumerate(modes.dofs) if dof.axis == OUT_OF_PLANE and dof.point in points]
     if not columns or modes.shapes is None:
-        warning = "modes were paired by frequency: their shapes have no out-of-plane value at a point with FRFs"
+        warning = "modes were paired by frequency: their shapes have no out-of-plane value at a known point"
         return replace(modes, shapes=None, dofs=()), (warning,)
     sign = np.array([modes.dofs[i].sign for i in columns])
     dofs = tuple(Dof(modes.dofs[i].point, OUT_OF_PLANE) for i in columns)

@@ -3,10 +3,10 @@
 With D_k = λ_k - ω² + iωc_k and f the factor of the quantity, ∂H_i/∂λ_k = -f A_ik/D_k² and ∂H_i/∂c_k = iω ∂H_i/∂λ_k. All
 residuals are sums over the few modes, so the normal equations of all lines and FRFs come from Hermitian (modes × modes) sums.
 
-A mode may have a **gain** g_k ~ N(0, s²), common to all FRFs: H = Σ (1 + g_k) A_k f/D_k. A sensor's calibration, or what it
-stands on, scales a resonance as damping does, but does not widen it. The misfit is linear in the gains, so they are
-minimised out of it at every point (variable projection; Golub and Pereyra, Inverse Problems 19, 2003): cost, gradient and
-hessian are those that remain.
+A mode may have a **gain** g_k, common to all FRFs: H = Σ (1 + g_k) A_k f/D_k. A sensor's calibration, or what it stands on,
+scales a resonance as damping does, but does not widen it. A **delay** d between the channels turns the phase by -ωd, which
+looks like damping too. The misfit is linear in gains and small delays, so they are minimised out of it at every point (variable
+projection; Golub and Pereyra, Inverse Problems 19, 2003): cost, gradient and hessian are those that remain.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from typing import Literal, get_args
 import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.errors import InputError
-from fecore.frf import FrfSet, ModalFrfModel, convert
+from fecore.frf import FrfSet, convert
 
 Weighting = Literal["linear", "relative", "log", "noise"]
 
@@ -45,44 +46,45 @@ class FrfMisfit:
     """Measured FRFs, the model's residues, and the weighting between them.
 
     Attributes:
-        measured: measured FRFs in the fitted band.
+        frfs: measured FRFs in the fitted band.
         model: the elastic model's part of the synthesis.
         weighting: name of the residual.
-        variance: (N, L) noise variance E|n|², for `noise` weights and for the covariance of the estimate; infinite where
-            nothing was measured, which then counts with no weighting.
+        variance: (N, L) noise variance E|n|², for `noise` weights and for the covariance of the estimate.
         gain_sd: (m,) prior standard deviation of the modes' gains, 0 where a mode has none; None where none has.
+        common_gain_sd: the same of what the gains have in common: calibration, and the model's mass.
+        delay_sd: prior standard deviation of a delay d between the channels, s: H e^(-iωd); 0 for none.
     """
 
-    measured: FrfSet
+    frfs: FrfSet
     model: ModalFrfModel
     weighting: Weighting
     variance: FloatArray
     gain_sd: FloatArray | None = None
+    common_gain_sd: float = 0.0
+    delay_sd: float = 0.0
 
     def __post_init__(self) -> None:
         if self.weighting not in get_args(Weighting):
             raise InputError("weighting", f"is {self.weighting!r}, expected one of {', '.join(get_args(Weighting))}")
-        if self.weighting in ("relative", "log") and np.any(self.measured.values[self.counted] == 0):
+        if self.weighting in ("relative", "log") and np.any(self.frfs.values[self.counted] == 0):
             raise InputError(
                 "weighting", f"{self.weighting!r} needs FRFs without zeros; leave out the lines that are 0"
             )
 
     def predict(self, eigenvalue: FloatArray, rate: FloatArray) -> ComplexArray:
         """(N, L) FRFs with other eigenvalues and rates but the model's residues."""
-        return self.model.with_eigenvalue(eigenvalue).synthesise(
-            self.measured.frequency_hz, rate, self.measured.quantity
-        )
+        return self.model.with_eigenvalue(eigenvalue).synthesise(self.frfs.frequency_hz, rate, self.frfs.quantity)
 
-    @cached_property
+    @property
     def counted(self) -> BoolArray:
-        """(N, L) where a value was measured."""
-        return ~np.isposinf(self.variance)
+        """(N, L) where a value was measured: the others have no weight."""
+        return self.frfs.measured
 
     def residual(self, predicted: ComplexArray) -> tuple[ComplexArray, FloatArray]:
         """(N, L) residuals in units of H, and their weights: both 0 where nothing was measured."""
         if self.counted.all():
-            return self._residual(self.measured.values, predicted)
-        residual, weight = self._residual(np.where(self.counted, self.measured.values, predicted), predicted)
+            return self._residual(self.frfs.values, predicted)
+        residual, weight = self._residual(np.where(self.counted, self.frfs.values, predicted), predicted)
         return residual, np.where(self.counted, weight, 0.0)
 
     def _residual(self, values: ComplexArray, predicted: ComplexArray) -> tuple[ComplexArray, FloatArray]:
@@ -101,11 +103,27 @@ class FrfMisfit:
 
     def signal(self) -> float:
         """Weighted sum of squares that the data themselves are worth."""
-        values = np.where(self.counted, self.measured.values, 0)
+        values = np.where(self.counted, self.frfs.values, 0)
         if self.weighting in ("relative", "log"):
             return float(np.sum(self.counted))
         weight = 1 / self.variance if self.weighting == "noise" else 1.0
         return float(np.sum(weight * np.abs(values) ** 2))
+
+    @cached_property
+    def linear_prior(self) -> FloatArray:
+        """(g, g) prior precision of what is minimised out: the gains, then the delay."""
+        sd = np.zeros(0) if self.gain_sd is None else self.gain_sd[self.gained]
+        covariance = np.diag(np.append(sd**2, [self.delay_sd**2] if self.delay_sd else []))
+        covariance[: sd.size, : sd.size] += self.common_gain_sd**2
+        return np.linalg.inv(covariance)
+
+    def delay(self, eigenvalue: FloatArray, rate: FloatArray) -> float:
+        """The most probable delay between the channels at given eigenvalues and rates, s."""
+        residual, weight = self.residual(self.predict(eigenvalue, rate))
+        jacobian = self.jacobian(eigenvalue, rate)
+        g = slice(2 * eigenvalue.size, None)
+        own = jacobian.hessian(weight)[g, g] + self.linear_prior
+        return float(np.linalg.solve(own, jacobian.gradient(weight * residual)[g])[-1]) if self.delay_sd else 0.0
 
     @cached_property
     def gained(self) -> IntArray:
@@ -119,13 +137,13 @@ class FrfMisfit:
         cost = float(np.sum(weight * np.abs(residual) ** 2))
         gradient, hessian = jacobian.gradient(weight * residual), jacobian.hessian(weight)
         plain = np.eye(2 * eigenvalue.size)
-        if self.gain_sd is None or not self.gained.size:
+        if len(hessian) == len(plain):
             return NormalEquations(cost, gradient, hessian, plain)
         u, g = slice(0, len(plain)), slice(len(plain), None)
-        own = hessian[g, g] + np.diag(self.gain_sd[self.gained] ** -2.0)
+        own = hessian[g, g] + self.linear_prior
         gain, drawn = np.linalg.solve(own, gradient[g]), np.linalg.solve(own, hessian[g, u])
         scale = np.ones((2, eigenvalue.size))  # derivatives by λ and c of a mode with a gain are so much larger
-        scale[:, self.gained] += gain
+        scale[:, self.gained] += gain[: self.gained.size]
         s = scale.ravel()
         return NormalEquations(
             cost - float(gradient[g] @ gain) / 2,
@@ -137,7 +155,7 @@ class FrfMisfit:
     def jacobian(self, eigenvalue: FloatArray, rate: FloatArray) -> FrfJacobian:
         """Derivatives by u = λ, c and the gains at given eigenvalues and rates."""
         model = self.model.with_eigenvalue(eigenvalue)
-        factors = model.load_factors(self.measured.frequency_hz, rate, self.measured.quantity)
+        factors = model.load_factors(self.frfs.frequency_hz, rate, self.frfs.quantity)
         return FrfJacobian(self, eigenvalue, rate, factors)
 
     @cached_property
@@ -165,8 +183,8 @@ class FrfMisfit:
 
 @dataclass(frozen=True)
 class FrfJacobian:
-    """Derivatives of the FRFs at one point by v = (λ, c, g of the gained modes): A_ik d_k, or under a roving mass
-    (A_ik g_i + B_ik h_i) d_k.
+    """Derivatives of the FRFs at one point by v = (λ, c, g of the gained modes, d of the delay): A_ik d_k, or under a roving
+    mass (A_ik g_i + B_ik h_i) d_k; and -iωH for the delay.
 
     Attributes:
         misfit: whose FRFs they are.
@@ -182,17 +200,39 @@ class FrfJacobian:
     @cached_property
     def denominator(self) -> ComplexArray:
         """(m, L) D."""
-        omega = self.misfit.measured.omega
+        omega = self.misfit.frfs.omega
         return self.eigenvalue[:, None] - omega**2 + 1j * omega * self.rate[:, None]
 
     @cached_property
     def by_eigenvalue(self) -> ComplexArray:
         """(m, L) d for λ; that for c is iω, and that for g is -D times as large."""
-        factor: ComplexArray = -convert(self.misfit.measured.omega, self.misfit.measured.quantity) / self.denominator**2
+        factor: ComplexArray = -convert(self.misfit.frfs.omega, self.misfit.frfs.quantity) / self.denominator**2
         return factor
+
+    @cached_property
+    def by_delay(self) -> ComplexArray:
+        """(N, L) derivative by the delay."""
+        turned: ComplexArray = -1j * self.misfit.frfs.omega * self.misfit.predict(self.eigenvalue, self.rate)
+        return turned
 
     def gradient(self, weighted: ComplexArray) -> FloatArray:
         """(b,) 2 Re Jᴴ(w r): the descent direction's data."""
+        if not self.misfit.delay_sd:
+            return self._modal_gradient(weighted)
+        own = 2 * float(np.vdot(self.by_delay, weighted).real)
+        return np.append(self._modal_gradient(weighted), own)
+
+    def hessian(self, weight: FloatArray) -> FloatArray:
+        """(b, b) 2 Re JᴴWJ."""
+        modal = self._modal_hessian(weight)
+        if not self.misfit.delay_sd:
+            return modal
+        weighted = weight * self.by_delay
+        crossed, own = self._modal_gradient(weighted), 2 * float(np.vdot(self.by_delay, weighted).real)
+        return np.block([[modal, crossed[:, None]], [crossed, np.array([[own]])]])
+
+    def _modal_gradient(self, weighted: ComplexArray) -> FloatArray:
+        """(2m + g,) the same without the delay."""
         misfit, model = self.misfit, self.misfit.model
         if self.factors is None or model.roving is None:
             projected = model.residues.T @ weighted
@@ -201,11 +241,14 @@ class FrfJacobian:
             projected = model.residues.T @ (g.conj() * weighted) + model.roving.residues.T @ (h.conj() * weighted)
         by = 2 * self.by_eigenvalue.conj() * projected
         gains = -np.sum((self.denominator.conj() * by)[misfit.gained].real, axis=1)
-        return np.concatenate([by.real.sum(axis=1), by.imag @ misfit.measured.omega, gains])
+        return np.concatenate([by.real.sum(axis=1), by.imag @ misfit.frfs.omega, gains])
 
-    def hessian(self, weight: FloatArray) -> FloatArray:
-        """(b, b) 2 Re JᴴWJ, from the sums S_p = 2 Σ_l ω^p d_k* d_j Σ_i w_i A_ik A_ij, since all else is a power of ω."""
-        (k, j), d, omega = self.misfit.pairs, self.by_eigenvalue, self.misfit.measured.omega
+    def _modal_hessian(self, weight: FloatArray) -> FloatArray:
+        """(2m + g, 2m + g) the same without the delay. All is made of the sums
+
+        S_p = 2 Σ_l ω^p d_k* d_j Σ_i w_i A_ik A_ij, since all else is a power of ω.
+        """
+        (k, j), d, omega = self.misfit.pairs, self.by_eigenvalue, self.misfit.frfs.omega
         lines = d.conj()[k] * d[j] * self._coupling(weight)
         S = np.zeros((5, len(d), len(d)), dtype=complex)
         S[:, k, j] = (2 * lines @ np.stack([omega**p for p in range(5)], axis=1)).T

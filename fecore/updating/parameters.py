@@ -1,6 +1,6 @@
 """Updating parameters and how the model's coefficients depend on them.
 
-A parameter is one of a specimen's constants (`fecore.specimen`) with a Gaussian prior; a constant may be fixed, or tied to
+A parameter is one of a specimen's constants (`fecore.body.specimen`) with a Gaussian prior; a constant may be fixed, or tied to
 another, which it then follows in the ratio of their nominal values. The derivatives of the specimen's closed forms are
 complex steps, Im c(q + ih)/h, which have no truncation error at h = 10⁻³⁰ and no cancellation (Squire and Trapp, SIAM Rev.
 40, 1998).
@@ -8,15 +8,15 @@ complex steps, Im c(q + ih)/h, which have no truncation error at h = 10⁻³⁰ 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
+from fecore.body.specimen import SIGNED, UNITS, Body
 from fecore.errors import InputError
-from fecore.specimen import SIGNED, UNITS, Body
 
 DEFAULT_RELATIVE_SD = 0.30
 """Prior standard deviation of a parameter for which none is stated, as a share of its mean."""
@@ -59,7 +59,7 @@ class Parametrisation:
 
     Attributes:
         body: the specimen.
-        names: the p free parameters.
+        names: the p free parameters; the last `inputs` of them are nuisances: the laboratory's inputs, with their errors.
         prior_mean, prior_sd: (p,) SI.
         base: (c + s,) constants and springs at θ = 0: the fixed ones.
         spread: (c + s, p) their derivative by θ; a tied constant has its ratio there.
@@ -71,6 +71,30 @@ class Parametrisation:
     prior_sd: FloatArray
     base: FloatArray
     spread: FloatArray
+    inputs: int = 0
+
+    @property
+    def reported(self) -> tuple[str, ...]:
+        """The parameters that are asked for, without the inputs."""
+        return self.names[: len(self.names) - self.inputs]
+
+    def with_inputs(self, standard_deviations: Mapping[str, float]) -> Parametrisation:
+        """The same with inputs let go about their values: constants by name with standard deviations, zeros left out."""
+        rows = [self.constant_names.index(name) for name in standard_deviations]
+        sds = list(standard_deviations.values())
+        chosen = [(row, sd) for row, sd in zip(rows, sds, strict=True) if sd > 0 and not self.spread[row].any()]
+        base, spread = self.base.copy(), np.zeros((self.base.size, len(chosen)))
+        for column, (row, _) in enumerate(chosen):
+            base[row], spread[row, column] = 0.0, 1.0
+        return replace(
+            self,
+            names=(*self.names, *(self.constant_names[row] for row, _ in chosen)),
+            prior_mean=np.concatenate([self.prior_mean, [self.base[row] for row, _ in chosen]]),
+            prior_sd=np.concatenate([self.prior_sd, [sd for _, sd in chosen]]),
+            base=base,
+            spread=np.hstack([self.spread, spread]),
+            inputs=len(chosen),
+        )
 
     @property
     def constant_names(self) -> tuple[str, ...]:

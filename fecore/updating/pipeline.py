@@ -6,30 +6,43 @@ The one entry point of updating, for a notebook as for the service.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from fecore.damping import RAYLEIGH, CaugheySeries, DampingLaw, GeneralisedProportional, ModalDamping
-from fecore.errors import InputError, UpdatingError
+from fecore.body.specimen import Body, Specimen
+from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, DampingLaw, GeneralisedProportional, ModalDamping
+from fecore.errors import FecoreError, InputError, UpdatingError
 from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
-from fecore.specimen import Body
-from fecore.updating.damping_stage import DampingResult, DampingStage
-from fecore.updating.elastic import ElasticResult, update_elastic
+from fecore.updating.damping_stage import (
+    DampingResult,
+    MeasuredRatios,
+    damping_data,
+    fit_damping,
+    fit_reference,
+)
+from fecore.updating.discretisation import DISCRETISATION, discretise
+from fecore.updating.elastic import ElasticResult
+from fecore.updating.elastic_findings import HOPELESS_MISS
+from fecore.updating.elastic_starts import update_from_several_starts
+from fecore.updating.excursions import excursions, fixed_points
 from fecore.updating.forward import ForwardModel, modes_to_cover
+from fecore.updating.inputs import CONSTANT_INPUTS, Inputs
 from fecore.updating.joint import update_jointly
-from fecore.updating.ladder import climb, told_by
+from fecore.updating.law_ranking import LawRanking, identifiable_laws, rank_laws
 from fecore.updating.measurement import Measurement, Prepared, prepare
 from fecore.updating.parameters import Parametrisation, parametrise
 from fecore.updating.plausibility import examine
 from fecore.updating.recipe import Recipe
-from fecore.updating.report import Report
-from fecore.updating.result import UpdateResult
-from fecore.updating.sampling import Keeper, Posterior, sample_posterior
+from fecore.updating.result import StageOutcome, UpdateResult
+from fecore.updating.sampling import Checkpoint, Posterior, sample_posterior
+from fecore.updating.summary import Summary
+from fecore.updating.verdict import Finding, notes
 
 Progress = Callable[[str, float], None]
-"""Told the stage in words and the share of the whole job that is done; raise from it to cancel."""
+"""Called with the stage in words and the share of the whole job that is done; raise from it to cancel."""
 
 LAWS: Mapping[str, DampingLaw] = {
     "rayleigh": RAYLEIGH,
@@ -40,6 +53,8 @@ LAWS: Mapping[str, DampingLaw] = {
 
 _ELASTIC = "updating the elastic constants"
 _EXTRA_MODES = 3  # beyond the measured ones, at least, so that neighbours can be paired
+_TYPED_RATIO_SD = 0.02  # relative, of a damping ratio that was typed in without one
+_WINDOW_MATTERS = 0.05  # share of a coefficient that an unstated window may take
 
 
 def update(
@@ -47,44 +62,111 @@ def update(
     specimen: Body,
     recipe: Recipe | None = None,
     progress: Progress = lambda *_: None,
-    keeper: Keeper | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> UpdateResult:
     """Update a specimen's elastic constants and damping from a measurement.
 
+    A stage fails alone: where damping cannot be had, the elastic constants stand, and the result's outcomes say why.
+
     Args:
-        measurement: what was measured.
+        measurement: what was measured: FRFs, modes, or both.
         specimen: nominal specimen.
         recipe: how to use the measurement; the defaults suit a first look.
-        progress: told the stage and the share that is done; raise from it to cancel.
-        keeper: keeps a long chain of samples, so that a job that was killed goes on with it.
+        progress: called with the stage and the share that is done; raise from it to cancel.
+        checkpoint: keeps a long chain of samples, so that a job that was killed goes on with it.
 
     Raises:
         InputError: the measurement or the recipe is wrong; it names the field.
         IdentificationError: the FRFs support no modes, or no shapes at the given ones.
-        UpdatingError: a stage did not converge; it carries the best iterate.
+        UpdatingError: the elastic constants did not converge; it carries the best iterate.
     """
-    recipe = recipe or Recipe()
-    parametrisation = parametrise(specimen, recipe.parameters)
+    recipe, inputs = recipe or Recipe(), measurement.inputs
+    parametrisation = _with_inputs(parametrise(specimen, recipe.parameters), inputs)
     progress("identifying the modes" if measurement.modes is None else "finding mode shapes", 0.0)
     # Under a roving sensor the FRFs have no common modes to be identified.
     data = prepare(
-        measurement, specimen, recipe.hold_out, find_modes=recipe.method == "two_stage" and not measurement.roving_mass
+        measurement,
+        specimen,
+        recipe,
+        lambda _step, share: progress("identifying the modes", 0.4 * share),
+        find_modes=recipe.method == "two_stage" and not measurement.roving_mass,
     )
-    forward = _forward(specimen, parametrisation, measurement, data)
+    data = replace(data, modes=None if data.modes is None else _unwindowed(data.modes, inputs))
+    specimen, mesh_notes = _meshed(specimen, data)
+    forward = _forward(specimen, replace(parametrisation, body=specimen), measurement, data)
     progress(_ELASTIC, 0.4)
-    elastic, modes = _elastic(forward, data, recipe, lambda share: progress(_ELASTIC, 0.4 + 0.2 * share))
-    band = _band(recipe, data.fitted, elastic)
-    stage = DampingStage(_inside(data.fitted, band, recipe), elastic, modes, recipe.weighting)
-    asked = _laws(recipe, stage.modal_law)
-    laws = told_by(len(stage.rows), asked) or asked  # where they can tell none, the fit says so
-    doubts = [*_unasked(asked[0], laws[0], len(stage.rows)), *examine(stage)]
-    damping = _damping(stage, laws[0], doubts, lambda share: progress("updating the damping", 0.6 + 0.1 * share))
-    ladder = climb(stage, laws)
-    sampled = _sampled(recipe, elastic, stage, damping, progress, keeper)
+    elastic, modes = _elastic(forward, data, recipe, inputs, lambda share: progress(_ELASTIC, 0.4 + 0.2 * share))
+    findings = [
+        *notes(data.warnings, None, 0.5),
+        *notes(mesh_notes, "with_care", 8),
+        *notes(_roving(measurement, recipe), "with_care", 1),
+    ]
+    done = _damping(
+        data, elastic, modes, recipe, inputs, lambda share: progress("updating the damping", 0.6 + 0.1 * share)
+    )
+    sampled = None if done.result is None else _sampled(recipe, elastic, done.result, progress, checkpoint)
     progress("correlating", 0.95)
-    result = Report(elastic, damping, ladder, modes, data, band, recipe.hold_out.band_hz, sampled).result()
+    outcomes = (StageOutcome("elastic", "succeeded"), done.outcome)
+    result = Summary(
+        elastic=elastic,
+        damping=done.result,
+        ranking=done.ranking,
+        modes=modes,
+        data=data,
+        inputs=inputs,
+        band=done.band,
+        held_band=recipe.hold_out.band_hz,
+        sampled=sampled,
+        outcomes=outcomes,
+        findings=(*findings, *done.findings),
+    ).result()
     progress("done", 1.0)
-    return replace(result, warnings=(*data.warnings, *_roving(measurement, recipe), *doubts, *result.warnings))
+    return result
+
+
+def _with_inputs(parametrisation: Parametrisation, inputs: Inputs) -> Parametrisation:
+    """The recipe's parameters, and the inputs that the body's own constants are."""
+    nominal = parametrisation.body.nominal
+    known = {name: tolerance for name, tolerance in CONSTANT_INPUTS.items() if name in nominal}
+    return parametrisation.with_inputs(
+        {name: inputs.standard_deviation(tolerance, nominal[name]) for name, tolerance in known.items()}
+    )
+
+
+def _meshed(specimen: Body, data: Prepared) -> tuple[Body, list[str]]:
+    """The specimen with a mesh for its modes, where none was asked for; what is wrong with it, in words."""
+    if not isinstance(specimen, Specimen) or specimen.divisions is not None:
+        return specimen, []
+    found = discretise(specimen, _highest_hz(data))
+    worst = float(found.error.max(initial=0.0))
+    text = (
+        f"the mesh of {found.divisions[0]} × {found.divisions[1]} elements, the finest allowed, may miss frequencies by "
+        f"{100 * worst:.2g} %: lower the band"
+    )
+    return replace(specimen, divisions=found.divisions), [text] if worst > DISCRETISATION else []
+
+
+def _highest_hz(data: Prepared) -> float:
+    """The highest frequency at which the model has to be right: that of the last measured mode, or of the last line."""
+    if data.modes is not None:
+        return 1.05 * float(data.modes.frequency_hz[-1])
+    assert data.frfs is not None, "a measurement has FRFs or modes"
+    return float(data.frfs.frequency_hz[-1])
+
+
+def _unwindowed(modes: MeasuredModes, inputs: Inputs) -> MeasuredModes:
+    """The modes without a stated window's share of their damping: ζ - 1/(τω)."""
+    if not inputs.window_rate:
+        return modes
+    ratio = modes.damping_ratio - inputs.window_rate / (2 * np.pi * modes.frequency_hz)
+    if np.any(ratio <= 0):
+        worst = int(np.argmin(ratio))
+        raise InputError(
+            "inputs.window_rate",
+            f"of {inputs.window_rate:g} 1/s is more than measured mode {worst + 1} decays by "
+            f"({modes.damping_ratio[worst] * 2 * np.pi * modes.frequency_hz[worst]:.3g} 1/s): the window was not this one",
+        )
+    return replace(modes, damping_ratio=ratio)
 
 
 def _roving(measurement: Measurement, recipe: Recipe) -> list[str]:
@@ -101,47 +183,117 @@ def _roving(measurement: Measurement, recipe: Recipe) -> list[str]:
 
 
 def _elastic(
-    forward: ForwardModel, data: Prepared, recipe: Recipe, progress: Callable[[float], None]
+    forward: ForwardModel, data: Prepared, recipe: Recipe, inputs: Inputs, progress: Callable[[float], None]
 ) -> tuple[ElasticResult, MeasuredModes]:
     """The elastic constants and the modes that they were judged by: stage 1, or the joint fit of the FRFs."""
+    fixed = () if data.frfs is None else fixed_points(*data.frfs.points)
+    seek = partial(excursions, inputs=inputs, fixed_points=fixed)
     if data.modes is not None:
-        return update_elastic(forward, data.modes, progress, use_shapes=recipe.use_shapes), data.modes
+        found = update_from_several_starts(
+            forward, data.modes, progress, use_shapes=recipe.use_shapes, seek_excursions=seek, seed=recipe.seed
+        )
+        return found, data.modes
+    if data.fitted is None:
+        raise InputError("frfs", "the joint update needs FRFs; this campaign has modes alone")
     frfs = data.fitted if recipe.band_hz is None else data.fitted.band(*recipe.band_hz)
     frfs = _inside(frfs, (0.0, np.inf), recipe)
     # There every mode deviates from the law as far as it must, so `modal` is one common ratio to deviate from.
     middle = float(np.sqrt(frfs.omega[0] * frfs.omega[-1]))
     law = _laws(recipe, ModalDamping((middle,)))[0]
-    found = update_jointly(forward, frfs, law, recipe.seed, progress)
-    return found.elastic, found.modes
+    joint = update_jointly(forward, frfs, law, recipe.seed, progress, seek)
+    return joint.elastic, _unwindowed(joint.modes, inputs)
+
+
+@dataclass(frozen=True)
+class _Damping:
+    """How stage 2 ended: the band that it saw, the laws as ranked, the fitted law where there is one, what is worth saying."""
+
+    band: tuple[float, float] | None
+    ranking: LawRanking | None
+    result: DampingResult | None
+    outcome: StageOutcome
+    findings: tuple[Finding, ...] = ()
 
 
 def _damping(
-    stage: DampingStage, law: DampingLaw, doubts: list[str], progress: Callable[[float], None]
-) -> DampingResult:
-    """Stage 2; where it fails, what looked wrong before it is told with the failure."""
+    data: Prepared,
+    elastic: ElasticResult,
+    modes: MeasuredModes,
+    recipe: Recipe,
+    inputs: Inputs,
+    progress: Callable[[float], None],
+) -> _Damping:
+    """Stage 2: from the FRFs, or from typed damping ratios alone where there are none."""
+    if data.fitted is None:
+        return _damping_of_ratios(elastic, modes, recipe)
+    band = _band(recipe, data.fitted, elastic)
+    inside = _inside(data.fitted, band, recipe)
+    findings: list[Finding] = []
     try:
-        return stage.fit(law, many_starts=True, progress=progress)
-    except UpdatingError as error:
-        raise UpdatingError("; ".join([error.message, *doubts]), error.best, error.history) from error
+        stage = damping_data(inside, elastic, modes, recipe.weighting, inputs)
+        asked = _laws(recipe, stage.modal_law)
+        laws = identifiable_laws(len(stage.roles.rows), asked) or asked  # where there is none, the fit says so
+        findings += [*notes(_unasked(asked[0], laws[0], len(stage.roles.rows)), None, 3), *examine(stage)]
+        reference = fit_reference(stage)
+        ranking = rank_laws(reference.ratios, stage.roles.rows, laws)
+        result = fit_damping(stage, reference, laws[0], progress=progress)
+        findings += notes(_unstated_window(result, inputs), "with_care", 1.5)
+    except InputError:
+        raise
+    except FecoreError as error:
+        message = error.message if isinstance(error, UpdatingError) else str(error)
+        level = "do_not_use" if elastic.misfit > HOPELESS_MISS else "with_care"
+        failed = Finding(f"the damping could not be updated: {message}", level, 50)  # type: ignore[arg-type]
+        return _Damping(band, None, None, StageOutcome("damping", "failed", message), (*findings, failed))
+    return _Damping(band, ranking, result, StageOutcome("damping", "succeeded"), tuple(findings))
+
+
+def _damping_of_ratios(elastic: ElasticResult, modes: MeasuredModes, recipe: Recipe) -> _Damping:
+    """Laws from the damping ratios of the paired modes, without FRFs."""
+    on_springs = elastic.updated.on_springs
+    rows = [i for i, j in elastic.pairing.pairs if modes.damping_ratio[i] > 0 and not on_springs[j]]
+    if not rows:
+        message = "there are no FRFs, and no paired mode has a damping ratio"
+        return _Damping(None, None, None, StageOutcome("damping", "skipped", message))
+    omega, ratio = 2 * np.pi * modes.frequency_hz[rows], modes.damping_ratio[rows]
+    relative = np.eye(len(rows)) * _TYPED_RATIO_SD**2
+    if modes.covariance is not None:
+        places = len(modes) + np.array(rows)
+        relative = modes.covariance[np.ix_(places, places)] / np.outer(ratio, ratio)
+    asked = _laws(recipe, ModalDamping(tuple(np.sort(omega))))
+    laws = identifiable_laws(len(rows), asked)
+    if not laws:
+        message = f"{len(rows)} damping ratios cannot fix any of the laws asked for"
+        return _Damping(None, None, None, StageOutcome("damping", "skipped", message))
+    ranking = rank_laws(MeasuredRatios(omega, ratio, relative), rows, laws)
+    outcome = StageOutcome("damping", "succeeded", "from the modes' damping ratios: there are no FRFs")
+    return _Damping(None, ranking, None, outcome, tuple(notes(_unasked(asked[0], laws[0], len(rows)), None, 3)))
+
+
+def _unstated_window(damping: DampingResult, inputs: Inputs) -> list[str]:
+    """What an exponential window would mean that nobody stated, in words; nothing where it would hardly matter."""
+    names, values = damping.fit.law.coefficient_names, damping.fit.coefficients
+    shares = np.abs(damping.window / np.where(values == 0, 1.0, values))
+    worst = int(np.argmax(shares))
+    if inputs.window_rate is not None or shares[worst] < _WINDOW_MATTERS:
+        return []
+    return [
+        f"nobody said whether the response had an exponential window: with one usual for this record {names[worst]} "
+        f"is lower by {100 * shares[worst]:.0f} %, or more; state the window's rate 1/τ with the campaign, 0 for none"
+    ]
 
 
 def _sampled(
-    recipe: Recipe,
-    elastic: ElasticResult,
-    stage: DampingStage,
-    damping: DampingResult,
-    progress: Progress,
-    keeper: Keeper | None,
+    recipe: Recipe, elastic: ElasticResult, damping: DampingResult, progress: Progress, checkpoint: Checkpoint | None
 ) -> Posterior | None:
     if recipe.posterior == "laplace":
         return None
     return sample_posterior(
         elastic,
-        stage,
         damping,
         recipe.seed,
         progress=lambda share: progress("sampling the posterior", 0.7 + 0.25 * share),
-        keeper=keeper,
+        checkpoint=checkpoint,
     )
 
 
@@ -174,11 +326,13 @@ def _forward(
 ) -> ForwardModel:
     """The forward model at all measured points, those of the modes' shapes first and in their order."""
     first = [] if data.modes is None else [dof.point for dof in data.modes.dofs]
-    rest = sorted({dof.point for dof in (*data.frfs.responses, *data.frfs.references)} - set(first))
-    points = (*first, *rest)
-    places = np.array([measurement.points[point][:2] for point in points])
+    dofs = () if data.frfs is None else (*data.frfs.responses, *data.frfs.references)
+    points = (*first, *sorted({dof.point for dof in dofs} - set(first)))
+    places = np.array([measurement.points[point][:2] for point in points]).reshape(-1, 2)
     measured = 0 if data.modes is None else len(data.modes)
-    count = modes_to_cover(parametrisation, float(data.frfs.frequency_hz[-1]), measured + _EXTRA_MODES)
+    highest = [float(each) for each in (() if data.frfs is None else data.frfs.frequency_hz[-1:])]
+    highest += [] if data.modes is None else [float(data.modes.frequency_hz[-1])]
+    count = modes_to_cover(parametrisation, highest[0], measured + _EXTRA_MODES)
     # Under a roving sensor a basis would have to hold the static deflections of every point: the full model is quicker.
     mass = measurement.roving_mass
     return ForwardModel(specimen, parametrisation, points, places, count, reduced=not mass, roving_mass=mass)

@@ -19,17 +19,16 @@ import numpy as np
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.errors import UpdatingError
 from fecore.identification.arrangement import pair_label
-from fecore.updating.damping_stage import DampingStage
+from fecore.updating.damping_stage import DampingData
 from fecore.updating.parameters import by_name
+from fecore.updating.verdict import Finding, notes
 
 _COMMON = 0.05  # by which the FRFs may be larger or smaller than the model's: twice what calibrations are good for
 _OWN = 0.3  # by which one FRF's factor may lie off that of all
 _LIKE = 0.7  # likeness below which an FRF is another one
 _WEAK = 0.05  # of the median energy of the FRFs: weaker ones, near a nodal line, are noise and the neighbours' tails
 _NEAR = 0.1  # of its frequency: lines at an unmeasured mode
-_SAME_SHAPE = 0.8  # MAC
 _LARGEST_MISS = 0.1  # of a frequency, after the update
-_USUAL_MISS = 0.01  # root mean square of all: five times what plate theory misses of a body and its supports
 _MOST = 5  # FRFs named in one sentence
 
 
@@ -50,19 +49,19 @@ class Likeness:
     labels: tuple[str, ...]
 
     @classmethod
-    def of(cls, stage: DampingStage) -> Likeness:
+    def of(cls, data: DampingData) -> Likeness:
         """Compare on the fitted lines."""
-        frfs, law = stage.frfs, stage.modal_law
-        omega = stage.model.omega.copy()
-        omega[stage.shifted] *= 1 + stage.first_shift
-        rate = law.basis(omega) @ stage.start(law)
-        predicted = stage.model.with_eigenvalue(omega**2).synthesise(frfs.frequency_hz, rate, frfs.quantity)
+        frfs, law = data.frfs, data.modal_law
+        omega = data.model.omega.copy()
+        omega[data.roles.shifted] *= 1 + data.roles.first_shift
+        rate = law.basis(omega) @ data.start(law) + 2 * (data.inputs.window_rate or 0.0)
+        predicted = data.model.with_eigenvalue(omega**2).synthesise(frfs.frequency_hz, rate, frfs.quantity)
         unknown = [
             mode
-            for mode, (row, _) in zip(stage.shifted, stage.pairs, strict=True)
-            if np.isnan(stage.modes.damping_ratio[row])
+            for mode, (row, _) in zip(data.roles.shifted, data.roles.pairs, strict=True)
+            if np.isnan(data.modes.damping_ratio[row])
         ]
-        blunt = omega[np.concatenate([stage.unmeasured, np.array(unknown, dtype=np.int64)])]
+        blunt = omega[np.concatenate([data.roles.unmeasured, np.array(unknown, dtype=np.int64)])]
         seen = frfs.measured & _clear_lines(frfs.frequency_hz, blunt / (2 * np.pi))
         values, there = (np.where(seen, each, 0) for each in (frfs.values, predicted))
         own, model = (np.maximum(np.sum(np.abs(each) ** 2, axis=1), 1e-300) for each in (values, there))
@@ -80,14 +79,15 @@ class Likeness:
         """Median factor of the FRFs."""
         return float(np.median(self.height[self.loud]))
 
-    def sentences(self) -> list[str]:
+    def findings(self) -> list[Finding]:
         """What looks wrong, in words."""
         usual = float(np.median(self.likeness[self.loud]))
         if usual < _LIKE:
-            return [
+            text = (
                 f"most FRFs are unlike the model's (median likeness {usual:.2f}): a wrong boundary, geometry, frame or "
                 "numbering of the points; do not use these estimates before that is found"
-            ]
+            )
+            return [Finding(text, "do_not_use", 90)]
         found = []
         if abs(np.log(self.common)) > _COMMON:
             found.append(
@@ -104,7 +104,8 @@ class Likeness:
             (~like & ~turned, "little likeness with the model's: a wrong point, or a spoilt record"),
         )
         rows = [(np.flatnonzero(which & self.loud), what) for which, what in told]
-        return found + [self._sentence(which, relative, what) for which, what in rows if which.size]
+        found += [self._sentence(which, relative, what) for which, what in rows if which.size]
+        return notes(found, "with_care", 30)
 
     def _sentence(self, rows: IntArray, relative: FloatArray, what: str) -> str:
         names = ", ".join(f"{self.labels[row]} ({relative[row]:+.2f})" for row in rows[:_MOST])
@@ -119,62 +120,35 @@ def _clear_lines(frequency_hz: FloatArray, blunt_hz: FloatArray) -> BoolArray:
     return away if away.any() else np.ones_like(away)
 
 
-def examine(stage: DampingStage) -> list[str]:
+def examine(data: DampingData) -> list[Finding]:
     """What looks wrong with the measurement or the model before stage 2, in words.
 
     Raises:
         UpdatingError: the model is so far off that damping cannot be sought: modes that stay apart in frequency, or FRFs of the
             opposite sign.
     """
-    found = _unlike_shapes(stage)
-    missed = np.abs(stage.first_shift)
-    likeness = Likeness.of(stage)
-    pairs, updated = stage.pairs, stage.elastic.updated
+    missed = np.abs(data.roles.first_shift)
+    likeness = Likeness.of(data)
+    pairs, updated = data.roles.pairs, data.elastic.updated
     if missed.max() > _LARGEST_MISS:
         row, column = pairs[int(np.argmax(missed))]
-        hz, model = stage.modes.frequency_hz[row], updated.frequency_hz[column]
+        hz, model = data.modes.frequency_hz[row], updated.frequency_hz[column]
         raise _refusal(
-            stage,
+            data,
             f"the updated model still misses measured mode {row + 1} ({hz:.2f} Hz) by {100 * (model / hz - 1):+.0f} %: "
             "this is not the model of the specimen, or its modes were paired wrongly; check boundary, geometry and the points' "
             "coordinates, or measure at more points, across the width too",
-            found,
         )
     if likeness.common <= 0:
         raise _refusal(
-            stage,
+            data,
             "most FRFs have the opposite sign of the model's: a wrong direction or polarity of the hammer or the sensor, or a "
             "wrong boundary",
-            found,
         )
-    return [*found, *_missed_frequencies(missed), *likeness.sentences()]
+    return likeness.findings()
 
 
-def _missed_frequencies(missed: FloatArray) -> list[str]:
-    rms = float(np.sqrt(np.mean(missed**2)))
-    if rms < _USUAL_MISS:
-        return []
-    return [
-        f"the updated model misses the measured frequencies by {100 * rms:.1f} % (rms), far more than plate theory does: a "
-        "prior that is too sure, a constant fixed at a wrong value, or wrong geometry, density or boundary; the estimates are "
-        "only as right as these"
-    ]
-
-
-def _refusal(stage: DampingStage, message: str, found: list[str]) -> UpdatingError:
-    best = by_name(stage.elastic.updated.forward.parametrisation.names, stage.elastic.theta)
-    history = tuple(iterate.cost for iterate in stage.elastic.history)
-    return UpdatingError("; ".join([message, *found]), best, history)
-
-
-def _unlike_shapes(stage: DampingStage) -> list[str]:
-    matrix, pairs = stage.elastic.pairing.mac, stage.elastic.pairing.pairs
-    if matrix is None:
-        return []
-    return [
-        f"measured mode {row + 1} ({stage.modes.frequency_hz[row]:.2f} Hz) has only MAC {matrix[row, column]:.2f} with its "
-        f"partner, model mode {column + 1} ({stage.elastic.updated.frequency_hz[column]:.2f} Hz): check boundary, points and "
-        "directions"
-        for row, column in pairs
-        if matrix[row, column] < _SAME_SHAPE
-    ]
+def _refusal(data: DampingData, message: str) -> UpdatingError:
+    best = by_name(data.elastic.updated.forward.parametrisation.names, data.elastic.theta)
+    history = tuple(iterate.cost for iterate in data.elastic.history)
+    return UpdatingError(message, best, history)

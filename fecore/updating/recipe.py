@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from fecore.identification import Options
 from fecore.updating.misfit import Weighting
 from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
 
@@ -36,6 +37,8 @@ class Recipe:
         hold_out: data kept for validation.
         posterior: "laplace", or "mcmc" to sample it.
         seed: of everything random.
+        identification: how modes are identified where none are handed in.
+        include_doubtful: use the doubtful modes of the identification too.
     """
 
     method: Literal["two_stage", "joint"] = "two_stage"
@@ -47,3 +50,5 @@ class Recipe:
     hold_out: HoldOut = field(default_factory=HoldOut)
     posterior: Literal["laplace", "mcmc"] = "laplace"
     seed: int = 0
+    identification: Options = field(default_factory=Options)
+    include_doubtful: bool = False

@@ -3,10 +3,52 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import Dof
 from fecore.identification import Identification
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a result may be used: `level`, one sentence, and the decisive reasons, the gravest first."""
+
+    level: Literal["usable", "with_care", "do_not_use"]
+    sentence: str
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class StageOutcome:
+    """How a stage ended; stages fail alone.
+
+    Attributes:
+        stage: `elastic` or `damping`.
+        status: `succeeded`; `failed`; `skipped` where there was nothing for it to work on.
+        message: why, where it did not succeed.
+    """
+
+    stage: Literal["elastic", "damping"]
+    status: Literal["succeeded", "failed", "skipped"]
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class BudgetEntry:
+    """One source's part in the uncertainty of a parameter.
+
+    Attributes:
+        source: its name: noise, discrepancy, a prior, or an input of the laboratory.
+        standard_deviation: that it alone would give, in the parameter's unit.
+        share: of the parameter's variance.
+        provenance: where the source's own standard deviation comes from.
+    """
+
+    source: str
+    standard_deviation: float
+    share: float
+    provenance: str
 
 
 @dataclass(frozen=True)
@@ -17,11 +59,13 @@ class ParameterEstimate:
         name, unit: such as Ex in Pa, a0 in 1/s.
         initial: value of the model before; None for damping, which starts from the measured ratios.
         estimate: value after.
-        standard_deviation: with the model's discrepancy included.
+        standard_deviation: root mean square error, the model's discrepancy and the inputs' errors included.
         noise_standard_deviation: under measurement noise alone.
-        interval_95: central 95 % interval, discrepancy included.
+        interval_95: 95 % interval, everything included; not about the estimate's middle where it is not.
         identifiable: whether the data tell more than half of what is known of it.
         prior_mean, prior_sd: None where the parameter had no prior.
+        budget: what its variance is made of, the largest first.
+        confounded_with: parameters with which it moves in a direction that the data do not see.
     """
 
     name: str
@@ -34,6 +78,8 @@ class ParameterEstimate:
     identifiable: bool
     prior_mean: float | None
     prior_sd: float | None
+    budget: tuple[BudgetEntry, ...] = ()
+    confounded_with: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -87,12 +133,13 @@ class Correlation:
 
     Attributes:
         initial, updated: over the fitted FRFs and band; the initial model has the damping that the measured ratios give.
+            None without FRFs or without damping.
         held_out_frfs: over FRFs kept from the fit, or None; held_out_band: over lines kept from it, or None.
         mac_matrix: (measured, model) MAC of the updated model, or None without shapes.
     """
 
-    initial: FrfCorrelation
-    updated: FrfCorrelation
+    initial: FrfCorrelation | None
+    updated: FrfCorrelation | None
     held_out_frfs: HeldOut | None
     held_out_band: HeldOut | None
     mac_matrix: FloatArray | None
@@ -100,7 +147,7 @@ class Correlation:
 
 @dataclass(frozen=True)
 class DampingModelFit:
-    """One law of the ladder.
+    """One law of the recipe, ranked.
 
     Attributes:
         name: of the law.
@@ -159,8 +206,10 @@ class PosteriorSummary:
 
 @dataclass(frozen=True)
 class UpdateResult:
-    """Everything an update found."""
+    """Everything an update found. Without FRFs, or where damping failed, what depends on it is empty or None."""
 
+    verdict: Verdict
+    outcomes: tuple[StageOutcome, ...]
     parameters: tuple[ParameterEstimate, ...]
     modes: tuple[ModeComparison, ...]
     correlation: Correlation
@@ -169,11 +218,12 @@ class UpdateResult:
     damping_optima: tuple[dict[str, float], ...]
     damping_history: FloatArray
     convergence: tuple[ConvergenceStep, ...]
+    channel_delay_s: float | None
     null_directions: tuple[dict[str, float], ...]
     frequency_discrepancy: float
-    damping_discrepancy: float
-    band_hz: tuple[float, float]
-    prediction: Prediction
+    damping_discrepancy: float | None
+    band_hz: tuple[float, float] | None
+    prediction: Prediction | None
     identification: Identification | None
     posterior: PosteriorSummary
     warnings: tuple[str, ...]

@@ -1,13 +1,12 @@
 """Posterior sampling with emcee (Foreman-Mackey et al. 2013), to confirm or correct the Gaussian posterior.
 
-Elastic constants θ are sampled from the posterior whose mode is stage 1's estimate, through a small basis made for just this
-posterior; the law's coefficients a from the misfit of the measured modes' damping ratios, known to the noise of the FRFs
-and to the discrepancy that the estimate allows. What the intervals admit beyond that is Gaussian and is added to the samples:
+Stage 1's coordinates ξ are sampled from its posterior with the discrepancy marginalised, through a small basis made for just
+this posterior; the inputs, whose errors are small and so act linearly, are integrated out of it and drawn afterwards. The
+law's coefficients a are sampled from the misfit of the measured modes' damping ratios, known to the noise of the FRFs and to
+the law's discrepancy, and follow stage 1: a ← a + (∂a/∂θ)(θ - θ̂). Excursions are draws of their own.
 
-    θ ← θ + N(0, G (C_e - C_e,estimate) Gᵀ),     a ← a + (∂a/∂θ)(θ - θ̂) + N(0, law spread beyond the estimate's)
-
-A long chain can be kept and taken up again (`Keeper`): its last state holds the random generator's, so the samples are the same
-to the bit as those of a chain that was never interrupted.
+A long chain can be kept and taken up again (`Checkpoint`): its last state holds the random generator's, so the samples are the
+same to the bit as those of a chain that was never interrupted.
 
 A chain counts only when it is converged: longer than 50 autocorrelation times, with the effective samples that were asked for
 (Sokal 1997; Goodman and Weare 2010). Everything is seeded.
@@ -25,10 +24,12 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import UpdatingError
-from fecore.updating.damping_stage import DampingResult, DampingStage
+from fecore.updating.coordinates import Coordinates
+from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic import ElasticResult
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import Parametrisation, by_name
+from fecore.updating.posterior import log_likelihood
 
 WANTED_SAMPLES = 5000
 """Effective samples of every parameter."""
@@ -38,10 +39,11 @@ _BLOCK = 200  # steps between looks at the autocorrelation time
 _LONGEST = 40_000  # steps; a chain that is not converged by then is refused
 _TIMES_AUTOCORRELATION = 50
 _BASIS_REACH = 3.0  # posterior standard deviations in which the small basis is made
+_FLAT = 1e-6  # share of the variance along an axis that moves no frequency worth a basis vector
 _BASIS_TOLERANCE = 1e-7  # relative error of its frequencies, checked against the forward model
 
 
-class Keeper(Protocol):
+class Checkpoint(Protocol):
     """Where the state of a chain outlives the process that samples it."""
 
     restored: bytes | None
@@ -78,13 +80,15 @@ class Posterior:
     """Samples of all parameters, and what the chains were like.
 
     Attributes:
-        elastic: (n, q) samples of θ, discrepancy included.
-        damping: (n, p) samples of the law's coefficients, everything included.
+        xi: (n, q) samples of stage 1's coordinates, excursions apart.
+        damping: (n, p) samples of the law's coefficients, excursions apart.
+        everything: (n, q + p) samples of θ and the coefficients, excursions included.
         autocorrelation_time, effective_samples, acceptance: of the two chains, elastic first.
     """
 
-    elastic: FloatArray
+    xi: FloatArray
     damping: FloatArray
+    everything: FloatArray
     autocorrelation_time: tuple[float, float]
     effective_samples: tuple[float, float]
     acceptance: tuple[float, float]
@@ -92,39 +96,41 @@ class Posterior:
 
 def sample_posterior(
     elastic: ElasticResult,
-    stage: DampingStage,
     damping: DampingResult,
     seed: int,
     wanted: int = WANTED_SAMPLES,
     progress: Callable[[float], None] = lambda _: None,
-    keeper: Keeper | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> Posterior:
-    """Sample elastic constants and the law's coefficients. The elastic chain, which is the long one, is kept by `keeper`.
+    """Sample elastic constants and the law's coefficients. The elastic chain, which is the long one, is kept by `checkpoint`.
 
     Raises:
         UpdatingError: a chain did not converge; nothing of it is returned.
     """
     seeds = np.random.SeedSequence(seed).spawn(3)
-    prior = elastic.updated.forward.parametrisation
+    coordinates, names = elastic.coordinates, elastic.updated.forward.parametrisation.names
+    free = len(elastic.updated.forward.parametrisation.reported)
     first = run_chain(
-        _elastic_density(elastic), elastic.theta, elastic.sampled_covariance, seeds[0], wanted,
-        lambda share: progress(0.6 * share), prior.names, keeper,
+        _elastic_density(elastic), coordinates.of(elastic.theta)[:free], elastic.mixture.total[:free, :free], seeds[0],
+        wanted, lambda share: progress(0.6 * share), names[:free], checkpoint,
     )  # fmt: skip
+    density, covariance = _damping_density(damping)
     second = run_chain(
-        _damping_density(stage, damping), damping.fit.coefficients, damping.sampled_covariance, seeds[1], wanted,
+        density, damping.fit.coefficients, covariance, seeds[1], wanted,
         lambda share: progress(0.6 + 0.4 * share), damping.fit.law.coefficient_names,
     )  # fmt: skip
     random = np.random.default_rng(seeds[2])
     count = min(len(first.samples), len(second.samples))
-    theta = random.permutation(first.samples)[:count]
-    theta = theta + random.multivariate_normal(
-        np.zeros(theta.shape[1]), elastic.admitted_covariance, count, method="svd"
-    )
+    xi = _with_inputs(elastic, random.permutation(first.samples)[:count], random)
+    theta = coordinates.values(xi)
     a = random.permutation(second.samples)[:count] + (theta - elastic.theta) @ damping.by_elastic.T
-    a = a + random.multivariate_normal(np.zeros(a.shape[1]), damping.admitted_covariance, count, method="svd")
+    draws = np.column_stack([np.zeros((count, 0)), *(each.draws(random, count) for each in elastic.excursions)])
+    window = np.abs(random.standard_normal(count))[:, None] * damping.window
+    moved = coordinates.values(xi + draws @ elastic.pulls.T)
     return Posterior(
-        theta,
+        xi,
         a,
+        np.hstack([moved, a + draws @ damping.pulls.T + window]),
         (float(first.autocorrelation_time.max()), float(second.autocorrelation_time.max())),
         (float(first.effective_samples.min()), float(second.effective_samples.min())),
         (first.acceptance, second.acceptance),
@@ -139,7 +145,7 @@ def run_chain(
     wanted: int,
     progress: Callable[[float], None],
     names: tuple[str, ...],
-    keeper: Keeper | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> Chain:
     """Run walkers from around `start` until the chain is converged.
 
@@ -157,14 +163,14 @@ def run_chain(
         walkers, dimension, lambda x: density(start + x * scale), moves=moves, vectorize=True
     )
     state = emcee.State(random.standard_normal((walkers, dimension)), random_state=random.get_state())
-    if keeper is not None and keeper.restored is not None:
-        state = _unpack(keeper.restored, sampler)
+    if checkpoint is not None and checkpoint.restored is not None:
+        state = _unpack(checkpoint.restored, sampler)
     steps, tau = sampler.iteration, np.full(dimension, np.inf)
     while steps < _LONGEST:
         state = sampler.run_mcmc(state, _BLOCK, skip_initial_state_check=steps > 0)
         steps += _BLOCK
-        if keeper is not None:
-            keeper.checkpoint(_pack(sampler, state))
+        if checkpoint is not None:
+            checkpoint.checkpoint(_pack(sampler, state))
         tau = sampler.get_autocorr_time(tol=0)
         effective = walkers * (steps - 5 * tau.max()) / tau
         progress(min(1.0, float(effective.min()) / wanted))
@@ -208,32 +214,50 @@ def _unpack(data: bytes, sampler: emcee.EnsembleSampler) -> emcee.State:
 
 
 def _elastic_density(elastic: ElasticResult) -> LogProbability:
-    """Log posterior of θ: frequencies of the paired modes through a basis of this posterior, and the prior."""
-    state = elastic.updated
-    prior, columns = state.forward.parametrisation, np.array([column for _, column in elastic.pairing.pairs])
+    """Log posterior of ξ: frequencies of the paired modes through a basis of this posterior, and the prior."""
+    state, coordinates, free = (
+        elastic.updated,
+        elastic.coordinates,
+        len(elastic.updated.forward.parametrisation.reported),
+    )
+    columns = np.array([column for _, column in elastic.pairing.pairs])
     highest = int(columns.max()) + 1 + state.modes.rigid
     forward = state.forward if state.forward.reduced else replace(state.forward, reduced=True)
-    frequencies = _LocalFrequencies.about(forward, elastic.theta, elastic.sampled_covariance, highest)
-    measured, weight = elastic.measured_hz, elastic.weight
+    covariance = np.zeros_like(elastic.mixture.total)
+    covariance[:free, :free] = elastic.mixture.total[:free, :free]
+    centre = np.concatenate([coordinates.of(elastic.theta)[:free], coordinates.mean[free:]])
+    frequencies = _LocalFrequencies.about(forward, coordinates, coordinates.values(centre), covariance, highest)
+    by_inputs = elastic.sensitivity[:, free:] * coordinates.sd[free:]
+    likelihood = log_likelihood(elastic.noise + by_inputs @ by_inputs.T)
 
-    def density(theta: FloatArray) -> FloatArray:
-        value = np.full(len(theta), -np.inf)
-        allowed = prior.are_physical(theta)
+    def density(xi: FloatArray) -> FloatArray:
+        value = np.full(len(xi), -np.inf)
+        whole = np.tile(centre, (len(xi), 1))
+        whole[:, :free] = xi
+        allowed = coordinates.are_believable(whole)
         if allowed.any():
-            residual = measured - frequencies.at(theta[allowed])[:, columns]
-            away = (theta[allowed] - prior.prior_mean) / prior.prior_sd
-            misfit = np.einsum("wi,ij,wj->w", residual, weight, residual)
-            value[allowed] = -(misfit + np.sum(away**2, axis=1)) / 2
+            residual = elastic.measured_log - np.log(frequencies.at(coordinates.values(whole[allowed]))[:, columns])
+            away = ((whole[allowed] - coordinates.mean) / coordinates.sd)[:, :free]
+            value[allowed] = likelihood(residual) - np.sum(away**2, axis=1) / 2
         return value
 
     return density
 
 
-def _damping_density(stage: DampingStage, damping: DampingResult) -> LogProbability:
-    """Log posterior of a: logarithms of the damping ratios, with noise and the estimate's own discrepancy."""
-    law, ratios = damping.fit.law, stage.sampled_ratios(damping.tight)
+def _with_inputs(elastic: ElasticResult, xi: FloatArray, random: np.random.Generator) -> FloatArray:
+    """(n, p) all coordinates: (n, q) samples of the parameters, and the inputs drawn from their Gaussian given these."""
+    free, joint, centre = xi.shape[1], elastic.mixture.total, elastic.coordinates.of(elastic.theta)
+    slope = np.linalg.solve(joint[:free, :free], joint[:free, free:])
+    left = joint[free:, free:] - joint[free:, :free] @ slope
+    drawn = random.multivariate_normal(np.zeros(len(left)), left, len(xi), method="svd")
+    return np.hstack([xi, centre[free:] + (xi - centre[:free]) @ slope + drawn])
+
+
+def _damping_density(damping: DampingResult) -> tuple[LogProbability, FloatArray]:
+    """Log posterior of a: logarithms of the damping ratios, with noise and the law's discrepancy; and its covariance."""
+    law, ratios = damping.fit.law, damping.reference.own_ratios
     basis = law.basis(ratios.omega) / (2 * ratios.omega)[:, None]
-    weight = np.linalg.inv(ratios.relative_covariance)
+    weight = np.linalg.inv(ratios.relative_covariance + damping.discrepancy**2 * np.eye(ratios.ratio.size))
 
     def density(a: FloatArray) -> FloatArray:
         ratio = a @ basis.T
@@ -242,7 +266,8 @@ def _damping_density(stage: DampingStage, damping: DampingResult) -> LogProbabil
         value = -np.einsum("wi,ij,wj->w", residual, weight, residual) / 2
         return np.where(positive, value, -np.inf)
 
-    return density
+    slope = basis / ratios.ratio[:, None]
+    return density, np.linalg.inv(slope.T @ weight @ slope)
 
 
 @dataclass(frozen=True)
@@ -259,16 +284,21 @@ class _LocalFrequencies:
     rigid: int
 
     @classmethod
-    def about(cls, forward: ForwardModel, theta: FloatArray, covariance: FloatArray, highest: int) -> _LocalFrequencies:
+    def about(
+        cls, forward: ForwardModel, coordinates: Coordinates, theta: FloatArray, covariance: FloatArray, highest: int
+    ) -> _LocalFrequencies:
         """Make the basis about an estimate, for the `highest` lowest modes.
 
         Raises:
             UpdatingError: its frequencies miss the forward model's.
         """
         scale = np.sqrt(np.diag(covariance))
-        share, axes = np.linalg.eigh(covariance / np.outer(scale, scale))
+        safe = np.where(scale > 0, scale, 1.0)
+        share, axes = np.linalg.eigh(covariance / np.outer(safe, safe))
         arms = _BASIS_REACH * scale[:, None] * axes * np.sqrt(np.maximum(share, 0))
-        places = [theta, *(theta + sign * arm for arm in arms.T for sign in (1, -1))]
+        xi = coordinates.of(theta)
+        arms = arms[:, share > _FLAT]
+        places = [theta, *(coordinates.values(xi + sign * arm) for arm in arms.T for sign in (1, -1))]
         states = [forward.solve(place) for place in places if forward.parametrisation.is_physical(place)]
         states = [forward.solve(state.theta) for state in states]  # all on the basis that has grown by now
         shapes = np.hstack([state.modes.shapes[:, :highest] for state in states])
@@ -281,7 +311,8 @@ class _LocalFrequencies:
             np.einsum("ri,krs,sj->kij", V, system.mass, V, optimize=True),
             states[0].modes.rigid,
         )
-        probes = np.array([theta + arms @ np.full(theta.size, sign / np.sqrt(theta.size)) for sign in (-0.7, 0.7)])
+        even = np.full(arms.shape[1], 1 / np.sqrt(arms.shape[1]))
+        probes = coordinates.values(np.array([xi + sign * arms @ even for sign in (-0.7, 0.7)]))
         probes = np.array([row for row in probes if forward.parametrisation.is_physical(row)]).reshape(-1, theta.size)
         exact = np.array([forward.solve(row).frequency_hz for row in probes])
         elastic = slice(0, highest - local.rigid)

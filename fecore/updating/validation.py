@@ -13,7 +13,8 @@ import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.correlation import csac, csf, frac, sac
-from fecore.frf import Dof, FrfSet, ModalFrfModel, convert
+from fecore.dynamics.synthesis import ModalFrfModel
+from fecore.frf import Dof, FrfSet, convert
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic import ElasticResult
 from fecore.updating.result import FrfCorrelation, HeldOut
@@ -102,8 +103,8 @@ class Predictor:
 
     def _noise(self, predicted: ComplexArray) -> FloatArray:
         """(N, L) noise variance of unseen FRFs: the fitted ones' v = a² + b²|H|², with the median a² and b²."""
-        seen = self.damping.misfit
-        level = np.abs(seen.predict(self.damping.modal.eigenvalue, self.damping.modal.rate)) ** 2
+        seen, modal = self.damping.reference.misfit, self.damping.reference.fit
+        level = np.abs(seen.predict(modal.eigenvalue, modal.rate)) ** 2
         rows = zip(level, seen.variance, seen.counted, strict=True)
         pairs = np.array([_line(row[known], floor[known]) for row, floor, known in rows])
         slope, constant = np.median(pairs, axis=0)

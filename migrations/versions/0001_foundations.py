@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sqlalchemy as sa
 from alembic import op
-from procrastinate.schema import SchemaManager
 from sqlalchemy.dialects.postgresql import JSONB
+
+from migrations import procrastinate_schema
 
 revision = "0001_foundations"
 down_revision = None
@@ -26,7 +27,7 @@ def upgrade() -> None:
     access()
     audit()
     jobs()
-    op.get_bind().exec_driver_sql(SchemaManager.get_schema().replace("%", "%%"))
+    procrastinate_schema.apply(op.get_bind(), procrastinate_schema.FIRST)
 
 
 def access() -> None:

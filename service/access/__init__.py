@@ -1,4 +1,4 @@
-"""Who may do what: users, API keys, projects and their members, the audit trail; paging and versions of what is edited.
+"""Who may do what: users, API keys, projects and their members, the audit trail.
 
 What a feature needs of it::
 
@@ -13,19 +13,15 @@ What a feature needs of it::
 
 from service.access.audit import audit
 from service.access.dependencies import CurrentUser, SessionDep, SettingsDep
-from service.access.etag import IF_MATCH, etag_of, require_match
-from service.access.hiding import bring_back, hide
-from service.access.paging import Cursor, Limit, paged
-from service.access.projects import Role, project_for
+from service.access.lookup import Lookup
+from service.access.projects import Role, project_for, projects_of
 from service.access.tables import ApiKey, AuditEvent, Member, Project, User
 
 __all__ = [
-    "IF_MATCH",
     "ApiKey",
     "AuditEvent",
     "CurrentUser",
-    "Cursor",
-    "Limit",
+    "Lookup",
     "Member",
     "Project",
     "Role",
@@ -33,10 +29,6 @@ __all__ = [
     "SettingsDep",
     "User",
     "audit",
-    "bring_back",
-    "etag_of",
-    "hide",
-    "paged",
     "project_for",
-    "require_match",
+    "projects_of",
 ]

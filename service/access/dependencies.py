@@ -9,9 +9,10 @@ from fastapi import Depends, Request
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from sqlalchemy.orm import Session
 
-from service.access.keys import user_of_key
-from service.access.tables import User
-from service.problems.errors import Unauthorized
+from service.access.keys import found_key
+from service.access.scopes import require_scope
+from service.access.tables import ApiKey, User
+from service.errors import Unauthorized
 from service.settings import Settings
 
 
@@ -32,12 +33,25 @@ SessionDep = Annotated[Session, Depends(_session, scope="function")]
 _bearer = HTTPBearer(auto_error=False, description="an API key: `modalbase keys create --name NAME`")
 
 
-def _current_user(
-    session: SessionDep, credentials: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
-) -> User:
+def _current_key(
+    request: Request,
+    session: SessionDep,
+    credentials: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
+) -> tuple[ApiKey, User]:
     if credentials is None:
         raise Unauthorized("send `Authorization: Bearer KEY`; make a key with `modalbase keys create --name NAME`")
-    return user_of_key(session, credentials.credentials)
+    key, user = found_key(session, credentials.credentials)
+    require_scope(key, request.scope)
+    return key, user
 
 
-CurrentUser = Annotated[User, Depends(_current_user)]
+def _key(found: Annotated[tuple[ApiKey, User], Depends(_current_key)]) -> ApiKey:
+    return found[0]
+
+
+def _user(found: Annotated[tuple[ApiKey, User], Depends(_current_key)]) -> User:
+    return found[1]
+
+
+CurrentKey = Annotated[ApiKey, Depends(_key)]
+CurrentUser = Annotated[User, Depends(_user)]

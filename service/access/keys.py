@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 import secrets
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 
 from sqlalchemy import func, select, update
@@ -15,32 +16,62 @@ from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Session
 
 from service.access.tables import ApiKey, User
-from service.problems.errors import Unauthorized
+from service.errors import Unauthorized
 
 SCHEME = "mb"
 USED_RESOLUTION = timedelta(minutes=1)
 
 
-def create_key(session: Session, user: User, name: str) -> tuple[ApiKey, str]:
-    """A new key of a user: its row and the key itself, which is shown once and never kept."""
+def create_key(
+    session: Session,
+    user: User,
+    name: str,
+    scopes: Sequence[str] = ("read", "write", "jobs", "admin"),
+    expires_at: datetime | None = None,
+) -> tuple[ApiKey, str]:
+    """Make a new API key of a user.
+
+    Args:
+        session: the request's transaction.
+        user: whose key.
+        name: what the user calls it.
+        scopes: what it may be used for.
+        expires_at: when it stops being valid.
+
+    Returns:
+        Its row and the key itself, which is shown once: of its secret only the SHA-256 is stored.
+    """
     prefix, secret = secrets.token_hex(6), secrets.token_urlsafe(32)
-    row = ApiKey(user_id=user.id, name=name, prefix=prefix, secret_sha256=_digest(secret))
+    row = ApiKey(
+        user_id=user.id,
+        name=name,
+        prefix=prefix,
+        secret_sha256=_digest(secret),
+        scopes=list(scopes),
+        expires_at=expires_at,
+    )
     session.add(row)
     session.flush()
     return row, f"{SCHEME}_{prefix}_{secret}"
 
 
 def user_named(session: Session, name: str) -> User:
-    """The user of that name, made when absent."""
+    """The user of that name, who is made when absent; two requests at once get the same user."""
     session.execute(insert(User).values(name=name).on_conflict_do_nothing())
     return session.scalars(select(User).where(User.name == name)).one()
 
 
 def user_of_key(session: Session, key: str) -> User:
-    """The user that a key belongs to.
+    """The user that a key belongs to; see `found_key`."""
+    return found_key(session, key)[1]
+
+
+def found_key(session: Session, key: str) -> tuple[ApiKey, User]:
+    """A valid key and the user that it belongs to.
 
     Raises:
-        Unauthorized: the key is malformed, unknown or revoked; which one is not told.
+        Unauthorized: the key is malformed, unknown, revoked or expired, or its user is disabled; the error does not say
+            which.
     """
     scheme, _, rest = key.partition("_")
     prefix, _, secret = rest.partition("_")
@@ -51,10 +82,15 @@ def user_of_key(session: Session, key: str) -> User:
         ).one_or_none()
     stored = found[0].secret_sha256 if found else b"\0" * 32
     proven = hmac.compare_digest(_digest(secret), stored)
-    if found is None or not proven or found[0].revoked_at is not None:
+    if found is None or not proven or not _opens(*found):
         raise Unauthorized("the API key is not valid; make one with `modalbase keys create --name NAME`")
     _touch(session, found[0])
-    return found[1]
+    return found[0], found[1]
+
+
+def _opens(key: ApiKey, user: User) -> bool:
+    late = key.expires_at is not None and key.expires_at <= datetime.now(UTC)
+    return key.revoked_at is None and user.disabled_at is None and not late
 
 
 def _touch(session: Session, key: ApiKey) -> None:

@@ -5,23 +5,33 @@ from __future__ import annotations
 from typing import Literal
 from uuid import UUID
 
-from sqlalchemy import select
+from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from service.access.tables import Member, Project, User
-from service.problems.errors import Forbidden, NotFound
+from service.errors import Conflict, Forbidden, NotFound
 
 Role = Literal["viewer", "editor", "owner"]
 
 _RANK: dict[str, int] = {"viewer": 0, "editor": 1, "owner": 2}
 
 
-def project_for(session: Session, user: User, project_id: UUID, role: Role = "viewer") -> Project:
+def project_for(
+    session: Session, user: User, project_id: UUID, role: Role = "viewer", *, resting: bool = False
+) -> Project:
     """The project, if the user has at least this role in it.
 
+    Args:
+        session: the request's transaction.
+        user: who asks.
+        project_id: which one.
+        role: what the act needs.
+        resting: find a deleted one too, and let an archived one be changed.
+
     Raises:
-        NotFound: there is no such project, or the user is not a member.
+        NotFound: there is no such project, it is deleted, or the user is not a member.
         Forbidden: the user is a member of a lower role.
+        Conflict: the act would change a project that is archived.
     """
     row = session.execute(
         select(Project, Member.role)
@@ -31,6 +41,19 @@ def project_for(session: Session, user: User, project_id: UUID, role: Role = "vi
     if row is None:
         raise NotFound("project", project_id)
     project, held = row
+    if project.deleted_at is not None and not resting:
+        raise NotFound("project", project_id)
     if _RANK[held] < _RANK[role]:
         raise Forbidden(f"this needs the role {role} in the project; yours is {held}")
+    if project.archived_at is not None and role != "viewer" and not resting:
+        raise Conflict('the project is archived; PATCH it with {"archived": false} to change what is in it')
     return project
+
+
+def projects_of(user: User) -> Select[UUID]:
+    """Keys of the projects that a user is a member of, as part of a query."""
+    return (
+        select(Member.project_id)
+        .join(Project, Project.id == Member.project_id)
+        .where(Member.user_id == user.id, Project.deleted_at.is_(None))
+    )

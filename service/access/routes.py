@@ -7,16 +7,15 @@ from contextlib import suppress
 from typing import Annotated
 from uuid import UUID
 
-from fastapi import Query, Response
+from fastapi import Query, Request, Response
 from sqlalchemy import ColumnElement, or_, select
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Session
 
 from service.access.audit import audit
-from service.access.dependencies import CurrentUser, SessionDep
+from service.access.dependencies import CurrentKey, CurrentUser, SessionDep
 from service.access.keys import create_key
-from service.access.paging import Cursor, Limit, paged
-from service.access.projects import project_for
+from service.access.projects import project_for, projects_of
 from service.access.schemas import (
     AuditEventOut,
     KeyIn,
@@ -26,10 +25,13 @@ from service.access.schemas import (
     NewKeyOut,
     ProjectIn,
     ProjectOut,
+    ProjectPatch,
 )
 from service.access.tables import ApiKey, AuditEvent, Member, Project, User
 from service.db.clock import transaction_time
-from service.problems import Conflict, NotFound, Page, api_router
+from service.errors import Conflict, Invalid, NotFound
+from service.web import IF_MATCH, Page, api_router, etag_of, require_match
+from service.web.paging import Cursor, Limit, paged
 
 router = api_router(tags=["access"])
 
@@ -40,6 +42,7 @@ def create_project(body: ProjectIn, session: SessionDep, user: CurrentUser, resp
     project = Project(name=body.name, description=body.description)
     session.add(project)
     session.flush()
+    session.refresh(project)
     session.add(Member(project_id=project.id, user_id=user.id, role="owner"))
     audit(session, user, "project.create", "project", project.id, project.id, name=body.name)
     response.headers["Location"] = f"/api/v1/projects/{project.id}"
@@ -48,18 +51,80 @@ def create_project(body: ProjectIn, session: SessionDep, user: CurrentUser, resp
 
 @router.get("/projects")
 def list_projects(
-    session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+    session: SessionDep,
+    user: CurrentUser,
+    cursor: Cursor = None,
+    limit: Limit = 100,
+    deleted: Annotated[bool, Query(description="list deleted projects, which can be restored, instead")] = False,
 ) -> Page[ProjectOut]:
-    """Projects that one is a member of."""
-    mine = select(Project).join(Member, Member.project_id == Project.id).where(Member.user_id == user.id)
+    """Projects that one is a member of, archived ones included."""
+    hidden = Project.deleted_at.is_not(None) if deleted else Project.deleted_at.is_(None)
+    mine = select(Project).join(Member, Member.project_id == Project.id).where(Member.user_id == user.id, hidden)
     rows, following = paged(session, mine, Project.id, cursor, limit)
     return Page(items=[ProjectOut.model_validate(row) for row in rows], next_cursor=following)
 
 
 @router.get("/projects/{project_id}")
-def get_project(project_id: UUID, session: SessionDep, user: CurrentUser) -> ProjectOut:
+def get_project(project_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> ProjectOut:
     """One project."""
-    return ProjectOut.model_validate(project_for(session, user, project_id))
+    return _shown(project_for(session, user, project_id), response)
+
+
+@router.patch("/projects/{project_id}", openapi_extra=IF_MATCH)
+def change_project(
+    project_id: UUID, body: ProjectPatch, session: SessionDep, user: CurrentUser, request: Request, response: Response
+) -> ProjectOut:
+    """Rename or describe a project, archive it or take it out of the archive; for owners."""
+    project = _locked(session, user, project_id)
+    if project.deleted_at is not None:
+        raise NotFound("project", project_id)
+    require_match(request, etag_of(ProjectOut.model_validate(project)))
+    if not body.model_fields_set:
+        raise Invalid("", "names nothing to change")
+    now = body.model_dump(exclude_unset=True)
+    was = {name: getattr(project, name) for name in now if name != "archived"}
+    for name, value in now.items():
+        if name == "archived":
+            project.archived_at = (project.archived_at or transaction_time(session)) if value else None
+        else:
+            setattr(project, name, value)
+    project.updated_at = transaction_time(session)
+    audit(session, user, "project.change", "project", project.id, project.id, was=was, now=now)
+    return _shown(project, response)
+
+
+@router.delete("/projects/{project_id}", status_code=204)
+def delete_project(project_id: UUID, session: SessionDep, user: CurrentUser) -> None:
+    """Hide a project and all that is in it. It stays stored: an owner can restore it, or purge it for good."""
+    project = _locked(session, user, project_id)
+    if project.deleted_at is not None:
+        raise NotFound("project", project_id)
+    project.deleted_at = project.updated_at = transaction_time(session)
+    audit(session, user, "project.delete", "project", project.id, project.id)
+
+
+@router.post("/projects/{project_id}/restore")
+def restore_project(project_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> ProjectOut:
+    """Bring a deleted project back."""
+    project = _locked(session, user, project_id)
+    if project.deleted_at is None:
+        raise Conflict("the project is not deleted")
+    project.deleted_at, project.updated_at = None, transaction_time(session)
+    audit(session, user, "project.restore", "project", project.id, project.id)
+    return _shown(project, response)
+
+
+def _locked(session: Session, user: User, project_id: UUID) -> Project:
+    """An owner's project, archived or deleted or not, that nobody else edits until the transaction ends."""
+    project = project_for(session, user, project_id, "owner", resting=True)
+    session.refresh(project, with_for_update={"key_share": True})
+    return project
+
+
+def _shown(project: Project, response: Response) -> ProjectOut:
+    shown = ProjectOut.model_validate(project)
+    response.headers["ETag"] = etag_of(shown)
+    return shown
 
 
 @router.get("/projects/{project_id}/members")
@@ -96,9 +161,10 @@ def put_member(project_id: UUID, member: str, body: MemberIn, session: SessionDe
 
 @router.delete("/projects/{project_id}/members/{member}", status_code=204)
 def delete_member(project_id: UUID, member: str, session: SessionDep, user: CurrentUser) -> None:
-    """Take a user out of the project."""
-    project = project_for(session, user, project_id, "owner")
-    found = _user(session, member)
+    """Take a user out of the project: an owner anybody, every member themselves."""
+    found = user if member in (user.name, str(user.id)) else None
+    project = project_for(session, user, project_id, "viewer" if found else "owner", resting=found is not None)
+    found = found or _user(session, member)
     row = session.get(Member, (project.id, found.id))
     if row is None:
         raise NotFound("member", member)
@@ -128,11 +194,19 @@ def _keep_an_owner(session: Session, project_id: UUID, leaving: User) -> None:
 
 
 @router.post("/api-keys", status_code=201)
-def create_api_key(body: KeyIn, session: SessionDep, user: CurrentUser) -> NewKeyOut:
-    """Make another key of one's own; the answer is the only place that shows it."""
-    row, key = create_key(session, user, body.name)
+def create_api_key(body: KeyIn, session: SessionDep, user: CurrentUser, own: CurrentKey) -> NewKeyOut:
+    """Make another key of one's own, with no more rights than the one that makes it; the answer alone shows it."""
+    scopes = own.scopes if body.scopes is None else list(dict.fromkeys(body.scopes))
+    if more := [scope for scope in scopes if scope not in own.scopes]:
+        raise Invalid("/scopes", f"has {', '.join(more)}, which the key that makes it has not")
+    expires_at = body.expires_at or own.expires_at
+    if expires_at is not None and expires_at <= transaction_time(session):
+        raise Invalid("/expires_at", "is over already")
+    if own.expires_at is not None and expires_at is not None and expires_at > own.expires_at:
+        raise Invalid("/expires_at", f"is later than the end of the key that makes it, {own.expires_at.isoformat()}")
+    row, key = create_key(session, user, body.name, scopes, expires_at)
     session.refresh(row)
-    audit(session, user, "api_key.create", "api_key", row.id, name=body.name)
+    audit(session, user, "api_key.create", "api_key", row.id, name=body.name, scopes=scopes)
     return NewKeyOut(**KeyOut.model_validate(row).model_dump(), key=key)
 
 
@@ -163,8 +237,7 @@ def list_audit_events(
     limit: Limit = 100,
 ) -> Page[AuditEventOut]:
     """What was done in one's projects and by oneself, newest first."""
-    mine = select(Member.project_id).where(Member.user_id == user.id)
-    query = select(AuditEvent).where(or_(AuditEvent.user_id == user.id, AuditEvent.project_id.in_(mine)))
+    query = select(AuditEvent).where(or_(AuditEvent.user_id == user.id, AuditEvent.project_id.in_(projects_of(user))))
     if project is not None:
         query = query.where(AuditEvent.project_id == project_for(session, user, project).id)
     rows, following = paged(session, query, AuditEvent.id, cursor, limit, newest_first=True)

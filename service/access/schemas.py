@@ -6,10 +6,12 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from pydantic import ConfigDict
+from pydantic import ConfigDict, Field, field_validator
+from pydantic_core import PydanticCustomError
 
 from service.access.projects import Role
-from service.problems.schema import Name, StrictModel, Text, example
+from service.access.scopes import Scope
+from service.web.bodies import Name, StrictModel, Text, Time, example
 
 
 class _Out(StrictModel):
@@ -25,13 +27,33 @@ class ProjectIn(StrictModel):
     description: Text = ""
 
 
+class ProjectPatch(StrictModel):
+    """Members to change; what is in an archived project can be read and not changed."""
+
+    model_config = example(description="spans 1 to 4")
+
+    name: Name | None = None
+    description: Text | None = None
+    archived: bool | None = None
+
+    @field_validator("name", "description", "archived")
+    @classmethod
+    def _not_null(cls, value: Any) -> Any:
+        if value is None:
+            raise PydanticCustomError("null", "cannot be null; leave it out to keep it")
+        return value
+
+
 class ProjectOut(_Out):
     """A project."""
 
     id: UUID
     created_at: datetime
+    updated_at: datetime
     name: str
     description: str
+    archived_at: datetime | None
+    deleted_at: datetime | None
 
 
 class MemberIn(StrictModel):
@@ -50,9 +72,15 @@ class MemberOut(_Out):
 
 
 class KeyIn(StrictModel):
-    """A new key of one's own."""
+    """A new key of one's own, with no more rights than the one that makes it."""
+
+    model_config = example(name="night script", scopes=["read", "jobs"], expires_at="2027-01-01T00:00:00Z")
 
     name: Name
+    scopes: list[Scope] | None = Field(
+        None, min_length=1, max_length=4, description="default: those of the key that makes it"
+    )
+    expires_at: Time | None = Field(None, description="default: when the key that makes it does")
 
 
 class KeyOut(_Out):
@@ -62,7 +90,9 @@ class KeyOut(_Out):
     created_at: datetime
     name: str
     prefix: str
+    scopes: list[Scope]
     last_used_at: datetime | None
+    expires_at: datetime | None
     revoked_at: datetime | None
 
 

@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import CheckConstraint, ForeignKey, Index
+from sqlalchemy import CheckConstraint, ForeignKey, Index, func, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.db.base import Base, Identified
@@ -18,6 +18,7 @@ class User(Identified, Base):
     __tablename__ = "users"
 
     name: Mapped[str] = mapped_column(unique=True)
+    disabled_at: Mapped[datetime | None]
 
 
 class ApiKey(Identified, Base):
@@ -29,7 +30,9 @@ class ApiKey(Identified, Base):
     name: Mapped[str]
     prefix: Mapped[str] = mapped_column(unique=True)
     secret_sha256: Mapped[bytes]
+    scopes: Mapped[list[Any]] = mapped_column(server_default=text("""'["read", "write", "jobs", "admin"]'"""))
     last_used_at: Mapped[datetime | None]
+    expires_at: Mapped[datetime | None]
     revoked_at: Mapped[datetime | None]
 
 
@@ -40,6 +43,9 @@ class Project(Identified, Base):
 
     name: Mapped[str]
     description: Mapped[str] = mapped_column(server_default="")
+    updated_at: Mapped[datetime] = mapped_column(server_default=func.now(), onupdate=func.now())
+    archived_at: Mapped[datetime | None]
+    deleted_at: Mapped[datetime | None]
 
 
 class Member(Base):
@@ -54,7 +60,9 @@ class Member(Base):
 
 
 class AuditEvent(Identified, Base):
-    """Who did what to which thing, written in the transaction that did it."""
+    """Who did what to which thing, written in the transaction that did it. A trigger refuses every change; what an event
+    names may have been purged since.
+    """
 
     __tablename__ = "audit_events"
     __table_args__ = (
@@ -62,8 +70,8 @@ class AuditEvent(Identified, Base):
         Index("ix_audit_events_user_id_id", "user_id", "id"),
     )
 
-    user_id: Mapped[UUID | None] = mapped_column(ForeignKey("users.id", ondelete="SET NULL"))
-    project_id: Mapped[UUID | None] = mapped_column(ForeignKey("projects.id", ondelete="SET NULL"))
+    user_id: Mapped[UUID | None]
+    project_id: Mapped[UUID | None]
     action: Mapped[str]
     subject_type: Mapped[str]
     subject_id: Mapped[UUID | None]

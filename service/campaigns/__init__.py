@@ -1,1 +1,1 @@
-"""Campaigns: one measurement of a structure each, with its imports, grid points, FRFs and mode sets."""
+"""Campaigns: one measurement of a structure each, its grid points, and the frame of its coordinates."""

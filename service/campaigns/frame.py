@@ -34,7 +34,14 @@ class Frame:
     axes: FloatArray
 
     def points(self, file_m: FloatArray) -> FloatArray:
-        """(n, 3) points of the file, m, in the specimen's frame, m."""
+        """Points of the file in the specimen's frame.
+
+        Args:
+            file_m: (n, 3) coordinates in the file, m.
+
+        Returns:
+            (n, 3) x along the length from the clamped end, y across, z out of plane, m.
+        """
         return (file_m - self.origin_m) @ self.axes
 
     def dof(self, dof: Dof) -> Dof:

@@ -6,17 +6,18 @@ from typing import Annotated
 from uuid import UUID
 
 from fastapi import Header, Query, Request, Response
-from pydantic import ValidationError
+from pydantic import TypeAdapter
 
-from service.access import IF_MATCH, CurrentUser, SessionDep, SettingsDep, audit, etag_of, require_match
+from service.access import CurrentUser, SessionDep, SettingsDep, audit
 from service.campaigns import grid_points
-from service.campaigns.negotiation import choose_format, one_of
-from service.campaigns.operations import campaign_for, lock_campaign, project_of
+from service.campaigns.operations import campaign_for
 from service.campaigns.schemas import GridPoints
 from service.campaigns.uploads import UploadDep
-from service.problems import Fault, Invalid, PayloadTooLarge, UnsupportedMediaType, api_router
-from service.problems.json_body import parse_json
-from service.problems.openapi import schema_of
+from service.errors import PayloadTooLarge, UnsupportedMediaType
+from service.web import IF_MATCH, api_router, etag_of, require_match
+from service.web.json_body import BULK_VALUES, checked, parse_json
+from service.web.negotiation import choose_format, one_of
+from service.web.openapi import schema_of
 
 router = api_router(tags=["grid points"])
 
@@ -71,8 +72,7 @@ def put_grid_points(
     if upload.file.size > settings.json_limit_bytes:
         raise PayloadTooLarge(f"the body has {upload.file.size} bytes, the operator allows {settings.json_limit_bytes}")
     points = _read(upload.file.path.read_bytes(), upload.content_type)
-    campaign = campaign_for(session, user, campaign_id, "editor")
-    lock_campaign(session, campaign)
+    campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
     before = grid_points.list_points(session, campaign.id)
     if before.items or "if-match" in request.headers:
         after = GridPoints(items=sorted(points.items, key=lambda point: point.label))
@@ -80,7 +80,15 @@ def put_grid_points(
             require_match(request, etag_of(before))
     grid_points.replace_points(session, campaign.id, points)
     count = len(points.items)
-    audit(session, user, "grid_points.put", "campaign", campaign.id, project_of(session, campaign), count=count)
+    audit(
+        session,
+        user,
+        "grid_points.put",
+        "campaign",
+        campaign.id,
+        campaign_for.project_of(session, campaign),
+        count=count,
+    )
     stored = grid_points.list_points(session, campaign.id)
     response.headers["ETag"] = etag_of(stored)
     return stored
@@ -91,8 +99,4 @@ def _read(body: bytes, content_type: str) -> GridPoints:
         return grid_points.from_csv(body)
     if content_type not in ("application/json", ""):
         raise UnsupportedMediaType(f"the body is {content_type}, expected application/json or text/csv")
-    try:
-        return GridPoints.model_validate(parse_json(body))
-    except ValidationError as error:
-        faults = [Fault("".join(f"/{step}" for step in e["loc"]), e["msg"]) for e in error.errors()[:20]]
-        raise Invalid(faults) from None
+    return checked(TypeAdapter(GridPoints), parse_json(body, most_values=BULK_VALUES))

@@ -4,32 +4,41 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Iterable, Sequence
 from uuid import UUID
 
 from pydantic import ValidationError
-from sqlalchemy import delete, insert, select
+from sqlalchemy import delete, func, insert, literal, select
+from sqlalchemy.dialects.postgresql import aggregate_order_by
 from sqlalchemy.orm import Session
 
 from service.campaigns.schemas import GridPoint, GridPoints
-from service.campaigns.tables import GridPoint as Row
-from service.problems import Fault, Invalid
+from service.campaigns.tables import GridPointRow
+from service.db.bytea import copy_rows
+from service.errors import MOST_FAULTS, Fault, Invalid
 
 COLUMNS = ("label", "x_m", "y_m", "z_m")
-MOST_FAULTS = 20
 
 Coordinates = tuple[float, float, float]
 
 
 def stored_points(session: Session, campaign_id: UUID) -> dict[int, Coordinates]:
-    """Label to coordinates, m, in the file's frame; by label."""
+    """The grid points of a campaign: label to coordinates in m, in the file's frame, ordered by label.
+
+    `service.frfs.measured_campaign.specimen_points` gives them in the specimen's frame.
+    """
     rows = session.execute(
-        select(Row.label, Row.x_m, Row.y_m, Row.z_m).where(Row.campaign_id == campaign_id).order_by(Row.label)
+        select(GridPointRow.label, GridPointRow.x_m, GridPointRow.y_m, GridPointRow.z_m)
+        .where(GridPointRow.campaign_id == campaign_id)
+        .order_by(GridPointRow.label)
     )
     return {label: (x, y, z) for label, x, y, z in rows}
 
 
 def list_points(session: Session, campaign_id: UUID) -> GridPoints:
-    """All points of a campaign, by label."""
+    """All grid points of a campaign as clients see them, ordered by label, in the file's frame; empty where it has
+    none.
+    """
     return GridPoints(
         items=[
             GridPoint(label=label, x_m=x, y_m=y, z_m=z)
@@ -39,14 +48,24 @@ def list_points(session: Session, campaign_id: UUID) -> GridPoints:
 
 
 def replace_points(session: Session, campaign_id: UUID, points: GridPoints) -> None:
-    """Store these points in place of all that are there."""
-    session.execute(delete(Row).where(Row.campaign_id == campaign_id))
+    """Store these points in place of all that the campaign has.
+
+    Args:
+        session: the request's transaction; it holds the campaign.
+        campaign_id: whose points.
+        points: labels are unique; coordinates in m, in the file's frame.
+    """
+    session.execute(delete(GridPointRow).where(GridPointRow.campaign_id == campaign_id))
     if points.items:
-        session.execute(insert(Row), [{"campaign_id": campaign_id, **point.model_dump()} for point in points.items])
+        session.execute(
+            insert(GridPointRow), [{"campaign_id": campaign_id, **point.model_dump()} for point in points.items]
+        )
 
 
 def to_csv(points: GridPoints) -> str:
-    """Points as CSV with a header line; numbers in their shortest exact form."""
+    """Points as CSV: the header `label,x_m,y_m,z_m`, one line for each point, numbers in the shortest form that is
+    exact.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\r\n")
     writer.writerow(COLUMNS)
@@ -73,6 +92,8 @@ def from_csv(body: bytes) -> GridPoints:
     faults: list[Fault] = []
     points: list[GridPoint] = []
     for line, row in enumerate(rows[1:], 2):
+        if len(faults) > MOST_FAULTS:
+            break
         if not any(cell.strip() for cell in row):
             continue
         if len(row) != len(header):
@@ -83,8 +104,28 @@ def from_csv(body: bytes) -> GridPoints:
         except ValidationError as error:
             faults += [Fault(f"line {line}, {e['loc'][-1]}", e["msg"]) for e in error.errors()]
     if faults:
-        raise Invalid(faults[:MOST_FAULTS])
+        raise Invalid(faults)
     try:
         return GridPoints(items=points)
     except ValidationError as error:
         raise Invalid("", error.errors()[0]["msg"]) from None
+
+
+def add_points(session: Session, campaign_id: UUID, points: Iterable[tuple[int, Coordinates]]) -> None:
+    """Store more points, by label; none of them is there already."""
+    columns = {"campaign_id": "uuid", "label": "int8", "x_m": "float8", "y_m": "float8", "z_m": "float8"}
+    with copy_rows(session, GridPointRow.__tablename__, columns) as write:
+        for label, xyz in points:
+            write((campaign_id, label, *xyz))
+
+
+def point_digests(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, str]:
+    """Digest of each campaign's points; those without any are left out."""
+    one = func.concat_ws(" ", GridPointRow.label, GridPointRow.x_m, GridPointRow.y_m, GridPointRow.z_m)
+    digest = func.md5(func.string_agg(one, aggregate_order_by(literal(","), one)))
+    query = (
+        select(GridPointRow.campaign_id, digest)
+        .where(GridPointRow.campaign_id.in_(campaign_ids))
+        .group_by(GridPointRow.campaign_id)
+    )
+    return dict(session.execute(query).all())

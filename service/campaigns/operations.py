@@ -2,61 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from datetime import datetime
 from uuid import UUID
 
 from pydantic import BaseModel
-from sqlalchemy import select
+from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
-from service.access import Role, User, audit, bring_back, hide
+from service.access import Lookup, User, audit
 from service.campaigns.frame import SPECIMEN, Frame, make_frame
 from service.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch, FrameIn, Instruments
 from service.campaigns.tables import Campaign
 from service.db.clock import transaction_time
-from service.problems import NotFound, not_found_as
 from service.structures.operations import structure_for
-from service.structures.tables import Structure
 
-
-def campaign_for(
-    session: Session, user: User, campaign_id: UUID, role: Role = "viewer", *, deleted: bool = False
-) -> Campaign:
-    """The campaign, if the user has at least this role in its project.
-
-    Args:
-        session: the request's transaction.
-        user: who asks.
-        campaign_id: which one.
-        role: what the act needs.
-        deleted: find a deleted campaign too.
-
-    Raises:
-        NotFound: there is none, it is other people's, or it is deleted.
-        Forbidden: the user's role is too low.
-    """
-    campaign = session.get(Campaign, campaign_id)
-    if campaign is None or (campaign.deleted_at is not None and not deleted):
-        raise NotFound("campaign", campaign_id)
-    with not_found_as("campaign", campaign_id):
-        structure_for(session, user, campaign.structure_id, role)
-    return campaign
-
-
-def lock_campaign(session: Session, campaign: Campaign) -> None:
-    """Read the campaign again and keep other edits of it out until the transaction ends.
-
-    The lock lets rows that refer to the campaign come in: an edit does not wait for an import that is being stored.
-    """
-    session.refresh(campaign, with_for_update={"key_share": True})
-
-
-def project_of(session: Session, campaign: Campaign) -> UUID:
-    """The project that a campaign belongs to."""
-    return session.scalars(select(Structure.project_id).where(Structure.id == campaign.structure_id)).one()
+campaign_for = Lookup(Campaign, "campaign", "structure_id", structure_for)
+"""The campaign, if the user has at least a role in its project."""
 
 
 def frame_of(campaign: Campaign) -> Frame:
-    """The campaign's frame as the core's conversion wants it."""
+    """The campaign's frame: how points and directions of its files lie in the specimen's coordinates.
+
+    A campaign that states none has its files in the specimen's frame already: x along the length from the clamped
+    end, y across, z out of plane.
+    """
     if campaign.frame is None:
         return SPECIMEN
     body = FrameIn.model_validate(campaign.frame)
@@ -64,7 +34,18 @@ def frame_of(campaign: Campaign) -> Frame:
 
 
 def create_campaign(session: Session, user: User, structure_id: UUID, body: CampaignIn) -> Campaign:
-    """A new campaign of a structure."""
+    """Store a new campaign of a structure and note it in the audit trail.
+
+    Args:
+        session: the request's transaction.
+        user: who asks; an editor of the project at least.
+        structure_id: the structure that is tested.
+        body: name, boundary, date, climate, instruments, frame.
+
+    Raises:
+        NotFound: there is no such structure, or it is other people's.
+        Forbidden: the user's role is too low.
+    """
     structure = structure_for(session, user, structure_id, "editor")
     campaign = Campaign(
         structure_id=structure.id,
@@ -85,7 +66,14 @@ def create_campaign(session: Session, user: User, structure_id: UUID, body: Camp
 
 
 def change_campaign(session: Session, user: User, campaign: Campaign, patch: CampaignPatch) -> None:
-    """Apply a patch to a campaign that is locked for update; what was before is kept in the audit trail."""
+    """Apply a patch to a campaign; the audit trail keeps the fields as they were and as they are now.
+
+    Args:
+        session: the request's transaction.
+        user: who asks, for the audit trail.
+        campaign: the campaign, locked with `lock_campaign` so that two edits do not mix.
+        patch: the fields that were sent; the others stay.
+    """
     now = patch.model_dump(mode="json", exclude_unset=True)
     was = describe(campaign).model_dump(mode="json", include=set(now))
     for field in patch.model_fields_set:
@@ -93,25 +81,12 @@ def change_campaign(session: Session, user: User, campaign: Campaign, patch: Cam
         setattr(campaign, field, value.model_dump(mode="json") if isinstance(value, BaseModel) else value)
     campaign.updated_at = transaction_time(session)
     session.flush()
-    audit(session, user, "campaign.change", "campaign", campaign.id, project_of(session, campaign), was=was, now=now)
-
-
-def delete_campaign(session: Session, user: User, campaign: Campaign) -> None:
-    """Hide a campaign and all that is in it; everything stays stored, so that results keep their lineage."""
-    hide(session, user, campaign, "campaign", project_of(session, campaign))
-
-
-def restore_campaign(session: Session, user: User, campaign: Campaign) -> None:
-    """Undo a deletion.
-
-    Raises:
-        Conflict: the campaign is not deleted.
-    """
-    bring_back(session, user, campaign, "campaign", project_of(session, campaign))
+    project_id = campaign_for.project_of(session, campaign)
+    audit(session, user, "campaign.change", "campaign", campaign.id, project_id, was=was, now=now)
 
 
 def describe(campaign: Campaign) -> CampaignOut:
-    """A campaign as clients see it."""
+    """A campaign as clients see it; instruments and frame are filled up with their defaults. No query."""
     return CampaignOut(
         id=campaign.id,
         structure_id=campaign.structure_id,
@@ -127,3 +102,34 @@ def describe(campaign: Campaign) -> CampaignOut:
         updated_at=campaign.updated_at,
         deleted_at=campaign.deleted_at,
     )
+
+
+def campaign_of(session: Session, campaign_id: UUID) -> Campaign:
+    """The row of a campaign, whoever asks."""
+    return session.get_one(Campaign, campaign_id)
+
+
+def campaigns_of(session: Session, keys: Iterable[UUID]) -> Sequence[Campaign]:
+    """Rows by key, whoever asks."""
+    return session.scalars(select(Campaign).where(Campaign.id.in_(set(keys)))).all()
+
+
+def dated_campaigns(session: Session, structure_id: UUID, since: datetime | None) -> Sequence[Campaign]:
+    """A structure's campaigns that state a date, from one on, in the order of their dates; read afresh."""
+    query = select(Campaign).where(
+        Campaign.structure_id == structure_id, Campaign.deleted_at.is_(None), Campaign.performed_at.is_not(None)
+    )
+    if since is not None:
+        query = query.where(Campaign.performed_at >= since)
+    order = (Campaign.performed_at, Campaign.id)
+    return session.scalars(query.order_by(*order), execution_options={"populate_existing": True}).all()
+
+
+def campaigns_in(structure_id: UUID) -> Select[UUID]:
+    """Keys of a structure's campaigns, as part of a query."""
+    return select(Campaign.id).where(Campaign.structure_id == structure_id)
+
+
+def structures_with(campaigns: Select[UUID]) -> Select[UUID]:
+    """Keys of the structures that some campaigns are of, as part of a query."""
+    return select(Campaign.structure_id).where(Campaign.id.in_(campaigns))

@@ -8,12 +8,13 @@ from uuid import UUID
 from fastapi import Query, Request, Response
 from sqlalchemy import select
 
-from service.access import IF_MATCH, CurrentUser, Cursor, Limit, SessionDep, etag_of, paged, require_match
+from service.access import CurrentUser, SessionDep
 from service.campaigns import operations
 from service.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch
 from service.campaigns.tables import Campaign
-from service.problems import Invalid, Page, api_router
+from service.errors import Invalid
 from service.structures.operations import structure_for
+from service.web import IF_MATCH, Cursor, Limit, Page, api_router, etag_of, paged, require_match
 
 router = api_router(tags=["campaigns"])
 
@@ -56,8 +57,7 @@ def change_campaign(
     campaign_id: UUID, body: CampaignPatch, session: SessionDep, user: CurrentUser, request: Request, response: Response
 ) -> CampaignOut:
     """Change what is known of a campaign; results that exist keep what they used."""
-    campaign = operations.campaign_for(session, user, campaign_id, "editor")
-    operations.lock_campaign(session, campaign)
+    campaign = operations.campaign_for(session, user, campaign_id, "editor", lock=True)
     require_match(request, etag_of(operations.describe(campaign)))
     if not body.model_fields_set:
         raise Invalid("", "names nothing to change")
@@ -68,19 +68,17 @@ def change_campaign(
 @router.delete("/campaigns/{campaign_id}", status_code=204, openapi_extra=IF_MATCH)
 def delete_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser, request: Request) -> None:
     """Hide a campaign and what is in it. It stays stored and can be restored."""
-    campaign = operations.campaign_for(session, user, campaign_id, "editor")
-    operations.lock_campaign(session, campaign)
+    campaign = operations.campaign_for(session, user, campaign_id, "editor", lock=True)
     if "if-match" in request.headers:
         require_match(request, etag_of(operations.describe(campaign)))
-    operations.delete_campaign(session, user, campaign)
+    operations.campaign_for.hide(session, user, campaign)
 
 
 @router.post("/campaigns/{campaign_id}/restore")
 def restore_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> CampaignOut:
     """Bring a deleted campaign back."""
-    campaign = operations.campaign_for(session, user, campaign_id, "editor", deleted=True)
-    operations.lock_campaign(session, campaign)
-    operations.restore_campaign(session, user, campaign)
+    campaign = operations.campaign_for(session, user, campaign_id, "editor", deleted=True, lock=True)
+    operations.campaign_for.bring_back(session, user, campaign)
     return _shown(campaign, response)
 
 

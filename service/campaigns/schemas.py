@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
+import json
 from datetime import datetime
 from typing import Annotated, Any, Literal, Self
 from uuid import UUID
 
-from pydantic import Field, JsonValue, field_validator, model_validator
+from pydantic import AfterValidator, Field, JsonValue, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from fecore.errors import InputError
-from fecore.frf import Quantity
 from service.campaigns.frame import make_frame
-from service.problems import Name, StrictModel, Text, Time, example
+from service.web import Name, StrictModel, Text, Time, example
 
 Boundary = Literal["cantilever", "free", "simply_supported"]
 Point = Annotated[int, Field(ge=1, le=9_999_999_999, description="label of a grid point")]
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6, description="m")]
 Vector = tuple[Coordinate, Coordinate, Coordinate]
+
+
+def _short(value: dict[str, JsonValue]) -> dict[str, JsonValue]:
+    """Refuse more than a page: every list of campaigns shows it."""
+    if (size := len(json.dumps(value))) > MOST_DETAILS:
+        raise PydanticCustomError(
+            "long", "has {size} characters as JSON, at most {most} are kept", {"size": size, "most": MOST_DETAILS}
+        )
+    return value
+
+
+MOST_DETAILS = 10_000
+Details = Annotated[
+    dict[str, JsonValue], AfterValidator(_short), Field(description=f"at most {MOST_DETAILS} characters as JSON")
+]
 
 
 class FrameIn(StrictModel):
@@ -39,9 +54,9 @@ class FrameIn(StrictModel):
 class Instruments(StrictModel):
     """What was measured with. A sensor of a mass but no point stood where all responses are, or moved with them."""
 
-    hammer: dict[str, JsonValue] = Field(default_factory=dict, max_length=100)
-    sensor: dict[str, JsonValue] = Field(default_factory=dict, max_length=100)
-    analyser: dict[str, JsonValue] = Field(default_factory=dict, max_length=100)
+    hammer: Details = Field(default_factory=dict, max_length=100)
+    sensor: Details = Field(default_factory=dict, max_length=100)
+    analyser: Details = Field(default_factory=dict, max_length=100)
     sensor_mass_kg: float | None = Field(
         default=None, ge=0, le=1000, description="kg; 0 for a sensor that does not touch"
     )
@@ -130,47 +145,3 @@ class GridPoints(StrictModel):
                 )
             seen.add(point.label)
         return items
-
-
-class DatasetOutcome(StrictModel):
-    """What became of one dataset of the file."""
-
-    number: int = Field(description="1 for the first dataset of the file")
-    type: str = Field(description='dataset type: "15", "58", "58b" ...')
-    offset: int = Field(description="byte at which the dataset begins")
-    outcome: Literal["read", "ignored", "refused"]
-    reason: str | None
-    notes: list[str] = Field(description="conversions and assumptions made while reading")
-
-
-class Counts(StrictModel):
-    """What an import brought in."""
-
-    frfs: int
-    grid_points: int
-    modes: int
-
-
-class ImportOut(StrictModel):
-    """A file's way into a campaign."""
-
-    id: UUID
-    campaign_id: UUID
-    status: Literal["queued", "running", "succeeded", "failed", "cancelled"]
-    stage: str | None
-    progress: float = Field(description="0 to 1")
-    filename: str
-    size: int = Field(description="bytes")
-    sha256: str
-    dry_run: bool
-    quantity: Quantity | None
-    already_imported: bool = Field(False, description="these bytes are in the campaign already; nothing new was queued")
-    counts: Counts | None = Field(description="what was read; null until it succeeded")
-    datasets: list[DatasetOutcome]
-    warnings: list[str]
-    message: str | None
-    error: dict[str, Any] | None
-    attempt: int
-    created_at: datetime
-    started_at: datetime | None
-    finished_at: datetime | None

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import PurePosixPath, PureWindowsPath
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 from fastapi import Depends, Request
-from pydantic import TypeAdapter, ValidationError
-from starlette.datastructures import UploadFile
-from starlette.exceptions import HTTPException
+from fastapi.concurrency import run_in_threadpool
+from pydantic import TypeAdapter
 
-from service.access import CurrentUser, SettingsDep
+from service.access import SettingsDep
 from service.coupons.curve_schemas import CurveCouponIn
+from service.coupons.reduction import Reduced, reduce_curve
 from service.coupons.schemas import CouponIn
-from service.problems import Fault, Invalid, PayloadTooLarge, UnsupportedMediaType
-from service.problems.json_body import escape, parse_json
-from service.problems.openapi import schema_of
-
-Body = TypeVar("Body")
+from service.errors import Invalid, PayloadTooLarge, UnsupportedMediaType
+from service.jobs.aside import read_aside
+from service.web.gate import without_slot
+from service.web.json_body import checked, parse_json
+from service.web.negotiation import content_type, is_json
+from service.web.openapi import schema_of
+from service.web.uploads import multipart
 
 MOST_COUPONS = 1000
-MOST_FAULTS = 20
 
 _ONE: TypeAdapter[CouponIn] = TypeAdapter(CouponIn)
 _SEVERAL: TypeAdapter[list[CouponIn]] = TypeAdapter(list[CouponIn])
@@ -30,61 +30,46 @@ _CURVE: TypeAdapter[CurveCouponIn] = TypeAdapter(CurveCouponIn)
 
 @dataclass(frozen=True)
 class RawCurve:
-    """A machine's file and what is said of it."""
+    """A machine's file, what is said of it, and what came of it by its standard."""
 
     request: CurveCouponIn
     filename: str
     data: bytes
+    reduced: Reduced
 
 
-async def _received(request: Request, settings: SettingsDep, _: CurrentUser) -> list[CouponIn] | RawCurve:
-    """The body, which is read after the key was checked."""
-    kind = request.headers.get("content-type", "").split(";")[0].strip().lower()
+async def _received(request: Request, settings: SettingsDep) -> list[CouponIn] | RawCurve:
+    """The body. No transaction is open while it is read."""
+    kind = content_type(request.headers.get("content-type"))
     if kind == "multipart/form-data":
-        return await _multipart(request, settings.json_limit_bytes)
-    if kind and kind != "application/json" and not kind.endswith("+json"):
+        return await _curve(request, settings.json_limit_bytes)
+    if kind and not is_json(kind):
         raise UnsupportedMediaType(f"the body is {kind}, expected application/json or multipart/form-data")
-    body = parse_json(await request.body())
+    body = await run_in_threadpool(parse_json, await request.body())
     if not isinstance(body, list):
-        return [_checked(_ONE, body)]
+        return [checked(_ONE, body)]
     if not 0 < len(body) <= MOST_COUPONS:
         raise Invalid("", f"the list has {len(body)} specimens, expected 1 to {MOST_COUPONS}")
-    return _checked(_SEVERAL, body)
+    return checked(_SEVERAL, body)
 
 
 CouponBody = Annotated[list[CouponIn] | RawCurve, Depends(_received)]
 
 
-async def _multipart(request: Request, limit: int) -> RawCurve:
-    try:
-        form = await request.form(max_files=1, max_fields=5, max_part_size=limit)
-    except (HTTPException, KeyError, ValueError) as error:  # Starlette's form() turns a parser's error into the first
-        detail = getattr(error, "detail", error)
-        raise Invalid("", f"the multipart body cannot be read: {detail}") from None
-    try:
-        part, stated = form.get("file"), form.get("coupon")
-        if not isinstance(part, UploadFile):
-            raise Invalid("/file", "is missing: send the machine's file as multipart field `file`")
-        if not isinstance(stated, str):
+async def _curve(request: Request, limit: int) -> RawCurve:
+    async with multipart(request, limit) as form:
+        stated = form.fields.get("coupon")
+        if stated is None:
             raise Invalid(
                 "/coupon", "is missing: send what is known of the specimen as JSON in multipart field `coupon`"
             )
-        if part.size is None or part.size > limit:
-            raise PayloadTooLarge(f"the file has {part.size} bytes, the operator allows {limit}")
-        name = PurePosixPath(PureWindowsPath(part.filename or "").name).name or "curve.csv"
-        return RawCurve(_checked(_CURVE, parse_json(stated.encode("utf-8", "surrogatepass"))), name, await part.read())
-    finally:
-        await form.close()
-
-
-def _checked(adapter: TypeAdapter[Body], value: Any) -> Body:
-    try:
-        return adapter.validate_python(value)
-    except ValidationError as error:
-        faults = [
-            Fault("".join(f"/{escape(step)}" for step in e["loc"]), e["msg"]) for e in error.errors()[:MOST_FAULTS]
-        ]
-        raise Invalid(faults) from None
+        if form.file.size is None or form.file.size > limit:
+            raise PayloadTooLarge(f"the file has {form.file.size} bytes, the operator allows {limit}")
+        sent = checked(_CURVE, parse_json(stated.encode("utf-8", "surrogatepass")))
+        data = await form.file.read()
+        async with without_slot(request.scope):
+            reduced = await read_aside(reduce_curve, data, sent)
+        return RawCurve(sent, form.filename or "curve.csv", data, reduced)
 
 
 def documented() -> dict[str, Any]:

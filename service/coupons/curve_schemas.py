@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from fecore.coupons.curves import Ends
 from service.coupons.schemas import FailureCode, Standard, check_exclusion
-from service.problems import Name, StrictModel, Text
+from service.web import Name, StrictModel, Text
 
 Series = Literal["force", "strain", "strain_back", "transverse_strain", "time"]
 LengthUnit = Literal["m", "cm", "mm", "µm", "um", "in", "inch", "mil"]
@@ -42,6 +42,12 @@ class Dimensions(StrictModel):
     unit: LengthUnit
     width: list[Reading] = Field(min_length=1, max_length=100)
     thickness: list[Reading] = Field(min_length=1, max_length=100)
+    gauge_length: Reading | None = Field(
+        None, description="of the extensometer; with it the columns of longitudinal strain hold elongations"
+    )
+    transverse_gauge_length: Reading | None = Field(
+        None, description="of the transverse extensometer; with it that column holds a change of width"
+    )
 
 
 class CurveCouponIn(StrictModel):

@@ -5,27 +5,30 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import statistics
 from typing import Any
 
 import numpy as np
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from fecore.arrays import FloatArray
 from service.coupons.bodies import RawCurve
 from service.coupons.curve_schemas import CurveCouponIn, CurveFile, CurveOut
 from service.coupons.reduction import Reduced
-from service.coupons.tables import Coupon, CouponCurve
-from service.problems import NotFound, ServiceError
+from service.coupons.tables import Coupon, CouponBatch, CouponCurve
+from service.errors import Conflict, NotFound, verified
+
+UNLIKE_DIMENSION = 3.0
+"""Ratio of a dimension to that of the batch's other specimens from which on it is thought to be a mistake."""
 
 UNITS = {"force": "N", "strain": "m/m", "strain_back": "m/m", "transverse_strain": "m/m", "time": "s"}
 
 
-class DamagedCurveError(ServiceError):
-    """Stored bytes of a curve do not have the SHA-256 that was recorded with them."""
-
-
 def new_curve(coupon: Coupon, sent: RawCurve, reduced: Reduced) -> CouponCurve:
-    """The row of a specimen's curve."""
+    """The row of a specimen's curve, to be added to a session: the machine's file and the series in SI, each with its
+    SHA-256, and how the file was read and reduced.
+    """
     data = b"".join(np.ascontiguousarray(values, "<f8").tobytes() for values in reduced.series.values())
     return CouponCurve(
         coupon_id=coupon.id,
@@ -44,11 +47,44 @@ def new_curve(coupon: Coupon, sent: RawCurve, reduced: Reduced) -> CouponCurve:
     )
 
 
-def curve_of(session: Session, coupon: Coupon) -> CouponCurve:
-    """The specimen's curve.
+def unlike_the_batch(session: Session, batch: CouponBatch, data: bytes, reduced: Reduced) -> list[str]:
+    """What is odd about a specimen beside those that the batch has already.
+
+    Args:
+        session: the request's transaction.
+        batch: where the specimen is about to go.
+        data: its machine's file.
+        reduced: the results, and how they came about.
 
     Raises:
-        NotFound: its results were handed in without one.
+        Conflict: the batch has this run of this file already, under another name.
+    """
+    others = session.execute(
+        select(Coupon.specimen, CouponCurve.file_sha256, CouponCurve.reading, CouponCurve.reduction)
+        .join(CouponCurve, CouponCurve.coupon_id == Coupon.id)
+        .where(Coupon.batch_id == batch.id, Coupon.excluded.is_(False))
+        .order_by(Coupon.id)
+    ).all()
+    digest = hashlib.sha256(data).digest()
+    for specimen, sha256, reading, _ in others:
+        if sha256 == digest and reading["run"] == reduced.reading["run"]:
+            raise Conflict(f"the batch has run {reading['run']} of this file already, as specimen {specimen}")
+    found = []
+    for name in ("width_m", "thickness_m") if others else ():
+        usual, own = statistics.median(reduction[name] for *_, reduction in others), reduced.reduction[name]
+        if not 1 / UNLIKE_DIMENSION < own / usual < UNLIKE_DIMENSION:
+            found.append(
+                f"the {name.removesuffix('_m')} is {1e3 * own:.4g} mm, {own / usual:.3g} times that of the batch's other "
+                f"specimens ({1e3 * usual:.4g} mm): is it in another unit?"
+            )
+    return found
+
+
+def curve_of(session: Session, coupon: Coupon) -> CouponCurve:
+    """The curve of a specimen.
+
+    Raises:
+        NotFound: its results were handed in without a curve.
     """
     curve = session.get(CouponCurve, coupon.id)
     if curve is None:
@@ -60,9 +96,9 @@ def series_of(curve: CouponCurve) -> dict[str, FloatArray]:
     """(points,) SI arrays by name, verified. NaN where the machine wrote nothing.
 
     Raises:
-        DamagedCurveError: the bytes are not the ones that were stored.
+        Damaged: the bytes are not the ones that were stored.
     """
-    table = np.frombuffer(_verified(curve.data, curve.sha256), "<f8").reshape(len(curve.series), curve.points)
+    table = np.frombuffer(verified(curve.data, curve.sha256, "curve"), "<f8").reshape(len(curve.series), curve.points)
     return {name: row.astype(np.float64) for name, row in zip(curve.series, table, strict=True)}
 
 
@@ -70,13 +106,13 @@ def file_of(curve: CouponCurve) -> bytes:
     """The machine's file, byte for byte, verified.
 
     Raises:
-        DamagedCurveError: the bytes are not the ones that were stored.
+        Damaged: the bytes are not the ones that were stored.
     """
-    return _verified(curve.file, curve.file_sha256)
+    return verified(curve.file, curve.file_sha256, "file")
 
 
 def describe_curve(curve: CouponCurve) -> CurveOut:
-    """A curve as clients see it."""
+    """A curve as clients see it: its file, how it was read, units, number of points, and what the standard reports."""
     return CurveOut(
         file=CurveFile(filename=curve.filename, size=curve.file_size, sha256=curve.file_sha256.hex(), **curve.reading),
         series=curve.series,
@@ -89,7 +125,11 @@ def describe_curve(curve: CouponCurve) -> CurveOut:
 
 
 def as_json(curve: CouponCurve) -> dict[str, Any]:
-    """Series with null where the machine wrote nothing, and their units."""
+    """The series of a curve by name, in SI, with null where the machine wrote nothing, and their units.
+
+    Raises:
+        Damaged: the bytes are not the ones that were stored.
+    """
     return {
         "units": {name: UNITS[name] for name in curve.series},
         "series": {
@@ -102,7 +142,12 @@ def as_json(curve: CouponCurve) -> dict[str, Any]:
 
 
 def as_csv(curve: CouponCurve) -> str:
-    """One line a point; the header states the units. An empty cell is what the machine did not write."""
+    """The series of a curve as CSV: one line for each point; the header states the units. A cell is empty where the
+    machine wrote nothing.
+
+    Raises:
+        Damaged: the bytes are not the ones that were stored.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\r\n")
     writer.writerow(f"{name} ({UNITS[name]})" for name in curve.series)
@@ -112,13 +157,11 @@ def as_csv(curve: CouponCurve) -> str:
 
 
 def as_npz(curve: CouponCurve) -> bytes:
-    """Series by name, SI."""
+    """The series of a curve as npz: an array by name, SI, NaN where the machine wrote nothing.
+
+    Raises:
+        Damaged: the bytes are not the ones that were stored.
+    """
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **series_of(curve))
     return buffer.getvalue()
-
-
-def _verified(data: bytes, sha256: bytes) -> bytes:
-    if hashlib.sha256(data).digest() != sha256:
-        raise DamagedCurveError(f"stored curve {sha256.hex()} fails its checksum; restore it from a backup")
-    return data

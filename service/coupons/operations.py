@@ -1,4 +1,4 @@
-"""What can be done with coupon batches: record, summarise, hand over as a prior."""
+"""What can be done with coupon batches: record, summarise, use as a prior."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from sqlalchemy import func, select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
-from fecore.coupons.batch import FEWEST_SPECIMENS, Statistics, prior, statistics
+from fecore.coupons.batch import FEWEST_SPECIMENS, CouponResult, Statistics, outlier_warnings, prior, statistics
 from fecore.coupons.failure import failed_at_grip
 from fecore.errors import InputError
-from service.access import Role, User, audit
+from service.access import Lookup, User, audit
 from service.coupons.bodies import RawCurve
-from service.coupons.curves import new_curve
-from service.coupons.reduction import reduce_curve
+from service.coupons.curves import new_curve, unlike_the_batch
 from service.coupons.schemas import (
     BatchIn,
     BatchOut,
@@ -30,9 +29,8 @@ from service.coupons.schemas import (
     Summary,
 )
 from service.coupons.tables import Coupon, CouponBatch
-from service.problems import Conflict, Fault, Invalid, NotFound, not_found_as
+from service.errors import Conflict, Fault, Invalid
 from service.structures.operations import structure_for
-from service.structures.tables import Structure
 
 PROPERTY_OF: dict[Constant, str] = {"Ex": "E_Pa", "Ey": "E_Pa", "Gxy": "G_Pa", "nu_xy": "nu"}
 """Which measured property of a specimen a constant of the structure is."""
@@ -40,23 +38,23 @@ PROPERTY_OF: dict[Constant, str] = {"Ex": "E_Pa", "Ey": "E_Pa", "Gxy": "G_Pa", "
 UNITS = {"E_Pa": "Pa", "G_Pa": "Pa", "nu": "1", "strength_Pa": "Pa", "ultimate_strain": "1"}
 
 
-def batch_for(session: Session, user: User, batch_id: UUID, role: Role = "viewer") -> CouponBatch:
-    """The batch, if the user has at least this role in its project.
-
-    Raises:
-        NotFound: there is none, or it is other people's.
-        Forbidden: the user's role is too low.
-    """
-    batch = session.get(CouponBatch, batch_id)
-    if batch is None:
-        raise NotFound("coupon batch", batch_id)
-    with not_found_as("coupon batch", batch_id):
-        structure_for(session, user, batch.structure_id, role)
-    return batch
+batch_for = Lookup(CouponBatch, "coupon batch", "structure_id", structure_for)
+"""The batch, if the user has at least a role in its project."""
 
 
 def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn) -> CouponBatch:
-    """A new batch of coupons of a structure's material."""
+    """Store a new batch of coupons of a structure's material and note it in the audit trail.
+
+    Args:
+        session: the request's transaction.
+        user: who asks; an editor of the project at least.
+        structure_id: the structure whose material is tested.
+        body: name, the constants that the batch gives, published means, conditions.
+
+    Raises:
+        NotFound: there is no such structure, or it is other people's.
+        Forbidden: the user's role is too low.
+    """
     structure = structure_for(session, user, structure_id, "editor")
     batch = CouponBatch(
         structure_id=structure.id,
@@ -73,7 +71,16 @@ def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn
 
 
 def add_coupons(session: Session, user: User, batch: CouponBatch, bodies: Sequence[CouponIn]) -> list[Coupon]:
-    """Record specimens; all or none.
+    """Record specimens with their results, all or none.
+
+    Args:
+        session: the request's transaction.
+        user: who asks, for the audit trail.
+        batch: which batch they belong to.
+        bodies: the specimens; names are unique in the batch.
+
+    Returns:
+        The rows, in the order given.
 
     Raises:
         Invalid: a specimen measures what the batch does not give without saying of which direction it is.
@@ -101,18 +108,28 @@ def add_coupons(session: Session, user: User, batch: CouponBatch, bodies: Sequen
         ) from None
     for row in rows:
         session.refresh(row)
-    audit(session, user, "coupon.create", "coupon_batch", batch.id, _project_of(session, batch), count=len(rows))
+    audit(
+        session, user, "coupon.create", "coupon_batch", batch.id, batch_for.project_of(session, batch), count=len(rows)
+    )
     return rows
 
 
 def add_measured_coupon(session: Session, user: User, batch: CouponBatch, sent: RawCurve) -> Coupon:
-    """Reduce a raw curve by its standard and record it with what came of it, or neither.
+    """Record the specimen of a raw curve with file, curve and what came of them by its standard (ASTM D3039 or D3518),
+    or nothing.
+
+    Args:
+        session: the request's transaction.
+        user: who asks, for the audit trail.
+        batch: which batch the specimen belongs to.
+        sent: the machine's file, what is said of it, and what came of it.
 
     Raises:
-        InputError: the file cannot be read, or its curve not be reduced.
+        Conflict: the batch has this run of this file already.
         Invalid, Conflict: as `add_coupons`.
     """
-    reduced = reduce_curve(sent.data, sent.request)
+    reduced = sent.reduced
+    reduced.reduction["warnings"] += unlike_the_batch(session, batch, sent.data, reduced)
     (row,) = add_coupons(session, user, batch, [reduced.coupon])
     session.add(new_curve(row, sent, reduced))
     session.flush()
@@ -120,43 +137,42 @@ def add_measured_coupon(session: Session, user: User, batch: CouponBatch, sent: 
     return row
 
 
-def coupon_for(session: Session, user: User, coupon_id: UUID, role: Role = "viewer", *, lock: bool = False) -> Coupon:
-    """The specimen, if the user has at least this role in its project.
-
-    Raises:
-        NotFound: there is none, or it is other people's.
-        Forbidden: the user's role is too low.
-    """
-    coupon = session.get(Coupon, coupon_id)
-    if coupon is None:
-        raise NotFound("coupon", coupon_id)
-    with not_found_as("coupon", coupon_id):
-        batch_for(session, user, coupon.batch_id, role)
-    if lock:
-        session.execute(select(Coupon.id).where(Coupon.id == coupon_id).with_for_update(of=Coupon))
-        session.refresh(coupon)
-    return coupon
+coupon_for = Lookup(Coupon, "coupon", "batch_id", batch_for)
+"""The specimen, if the user has at least a role in its project."""
 
 
 def exclude(session: Session, user: User, coupon: Coupon, body: ExclusionIn) -> None:
-    """Have a specimen count, or not; the reason is kept with it, what was before in the audit trail."""
+    """Decide whether a specimen counts in the batch's statistics. It stays recorded; the audit trail keeps what was
+    before.
+
+    Args:
+        session: the request's transaction.
+        user: who decides.
+        coupon: the specimen, locked.
+        body: whether it is excluded, and why.
+    """
     was = {"excluded": coupon.excluded, "exclusion_reason": coupon.exclusion_reason}
     coupon.excluded, coupon.exclusion_reason = body.excluded, body.exclusion_reason
     session.flush()
-    project_id = _project_of(session, session.get_one(CouponBatch, coupon.batch_id))
+    project_id = coupon_for.project_of(session, coupon)
     audit(session, user, "coupon.exclude", "coupon", coupon.id, project_id, was=was, now=body.model_dump())
 
 
 def summarise(session: Session, batch: CouponBatch) -> Summary:
-    """Statistics of the specimens that count, and the constants that follow; published means stand in where none do."""
+    """The statistics of a batch, by ASTM D3039: mean, standard deviation with n − 1, and coefficient of variation.
+
+    Excluded specimens do not count and are listed with their reasons. Constants follow from the specimens; where
+    none measures a constant, its published mean stands in. Warnings say what the standard asks for and is not met,
+    such as fewer than five specimens.
+    """
     coupons = session.scalars(select(Coupon).where(Coupon.batch_id == batch.id).order_by(Coupon.id)).all()
     counted = [coupon for coupon in coupons if not coupon.excluded]
     measured: dict[str, Statistics] = {}
     for name in UNITS:
-        values = [value for coupon in counted if (value := getattr(coupon, name)) is not None]
-        if values:
+        if values := [found[name] for coupon in counted if name in (found := _values(coupon))]:
             measured[name] = statistics(values)
     constants, warnings = _constants(batch, measured)
+    warnings += outlier_warnings([CouponResult(c.specimen, _values(c)) for c in counted])
     coded = [coupon.failure_code for coupon in counted if coupon.failure_code is not None]
     at_grip = sum(failed_at_grip(code) for code in coded)
     if 2 * at_grip > len(coded):
@@ -181,7 +197,7 @@ def batch_prior(session: Session, batch_id: UUID) -> Summary:
 
 
 def describe_all(session: Session, batches: Sequence[CouponBatch]) -> list[BatchOut]:
-    """Batches as clients see them."""
+    """Batches as clients see them, in the order given, each with the number of its specimens; one query for all counts."""
     counts = session.execute(
         select(Coupon.batch_id, func.count())
         .where(Coupon.batch_id.in_([b.id for b in batches]))
@@ -204,14 +220,15 @@ def describe_all(session: Session, batches: Sequence[CouponBatch]) -> list[Batch
 
 
 def describe_coupon(coupon: Coupon) -> CouponOut:
-    """A specimen as clients see it."""
+    """A specimen as clients see it, with the warnings of the reduction where it came as a raw curve."""
     curve = coupon.curve
     own = {name: getattr(coupon, name) for name in CouponOut.model_fields if name not in ("has_curve", "warnings")}
     return CouponOut(**own, has_curve=curve is not None, warnings=[] if curve is None else curve.reduction["warnings"])
 
 
-def _project_of(session: Session, batch: CouponBatch) -> UUID:
-    return session.scalars(select(Structure.project_id).where(Structure.id == batch.structure_id)).one()
+def _values(coupon: Coupon) -> dict[str, float]:
+    """What was measured of a specimen, by property."""
+    return {name: value for name in UNITS if (value := getattr(coupon, name)) is not None}
 
 
 def _priors(constants: dict[Constant, Statistic], warnings: list[str]) -> dict[Constant, Prior]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -12,18 +12,14 @@ from fecore.arrays import FloatArray
 from fecore.coupons import d3039, d3518
 from fecore.coupons.curves import Curve
 from fecore.errors import InputError
-from service.coupons.curve_schemas import CurveCouponIn, Series
-from service.coupons.machine_csv import Column, MachineFile, Run, read_machine_csv
+from modalbase.formats.errors import FormatError
+from modalbase.formats.machine_csv import Column, MachineFile, Run, read_machine_csv
+from modalbase.formats.machine_csv.units import Quantity, factor
+from service.coupons.curve_schemas import CurveCouponIn
 from service.coupons.schemas import CouponIn
-from service.coupons.units import Quantity, factor
 
-QUANTITIES: dict[Series, Quantity] = {
-    "force": "force",
-    "strain": "strain",
-    "strain_back": "strain",
-    "transverse_strain": "strain",
-    "time": "time",
-}
+GAUGE = {"strain": "gauge_length", "strain_back": "gauge_length", "transverse_strain": "transverse_gauge_length"}
+"""Which gauge length turns the elongation of a series into its strain."""
 
 _FIELDS = {"width_m": "dimensions.width", "thickness_m": "dimensions.thickness"}
 """Fields of the core to fields of the request."""
@@ -54,12 +50,16 @@ def reduce_curve(data: bytes, request: CurveCouponIn) -> Reduced:
     Raises:
         InputError: the file cannot be read, or its curve not be reduced; says where and what to do.
     """
+    gauges: dict[str, float | None] = {name: _gauge_m(request, name) for name in request.columns}
     columns: dict[str, Column] = {
-        name: Column(c.header, QUANTITIES[name], c.unit) for name, c in request.columns.items()
+        name: Column(c.header, _quantity(name, gauges[name]), c.unit) for name, c in request.columns.items()
     }
-    file = read_machine_csv(data, columns, request.delimiter, request.decimal)
+    try:
+        file = read_machine_csv(data, columns, request.delimiter, request.decimal)
+    except FormatError as error:
+        raise InputError(error.place, error.message) from error
     number, run = _chosen(file, request.run)
-    series = {name: np.asarray(values) for name, values in run.columns.items()}
+    series = {name: np.asarray(values) / (gauges[name] or 1.0) for name, values in run.columns.items()}
     try:
         coupon, reduction = _by_standard(series, request)
     except InputError as error:
@@ -76,6 +76,18 @@ def reduce_curve(data: bytes, request: CurveCouponIn) -> Reduced:
         "notes": list(file.notes),
     }
     return Reduced(coupon, series, reading, reduction, fecore.__version__)
+
+
+def _gauge_m(request: CurveCouponIn, series: str) -> float | None:
+    """Gauge length of a series that is recorded as an elongation, m; None of any other."""
+    length: float | None = getattr(request.dimensions, GAUGE[series]) if series in GAUGE else None
+    return None if length is None else length * factor("length", request.dimensions.unit, "dimensions.unit")
+
+
+def _quantity(series: str, gauge_m: float | None) -> Quantity:
+    if series in ("force", "time"):
+        return cast(Quantity, series)
+    return "strain" if gauge_m is None else "length"
 
 
 def _chosen(file: MachineFile, wanted: int | None) -> tuple[int, Run]:

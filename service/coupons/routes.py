@@ -10,14 +10,14 @@ from fastapi import Query, Request, Response
 from fastapi.responses import JSONResponse
 from sqlalchemy import select
 
-from service.access import IF_MATCH, CurrentUser, Cursor, Limit, SessionDep, etag_of, paged, require_match
+from service.access import CurrentUser, SessionDep
 from service.coupons import curves, operations
 from service.coupons.bodies import CouponBody, RawCurve, documented
 from service.coupons.curve_schemas import CurveOut
 from service.coupons.schemas import BatchIn, BatchOut, CouponOut, ExclusionIn, Summary
 from service.coupons.tables import Coupon, CouponBatch
-from service.problems import Page, api_router
 from service.structures.operations import structure_for
+from service.web import IF_MATCH, Cursor, Limit, Page, api_router, etag_of, paged, require_match
 
 router = api_router(tags=["coupons"])
 
@@ -59,7 +59,7 @@ def create_coupons(batch_id: UUID, body: CouponBody, session: SessionDep, user: 
     """Record specimens: results of one, or of several as a list, in JSON; or the raw curve of one as multipart.
 
     The multipart fields are `file`, as the testing machine wrote it, and `coupon`, JSON with the dimensions, the columns
-    and their units. The curve is reduced by D3039 or D3518 and kept with what came of it. All are stored, or none.
+    and their units. The curve is reduced by D3039 or D3518 and kept with its results. All are stored, or none.
     """
     batch = operations.batch_for(session, user, batch_id, "editor")
     if isinstance(body, RawCurve):

@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from fecore.coupons.failure import check_failure_code
 from fecore.errors import InputError
-from service.problems import Name, StrictModel, Text, example
+from service.web import Name, StrictModel, Text, example
 
 Constant = Literal["Ex", "Ey", "Gxy", "nu_xy"]
 Standard = Literal["D3039", "D3518"]

@@ -9,5 +9,7 @@ from sqlalchemy.orm import Session
 
 
 def transaction_time(session: Session) -> datetime:
-    """When the session's transaction began."""
+    """When the session's transaction began, by the database's clock: all rows that one transaction changes get the same
+    time.
+    """
     return session.execute(select(func.now())).scalar_one()

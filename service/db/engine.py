@@ -10,11 +10,16 @@ Sessions = sessionmaker[Session]
 
 
 class DatabaseUrlError(ValueError):
-    """The database's URL is not one of PostgreSQL."""
+    """The database's URL is none, or names another system than PostgreSQL; the message says what is expected, and never
+    the password.
+    """
 
 
 def sqlalchemy_url(url: str) -> str:
-    """A PostgreSQL URL as SQLAlchemy wants it for psycopg 3: `postgresql+psycopg://…`.
+    """A PostgreSQL URL as SQLAlchemy wants it for psycopg 3.
+
+    >>> sqlalchemy_url("postgres://lab@db.example/modalbase")
+    'postgresql+psycopg://lab@db.example/modalbase'
 
     Raises:
         DatabaseUrlError: it is no URL, or names another database system.
@@ -31,21 +36,40 @@ def sqlalchemy_url(url: str) -> str:
 
 
 def psycopg_url(url: str) -> str:
-    """A PostgreSQL URL as libpq wants it: `postgresql://…`."""
-    return make_url(sqlalchemy_url(url)).set(drivername="postgresql").render_as_string(hide_password=False)
+    """A PostgreSQL URL as libpq wants it.
+
+    >>> psycopg_url("postgresql+psycopg://lab@db.example/modalbase")
+    'postgresql://lab@db.example/modalbase'
+
+    Raises:
+        DatabaseUrlError: it is no URL, or names another database system.
+    """
+    rendered = make_url(sqlalchemy_url(url)).set(drivername="postgresql").render_as_string(hide_password=False)
+    address, mark, query = rendered.partition("?")
+    # libpq takes a + as it stands, and no space: SQLAlchemy writes both, in a password and in a socket's path.
+    return address.replace(" ", "%20") + mark + query.replace("+", "%20")
 
 
-def make_engine(url: str, *, pool_size: int = 5, name: str = "modalbase") -> Engine:
-    """An engine that checks a connection before it hands it out, so that a restarted server goes unnoticed."""
+def make_engine(url: str, *, pool_size: int = 5, overflow: int | None = None, name: str = "modalbase") -> Engine:
+    """An engine that checks a connection before it hands it out, so that a restarted server goes unnoticed.
+
+    Args:
+        url: the database.
+        pool_size: connections that are kept.
+        overflow: connections beside them while all are taken; as many again by default.
+        name: by which the database knows the connections.
+    """
     return create_engine(
         sqlalchemy_url(url),
         pool_size=pool_size,
-        max_overflow=pool_size,
+        max_overflow=pool_size if overflow is None else overflow,
         pool_pre_ping=True,
         connect_args={"application_name": name, "options": "-c timezone=UTC", "connect_timeout": 10},
     )
 
 
 def make_sessions(engine: Engine) -> Sessions:
-    """Sessions whose objects stay readable after commit."""
+    """Makes sessions on an engine. Their objects stay readable after commit, so that a route can describe what it has
+    stored.
+    """
     return sessionmaker(engine, expire_on_commit=False)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import subprocess
+import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
 from service.db.embedded import embedded_server
 from service.db.engine import make_engine
+from service.db.postgres import PostgresError
 from service.db.schema import current_revision, upgrade
 from service.settings import Settings
 
@@ -17,13 +18,16 @@ class DataFolderError(Exception):
 
 
 @contextmanager
-def open_database(settings: Settings, *, migrate_embedded: bool = False) -> Iterator[Settings]:
+def open_database(
+    settings: Settings, *, migrate_embedded: bool = False, migrate_new: bool = True
+) -> Iterator[Settings]:
     """Settings whose `database_url` answers while the block runs.
 
     Args:
         settings: as the operator gave them.
-        migrate_embedded: bring the embedded database's schema to this version's; a new one always is. A server of
-            one's own is never migrated here: that is `modalbase db upgrade`'s.
+        migrate_embedded: bring the embedded database's schema to this version's. A server of one's own is never
+            migrated here: that is `modalbase db upgrade`'s.
+        migrate_new: give a new embedded database its schema.
 
     Raises:
         DataFolderError: the folder cannot be made or written, the disk is full, or PostgreSQL does not start there.
@@ -31,17 +35,20 @@ def open_database(settings: Settings, *, migrate_embedded: bool = False) -> Iter
     if settings.database_url is not None:
         yield settings
         return
+    if os.name == "nt":
+        raise DataFolderError(
+            "the embedded PostgreSQL does not run on Windows; use WSL, or name a server in MODALBASE_DATABASE_URL"
+        )
     with ExitStack() as stack:
         try:
             url = stack.enter_context(embedded_server(settings.data))
         except OSError as error:
             raise DataFolderError(f"cannot use the data folder {settings.data}: {error.strerror or error}") from error
-        except subprocess.SubprocessError as error:
-            reason = "the lines above say why" if isinstance(error, subprocess.CalledProcessError) else str(error)
-            raise DataFolderError(f"PostgreSQL does not start in {settings.data}: {reason}") from error
+        except PostgresError as error:
+            raise DataFolderError(f"PostgreSQL does not start in {settings.data}: {error}") from error
         engine = make_engine(url)
         try:
-            if migrate_embedded or current_revision(engine) is None:
+            if migrate_embedded or (migrate_new and current_revision(engine) is None):
                 upgrade(engine)
         finally:
             engine.dispose()

@@ -17,11 +17,11 @@ POLL_SECONDS = 0.05
 TIMEOUT_SECONDS = 300.0
 
 Watch = Callable[[str, float], None]
-"""Told the stage and the share that is done while a job runs."""
+"""Called with the stage and the share that is done while a job runs."""
 
 
 class DemoError(Exception):
-    """A step of the demonstration failed; the message has the service's own words."""
+    """A step of the demonstration failed; the message is the service's."""
 
 
 @dataclass

@@ -15,7 +15,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from service.client.results import print_result
+from modalbase.client.results import print_result
 from service.demo.laboratory import Laboratory
 from service.demo.paper import UPDATED
 from service.settings import Settings
@@ -39,7 +39,7 @@ def run_demo(*, as_json: bool, keep: bool) -> None:
     if not console.is_terminal:
         console = Console(stderr=as_json, width=PLAIN_WIDTH)
     with ExitStack() as stack:
-        folder = _folder()
+        folder = Path(tempfile.mkdtemp(prefix="modalbase-demo-"))
         stack.callback(shutil.rmtree, folder, ignore_errors=True)
         began = time.perf_counter()
         # A proxy of the environment must not come between us and our own machine, nor a database of the user's.
@@ -67,13 +67,6 @@ def run_demo(*, as_json: bool, keep: bool) -> None:
             _stay(console, service, key)
 
 
-def _folder() -> Path:
-    """A folder that the embedded PostgreSQL can enter when it runs as a user of its own."""
-    folder = Path(tempfile.mkdtemp(prefix="modalbase-demo-"))
-    folder.chmod(0o755)
-    return folder
-
-
 def _with_progress(console: Console, laboratory: Laboratory) -> dict[str, Any]:
     columns = (TextColumn("{task.description:<32}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
@@ -84,7 +77,9 @@ def _with_progress(console: Console, laboratory: Laboratory) -> dict[str, Any]:
 def _stay(console: Console, service: LocalService, key: str) -> None:
     console.print(f"documentation  {service.url}/docs\nAPI key        {key}\nCtrl-C ends it.", highlight=False)
     try:
-        while service.ended() is None:
+        while True:
+            for line in service.tend():
+                console.print(line, highlight=False)
             time.sleep(0.2)
     except KeyboardInterrupt:
         console.print("ended")

@@ -16,12 +16,22 @@ Figure = dict[str, Any]
 
 
 def axis(title: str, **more: Any) -> dict[str, Any]:
-    """An axis of a plain layout."""
+    """An axis of a plain Plotly layout, with grid and without a line at zero.
+
+    Args:
+        title: with the unit.
+        more: other properties of the axis, which come before these.
+    """
     return {"title": {"text": title}, "showgrid": True, "gridcolor": "#dddddd", "zeroline": False, **more}
 
 
 def layout(title: str, **more: Any) -> dict[str, Any]:
-    """A plain layout."""
+    """A plain Plotly layout, white, with the legend below.
+
+    Args:
+        title: of the figure.
+        more: axes and other properties, which come before these.
+    """
     return {
         "title": {"text": title},
         "font": {"family": "system-ui, sans-serif", "size": 15},

@@ -62,10 +62,13 @@ def render(figure: Figure, file_format: Format) -> bytes:
 
 
 def draw(figure: Figure) -> Sheet:
-    """A figure on a sheet.
+    """A Plotly figure on a sheet of matplotlib, with the traces, axes and colours that the figure states.
+
+    Args:
+        figure: of lines, markers and bands, as `service.figures.series` builds it.
 
     Raises:
-        ValueError: the figure holds what this does not draw.
+        ValueError: the figure holds what this does not draw, which would otherwise be missing on paper.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure as Sheet

@@ -7,7 +7,6 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from uuid import UUID
 
 import structlog
 from sqlalchemy.exc import DBAPIError
@@ -18,6 +17,7 @@ from service.jobs.child import Checkpoint, Failure, Item, Order, Progress, failu
 from service.jobs.kinds import JobKind
 from service.jobs.outages import Replay, passes
 from service.jobs.process import Child, ChildEnded
+from service.jobs.tables import Job
 from service.settings import Settings
 
 PROGRESS_SECONDS = 0.1
@@ -25,8 +25,7 @@ AGAIN_SECONDS = 1.0  # between two tries to reach the database
 RECORD_SECONDS = 120.0  # for which the end of an attempt is kept in hand while the database is away
 
 CANCELLED = Failure("cancelled", "Cancelled", "cancelled on request")
-DRAINED = Failure("drained", "Drained", "the worker was told to end; queued again")
-SUPERSEDED = Failure("superseded", "Superseded", "another attempt has the job")
+DRAINED = Failure("drained", "Drained", "the worker ended; queued again")
 
 log = structlog.stdlib.get_logger("modalbase.jobs")
 
@@ -34,13 +33,12 @@ log = structlog.stdlib.get_logger("modalbase.jobs")
 class Attempt:
     """One attempt. `run` in one thread; `stop` from any other."""
 
-    def __init__(self, sessions: Sessions, settings: Settings, kind: JobKind, job_id: UUID, number: int) -> None:
-        self.sessions, self.settings, self.kind = sessions, settings, kind
-        self.job_id, self.number = job_id, number
-        self.deadline = time.monotonic() + (kind.wall_seconds or settings.job_wall_seconds)
+    def __init__(self, sessions: Sessions, settings: Settings, kind: JobKind, job: Job) -> None:
+        self.sessions, self.settings, self.kind, self.job = sessions, settings, kind, job
+        self._deadline = time.monotonic() + (kind.wall_seconds or settings.job_wall_seconds)
         self._child: Child | None = None
         self._stopped: Failure | None = None
-        self._told_to_stop = threading.Event()
+        self._stop_asked = threading.Event()
         self._lock = threading.Lock()
         self._write_at = 0.0
         self._last: Progress | None = None
@@ -49,9 +47,14 @@ class Attempt:
         """End the attempt as soon as can be: a running child at once, else before the child is started."""
         with self._lock:
             self._stopped = self._stopped or why
-            self._told_to_stop.set()
+            self._stop_asked.set()
             if self._child is not None:
                 self._child.kill(why)
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Until it is out of time; None where it is being stopped already."""
+        return None if self._stop_asked.is_set() else max(0.0, self._deadline - time.monotonic())
 
     def out_of_time(self) -> None:
         """End the attempt because its time is over."""
@@ -65,7 +68,7 @@ class Attempt:
             workspace: a folder of this attempt alone.
 
         Returns:
-            The outcome: `succeeded`, `failed`, `cancelled`, `drained`, `superseded` or `abandoned`.
+            The outcome: `succeeded`, `failed`, `cancelled`, `drained`, `lost`, `superseded` or `abandoned`.
         """
         try:
             self._store(self._start(*self._load(workspace)))
@@ -87,7 +90,7 @@ class Attempt:
 
     def _load(self, workspace: Path) -> tuple[Any, bytes | None]:
         with self.sessions.begin() as session:
-            return self.kind.load(session, self.job_id, workspace), checkpoints.load(session, self.job_id)
+            return self.kind.load(session, self.job.id, workspace), checkpoints.load(session, self.job.id)
 
     def _start(self, inputs: Any, restored: bytes | None) -> Child:
         order = Order(self.kind.compute, inputs, restored, self.kind.memory_bytes or self.settings.job_memory_bytes)
@@ -106,12 +109,12 @@ class Attempt:
             try:
                 with self.sessions.begin() as session:
                     stream = iter(items)
-                    self.kind.store(session, self.job_id, stream)
+                    self.kind.store(session, self.job.id, stream)
                     for _ in stream:  # what it left; the child must have come to its end before the job has
                         pass
                     if self._last is not None:
                         self._write(self._last)
-                    ledger.succeed(session, self.job_id, self.number)
+                    ledger.succeed(session, self.job)
             except DBAPIError as error:
                 if not (passes(error) and items.complete):
                     raise
@@ -121,7 +124,7 @@ class Attempt:
                 return
 
     def _pause(self) -> None:
-        if self._told_to_stop.wait(AGAIN_SECONDS) and self._stopped is not None:
+        if self._stop_asked.wait(AGAIN_SECONDS) and self._stopped is not None:
             raise ChildEnded(self._stopped)
 
     def _items(self, child: Child) -> Iterator[Item]:
@@ -131,7 +134,9 @@ class Attempt:
                 case Item():
                     yield message
                 case Checkpoint(data):
-                    self._aside(lambda session, data=data: checkpoints.save(session, self.job_id, self.number, data))
+                    self._aside(
+                        lambda session, data=data: checkpoints.save(session, self.job.id, self.job.attempt, data)
+                    )
                 case Progress():
                     self._progress(message)
 
@@ -142,9 +147,7 @@ class Attempt:
 
     def _write(self, progress: Progress) -> None:
         self._write_at = time.monotonic() + PROGRESS_SECONDS
-        self._aside(
-            lambda session: ledger.advance(session, self.job_id, self.number, progress.stage, progress.share),
-        )
+        self._aside(lambda session: ledger.advance(session, self.job, progress.stage, progress.share))
 
     def _aside(self, write: Any) -> None:
         """Write in a transaction of its own what the work can do without, should the database be away."""
@@ -169,20 +172,21 @@ class Attempt:
                 return "superseded"
             except DBAPIError as error:
                 if time.monotonic() > end or not passes(error) or failure.reason == "drained":
-                    log.exception("the database went away; the job is left to whoever finds its lease lapsed")
+                    log.exception("the database went away; the job is given back when it answers again")
                     return "abandoned"
                 time.sleep(AGAIN_SECONDS)
 
     def _write_end(self, failure: Failure) -> str:
         with self.sessions.begin() as session:
+            job = ledger.locked(session, self.job)
             match failure.reason:
-                case "superseded":
-                    return "superseded"
                 case "cancelled":
-                    ledger.cancelled(session, self.job_id, self.number)
-                    return "cancelled"
+                    ledger.cancelled(session, job)
                 case "drained":
-                    ledger.give_back(session, ledger.locked(session, self.job_id, self.number), failure.detail)
-                    return "drained"
-            ledger.fail(session, self.job_id, self.number, failure)
-            return "failed"
+                    ledger.give_back(session, job, failure.detail)
+                case "lost":
+                    ledger.lose(session, job, failure.detail)
+                case _:
+                    ledger.fail(session, job, failure)
+                    return "failed"
+        return failure.reason

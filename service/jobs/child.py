@@ -20,8 +20,8 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from fecore.errors import FecoreError, InputError
+from service.errors import Invalid, ServiceError
 from service.jobs.kinds import Report
-from service.problems.errors import Invalid, ServiceError
 
 PR_SET_PDEATHSIG = 1
 REPORT_SECONDS = 0.05
@@ -65,7 +65,7 @@ class Failure:
         reason: `refused` (the input or the data do not allow it), `memory`, `time`, `crash`, `lost` (its workers died)
             or `internal`.
         type: name of the error.
-        detail: what is told to the user.
+        detail: what the user reads.
         field: the faulty field, where there is one.
         extra: further JSON values that the error carries as `details`, such as the best iterate.
         trace: stack trace of an internal error, for the log; not stored.
@@ -128,7 +128,7 @@ def run_child(channel: Connection, lifeline: Connection, order: Order) -> None:
     try:
         for value in order.compute(order.inputs, _Reporter(channel, order.restored)):
             channel.send(Item(value))
-    except BaseException as error:  # noqa: BLE001  whatever it is, the worker is told
+    except BaseException as error:  # noqa: BLE001  whatever it is, the worker gets it
         last = failure_of(error)
         error.__traceback__ = None  # lets go of what filled the memory
     channel.send(last)

@@ -2,7 +2,9 @@
 
 An event is the job's state and carries its version as id. A client that comes back with `Last-Event-ID` gets the state
 of now if it has changed since, and nothing that is overtaken: a state replaces all before it, so none need be kept.
-The database tells when to look; while it cannot, and now and then in any case, the stream looks by itself.
+
+All streams of a process share one look at the database: at the jobs that a notice named, and now and then at all that are
+watched, since a notice may be lost. A stream itself holds neither a connection nor a thread.
 """
 
 from __future__ import annotations
@@ -10,29 +12,33 @@ from __future__ import annotations
 import asyncio
 import json
 import time
-from collections import defaultdict
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Annotated, Any, Self
 from uuid import UUID
 
+import anyio
+import structlog
 from fastapi import Depends, Header, Request, Response
 from fastapi.encoders import jsonable_encoder
 from fastapi.sse import KEEPALIVE_COMMENT, EventSourceResponse, format_sse_event
-from sqlalchemy.exc import NoResultFound, OperationalError
-from starlette.concurrency import run_in_threadpool
+from sqlalchemy import select
+from sqlalchemy.exc import SQLAlchemyError
 
 from service.db.engine import Sessions
+from service.errors import TooManyRequests
 from service.jobs.notices import Listener
 from service.jobs.state import ENDED, job_state
 from service.jobs.tables import CHANGED, Job
-from service.problems.errors import TooManyRequests
 
-LOOK_SECONDS = 2.0  # while notices come through
+LOOK_SECONDS = 2.0  # between two looks at all jobs, while notices come through
 POLL_SECONDS = 0.5  # while they do not
+PAUSE_SECONDS = 0.05  # between two looks, so that a burst of notices is one look
 PING_SECONDS = 15.0  # of silence, after which a comment shows proxies that the stream lives
 
+log = structlog.stdlib.get_logger("modalbase.events")
 
 STREAM: dict[int | str, dict[str, Any]] = {
     200: {"description": "events of the type `job`", "content": {"text/event-stream": {"schema": {"type": "string"}}}},
@@ -41,22 +47,56 @@ STREAM: dict[int | str, dict[str, Any]] = {
 """What the route of a stream answers, for the API's description."""
 
 
+@dataclass(frozen=True)
+class Shown:
+    """A job's state as an event."""
+
+    version: int
+    event: bytes
+    ended: bool
+
+
+def shown(job: Job) -> Shown:
+    """The event of a job's present state."""
+    data = json.dumps(jsonable_encoder(job_state(job)))
+    event = format_sse_event(data_str=data, event="job", id=str(job.version))
+    return Shown(job.version, event, job.state in ENDED)
+
+
+@dataclass
+class _Watched:
+    """A job that streams watch: its last state that was seen, and what wakes them.
+
+    Attributes:
+        state: None where the job is gone.
+        streams: one event for each.
+    """
+
+    state: Shown | None
+    streams: set[asyncio.Event] = field(default_factory=set)
+
+
 class Changes:
-    """Wakes the streams of an API process whose jobs have changed; a context manager of its event loop.
+    """Looks at the jobs that the streams of an API process watch; a context manager of its event loop.
 
     Attributes:
         closed: the process is about to end, and so are its streams.
     """
 
-    def __init__(self, url: str, limit: int) -> None:
+    def __init__(self, url: str, sessions: Sessions, limit: int) -> None:
         """Prepare.
 
         Args:
-            url: the database.
+            url: the database, to listen to.
+            sessions: of the same database, to look at jobs.
             limit: streams at a time.
         """
-        self._limit = limit
-        self._waiting: dict[str, set[asyncio.Event]] = defaultdict(set)
+        self._limit, self._sessions = limit, sessions
+        self._watched: dict[UUID, _Watched] = {}
+        self._due: set[UUID] = set()
+        self._wake = asyncio.Event()
+        self._looking: asyncio.Task[None] | None = None
+        self._thread = anyio.CapacityLimiter(1)
         self._listener = Listener(url, [CHANGED], self._heard)
         self._loop: asyncio.AbstractEventLoop | None = None
         self.closed = False
@@ -74,15 +114,15 @@ class Changes:
 
     @property
     def patience(self) -> float:
-        """Seconds after which a stream looks without having been woken."""
+        """Seconds after which all watched jobs are looked at without a notice."""
         return LOOK_SECONDS if self._listener.connected.is_set() else POLL_SECONDS
 
     def close(self) -> None:
         """End every stream, so that the server can end."""
         self.closed = True
-        for events in self._waiting.values():
-            for event in events:
-                event.set()
+        self._wake.set()
+        for watched in self._watched.values():
+            _wake(watched)
 
     def admit(self) -> None:
         """Is there room for another stream?
@@ -90,38 +130,86 @@ class Changes:
         Raises:
             TooManyRequests: as many as the operator allows are open.
         """
-        if sum(map(len, self._waiting.values())) >= self._limit:
-            raise TooManyRequests(f"{self._limit} streams of events are open here; poll the job instead")
+        if sum(len(watched.streams) for watched in self._watched.values()) >= self._limit:
+            raise TooManyRequests(
+                f"{self._limit} streams of events are open here; poll the job instead", retry_after=10
+            )
 
     @contextmanager
-    def of(self, job_id: UUID) -> Iterator[asyncio.Event]:
-        """An event that is set whenever the job has changed."""
+    def of(self, job_id: UUID, state: Shown) -> Iterator[tuple[_Watched, asyncio.Event]]:
+        """Watch a job: its state, kept up to date, and an event that is set whenever that has changed.
+
+        Args:
+            job_id: which one.
+            state: as it was seen a moment ago.
+        """
         event = asyncio.Event()
-        self._waiting[str(job_id)].add(event)
+        watched = self._watched.setdefault(job_id, _Watched(state))
+        watched.streams.add(event)
+        self._due.add(job_id)  # it may have changed since
+        self._wake.set()
+        if self._looking is None or self._looking.done():
+            self._looking = asyncio.get_running_loop().create_task(self._look())
         try:
-            yield event
+            yield watched, event
         finally:
-            self._waiting[str(job_id)].discard(event)
-            if not self._waiting[str(job_id)]:
-                del self._waiting[str(job_id)]
+            watched.streams.discard(event)
+            if not watched.streams:
+                self._watched.pop(job_id, None)
 
     def _heard(self, job_id: str) -> None:
-        if self._loop is not None and job_id in self._waiting:
-            self._loop.call_soon_threadsafe(self._wake, job_id)
+        if self._loop is not None:
+            with suppress(RuntimeError):  # the loop has ended
+                self._loop.call_soon_threadsafe(self._mark, UUID(job_id))
 
-    def _wake(self, job_id: str) -> None:
-        for event in self._waiting.get(job_id, ()):
-            event.set()
+    def _mark(self, job_id: UUID) -> None:
+        if job_id in self._watched:
+            self._due.add(job_id)
+            self._wake.set()
+
+    async def _look(self) -> None:
+        """Look at what is watched, as long as anything is."""
+        all_at = time.monotonic() + self.patience
+        while self._watched and not self.closed:
+            with suppress(TimeoutError):
+                async with asyncio.timeout(max(0.0, all_at - time.monotonic())):
+                    await self._wake.wait()
+            self._wake.clear()
+            if everything := time.monotonic() >= all_at:
+                all_at = time.monotonic() + self.patience
+            due, self._due = set(self._watched if everything else self._due), set()
+            if due:
+                states = await anyio.to_thread.run_sync(self._read, due, limiter=self._thread)
+                self._publish(due, states)
+            await asyncio.sleep(PAUSE_SECONDS)
+
+    def _publish(self, due: Iterable[UUID], states: dict[UUID, Shown] | None) -> None:
+        if states is None:
+            return
+        for job_id in due:
+            watched, state = self._watched.get(job_id), states.get(job_id)
+            if watched is not None and watched.state != state:
+                watched.state = state
+                _wake(watched)
+
+    def _read(self, due: Iterable[UUID]) -> dict[UUID, Shown] | None:
+        """States of jobs; nothing while the database is away, for which streams wait."""
+        try:
+            with self._sessions() as session:
+                return {job.id: shown(job) for job in session.scalars(select(Job).where(Job.id.in_(due)))}
+        except SQLAlchemyError as error:
+            log.warning("the database does not answer; streams wait", error=str(error).split("\n", 1)[0])
+            return None
+
+
+def _wake(watched: _Watched) -> None:
+    for event in watched.streams:
+        event.set()
 
 
 def _changes(request: Request) -> Changes:
     changes: Changes = request.app.state.changes
     return changes
-
-
-def _sessions(request: Request) -> Sessions:
-    sessions: Sessions = request.app.state.sessions
-    return sessions
 
 
 LastEventId = Annotated[str | None, Header(max_length=100, description="id of the last event that was received")]
@@ -130,13 +218,8 @@ LastEventId = Annotated[str | None, Header(max_length=100, description="id of th
 class Events:
     """What a route needs to answer with a stream: `events: Annotated[Events, Depends()]`."""
 
-    def __init__(
-        self,
-        changes: Annotated[Changes, Depends(_changes)],
-        sessions: Annotated[Sessions, Depends(_sessions)],
-        last_event_id: LastEventId = None,
-    ) -> None:
-        self._changes, self._sessions = changes, sessions
+    def __init__(self, changes: Annotated[Changes, Depends(_changes)], last_event_id: LastEventId = None) -> None:
+        self._changes = changes
         self._last = (
             int(last_event_id)
             if last_event_id is not None and last_event_id.isascii() and last_event_id.isdecimal()
@@ -146,7 +229,7 @@ class Events:
     def of(self, job: Job) -> Response:
         """The stream of a job's states: the present one at once, the last one when it has ended.
 
-        No content, which tells a browser not to come back, where the client has seen the end already.
+        No content, which keeps a browser from coming back, where the client has seen the end already.
 
         Raises:
             TooManyRequests: as many streams as the operator allows are open.
@@ -155,30 +238,20 @@ class Events:
             return Response(status_code=204)
         self._changes.admit()
         headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
-        return EventSourceResponse(self._stream(job.id), headers=headers)
+        return EventSourceResponse(self._stream(job.id, shown(job)), headers=headers)
 
-    async def _stream(self, job_id: UUID) -> AsyncIterator[bytes]:
-        told, spoke = self._last, time.monotonic()
-        with self._changes.of(job_id) as changed, suppress(NoResultFound):  # deleted with its project
-            while not self._changes.closed:
+    async def _stream(self, job_id: UUID, first: Shown) -> AsyncIterator[bytes]:
+        sent = self._last
+        with self._changes.of(job_id, first) as (watched, changed):
+            while not self._changes.closed and (state := watched.state) is not None:  # else deleted with its project
                 changed.clear()
-                version, state = await run_in_threadpool(self._read, job_id)
-                if version is not None and version != told:
-                    told, spoke = version, time.monotonic()
-                    yield format_sse_event(data_str=json.dumps(state), event="job", id=str(told))
-                    if state["status"] in ENDED:
+                if state.version != sent:
+                    sent = state.version
+                    yield state.event
+                    if state.ended:
                         return
-                elif time.monotonic() - spoke > PING_SECONDS:
-                    spoke = time.monotonic()
+                try:
+                    async with asyncio.timeout(PING_SECONDS):
+                        await changed.wait()
+                except TimeoutError:
                     yield KEEPALIVE_COMMENT
-                with suppress(TimeoutError):
-                    await asyncio.wait_for(changed.wait(), self._changes.patience)
-
-    def _read(self, job_id: UUID) -> tuple[int | None, Any]:
-        """Version and state of a job; nothing while the database is away, for which a stream waits."""
-        try:
-            with self._sessions() as session:
-                job = session.get_one(Job, job_id)
-                return job.version, jsonable_encoder(job_state(job))
-        except OperationalError:
-            return None, None

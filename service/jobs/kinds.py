@@ -60,7 +60,7 @@ class JobKind:
         compute: (inputs, report) -> items. A generator function at the top of a module that imports no database and no
             web (the child imports it). Runs in the child process; yields items that pickle, and is held up while
             `store` is behind, so memory stays bounded. A `FecoreError` or `ServiceError` that it raises is the job's
-            failure, told to the user; anything else is reported as an internal error.
+            failure, shown to the user; anything else is reported as an internal error.
         store: (session, job id, items) -> None. In the worker; consumes the items as the child yields them, in one
             transaction that is committed with the state `succeeded`, or not at all.
         queue: name of the queue.

@@ -1,16 +1,15 @@
-"""Hearing what the database tells at commit (LISTEN/NOTIFY). A notice is a hint: who needs to be sure also looks."""
+"""Hearing what the database announces at commit (LISTEN/NOTIFY). A notice is a hint: who needs to be sure also looks."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from types import TracebackType
-from typing import Self
 
 import psycopg
 import structlog
 from psycopg import sql
 
+from service.background import Background
 from service.db.engine import psycopg_url
 
 AGAIN_SECONDS = 1.0
@@ -19,7 +18,7 @@ WAKE_SECONDS = 0.5
 log = structlog.stdlib.get_logger("modalbase.notices")
 
 
-class Listener:
+class Listener(Background):
     """Listens in a thread of its own, and connects again as often as needed; a context manager.
 
     Attributes:
@@ -32,40 +31,27 @@ class Listener:
         Args:
             url: the database.
             channels: what to listen to.
-            heard: told each payload, in the listener's thread.
+            heard: called with each payload, in the listener's thread.
         """
+        super().__init__("notices", self._round)
         self.connected = threading.Event()
         self._url, self._channels, self._heard = psycopg_url(url), channels, heard
-        self._end = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True, name="notices")
 
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._end.set()
-        self._thread.join()
-
-    def _run(self) -> None:
-        while not self._end.is_set():
-            try:
-                self._listen()
-            except psycopg.Error as error:
-                log.warning("notices are interrupted; connecting again", error=str(error).strip())
-            finally:
-                self.connected.clear()
-            self._end.wait(AGAIN_SECONDS)
+    def _round(self) -> float:
+        try:
+            self._listen()
+        except psycopg.Error as error:
+            log.warning("notices are interrupted; connecting again", error=str(error).strip())
+        finally:
+            self.connected.clear()
+        return AGAIN_SECONDS
 
     def _listen(self) -> None:
-        with psycopg.connect(
-            self._url, autocommit=True, application_name="modalbase notices", connect_timeout=5
-        ) as connection:
+        name = "modalbase notices"
+        with psycopg.connect(self._url, autocommit=True, application_name=name, connect_timeout=5) as connection:
             for channel in self._channels:
                 connection.execute(sql.SQL("LISTEN {}").format(sql.Identifier(channel)))
             self.connected.set()
-            while not self._end.is_set():
+            while not self.ending.is_set():
                 for notice in connection.notifies(timeout=WAKE_SECONDS):
                     self._heard(notice.payload)

@@ -24,6 +24,10 @@ _context: Any = multiprocessing.get_context(_METHOD)  # the contexts have no com
 
 PRELOADED = ("numpy", "scipy.linalg", "scipy.sparse.linalg", "fecore", "service.jobs.child")
 CHANNEL_BYTES = 1024 * 1024
+SERVER_GONE = (
+    255  # what multiprocessing gives as the status of a child whose fork server is gone; the kernel killed it too
+)
+LOST = Failure("lost", "ForkServerDied", "the process that starts computations was killed")
 THREAD_COUNTS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 
@@ -34,10 +38,15 @@ def prepare_children(kinds: Iterable[JobKind], threads: int) -> None:
         kinds: whose libraries.
         threads: BLAS threads of a child, which must be set before the libraries are loaded.
     """
+    preload({kind.compute.__module__ for kind in kinds}, threads)
+
+
+def preload(modules: Iterable[str], threads: int) -> None:
+    """Start the server that children are forked from, with these modules loaded."""
     for name in THREAD_COUNTS:
         os.environ[name] = str(threads)
     if _METHOD == "forkserver":
-        _context.set_forkserver_preload([*PRELOADED, *sorted({kind.compute.__module__ for kind in kinds})])
+        _context.set_forkserver_preload([*PRELOADED, *sorted(modules)])
         forkserver.ensure_running()
 
 
@@ -80,6 +89,10 @@ class Child:
         self._process = _context.Process(target=run_child, args=(theirs, their_lifeline, order), daemon=True)
         try:
             self._process.start()
+        except (OSError, EOFError):  # the fork server died meanwhile; there is another for the next attempt
+            self._channel.close()
+            self._lifeline.close()
+            raise ChildEnded(LOST) from None
         finally:
             theirs.close()
             their_lifeline.close()
@@ -127,6 +140,8 @@ class Child:
         if self._killed_for is not None:
             return self._killed_for
         status = self._process.exitcode
+        if status == SERVER_GONE:
+            return LOST
         if status == -signal.SIGKILL:
             detail = "the computation was killed from outside, most likely because the machine ran out of memory"
         elif status < 0:

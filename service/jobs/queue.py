@@ -1,45 +1,22 @@
-"""Putting jobs in the queue and taking wishes about them: a row and its dispatch are one transaction.
-
-A dispatch is a ticket for one job of a queue, no more: which of the waiting jobs it starts is decided when a worker
-comes with it (`service.jobs.claims`). A ticket too many does no harm; one too few is made up for by `top_up`.
-"""
+"""What is asked of the queue: a new job, its end, another try. A job's row and its ticket are one transaction."""
 
 from __future__ import annotations
 
 from datetime import UTC, datetime
 from uuid import UUID
 
-from procrastinate import App, SyncPsycopgConnector
-from sqlalchemy import func, select, text
+from sqlalchemy import func, select, text, update
 from sqlalchemy.orm import Session
 
-from service.jobs import checkpoints
+from service.errors import Conflict
+from service.jobs import checkpoints, tickets
 from service.jobs.kinds import JobKind
 from service.jobs.tables import Job
-from service.problems.errors import Conflict
-from service.problems.request_id import current_request_id
-
-TASK = "modalbase.run"
-
-_dispatcher = App(connector=SyncPsycopgConnector())  # never opened: it defers on the caller's connection
-
-# Tickets that are missing in a queue: jobs that may start now, less the tickets that wait.
-_MISSING = text("""
-    WITH startable AS (
-      SELECT queue, least(waiting, greatest(cast(:limit AS bigint) - busy, 0)) AS jobs
-      FROM (SELECT queue, project_id, count(*) AS waiting FROM jobs WHERE state = 'queued' GROUP BY queue, project_id) q
-      CROSS JOIN LATERAL
-        (SELECT count(*) AS busy FROM jobs r WHERE r.state = 'running' AND r.project_id = q.project_id) r
-    )
-    SELECT queue, cast(sum(jobs) AS bigint)
-      - (SELECT count(*) FROM procrastinate_jobs WHERE status = 'todo' AND queue_name = queue) AS missing
-    FROM startable GROUP BY queue
-""")
-_NO_LIMIT = 2**40
+from service.web.request_id import current_request_id
 
 
 def enqueue(session: Session, *, kind: JobKind, project_id: UUID, priority: int = 0) -> Job:
-    """A new queued job, in the caller's transaction: after a rollback there is neither row nor dispatch.
+    """A new queued job, in the caller's transaction: after a rollback there is neither row nor ticket.
 
     Args:
         session: the caller's transaction.
@@ -61,27 +38,8 @@ def enqueue(session: Session, *, kind: JobKind, project_id: UUID, priority: int 
     session.add(job)
     session.flush()
     session.refresh(job)
-    dispatch(session, job)
+    tickets.put(session, job)
     return job
-
-
-def dispatch(session: Session, job: Job) -> None:
-    """Hand a queued job's id to the queue, in the caller's transaction."""
-    _tickets(session, job.queue, [{"job_id": str(job.id)}])
-
-
-def top_up(session: Session, project_limit: int | None) -> int:
-    """Add the tickets that are missing: of workers that died with one, or that came while a project was at its limit.
-
-    Returns:
-        How many were added.
-    """
-    added = 0
-    for queue, missing in session.execute(_MISSING, {"limit": project_limit or _NO_LIMIT}):
-        if missing > 0:
-            _tickets(session, queue, [{"job_id": None}] * missing)
-            added += missing
-    return added
 
 
 def request_cancel(session: Session, job_id: UUID) -> Job:
@@ -90,6 +48,8 @@ def request_cancel(session: Session, job_id: UUID) -> Job:
     A job that has ended already stays as it is; look at `state`.
     """
     job = _locked(session, job_id)
+    if job.state in ("queued", "running"):
+        tickets.cancel(session, job)
     if job.state == "queued":
         job.state, job.message, job.finished_at = "cancelled", "cancelled on request", datetime.now(UTC)
         checkpoints.forget(session, job_id)
@@ -114,8 +74,18 @@ def retry(session: Session, job_id: UUID) -> Job:
     job.queued_at, job.request_id = func.now(), current_request_id()
     session.flush()
     session.refresh(job)
-    dispatch(session, job)
+    tickets.put(session, job)
     return job
+
+
+def queue_again(session: Session) -> None:
+    """Queue every job that waited or ran, with tickets of its own: a restored database has no others, and no worker."""
+    session.execute(text("DELETE FROM procrastinate_jobs"))
+    session.execute(update(Job).values(ticket=None))
+    for job in session.scalars(select(Job).where(Job.state.in_(("queued", "running"))).order_by(Job.id)):
+        job.state, job.worker, job.stage, job.progress = "queued", None, None, 0.0
+        tickets.put(session, job)
+    session.flush()
 
 
 def one_at_a_time(session: Session, key: str) -> None:
@@ -125,9 +95,3 @@ def one_at_a_time(session: Session, key: str) -> None:
 
 def _locked(session: Session, job_id: UUID) -> Job:
     return session.get_one(Job, job_id, with_for_update=True, populate_existing=True)
-
-
-def _tickets(session: Session, queue: str, arguments: list[dict[str, str | None]]) -> None:
-    raw = session.connection().connection.driver_connection
-    task = _dispatcher.configure_task(TASK, queue=queue, connection=raw)
-    task.batch_defer(*arguments)  # type: ignore[arg-type]  # a list of str or None is JSON, which its type cannot know

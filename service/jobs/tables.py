@@ -6,23 +6,21 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import CheckConstraint, ForeignKey, Index, LargeBinary, desc, func, text
+from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, LargeBinary, desc, func, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.db.base import Base, Identified
 
 CHANGED = "modalbase_job_changed"
-"""Channel that tells the id of a job whose visible state has changed."""
-
-CANCEL = "modalbase_job_cancel"
-"""Channel that tells the id of a running job that someone wants to end."""
+"""Channel of the ids of jobs whose visible state has changed."""
 
 
 class Job(Identified, Base):
     """One job. Feature tables (imports, update jobs …) have its id as their key.
 
     `attempt` is the fence: a result is stored only by the attempt that the row names. `losses` counts the attempts whose
-    worker died. `version` grows with every change that a client can see: a trigger counts it and tells the two channels
+    worker died. `ticket` is the engine's job that runs it, there from the first to the last moment of the states `queued`
+    and `running`. `version` grows with every change that a client can see: a trigger counts it and notifies the channel
     above at commit, so who changes a row need not think of who watches it.
     """
 
@@ -30,7 +28,7 @@ class Job(Identified, Base):
     __table_args__ = (
         CheckConstraint("state IN ('queued', 'running', 'succeeded', 'failed', 'cancelled')", "state"),
         CheckConstraint("progress BETWEEN 0 AND 1", "progress"),
-        Index("ix_jobs_running_lease_until", "lease_until", postgresql_where=text("state = 'running'")),
+        Index("ix_jobs_running_project_id", "project_id", postgresql_where=text("state = 'running'")),
         Index("ix_jobs_project_id_id", "project_id", "id"),
         Index("ix_jobs_project_id_started_at", "project_id", "started_at"),
         Index(
@@ -53,7 +51,7 @@ class Job(Identified, Base):
     losses: Mapped[int] = mapped_column(server_default="0")
     max_attempts: Mapped[int] = mapped_column(server_default="3")
     worker: Mapped[str | None]
-    lease_until: Mapped[datetime | None]
+    ticket: Mapped[int | None] = mapped_column(BigInteger)
     stage: Mapped[str | None]
     progress: Mapped[float] = mapped_column(server_default="0")
     message: Mapped[str | None]

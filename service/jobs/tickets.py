@@ -1,103 +1,106 @@
-"""The worker's end of the queue: tickets come in; a lost connection is made anew while the work goes on."""
+"""Tickets: the jobs of the engine underneath (Procrastinate), each of which names the job of ours that it runs.
+
+A ticket is put in the queue in the transaction that queues the job, and is gone in the transaction that ends it; in
+between it changes with the row, so that neither is ever without the other. What is asked of the engine here are its own
+queries, on the caller's connection.
+"""
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Awaitable, Callable
+import json
+from collections.abc import Collection
+from datetime import UTC, datetime
+from typing import Any, cast
 
-import psycopg
-import structlog
-from procrastinate import App, PsycopgConnector
-from procrastinate.app import WorkerOptions
-from procrastinate.exceptions import ConnectorException
-from procrastinate.jobs import Status
+from procrastinate import App, SyncPsycopgConnector, jobs, sql
+from procrastinate.manager import get_channel_for_queues
+from sqlalchemy import CursorResult, text
+from sqlalchemy.orm import Session
 
-from service.db.engine import psycopg_url
-from service.jobs.queue import TASK
-from service.settings import Settings
+from service.jobs.tables import Job
 
-AGAIN_SECONDS = 1.0
-POLL_SECONDS = 5.0  # for tickets whose notice was lost with a connection
+TASK = "modalbase.run"
+LONG_AGO = datetime(2000, 1, 1, tzinfo=UTC)  # a time to try again at that has passed, whatever the clocks say
 
-log = structlog.stdlib.get_logger("modalbase.worker")
+_deferrer = App(connector=SyncPsycopgConnector())  # never opened: it defers on the caller's connection
+
+# The engine fetches the highest priority first. All tickets wait with 0 until the policy has chosen one.
+_NEXT = text("UPDATE procrastinate_jobs SET priority = 1 WHERE id = :ticket AND status = 'todo'")
+_GONE = text("""
+    SELECT held FROM unnest(cast(:tickets AS bigint[])) held WHERE NOT EXISTS (
+      SELECT FROM procrastinate_jobs
+      WHERE id = held AND status = 'doing' AND worker_id = :worker_id AND NOT abort_requested)
+""")
+_NOTICE = text("SELECT pg_notify(channel, :notice) FROM unnest(cast(:channels AS text[])) channel")
 
 
-class Tickets:
-    """Serves the queue for one worker."""
+def put(session: Session, job: Job) -> None:
+    """Put a queued job's ticket in the queue; idle workers hear of it at commit."""
+    raw = session.connection().connection.driver_connection
+    job.ticket = _deferrer.configure_task(TASK, queue=job.queue, connection=raw).defer(job_id=str(job.id))
 
-    def __init__(
-        self, settings: Settings, worker: str, queues: list[str] | None, job: Callable[..., Awaitable[None]]
-    ) -> None:
-        """Prepare.
 
-        Args:
-            settings: with `database_url`.
-            worker: name of the worker.
-            queues: which queues; None: all.
-            job: called with the context of each ticket and its arguments.
-        """
-        self._url = psycopg_url(settings.database_url or "")
-        self._job, self._queues = job, queues
-        self._silence = settings.job_lease_seconds
-        self._options = WorkerOptions(
-            name=worker,
-            concurrency=settings.worker_concurrency,
-            fetch_job_polling_interval=POLL_SECONDS,
-            shutdown_graceful_timeout=0,  # the worker itself waits for what runs
-            update_heartbeat_interval=settings.job_lease_seconds / 3,
-            stalled_worker_timeout=settings.job_lease_seconds,
-            delete_jobs="always",
-            install_signal_handlers=False,
-        )
-        if queues:
-            self._options["queues"] = queues
+def put_back(session: Session, job: Job) -> None:
+    """Let the ticket of a job that ran wait again."""
+    _ask(session, "retry_job", job_id=job.ticket, retry_at=LONG_AGO, new_priority=0, new_queue_name=None, new_lock=None)
+    _wake(session, job.queue)
 
-    async def serve(self, told_to_end: asyncio.Event) -> None:
-        """Until cancelled after the event, also when the database goes away and comes back.
 
-        The event, because a library that is cancelled while the database is away raises that error instead.
-        """
-        while not told_to_end.is_set():
-            try:
-                await self._reach()
-                await self._serve_once()
-            except (ConnectorException, psycopg.Error, OSError) as error:
-                log.warning("the queue does not answer", error=str(error.__cause__ or error).strip())
-            if told_to_end.is_set():
-                return
-            log.warning("connecting to the queue again", seconds=AGAIN_SECONDS)
-            await asyncio.sleep(AGAIN_SECONDS)
+def cancel(session: Session, job: Job) -> None:
+    """Take a waiting job's ticket out of the queue; have the worker abort one that runs."""
+    _ask(session, "cancel_job", job_id=job.ticket, abort=job.state == "running", delete_job=True)
 
-    async def _reach(self) -> None:
-        """Is the database there? A pool that begins in vain waits longer and longer between its tries."""
-        connection = await psycopg.AsyncConnection.connect(self._url, connect_timeout=5)
-        await connection.close()
 
-    async def _serve_once(self) -> None:
-        connector = PsycopgConnector(conninfo=self._url, min_size=1, max_size=4, timeout=5, reconnect_timeout=5)
-        queue = App(connector=connector)
-        queue.task(name=TASK, pass_context=True)(self._job)
-        opening = asyncio.ensure_future(connector.open_async())
-        try:
-            await asyncio.shield(opening)
-            clearing = asyncio.create_task(self._clear(queue))
-            try:
-                await queue.run_worker_async(**self._options)
-            finally:
-                clearing.cancel()
-        finally:
-            # A pool that is cancelled while it opens leaves tasks behind that swallow every later cancellation.
-            await asyncio.wait([opening])
-            if opening.exception() is None:
-                await connector.close_async()
+def end(session: Session, ticket: int, queue: str) -> None:
+    """Remove the ticket of a job that ends: one that its project's limit held back may start now."""
+    _ask(session, "finish_job", job_id=ticket, status="succeeded", delete_job=True)
+    _wake(session, queue)
 
-    async def _clear(self, queue: App) -> None:
-        """Remove the tickets that dead workers held: the jobs' rows know better what became of the jobs."""
-        while True:
-            try:
-                for ticket in await queue.job_manager.get_stalled_jobs(seconds_since_heartbeat=self._silence):
-                    await queue.job_manager.finish_job(ticket, status=Status.FAILED, delete_job=True)
-                    log.info("a dead worker's ticket removed", ticket=ticket.id)
-            except ConnectorException as error:
-                log.debug("the queue does not answer", error=str(error))
-            await asyncio.sleep(self._silence)
+
+def take(session: Session, job: Job, worker_id: int) -> jobs.Job:
+    """Have the engine fetch the ticket of this job for a worker of its; another one where the ticket is gone."""
+    if not _is_next(session, job):
+        put(session, job)
+        _is_next(session, job)
+    (row,) = _ask(session, "fetch_job", queues=[job.queue], worker_id=worker_id)
+    if row["id"] != job.ticket:
+        raise RuntimeError(f"the queue gave ticket {row['id']} for ticket {job.ticket} of job {job.id}")
+    return jobs.Job.from_row(row)
+
+
+def stalled(session: Session, seconds: float) -> list[jobs.Job]:
+    """Tickets of workers whose heart has not beaten for so long."""
+    named = {"queue": None, "task_name": TASK, "seconds_since_heartbeat": seconds}
+    return [jobs.Job.from_row(row) for row in _ask(session, "select_stalled_jobs_by_heartbeat", **named)]
+
+
+def held_by(session: Session, worker_id: int) -> list[jobs.Job]:
+    """Tickets that a worker is said to run."""
+    named = dict.fromkeys(("id", "queue_name", "lock", "queueing_lock"))
+    named |= {"task_name": TASK, "status": "doing", "worker_id": worker_id}
+    return [jobs.Job.from_row(row) for row in _ask(session, "list_jobs", **named)]
+
+
+def beat(session: Session, worker_id: int) -> None:
+    """A worker lives."""
+    _ask(session, "update_heartbeat", worker_id=worker_id)
+
+
+def to_abort(session: Session, worker_id: int, tickets: Collection[int]) -> list[int]:
+    """Which of these tickets a worker should let go of: an abort was asked for, or they are no longer its own."""
+    return list(session.scalars(_GONE, {"tickets": list(tickets), "worker_id": worker_id}))
+
+
+def _wake(session: Session, queue: str) -> None:
+    """Have idle workers look into a queue, as the insertion of a ticket does; at commit."""
+    channels = [*get_channel_for_queues(None), *get_channel_for_queues([queue])]
+    session.execute(_NOTICE, {"channels": channels, "notice": json.dumps({"type": "job_inserted", "job_id": 0})})
+
+
+def _is_next(session: Session, job: Job) -> bool:
+    return cast(CursorResult[Any], session.execute(_NEXT, {"ticket": job.ticket})).rowcount == 1
+
+
+def _ask(session: Session, query: str, **arguments: Any) -> list[dict[str, Any]]:
+    rows = session.connection().exec_driver_sql(sql.queries[query], arguments)
+    return [dict(row) for row in rows.mappings()]

@@ -1,24 +1,27 @@
-"""Alarms: raised once, acknowledged by somebody, cleared or withdrawn by a later judgement; each step kept and told."""
+"""Alarms are raised once, acknowledged by somebody, and cleared or withdrawn by a later judgement. Each step is announced."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.access import User, audit, project_for
-from service.monitoring.judgement import Episode
-from service.monitoring.messages import announce
+from service.access import User, audit
+from service.errors import Conflict, NotFound
+from service.monitoring.computation import Episode
 from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorSeries
 from service.monitoring.values import unit_of
-from service.problems import Conflict, NotFound, not_found_as
-from service.structures.tables import Structure
+from service.notifications.messages import announce
+from service.structures.operations import structure_of
 
-TOLD = {"alarm": "raised", "acknowledged": "acknowledged", "cleared": "cleared", "withdrawn": "withdrawn"}
+if TYPE_CHECKING:
+    from service.structures.tables import Structure
+
+EVENT_OF_STATE = {"alarm": "raised", "acknowledged": "acknowledged", "cleared": "cleared", "withdrawn": "withdrawn"}
 
 
 def update_alarms(session: Session, monitor: Monitor, series: MonitorSeries, episodes: Sequence[Episode]) -> None:
@@ -75,21 +78,34 @@ def _raise(session: Session, monitor: Monitor, series: MonitorSeries, episode: E
     session.add(alarm)
     session.flush()
     session.refresh(alarm)
-    _told(session, monitor, alarm, "raised", None, f"by campaign {episode.campaign}")
+    _record(session, monitor, alarm, "raised", None, f"by campaign {episode.campaign}")
 
 
 def _step(session: Session, monitor: Monitor, alarm: Alarm, state: str, note: str, user: User | None = None) -> None:
     alarm.state = state
-    _told(session, monitor, alarm, TOLD[state], user, note)
+    _record(session, monitor, alarm, EVENT_OF_STATE[state], user, note)
 
 
-def _told(session: Session, monitor: Monitor, alarm: Alarm, event: str, user: User | None, note: str) -> None:
-    """Into the history, the audit trail and the outbox."""
-    project = session.get_one(Structure, monitor.structure_id).project_id
+def _record(session: Session, monitor: Monitor, alarm: Alarm, event: str, user: User | None, note: str) -> None:
+    """Write a step into the history, the audit trail and the outbox."""
+    structure = structure_of(session, monitor.structure_id)
     session.add(AlarmEvent(alarm_id=alarm.id, event=event, user_id=user and user.id, note=note))
-    audit(session, user, f"alarm.{event}", "alarm", alarm.id, project, parameter=alarm.parameter, note=note)
+    audit(
+        session, user, f"alarm.{event}", "alarm", alarm.id, structure.project_id, parameter=alarm.parameter, note=note
+    )
     data = {"alarm": _summary(alarm), "note": note, "by": user and user.name}
-    announce(session, monitor, f"alarm.{event}", data)
+    _announce(session, monitor, structure, f"alarm.{event}", data)
+
+
+def _announce(session: Session, monitor: Monitor, structure: Structure, event: str, data: dict[str, Any]) -> None:
+    project_id = structure.project_id
+    about = {
+        "project_id": str(project_id),
+        "structure": {"id": str(structure.id), "name": structure.name},
+        "monitor": {"id": str(monitor.id), "name": monitor.name, "state": monitor.state},
+    }
+    data = {**about, **data}
+    announce(session, event, data, project_id=project_id, monitor_id=monitor.id, mail_to=monitor.mail_to)
 
 
 def _summary(alarm: Alarm) -> dict[str, Any]:
@@ -105,37 +121,20 @@ def _summary(alarm: Alarm) -> dict[str, Any]:
 
 
 def state_changed(session: Session, monitor: Monitor, before: str) -> None:
-    """Tell that data stopped coming: silence would look like health."""
+    """Announce that data stopped coming: silence would look like health."""
     if monitor.state == "no data":
-        announce(session, monitor, "monitor.no_data", {"before": before})
+        structure = structure_of(session, monitor.structure_id)
+        _announce(session, monitor, structure, "monitor.no_data", {"before": before})
 
 
-def alarm_for(session: Session, user: User, alarm_id: UUID) -> tuple[Alarm, Monitor, Structure]:
-    """The alarm, if the user may see its project.
-
-    Raises:
-        NotFound: there is none, it is other people's, or its monitor is deleted.
-    """
-    found = session.execute(
-        select(Alarm, Monitor, Structure)
-        .join(Monitor, Monitor.id == Alarm.monitor_id)
-        .join(Structure, Structure.id == Monitor.structure_id)
-        .where(Alarm.id == alarm_id, Monitor.deleted_at.is_(None))
-    ).one_or_none()
-    if found is None:
-        raise NotFound("alarm", alarm_id)
-    with not_found_as("alarm", alarm_id):
-        project_for(session, user, found[2].project_id)
-    return found[0], found[1], found[2]
-
-
-def acknowledge(session: Session, user: User, alarm: Alarm, monitor: Monitor, note: str) -> None:
+def acknowledge(session: Session, user: User, alarm: Alarm, note: str) -> None:
     """Note that somebody has seen an alarm. The monitor is judged anew with it.
 
     Raises:
         Conflict: it is no alarm, or no longer one.
         NotFound: its monitor has been deleted in between.
     """
+    monitor = session.get_one(Monitor, alarm.monitor_id)
     session.refresh(monitor, with_for_update=True)  # a judgement changes alarms too; first the monitor's row, always
     if monitor.deleted_at is not None:
         raise NotFound("alarm", alarm.id)

@@ -11,16 +11,21 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import Any
+from typing import TYPE_CHECKING
 from uuid import UUID
 
-from sqlalchemy import func, literal, select
-from sqlalchemy.dialects.postgresql import aggregate_order_by, distinct_on
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.campaigns.tables import Campaign, Frf, GridPoint, Import, ModeSet
-from service.jobs import Job
+from service.campaigns.grid_points import point_digests
+from service.campaigns.operations import dated_campaigns
+from service.frfs.operations import frf_digests
+from service.imports.operations import import_progress
+from service.modes.operations import newest_stated
 from service.monitoring.tables import CampaignCompletion, Monitor
+
+if TYPE_CHECKING:
+    from service.campaigns.tables import Campaign
 
 
 @dataclass(frozen=True)
@@ -46,16 +51,7 @@ class Seen:
 
 def seen_campaigns(session: Session, monitor: Monitor, now: datetime, settle: timedelta) -> list[Seen]:
     """The campaigns that a monitor looks at, in time order."""
-    query = select(Campaign).where(
-        Campaign.structure_id == monitor.structure_id,
-        Campaign.deleted_at.is_(None),
-        Campaign.performed_at.is_not(None),
-    )
-    if monitor.since is not None:
-        query = query.where(Campaign.performed_at >= monitor.since)
-    rows = session.scalars(
-        query.order_by(Campaign.performed_at, Campaign.id), execution_options={"populate_existing": True}
-    ).all()
+    rows = dated_campaigns(session, monitor.structure_id, monitor.since)
     facts = _Facts(session, [row.id for row in rows])
     seen: list[Seen] = []
     for row in rows:
@@ -97,26 +93,18 @@ class _Facts:
     """What lies in other tables about some campaigns, one question a table."""
 
     def __init__(self, session: Session, ids: Sequence[UUID]) -> None:
-        self.frfs = self._by_campaign(session, _frfs(ids))
-        self.points = self._by_campaign(session, _points(ids))
-        self.imports = self._by_campaign(session, _imports(ids))
-        self.mode_sets = self._by_campaign(session, _mode_sets(ids))
-        self.completed = self._by_campaign(
-            session,
-            select(CampaignCompletion.campaign_id, CampaignCompletion.completed_at).where(
-                CampaignCompletion.campaign_id.in_(ids)
-            ),
-        )
-
-    @staticmethod
-    def _by_campaign(session: Session, query: Any) -> dict[UUID, tuple[Any, ...]]:
-        return {row[0]: tuple(row[1:]) for row in session.execute(query)}
+        self.frfs = frf_digests(session, ids)
+        self.points = point_digests(session, ids)
+        self.imports = import_progress(session, ids)
+        self.mode_sets = newest_stated(session, ids)
+        completed = select(CampaignCompletion.campaign_id).where(CampaignCompletion.campaign_id.in_(ids))
+        self.completed = set(session.scalars(completed))
 
     def fingerprint(self, row: Campaign, mode_set: UUID | None) -> str:
         """Digest of what a run takes from a campaign."""
         used = {
             "frfs": self.frfs.get(row.id, (None,))[0],
-            "points": self.points.get(row.id, (None,))[0],
+            "points": self.points.get(row.id),
             "boundary": row.boundary,
             "sensor": [row.instruments.get("sensor_mass_kg"), row.instruments.get("sensor_point")],
             "frame": row.frame,
@@ -135,48 +123,3 @@ class _Facts:
             return False
         times = (row.updated_at, self.frfs[row.id][1], last_import, self.mode_sets.get(row.id, (None, None))[1])
         return max(time for time in times if time is not None) <= quiet_since
-
-
-def _frfs(ids: Sequence[UUID]) -> Any:
-    """Digest and newest time of each campaign's FRFs; reads no spectrum."""
-    parts = (Frf.response_point, Frf.response_direction, Frf.reference_point, Frf.reference_direction, Frf.quantity)
-    axis = (Frf.start_hz, Frf.step_hz, Frf.lines)
-    one = func.concat_ws(" ", func.encode(Frf.sha256, "hex"), *parts, *axis)
-    return (
-        select(
-            Frf.campaign_id,
-            func.md5(func.string_agg(one, aggregate_order_by(literal(","), one))),
-            func.max(Frf.created_at),
-        )
-        .where(Frf.campaign_id.in_(ids))
-        .group_by(Frf.campaign_id)
-    )
-
-
-def _points(ids: Sequence[UUID]) -> Any:
-    one = func.concat_ws(" ", GridPoint.label, GridPoint.x_m, GridPoint.y_m, GridPoint.z_m)
-    return (
-        select(GridPoint.campaign_id, func.md5(func.string_agg(one, aggregate_order_by(literal(","), one))))
-        .where(GridPoint.campaign_id.in_(ids))
-        .group_by(GridPoint.campaign_id)
-    )
-
-
-def _imports(ids: Sequence[UUID]) -> Any:
-    coming = func.count().filter(Job.state.in_(("queued", "running")))
-    return (
-        select(Import.campaign_id, coming, func.max(Job.finished_at))
-        .join(Job, Job.id == Import.id)
-        .where(Import.campaign_id.in_(ids), ~Import.dry_run)
-        .group_by(Import.campaign_id)
-    )
-
-
-def _mode_sets(ids: Sequence[UUID]) -> Any:
-    """Newest mode set of each campaign that no job has identified."""
-    return (
-        select(ModeSet.campaign_id, ModeSet.id, ModeSet.created_at)
-        .where(ModeSet.campaign_id.in_(ids), ModeSet.origin.in_(("typed", "file")))
-        .ext(distinct_on(ModeSet.campaign_id))
-        .order_by(ModeSet.campaign_id, ModeSet.id.desc())
-    )

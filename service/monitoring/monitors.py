@@ -7,7 +7,7 @@ import binascii
 from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 from sqlalchemy import ColumnElement, func, select, tuple_
@@ -15,65 +15,43 @@ from sqlalchemy.orm import Session, undefer
 
 from fecore import __version__
 from fecore.updating.parameters import parametrise
-from service.access import Member, Role, User, audit, bring_back, hide
-from service.campaigns.tables import Campaign
-from service.coupons.operations import batch_for
+from service.access import User, audit, projects_of
+from service.campaigns.operations import campaign_for, campaigns_of
 from service.db.clock import transaction_time
+from service.errors import Conflict, Invalid, NotFound
 from service.monitoring import runs
-from service.monitoring.assessment import rank
+from service.monitoring.judgements import rank
+from service.monitoring.lookups import monitor_for
+from service.monitoring.scheduler import next_time, request_check
 from service.monitoring.schemas import CONSTANT, BaselineIn, ChartIn, MonitorIn, MonitorOut, MonitorPatch, WatchedIn
-from service.monitoring.steward import ask, next_time
 from service.monitoring.tables import AT_WORK, Alarm, CampaignCompletion, Monitor, MonitorRun, MonitorSeries
-from service.problems import Conflict, Invalid, NotFound, not_found_as
 from service.settings import Settings
-from service.structures.operations import current_version, describe_version, structure_for
-from service.structures.tables import Structure
+from service.structures.operations import current_version, describe_version, structure_for, structures_in, structures_of
 from service.updating.loading import nominal_specimen
+from service.updating.operations import check_prior_batch
+
+if TYPE_CHECKING:
+    from service.campaigns.tables import Campaign
+    from service.structures.tables import Structure
 
 NOW = timedelta(0)
 
 
-def monitor_for(
-    session: Session,
-    user: User,
-    monitor_id: UUID,
-    role: Role = "viewer",
-    *,
-    lock: bool = False,
-    deleted: bool = False,
-) -> Monitor:
-    """The monitor, if the user has at least this role in its project.
+def create_monitor(session: Session, user: User, structure_id: UUID, body: MonitorIn, settings: Settings) -> Monitor:
+    """Make a monitor, frozen on the structure's present version. Campaigns that are there are run in time order.
 
     Args:
         session: the request's transaction.
-        user: who asks.
-        monitor_id: which one.
-        role: what the act needs.
-        lock: keep the steward, judgements and other edits off it until the transaction ends.
-        deleted: find a deleted monitor too.
-
-    Raises:
-        NotFound: there is none, it is other people's, or it is deleted.
-        Forbidden: the user's role is too low.
-    """
-    monitor = session.get(Monitor, monitor_id)
-    if monitor is None:
-        raise NotFound("monitor", monitor_id)
-    with not_found_as("monitor", monitor_id):
-        structure_for(session, user, monitor.structure_id, role)
-    if lock:
-        session.refresh(monitor, with_for_update=True)
-    if monitor.deleted_at is not None and not deleted:
-        raise NotFound("monitor", monitor_id)
-    return monitor
-
-
-def create_monitor(session: Session, user: User, structure_id: UUID, body: MonitorIn, settings: Settings) -> Monitor:
-    """A new monitor, frozen on the structure's present version. Campaigns that are there are run in time order.
+        user: who asks, and in whose name the updates run; an editor of the project at least.
+        structure_id: what is watched.
+        body: recipe, watched parameters, baseline, chart, when to run, addresses.
+        settings: whether mail can be sent.
 
     Raises:
         Invalid: the recipe names what no later campaign has, a parameter is watched that it does not update, or mail is
             wanted and no SMTP server is set.
+        NotFound: there is no such structure, or it is other people's.
+        Forbidden: the user's role is too low.
     """
     structure = structure_for(session, user, structure_id, "editor")
     version = current_version(session, structure)
@@ -103,7 +81,7 @@ def create_monitor(session: Session, user: User, structure_id: UUID, body: Monit
     session.refresh(monitor)
     runs.newest_series(session, monitor)
     audit(session, user, "monitor.create", "monitor", monitor.id, structure.project_id, name=body.name)
-    ask(session, monitor.id)
+    request_check(session, monitor.id)
     return monitor
 
 
@@ -119,13 +97,7 @@ def _check_recipe(session: Session, user: User, structure: Structure, body: Moni
         raise Invalid(
             "/recipe/mode_set", "a mode set is of one campaign; say with `modes` where each run takes its from"
         )
-    if recipe.prior_from_coupon_batch is not None:
-        try:
-            batch = batch_for(session, user, recipe.prior_from_coupon_batch)
-        except NotFound as error:
-            raise Invalid("/recipe/prior_from_coupon_batch", str(error)) from None
-        if batch.structure_id != structure.id:
-            raise Invalid("/recipe/prior_from_coupon_batch", f"{batch.id} belongs to another structure")
+    check_prior_batch(session, user, recipe, structure.id, "/recipe/prior_from_coupon_batch")
     specimen = nominal_specimen(described, body.boundary or "cantilever")
     free = parametrise(specimen, recipe.to_core().parameters).names
     for i, watched in enumerate(body.parameters):
@@ -141,7 +113,19 @@ def _check_mail(addresses: Sequence[str], settings: Settings) -> None:
 
 
 def change_monitor(session: Session, user: User, monitor: Monitor, patch: MonitorPatch, settings: Settings) -> None:
-    """Apply a patch to a locked monitor."""
+    """Apply a patch to a monitor; the audit trail keeps the fields as they were and as they are now. The recipe cannot
+    change.
+
+    Args:
+        session: the request's transaction.
+        user: who asks, for the audit trail.
+        monitor: the monitor, locked.
+        patch: the fields that were sent.
+        settings: whether mail can be sent.
+
+    Raises:
+        Invalid: mail is wanted and no SMTP server is set.
+    """
     if patch.mail_to:
         _check_mail(patch.mail_to, settings)
     now = patch.model_dump(exclude_unset=True)
@@ -150,34 +134,22 @@ def change_monitor(session: Session, user: User, monitor: Monitor, patch: Monito
         setattr(monitor, field, value)
     monitor.updated_at = transaction_time(session)
     session.flush()
-    audit(session, user, "monitor.change", "monitor", monitor.id, _project_of(session, monitor), was=was, now=now)
-    ask(session, monitor.id)
-
-
-def delete_monitor(session: Session, user: User, monitor: Monitor) -> None:
-    """Hide a locked monitor with its series and alarms, and run and judge nothing more; everything stays stored.
-
-    Runs under way end, since their updates are results of their own; a judgement under way changes and tells nothing.
-    """
-    hide(session, user, monitor, "monitor", _project_of(session, monitor))
-
-
-def restore_monitor(session: Session, user: User, monitor: Monitor) -> None:
-    """Bring a locked monitor back; campaigns that came in between are run, and the series is judged anew.
-
-    Raises:
-        Conflict: the monitor is not deleted.
-    """
-    bring_back(session, user, monitor, "monitor", _project_of(session, monitor))
-    ask(session, monitor.id)
-
-
-def _project_of(session: Session, monitor: Monitor) -> UUID:
-    return session.get_one(Structure, monitor.structure_id).project_id
+    project_id = monitor_for.project_of(session, monitor)
+    audit(session, user, "monitor.change", "monitor", monitor.id, project_id, was=was, now=now)
+    request_check(session, monitor.id)
 
 
 def run_by_hand(session: Session, user: User, monitor: Monitor, campaign_id: UUID | None) -> list[MonitorRun]:
-    """Run one campaign, or all that have not been run as they are now; complete or not.
+    """Run one campaign, or all that have not been run as they are now, whether they are complete or not.
+
+    Args:
+        session: the request's transaction.
+        user: who asks, for the audit trail.
+        monitor: the monitor, locked.
+        campaign_id: this campaign alone; None for all.
+
+    Returns:
+        The new runs; refused ones too.
 
     Raises:
         Conflict: the monitor is at rest.
@@ -187,18 +159,18 @@ def run_by_hand(session: Session, user: User, monitor: Monitor, campaign_id: UUI
         raise Conflict("the monitor is at rest; set `active` first")
     if campaign_id is not None:
         _check_campaign(session, monitor, campaign_id)
-    project = _project_of(session, monitor)
+    project = monitor_for.project_of(session, monitor)
     runs.collect(session, runs.newest_series(session, monitor))
     started = runs.bring_up_to_date(
         session, monitor, runs.Moment(datetime.now(UTC), NOW), by_hand=True, only=campaign_id
     )
     audit(session, user, "monitor.run", "monitor", monitor.id, project, runs=[str(run.id) for run in started])
-    ask(session, monitor.id)
+    request_check(session, monitor.id)
     return started
 
 
 def _check_campaign(session: Session, monitor: Monitor, campaign_id: UUID) -> None:
-    campaign = session.get(Campaign, campaign_id)
+    campaign = next(iter(campaigns_of(session, [campaign_id])), None)
     if campaign is None or campaign.deleted_at is not None or campaign.structure_id != monitor.structure_id:
         raise Invalid("/campaign", f"{campaign_id} is no campaign of this monitor's structure")
     if campaign.performed_at is None:
@@ -208,7 +180,18 @@ def _check_campaign(session: Session, monitor: Monitor, campaign_id: UUID) -> No
 
 
 def rerun(session: Session, user: User, monitor: Monitor, reason: str) -> list[MonitorRun]:
-    """All campaigns anew, as the next version of the series. The one before stays, and is shown until this is judged."""
+    """Run all campaigns anew, as the next version of the series. The one before stays, and is shown until this one is
+    judged.
+
+    Args:
+        session: the request's transaction.
+        user: who asks, for the audit trail.
+        monitor: the monitor, locked.
+        reason: shown with the version; by default the software's version.
+
+    Raises:
+        Conflict: the monitor is at rest.
+    """
     if not monitor.active:
         raise Conflict("the monitor is at rest; set `active` first")
     before = runs.newest_series(session, monitor)
@@ -219,13 +202,21 @@ def rerun(session: Session, user: User, monitor: Monitor, reason: str) -> list[M
 def complete_campaign(session: Session, user: User, campaign: Campaign) -> tuple[CampaignCompletion, list[MonitorRun]]:
     """Note that everything of a campaign is in, and let the monitors of its structure run it.
 
+    Args:
+        session: the request's transaction.
+        user: who says so.
+        campaign: the campaign.
+
+    Returns:
+        The note, which the first call makes, and the runs that were started.
+
     Raises:
         Conflict: the campaign states no date.
     """
     if campaign.performed_at is None:
         raise Conflict("the campaign states no performed_at, so it has no place in a series; state it first")
     row = session.get(CampaignCompletion, campaign.id)
-    project = session.get_one(Structure, campaign.structure_id).project_id
+    project = campaign_for.project_of(session, campaign)
     if row is None:
         row = CampaignCompletion(campaign_id=campaign.id, user_id=user.id)
         session.add(row)
@@ -242,7 +233,7 @@ def complete_campaign(session: Session, user: User, campaign: Campaign) -> tuple
     for monitor in monitors:
         runs.collect(session, runs.newest_series(session, monitor))
         started += runs.bring_up_to_date(session, monitor, runs.Moment(datetime.now(UTC), NOW), only=campaign.id)
-        ask(session, monitor.id)
+        request_check(session, monitor.id)
     return row, started
 
 
@@ -254,9 +245,23 @@ def hidden(deleted: bool) -> ColumnElement[bool]:
 def page_worst_first(
     session: Session, user: User, state: str | None, deleted: bool, cursor: str | None, limit: int
 ) -> tuple[list[Monitor], str | None]:
-    """One's monitors by the attention that their state asks for, then by age."""
-    mine = select(Member.project_id).where(Member.user_id == user.id)
-    query = select(Monitor).join(Structure).where(Structure.project_id.in_(mine), hidden(deleted))
+    """A page of one's monitors, ordered by the attention that their state asks for, then by age.
+
+    Args:
+        session: the request's transaction.
+        user: whose projects.
+        state: only monitors in this state; None for all.
+        deleted: the deleted monitors instead of those that are there.
+        cursor: of the page before; None for the first page.
+        limit: the most monitors of a page.
+
+    Returns:
+        The monitors, and the cursor of the next page, None at the end.
+
+    Raises:
+        Invalid: the cursor is not one of this list.
+    """
+    query = select(Monitor).where(Monitor.structure_id.in_(structures_in(projects_of(user))), hidden(deleted))
     if state is not None:
         query = query.where(Monitor.state == state)
     if cursor is not None:
@@ -277,13 +282,16 @@ def _decode(cursor: str) -> tuple[int, UUID]:
 
 
 def describe_all(session: Session, monitors: Sequence[Monitor]) -> list[MonitorOut]:
-    """Monitors as clients see them."""
+    """Monitors as clients see them, in the order given, each with its structure, its maker and the number of its open
+    alarms; two queries for all.
+    """
     ids = [monitor.id for monitor in monitors]
-    query = select(Monitor.id, Structure, User.name).join(Structure, Structure.id == Monitor.structure_id)
-    around = {key: (s, name) for key, s, name in session.execute(query.join(User).where(Monitor.id.in_(ids)))}
+    structures = structures_of(session, [monitor.structure_id for monitor in monitors])
+    made = select(Monitor.id, User.name).join(User).where(Monitor.id.in_(ids))
+    makers: dict[UUID, str] = dict(session.execute(made).all())
     open_alarms = select(Alarm.monitor_id, func.count()).where(Alarm.monitor_id.in_(ids), Alarm.state == "alarm")
-    alarms: dict[UUID, int] = dict(session.execute(open_alarms.group_by(Alarm.monitor_id)).tuples().all())
-    return [_described(m, *around[m.id], alarms.get(m.id, 0)) for m in monitors]
+    alarms: dict[UUID, int] = dict(session.execute(open_alarms.group_by(Alarm.monitor_id)).all())
+    return [_described(m, structures[m.structure_id], makers[m.id], alarms.get(m.id, 0)) for m in monitors]
 
 
 def _described(monitor: Monitor, structure: Structure, maker: str, open_alarms: int) -> MonitorOut:

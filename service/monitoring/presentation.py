@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.access import User
-from service.campaigns.tables import Campaign
+from service.campaigns.operations import campaigns_of
 from service.jobs import Job
 from service.monitoring.runs import latest_runs
 from service.monitoring.schemas import AlarmEventOut, AlarmOut, RunOut
-from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorAssessment, MonitorRun, MonitorSeries
+from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorJudgement, MonitorRun, MonitorSeries
 from service.monitoring.values import unit_of
-from service.structures.tables import Structure
+from service.structures.operations import structure_of, structures_of
+
+if TYPE_CHECKING:
+    from service.structures.tables import Structure
 
 
 def series_document(session: Session, monitor: Monitor, series: MonitorSeries) -> dict[str, Any]:
     """What `GET /monitors/{id}/series` answers; nothing but JSON, so that figures are made of it too."""
     judged = series.document or {"state": "no data", "notes": [], "parameters": []}
-    structure = session.get_one(Structure, monitor.structure_id)
+    structure = structure_of(session, monitor.structure_id)
     alarms = session.scalars(select(Alarm).where(Alarm.monitor_id == monitor.id).order_by(Alarm.id)).all()
     return {
         "monitor_id": str(monitor.id),
@@ -64,8 +67,8 @@ def _last_judgement(session: Session, series: MonitorSeries) -> dict[str, Any] |
     """How the latest judgement went: one that failed says why the series stands as it stood before."""
     job = session.scalars(
         select(Job)
-        .join(MonitorAssessment, MonitorAssessment.id == Job.id)
-        .where(MonitorAssessment.series_id == series.id)
+        .join(MonitorJudgement, MonitorJudgement.id == Job.id)
+        .where(MonitorJudgement.series_id == series.id)
         .order_by(Job.id.desc())
         .limit(1)
     ).one_or_none()
@@ -74,7 +77,7 @@ def _last_judgement(session: Session, series: MonitorSeries) -> dict[str, Any] |
 
 def _campaigns(session: Session, series: MonitorSeries) -> list[dict[str, Any]]:
     runs = latest_runs(session, series)
-    rows = session.scalars(select(Campaign).where(Campaign.id.in_(runs))).all()
+    rows = campaigns_of(session, runs)
     shown = []
     for row in sorted(rows, key=lambda r: (r.performed_at is None, r.performed_at or r.created_at, r.id)):
         run = runs[row.id]
@@ -116,7 +119,7 @@ def describe_runs(session: Session, rows: Sequence[MonitorRun]) -> list[RunOut]:
     """Runs as clients see them."""
     keys = {row.series_id for row in rows}
     numbers: dict[UUID, int] = dict(
-        session.execute(select(MonitorSeries.id, MonitorSeries.number).where(MonitorSeries.id.in_(keys))).tuples().all()
+        session.execute(select(MonitorSeries.id, MonitorSeries.number).where(MonitorSeries.id.in_(keys))).all()
     )
     for row in rows:
         session.refresh(row)
@@ -132,19 +135,16 @@ def describe_alarms(session: Session, alarms: Sequence[Alarm]) -> list[AlarmOut]
     for event, name in session.execute(query.where(AlarmEvent.alarm_id.in_(ids)).order_by(AlarmEvent.id)):
         shown = AlarmEventOut(at=event.created_at, event=event.event, by=name, note=event.note)
         history[event.alarm_id].append(shown)
-    around = {
-        key: (monitor, structure)
-        for key, monitor, structure in session.execute(
-            select(Alarm.id, Monitor, Structure)
-            .join(Monitor, Monitor.id == Alarm.monitor_id)
-            .join(Structure, Structure.id == Monitor.structure_id)
-            .where(Alarm.id.in_(ids))
-        )
-    }
-    return [_described(alarm, *around[alarm.id], history[alarm.id]) for alarm in alarms]
+    watching = select(Monitor).join(Alarm, Alarm.monitor_id == Monitor.id).where(Alarm.id.in_(ids))
+    monitors = {monitor.id: monitor for monitor in session.scalars(watching)}
+    structures = structures_of(session, [monitor.structure_id for monitor in monitors.values()])
+    return [_described(alarm, monitors[alarm.monitor_id], structures, history[alarm.id]) for alarm in alarms]
 
 
-def _described(alarm: Alarm, monitor: Monitor, structure: Structure, history: list[AlarmEventOut]) -> AlarmOut:
+def _described(
+    alarm: Alarm, monitor: Monitor, structures: Mapping[UUID, Structure], history: list[AlarmEventOut]
+) -> AlarmOut:
+    structure = structures[monitor.structure_id]
     by = next((step.by for step in reversed(history) if step.event == "acknowledged"), None)
     return AlarmOut(
         id=alarm.id,

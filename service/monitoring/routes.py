@@ -9,25 +9,16 @@ from fastapi import Query, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.access import (
-    IF_MATCH,
-    CurrentUser,
-    Cursor,
-    Limit,
-    Member,
-    SessionDep,
-    SettingsDep,
-    etag_of,
-    paged,
-    project_for,
-    require_match,
-)
+from service.access import CurrentUser, SessionDep, SettingsDep, project_for, projects_of
 from service.campaigns.operations import campaign_for
+from service.errors import Invalid
 from service.figures.printing import MEDIA_TYPES, render
 from service.figures.series import series_figure
 from service.monitoring import alarms as steps
 from service.monitoring import monitors
+from service.monitoring.lookups import alarm_for, monitor_for
 from service.monitoring.presentation import describe_alarms, describe_runs, series_document
+from service.monitoring.scheduler import request_check
 from service.monitoring.schemas import (
     AcknowledgementIn,
     AlarmOut,
@@ -39,11 +30,11 @@ from service.monitoring.schemas import (
     RunsIn,
     State,
 )
-from service.monitoring.steward import ask
 from service.monitoring.tables import Alarm, Monitor, MonitorRun, MonitorSeries
-from service.problems import Invalid, Page, api_router
-from service.structures.operations import structure_for
-from service.structures.tables import Structure
+from service.notifications.operations import deliveries_of_monitor
+from service.notifications.schemas import DeliveryOut
+from service.structures.operations import structure_for, structures_in
+from service.web import IF_MATCH, Cursor, Limit, Page, api_router, etag_of, paged, require_match
 
 router = api_router(tags=["monitoring"])
 
@@ -102,7 +93,7 @@ def list_monitors(
 @router.get("/monitors/{monitor_id}")
 def get_monitor(monitor_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> MonitorOut:
     """A monitor and its state."""
-    return _shown(session, monitors.monitor_for(session, user, monitor_id), response)
+    return _shown(session, monitor_for(session, user, monitor_id), response)
 
 
 @router.patch("/monitors/{monitor_id}", openapi_extra=IF_MATCH)
@@ -116,7 +107,7 @@ def change_monitor(
     response: Response,
 ) -> MonitorOut:
     """Change a name, a receiver, the expected interval, or put a monitor at rest. What decides is frozen."""
-    monitor = monitors.monitor_for(session, user, monitor_id, "editor", lock=True)
+    monitor = monitor_for(session, user, monitor_id, "editor", lock=True)
     require_match(request, etag_of(monitors.describe_all(session, [monitor])[0]))
     if not body.model_fields_set:
         raise Invalid("", "names nothing to change")
@@ -127,17 +118,18 @@ def change_monitor(
 @router.delete("/monitors/{monitor_id}", status_code=204, openapi_extra=IF_MATCH)
 def delete_monitor(monitor_id: UUID, session: SessionDep, user: CurrentUser, request: Request) -> None:
     """Hide a monitor with its series and alarms, and end its work. It stays stored and can be restored."""
-    monitor = monitors.monitor_for(session, user, monitor_id, "editor", lock=True)
+    monitor = monitor_for(session, user, monitor_id, "editor", lock=True)
     if "if-match" in request.headers:
         require_match(request, etag_of(monitors.describe_all(session, [monitor])[0]))
-    monitors.delete_monitor(session, user, monitor)
+    monitor_for.hide(session, user, monitor)  # its updates that run end as results of their own
 
 
 @router.post("/monitors/{monitor_id}/restore")
 def restore_monitor(monitor_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> MonitorOut:
     """Bring a deleted monitor back; campaigns that came in between are run."""
-    monitor = monitors.monitor_for(session, user, monitor_id, "editor", lock=True, deleted=True)
-    monitors.restore_monitor(session, user, monitor)
+    monitor = monitor_for(session, user, monitor_id, "editor", lock=True, deleted=True)
+    monitor_for.bring_back(session, user, monitor)
+    request_check(session, monitor.id)
     return _shown(session, monitor, response)
 
 
@@ -149,7 +141,7 @@ def start_runs(
 
     The answer lists the runs that are new; a campaign that has been run as it is now gets no second run: then it is 200.
     """
-    monitor = monitors.monitor_for(session, user, monitor_id, "editor", lock=True)
+    monitor = monitor_for(session, user, monitor_id, "editor", lock=True)
     if body.rerun:
         started = monitors.rerun(session, user, monitor, body.reason)
     else:
@@ -168,7 +160,7 @@ def list_runs(
     limit: Limit = 100,
 ) -> Page[RunOut]:
     """Every run of a monitor, with the ones that were superseded or refused, newest first."""
-    monitor = monitors.monitor_for(session, user, monitor_id)
+    monitor = monitor_for(session, user, monitor_id)
     query = select(MonitorRun).join(MonitorSeries).where(MonitorSeries.monitor_id == monitor.id)
     if series is not None:
         query = query.where(MonitorSeries.number == series)
@@ -179,7 +171,7 @@ def list_runs(
 @router.get("/monitors/{monitor_id}/series")
 def get_series(monitor_id: UUID, session: SessionDep, user: CurrentUser, series: Version = None) -> dict[str, Any]:
     """The series: values with their uncertainty, baseline, limits, corrected and raw, alarms and campaigns as marks."""
-    monitor = monitors.monitor_for(session, user, monitor_id)
+    monitor = monitor_for(session, user, monitor_id)
     return series_document(session, monitor, monitors.series_for(session, monitor, series))
 
 
@@ -193,7 +185,7 @@ def get_series_figure(
     file_format: Annotated[Literal["plotly", "svg", "png", "pdf"], Query(alias="format")] = "plotly",
 ) -> Response:
     """The series of a parameter as a figure: Plotly JSON for the browser and notebooks, or SVG, PNG, PDF for print."""
-    monitor = monitors.monitor_for(session, user, monitor_id)
+    monitor = monitor_for(session, user, monitor_id)
     document = series_document(session, monitor, monitors.series_for(session, monitor, series))
     watched = list(monitor.watch["directions"])
     wanted = parameter or watched[0]
@@ -228,15 +220,14 @@ def list_alarms(
     limit: Limit = 100,
 ) -> Page[AlarmOut]:
     """Alarms of one's projects, newest first, each with its history; those of deleted monitors are left out."""
-    mine = select(Member.project_id).where(Member.user_id == user.id)
-    there = (Structure.project_id.in_(mine), monitors.hidden(deleted=False))
-    query = select(Alarm).join(Monitor).join(Structure).where(*there)
+    there = (Monitor.structure_id.in_(structures_in(projects_of(user))), monitors.hidden(deleted=False))
+    query = select(Alarm).join(Monitor).where(*there)
     if state is not None:
         query = query.where(Alarm.state == state)
     if monitor is not None:
-        query = query.where(Alarm.monitor_id == monitors.monitor_for(session, user, monitor).id)
+        query = query.where(Alarm.monitor_id == monitor_for(session, user, monitor).id)
     if project is not None:
-        query = query.where(Structure.project_id == project_for(session, user, project).id)
+        query = query.where(Monitor.structure_id.in_(structures_in([project_for(session, user, project).id])))
     rows, following = paged(session, query, Alarm.id, cursor, limit, newest_first=True)
     return Page(items=describe_alarms(session, rows), next_cursor=following)
 
@@ -244,17 +235,25 @@ def list_alarms(
 @router.get("/alarms/{alarm_id}")
 def get_alarm(alarm_id: UUID, session: SessionDep, user: CurrentUser) -> AlarmOut:
     """An alarm with its history."""
-    return describe_alarms(session, [steps.alarm_for(session, user, alarm_id)[0]])[0]
+    return describe_alarms(session, [alarm_for(session, user, alarm_id)])[0]
 
 
 @router.post("/alarms/{alarm_id}/acknowledge")
 def acknowledge_alarm(alarm_id: UUID, body: AcknowledgementIn, session: SessionDep, user: CurrentUser) -> AlarmOut:
     """Say that you have seen an alarm, and what you make of it. The monitor is judged anew with that."""
-    alarm, monitor, structure = steps.alarm_for(session, user, alarm_id)
-    project_for(session, user, structure.project_id, "editor")
-    steps.acknowledge(session, user, alarm, monitor, body.note)
-    ask(session, monitor.id)
+    alarm = alarm_for(session, user, alarm_id, "editor")
+    steps.acknowledge(session, user, alarm, body.note)
+    request_check(session, alarm.monitor_id)
     return describe_alarms(session, [alarm])[0]
+
+
+@router.get("/monitors/{monitor_id}/deliveries")
+def list_deliveries_of_monitor(
+    monitor_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+) -> Page[DeliveryOut]:
+    """The messages of a monitor, by webhook and mail, newest first."""
+    monitor = monitor_for(session, user, monitor_id)
+    return deliveries_of_monitor(session, monitor.id, cursor, limit)
 
 
 def _shown(session: Session, monitor: Monitor, response: Response) -> MonitorOut:

@@ -21,18 +21,16 @@ from fecore import __version__
 from fecore.errors import FecoreError
 from fecore.updating.parameters import parametrise
 from service.access import User
-from service.campaigns.tables import Campaign
+from service.campaigns.operations import campaign_of
+from service.errors import ServiceError
 from service.jobs import Job
 from service.monitoring.campaigns import Seen, seen_campaigns
 from service.monitoring.tables import Monitor, MonitorRun, MonitorSeries
 from service.monitoring.values import watched_values
-from service.problems import ServiceError
-from service.structures.operations import describe_version
-from service.structures.tables import Structure, StructureVersion
+from service.structures.operations import describe_version, structure_of, version_of
 from service.updating.loading import nominal_specimen
-from service.updating.operations import start_update
+from service.updating.operations import result_documents, start_update
 from service.updating.schemas import ParameterIn, RecipeIn
-from service.updating.tables import UpdateResult
 
 
 @dataclass(frozen=True)
@@ -44,7 +42,12 @@ class Moment:
 
 
 def newest_series(session: Session, monitor: Monitor) -> MonitorSeries:
-    """The version of the series that runs go into; the first is made here."""
+    """The version of the series that new runs go into. The first one is made here where the monitor has none.
+
+    Args:
+        session: a transaction that holds the monitor's row.
+        monitor: whose series.
+    """
     found = session.scalars(
         select(MonitorSeries)
         .where(MonitorSeries.monitor_id == monitor.id)
@@ -55,7 +58,14 @@ def newest_series(session: Session, monitor: Monitor) -> MonitorSeries:
 
 
 def next_series(session: Session, monitor: Monitor, number: int, reason: str) -> MonitorSeries:
-    """Open a version of the series; those before it stay as they are."""
+    """Open a version of the series; those before it stay as they are.
+
+    Args:
+        session: a transaction that holds the monitor's row.
+        monitor: whose series.
+        number: one more than the newest.
+        reason: shown with the version.
+    """
     row = MonitorSeries(monitor_id=monitor.id, number=number, software=__version__, reason=reason)
     session.add(row)
     session.flush()
@@ -64,7 +74,7 @@ def next_series(session: Session, monitor: Monitor, number: int, reason: str) ->
 
 
 def latest_runs(session: Session, series: MonitorSeries) -> dict[UUID, MonitorRun]:
-    """The run that counts of each campaign."""
+    """The run that counts of each campaign, which is the one with the highest revision, by campaign."""
     rows = session.scalars(
         select(MonitorRun)
         .where(MonitorRun.series_id == series.id)
@@ -75,11 +85,12 @@ def latest_runs(session: Session, series: MonitorSeries) -> dict[UUID, MonitorRu
 
 
 def collect(session: Session, series: MonitorSeries) -> None:
-    """Take the values of update jobs that have ended."""
+    """Take over the values of update jobs that have ended since: a run becomes `succeeded` with its values, or `failed`
+    with the reason.
+    """
     ended = session.execute(
-        select(MonitorRun, Job, UpdateResult.document)
+        select(MonitorRun, Job)
         .join(Job, Job.id == MonitorRun.update_job_id)
-        .outerjoin(UpdateResult, UpdateResult.id == Job.id)
         .where(
             MonitorRun.series_id == series.id,
             MonitorRun.state == "running",
@@ -87,7 +98,9 @@ def collect(session: Session, series: MonitorSeries) -> None:
         )
         .execution_options(populate_existing=True)
     ).all()
-    for run, job, document in ended:
+    documents = result_documents(session, [job.id for _, job in ended])
+    for run, job in ended:
+        document = documents.get(job.id)
         run.finished_at = job.finished_at
         if document is None:
             run.state, run.message = "failed", job.message or f"the update job was {job.state}"
@@ -138,7 +151,9 @@ def bring_up_to_date(
 
 
 def counted(seen: Sequence[Seen], runs: dict[UUID, MonitorRun]) -> list[tuple[Seen, MonitorRun]]:
-    """The campaigns that make the series, in time order, with their runs."""
+    """The campaigns that make the series, in time order, each with its run: those without an objection whose latest run
+    has succeeded.
+    """
     pairs = ((one, runs.get(one.campaign.id)) for one in seen if one.objection is None)
     return [(one, run) for one, run in pairs if run is not None and run.state == "succeeded"]
 
@@ -175,8 +190,8 @@ def _held_otherwise(one: Seen, monitor: Monitor) -> str | None:
 
 def _outdated(session: Session, monitor: Monitor) -> str | None:
     """Why the monitor can start nothing any more, if that is so."""
-    structure = session.get_one(Structure, monitor.structure_id, populate_existing=True)
-    frozen = session.get_one(StructureVersion, monitor.structure_version_id)
+    structure = structure_of(session, monitor.structure_id)
+    frozen = version_of(session, monitor.structure_version_id)
     if structure.version != frozen.number:
         return (
             f"the structure is now in version {structure.version}, this monitor's series is of version {frozen.number}; "
@@ -198,7 +213,7 @@ def _run(session: Session, series: MonitorSeries, one: Seen, latest: MonitorRun 
 
 
 def _start(session: Session, monitor: Monitor, run: MonitorRun, one: Seen, runs: dict[UUID, MonitorRun]) -> None:
-    """Queue the update, in the name of the monitor's maker; what the door refuses, the run tells."""
+    """Queue the update in the name of the monitor's maker. A recipe that is refused makes a refused run with the reason."""
     user = session.get_one(User, monitor.user_id)
     try:
         with session.begin_nested():
@@ -224,15 +239,15 @@ def _recipe(session: Session, monitor: Monitor, one: Seen, runs: dict[UUID, Moni
 def _run_before(session: Session, one: Seen, runs: dict[UUID, MonitorRun]) -> dict[str, Any] | None:
     """Values of the last campaign before this one."""
     done = [run for run in runs.values() if run.state == "succeeded" and run.campaign_id != one.campaign.id]
-    dated = [(session.get_one(Campaign, run.campaign_id).performed_at, run) for run in done]
+    dated = [(campaign_of(session, run.campaign_id).performed_at, run) for run in done]
     earlier = [(at, run) for at, run in dated if at is not None and at < one.campaign.performed_at]  # type: ignore[operator]
     return max(earlier, key=lambda pair: pair[0])[1].values if earlier else None
 
 
 def _with_priors(session: Session, monitor: Monitor, recipe: RecipeIn, values: dict[str, Any]) -> RecipeIn:
     """The recipe with the last estimates as prior means; widths stay, so that a prior never narrows down on the past."""
-    version = session.get_one(StructureVersion, monitor.structure_version_id)
-    structure = session.get_one(Structure, monitor.structure_id)
+    version = version_of(session, monitor.structure_version_id)
+    structure = structure_of(session, monitor.structure_id)
     specimen = nominal_specimen(describe_version(version, structure.name), monitor.boundary or "cantilever")
     core = recipe.to_core().parameters
     free = parametrise(specimen, core)

@@ -14,8 +14,8 @@ from pydantic_core import PydanticCustomError
 from fecore.errors import InputError
 from fecore.trend import Chart, Watch
 from service.campaigns.schemas import Boundary
-from service.problems import Name, StrictModel, Text, Time, example
 from service.updating.schemas import RecipeIn
+from service.web import Name, StrictModel, Text, Time, example
 
 Direction = Literal["fall", "rise", "both"]
 State = Literal["no data", "normal", "pending", "alarm", "acknowledged"]

@@ -34,7 +34,7 @@ class Monitor(Identified, Base):
     )
 
     structure_id: Mapped[UUID] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
-    structure_version_id: Mapped[UUID] = mapped_column(ForeignKey("structure_versions.id"))
+    structure_version_id: Mapped[UUID] = mapped_column(ForeignKey("structure_versions.id", deferrable=True))
     user_id: Mapped[UUID] = mapped_column(ForeignKey("users.id"))
     name: Mapped[str]
     boundary: Mapped[str | None]
@@ -92,19 +92,19 @@ class MonitorRun(Identified, Base):
     fingerprint: Mapped[str]
     state: Mapped[str]
     message: Mapped[str | None]
-    update_job_id: Mapped[UUID | None] = mapped_column(ForeignKey("update_jobs.id"))
+    update_job_id: Mapped[UUID | None] = mapped_column(ForeignKey("update_jobs.id", deferrable=True))
     software: Mapped[str | None]
     values: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     finished_at: Mapped[datetime | None]
 
 
-class MonitorAssessment(Base):
+class MonitorJudgement(Base):
     """One judgement of a series; its key is its job's, and so is its status."""
 
     __tablename__ = "monitor_assessments"
     __table_args__ = (Index(None, "series_id", "id"),)
 
-    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id"), primary_key=True)
+    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
     series_id: Mapped[UUID] = mapped_column(ForeignKey("monitor_series.id", ondelete="CASCADE"))
     digest: Mapped[str]
 
@@ -147,46 +147,3 @@ class AlarmEvent(Identified, Base):
     event: Mapped[str]
     user_id: Mapped[UUID | None] = mapped_column(ForeignKey("users.id"))
     note: Mapped[str]
-
-
-class Webhook(Identified, Base):
-    """Where a project's events are posted. The secret is kept as it is: signing needs it."""
-
-    __tablename__ = "webhooks"
-    __table_args__ = (Index(None, "project_id", "id"),)
-
-    project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
-    url: Mapped[str]
-    secret: Mapped[str]
-    events: Mapped[list[Any]]
-    active: Mapped[bool] = mapped_column(server_default=text("true"))
-
-
-class Delivery(Identified, Base):
-    """One message to one receiver: written with what it tells, sent afterwards, as often as it takes.
-
-    `message_id` is what the receiver knows it by; a replay has another row and the same message.
-    """
-
-    __tablename__ = "deliveries"
-    __table_args__ = (
-        Index(None, "webhook_id", "id"),
-        Index(None, "monitor_id", "id"),
-        Index("ix_deliveries_due", "due_at", postgresql_where=text("state = 'waiting'")),
-        CheckConstraint("state IN ('waiting', 'delivered', 'failed')", "state"),
-        CheckConstraint("(webhook_id IS NULL) = (recipient IS NOT NULL)", "receiver"),
-    )
-
-    project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
-    monitor_id: Mapped[UUID | None] = mapped_column(ForeignKey("monitors.id", ondelete="CASCADE"))
-    webhook_id: Mapped[UUID | None] = mapped_column(ForeignKey("webhooks.id", ondelete="CASCADE"))
-    recipient: Mapped[str | None]
-    message_id: Mapped[str]
-    event: Mapped[str]
-    body: Mapped[str]
-    state: Mapped[str] = mapped_column(server_default="waiting")
-    attempts: Mapped[int] = mapped_column(server_default="0")
-    due_at: Mapped[datetime] = mapped_column(server_default=func.now())
-    last_status: Mapped[int | None]
-    last_error: Mapped[str | None]
-    delivered_at: Mapped[datetime | None]

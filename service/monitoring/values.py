@@ -5,15 +5,17 @@ campaign to the next.
 from __future__ import annotations
 
 import re
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from fecore.damping import CaugheySeries
-from fecore.specimen import UNITS
-from service.campaigns.tables import Mode
+from fecore.body.specimen import UNITS
+from fecore.dynamics.damping_laws import CaugheySeries
+from service.modes.operations import modes_of
+
+if TYPE_CHECKING:
+    from service.modes.tables import Mode
 
 Pair = tuple[float, float | None]
 """Estimate and standard deviation, None where the measurement states none."""
@@ -29,7 +31,8 @@ def watched_values(session: Session, document: dict[str, Any]) -> dict[str, Any]
     parameters = {row["name"]: [row["estimate"], row["noise_standard_deviation"]] for row in document["parameters"]}
     stated: dict[int, Mode] = {}
     if mode_set := document["provenance"].get("mode_set"):
-        stated = {m.number: m for m in session.scalars(select(Mode).where(Mode.mode_set_id == UUID(mode_set)))}
+        key = UUID(mode_set)
+        stated = {mode.number: mode for mode in modes_of(session, [key])[key]}
     modes = []
     for row in document["modes"]:
         mode = stated.get(row["number"])

@@ -2,38 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 from uuid import UUID
 
-from pydantic import ValidationError
-from sqlalchemy import select
+from pydantic import TypeAdapter
+from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
-from service.access import Role, User, audit, project_for
+from service.access import Lookup, User, audit, project_for
 from service.db.clock import transaction_time
-from service.problems import Fault, Invalid, NotFound, not_found_as
+from service.errors import Fault, Invalid
 from service.structures.schemas import Geometry, Laminate, Material, StructureIn, StructureOut, StructurePatch
 from service.structures.tables import Structure, StructureVersion
+from service.web.json_body import checked
 
-
-def structure_for(session: Session, user: User, structure_id: UUID, role: Role = "viewer") -> Structure:
-    """The structure, if the user has at least this role in its project.
-
-    Raises:
-        NotFound: there is none, or it is other people's.
-        Forbidden: the user's role is too low.
-    """
-    structure = session.get(Structure, structure_id)
-    if structure is None:
-        raise NotFound("structure", structure_id)
-    with not_found_as("structure", structure_id):
-        project_for(session, user, structure.project_id, role)
-    return structure
+structure_for = Lookup(Structure, "structure", "project_id")
+"""The structure, if the user has at least a role in its project."""
 
 
 def current_version(session: Session, structure: Structure) -> StructureVersion:
-    """The version that is valid now."""
+    """The version of a structure that is valid now, which new campaigns and new updates refer to.
+
+    Args:
+        session: the request's transaction.
+        structure: whose version.
+    """
     return session.scalars(
         select(StructureVersion).where(
             StructureVersion.structure_id == structure.id, StructureVersion.number == structure.version
@@ -42,7 +36,18 @@ def current_version(session: Session, structure: Structure) -> StructureVersion:
 
 
 def create_structure(session: Session, user: User, project_id: UUID, body: StructureIn) -> Structure:
-    """A new structure in version 1."""
+    """Store a new structure in version 1 and note it in the audit trail.
+
+    Args:
+        session: the request's transaction.
+        user: who asks; an editor of the project at least.
+        project_id: the project that the structure belongs to.
+        body: name, geometry in m, density in kg/m³, and a laminate or a material in Pa.
+
+    Raises:
+        NotFound: there is no such project, or it is other people's.
+        Forbidden: the user's role is too low.
+    """
     project = project_for(session, user, project_id, "editor")
     structure = Structure(project_id=project.id, name=body.name, version=1)
     session.add(structure)
@@ -54,7 +59,16 @@ def create_structure(session: Session, user: User, project_id: UUID, body: Struc
 
 
 def change_structure(session: Session, user: User, structure: Structure, patch: StructurePatch) -> None:
-    """Apply a patch: a new name stays in the version, anything physical makes a new one.
+    """Apply a patch. A new name stays in the version; a change of geometry, density, laminate or material makes the
+    next one.
+
+    Results that were computed keep the version that they were computed with.
+
+    Args:
+        session: the request's transaction.
+        user: who asks, for the audit trail.
+        structure: the structure, locked.
+        patch: the fields that were sent; a laminate takes the place of a material, and the other way round.
 
     Raises:
         Invalid: the patch, or the structure it would lead to, makes no sense.
@@ -72,12 +86,14 @@ def change_structure(session: Session, user: User, structure: Structure, patch: 
 
 
 def describe(session: Session, structure: Structure) -> StructureOut:
-    """The structure in its current version, as clients see it."""
+    """The structure in its current version, as clients see it: one query, for the version."""
     return _described(structure, current_version(session, structure))
 
 
 def describe_all(session: Session, structures: Sequence[Structure]) -> list[StructureOut]:
-    """Several structures in their current versions."""
+    """Several structures in their current versions, as clients see them, in the order given; one query for all
+    versions.
+    """
     query = (
         select(StructureVersion)
         .join(Structure, Structure.id == StructureVersion.structure_id)
@@ -100,13 +116,22 @@ def _described(structure: Structure, version: StructureVersion) -> StructureOut:
 
 
 def describe_version(version: StructureVersion, name: str) -> StructureIn:
-    """What a structure was in a version. It was checked when it came in, perhaps by rules of that time."""
+    """A structure as it was in a version, in the form of a request.
+
+    It was checked when it came in, perhaps by rules of that time, so it is not checked again: an old result must
+    stay readable.
+
+    Args:
+        version: the stored version.
+        name: the structure's name now; versions have none.
+    """
     return StructureIn.model_construct(name=name, **_physical(version))
 
 
 def _physical(version: StructureVersion) -> dict[str, Any]:
+    sizes = {"length_m": version.length_m, "width_m": version.width_m, "thickness_m": version.thickness_m}
     return {
-        "geometry": Geometry(length_m=version.length_m, width_m=version.width_m, thickness_m=version.thickness_m),
+        "geometry": None if None in sizes.values() else Geometry.model_validate(sizes),
         "density_kg_m3": version.density_kg_m3,
         "laminate": version.laminate and Laminate.model_validate(version.laminate),
         "material": version.material and Material.model_validate(version.material),
@@ -126,11 +151,7 @@ def _patched(before: StructureOut, patch: StructurePatch) -> StructureIn:
         merged["material"] = None
     if "material" in sent:
         merged["laminate"] = None
-    try:
-        return StructureIn.model_validate(merged)
-    except ValidationError as error:
-        faults = [Fault("/" + "/".join(map(str, e["loc"])) if e["loc"] else "", e["msg"]) for e in error.errors()]
-        raise Invalid(faults) from None
+    return checked(TypeAdapter(StructureIn), merged)
 
 
 def _add_version(session: Session, structure: Structure, body: StructureIn) -> None:
@@ -138,10 +159,37 @@ def _add_version(session: Session, structure: Structure, body: StructureIn) -> N
         StructureVersion(
             structure_id=structure.id,
             number=structure.version,
-            **body.geometry.model_dump(),
+            **(body.geometry.model_dump() if body.geometry else {}),
             density_kg_m3=body.density_kg_m3,
             laminate=body.laminate and body.laminate.model_dump(),
             material=body.material and body.material.model_dump(),
         )
     )
     session.flush()
+
+
+def present_structure(session: Session, structure_id: UUID) -> tuple[StructureVersion, StructureIn]:
+    """A structure's present version, and what the structure is in it."""
+    structure = session.get_one(Structure, structure_id)
+    version = current_version(session, structure)
+    return version, describe_version(version, structure.name)
+
+
+def structure_of(session: Session, structure_id: UUID) -> Structure:
+    """The row of a structure as it is now, whoever asks."""
+    return session.get_one(Structure, structure_id, populate_existing=True)
+
+
+def version_of(session: Session, version_id: UUID) -> StructureVersion:
+    """The row of a version, whoever asks."""
+    return session.get_one(StructureVersion, version_id)
+
+
+def structures_of(session: Session, keys: Iterable[UUID]) -> dict[UUID, Structure]:
+    """Rows by key, whoever asks."""
+    return {row.id: row for row in session.scalars(select(Structure).where(Structure.id.in_(set(keys))))}
+
+
+def structures_in(projects: Select[UUID] | Sequence[UUID]) -> Select[UUID]:
+    """Keys of the structures of some projects, as part of a query."""
+    return select(Structure.id).where(Structure.project_id.in_(projects))

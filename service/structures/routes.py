@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Annotated
 from uuid import UUID
 
-from fastapi import Request, Response
+from fastapi import Query, Request, Response
 from sqlalchemy import select
 
-from service.access import IF_MATCH, CurrentUser, Cursor, Limit, SessionDep, etag_of, paged, project_for, require_match
-from service.problems import Invalid, NotFound, Page, api_router
+from service.access import CurrentUser, SessionDep, project_for
+from service.errors import Invalid, NotFound
 from service.structures import operations
 from service.structures.schemas import StructureIn, StructureOut, StructurePatch
 from service.structures.tables import Structure, StructureVersion
+from service.web import IF_MATCH, Cursor, Limit, Page, api_router, etag_of, paged, require_match
 
 router = api_router(tags=["structures"])
 
@@ -28,11 +30,17 @@ def create_structure(
 
 @router.get("/projects/{project_id}/structures")
 def list_structures(
-    project_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+    project_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    cursor: Cursor = None,
+    limit: Limit = 100,
+    deleted: Annotated[bool, Query(description="list deleted structures, which can be restored, instead")] = False,
 ) -> Page[StructureOut]:
     """Structures of a project."""
     project = project_for(session, user, project_id)
-    query = select(Structure).where(Structure.project_id == project.id)
+    hidden = Structure.deleted_at.is_not(None) if deleted else Structure.deleted_at.is_(None)
+    query = select(Structure).where(Structure.project_id == project.id, hidden)
     rows, following = paged(session, query, Structure.id, cursor, limit)
     return Page(items=operations.describe_all(session, rows), next_cursor=following)
 
@@ -66,12 +74,28 @@ def change_structure(
     response: Response,
 ) -> StructureOut:
     """Change a structure. Geometry, density or section make a new version; what a result used stays as it was."""
-    structure = operations.structure_for(session, user, structure_id, "editor")
-    session.refresh(structure, with_for_update=True)
+    structure = operations.structure_for(session, user, structure_id, "editor", lock=True)
     require_match(request, etag_of(operations.describe(session, structure)))
     if not body.model_fields_set:
         raise Invalid("", "names nothing to change")
     operations.change_structure(session, user, structure, body)
+    return _shown(operations.describe(session, structure), response)
+
+
+@router.delete("/structures/{structure_id}", status_code=204, openapi_extra=IF_MATCH)
+def delete_structure(structure_id: UUID, session: SessionDep, user: CurrentUser, request: Request) -> None:
+    """Hide a structure with its campaigns and monitors. It stays stored and can be restored."""
+    structure = operations.structure_for(session, user, structure_id, "editor", lock=True)
+    if "if-match" in request.headers:
+        require_match(request, etag_of(operations.describe(session, structure)))
+    operations.structure_for.hide(session, user, structure)
+
+
+@router.post("/structures/{structure_id}/restore")
+def restore_structure(structure_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> StructureOut:
+    """Bring a deleted structure back."""
+    structure = operations.structure_for(session, user, structure_id, "editor", deleted=True, lock=True)
+    operations.structure_for.bring_back(session, user, structure)
     return _shown(operations.describe(session, structure), response)
 
 

@@ -13,7 +13,7 @@ from uuid import UUID
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from service.problems import Name, StrictModel, example
+from service.web import Name, StrictModel, example
 
 Length = Annotated[float, Field(gt=0, le=1000, description="m")]
 Density = Annotated[float, Field(gt=0, le=50_000, description="kg/m³")]
@@ -95,7 +95,11 @@ class Laminate(StrictModel):
 
 
 class StructureIn(StrictModel):
-    """A structure as a client describes it: with a laminate or with a material, not both."""
+    """A structure as a client describes it.
+
+    A name is enough to measure and identify it. An update needs the geometry and the density of a strip or plate, and a
+    laminate or a material, not both.
+    """
 
     model_config = example(
         name="FRP beam",
@@ -105,16 +109,18 @@ class StructureIn(StrictModel):
     )
 
     name: Name
-    geometry: Geometry
-    density_kg_m3: Density
+    geometry: Geometry | None = Field(
+        None, description="of a strip or plate; an update needs it, an identification does not"
+    )
+    density_kg_m3: Density | None = Field(None, description="kg/m³; an update needs it")
     laminate: Laminate | None = None
     material: Material | None = None
 
     @model_validator(mode="after")
     def _one_section(self) -> Self:
-        if (self.laminate is None) == (self.material is None):
-            raise PydanticCustomError("one_section", "state exactly one of laminate and material")
-        if self.laminate is not None:
+        if self.laminate is not None and self.material is not None:
+            raise PydanticCustomError("one_section", "state a laminate or a material, not both")
+        if self.laminate is not None and self.geometry is not None:
             total, measured = sum(ply.thickness_m for ply in self.laminate.plies), self.geometry.thickness_m
             if abs(total - measured) > THICKNESS_AGREEMENT * measured:
                 raise PydanticCustomError(
@@ -144,8 +150,8 @@ class StructureOut(StrictModel):
     project_id: UUID
     name: str
     version: int = Field(description="counts from 1; every change of geometry, density or section makes a new one")
-    geometry: Geometry
-    density_kg_m3: float
+    geometry: Geometry | None
+    density_kg_m3: float | None
     laminate: Laminate | None
     material: Material | None
     created_at: datetime

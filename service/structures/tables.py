@@ -23,6 +23,7 @@ class Structure(Identified, Base):
     name: Mapped[str]
     version: Mapped[int] = mapped_column(default=1)
     updated_at: Mapped[datetime] = mapped_column(server_default=func.now(), onupdate=func.now())
+    deleted_at: Mapped[datetime | None]
 
     versions: Mapped[list[StructureVersion]] = relationship(
         back_populates="structure", order_by="StructureVersion.number", passive_deletes=True
@@ -37,10 +38,10 @@ class StructureVersion(Identified, Base):
 
     structure_id: Mapped[UUID] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
     number: Mapped[int]
-    length_m: Mapped[float]
-    width_m: Mapped[float]
-    thickness_m: Mapped[float]
-    density_kg_m3: Mapped[float]
+    length_m: Mapped[float | None]
+    width_m: Mapped[float | None]
+    thickness_m: Mapped[float | None]
+    density_kg_m3: Mapped[float | None]
     laminate: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     material: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
 

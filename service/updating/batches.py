@@ -10,11 +10,13 @@ from sqlalchemy.orm import Session
 
 from fecore.errors import FecoreError, InputError
 from service.access import User
+from service.errors import Fault, Invalid, NotFound, ServiceError
 from service.jobs import one_at_a_time
-from service.problems import Fault, Invalid, NotFound, ServiceError, StrictModel
 from service.updating.operations import start_update
 from service.updating.schemas import RecipeIn, UpdateJobOut
 from service.updating.tables import UpdateJob
+from service.web import StrictModel
+from service.web.json_body import pointer
 
 SEPARATOR = "\x1f"  # cannot stand in a header, so a batch's keys never meet those of single jobs
 
@@ -86,5 +88,5 @@ def _placed(error: ServiceError | FecoreError, index: int) -> list[Fault]:
     if isinstance(error, Invalid):
         return [Fault(f"{at}/recipe{fault.pointer}", fault.detail) for fault in error.faults]
     if isinstance(error, InputError):
-        return [Fault(f"{at}/recipe/{error.field.replace('.', '/')}", error.message)]
+        return [Fault(f"{at}/recipe{pointer(error.field.split('.'))}", error.message)]
     return [Fault(at, str(error))]

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 import fecore
+from fecore.body.specimen import Specimen
 from fecore.modes import MeasuredModes
-from fecore.specimen import Specimen
 from fecore.updating.measurement import Measurement
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
@@ -96,9 +96,14 @@ class _Stopwatch:
         self._since = now
 
 
-def _as_npz(prediction: Prediction) -> bytes:
-    """Frequency lines, dofs, and the FRFs of the model before and after, in single precision."""
+def _as_npz(prediction: Prediction | None) -> bytes:
+    """Frequency lines, dofs, and the FRFs of the model before and after, in single precision; none of no prediction."""
     buffer = io.BytesIO()
+    if prediction is None:
+        none = np.zeros((0, 2), dtype=np.int64)
+        empty = np.zeros((0, 0), dtype=np.complex64)
+        np.savez(buffer, frequency_hz=np.zeros(0), responses=none, references=none, initial=empty, updated=empty)
+        return buffer.getvalue()
     np.savez(
         buffer,
         frequency_hz=prediction.frequency_hz,

@@ -9,14 +9,24 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.updating.result import Correlation, FrfCorrelation, HeldOut, PosteriorSummary, UpdateResult
-from service.campaigns.identification_document import describe_identification
+from fecore.updating.result import (
+    Correlation,
+    FrfCorrelation,
+    HeldOut,
+    ParameterEstimate,
+    PosteriorSummary,
+    UpdateResult,
+)
+from service.modes.identification_document import describe_identification
 
 
 def describe(result: UpdateResult, warnings: Iterable[str], provenance: dict[str, Any]) -> dict[str, Any]:
     """The document that `GET /update-jobs/{id}/result` answers."""
     return {
-        "parameters": [{**asdict(p), "interval_95": list(p.interval_95)} for p in result.parameters],
+        "verdict": asdict(result.verdict) | {"reasons": list(result.verdict.reasons)},
+        "warnings": [*warnings, *result.warnings],
+        "outcomes": [asdict(outcome) for outcome in result.outcomes],
+        "parameters": [_parameter(p) for p in result.parameters],
         "modes": [asdict(mode) for mode in result.modes],
         "correlation": _correlation(result.correlation),
         "damping_models": [
@@ -40,11 +50,20 @@ def describe(result: UpdateResult, warnings: Iterable[str], provenance: dict[str
         ],
         "identifiability": {"null_directions": list(result.null_directions)},
         "discrepancy": {"frequency": result.frequency_discrepancy, "damping": result.damping_discrepancy},
-        "band_hz": list(result.band_hz),
+        "band_hz": None if result.band_hz is None else list(result.band_hz),
+        "channel_delay_s": result.channel_delay_s,
         "identification": None if result.identification is None else describe_identification(result.identification),
         "posterior": _posterior(result.posterior),
-        "warnings": [*warnings, *result.warnings],
         "provenance": provenance,
+    }
+
+
+def _parameter(parameter: ParameterEstimate) -> dict[str, Any]:
+    return {
+        **asdict(parameter),
+        "interval_95": list(parameter.interval_95),
+        "budget": [asdict(entry) for entry in parameter.budget],
+        "confounded_with": list(parameter.confounded_with),
     }
 
 
@@ -87,7 +106,9 @@ def _held_out(held: HeldOut | None) -> dict[str, Any] | None:
     }
 
 
-def _agreement(agreement: FrfCorrelation) -> dict[str, Any]:
+def _agreement(agreement: FrfCorrelation | None) -> dict[str, Any]:
+    if agreement is None:
+        return {"sac": [], "frac": [], "csac_mean": None, "csf_mean": None}
     return {
         "sac": _numbers(agreement.sac),
         "frac": _numbers(agreement.frac),

@@ -10,23 +10,21 @@ from uuid import UUID
 
 from sqlalchemy.orm import Session
 
+from fecore.body.laminate import OrthotropicMaterial, Ply, homogenise, section
+from fecore.body.model import PointMass
+from fecore.body.specimen import Specimen
 from fecore.errors import InputError
-from fecore.laminate import OrthotropicMaterial, Ply, homogenise, section
-from fecore.model import PointMass
 from fecore.modes import MeasuredModes
-from fecore.specimen import Specimen
 from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter
-from service.campaigns import measurement as stored
 from service.campaigns.frame import Frame
-from service.campaigns.mode_sets import load_modes
-from service.campaigns.operations import frame_of
-from service.campaigns.tables import Campaign
+from service.campaigns.operations import campaign_of, frame_of
 from service.coupons.operations import batch_prior
-from service.structures.operations import describe_version
+from service.frfs.measured_campaign import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
+from service.modes.operations import load_modes
+from service.structures.operations import describe_version, version_of
 from service.structures.schemas import Ply as StoredPly
 from service.structures.schemas import StructureIn
-from service.structures.tables import StructureVersion
 from service.updating.computation import UpdateInputs
 from service.updating.schemas import RecipeIn
 from service.updating.tables import UpdateJob
@@ -40,16 +38,17 @@ def load_update(session: Session, job_id: UUID, _workspace: Path) -> UpdateInput
     """
     job = session.get_one(UpdateJob, job_id)
     recipe = RecipeIn.model_validate(job.recipe)
-    campaign = _as_of(session, job, stored.load_measurement(session, job.campaign_id))
-    if not campaign.frf_sets:
-        raise InputError("campaign", "has no FRFs; import a UFF file first")
-    frame = frame_of(session.get_one(Campaign, job.campaign_id))
+    campaign = _as_of(session, job, load_measured_campaign(session, job.campaign_id))
+    if not campaign.frf_sets and recipe.mode_set is None:
+        raise InputError("campaign", "has no FRFs; import a UFF file first, or name a mode set in the recipe")
+    frame = frame_of(campaign_of(session, job.campaign_id))
     modes = None if recipe.mode_set is None else modes_in_frame(load_modes(session, recipe.mode_set), frame)
-    used = campaign.frf_sets[0]
+    used = campaign.frf_sets[0] if campaign.frf_sets else None
+    frfs = None if used is None else used.frfs
     parameters, prior_warnings = _parameters(session, recipe)
     specimen = specimen_of(campaign)
     return UpdateInputs(
-        measurement=Measurement(used.frfs, campaign.points, modes, roving_mass(campaign)),
+        measurement=Measurement(frfs, campaign.points, modes, roving_mass(campaign), recipe.inputs.to_core()),
         specimen=recipe.supported(specimen),
         recipe=replace(recipe.to_core(), parameters=parameters),
         warnings=(*campaign.warnings, *_left_out(campaign), *prior_warnings),
@@ -57,14 +56,14 @@ def load_update(session: Session, job_id: UUID, _workspace: Path) -> UpdateInput
     )
 
 
-def _as_of(session: Session, job: UpdateJob, campaign: stored.Measurement) -> stored.Measurement:
+def _as_of(session: Session, job: UpdateJob, campaign: MeasuredCampaign) -> MeasuredCampaign:
     """The campaign with the structure as it was when the job was queued, whatever became of it since."""
-    version = session.get_one(StructureVersion, job.structure_version_id)
+    version = version_of(session, job.structure_version_id)
     described = describe_version(version, campaign.structure.name)
     return replace(campaign, structure=described, structure_version_id=version.id, structure_version=version.number)
 
 
-def specimen_of(campaign: stored.Measurement) -> Specimen:
+def specimen_of(campaign: MeasuredCampaign) -> Specimen:
     """The specimen that was measured, with its sensor where one sat at a point.
 
     Raises:
@@ -79,12 +78,12 @@ def specimen_of(campaign: stored.Measurement) -> Specimen:
     return nominal_specimen(campaign.structure, campaign.boundary, (PointMass(x, y, campaign.sensor_mass_kg),))
 
 
-def roving_mass(campaign: stored.Measurement) -> float:
+def roving_mass(campaign: MeasuredCampaign) -> float:
     """Mass in kg of a sensor that moved with the response; 0 where it has none or sat at a point."""
-    return campaign.sensor_mass_kg if _sensor_point(campaign) is None else 0.0
+    return campaign.sensor_mass_kg if campaign.frf_sets and _sensor_point(campaign) is None else 0.0
 
 
-def _sensor_point(campaign: stored.Measurement) -> int | None:
+def _sensor_point(campaign: MeasuredCampaign) -> int | None:
     """Where the sensor sat: where the campaign says, or where all responses were measured; None where it moved."""
     if campaign.sensor_point is not None or not campaign.frf_sets:
         return campaign.sensor_point
@@ -96,18 +95,25 @@ def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointM
     """A structure as the core's specimen, with nominal constants.
 
     Raises:
-        InputError: the structure is a laminate without an equivalent single layer.
+        InputError: the structure lacks what a model needs, or is a laminate without an equivalent single layer.
     """
-    g = structure.geometry
+    g, density = structure.geometry, structure.density_kg_m3
+    lacking = [name for name, value in (("geometry", g), ("density_kg_m3", density)) if value is None]
+    lacking += ["laminate or material"] if structure.laminate is None and structure.material is None else []
+    if g is None or density is None or lacking:
+        raise InputError(
+            "structure",
+            f"states no {', no '.join(lacking)}: an update needs them for its model; an identification does not",
+        )
     if structure.laminate is not None:
-        material = homogenise(section([_ply(ply, structure.density_kg_m3) for ply in structure.laminate.plies]))
+        material = homogenise(section([_ply(ply, density) for ply in structure.laminate.plies]))
         # The structure's own thickness and density were measured on the whole; the plies' are nominal.
-        material = replace(material, density=structure.density_kg_m3)
+        material = replace(material, density=density)
         return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses)  # type: ignore[arg-type]
     m = structure.material
     assert m is not None, "a structure has a laminate or a material"
     material = OrthotropicMaterial(
-        Ex=m.Ex_Pa, Ey=m.Ey_Pa, Gxy=m.Gxy_Pa, Gxz=m.Gxz_Pa, Gyz=m.Gyz_Pa, nu_xy=m.nu_xy, density=structure.density_kg_m3
+        Ex=m.Ex_Pa, Ey=m.Ey_Pa, Gxy=m.Gxy_Pa, Gxz=m.Gxz_Pa, Gyz=m.Gyz_Pa, nu_xy=m.nu_xy, density=density
     )
     return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses)  # type: ignore[arg-type]
 
@@ -157,7 +163,7 @@ def _parameters(session: Session, recipe: RecipeIn) -> tuple[tuple[Parameter, ..
     return tuple(filled), warnings
 
 
-def _left_out(campaign: stored.Measurement) -> list[str]:
+def _left_out(campaign: MeasuredCampaign) -> list[str]:
     return [
         f"{len(other.ids)} FRFs ({other.frfs.quantity}, {other.frfs.frequency_hz.size} lines) lie on another frequency axis "
         "or are of another quantity than the largest set, and were not used"
@@ -165,12 +171,14 @@ def _left_out(campaign: stored.Measurement) -> list[str]:
     ]
 
 
-def _provenance(job: UpdateJob, campaign: stored.Measurement, used: stored.MeasuredFrfs) -> dict[str, Any]:
+def _provenance(job: UpdateJob, campaign: MeasuredCampaign, used: MeasuredFrfs | None) -> dict[str, Any]:
     return {
         "update_job": str(job.id),
         "campaign": str(campaign.campaign_id),
         "structure_version": str(campaign.structure_version_id),
-        "frfs": [{"id": str(key), "sha256": digest} for key, digest in zip(used.ids, used.sha256s, strict=True)],
+        "frfs": []
+        if used is None
+        else [{"id": str(key), "sha256": digest} for key, digest in zip(used.ids, used.sha256s, strict=True)],
         "mode_set": job.recipe["mode_set"],
         "recipe": job.recipe,
     }

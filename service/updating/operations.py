@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 from sqlalchemy import select
@@ -11,20 +11,22 @@ from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
 from fecore.updating.parameters import parametrise
-from service.access import User, audit, project_for
-from service.campaigns.identifications import keep_identified
-from service.campaigns.mode_sets import mode_set_for
-from service.campaigns.operations import campaign_for, project_of
-from service.campaigns.tables import Campaign, Frf
+from service.access import Lookup, User, audit, project_for
+from service.campaigns.operations import campaign_for
 from service.coupons.operations import batch_for
+from service.errors import Conflict, Invalid
+from service.frfs.operations import frf_extents
 from service.jobs import Job, JobKind, enqueue, job_state, one_at_a_time, request_cancel, retry
-from service.problems import Conflict, Invalid, NotFound, not_found_as
-from service.structures.operations import current_version, describe_version
-from service.structures.tables import Structure
+from service.modes.identifications import keep_identified
+from service.modes.operations import mode_set_for
+from service.structures.operations import present_structure
 from service.updating.computation import UpdateOutput, compute_update
 from service.updating.loading import load_update, nominal_specimen
 from service.updating.schemas import RecipeIn, UpdateJobOut
 from service.updating.tables import UpdateJob, UpdateResult
+
+if TYPE_CHECKING:
+    from service.campaigns.tables import Campaign
 
 
 def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> None:
@@ -49,13 +51,25 @@ def start_update(
     idempotency_key: str | None = None,
     priority: int = 0,
 ) -> UpdateJob:
-    """Queue an update, in the caller's transaction. The same key and recipe again: the job that is there.
+    """Queue an update, in the caller's transaction. The same key and recipe again give the job that is there.
+
+    Args:
+        session: the request's transaction.
+        user: who asks; an editor of the project at least.
+        campaign_id: the campaign whose FRFs are fitted.
+        recipe: all choices; `RecipeIn()` will do.
+        idempotency_key: a name of this request, so that a repetition makes no second job.
+        priority: −100 to 100, among the waiting jobs of the project.
 
     Raises:
-        Invalid: the recipe contradicts itself or names what is not this campaign's, or the key came with another recipe.
+        Invalid: the recipe contradicts itself or names what is not this campaign's, or the key came with another
+            recipe.
+        InputError: the core does not take the recipe's parameters or band.
+        NotFound: there is no such campaign, or it is other people's.
+        Forbidden: the user's role is too low.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
-    project_id = project_of(session, campaign)
+    project_id = campaign_for.project_of(session, campaign)
     sent = recipe.model_dump(mode="json")
     if idempotency_key is not None:
         one_at_a_time(session, f"{project_id} {idempotency_key}")
@@ -63,13 +77,15 @@ def start_update(
             select(UpdateJob).where(UpdateJob.project_id == project_id, UpdateJob.idempotency_key == idempotency_key)
         ).one_or_none()
         if known is not None:
-            if known.recipe != sent or known.campaign_id != campaign.id:
+            before = RecipeIn.model_validate(known.recipe).model_dump(
+                mode="json"
+            )  # an earlier version knew fewer fields
+            if before != sent or known.campaign_id != campaign.id:
                 raise Invalid("Idempotency-Key", "was used for another request; use a new key for a new job")
             return known
-    structure = session.get_one(Structure, campaign.structure_id)
-    version = current_version(session, structure)
+    version, structure = present_structure(session, campaign.structure_id)
     _check(session, user, campaign, recipe)
-    _check_parameters(recipe, describe_version(version, structure.name), campaign)
+    _check_parameters(recipe, structure, campaign)
     _check_data(session, recipe, campaign)
     job = enqueue(session, kind=UPDATE, project_id=project_id, priority=priority)
     row = UpdateJob(
@@ -89,37 +105,41 @@ def start_update(
 def _check(session: Session, user: User, campaign: Campaign, recipe: RecipeIn) -> None:
     """What the recipe names must be the user's and this campaign's."""
     if recipe.mode_set is not None:
-        try:
-            mode_set = mode_set_for(session, user, recipe.mode_set)
-        except NotFound as error:
-            raise Invalid("/mode_set", str(error)) from None
+        mode_set = mode_set_for.named(session, user, recipe.mode_set, "/mode_set")
         if mode_set.campaign_id != campaign.id:
             raise Invalid("/mode_set", f"{mode_set.id} belongs to another campaign")
+    check_prior_batch(session, user, recipe, campaign.structure_id, "/prior_from_coupon_batch")
+
+
+def check_prior_batch(session: Session, user: User, recipe: RecipeIn, structure_id: UUID, pointer: str) -> None:
+    """The coupon batch that a recipe takes its priors from must be the user's and of the structure's material.
+
+    Raises:
+        Invalid: it is not; the pointer says where the batch is named.
+    """
     if recipe.prior_from_coupon_batch is not None:
-        try:
-            batch = batch_for(session, user, recipe.prior_from_coupon_batch)
-        except NotFound as error:
-            raise Invalid("/prior_from_coupon_batch", str(error)) from None
-        if batch.structure_id != campaign.structure_id:
-            raise Invalid("/prior_from_coupon_batch", f"{batch.id} belongs to another structure")
+        batch = batch_for.named(session, user, recipe.prior_from_coupon_batch, pointer)
+        if batch.structure_id != structure_id:
+            raise Invalid(pointer, f"{batch.id} belongs to another structure")
 
 
 def _check_parameters(recipe: RecipeIn, structure: Any, campaign: Campaign) -> None:
-    """A recipe that contradicts itself is refused at the door, with the core's own words."""
+    """A recipe that contradicts itself is refused before it is queued, with the core's message."""
     core = recipe.to_core()
     specimen = nominal_specimen(structure, campaign.boundary)
     parametrise(recipe.supported(specimen), core.parameters)
     if recipe.band_hz is not None and not recipe.band_hz[0] < recipe.band_hz[1]:
         raise InputError("band_hz", "expected its low end below its high end")
+    band = recipe.identification.band_hz
+    if band is not None and not band[0] < band[1]:
+        raise InputError("identification.band_hz", "expected its low end below its high end")
     if len(set(recipe.damping_models)) < len(recipe.damping_models):
         raise InputError("damping_models", "names a law twice")
 
 
 def _check_data(session: Session, recipe: RecipeIn, campaign: Campaign) -> None:
     """What the recipe keeps of the FRFs must leave something to fit. Looks at axes and points, never at a spectrum."""
-    rows = session.execute(
-        select(Frf.start_hz, Frf.end_hz, Frf.response_point, Frf.reference_point).where(Frf.campaign_id == campaign.id)
-    ).all()
+    rows = frf_extents(session, campaign.id)
     if not rows:
         return  # an import may be on its way; the job says so if nothing has come by then
     low, high = min(row.start_hz for row in rows), max(row.end_hz for row in rows)
@@ -142,32 +162,29 @@ def _check_data(session: Session, recipe: RecipeIn, campaign: Campaign) -> None:
                 raise Invalid("/hold_out/points", "holds out every FRF, so nothing is left to fit")
 
 
-def update_job_for(session: Session, user: User, job_id: UUID) -> UpdateJob:
-    """The update job, if the user may see its campaign.
-
-    Raises:
-        NotFound: there is none, or it is other people's.
-    """
-    row = session.get(UpdateJob, job_id)
-    if row is None:
-        raise NotFound("update job", job_id)
-    with not_found_as("update job", job_id):
-        campaign_for(session, user, row.campaign_id, deleted=True)
-    return row
+update_job_for = Lookup(UpdateJob, "update job", "campaign_id", campaign_for, deleted_owner=True)
+"""The update job, if the user has at least a role in its project; a job outlives its campaign's deletion."""
 
 
 def cancel_update(session: Session, user: User, row: UpdateJob) -> None:
-    """Ask for a job's end."""
+    """Ask for a job's end. A job that waits is cancelled at once; one that runs is killed by its worker; one that has
+    ended stays as it is.
+
+    Raises:
+        Forbidden: the user's role is too low.
+    """
     project_for(session, user, row.project_id, "editor")
     request_cancel(session, row.id)
     audit(session, user, "update_job.cancel", "update_job", row.id, row.project_id)
 
 
 def retry_update(session: Session, user: User, row: UpdateJob) -> None:
-    """Queue a job again that failed or was cancelled.
+    """Queue a job again that failed or was cancelled, from its beginning, with the recipe and the structure's version
+    that it had.
 
     Raises:
         Conflict: it waits, runs or has succeeded.
+        Forbidden: the user's role is too low.
     """
     project_for(session, user, row.project_id, "editor")
     retry(session, row.id)
@@ -175,17 +192,19 @@ def retry_update(session: Session, user: User, row: UpdateJob) -> None:
 
 
 def job_of(session: Session, row: UpdateJob) -> Job:
-    """The row of the job behind an update, as it is now."""
+    """The row of the job behind an update, read anew: its state, progress and error as they are now."""
     return session.get_one(Job, row.id, populate_existing=True)
 
 
 def describe(session: Session, row: UpdateJob) -> UpdateJobOut:
-    """An update job as clients see it."""
+    """An update job as clients see it, with the state of its job as it is now."""
     return describe_all(session, [row])[0]
 
 
 def describe_all(session: Session, rows: Sequence[UpdateJob]) -> list[UpdateJobOut]:
-    """Update jobs as clients see them, in the order given."""
+    """Update jobs as clients see them, in the order given, with their recipes and the states of their jobs as they are
+    now.
+    """
     query = select(Job).where(Job.id.in_([row.id for row in rows])).execution_options(populate_existing=True)
     jobs = {job.id: job for job in session.scalars(query)}
     return [
@@ -201,7 +220,7 @@ def describe_all(session: Session, rows: Sequence[UpdateJob]) -> list[UpdateJobO
 
 
 def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
-    """The result.
+    """The result of an update as it was computed: the JSON document of `docs/updating.md`.
 
     Raises:
         Conflict: the job has none, yet or ever; the message says which.
@@ -212,3 +231,9 @@ def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
         more = "; it is not done yet" if job.state in ("queued", "running") else f": {job.message or 'see its error'}"
         raise Conflict(f"update job {row.id} has no result: it is {job.state}{more}")
     return result.document
+
+
+def result_documents(session: Session, keys: Sequence[UUID]) -> dict[UUID, dict[str, Any]]:
+    """Results by update job; jobs without one are left out."""
+    query = select(UpdateResult.id, UpdateResult.document).where(UpdateResult.id.in_(keys))
+    return dict(session.execute(query).all())

@@ -10,13 +10,15 @@ from fastapi import Header, Query, Request, Response
 from fastapi.responses import FileResponse
 
 from service.access import CurrentUser, SessionDep
-from service.campaigns.downloads import spooled
-from service.campaigns.frf_data import Cut
-from service.campaigns.frf_formats import FORMATS
-from service.campaigns.negotiation import choose_format, one_of
-from service.problems import Invalid, api_router
+from service.errors import Invalid
+from service.frfs.data import Cut
+from service.frfs.formats import FORMATS
 from service.updating.operations import update_job_for
 from service.updating.predictions import Chosen, Model, predicted_table
+from service.web import api_router
+from service.web.conditional import not_modified
+from service.web.downloads import spooled
+from service.web.negotiation import choose_format, one_of
 
 router = api_router(tags=["update jobs"])
 
@@ -59,8 +61,6 @@ def get_predicted_frfs(
     headers = {"Vary": "Accept"}
     if form.one_table:
         headers["ETag"] = f'"{job.id}-{name}-{sha256(request.url.query.encode()).hexdigest()[:16]}"'
-        if headers["ETag"] in (tag.strip() for tag in request.headers.get("if-none-match", "").split(",")):
-            return Response(status_code=304, headers=headers)
-    return spooled(
-        lambda file: form.write(session, [table], file), form.media_type, f"predicted.{form.suffix}", headers
-    )
+        if (unchanged := not_modified(request, headers)) is not None:
+            return unchanged
+    return spooled(lambda file: form.write([table], file), form.media_type, f"predicted.{form.suffix}", headers)

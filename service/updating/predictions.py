@@ -9,22 +9,24 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 from uuid import UUID
 
 import numpy as np
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from fecore.arrays import FloatArray, IntArray
+from fecore.arrays import IntArray
 from fecore.frf import Dof
 from service.campaigns.frame import Frame
-from service.campaigns.frf_data import Cut, FrfTable, Values
-from service.campaigns.operations import frame_of
-from service.campaigns.tables import Campaign, Frf
-from service.problems import Conflict, NotFound
+from service.campaigns.operations import campaign_of, frame_of
+from service.errors import Conflict, NotFound
+from service.frfs.data import Cut, FrfTable, Values
+from service.frfs.operations import frfs_of, row_of_prediction
 from service.updating.operations import result_document
 from service.updating.tables import UpdateJob, UpdateResult
+
+if TYPE_CHECKING:
+    from service.frfs.tables import Frf
 
 Model = Literal["updated", "initial"]
 
@@ -46,7 +48,7 @@ class PredictedTable(FrfTable):
         """Whose FRFs these are."""
         return self.origin
 
-    def spectra(self, session: Session) -> Iterator[tuple[Frf, Values]]:  # noqa: ARG002  nothing is in the database
+    def spectra(self) -> Iterator[tuple[Frf, Values]]:
         """Each FRF with its (L,) values, in order."""
         yield from zip(self.frfs, self.values, strict=True)
 
@@ -73,14 +75,14 @@ def predicted_table(session: Session, job: UpdateJob, model: Model, chosen: Chos
         frequency, values = arrays["frequency_hz"], arrays[model]
         dofs = list(zip(_dofs(arrays["responses"]), _dofs(arrays["references"]), strict=True))
     ids = [UUID(frf["id"]) for frf in document["provenance"]["frfs"]]
-    rows = {frf.id: frf for frf in session.scalars(select(Frf).where(Frf.id.in_(ids)))}
-    measured = _used(session, job, [rows[key] for key in ids], dofs)
+    measured = _used(session, job, frfs_of(session, ids), dofs)
     wanted = [i for i, frf in enumerate(measured) if _is_chosen(frf, chosen)]
     if not wanted:
         raise NotFound("predicted FRF that matches in this result")
     lines = cut.lines(frequency)
     return PredictedTable(
-        frfs=[_row(measured[i], frequency, values.dtype) for i in wanted],
+        session=session,
+        frfs=[row_of_prediction(measured[i], frequency, values.dtype) for i in wanted],
         frequency_hz=frequency[lines],
         lines=lines,
         values=values[wanted][:, lines],
@@ -100,12 +102,14 @@ def _used(session: Session, job: UpdateJob, measured: list[Frf], dofs: list[tupl
     """
     if len(measured) == len(dofs):
         return measured
-    frame = frame_of(session.get_one(Campaign, job.campaign_id))
+    frame = frame_of(campaign_of(session, job.campaign_id))
     left, used = iter(measured), []
     for pair in dofs:
         match = next((frf for frf in left if _dofs_in(frame, frf) == pair), None)
         if match is None:
-            raise Conflict("the campaign's frame is not the one of this result; restore it to tell the FRFs apart")
+            raise Conflict(
+                "the campaign's frame is not the one of this result; restore it, or the FRFs cannot be assigned"
+            )
         used.append(match)
     return used
 
@@ -124,23 +128,3 @@ def _is_chosen(frf: Frf, chosen: Chosen) -> bool:
         (chosen.reference, frf.reference_point),
     )
     return all(wanted in (None, there) for wanted, there in pairs)
-
-
-def _row(measured: Frf, frequency: FloatArray, dtype: np.dtype[np.complexfloating]) -> Frf:
-    """A row that describes a prediction, and is never stored; its id is the measured FRF's."""
-    return Frf(
-        id=measured.id,
-        campaign_id=measured.campaign_id,
-        label=measured.label,
-        response_point=measured.response_point,
-        response_direction=measured.response_direction,
-        reference_point=measured.reference_point,
-        reference_direction=measured.reference_direction,
-        quantity=measured.quantity,
-        averages=None,
-        start_hz=float(frequency[0]),
-        end_hz=float(frequency[-1]),
-        lines=frequency.size,
-        dtype=f"<{dtype.kind}{dtype.itemsize}",
-        coherence_sha256=None,
-    )

@@ -8,17 +8,16 @@ from uuid import UUID
 from fastapi import Depends, Header, Query, Response
 from sqlalchemy import select
 
-from service.access import CurrentUser, Cursor, Limit, Member, SessionDep, paged, project_for
-from service.campaigns.operations import campaign_for
-from service.campaigns.tables import Campaign
+from service.access import CurrentUser, SessionDep, project_for, projects_of
+from service.campaigns.operations import campaign_for, campaigns_in
 from service.jobs import Job
 from service.jobs.events import STREAM, Events
-from service.problems import Page, Text, api_router
 from service.structures.operations import structure_for
 from service.updating import operations
 from service.updating.batches import UpdateBatchIn, UpdateBatchOut, start_batch
 from service.updating.schemas import RecipeIn, UpdateJobOut
 from service.updating.tables import UpdateJob
+from service.web import Cursor, Limit, Page, Text, api_router, paged
 
 router = api_router(tags=["update jobs"])
 
@@ -73,13 +72,11 @@ def list_update_jobs(
     limit: Limit = 100,
 ) -> Page[UpdateJobOut]:
     """Update jobs that you may see, newest first."""
-    projects = select(Member.project_id).where(Member.user_id == user.id)
-    query = select(UpdateJob).where(UpdateJob.project_id.in_(projects))
+    query = select(UpdateJob).where(UpdateJob.project_id.in_(projects_of(user)))
     if project is not None:
         query = query.where(UpdateJob.project_id == project_for(session, user, project).id)
     if structure is not None:
-        of_structure = select(Campaign.id).where(Campaign.structure_id == structure_for(session, user, structure).id)
-        query = query.where(UpdateJob.campaign_id.in_(of_structure))
+        query = query.where(UpdateJob.campaign_id.in_(campaigns_in(structure_for(session, user, structure).id)))
     if campaign is not None:
         query = query.where(UpdateJob.campaign_id == campaign_for(session, user, campaign, deleted=True).id)
     if status is not None:
@@ -116,7 +113,7 @@ def watch_update_job(
 ) -> Response:
     """The job's state now and whenever it changes, as server-sent events of the type `job`; ends when the job has.
 
-    Each event has an id; with that of the last one in `Last-Event-ID` a client that comes back is told what is new.
+    Each event has an id; with that of the last one in `Last-Event-ID` a client that comes back gets what is new.
     """
     row = operations.update_job_for(session, user, job_id)
     return events.of(operations.job_of(session, row))

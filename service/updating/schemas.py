@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from datetime import datetime
 from typing import Annotated, Any, Literal
@@ -9,12 +10,14 @@ from uuid import UUID
 
 from pydantic import Field
 
-from fecore.specimen import CONSTANTS, Specimen
-from fecore.supports import Edge, Spring
+from fecore.body.specimen import CONSTANTS, Specimen
+from fecore.body.supports import Edge, Spring
+from fecore.identification import Options
 from fecore.updating import recipe as core
+from fecore.updating.inputs import Inputs
 from fecore.updating.misfit import Weighting
 from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
-from service.problems import Int64, Name, StrictModel, example
+from service.web import Int64, Name, StrictModel, example
 
 DampingModel = Literal["rayleigh", "caughey3", "caughey4", "generalised", "modal"]
 Frequency = Annotated[float, Field(ge=0, le=1e7, description="Hz")]
@@ -58,6 +61,54 @@ class HoldOutIn(StrictModel):
     band_hz: Band | None = Field(None, description="lines held out; those above the fitted band always are")
 
 
+Deviation = Annotated[float | None, Field(ge=0, le=1e9)]
+
+
+class InputsIn(StrictModel):
+    """How well the laboratory knows what it hands in: standard deviations; null is a careful laboratory's, 0 exactly known."""
+
+    length_sd_m: Deviation = None
+    width_sd_m: Deviation = None
+    thickness_sd_m: Deviation = None
+    density_sd_kg_m3: Deviation = None
+    nu_xy_sd: Deviation = None
+    fibre_angle_sd_deg: Deviation = None
+    clamp_compliance_sd: Deviation = Field(None, description="of EI/kL of a clamped edge; half-normal")
+    sensor_mass_sd_kg: Deviation = Field(None, description="where no sensor is stated: half-normal; null is 1 g there")
+    channel_delay_sd_s: Deviation = None
+    window_rate_per_s: Deviation = Field(
+        None,
+        description="1/τ of an exponential window exp(-t/τ) on the response; 0: there was none; null: nobody knows",
+    )
+    window_rate_sd_per_s: float = Field(0.0, ge=0, le=1e9)
+
+    def to_core(self) -> Inputs:
+        """The core's inputs."""
+        angle = self.fibre_angle_sd_deg
+        return Inputs(
+            length_sd=self.length_sd_m,
+            width_sd=self.width_sd_m,
+            thickness_sd=self.thickness_sd_m,
+            density_sd=self.density_sd_kg_m3,
+            nu_xy_sd=self.nu_xy_sd,
+            fibre_angle_sd=None if angle is None else math.radians(angle),
+            clamp_compliance_sd=self.clamp_compliance_sd,
+            sensor_mass_sd=self.sensor_mass_sd_kg,
+            delay_sd=self.channel_delay_sd_s,
+            window_rate=self.window_rate_per_s,
+            window_rate_sd=self.window_rate_sd_per_s,
+        )
+
+
+class IdentificationRecipeIn(StrictModel):
+    """How an update identifies modes where it is given none; `{}` will do."""
+
+    band_hz: Band | None = Field(None, description="lines to use; default: all")
+    highest_order: int = Field(40, ge=4, le=200, description="of the linear stage")
+    most_modes: int = Field(40, ge=1, le=200)
+    include_doubtful: bool = Field(False, description="use the doubtful modes too")
+
+
 class RecipeIn(StrictModel):
     """How to use a campaign; `{}` will do for a first look."""
 
@@ -67,6 +118,9 @@ class RecipeIn(StrictModel):
         "two_stage", description="joint: constants and damping together from the FRFs, without modes"
     )
     mode_set: UUID | None = Field(None, description="measured modes; without it they are identified from the FRFs")
+    identification: IdentificationRecipeIn = IdentificationRecipeIn(
+        band_hz=None, highest_order=40, most_modes=40, include_doubtful=False
+    )
     springs: list[SpringIn] = Field(default_factory=list, max_length=20, description="elastic supports of the specimen")
     parameters: list[ParameterIn] | None = Field(
         None, max_length=20, description="default: Ex, Ey, Gxy, Gxz, and Gyz tied to Gxz, nominal ± 30 %"
@@ -84,6 +138,9 @@ class RecipeIn(StrictModel):
     weighting: Weighting = "noise"
     band_hz: Band | None = Field(None, description="lines of the damping update; default: past the highest mode")
     hold_out: HoldOutIn = HoldOutIn(points=None, band_hz=None)
+    inputs: InputsIn = Field(
+        default_factory=lambda: InputsIn.model_validate({}), description="what the laboratory does not know exactly"
+    )
     posterior: Literal["laplace", "mcmc"] = Field("laplace", description="Gaussian, or sampled with emcee")
     seed: int = Field(0, ge=0, le=2**32 - 1)
 
@@ -107,6 +164,10 @@ class RecipeIn(StrictModel):
             ),
             posterior=self.posterior,
             seed=self.seed,
+            identification=Options(
+                self.identification.band_hz, self.identification.highest_order, self.identification.most_modes
+            ),
+            include_doubtful=self.identification.include_doubtful,
         )
 
 

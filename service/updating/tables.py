@@ -21,10 +21,10 @@ class UpdateJob(Base):
         Index(None, "project_id", "idempotency_key", unique=True),
     )
 
-    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id"), primary_key=True)
+    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
     project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
     campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
-    structure_version_id: Mapped[UUID] = mapped_column(ForeignKey("structure_versions.id"))
+    structure_version_id: Mapped[UUID] = mapped_column(ForeignKey("structure_versions.id", deferrable=True))
     recipe: Mapped[dict[str, Any]]
     idempotency_key: Mapped[str | None]
 

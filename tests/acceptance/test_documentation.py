@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import time
 from typing import Any
 
 import httpx
@@ -11,6 +10,7 @@ import pytest
 
 from service.demo import paper
 from service.supervisor import LocalService
+from tests.support.rest import finished
 
 
 class Stranger:
@@ -39,16 +39,13 @@ class Stranger:
         self.ids |= {name: made[field] for name, field in ids.items()}
 
     def wait(self, path: str) -> None:
-        end = time.monotonic() + 60
-        while (state := self.send("GET", path))["status"] in ("queued", "running"):
-            assert time.monotonic() < end, state
-            time.sleep(0.1)
+        state = finished(self.api, path.format(**self.ids).lstrip("/"))
         assert state["status"] == "succeeded", state
 
 
 @pytest.fixture
 def stranger(service: LocalService, api: httpx.Client) -> Stranger:
-    return Stranger(api, httpx.get(f"{service.url}/openapi.json", trust_env=False).json())
+    return Stranger(api, httpx.get(f"{service.url}/openapi.json", trust_env=False, timeout=60).json())
 
 
 def test_a_stranger_runs_the_main_job_from_the_documentation_page(stranger: Stranger) -> None:

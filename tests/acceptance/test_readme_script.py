@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
 
 from service.demo.paper import uff_file
 from service.supervisor import LocalService
+from tests.support.places import ROOT
 
-README = Path(__file__).parents[2] / "README.md"
+README = ROOT / "README.md"
 
 
 def test_the_script_of_the_readme_updates_a_beam(service: LocalService, capsys: pytest.CaptureFixture[str]) -> None:

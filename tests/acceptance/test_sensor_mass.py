@@ -9,12 +9,13 @@ import httpx
 import numpy as np
 import pytest
 
-from fecore.specimen import Specimen
-from fecore.supports import PointMass
+from fecore.body.specimen import Specimen
+from fecore.body.supports import PointMass
 from fecore.updating.measurement import Measurement
-from tests.acceptance.test_main_job import NOMINAL, finished, posted, result_of
-from tests.fecore.updating.conftest import COUPONS
-from tests.fecore.updating.test_roving import LAW, MASS, TRUE, measured
+from tests.support.cantilever import COUPONS
+from tests.support.laboratory import MATERIAL
+from tests.support.moved_sensor import LAW, MASS, TRUE, measured
+from tests.support.rest import finished, posted, result_of
 
 BODY = Specimen(0.5, 0.04, 0.010, replace(COUPONS, **TRUE))
 
@@ -26,7 +27,7 @@ def campaign_with(api: httpx.Client, name: str, taken: Measurement) -> str:
     structure = posted(
         api,
         f"projects/{project['id']}/structures",
-        {"name": "beam", "density_kg_m3": BODY.material.density, "geometry": geometry, "material": NOMINAL},
+        {"name": "beam", "density_kg_m3": BODY.material.density, "geometry": geometry, "material": MATERIAL},
     )
     body = {"name": "tour", "boundary": "cantilever", "instruments": {"sensor_mass_kg": MASS}}
     campaign = posted(api, f"structures/{structure['id']}/campaigns", body)["id"]

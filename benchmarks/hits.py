@@ -1,0 +1,166 @@
+"""Raw hammer hits: what the judgement finds, what pyFRF's default limits find of the same hits, and what processing costs.
+
+Simulated campaigns (`benchmarks.hammer`: other specimens, tips, sensors, noise in each; a third of the hits has a fault),
+and the sets of another simulator where they lie beside the project (`MODALBASE_HITS` names their folder).
+`python -m benchmarks.hits 60` takes that many campaigns in place of 12; a second number is the seed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import psutil
+from scipy import fft
+
+from benchmarks.hammer import campaign
+from fecore.frf import Dof
+from fecore.processing import Block, Hit, Processing, Windows, by_point, process
+
+CAMPAIGNS, POINTS, HITS, SEED = 12, 8, 5, 20260
+MANY, SAMPLES = 10_000, 16_384
+SETS = ("hits-cantilever", "hits-free-window", "hits-plate-one-point")
+NAMED = {"clip_force": "overload", "clip_response": "overload", "off_place": "place"}
+
+try:
+    from pyFRF import FRF
+except ImportError:  # an optional peer
+    FRF = None
+
+Tally = dict[str, Counter[str | None]]
+
+
+def main() -> None:
+    """Print the tables."""
+    campaigns, seed = (int(a) for a in [*sys.argv[1:3], *map(str, (CAMPAIGNS, SEED)[len(sys.argv[1:3]) :])])
+    rng = np.random.default_rng(seed)
+    tally = _new_tally()
+    for number in range(campaigns):
+        _, _, simulated = campaign(rng, ("clamped", "free", "plate")[number % 3], POINTS, HITS, 1 / 3)
+        _count(tally, [s.hit for s in simulated], [s.fault for s in simulated])
+    _table(f"{campaigns} simulated campaigns", tally)
+    folder = Path(os.environ.get("MODALBASE_HITS", Path(__file__).parents[2] / "shared" / "blind-open"))
+    for name in SETS:
+        if (folder / name / "truth.json").is_file():
+            tally = _new_tally()
+            _count(tally, *read_set(folder / name))
+            _table(name, tally)
+    _speed()
+
+
+def read_set(folder: Path) -> tuple[list[Hit], list[str | None]]:
+    """Hits of a set of another simulator, in SI, and their faults."""
+    data, truth = np.load(folder / "hits.npz"), json.loads((folder / "truth.json").read_text())
+    known = truth["instruments"]
+    rate, sensor = known["window_rate_per_s"], Dof(known["sensor_point"], 3)
+    hits = [
+        Hit(
+            Block(Dof(int(point), 3), "force", force / known["force_V_per_N"], rate),
+            (Block(sensor, "acceleration", response / known["acceleration_V_per_m_s2"], rate),),
+            float(known["fs_hz"]),
+            int(number),
+        )
+        for force, response, point, number in zip(
+            data["force"].astype(float), data["acceleration"].astype(float), data["point"], data["hit"], strict=True
+        )
+    ]
+    return hits, [record["fault"] for record in truth["records"]]
+
+
+def _new_tally() -> Tally:
+    return {"hits": Counter(), "found": Counter(), "named": Counter(), "pyFRF": Counter()}
+
+
+def _count(tally: Tally, hits: Sequence[Hit], faults: Sequence[str | None]) -> None:
+    try:
+        verdicts = process(by_point(hits)).verdicts
+    except Exception as error:  # noqa: BLE001 - a set without a good hit is a result
+        print(f"  {error}")
+        verdicts = ()
+    for i, (hit, fault) in enumerate(zip(hits, faults, strict=True)):
+        tally["hits"][fault] += 1
+        named = {f.criterion for f in verdicts[i].faults} if verdicts else {"overload"}
+        tally["found"][fault] += bool(named)
+        tally["named"][fault] += NAMED.get(fault, fault) in named if fault else bool(named)
+        if FRF is not None:
+            peer = FRF(int(hit.sample_rate_hz), exc_type="f", resp_type="a", fft_len=hit.samples)
+            tally["pyFRF"][fault] += not peer.is_data_ok(hit.force.samples, hit.responses[0].samples)
+
+
+def _table(name: str, tally: Tally) -> None:
+    print(f"\n{name}\n{'fault':16}{'hits':>6}{'thrown away':>14}{'under its name':>16}{'pyFRF throws':>15}")
+    for fault in sorted(tally["hits"], key=str):
+        n = tally["hits"][fault]
+        peer = f"{tally['pyFRF'][fault] / n:.1%}" if FRF is not None else "not there"
+        shares = (tally["found"][fault] / n, tally["named"][fault] / n)
+        print(f"{fault or 'none: good':16}{n:6}{shares[0]:14.1%}{shares[1] if fault else float('nan'):16.1%}{peer:>15}")
+
+
+class _Files:
+    """Hits in files of one point each, read anew at each look."""
+
+    def __init__(self, paths: Sequence[Path], rate: float) -> None:
+        self.paths, self.rate = paths, rate
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    def __getitem__(self, point: int, /) -> list[Hit]:
+        blocks = np.load(self.paths[point])
+        return [
+            Hit(
+                Block(Dof(point + 1, 3), "force", force),
+                (Block(Dof(9999, 3), "acceleration", response),),
+                self.rate,
+                number,
+            )
+            for number, (force, response) in enumerate(blocks, 1)
+        ]
+
+
+def _speed() -> None:
+    """Processing of many hits beside reading their files and transforming every block."""
+    rng = np.random.default_rng(1)
+    rate = 12_800.0
+    t = np.arange(SAMPLES) / rate
+    pulse = np.exp(-(((t - 0.05) / 4e-4) ** 2))
+    ring = np.where(t > 0.05, np.exp(-8 * (t - 0.05)) * np.sin(2 * np.pi * 200 * (t - 0.05)), 0)
+    with tempfile.TemporaryDirectory(prefix="hits-") as folder:
+        paths = []
+        for point in range(MANY // HITS):
+            blocks = np.empty((HITS, 2, SAMPLES), np.float32)
+            heights = rng.uniform(50, 100, (HITS, 1))
+            blocks[:, 0] = heights * pulse + 0.05 * rng.standard_normal((HITS, SAMPLES), np.float32)
+            blocks[:, 1] = heights * ring + 0.05 * rng.standard_normal((HITS, SAMPLES), np.float32)
+            paths.append(Path(folder) / f"{point}.npy")
+            np.save(paths[-1], blocks)
+        source = _Files(paths, rate)
+        start = time.process_time()
+        for path in paths:
+            for block in np.load(path).reshape(-1, SAMPLES):
+                fft.rfft(block.astype(float))
+        bound = time.process_time() - start
+        before = psutil.Process().memory_info().rss
+        start = time.process_time()
+        found = process(source, Processing(windows=Windows(0.01, 1.0), band_hz=(5.0, 500.0)))
+        took = time.process_time() - start
+        grown = (psutil.Process().memory_info().rss - before) / 2**20
+    kept = found.frfs.values.nbytes * 2 / 2**20
+    print(
+        f"\n{MANY} hits of {SAMPLES} samples: {took:.1f} s of processor; reading and transforms alone {bound:.1f} s; "
+        f"ratio {bound / took:.2f}"
+    )
+    print(
+        f"memory grew by {grown:.0f} MB, the hits have {MANY * 2 * SAMPLES * 4 / 2**20:.0f} MB, the results {kept:.0f} MB"
+    )
+
+
+if __name__ == "__main__":
+    main()

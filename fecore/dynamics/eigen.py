@@ -1,0 +1,290 @@
+"""Undamped modes of K φ = λ M φ: block Lanczos with shift-invert and full reorthogonalisation.
+
+With a shift σ below the wanted eigenvalues, the operator (K - σM)⁻¹M has the eigenvalues 1/(λ - σ), so the lowest
+modes are its largest and converge first. One start vector finds them with the fewest solves, but of a repeated root it
+finds one mode; a block finds as many as it is wide (Grimes, Lewis and Simon, SIAM J. Matrix Anal. Appl. 15, 1994). So
+where modes are found missing, the iteration runs again with a block.
+
+Rigid-body modes are known exactly, so the iteration is kept M-orthogonal to them and they are returned with λ = 0. An
+image has parts along the last two blocks only; what else round-off brings is taken out of it in full, and where need be
+once more after scaling, so no ghost modes appear; and the inertia of K - μM (Sylvester: its negative eigenvalues are the
+modes below μ) proves that none is missing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.linalg.lapack import dpotrf, dtrtri
+
+from fecore.arrays import FloatArray
+from fecore.dynamics.factor import Factor, factorise, negative_eigenvalues
+from fecore.errors import InputError, ModelError
+
+_MOST = 12  # vectors a wanted mode, and blocks; beyond it the iteration has failed
+_TOLERANCE = 1e-10  # relative residual of 1/(λ - σ); the eigenvalue's own error is its square
+_INDEFINITE = 1e-8  # share of a block's energy that round-off may make of nothing
+_EVEN = 1e-4  # share of the longest direction's square above which the others lose nothing that matters
+_DEPENDENT = 1e-12  # a direction that shrank so much in orthogonalisation is round-off
+
+
+@dataclass(frozen=True)
+class NormalModes:
+    """Undamped modes, in ascending order, rigid-body modes first.
+
+    Attributes:
+        eigenvalue: (n,) λ = ω², rad²/s².
+        shapes: (dofs, n) mass-normalised shapes, φᵀMφ = 1.
+        rigid: number of rigid-body modes.
+        shift: σ of the factorisation, rad²/s².
+        factor: factorisation of K - σM, for residual terms and derivatives.
+    """
+
+    eigenvalue: FloatArray
+    shapes: FloatArray
+    rigid: int
+    shift: float
+    factor: Factor
+
+    @property
+    def omega(self) -> FloatArray:
+        """(n,) natural circular frequencies, rad/s."""
+        return np.sqrt(self.eigenvalue)
+
+    @property
+    def frequency_hz(self) -> FloatArray:
+        """(n,) natural frequencies, Hz."""
+        return self.omega / (2 * np.pi)
+
+
+def modes_below(stiffness: sparse.csc_array, mass: sparse.csc_array, eigenvalue: float) -> int:
+    """Number of modes with λ < `eigenvalue`, from the inertia of K - λM."""
+    return negative_eigenvalues(_shifted(stiffness, mass, eigenvalue))
+
+
+def normal_modes(
+    stiffness: sparse.csc_array,
+    mass: sparse.csc_array,
+    count: int,
+    rigid_modes: FloatArray | None = None,
+) -> NormalModes:
+    """The `count` lowest modes of K φ = λ M φ, rigid-body modes included.
+
+    Args:
+        stiffness: (dofs, dofs) K, positive semi-definite.
+        mass: (dofs, dofs) M, positive definite.
+        count: how many modes.
+        rigid_modes: (dofs, r) a basis of the null space of K; None where K is definite.
+
+    Raises:
+        InputError: there are not so many modes.
+        ModelError: K - σM is not positive definite, the iteration does not converge, or a mode is missing.
+    """
+    rigid = mass_orthonormal(rigid_modes, mass)
+    free = rigid.shape[1]
+    wanted = count - free
+    if wanted < 1 or wanted > stiffness.shape[0] - free:
+        raise InputError(
+            "count",
+            f"is {count}, expected at least {free + 1} and at most {stiffness.shape[0]}: "
+            f"the model has {stiffness.shape[0]} dofs and {free} rigid-body modes",
+        )
+    shift = _shift(stiffness, mass, rigid) if free else 0.0
+    factor = factorise(_shifted(stiffness, mass, shift))
+    for width in (1, 2, wanted + 2):  # symmetry repeats a root no more than twice; so many hold any
+        value, vectors = _lanczos(factor, mass, rigid, wanted, width)
+        eigenvalue = shift + 1 / value
+        missing = _missing(stiffness, mass, eigenvalue, free)
+        if not missing:
+            shapes = np.hstack([rigid, vectors])
+            return NormalModes(np.concatenate([np.zeros(free), eigenvalue]), shapes, free, shift, factor)
+    raise ModelError(f"{missing} of the {count} lowest modes were not found, though the iteration converged")
+
+
+def mass_orthonormal(vectors: FloatArray | None, mass: sparse.csc_array) -> FloatArray:
+    """(dofs, r) M-orthonormal basis of the span of (dofs, r) vectors; none for None."""
+    if vectors is None or vectors.shape[1] == 0:
+        return np.zeros((mass.shape[0], 0))
+    scaled: FloatArray = vectors / np.linalg.norm(vectors, axis=0)
+    for _ in range(2):  # the second pass removes what the Gram matrix squared of the round-off
+        lower = np.linalg.cholesky(scaled.T @ (mass @ scaled))
+        scaled = scaled @ np.linalg.inv(lower).T
+    return scaled
+
+
+def _shift(stiffness: sparse.csc_array, mass: sparse.csc_array, rigid: FloatArray) -> float:
+    """A negative shift of about the first elastic eigenvalue, so that K - σM is definite and well conditioned.
+
+    That eigenvalue's scale is the Rayleigh quotient after one inverse iteration with a shift far below everything.
+    """
+    tiny = -1e-9 * float(np.median(stiffness.diagonal() / mass.diagonal()))
+    start = np.random.default_rng(0).standard_normal(mass.shape[0])
+    vector = factorise(_shifted(stiffness, mass, tiny)).solve(mass @ (start - rigid @ (rigid.T @ (mass @ start))))
+    vector = vector - rigid @ (rigid.T @ (mass @ vector))
+    return -float((vector @ (stiffness @ vector)) / (vector @ (mass @ vector)))
+
+
+def _shifted(stiffness: sparse.csc_array, mass: sparse.csc_array, shift: float) -> sparse.csc_array:
+    """K - σM, which is a difference of arrays where both have one pattern."""
+    if not shift:
+        return stiffness
+    if stiffness.nnz != mass.nnz or not np.array_equal(stiffness.indices, mass.indices):
+        return sparse.csc_array(stiffness - shift * mass)
+    data = stiffness.data - shift * mass.data
+    return sparse.csc_array((data, stiffness.indices, stiffness.indptr), shape=stiffness.shape)
+
+
+def _lanczos(
+    factor: Factor, mass: sparse.csc_array, rigid: FloatArray, wanted: int, width: int
+) -> tuple[FloatArray, FloatArray]:
+    """The `wanted` largest eigenpairs of (K - σM)⁻¹M outside the rigid modes, descending, M-orthonormal."""
+    dofs, free = rigid.shape
+    basis = _Basis(rigid, mass, 4 * wanted + 2 * width)
+    random = np.random.default_rng(0)
+    basis.append(basis.orthonormalise(random.standard_normal((min(width, dofs - free), dofs))))
+    projected: FloatArray = np.zeros((0, 0))
+    look = 7 * wanted // 4 + 8 * width  # before, nothing has converged
+    before = 0  # where the last block but one begins
+    while len(projected) <= _MOST * (wanted + width):
+        done = len(projected)
+        image = factor.solve(basis.mass_images[free + done :].T).T
+        block = basis.orthonormalise(image, free + before)
+        before = done
+        projected = _bordered(projected, block.inside[:, free:])
+        size = len(projected)
+        exhausted = len(block.vectors) == 0
+        if size >= wanted and (exhausted or size >= look):
+            value, small = np.linalg.eigh(projected)
+            value, small = value[: -wanted - 1 : -1], small[:, : -wanted - 1 : -1]
+            worst = float(np.max(np.linalg.norm(block.coupling @ small[done:], axis=0) / value))
+            if exhausted or worst <= _TOLERANCE:
+                return value, basis.vectors[free:].T @ small
+            look = size + width * max(1, round(np.log10(worst / _TOLERANCE)))  # a step gains about a digit
+        if exhausted:  # the space is invariant, and what is missing lies outside it
+            block = basis.orthonormalise(random.standard_normal((min(width, dofs - free - size), dofs)))
+        basis.append(block)
+    raise ModelError(f"block Lanczos did not find {wanted} modes in a basis of {len(projected)} vectors")
+
+
+def _bordered(matrix: FloatArray, rows: FloatArray) -> FloatArray:
+    """A symmetric matrix with (b, s) rows appended below, and the same as columns."""
+    done, size = len(matrix), rows.shape[1]
+    grown = np.empty((size, size))
+    grown[:done, :done] = matrix
+    grown[done:] = rows
+    grown[:, done:] = rows.T
+    return grown
+
+
+@dataclass(frozen=True)
+class _Block:
+    """What orthonormalising a (b, dofs) block Y gives: Y = H V + RᵀX with V the space so far.
+
+    Attributes:
+        vectors: X, (r, dofs), M-orthonormal and M-orthogonal to V.
+        mass_images: X M.
+        inside: H, (b, s).
+        coupling: R, (r, b).
+    """
+
+    vectors: FloatArray
+    mass_images: FloatArray
+    inside: FloatArray
+    coupling: FloatArray
+
+
+class _Basis:
+    """An M-orthonormal basis that grows by blocks, with the images of its vectors under M; vectors are rows."""
+
+    def __init__(self, vectors: FloatArray, mass: sparse.csc_array, room: int) -> None:
+        # M is symmetric: its columns are its rows, and products by rows are the faster ones. Its pattern is K's, so
+        # most of what it stores is zero.
+        self._mass = sparse.csr_array((mass.data, mass.indices, mass.indptr), shape=mass.shape, copy=True)
+        self._mass.eliminate_zeros()
+        self._size = vectors.shape[1]
+        self._store = np.empty((2, self._size + room, len(vectors)))
+        self._store[:, : self._size] = vectors.T, self._image(vectors.T)
+
+    @property
+    def vectors(self) -> FloatArray:
+        """(s, dofs) basis."""
+        return self._store[0, : self._size]
+
+    @property
+    def mass_images(self) -> FloatArray:
+        """(s, dofs) the basis times M."""
+        return self._store[1, : self._size]
+
+    def append(self, block: _Block) -> None:
+        """Take in a block."""
+        size, width = self._size, len(block.vectors)
+        if size + width > self._store.shape[1]:
+            grown = np.empty((2, 2 * size + width, self._store.shape[2]))
+            grown[:, :size] = self._store[:, :size]
+            self._store = grown
+        self._store[0, size : size + width] = block.vectors
+        self._store[1, size : size + width] = block.mass_images
+        self._size += width
+
+    def orthonormalise(self, block: FloatArray, first: int = 0) -> _Block:
+        """M-orthonormal basis of what of `block` lies outside the space. Of vectors before the `first` it has only round-off.
+
+        Twice is enough for orthogonality to round-off (Kahan and Parlett) unless the block's directions shrink to very
+        different lengths; then once more after scaling restores what the short ones have lost.
+        """
+        inside = np.zeros((len(block), self._size))
+        inside[:, first:] = block @ self.mass_images[first:].T
+        outside = block - inside[:, first:] @ self.vectors[first:]
+        outside -= (outside @ self.mass_images.T) @ self.vectors
+        image = self._image(outside)
+        gram = outside @ image.T
+        scale = float(np.vdot(inside, inside) + gram.trace())  # the block's energy, inside and outside
+        root, indefinite = dpotrf(gram, lower=1)
+        length = root.diagonal() ** 2
+        if indefinite or length.min() < max(_EVEN * length.max(), _EVEN**2 * scale):
+            scaled, image, coupling = self._uneven(outside, image, gram, scale)
+            return _Block(scaled, image, inside, coupling)
+        inverse, _ = dtrtri(root, lower=1)
+        if len(block) == 1:  # products of one row cost as much as solving for it
+            return _Block(inverse * outside, inverse * image, inside, root.T)
+        return _Block(inverse @ outside, inverse @ image, inside, root.T)
+
+    def _uneven(
+        self, outside: FloatArray, image: FloatArray, gram: FloatArray, scale: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Orthonormal vectors of directions of very different lengths, their images, and R; those of round-off are left out."""
+        weight, turn = np.linalg.eigh(gram)
+        if weight[0] < -_INDEFINITE * scale:
+            raise ModelError("the mass matrix is not positive definite: is the density right?")
+        keep = weight > _DEPENDENT**2 * scale
+        root, turn = np.sqrt(weight[keep]), turn[:, keep]
+        scaled, image, again = self._restored((turn / root).T @ outside)
+        return scaled, image, again @ (root[:, None] * turn.T)
+
+    def _restored(self, scaled: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Nearly orthonormal vectors made orthonormal, their images, and by what they were multiplied, inverted.
+
+        The squares of a Gram matrix lose its nearly dependent directions in round-off; measured again they are right.
+        """
+        scaled = scaled - (scaled @ self.mass_images.T) @ self.vectors
+        image = self._image(scaled)
+        weight, turn = np.linalg.eigh(scaled @ image.T)
+        keep = weight > _INDEFINITE
+        root, turn = np.sqrt(weight[keep]), turn[:, keep]
+        return (turn / root).T @ scaled, (turn / root).T @ image, root[:, None] * turn.T
+
+    def _image(self, rows: FloatArray) -> FloatArray:
+        return np.ascontiguousarray((self._mass @ rows.T).T)
+
+
+def _missing(stiffness: sparse.csc_array, mass: sparse.csc_array, eigenvalue: FloatArray, rigid: int) -> int:
+    """How many modes lie below the last gap between well-separated modes and were not found (Sturm)."""
+    gaps = np.flatnonzero(eigenvalue[1:] > eigenvalue[:-1] * (1 + 1e-6))
+    if gaps.size == 0:
+        return 0
+    last = int(gaps[-1])
+    # Just below the next mode, so that none can hide between the two; the margin is for round-off.
+    below = max(np.sqrt(eigenvalue[last] * eigenvalue[last + 1]), 0.999 * eigenvalue[last + 1])
+    return modes_below(stiffness, mass, float(below)) - last - 1 - rigid

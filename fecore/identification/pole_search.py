@@ -1,0 +1,157 @@
+"""From screened FRFs to the series of poles that they need, and to its fit to all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from fecore.arrays import FloatArray
+from fecore.identification.arrangement import Arrangement
+from fecore.identification.basis import Terms
+from fecore.identification.compression import compress
+from fecore.identification.drift import Drift, aligned, drift_of
+from fecore.identification.error_model import ErrorModel, memory
+from fecore.identification.gains import in_band
+from fecore.identification.learning import learn, tones, without_lines
+from fecore.identification.noise import line_scatter, profile_of
+from fecore.identification.outliers import leave_out_outliers
+from fecore.identification.refinement import Fit, evaluate, noise_of, refine, refine_with_noise
+from fecore.identification.residues import known_or
+from fecore.identification.screening import lines_in_words
+from fecore.identification.search import Search
+from fecore.identification.selection import grow, hold_vague
+from fecore.identification.sifting import Sifted, sift
+
+_CLEANER = 0.1  # errors over those supposed, from which more can be seen than was looked for
+_RELEARN = 3
+_MANY = 64  # FRFs from which the poles of the combinations are kept as they are
+_DROWNED = 0.3  # square of the jumps from line to line over the power: nothing but noise
+_RAISED = 10.0  # power at 0 Hz over that at the end of such lines, from which they are leakage
+_FEWEST = 3
+_ALIGN = 2  # the drift is found to first order: what is left, once more
+
+Report = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Searched:
+    """The search with its errors, the poles that it needs, and what was seen on the way."""
+
+    search: Search
+    sifted: Sifted
+    said: tuple[str, ...]
+
+
+def leakage(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
+    """Leave out the lines next to 0 Hz in which the FRFs jump from line to line as noise does, and rise towards 0 Hz."""
+    values = arrangement.values
+    if values.shape[1] < 10 * _FEWEST:
+        return arrangement, []
+    power = np.sum(np.abs(values) ** 2, axis=0)
+    jump = np.sum(np.abs(values[:, 1:-1] - (values[:, :-2] + values[:, 2:]) / 2) ** 2, axis=0) / 1.5
+    around = (power[:-2] + power[1:-1] + power[2:]) / 3
+    rough = median_filter(jump / np.maximum(around, 1e-300), size=5, mode="nearest")
+    smooth = np.flatnonzero(rough < _DROWNED)
+    first = int(smooth[0]) + 1 if smooth.size else 0
+    if first < _FEWEST or np.mean(power[:_FEWEST]) < _RAISED * power[first]:
+        return arrangement, []
+    cut = replace(
+        arrangement,
+        frequency_hz=arrangement.frequency_hz[first:],
+        values=values[:, first:],
+        measured=arrangement.measured[:, first:],
+        variance=arrangement.variance[:, first:],
+    )
+    at = cut.frequency_hz[0]
+    return cut, [f"leakage below {at:g} Hz left out: the FRFs jump from line to line there and rise towards 0 Hz"]
+
+
+def search_poles(
+    arrangement: Arrangement, noise: FloatArray, pool: tuple[FloatArray, FloatArray], most: int, report: Report
+) -> Searched:
+    """The poles that the FRFs need.
+
+    Args:
+        arrangement: the FRFs.
+        noise: (N, L) variance of their noise.
+        pool: frequencies (Hz) and damping ratios of candidate poles.
+        most: largest number of poles.
+        report: told of progress.
+    """
+    small = compress(arrangement, noise)
+    search = Search(small, ErrorModel(small.squares(noise), small.squares(np.abs(arrangement.values) ** 2)))
+    rounds = 0
+
+    def step(fit: Fit) -> None:
+        nonlocal rounds
+        rounds += 1
+        inside = int(np.sum(in_band(arrangement, fit.terms.frequency_hz)))
+        report(f"searching poles: {inside} found", 0.1 + 0.5 * (1 - 0.85**rounds))
+
+    said: list[str] = []
+    search, fit = grow(search, Terms(np.empty(0), np.empty(0), (0,)), pool, most, step)
+    lines = tones(fit)
+    if lines.size:
+        said.append(f"interference at {lines_in_words(arrangement.frequency_hz[lines])}: left out")
+        search, fit = grow(without_lines(search, lines), fit.terms, pool, most, step)
+    for _ in range(_RELEARN):
+        learnt = learn(search, fit)
+        cleaner = np.median(learnt.variance(fit)) < _CLEANER * np.median(search.variance(fit))
+        search = learnt
+        if not cleaner:
+            break
+        search, fit = grow(search, fit.terms, pool, most, step)
+    report("trying the series without each pole", 0.65)
+    sifted = sift(search, fit, lambda: report("trying the series without each pole", 0.7))
+    more = tones(sifted.fit)  # a pole that stood on such a line has hidden it
+    if more.size:
+        said.append(f"interference at {lines_in_words(arrangement.frequency_hz[more])}: left out")
+        search = without_lines(search, more)
+        fit = evaluate(search.arrangement, sifted.fit.terms, search.variance(sifted.fit))
+        search = learn(search, refine(search.arrangement, fit.terms, fit.variance, steps=8))
+        again = sift(search, fit, lambda: report("trying the series without each pole", 0.72))
+        sifted = replace(again, dropped=(*sifted.dropped, *again.dropped))
+    return Searched(search, sifted, tuple(said))
+
+
+def final_fit(
+    arrangement: Arrangement, searched: Searched, report: Report
+) -> tuple[Arrangement, Fit, Drift | None, list[str]]:
+    """The needed poles, fitted to all FRFs by maximum likelihood, without their drift and without single outlying values."""
+    search, found = searched.search, searched.sifted.fit
+    measured = arrangement.measured & search.arrangement.measured.any(axis=0)
+    arrangement = replace(arrangement, measured=measured, values=np.where(measured, arrangement.values, 0))
+    report("refining with all FRFs", 0.75)
+    first_line = arrangement.frequency_hz[0] / arrangement.spacing_hz
+    noise = known_or(arrangement, line_scatter(arrangement.values, measured, first_line))
+    fit = evaluate(arrangement, found.terms, noise)
+    profile = profile_of(line_scatter(fit.residual, measured, first_line))
+    fit = evaluate(arrangement, found.terms, noise_of(arrangement, fit, profile))
+    total, said = None, []
+    for _ in range(_ALIGN):
+        drift = drift_of(arrangement, fit)
+        if drift is None:
+            break
+        total = drift if total is None else total.plus(drift)
+        arrangement = aligned(arrangement, fit, drift)
+        if len(arrangement.pairs) >= _MANY:
+            small = replace(search.arrangement, values=search.small.mixing @ arrangement.values)
+            found = refine(small, found.terms, search.variance(found))
+        fit = evaluate(arrangement, found.terms, fit.variance)
+        fit = evaluate(arrangement, found.terms, noise_of(arrangement, fit, profile))
+    if total is not None:
+        said.append(f"the FRFs drift against each other by {100 * total.sd:.2g} % of a frequency (1 sd): aligned")
+    if len(arrangement.pairs) < _MANY:
+        free = replace(fit.terms, held=np.zeros(fit.terms.pairs, dtype=bool))
+        fit = evaluate(arrangement, free, fit.variance)
+        held = hold_vague(fit, ~in_band(arrangement, fit.terms.frequency_hz))
+        fit = refine_with_noise(
+            arrangement, held, fit.variance, profile=profile, report=lambda: report("refining with all FRFs", 0.8)
+        )
+        arrangement, fit, outliers = leave_out_outliers(arrangement, fit, profile)
+        said += outliers
+    tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
+    return arrangement, replace(fit, memory=tau), total, said

@@ -1,0 +1,99 @@
+"""What a user should know of the modes that were found, and of what the fit leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from fecore.arrays import FloatArray
+from fecore.identification.arrangement import Arrangement
+from fecore.identification.guards import Verdict, shares
+from fecore.identification.refinement import Fit
+from fecore.identification.shapes import Shapes, residue_matrix
+
+_FEW_LINES = 2.0  # lines in the half-power bandwidth below which the damping is not resolved
+_COMPLEX = 0.8  # modal phase collinearity below which a mode is called complex
+_WEAK = 0.5  # share of an FRF at its own frequency below which a mode is called weak
+_SECOND_SHAPE = 0.1  # second singular value of the residues over the first from which there are two modes
+_UNEXPLAINED = 4.0  # mean square of the residual over the noise, over five lines, that is worth saying
+_CLOSE = 1.5  # distance of two modes in their mean bandwidth from which their shapes mix little
+
+
+def remarks(arrangement: Arrangement, fit: Fit, verdict: Verdict, shapes: Shapes) -> list[str]:
+    """What a user should know of the modes that were kept."""
+    f, zeta = fit.terms.frequency_hz[verdict.kept], fit.terms.damping_ratio[verdict.kept]
+    sd = np.sqrt(np.diag(fit.parameter_covariance))[fit.terms.pairs + verdict.kept]
+    notes = []
+    for k in range(f.size):
+        name = f"mode {k + 1} ({f[k]:.2f} Hz)"
+        if (why := verdict.doubt[k]) is not None:
+            notes.append(f"{name} is doubtful: {why}")
+        lines = 2 * zeta[k] * f[k] / max(arrangement.spacing_hz, 1e-300)
+        if lines < _FEW_LINES:
+            notes.append(
+                f"{name}: its half-power bandwidth covers {lines:.1f} lines, so its damping rests on the window and on"
+                " leakage; measure with a finer line spacing"
+            )
+        if (share := shares(arrangement, fit, int(verdict.kept[k]))[0]) < _WEAK:
+            notes.append(f"{name}: weak, at most {100 * share:.0f} % of any FRF at its own frequency")
+        if shapes.collinearity[k] < _COMPLEX:
+            notes.append(f"{name}: complex shape (modal phase collinearity {shapes.collinearity[k]:.2f})")
+        if sd[k] > 0.1 * zeta[k]:
+            notes.append(f"{name}: damping is known to ± {100 * sd[k] / zeta[k]:.0f} % only")
+        if k and (f[k] - f[k - 1]) < _CLOSE * (zeta[k] * f[k] + zeta[k - 1] * f[k - 1]) / 2:
+            notes.append(f"modes {k} and {k + 1} ({f[k - 1]:.2f} and {f[k]:.2f} Hz) overlap: a close pair")
+    return notes + _rank_two(arrangement, fit, verdict) + _driving_points(arrangement, fit, verdict)
+
+
+def unexplained(arrangement: Arrangement, fit: Fit, rough: FloatArray) -> list[str]:
+    """Where the residual of all FRFs together is far above the noise that their own roughness states."""
+    square = np.where(arrangement.measured, np.abs(fit.residual) ** 2 / rough, 0.0).sum(axis=0)
+    level = uniform_filter1d(square / np.maximum(arrangement.measured.sum(axis=0), 1), 5, mode="nearest")
+    at: list[int] = []
+    for line in np.argsort(-level)[:50]:
+        if level[line] > _UNEXPLAINED and len(at) < 4 and all(abs(line - other) > 10 for other in at):
+            at.append(int(line))
+    if not at:
+        return []
+    where = ", ".join(f"{arrangement.frequency_hz[line]:g} Hz ({np.sqrt(level[line]):.1f} times)" for line in at)
+    return [
+        f"the residual stands above the noise near {where}: a mode that the lines do not separate, a non-linear one,"
+        " leakage or interference; try a finer line spacing"
+    ]
+
+
+def _rank_two(arrangement: Arrangement, fit: Fit, verdict: Verdict) -> list[str]:
+    """Poles whose residues against several fixed dofs are not one shape: two modes at one frequency."""
+    if len(arrangement.roving) * len(arrangement.fixed) != len(arrangement.pairs) or len(arrangement.fixed) < 2:
+        return []
+    residues, variance = fit.residues()
+    size = np.sqrt(len(arrangement.roving)) + np.sqrt(len(arrangement.fixed))
+    notes = []
+    for number, k in enumerate(verdict.kept, start=1):
+        singular = np.linalg.svd(residue_matrix(arrangement, residues[:, k]), compute_uv=False)
+        noise = size * np.sqrt(np.mean(variance[:, k]))  # about the largest singular value of noise alone
+        if singular[1] > 5 * noise and singular[1] > _SECOND_SHAPE * singular[0]:
+            notes.append(
+                f"mode {number} ({fit.terms.frequency_hz[k]:.2f} Hz): its residues against the fixed dofs are of rank two:"
+                " two modes at one frequency, of which the stronger shape is given"
+            )
+    return notes
+
+
+def _driving_points(arrangement: Arrangement, fit: Fit, verdict: Verdict) -> list[str]:
+    """A driving point has positive modal masses; where most come out negative, one of its signs is wrong."""
+    notes = []
+    f, zeta = fit.terms.frequency_hz[verdict.kept], fit.terms.damping_ratio[verdict.kept]
+    damped = 2 * np.pi * f * np.sqrt(1 - zeta**2)
+    for row, (a, b) in enumerate(arrangement.pairs):
+        if a != b:
+            continue
+        c = fit.linear.coefficients[row]
+        modal = (2j * damped * (c[2 * verdict.kept] + 1j * c[2 * verdict.kept + 1])).real
+        if modal.size and np.sum(modal[modal < 0]) < -0.5 * np.sum(np.abs(modal)):
+            notes.append(
+                f"driving point {arrangement.label(row)}: {int(np.sum(modal < 0))} of {modal.size} modes have a negative"
+                " modal mass there, so the sign of hammer or sensor is wrong (a hit along -Z entered as +Z?); all shapes"
+                " of this fixed dof are turned if it is the sensor, one entry if it is the hit"
+            )
+    return notes

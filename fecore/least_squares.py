@@ -1,0 +1,127 @@
+"""Levenberg and Marquardt's method for sums of squares: the one minimiser of the core.
+
+At a point x the misfit E is modelled by its descent g = -∂E/∂x and a positive semidefinite H ≈ ∂²E/∂x² (Gauss and Newton's),
+
+    E(x + s) ≈ E(x) - gᵀs + sᵀHs/2,        (H + μ diag H) s = g,
+
+and the damping μ follows the ratio of the decrease to the one that this model foretells, by Nielsen's rule (IMM-REP-1999-05): a
+rule that multiplies μ by fixed factors makes every other step fail where the misfit is curved. The parameters are scaled by
+√diag H, so their units do not matter (Moré, Lecture Notes in Mathematics 630, 1978).
+
+A point is an object of the caller's, which knows its own misfit: what it holds besides, and how a step moves it, is not the
+method's business. So bounds, logarithms and parameters on a manifold are all in `move`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, Literal, Protocol, TypeVar
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+
+_FIRST_DAMPING = 1e-3
+_LEAST_RELIEF = 0.1  # of the damping after a step as good as foretold
+_STUCK = 1e12  # damping beyond which no step will help
+
+
+class Iterate(Protocol):
+    """A point with the quadratic model of the misfit there."""
+
+    @property
+    def cost(self) -> float:
+        """The misfit E."""
+        ...
+
+    @property
+    def descent(self) -> FloatArray:
+        """(p,) -∂E/∂x."""
+        ...
+
+    @property
+    def hessian(self) -> FloatArray:
+        """(p, p) Gauss and Newton's approximation of ∂²E/∂x²."""
+        ...
+
+
+P = TypeVar("P", bound=Iterate)
+
+
+@dataclass(frozen=True)
+class Stopping:
+    """When a minimum is reached, and when the search is given up.
+
+    Attributes:
+        relative, absolute: an undamped step that could gain no more than relative · E + absolute has converged. A damped one
+            is short, so what it gains says nothing.
+        stalled: relative decrease of E that counts as none; `stalled_steps` of them running have converged too.
+        steps: most trial steps.
+    """
+
+    relative: float = 1e-10
+    absolute: float = 0.0
+    stalled: float = 1e-7
+    stalled_steps: int = 5
+    steps: int = 100
+
+
+@dataclass(frozen=True)
+class Minimum(Generic[P]):
+    """Where a search ended.
+
+    Attributes:
+        point: the best point.
+        outcome: `converged`; `stuck` where no step along the descent lowers E; `exhausted` after the most steps; `singular`
+            where a direction does not change E at all, so the minimum is no point.
+    """
+
+    point: P
+    outcome: Literal["converged", "stuck", "exhausted", "singular"]
+
+
+def minimise(
+    first: P,
+    move: Callable[[P, FloatArray], P | None],
+    stopping: Stopping | None = None,
+    visit: Callable[[int, P], None] = lambda *_: None,
+) -> Minimum[P]:
+    """Go down from a first point to a minimum of E.
+
+    Args:
+        first: where to start.
+        move: the point that a step of shape (p,) leads to, or None where there is none: out of bounds, not computable.
+        stopping: when to stop; the defaults suit a misfit that is smooth to round-off.
+        visit: called before each trial step with its number and the point it starts from, for progress and histories; an
+            exception from it ends the search.
+    """
+    stopping = stopping or Stopping()
+    point, damping, growth, stalled = first, _FIRST_DAMPING, 2.0, 0
+    for trial in range(stopping.steps):
+        visit(trial, point)
+        size = np.sqrt(np.diag(point.hessian))
+        if not np.all(size > 0):
+            return Minimum(point, "singular")
+        scaled, slope = point.hessian / np.outer(size, size), point.descent / size
+        try:
+            gain = float(slope @ np.linalg.solve(scaled, slope)) / 2
+        except np.linalg.LinAlgError:
+            return Minimum(point, "singular")
+        if gain <= stopping.relative * point.cost + stopping.absolute:
+            return Minimum(point, "converged")
+        step = np.linalg.solve(scaled + damping * np.eye(size.size), slope) / size
+        there = move(point, step)
+        if there is not None and there.cost <= point.cost:
+            fall = point.cost - there.cost
+            stalled = stalled + 1 if fall <= stopping.stalled * point.cost else 0
+            foretold = float(step @ point.descent - step @ point.hessian @ step / 2)
+            damping *= max(_LEAST_RELIEF, 1 - (2 * fall / foretold - 1) ** 3)
+            point, growth = there, 2.0
+            if stalled >= stopping.stalled_steps:
+                return Minimum(point, "converged")
+        elif damping > _STUCK:
+            return Minimum(point, "stuck")
+        else:
+            damping, growth = damping * growth, 2 * growth
+    return Minimum(point, "exhausted")

@@ -1,0 +1,38 @@
+"""Time blocks of hammer hits to FRFs with variance: blocks, pulse, traits, comparison, judgement, windows,
+estimators, process.
+"""
+
+from fecore.processing.blocks import Block, ChannelQuantity, Hit
+from fecore.processing.delay import Delay, estimate_delay
+from fecore.processing.document import Processed, Processing
+from fecore.processing.estimators import Estimate, Estimator, estimate
+from fecore.processing.judgement import Criterion, Finding, Limits, Verdict, overrule
+from fecore.processing.look import Look, look
+from fecore.processing.process import process
+from fecore.processing.spectra import Source, by_point
+from fecore.processing.windows import Windows, remove_window
+
+__all__ = [
+    "Block",
+    "ChannelQuantity",
+    "Criterion",
+    "Delay",
+    "Estimate",
+    "Estimator",
+    "Finding",
+    "Hit",
+    "Limits",
+    "Look",
+    "Processed",
+    "Processing",
+    "Source",
+    "Verdict",
+    "Windows",
+    "by_point",
+    "estimate",
+    "estimate_delay",
+    "look",
+    "overrule",
+    "process",
+    "remove_window",
+]

@@ -1,0 +1,116 @@
+"""Time blocks of a hammer test: one channel's block, and the hit that several channels recorded together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.errors import InputError
+from fecore.frf import Dof, Quantity
+
+ChannelQuantity = Literal["force", "acceleration", "velocity", "displacement"]
+
+FRF_QUANTITY: dict[ChannelQuantity, Quantity] = {
+    "acceleration": "accelerance",
+    "velocity": "mobility",
+    "displacement": "receptance",
+}
+
+FEWEST_SAMPLES = 64
+"""Samples below which a block holds neither a pulse with its surroundings nor a spectrum."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """What one channel recorded of one hit.
+
+    Attributes:
+        dof: grid point and signed direction of the sensor or the hit.
+        quantity: what the samples are.
+        samples: (n,) values in SI (N, m/s², m/s, m), after the sensitivity.
+        window_rate_per_s: r where the analyser has multiplied the block by exp(-r t), t from its first sample; 0 for
+        none.
+        full_scale: largest magnitude that the channel can record, in the unit of the samples; None where it is not
+        known.
+    """
+
+    dof: Dof
+    quantity: ChannelQuantity
+    samples: FloatArray
+    window_rate_per_s: float = 0.0
+    full_scale: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.quantity not in get_args(ChannelQuantity):
+            raise InputError(
+                "quantity", f"is {self.quantity!r}, expected one of {', '.join(get_args(ChannelQuantity))}"
+            )
+        if self.samples.ndim != 1 or self.samples.size < FEWEST_SAMPLES:
+            raise InputError("samples", f"has shape {self.samples.shape}, expected {FEWEST_SAMPLES} samples or more")
+        if not np.isfinite(self.samples.sum(dtype=np.float64)):  # one pass; a sum of finite blocks does not overflow
+            bad = np.flatnonzero(~np.isfinite(self.samples))
+            raise InputError("samples", f"of the {self.quantity} hold NaN or infinity, first at sample {bad[0] + 1}")
+        if not (np.isfinite(self.window_rate_per_s) and self.window_rate_per_s >= 0):
+            raise InputError("window_rate_per_s", f"is {self.window_rate_per_s}, expected 0 or more per second")
+        if self.full_scale is not None and not self.full_scale > 0:
+            raise InputError("full_scale", f"is {self.full_scale}, expected a positive number")
+
+    def window(self, sample_rate_hz: float) -> FloatArray | None:
+        """(n,) weights that the analyser has applied, or None for none."""
+        if self.window_rate_per_s == 0:
+            return None
+        weights: FloatArray = np.exp(-self.window_rate_per_s / sample_rate_hz * np.arange(self.samples.size))
+        return weights
+
+
+@dataclass(frozen=True)
+class Hit:
+    """One hit: the force and what the sensors recorded of it, on one clock.
+
+    Attributes:
+        force: the hammer's block.
+        responses: the sensors' blocks, as long as the force.
+        sample_rate_hz: samples a second.
+        number: which hit of its point it is, from 1.
+    """
+
+    force: Block
+    responses: tuple[Block, ...]
+    sample_rate_hz: float
+    number: int = 1
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.sample_rate_hz) and self.sample_rate_hz > 0):
+            raise InputError("sample_rate_hz", f"is {self.sample_rate_hz}, expected a positive number")
+        if self.force.quantity != "force":
+            raise InputError("force", f"holds {self.force.quantity}; the channels are swapped, or their names are")
+        if not self.responses:
+            raise InputError("responses", "is empty; a hit needs a response")
+        for block in self.responses:
+            if block.quantity == "force":
+                raise InputError("responses", "holds a force; a hit has one hammer")
+            if block.samples.size != self.force.samples.size:
+                raise InputError(
+                    "responses",
+                    f"has {block.samples.size} samples at point {block.dof.point}, the force "
+                    f"{self.force.samples.size}; "
+                    "both channels of a hit are as long",
+                )
+
+    @property
+    def samples(self) -> int:
+        """Length of the blocks."""
+        return int(self.force.samples.size)
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the blocks, s; 1 over it is the distance of the frequency lines."""
+        return self.samples / self.sample_rate_hz
+
+    @property
+    def pair(self) -> tuple[Dof, tuple[Dof, ...]]:
+        """Where it was hit and where the sensors stood: hits with the same pair are averaged."""
+        return self.force.dof, tuple(block.dof for block in self.responses)

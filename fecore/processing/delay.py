@@ -1,0 +1,88 @@
+"""Delay between the channels, estimated from the FRFs themselves.
+
+A response that comes d seconds late has phase -ωd in its FRF, which a fit takes for damping. A lightly and
+proportionally damped body has real modal constants, so at each resonance H = (iω)^k R/(iω - p) + smooth, with R in
+phase ±90° but for the delay. At every clear peak the rational function (a + b iω)/(iω - p) is fitted to a few lines by
+linear least squares; the residues' phases, up to half turns, over all peaks give d: the maximum of Σ cos(2(φ + ω d)).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.arrays import ComplexArray, FloatArray
+from fecore.frf import FrfSet, convert
+
+_NARROWEST, _WIDEST = 3, 100
+_FEWEST_PEAKS = 6
+_LARGEST_S = 3e-4
+_GOOD_FIT = 0.03
+
+
+@dataclass(frozen=True)
+class Delay:
+    """How much later the response is than the force: `seconds` ± `sd`, from `peaks` resonances."""
+
+    seconds: float
+    sd: float
+    peaks: int
+
+
+def estimate_delay(frfs: FrfSet, rate_per_s: float = 0.0) -> Delay | None:
+    """The delay common to all FRFs, or None where they have too few clear resonances for it.
+
+    `rate_per_s` is the exponential window's rate that the FRFs carry.
+    """
+    omega, phase = [], []
+    power = int(np.round(np.angle(convert(np.ones(1), frfs.quantity))[0] / (np.pi / 2))) % 4
+    for values in frfs.values:
+        for line, half in _peaks(np.abs(values)):
+            found = _residue(frfs.omega, values, line, half)
+            if found is not None:
+                pole, residue = found
+                scaled = residue / (pole + rate_per_s) ** power * 2j
+                omega.append(abs(pole.imag))
+                phase.append(np.angle(scaled))
+    if len(omega) < _FEWEST_PEAKS:
+        return None
+    w, p = np.array(omega), np.array(phase)
+    top = min(_LARGEST_S, 0.8 * np.pi / (2 * float(np.median(w))) * 2)
+    grid = np.linspace(-top, top, 2001)
+    score = np.cos(2 * (p + w * grid[:, None])).sum(axis=1)
+    d = float(grid[int(np.argmax(score))])
+    off = (np.angle(np.exp(2j * (p + w * d)))) / 2
+    keep = np.abs(off) < 3 * max(float(np.median(np.abs(off))) * 1.4826, 1e-3)
+    d -= float(np.sum(w[keep] * off[keep]) / np.sum(w[keep] ** 2))
+    off = np.angle(np.exp(2j * (p[keep] + w[keep] * d))) / 2
+    sd = float(np.sqrt(np.sum(off**2) / max(keep.sum() - 1, 1) / np.sum(w[keep] ** 2)))
+    return Delay(d, sd, int(keep.sum()))
+
+
+def _peaks(size: FloatArray) -> list[tuple[int, int]]:
+    """Line and half width, in lines, of the clear maxima: those that fall to half on both sides before they rise again."""
+    found = []
+    for line in np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:])) + 1:
+        low = size[max(line - _WIDEST, 0) : line][::-1] < size[line] / 2
+        high = size[line + 1 : line + 1 + _WIDEST] < size[line] / 2
+        if not (low.any() and high.any()):
+            continue
+        half = max(int(np.argmax(low)), int(np.argmax(high)), _NARROWEST - 1) + 1
+        if half <= line < size.size - half and size[line] == size[line - half : line + half + 1].max():
+            found.append((int(line), half))
+    return found
+
+
+def _residue(omega: FloatArray, values: ComplexArray, line: int, half: int) -> tuple[complex, complex] | None:
+    """Pole and residue of (a + b iω)/(iω - p) about a line; None where it does not fit."""
+    cut = slice(line - half, line + half + 1)
+    centre = omega[line]
+    s, h = 1j * (omega[cut] - centre), values[cut]
+    matrix = np.column_stack((h, np.ones_like(s), s))
+    (pole, a, b), *_ = np.linalg.lstsq(matrix, s * h, rcond=None)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fitted = (a + b * s) / (s - pole)
+    if not np.all(np.isfinite(fitted)) or np.abs(fitted - h).max() > _GOOD_FIT * np.abs(h).max() or pole.real >= 0:
+        return None
+    return complex(pole + 1j * centre), complex(a + b * pole)

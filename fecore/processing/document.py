@@ -1,0 +1,73 @@
+"""What a processing is asked, and what it answers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from fecore.arrays import FloatArray, IntArray
+from fecore.errors import InputError
+from fecore.frf import Dof, FrfSet
+from fecore.processing.delay import Delay
+from fecore.processing.estimators import Estimator, check_estimator
+from fecore.processing.judgement import Limits, Verdict
+from fecore.processing.windows import Windows
+
+
+@dataclass(frozen=True)
+class Processing:
+    """All choices of a processing; None is chosen from the hits and stated in the result.
+
+    Attributes:
+        estimator: H1, H2 or Hv.
+        windows: force and exponential window.
+        band_hz: lines that are kept, both ends included; None: from the first line above 0 Hz to the sampling rate
+        over 2.56.
+        delay_s: time by which the response lags the force, to be taken out of the FRFs.
+        limits: what a hit may show.
+        overrules: a user's decisions by hit (force dof, number): True uses it, False leaves it out.
+    """
+
+    estimator: Estimator = "H1"
+    windows: Windows | None = None
+    band_hz: tuple[float, float] | None = None
+    delay_s: float = 0.0
+    limits: Limits = field(default_factory=Limits)
+    overrules: Mapping[tuple[Dof, int], bool] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_estimator(self.estimator)
+        if not abs(self.delay_s) < 1:
+            raise InputError("delay_s", f"is {self.delay_s}, expected less than a second")
+        if self.band_hz is not None and not 0 <= self.band_hz[0] < self.band_hz[1]:
+            raise InputError("band_hz", f"is {self.band_hz}, expected two increasing frequencies in Hz")
+
+
+@dataclass(frozen=True)
+class Processed:
+    """What hits became.
+
+    Attributes:
+        frfs: the FRFs with their variance, one a point and response.
+        coherence: (N, L) γ².
+        hits: (N,) hits that each FRF is the mean of.
+        used: the numbers of those hits, for each FRF.
+        verdicts: one a hit, in the order of the hits.
+        processing: the choices, with those that were made here filled in.
+        rate_per_s: rate of the exponential window that the FRFs carry, with the analyser's own; `remove_window`
+        corrects poles.
+        delay: how much later the response is than the force, where resonances show it.
+        excited_hz: highest frequency at which the hammer still has a tenth of its amplitude.
+        warnings: what a user should know, in words.
+    """
+
+    frfs: FrfSet
+    coherence: FloatArray
+    hits: IntArray
+    used: tuple[tuple[int, ...], ...]
+    verdicts: tuple[Verdict, ...]
+    processing: Processing
+    rate_per_s: float
+    delay: Delay | None
+    excited_hz: float
+    warnings: tuple[str, ...]

@@ -1,0 +1,126 @@
+"""FRFs, coherence and variance from the spectra of several hits.
+
+With F_i and A_i the spectra of force and response of hit i, S_ff = Σ|F_i|², S_aa = Σ|A_i|², S_af = Σ A_i F_i*:
+
+    H1 = S_af/S_ff           least squares with noise in the response alone,
+    H2 = S_aa/S_af*          with noise in the force alone,
+    Hv                       total least squares: the eigenvector of the 2 × 2 matrix for its smallest eigenvalue, with
+    the channels
+                             scaled to equal power,
+    γ² = |S_af|²/(S_ff S_aa).
+
+The hits of a point differ mostly by where they land, not by noise, so each counts alike however strong it was: both
+spectra of a hit are divided by the root mean square of its force over the lines before they are summed.
+
+Variance. Hit i says H_i = A_i/F_i with weight w_i = |F_i|²/S_ff; the estimate is their weighted mean, and its variance
+is that of the scatter seen, for weights that differ (the "HC2" sandwich, unbiased where all hits scatter alike):
+
+    s² = Σ w_i² |H_i - H|² / (1 - w_i).
+
+With n hits it rests on about n - 1 complex degrees of freedom, so one line alone may be wrong by a factor of several.
+A line's variance is therefore drawn towards the mean over its neighbourhood and over the campaign's FRFs, by the
+weight of `_PRIOR` degrees of freedom; the mean over lines stays what was seen. One hit alone has no scatter: its
+variance is not known (NaN).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from fecore.arrays import ComplexArray, FloatArray
+from fecore.errors import InputError
+
+Estimator = Literal["H1", "H2", "Hv"]
+
+_PRIOR = 4.0
+_NEIGHBOURS = 9
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One FRF.
+
+    Attributes:
+        values: (L,) complex FRF.
+        coherence: (L,) γ², 0 to 1.
+        variance: (L,) variance E|n|² of each value; NaN for a single hit.
+        hits: how many hits it is the mean of.
+    """
+
+    values: ComplexArray
+    coherence: FloatArray
+    variance: FloatArray
+    hits: int
+
+
+def check_estimator(name: str) -> None:
+    """Refuse an unknown estimator.
+
+    Raises:
+        InputError: it is not one of H1, H2, Hv.
+    """
+    if name not in get_args(Estimator):
+        raise InputError("estimator", f"is {name!r}, expected one of {', '.join(get_args(Estimator))}")
+
+
+def estimate(forces: ComplexArray, responses: ComplexArray, estimator: Estimator = "H1") -> Estimate:
+    """The FRF of (h, L) force and (h, L) response spectra of the hits of one point."""
+    check_estimator(estimator)
+    level = np.sqrt(np.mean(np.abs(forces) ** 2, axis=1, keepdims=True))
+    level = np.where(level > 0, level, 1.0)
+    forces, responses = forces / level, responses / level
+    force2, response2 = np.abs(forces) ** 2, np.abs(responses) ** 2
+    ff, aa = force2.sum(axis=0), response2.sum(axis=0)
+    af = (responses * forces.conj()).sum(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = _ESTIMATORS[estimator](ff, aa, af)
+        coherence = np.clip(np.nan_to_num(np.abs(af) ** 2 / (ff * aa)), 0, 1)
+    values = np.where(np.isfinite(values), values, 0)
+    if len(forces) < 2:
+        return Estimate(values, coherence, np.full(values.shape, np.nan), len(forces))
+    weight = force2 / np.maximum(ff, 1e-300)
+    off = np.abs(responses - values * forces) ** 2
+    spread = weight / (1 - np.minimum(weight, 0.999)) / np.maximum(ff, 1e-300)
+    variance = (off * spread).sum(axis=0)
+    return Estimate(values, coherence, pooled(values, variance, len(forces)), len(forces))
+
+
+def pooled(values: ComplexArray, variance: FloatArray, hits: int) -> FloatArray:
+    """The variance of each line drawn towards that of its neighbours, relative to |H|²; the sum over a neighbourhood
+    stays.
+    """
+    if variance.size < _NEIGHBOURS:
+        return variance
+    kernel = np.ones(_NEIGHBOURS) / _NEIGHBOURS
+    level = _smooth(np.abs(values) ** 2, kernel)
+    near = _smooth(variance, kernel)
+    shape = np.where(level > 0, np.abs(values) ** 2 / np.maximum(level, 1e-300), 1.0)
+    expected = near * (0.5 + 0.5 * shape)
+    freedom = hits - 1.0
+    drawn: FloatArray = (freedom * variance + _PRIOR * expected) / (freedom + _PRIOR)
+    return drawn
+
+
+def _smooth(x: FloatArray, kernel: FloatArray) -> FloatArray:
+    half = kernel.size // 2
+    mean: FloatArray = np.convolve(np.pad(x, half, mode="edge"), kernel, mode="valid")
+    return mean
+
+
+def _h1(ff: FloatArray, _aa: FloatArray, af: ComplexArray) -> ComplexArray:
+    return np.asarray(af / ff)
+
+
+def _h2(_ff: FloatArray, aa: FloatArray, af: ComplexArray) -> ComplexArray:
+    return np.asarray(aa / af.conj())
+
+
+def _hv(ff: FloatArray, aa: FloatArray, af: ComplexArray) -> ComplexArray:
+    gain = np.sqrt(aa / ff)  # channels of equal power: the eigenvector then lies between H1 and H2
+    return np.asarray(gain * af / np.abs(af))
+
+
+_ESTIMATORS = {"H1": _h1, "H2": _h2, "Hv": _hv}

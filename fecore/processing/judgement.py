@@ -1,0 +1,291 @@
+"""The judgement of a hit: seven criteria, each with a number, a limit and a sentence.
+
+Limits rest on what each number can be for a good hit, not on a set of data. A second pulse must stand out of its
+neighbourhood by more than noise does once in a million blocks and weigh more than the after-ringing of hammers; an
+overload is where samples pile up at one level; what lies before the pulse is compared with the quietest half of the
+campaign's own hits; a hit's FRF is compared with the others of its point, on the scale of the whole campaign's scatter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from statistics import median
+from typing import Literal
+
+import numpy as np
+
+from fecore.errors import InputError
+from fecore.frf import Dof
+from fecore.processing.comparison import Comparison
+from fecore.processing.pulse import SMALLEST_SECOND
+from fecore.processing.traits import Top, Traits
+
+_STOP_BAND_SCATTER = 3.0
+
+Criterion = Literal["double", "overload", "quiet", "late", "early", "place", "polarity"]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a hit may show.
+
+    Attributes:
+        second_pulse: largest second pulse as a share of the first.
+        second_pulse_noise: how many standard deviations of its neighbourhood a second pulse must have to be one.
+        full_scale: share of a channel's stated full scale that is an overload.
+        quiet_share: smallest peak force as a share of the median of the campaign's hits.
+        quiet_noise: smallest peak force in standard deviations of the force channel's noise.
+        lead: samples before the pulse, as a share of its width.
+        before_noise: largest level of the response before the pulse over the campaign's quiet hits.
+        before_response: the same as a share of the response's largest value, where no other hit can be asked.
+        place: largest distance of a hit's FRF from those of its point, in the campaign's typical distances.
+        likeness: correlation with the other hits of its point below which a hit has the opposite sign.
+        cut_top: largest part of a channel above the filter's cut, as a share of its largest value, that other hits do
+        not have.
+    """
+
+    second_pulse: float = 0.03
+    second_pulse_noise: float = 8.0
+    full_scale: float = 0.998
+    quiet_share: float = 0.25
+    quiet_noise: float = 20.0
+    lead: float = 0.5
+    before_noise: float = 2.5
+    before_response: float = 0.02
+    place: float = 4.5
+    likeness: float = -0.5
+    cut_top: float = 0.06
+
+    def __post_init__(self) -> None:
+        if not self.second_pulse >= 2 * SMALLEST_SECOND:
+            raise InputError("limits.second_pulse", f"is {self.second_pulse}, expected {2 * SMALLEST_SECOND:g} or more")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One criterion of one hit: `failed` where the number is on the wrong side of the limit."""
+
+    criterion: Criterion
+    number: float
+    limit: float
+    failed: bool
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """All findings of a hit.
+
+    Attributes:
+        force: where it was hit.
+        number: which hit of its point it is.
+        findings: one a criterion that could be judged.
+        overruled: what a user has decided against them, or None.
+    """
+
+    force: Dof
+    number: int
+    findings: tuple[Finding, ...]
+    overruled: bool | None = None
+
+    @property
+    def faults(self) -> tuple[Finding, ...]:
+        """The findings that failed."""
+        return tuple(f for f in self.findings if f.failed)
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the hit is used."""
+        return not self.faults if self.overruled is None else self.overruled
+
+
+@dataclass(frozen=True)
+class Usual:
+    """What the hits of a campaign are usually like.
+
+    Attributes:
+        peak: median magnitude of the peak force, N; None for a hit alone.
+        before: level before the pulse of the quiet hits, by response dof.
+        stop_band: what the channels usually have above the filter's cut over their level, and at least, force first.
+        polarity: sign of most pulses.
+    """
+
+    peak: float | None
+    before: Mapping[Dof, float]
+    stop_band: tuple[tuple[float, float], ...] = ()
+    polarity: int = 1
+
+
+def usual(found: Sequence[Traits]) -> Usual:
+    """What hits are usually like, from all of them: medians, so that up to half may be faulty."""
+    if len(found) < 3:
+        return Usual(None, {})
+    clear = [t for t in found if abs(t.pulse.height) > 20 * t.pulse.noise]
+    levels: dict[Dof, list[float]] = {}
+    for traits in found:
+        for dof, before in zip(traits.responses, traits.before, strict=True):
+            if before.samples:
+                levels.setdefault(dof, []).append(before.level)
+    quiet = {d: median(sorted(v)[: (len(v) + 1) // 2 + 1]) for d, v in levels.items() if len(v) >= 3}
+    if not clear:
+        return Usual(None, quiet)
+    heights = [t.pulse.height for t in clear]
+    stop = tuple(
+        (median(top.stop_band / top.level for top in tops), median(top.stop_band for top in tops))
+        for tops in zip(*(t.tops for t in clear), strict=True)
+        if all(top.level > 0 for top in tops)
+    )
+    upward = sum(h > 0 for h in heights)
+    return Usual(median(map(abs, heights)), quiet, stop, 1 if 2 * upward >= len(heights) else -1)
+
+
+def judge(traits: Traits, others: Usual, comparison: Comparison | None, limits: Limits | None = None) -> Verdict:
+    """The verdict of one hit, from its own numbers, the campaign's usual ones, and the other hits of its point."""
+    limits = limits or Limits()
+    findings = [
+        _late(traits, limits),
+        _quiet(traits, others, limits),
+        _double(traits, limits),
+        *_overload(traits, others, limits),
+        *_early(traits, others, limits),
+    ]
+    if traits.pulse.height * others.polarity < 0 and not any(f.failed for f in findings[:2]):
+        sentence = "The hammer's pulse points the other way than those of the other hits; was the direction turned?"
+        findings.append(Finding("polarity", -1.0, limits.likeness, True, sentence))
+    if comparison is not None:
+        findings += _compared(comparison, limits)
+    return Verdict(traits.force, traits.number, tuple(findings))
+
+
+def overrule(verdict: Verdict, accepted: bool | None) -> Verdict:
+    """The verdict with a user's decision; None takes it back."""
+    return replace(verdict, overruled=accepted)
+
+
+def _late(traits: Traits, limits: Limits) -> Finding:
+    pulse = traits.pulse
+    need = max(limits.lead * pulse.width, 2.0)
+    if abs(pulse.height) < 8 * pulse.noise or pulse.height == 0:
+        return Finding(
+            "late", 0.0, need, True, "The force block holds no pulse above its noise: the hit lies outside the block."
+        )
+    if pulse.peak > 0.5 * traits.samples:
+        sentence = f"The pulse lies at {pulse.peak / traits.samples:.0%} of the block; most of the response is lost."
+        return Finding("late", (traits.samples - pulse.peak) / traits.samples, 0.5, True, sentence)
+    failed = pulse.start < need
+    sentence = f"{pulse.start} samples lie before the pulse; at least {need:.3g} must, or its beginning is lost."
+    return Finding("late", float(pulse.start), need, failed, sentence)
+
+
+def _quiet(traits: Traits, others: Usual, limits: Limits) -> Finding:
+    pulse = traits.pulse
+    height = abs(pulse.height)
+    if height < limits.quiet_noise * pulse.noise or others.peak is None or others.peak == 0:
+        ratio = height / pulse.noise if pulse.noise > 0 else (np.inf if height else 0.0)
+        sentence = (
+            f"The peak force of {height:.3g} N is {ratio:.3g} times the channel's noise; "
+            f"{limits.quiet_noise:g} times are needed."
+        )
+        return Finding("quiet", ratio, limits.quiet_noise, bool(ratio < limits.quiet_noise), sentence)
+    share = height / others.peak
+    sentence = (
+        f"The peak force of {height:.3g} N is {share:.0%} of the usual {others.peak:.3g} N; "
+        f"{limits.quiet_share:.0%} are needed."
+    )
+    return Finding("quiet", share, limits.quiet_share, bool(share < limits.quiet_share), sentence)
+
+
+def _double(traits: Traits, limits: Limits) -> Finding:
+    pulse = traits.pulse
+    failed = pulse.second > limits.second_pulse and pulse.second_z > limits.second_pulse_noise
+    after = (pulse.second_at - pulse.peak) / traits.sample_rate_hz * 1e3
+    number = pulse.second if pulse.second_z > limits.second_pulse_noise else 0.0
+    sentence = (
+        f"A second pulse of {pulse.second:.1%} of the first stands {abs(after):.3g} ms "
+        f"{'after' if after > 0 else 'before'} it; "
+        f"the limit is {limits.second_pulse:.0%}."
+        if failed
+        else f"No second pulse above {limits.second_pulse:.0%} of the first and the noise."
+    )
+    return Finding("double", number, limits.second_pulse, failed, sentence)
+
+
+def _overload(traits: Traits, others: Usual, limits: Limits) -> list[Finding]:
+    found = []
+    for number, (channel, top) in enumerate(zip(traits.channels, traits.tops, strict=True)):
+        name = channel.name
+        if channel.full_scale is not None:
+            share = top.level / channel.full_scale
+            sentence = f"The {name} reaches {share:.1%} of its full scale; {limits.full_scale:.1%} is an overload."
+            if share >= limits.full_scale:
+                found.append(Finding("overload", share, limits.full_scale, True, sentence))
+                continue
+        part = _beyond_filter(top, others.stop_band[number]) if number < len(others.stop_band) else 0.0
+        if part > limits.cut_top:
+            sentence = (
+                f"The {name} has {part:.0%} of its largest value above the anti-alias filter's cut, which the other "
+                f"hits have not "
+                f"(limit {limits.cut_top:.0%}): its top was cut off behind the filter."
+            )
+            found.append(Finding("overload", part, limits.cut_top, True, sentence))
+            continue
+        flat = top.flat(pulse=channel.quantity == "force")
+        sentence = f"{top.equal} samples of the {name} stand at its largest level, {top.level:.4g}: it was cut off."
+        calm = f"The largest values of the {name} are not cut off."
+        found.append(Finding("overload", float(top.equal), 3.0, flat, sentence if flat else calm))
+    return found
+
+
+def _beyond_filter(top: Top, usual_part: tuple[float, float]) -> float:
+    """What a channel has above the filter's cut beyond what is usual, as a share of its largest value."""
+    share, least = usual_part
+    expected = _STOP_BAND_SCATTER * max(share * top.level, least)
+    return float(np.sqrt(max(top.stop_band**2 - expected**2, 0.0))) / top.level if top.level > 0 else 0.0
+
+
+def _early(traits: Traits, others: Usual, limits: Limits) -> list[Finding]:
+    found = []
+    for dof, before, top in zip(traits.responses, traits.before, traits.tops[1:], strict=True):
+        if before.samples == 0 or top.level == 0:
+            continue
+        share = before.level / top.level
+        floor = others.before.get(dof)
+        if floor is not None and floor > 0:
+            ratio = before.level / floor
+            failed = ratio > limits.before_noise and share > 1e-5
+            sentence = (
+                f"Before the pulse the response is {ratio:.2g} times as loud as before quiet hits; "
+                f"the limit is {limits.before_noise:g}."
+            )
+            found.append(Finding("early", ratio, limits.before_noise, bool(failed), sentence))
+        else:
+            sentence = (
+                f"Before the pulse the response is {share:.2%} of its largest value; "
+                f"the limit is {limits.before_response:.0%}."
+            )
+            found.append(
+                Finding("early", share, limits.before_response, bool(share > limits.before_response), sentence)
+            )
+        if found[-1].failed:
+            text = found[-1].sentence + " The body still rings from the hit before."
+            found[-1] = replace(found[-1], sentence=text)
+    return found
+
+
+def _compared(comparison: Comparison, limits: Limits) -> list[Finding]:
+    alike = comparison.likeness
+    turned = alike < limits.likeness
+    signs = f"The FRF correlates by {alike:.2f} with those of the point's other hits"
+    if turned:
+        return [Finding("polarity", alike, limits.likeness, True, f"{signs}: it has the opposite sign.")]
+    found = [
+        Finding("polarity", alike, limits.likeness, False, f"{signs}; below {limits.likeness:g} its sign is opposite.")
+    ]
+    failed = comparison.distance > limits.place
+    sentence = (
+        f"The FRF lies {comparison.distance:.2g} typical distances from the point's other hits; the limit is "
+        f"{limits.place:g}." + (" It was probably hit at another place." if failed else "")
+    )
+    found.append(Finding("place", comparison.distance, limits.place, failed, sentence))
+    return found

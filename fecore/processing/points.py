@@ -1,0 +1,107 @@
+"""The hits of one point after their first look, and the judgement of all points of a campaign."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.frf import Dof
+from fecore.processing.blocks import Hit
+from fecore.processing.comparison import FEWEST, Comparison, Deviation, compare, deviations
+from fecore.processing.document import Processing
+from fecore.processing.estimators import Estimate, estimate
+from fecore.processing.judgement import Verdict, judge, overrule, usual
+from fecore.processing.spectra import Spectra
+from fecore.processing.traits import Traits, find_traits
+
+_AT_FAULT_ALONE = ("late", "double", "overload", "polarity", "quiet")
+
+
+@dataclass(frozen=True)
+class Point:
+    """What the first pass keeps of a point: pairs, numbers of its hits, and the FRFs of those that seemed good."""
+
+    force: Dof
+    responses: tuple[Dof, ...]
+    numbers: tuple[int, ...]
+    traits: tuple[Traits, ...]
+    deviations: tuple[Deviation | None, ...]
+    used: tuple[int, ...]
+    estimates: tuple[Estimate, ...]
+    excitation: FloatArray
+
+
+def judge_points(points: Sequence[Point], processing: Processing) -> list[list[Verdict]]:
+    """The verdicts of all hits of a campaign."""
+    others = usual([traits for point in points for traits in point.traits])
+    compared = compare([point.deviations for point in points])
+    verdicts = []
+    for point, comparisons in zip(points, compared, strict=True):
+        found = [
+            judge(traits, others, comparison, processing.limits)
+            for traits, comparison in zip(point.traits, comparisons, strict=True)
+        ]
+        found = _undecided(found, comparisons)
+        verdicts.append([overrule(v, processing.overrules.get((v.force, v.number))) for v in found])
+    return verdicts
+
+
+def _undecided(found: list[Verdict], comparisons: Sequence[Comparison | None]) -> list[Verdict]:
+    """Where half of the compared hits of a point would lie elsewhere, nobody can say which: none of them is at fault
+    for it.
+    """
+    compared = [i for i, c in enumerate(comparisons) if c is not None]
+    far = [i for i in compared if any(f.criterion == "place" and f.failed for f in found[i].findings)]
+    if not far or 2 * len(far) < len(compared):
+        return found
+    text = (
+        f" As {len(far)} of the point's {len(compared)} hits lie apart, it is open which were hit at the right place."
+    )
+
+    def lenient(verdict: Verdict) -> Verdict:
+        changed = tuple(
+            replace(f, failed=False, sentence=f.sentence + text) if f.criterion == "place" and f.failed else f
+            for f in verdict.findings
+        )
+        return replace(verdict, findings=changed)
+
+    return [lenient(v) if i in far else v for i, v in enumerate(found)]
+
+
+def first_look(spectra: Spectra, hits: Sequence[Hit]) -> Point:
+    """Numbers of a point's hits, and the FRFs of those that are good by themselves."""
+    for hit in hits:
+        spectra.check(hit)
+    traits = tuple(find_traits(hit) for hit in hits)
+    others = usual(traits)
+    alone = [judge(t, replace(others, before={}), None, spectra.processing.limits) for t in traits]
+    used = tuple(i for i, v in enumerate(alone) if not any(f.criterion in _AT_FAULT_ALONE for f in v.faults))
+    forces, responses = spectra.stack(hits, traits, used)
+    compared: list[Deviation | None] = [None] * len(hits)
+    if len(used) >= FEWEST:
+        found = [deviations(forces[:, spectra.compared], r[:, spectra.compared]) for r in responses]
+        for k, i in enumerate(used):  # the sensor that objects most speaks for the hit
+            compared[i] = max((f[k] for f in found), key=lambda d: float(d.energy.sum()))
+    estimates = tuple(estimate(forces, r, spectra.processing.estimator) for r in responses) if used else ()
+    excitation = np.mean(np.abs(forces), axis=0) if used else np.zeros(spectra.lines.size)
+    return Point(
+        hits[0].force.dof,
+        hits[0].pair[1],
+        tuple(h.number for h in hits),
+        traits,
+        tuple(compared),
+        used,
+        estimates,
+        excitation,
+    )
+
+
+def second_look(spectra: Spectra, hits: Sequence[Hit], good: tuple[int, ...]) -> tuple[Estimate, ...]:
+    """The FRFs of the chosen hits of a point; none for no hits."""
+    if not good:
+        return ()
+    forces, responses = spectra.stack(hits, [find_traits(hit) for hit in hits], good)
+    return tuple(estimate(forces, r, spectra.processing.estimator) for r in responses)

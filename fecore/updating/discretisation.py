@@ -1,0 +1,102 @@
+"""A mesh for a specimen and a band: elements as the waves need them, and an estimate of what they miss.
+
+The element's frequencies converge with the fourth power of its size along a strip, f(h) - f ∝ h⁴. So a mesh half as fine along
+x misses 16 times as much there, and the difference of the two, over 15, is what the fine one misses (Richardson). Across, a
+layer as wide as the thickness lies along each free edge, where twist turns into shear, which elements much wider than it do not
+see; so a narrow strip begins with elements of its size. Elements are added until the largest estimate of the modes in the band
+is below the tolerance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.body.specimen import Specimen
+from fecore.dynamics.eigen import modes_below, normal_modes
+
+DISCRETISATION = 2e-4
+"""Largest relative error of a natural frequency by the mesh."""
+
+_PER_WAVE = 6.0  # elements a bending wave's length to begin with
+_FEWEST = (8, 2)
+_EDGE_LAYER = 2.0  # thicknesses that an element may be wide, to begin with, …
+_MOST_ACROSS = 16  # … but not beyond so many elements: on a wide plate the layer weighs little
+_MOST = 1500  # elements: a job with more would take minutes
+_SAFETY = 1.3  # on the number of elements that the fourth power asks for
+_ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """A mesh and what it misses.
+
+    Attributes:
+        divisions: elements along the length and across the width.
+        error: (n,) estimated relative errors of the elastic natural frequencies in the band.
+        by_side: the largest of them by the size along the length, and by that across.
+    """
+
+    divisions: tuple[int, int]
+    error: FloatArray
+    by_side: FloatArray
+
+
+def discretise(specimen: Specimen, highest_hz: float) -> Discretisation:
+    """Choose a specimen's mesh for its modes up to a frequency, at its nominal constants.
+
+    Where the tolerance would take more elements than `_MOST`, the finest mesh allowed stands with what it misses.
+    """
+    divisions = _within(_first(specimen, highest_hz))
+    for _ in range(_ROUNDS):
+        found = _estimate(specimen, divisions, highest_hz)
+        if found.error.max(initial=0.0) <= DISCRETISATION or np.prod(divisions) >= 0.9 * _MOST:
+            break
+        grown = _SAFETY * (2 * found.by_side / DISCRETISATION) ** 0.25
+        more = tuple(int(np.ceil(d * max(g, 1.0))) for d, g in zip(divisions, grown, strict=True))
+        divisions = _within((more[0], more[1]))
+    return found
+
+
+def _estimate(specimen: Specimen, divisions: tuple[int, int], highest_hz: float) -> Discretisation:
+    """What a mesh misses, by meshes half as fine along one side each."""
+    fine = _frequencies(specimen, divisions, highest_hz)
+    errors = []
+    for axis, d in enumerate(divisions):
+        half = max(1, d // 2)
+        coarse = (half, divisions[1]) if axis == 0 else (divisions[0], half)
+        apart = np.abs(_frequencies(specimen, coarse, highest_hz, fine.size) / fine - 1)
+        errors.append(apart / ((d / half) ** 4 - 1))
+    return Discretisation(divisions, np.sum(errors, axis=0), np.max(errors, axis=1))
+
+
+def _within(divisions: tuple[int, int]) -> tuple[int, int]:
+    """No more elements than are allowed, in the same proportion."""
+    share = min(1.0, float(np.sqrt(_MOST / np.prod(divisions))))
+    return max(2, int(divisions[0] * share)), max(2, int(divisions[1] * share))
+
+
+def _first(specimen: Specimen, highest_hz: float) -> tuple[int, int]:
+    """By the length of bending waves at the highest frequency, k⁴ = ρtω²/D, along x and across."""
+    section = specimen.section
+    mass, omega = specimen.material.density * specimen.thickness, 2 * np.pi * highest_hz
+    waves = [2 * np.pi * (section.D[i, i] / (mass * omega**2)) ** 0.25 for i in (0, 1)]
+    sides = zip((specimen.length, specimen.width), waves, _FEWEST, strict=True)
+    nx, ny = (max(fewest, int(np.ceil(_PER_WAVE * side / wave))) for side, wave, fewest in sides)
+    layered = int(np.ceil(specimen.width / (_EDGE_LAYER * specimen.thickness)))
+    return nx, max(ny, min(layered, _MOST_ACROSS))
+
+
+def _frequencies(specimen: Specimen, divisions: tuple[int, int], highest_hz: float, count: int = 0) -> FloatArray:
+    """(n,) elastic natural frequencies up to the highest, or as many as are asked for, Hz."""
+    meshed = replace(specimen, divisions=divisions)
+    constants = np.array(list(meshed.nominal.values()))
+    model = meshed.model
+    stiffness = np.concatenate([meshed.stiffness_coefficients(constants), [s.stiffness for s in meshed.springs]])
+    K, M = model.stiffness.at(stiffness), model.mass.at(meshed.mass_coefficients(constants))
+    rigid = model.rigid_modes.shape[1]
+    wanted = count or max(modes_below(K, M, (2 * np.pi * highest_hz) ** 2) - rigid, 1)
+    frequencies: FloatArray = normal_modes(K, M, wanted + rigid, model.rigid_modes).frequency_hz[rigid:]
+    return frequencies

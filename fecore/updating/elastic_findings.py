@@ -1,0 +1,91 @@
+"""What looks wrong with an elastic update, and what it means for the use of its result."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fecore.modes import MeasuredModes
+from fecore.updating.elastic import ElasticResult
+from fecore.updating.verdict import Finding, notes
+
+SAME_SHAPE = 0.8
+"""MAC below which two shapes are not taken to be those of one mode."""
+
+_FAR = 2.0  # prior standard deviations from the prior mean that are worth a warning
+_USUAL_MISS = 0.01  # of frequencies, root mean square: five times what plate theory misses of a body and its supports
+HOPELESS_MISS = 0.03
+"""The same, from which model and measurement do not belong together."""
+
+
+def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:
+    """All findings, by what they mean."""
+    measured, model = modes.frequency_hz, elastic.updated.frequency_hz
+    pairing = elastic.pairing
+    alone = len(pairing.unpaired_measured)
+    found = notes(pairing.messages(measured, model), None, 1)
+    if 2 * alone > len(modes):
+        text = (
+            f"{alone} of {len(modes)} measured modes have no partner in the model: this is not the model of what was measured; "
+            "check that the file belongs to this structure, and boundary, points and frame"
+        )
+        found.append(Finding(text, "do_not_use", 100))
+    elif alone:
+        found.append(Finding(f"{alone} of {len(modes)} measured modes have no partner in the model", "with_care", 6))
+    return [
+        *found,
+        *_unlike_shapes(elastic, modes),
+        *_missed_frequencies(elastic),
+        *_far_from_prior(elastic),
+        *_confounded(elastic),
+    ]
+
+
+def _unlike_shapes(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:
+    matrix, pairs = elastic.pairing.mac, elastic.pairing.pairs
+    if matrix is None:
+        return []
+    values = np.array([matrix[pair] for pair in pairs])
+    found = [
+        f"measured mode {row + 1} ({modes.frequency_hz[row]:.2f} Hz) has only MAC {matrix[row, column]:.2f} with its "
+        f"partner, model mode {column + 1} ({elastic.updated.frequency_hz[column]:.2f} Hz): check boundary, points and "
+        "directions"
+        for row, column in pairs
+        if matrix[row, column] < SAME_SHAPE
+    ]
+    if np.median(values) < SAME_SHAPE:
+        text = f"most measured shapes are unlike the model's (median MAC {np.median(values):.2f})"
+        return [Finding(text, "do_not_use", 80), *notes(found, "with_care", 7)]
+    return notes(found, "with_care", 7)
+
+
+def _missed_frequencies(elastic: ElasticResult) -> list[Finding]:
+    if elastic.misfit < _USUAL_MISS:
+        return []
+    text = (
+        f"the updated model misses the measured frequencies by {100 * elastic.misfit:.1f} % (rms), far more than plate theory "
+        "does: a prior that is too sure, a constant fixed at a wrong value, or wrong geometry, density or boundary; the "
+        "estimates are only as right as these"
+    )
+    return [Finding(text, "do_not_use" if elastic.misfit > HOPELESS_MISS else "with_care", 60)]
+
+
+def _far_from_prior(elastic: ElasticResult) -> list[Finding]:
+    prior, coordinates, theta = elastic.updated.forward.parametrisation, elastic.coordinates, elastic.theta
+    away = (coordinates.of(theta) - coordinates.mean) / coordinates.sd
+    texts = [
+        f"{prior.names[i]} ended {abs(away[i]):.1f} prior standard deviations {'above' if away[i] > 0 else 'below'} its "
+        f"prior mean ({theta[i]:.3g} against {prior.prior_mean[i]:.3g}): the prior or the model is wrong, and its interval "
+        "supposes neither"
+        for i in np.flatnonzero(np.abs(away) > _FAR)
+    ]
+    return notes(texts, "with_care", 20)
+
+
+def _confounded(elastic: ElasticResult) -> list[Finding]:
+    texts = [
+        f"{each.name} cannot be told from {', '.join(each.confounded_with)}: the data fix a combination of them alone; "
+        "fix one, or state how well it is known"
+        for each in elastic.identifiability
+        if each.confounded_with and each.name in elastic.updated.forward.parametrisation.reported
+    ]
+    return notes(texts, "with_care", 10)

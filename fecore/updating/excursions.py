@@ -1,0 +1,142 @@
+"""Inputs that are believed to be nothing, but may be something: a clamp that gives way, fibres askew, a sensor not stated.
+
+Their prior is one-sided, or they count by their square, so the estimate stays where they are nothing and the interval reaches
+to where they would be something. What each does to the natural frequencies is exact to first order, or solved for:
+
+- a clamp's compliance C lets the edge move by C times the reaction R of a mode, δλ = -R² C; and as a rigid motion r of the
+  whole body strains nothing, its reaction is that of the inertia, R = λ rᵀMφ;
+- a mass m at a point where the mode moves by φ lowers it by δλ = -λ m φ²;
+- fibres askew by an angle change it by the angle's square, so the model is solved with them at one standard deviation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.body.specimen import BeamSpecimen, Specimen
+from fecore.updating.forward import ForwardState
+from fecore.updating.inputs import UNSTATED_SENSOR, Inputs
+
+REACH_95 = 1.959963984540054
+"""Of 95 % of a half-normal's mass, and of |z| of a Gaussian, in standard deviations."""
+
+_SOLVED_TO = 1e-5  # relative, of a frequency on the reduced basis: a difference below is round-off
+
+
+@dataclass(frozen=True)
+class Excursion:
+    """What one standard deviation of an input does.
+
+    Attributes:
+        name: of the input.
+        shift: (n,) relative change of the model's elastic natural frequencies.
+        kind: `one-sided` and linear; `square`: as the square of a Gaussian; `both` sides alike.
+        stated: whether the laboratory stated the standard deviation.
+        amount: one standard deviation in words, with its unit.
+    """
+
+    name: str
+    shift: FloatArray
+    kind: Literal["one-sided", "square", "both"]
+    stated: bool
+    amount: str
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the input's effect, over that of one standard deviation: √E[z⁴] = √3 for a square."""
+        return float(np.sqrt(3.0)) if self.kind == "square" else 1.0
+
+    def draws(self, random: np.random.Generator, count: int) -> FloatArray:
+        """(n,) draws of the input's effect, in that of one standard deviation."""
+        normal = random.standard_normal(count)
+        return {"one-sided": np.abs(normal), "square": normal**2, "both": normal}[self.kind]
+
+    @property
+    def reach(self) -> float:
+        """Of 95 % of the effect, over that of one standard deviation."""
+        return REACH_95**2 if self.kind == "square" else REACH_95
+
+
+def excursions(state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]) -> tuple[Excursion, ...]:
+    """All excursions of a body's inputs that change its frequencies.
+
+    Args:
+        state: the updated model.
+        inputs: what the laboratory says of its inputs.
+        fixed_points: points at which a sensor stood through the test, if one was not stated.
+    """
+    found = [*_clamp(state, inputs), *_sensor(state, inputs, fixed_points), *_fibres(state, inputs)]
+    return tuple(each for each in found if np.any(each.shift))
+
+
+def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
+    """Rotation of the clamp, and its translation and roll: EI/kL and (t/L)² of it."""
+    body = state.forward.specimen
+    sd = inputs.standard_deviation("clamp_compliance")
+    if not isinstance(body, Specimen | BeamSpecimen) or body.boundary != "cantilever" or body.springs or not sd:
+        return []
+    if isinstance(body, Specimen) and body.supports is not None:
+        return []
+    constants = dict(zip(state.forward.parametrisation.constant_names, state.constants, strict=True))
+    t, L, b = constants["thickness"], constants["length"], constants["width"]
+    EI = constants["Ex" if "Ex" in constants else "E"] * b * t**3 / 12
+    heave, roll, pitch = state.participation(body.model.start_motions)
+    value = state.modes.eigenvalue[state.modes.rigid :]
+    across = sd * (t / L) ** 2 * L**3 / EI
+    rotation = -value * pitch**2 * sd * L / EI / 2
+    translation = -value * (heave**2 + 12 / b**2 * roll**2) * across / 2
+    stated = inputs.is_stated("clamp_compliance")
+    return [
+        Excursion("clamp_rotation", rotation, "one-sided", stated, f"EI/kL = {sd:.3g}"),
+        Excursion("clamp_translation", translation, "one-sided", stated, f"EI/kL³ = {sd * (t / L) ** 2:.2g}"),
+    ]
+
+
+def _sensor(state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]) -> list[Excursion]:
+    """The stated sensor's mass, or that of one that nobody stated."""
+    forward, body = state.forward, state.forward.specimen
+    masses = getattr(body, "masses", ())
+    stated = inputs.is_stated("sensor_mass")
+    if masses:
+        sds = np.array([inputs.standard_deviation("sensor_mass", each.mass) for each in masses])
+        places = np.array([[each.x, each.y] for each in masses])
+        shapes = state.deflection(places)
+        kind: Literal["both", "one-sided"] = "both"
+    elif fixed_points and not forward.roving_mass:
+        sds = np.full(len(fixed_points), inputs.sensor_mass_sd if stated else UNSTATED_SENSOR)
+        rows = [forward.points.index(point) for point in fixed_points]
+        shapes = state.shapes[:, rows]
+        kind = "one-sided"
+    else:
+        return []
+    shift = -(shapes**2) @ sds / 2
+    return [Excursion("sensor_mass", shift, kind, stated, f"{1e3 * sds.max():.2g} g")]
+
+
+def _fibres(state: ForwardState, inputs: Inputs) -> list[Excursion]:
+    """Fibres askew by one standard deviation, to one side and to the other."""
+    forward, body = state.forward, state.forward.specimen
+    sd = inputs.standard_deviation("fibre_angle")
+    if not isinstance(body, Specimen) or not sd:
+        return []
+    shifts = []
+    for angle in (body.fibre_angle + sd, body.fibre_angle - sd):
+        turned = replace(forward.parametrisation, body=replace(body, fibre_angle=angle))
+        shifts.append(forward.frequencies_at(turned, state.theta) / state.frequency_hz - 1)
+    even, odd = (shifts[0] + shifts[1]) / 2, (shifts[0] - shifts[1]) / 2
+    stated, amount = inputs.is_stated("fibre_angle"), f"{np.degrees(sd):.2g}°"
+    return [
+        Excursion("fibre_angle", even, "square", stated, amount),
+        Excursion("fibre_angle_linear", np.where(np.abs(odd) > _SOLVED_TO, odd, 0.0), "both", stated, amount),
+    ]
+
+
+def fixed_points(responses: Sequence[int], references: Sequence[int]) -> tuple[int, ...]:
+    """Points at which a sensor stood while the hammer moved: response points far fewer than reference points."""
+    sensors = tuple(sorted(set(responses)))
+    return sensors if len(sensors) < len(set(references)) else ()

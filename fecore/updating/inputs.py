@@ -1,0 +1,118 @@
+"""What a laboratory knows of its inputs, and how well.
+
+Every number that a laboratory hands in beside the modes has an error of its own: lengths, density, the angle of the fibres,
+Poisson's ratio, the sensor's mass, the clamp, the delay between channels, the window. Each is a nuisance with a prior. A
+standard deviation that is not stated is that of a careful laboratory:
+
+| input | standard deviation | why |
+|---|---|---|
+| length | 0.5 mm | a steel rule at both ends; where a clamp begins to hold is no better known |
+| width | 0.2 mm | a calliper on a sawn edge |
+| thickness | 1.2 % | moulded laminates vary by that over their area; so do the two thicknesses of the source paper's one bar |
+| density | 1.5 % | weight over volume, of which the thickness is a part |
+| Poisson's ratio | 0.05 | a handbook's value |
+| fibre angle | 1° | hand lay-up and sawing |
+| clamp, EI/kL | 0.0075, one-sided | a vice on a bench: the source paper's own was 0.012 |
+| sensor not stated | 1 g, one-sided | a small accelerometer that nobody wrote down |
+| sensor stated | 5 % | its cable and wax |
+| delay between channels | 30 µs | one line of a slow multiplexed converter |
+| window not stated | rate 4/T, one-sided | exponential windows are the habit of hammer tests; T is the record's length |
+
+A clamp gives way in translation too, as the elastic jaw does that lets it rotate: by (t/L)² of EI/kL.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from fecore.errors import InputError
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """Standard deviations of the inputs, SI: None is a careful laboratory's, 0 means exactly known.
+
+    Attributes:
+        length_sd, width_sd, thickness_sd: m.
+        density_sd: kg/m³.
+        nu_xy_sd: of Poisson's ratio.
+        fibre_angle_sd: rad, about the stated angle.
+        clamp_compliance_sd: of EI/kL of a clamped edge, k its rotational stiffness: the scale of a half-normal prior.
+        sensor_mass_sd: kg; where no sensor is stated, the scale of a half-normal prior.
+        delay_sd: of the delay between response and force channel, s.
+        window_rate: 1/τ of an exponential window exp(-t/τ) on the response, 1/s, or of both channels; 0 for none, None where
+            nobody said.
+        window_rate_sd: of a stated rate, 1/s.
+
+    Raises:
+        InputError: a value is negative or not finite.
+    """
+
+    length_sd: float | None = None
+    width_sd: float | None = None
+    thickness_sd: float | None = None
+    density_sd: float | None = None
+    nu_xy_sd: float | None = None
+    fibre_angle_sd: float | None = None
+    clamp_compliance_sd: float | None = None
+    sensor_mass_sd: float | None = None
+    delay_sd: float | None = None
+    window_rate: float | None = None
+    window_rate_sd: float = 0.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if value is not None and not (np.isfinite(value) and value >= 0):
+                raise InputError(f"inputs.{field.name}", f"is {value}, expected a number that is not negative")
+
+    @classmethod
+    def exact(cls) -> Inputs:
+        """Everything exactly known: no clamp compliance, sensor, window or delay that was not stated."""
+        known = cls()
+        return replace(known, **{field.name: 0.0 for field in fields(known)})
+
+    def is_stated(self, name: str) -> bool:
+        """Whether the laboratory stated a standard deviation itself; names as of `TOLERANCES`."""
+        return getattr(self, f"{name}_sd") is not None
+
+    def standard_deviation(self, name: str, value: float = 1.0) -> float:
+        """Of an input by its name, SI; relative tolerances are shares of its value."""
+        stated = getattr(self, f"{name}_sd")
+        if stated is not None:
+            return float(stated)
+        tolerance, relative = TOLERANCES[name]
+        return tolerance * abs(value) if relative else tolerance
+
+
+TOLERANCES: dict[str, tuple[float, bool]] = {
+    "length": (0.5e-3, False),
+    "width": (0.2e-3, False),
+    "thickness": (0.012, True),
+    "density": (0.015, True),
+    "nu_xy": (0.05, False),
+    "fibre_angle": (float(np.radians(1.0)), False),
+    "clamp_compliance": (0.0075, False),
+    "sensor_mass": (0.05, True),
+    "delay": (30e-6, False),
+}
+"""Standard deviation of each input that a laboratory does not state, and whether it is a share of the input's value."""
+
+UNSTATED_SENSOR = 1e-3
+"""Scale of the half-normal prior of the mass of a sensor that nobody stated, kg."""
+
+UNSTATED_WINDOW = 4.0
+"""Scale of the half-normal prior of an unstated exponential window's rate, over the record's length: such windows end at 1 to
+5 % of their first value."""
+
+CONSTANT_INPUTS = {
+    "length": "length",
+    "width": "width",
+    "thickness": "thickness",
+    "density": "density",
+    "nu_xy": "nu_xy",
+    "nu": "nu_xy",
+}
+"""Constants of a specimen that are inputs, and the name of each tolerance."""

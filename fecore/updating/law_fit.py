@@ -1,0 +1,342 @@
+"""Stage 2: a damping law from complex FRFs, all FRFs and modes of a band together (Eq. 11).
+
+The modes and their residues come from the updated elastic model and stay; the law's coefficients a and a frequency shift
+δ_k of each measured mode (a misfit of a natural frequency looks like damping) minimise
+
+    E(a, δ) = Σ_i Σ_l w_il |r_il|²,    r = H_exp - H(λ_k (1 + δ_k)², c(a, ω_k))   (or ln H_exp/H for `log`)
+
+by Levenberg and Marquardt's method. A law is never exact: each mode's rate is c_k exp(ε_k) with ε_k ~ N(0, s²), and the
+priors of the nuisance parameters join E, which for `noise` weights is the negative log likelihood. A law that fits keeps ε
+at zero; one that does not is then fitted to all modes alike, in place of to the one with the strongest signal. Modes that
+were not measured, above the band say, have shifts and deviations with priors too: else their tails, taken as exact, would show
+a damping that nobody measured.
+Rigid-body modes, and those that move on the springs of the supports, are damped by what they hang
+on and not by the law: each has a rate of its own.
+
+Every derivative goes through the modes' eigenvalues λ_k and damping rates c_k, of which there are
+few: ∂H_i/∂λ_k = -f A_ik/D_k² and ∂H_i/∂c_k = iω ∂H_i/∂λ_k. So the normal equations are accumulated once for (λ, c), and
+any law is a small matrix on top of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.dynamics.damping_laws import DampingLaw, beyond, damping_rate
+from fecore.dynamics.synthesis import ModalFrfModel
+from fecore.errors import UpdatingError
+from fecore.frf import Quantity
+from fecore.least_squares import Stopping, minimise
+from fecore.updating.misfit import FrfMisfit, NormalEquations
+from fecore.updating.parameters import by_name
+
+_ROUND_OFF = 1e-12  # of the weighted signal: noise-free data cannot be fitted better
+_LARGEST_SHIFT = 0.1  # a mode further off than this was not paired rightly
+_LARGEST_BELIEVED_SHIFT = 0.5  # of a mode that was not measured
+_LARGEST_LOG_RATE = 25.0  # e²⁵ 1/s is beyond any damping: a step that overshoots must not overflow
+_SUSPENSION_SD = 2.0  # prior standard deviation of the logarithm of a suspended mode's rate: nobody knows it
+
+
+@dataclass(frozen=True)
+class DampingFit:
+    """A law fitted to FRFs.
+
+    Attributes:
+        law: the law.
+        coefficients: (p,) estimate.
+        nuisance: the modes with a shift and a deviation.
+        shift: (s,) their relative frequency shifts δ_k.
+        eigenvalue: (m,) eigenvalues as fitted, λ_k (1 + δ_k)².
+        rate: (m,) damping rates as fitted, deviations and the window's rate included; law_rate: (m,) those of the law alone.
+        cost: misfit E of the data, weighted; objective: with the deviations' prior.
+        noise_covariance: (p, p) covariance of the coefficients by measurement noise alone.
+        response: (p, 2m) derivative of the estimate by the misfit's gradient in (λ, c): how a wrong model moves it.
+        normal: normal equations at the estimate.
+        history: (iterations, p) coefficients, first to last.
+    """
+
+    law: DampingLaw
+    coefficients: FloatArray
+    nuisance: Nuisance
+    shift: FloatArray
+    eigenvalue: FloatArray
+    rate: FloatArray
+    law_rate: FloatArray
+    cost: float
+    objective: float
+    noise_covariance: FloatArray
+    response: FloatArray
+    normal: NormalEquations
+    history: FloatArray
+
+    def synthesise(self, model: ModalFrfModel, frequency_hz: FloatArray, quantity: Quantity) -> ComplexArray:
+        """(N, L) FRFs of the elastic model between any dofs under the law, modes that the model leaves out included."""
+        tail = beyond(self.law, self.coefficients, float(model.omega[-1]))
+        return model.synthesise(frequency_hz, self.rates(model.omega), quantity, tail)
+
+    def rates(self, omega: FloatArray) -> FloatArray:
+        """(m,) rates to predict FRFs with, the model's modes at ω: the law's, but a suspended mode's own."""
+        rates = damping_rate(self.law, self.coefficients, omega) + self.nuisance.window_rate
+        rates[self.nuisance.suspended] = self.rate[self.nuisance.suspended]
+        return rates
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """Modes that may lie off the model in frequency, and off the law in damping.
+
+    Attributes:
+        modes: (s,) their numbers among the model's.
+        first_shift: (s,) relative shifts to start from.
+        shift_sd: (s,) prior standard deviation of the shifts; infinite where they are free.
+        deviation_sd: (s,) prior standard deviation of ε; 0 where the law is taken as exact.
+        suspended: (r,) numbers of the modes that the law does not damp, with a rate of their own.
+        suspended_rate: (r,) about which these are expected, within a factor of some seven, 1/s.
+        window_rate: 2/τ of an exponential window on the data, which every mode's rate has on top, 1/s.
+    """
+
+    modes: IntArray
+    first_shift: FloatArray
+    shift_sd: FloatArray
+    deviation_sd: FloatArray
+    suspended: IntArray = field(default_factory=lambda: np.arange(0))
+    suspended_rate: FloatArray = field(default_factory=lambda: np.zeros(0))
+    window_rate: float = 0.0
+
+    @classmethod
+    def of_exact_law(cls, modes: IntArray, first_shift: FloatArray) -> Nuisance:
+        """Free shifts and no deviations: Eq. 11 with the frequencies let go."""
+        return cls(modes, first_shift, np.full(modes.size, np.inf), np.zeros(modes.size))
+
+
+def fit_law(
+    misfit: FrfMisfit,
+    law: DampingLaw,
+    start: FloatArray,
+    nuisance: Nuisance,
+    scale: float = 1.0,
+    progress: Callable[[float], None] = lambda _: None,
+) -> DampingFit:
+    """Fit a law's coefficients and the modes' frequency shifts.
+
+    Args:
+        misfit: data and model.
+        law: the law.
+        start: (p,) first coefficients.
+        nuisance: modes that may lie off the model and the law.
+        scale: what E of one value is by noise alone: 1 for `noise` weights. It brings priors into the units of E.
+        progress: told the share that is done.
+
+    Raises:
+        UpdatingError: no convergence; it carries the best iterate.
+    """
+    problem = _Problem(misfit, law, nuisance, scale)
+    history: list[FloatArray] = []
+
+    def visit(trial: int, point: _Point) -> None:
+        progress(1 - 0.7**trial)
+        if not history or point.coefficients is not history[-1]:
+            history.append(point.coefficients)
+
+    found = minimise(problem.at(problem.first(start)), problem.move, problem.stopping(), visit)
+    best = by_name(law.coefficient_names, found.point.coefficients)
+    if found.outcome == "singular":
+        raise UpdatingError(
+            f"the FRFs do not tell the coefficients of the {law.name} law apart; fit a wider band, or a law with fewer of them",
+            best=best,
+            history=(found.point.normal.cost,),
+        )
+    if found.outcome != "converged":
+        raise UpdatingError(
+            f"the {law.name} fit did not converge; check the band, the modes and the geometry",
+            best=best,
+            history=(found.point.normal.cost,),
+        )
+    return problem.finish(found.point, np.array(history))
+
+
+@dataclass(frozen=True)
+class _Point:
+    """x with the misfit there, prior included, as `minimise` asks for it; `normal` is that of the data by (λ, c)."""
+
+    x: FloatArray
+    coefficients: FloatArray
+    normal: NormalEquations
+    cost: float
+    descent: FloatArray
+    hessian: FloatArray
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """The map from x = (coefficients a, shifts δ, logarithms ℓ of the modes' own rates) to eigenvalues and rates.
+
+    A mode that may deviate has a rate of its own, exp(ℓ_k), which the data fix and which a prior ties to the law:
+    ε_k = ℓ_k - ln c_k(a). So the valley along which a and ε trade is straight. A suspended mode's is tied to a constant.
+    """
+
+    misfit: FrfMisfit
+    law: DampingLaw
+    nuisance: Nuisance
+    scale: float
+
+    @property
+    def count(self) -> int:
+        return len(self.law.coefficient_names)
+
+    @cached_property
+    def tied(self) -> IntArray:
+        """Numbers of the modes with a rate of their own that is tied to the law."""
+        return self.nuisance.modes[self.nuisance.deviation_sd > 0]
+
+    @cached_property
+    def own(self) -> IntArray:
+        """Numbers of the modes with a rate of their own: the tied, then the suspended ones."""
+        return np.concatenate([self.tied, self.nuisance.suspended])
+
+    def at(self, x: FloatArray) -> _Point:
+        """The point at x."""
+        normal = self.misfit.normal(*self.modes(x))
+        hessian, descent = self.system(x, normal)
+        return _Point(x, x[: self.count], normal, normal.cost + self.penalty(x), descent, hessian)
+
+    def move(self, point: _Point, step: FloatArray) -> _Point | None:
+        """The point that a step leads to, held to what is believable; None where a mode would be damped negatively."""
+        x = self.within(point.x + step)
+        return self.at(x) if self.is_allowed(x) else None
+
+    def stopping(self) -> Stopping:
+        """Converged to the round-off of the weighted signal: noise-free data cannot be fitted better."""
+        return Stopping(absolute=_ROUND_OFF**2 * self.misfit.signal())
+
+    def first(self, start: FloatArray) -> FloatArray:
+        rate = self.law.basis(self.omega(self.nuisance.first_shift)) @ start
+        if np.any(rate[self.tied] <= 0):
+            best = by_name(self.law.coefficient_names, start)
+            raise UpdatingError(f"the {self.law.name} law cannot start where it damps a mode negatively", best, ())
+        own = np.log(np.concatenate([rate[self.tied], self.nuisance.suspended_rate]))
+        return np.concatenate([start, self.nuisance.first_shift, own])
+
+    def omega(self, shift: FloatArray) -> FloatArray:
+        """(m,) circular frequencies of the shifted modes among the others."""
+        omega = self.misfit.model.omega.copy()
+        omega[self.nuisance.modes] *= 1 + shift
+        return omega
+
+    def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coefficients, shifts, and logarithms of own rates."""
+        ends = (self.count, self.count + self.nuisance.modes.size)
+        return x[: ends[0]], x[ends[0] : ends[1]], x[ends[1] :]
+
+    def modes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        a, shift, own = self.split(x)
+        omega = self.omega(shift)
+        rate = self.law.basis(omega) @ a
+        rate[self.own] = np.exp(own)
+        return omega**2, rate + self.nuisance.window_rate
+
+    def prior(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Prior residuals ρ, in standard deviations, and their Jacobian by x: shifts, then deviations."""
+        a, shift, own = self.split(x)
+        omega = self.omega(shift)[self.tied]
+        basis = self.law.basis(omega)
+        law_rate = basis @ a
+        shift_weight = 1 / self.nuisance.shift_sd
+        weight = 1 / self.nuisance.deviation_sd[self.nuisance.deviation_sd > 0]
+        off = own - np.log(np.concatenate([law_rate, self.nuisance.suspended_rate]))
+        off_weight = np.concatenate([weight, np.full(self.nuisance.suspended.size, 1 / _SUSPENSION_SD)])
+        residual = np.concatenate([shift * shift_weight, off_weight * off])
+        s, first = shift.size, self.count + shift.size
+        tied = s + np.arange(self.tied.size)
+        jacobian = np.zeros((residual.size, x.size))
+        jacobian[:s, self.count : first] = np.diag(shift_weight)
+        jacobian[tied, : self.count] = -(weight / law_rate)[:, None] * basis
+        moved = self.count + np.flatnonzero(self.nuisance.deviation_sd > 0)
+        base = self.misfit.model.omega[self.tied]
+        jacobian[tied, moved] = -weight / law_rate * (self.law.slope(omega) @ a) * base
+        jacobian[s:, first:] = np.diag(off_weight)
+        return residual, jacobian
+
+    def penalty(self, x: FloatArray) -> float:
+        residual, _ = self.prior(x)
+        return self.scale * float(residual @ residual) / 2
+
+    def system(self, x: FloatArray, normal: NormalEquations) -> tuple[FloatArray, FloatArray]:
+        """Gauss-Newton hessian and descent gradient by x."""
+        T, (residual, jacobian) = self.chain(x), self.prior(x)
+        hessian = T.T @ normal.hessian @ T + self.scale * jacobian.T @ jacobian
+        return hessian, T.T @ normal.gradient - self.scale * jacobian.T @ residual
+
+    def chain(self, x: FloatArray) -> FloatArray:
+        """(2m, x) ∂(λ, c)/∂x."""
+        a, shift, own = self.split(x)
+        base, omega, m = self.misfit.model.omega, self.omega(shift), self.misfit.model.omega.size
+        T = np.zeros((2 * m, x.size))
+        columns, modes = self.count + np.arange(shift.size), self.nuisance.modes
+        T[m:, : self.count] = self.law.basis(omega)
+        T[m + modes, columns] = (self.law.slope(omega[modes]) @ a) * base[modes]
+        T[m + self.own] = 0
+        T[modes, columns] = 2 * base[modes] * omega[modes]
+        T[m + self.own, self.count + shift.size + np.arange(own.size)] = np.exp(own)
+        return T
+
+    @cached_property
+    def largest_shift(self) -> FloatArray:
+        """(s,) largest shifts: what a rightly paired mode may be off, or more where the prior says so."""
+        believed = np.where(np.isfinite(self.nuisance.shift_sd), 3 * self.nuisance.shift_sd, 0.0)
+        return np.clip(believed, _LARGEST_SHIFT, _LARGEST_BELIEVED_SHIFT)
+
+    def within(self, x: FloatArray) -> FloatArray:
+        """X with its shifts held to what a rightly paired mode may be off, and its own rates to what is finite."""
+        held = x.copy()
+        shifts = slice(self.count, self.count + self.nuisance.modes.size)
+        held[shifts] = np.clip(held[shifts], -self.largest_shift, self.largest_shift)
+        own = slice(shifts.stop, None)
+        held[own] = np.clip(held[own], -_LARGEST_LOG_RATE, _LARGEST_LOG_RATE)
+        return held
+
+    def is_allowed(self, x: FloatArray) -> bool:
+        a, shift, _ = self.split(x)
+        omega = self.misfit.model.omega
+        needed = (omega > 0) & (omega <= self.misfit.frfs.omega[-1])
+        needed[self.tied] = True
+        needed[self.nuisance.suspended] = False
+        basis = self.law.basis(self.omega(shift)[needed])
+        # A shift past a border between two knots of a modal law would leave one of its coefficients without a mode.
+        return bool(np.all(basis @ a > 0) and np.all(basis.any(axis=0)))
+
+    def finish(self, point: _Point, history: FloatArray) -> DampingFit:
+        """The fit at the minimum, with its covariance by noise."""
+        x, normal = point.x, point.normal
+        eigenvalue, rate = self.modes(x)
+        T = self.chain(x)
+        inverse = np.linalg.inv(point.hessian)
+        jacobian = self.misfit.jacobian(eigenvalue, rate)
+        _, weight = self.misfit.residual(self.misfit.predict(eigenvalue, rate))
+        # Circular noise of variance v: cov(2 Re Jᴴ W n) = 2 Re Jᴴ W² V J, which is the hessian with weights w²v.
+        moved = normal.reduction @ T
+        spread = moved.T @ jacobian.hessian(self.misfit.scatter(weight)) @ moved
+        covariance = inverse @ spread @ inverse
+        at = np.arange(len(covariance))
+        covariance[at, at] = np.maximum(covariance[at, at], 0)  # where the noise is next to nothing, round-off is not
+        a, shift, _ = self.split(x)
+        return DampingFit(
+            law=self.law,
+            coefficients=a,
+            nuisance=self.nuisance,
+            shift=shift,
+            eigenvalue=eigenvalue,
+            rate=rate,
+            law_rate=self.law.basis(self.omega(shift)) @ a,
+            cost=normal.cost,
+            objective=point.cost,
+            noise_covariance=covariance[: self.count, : self.count],
+            response=(inverse @ T.T)[: self.count],
+            normal=normal,
+            history=history,
+        )

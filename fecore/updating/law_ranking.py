@@ -1,0 +1,113 @@
+"""Ranking of damping laws: which law the measured damping supports.
+
+FRFs are so many values that, taken as independent, they would prefer the richest law always: what limits a law is not noise
+but that no body follows it to the last per cent. So laws are ranked on the damping ratios of the measured modes, each known
+to its own noise and to the discrepancy s₀ = 2 % that any law is allowed:
+
+    χ² = rᵀ (C_noise + s₀² 1)⁻¹ r,   r_k = ζ_law(ω_k)/ζ_k - 1,      BIC = χ² + p ln n
+
+with n modes and p coefficients (Schwarz 1978). The law with the least BIC is preferred; 10 is very strong evidence (Kass and
+Raftery 1995).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.dynamics.damping_laws import DampingLaw
+from fecore.updating.damping_stage import DAMPING_DISCREPANCY, MeasuredRatios
+
+STRONG_EVIDENCE = 10.0
+"""Difference of two BICs above which the worse law is called inadequate."""
+
+_MISSED = 3.0  # standard deviations by which a law must miss a mode for the mode to be named
+
+
+@dataclass(frozen=True)
+class RankedLaw:
+    """One law, ranked.
+
+    Attributes:
+        law: the law.
+        coefficients: (p,) nearest to the modal damping ratios.
+        covariance: (p, p) of the coefficients, the law's discrepancy included; noise_covariance: without it.
+        bic: Bayesian information criterion; infinite where the law would damp a mode negatively.
+        chi_squared: misfit of the ratios.
+        missed: (n,) relative miss of each ratio.
+        named: number and relative miss of each mode that it misses by more than three standard deviations.
+    """
+
+    law: DampingLaw
+    coefficients: FloatArray
+    covariance: FloatArray
+    noise_covariance: FloatArray
+    bic: float
+    chi_squared: float
+    missed: FloatArray
+    named: tuple[tuple[int, float], ...]
+
+
+@dataclass(frozen=True)
+class LawRanking:
+    """All laws, in the order of the recipe, and which of them is preferred."""
+
+    laws: tuple[RankedLaw, ...]
+
+    @property
+    def preferred(self) -> RankedLaw:
+        """The law with the least BIC; of two with the same, the later one of the recipe."""
+        return min(reversed(self.laws), key=lambda ranked: round(ranked.bic, 6))
+
+    def sentences(self) -> list[str]:
+        """What a user must know about the first law, in words; none where it is adequate."""
+        first, best = self.laws[0], self.preferred
+        inadequate = first.bic - best.bic > STRONG_EVIDENCE or bool(first.named)
+        if not inadequate:
+            return []
+        modes = ", ".join(f"mode {number} by {100 * miss:+.0f} %" for number, miss in first.named)
+        text = f"the {first.law.name} law is inadequate for this damping"
+        text += f": it misses {modes}" if modes else ""
+        if best is not first:
+            text += f"; the evidence prefers {best.law.name} (BIC {best.bic:.1f} against {first.bic:.1f})"
+        return [text]
+
+
+def identifiable_laws(modes: int, laws: Sequence[DampingLaw]) -> tuple[DampingLaw, ...]:
+    """Those of the laws that so many modes can tell: with no more coefficients than modes."""
+    return tuple(law for law in laws if len(law.coefficient_names) <= modes)
+
+
+def rank_laws(ratios: MeasuredRatios, rows: list[int], laws: Sequence[DampingLaw]) -> LawRanking:
+    """Rank laws, each of which the modes can tell, by measured damping ratios; `rows` are the modes' numbers, from 0."""
+    return LawRanking(tuple(_ranked(law, ratios, rows) for law in laws))
+
+
+def _ranked(law: DampingLaw, ratios: MeasuredRatios, rows: list[int]) -> RankedLaw:
+    """Generalised least squares of ζ_law/ζ = 1; a law that misses more than it may has the wider covariance for it."""
+    omega, ratio, noise = ratios.omega, ratios.ratio, ratios.relative_covariance
+    covariance = noise + np.diag(np.full(ratio.size, DAMPING_DISCREPANCY**2))
+    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+    basis = law.basis(omega) / (2 * omega * ratio)[:, None]
+    scale = np.linalg.norm(basis, axis=0)
+    coefficients = np.linalg.lstsq(whiten @ (basis / scale), whiten @ np.ones(ratio.size), rcond=None)[0] / scale
+    relative = basis @ coefficients
+    missed = relative - 1
+    chi_squared = float(np.sum((whiten @ missed) ** 2))
+    price = coefficients.size * np.log(ratio.size)
+    gain = np.linalg.pinv(whiten @ (basis / scale)) @ whiten / scale[:, None]
+    excess = max(1.0, chi_squared / max(ratio.size - coefficients.size, 1))
+    named = np.abs(missed) > _MISSED * np.sqrt(np.diag(covariance))
+    return RankedLaw(
+        law=law,
+        coefficients=coefficients,
+        covariance=excess * gain @ covariance @ gain.T,
+        noise_covariance=gain @ noise @ gain.T,
+        bic=float(chi_squared + price) if np.all(relative > 0) else float("inf"),
+        chi_squared=chi_squared,
+        missed=missed,
+        named=tuple((rows[k] + 1, float(missed[k])) for k in np.flatnonzero(named)),
+    )

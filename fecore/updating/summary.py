@@ -1,0 +1,268 @@
+"""From the stages to the result that users read; of a stage that failed, or had no data, what it leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fecore.dynamics.damping_laws import beyond, damping_rate, negative_band
+from fecore.modes import MeasuredModes
+from fecore.updating.damping_stage import DampingResult
+from fecore.updating.elastic import ElasticResult
+from fecore.updating.elastic_findings import elastic_findings
+from fecore.updating.estimates import coefficient_estimates, constant_estimates, disagreements, ratio_estimates
+from fecore.updating.inputs import Inputs
+from fecore.updating.law_ranking import LawRanking, RankedLaw
+from fecore.updating.measurement import Prepared
+from fecore.updating.parameters import by_name
+from fecore.updating.result import (
+    ConvergenceStep,
+    Correlation,
+    DampingModelFit,
+    HeldOut,
+    ModeComparison,
+    ParameterEstimate,
+    PosteriorSummary,
+    Prediction,
+    StageOutcome,
+    UpdateResult,
+)
+from fecore.updating.sampling import Posterior
+from fecore.updating.validation import Predictor, agreement
+from fecore.updating.verdict import Finding, judge, notes, warnings
+
+_FEWEST_LINES = 10  # of a held-out band that is worth comparing
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Collects the stages' results.
+
+    Attributes:
+        elastic: stage 1.
+        damping: stage 2; None where it failed or there was nothing for it.
+        ranking: of the damping laws; None where no measured mode has a damping.
+        modes: measured modes.
+        data: the measurement as it was used.
+        inputs: what the laboratory says of its inputs.
+        band: lines of stage 2, Hz; None without FRFs.
+        held_band: lines that the recipe held out, or None.
+        sampled: samples of the posterior, or None for the Gaussian one.
+        outcomes: how each stage ended.
+        findings: what a user must know of what came before.
+    """
+
+    elastic: ElasticResult
+    damping: DampingResult | None
+    ranking: LawRanking | None
+    modes: MeasuredModes
+    data: Prepared
+    inputs: Inputs
+    band: tuple[float, float] | None
+    held_band: tuple[float, float] | None
+    sampled: Posterior | None
+    outcomes: tuple[StageOutcome, ...]
+    findings: tuple[Finding, ...]
+
+    def result(self) -> UpdateResult:
+        """The whole result."""
+        names, damping = self.elastic.updated.forward.parametrisation.names, self.damping
+        findings = [*self.findings, *self._own_findings()]
+        return UpdateResult(
+            verdict=judge(findings, self.parameters),
+            outcomes=self.outcomes,
+            parameters=self.parameters,
+            modes=tuple(self._mode(row) for row in range(len(self.modes))),
+            correlation=self._correlation(),
+            damping_models=() if self.ranking is None else tuple(self._law(ranked) for ranked in self.ranking.laws),
+            damping_starts=0 if damping is None else damping.starts,
+            damping_optima=tuple(self._coefficients(point) for point in (() if damping is None else damping.optima)),
+            damping_history=np.zeros((0, 0)) if damping is None else damping.fit.history,
+            convergence=tuple(
+                ConvergenceStep(by_name(names, step.theta), step.frequency_hz, step.cost)
+                for step in self.elastic.history
+            ),
+            channel_delay_s=None if damping is None else damping.reference.delay,
+            null_directions=tuple(by_name(names, direction) for direction in self.elastic.null_directions),
+            frequency_discrepancy=self.elastic.discrepancy,
+            damping_discrepancy=None if damping is None else damping.discrepancy,
+            band_hz=self.band,
+            prediction=self.prediction,
+            identification=self.data.identification,
+            posterior=self._posterior(),
+            warnings=warnings(findings),
+        )
+
+    @cached_property
+    def parameters(self) -> tuple[ParameterEstimate, ...]:
+        """Constants, then the coefficients of the first damping law: from the FRFs, or else from the modes' ratios."""
+        constants = constant_estimates(self.elastic, self.inputs, self.sampled)
+        if self.damping is not None:
+            return (*constants, *coefficient_estimates(self.elastic, self.damping, self.inputs, self.sampled))
+        if self.ranking is not None:
+            return (*constants, *ratio_estimates(self.ranking.laws[0]))
+        return tuple(constants)
+
+    def _own_findings(self) -> list[Finding]:
+        found = [
+            *elastic_findings(self.elastic, self.modes),
+            *notes(disagreements(self.elastic, self.sampled), "with_care", 5),
+        ]
+        if self.ranking is not None:
+            found += notes(self.ranking.sentences(), "with_care", 2)
+        return found + notes(self._negative_damping(), "with_care", 3) + notes(self._optima_warnings(), "with_care", 4)
+
+    def _coefficients(self, values: np.ndarray) -> dict[str, float]:
+        assert self.damping is not None, "a law was fitted"
+        return by_name(self.damping.fit.law.coefficient_names, values)
+
+    def _law(self, ranked: RankedLaw) -> DampingModelFit:
+        assert self.ranking is not None, "laws were ranked"
+        fitted = ranked is self.ranking.laws[0] and self.damping is not None
+        coefficients = self.damping.fit.coefficients if fitted and self.damping is not None else ranked.coefficients
+        return DampingModelFit(
+            name=ranked.law.name,
+            coefficients=by_name(ranked.law.coefficient_names, coefficients),
+            bic=ranked.bic,
+            preferred=ranked is self.ranking.preferred,
+            missed=ranked.missed,
+        )
+
+    def _mode(self, row: int) -> ModeComparison:
+        updated = dict(self.elastic.pairing.pairs).get(row)
+        initial = dict(self.elastic.initial_pairing.pairs).get(row)
+        measured = float(self.modes.frequency_hz[row])
+        ratio = float(self.modes.damping_ratio[row])
+        frequency = None if updated is None else float(self.elastic.updated.frequency_hz[updated])
+        matrix = self.elastic.pairing.mac
+        return ModeComparison(
+            number=row + 1,
+            kind=None if updated is None else self.elastic.updated.kinds[updated],
+            measured_hz=measured,
+            initial_hz=None if initial is None else float(self.elastic.initial.frequency_hz[initial]),
+            updated_hz=frequency,
+            error_percent=None if frequency is None else 100 * (frequency / measured - 1),
+            mac=None if matrix is None or updated is None else float(matrix[row, updated]),
+            measured_damping=None if np.isnan(ratio) else ratio,
+            predicted_damping=None if updated is None else self._predicted_damping(updated),
+        )
+
+    def _predicted_damping(self, column: int) -> float | None:
+        """The law's ratio of an elastic model mode; None where no law damps it."""
+        number = column + self.elastic.updated.modes.rigid
+        if self.damping is not None:
+            fit = self.damping.fit
+            if number in fit.nuisance.suspended:
+                return None
+            return float(fit.law_rate[number] / (2 * np.sqrt(fit.eigenvalue[number])))
+        if self.ranking is None or self.elastic.updated.on_springs[column]:
+            return None
+        omega, first = 2 * np.pi * self.elastic.updated.frequency_hz[[column]], self.ranking.laws[0]
+        return float((damping_rate(first.law, first.coefficients, omega) / (2 * omega))[0])
+
+    def _correlation(self) -> Correlation:
+        seen, frfs = self.prediction, self.data.frfs
+        if seen is None or frfs is None or self.data.fitted is None or self.band is None:
+            return Correlation(None, None, None, None, self.elastic.pairing.mac)
+        low, high = self.band
+        lines = np.flatnonzero((frfs.frequency_hz >= low) & (frfs.frequency_hz <= high))
+        fitted = np.ix_(np.array(self.data.fitted_rows), lines)
+        inside = self.data.fitted.band(low, high)
+        return Correlation(
+            initial=agreement(inside, seen.initial[fitted]),
+            updated=agreement(inside, seen.updated[fitted]),
+            held_out_frfs=self._held_out_frfs(),
+            held_out_band=self._held_out_band(),
+            mac_matrix=self.elastic.pairing.mac,
+        )
+
+    def _held_out_frfs(self) -> HeldOut | None:
+        if self.data.held is None or self.data.fitted is None or self.damping is None or self.band is None:
+            return None
+        frfs = self.data.held.band(*self.band)
+        points = {dof.point for dof in (*frfs.responses, *frfs.references)}
+        fixed = {dof.point for dof in (*self.data.fitted.responses, *self.data.fitted.references)}
+        held = tuple(sorted(points - fixed)) or tuple(sorted(points))
+        return Predictor(self.elastic, self.damping).hold_against(frfs, held, self.band)
+
+    def _held_out_band(self) -> HeldOut | None:
+        """The recipe's band, or the lines above the fitted one."""
+        if self.data.fitted is None or self.damping is None or self.band is None:
+            return None
+        lines = self.data.fitted.frequency_hz
+        above = (float(np.nextafter(self.band[1], np.inf)), float(lines[-1]))
+        low, high = self.held_band or above
+        if np.sum((lines >= low) & (lines <= high)) < _FEWEST_LINES:
+            return None
+        return Predictor(self.elastic, self.damping).hold_against(self.data.fitted.band(low, high), (), (low, high))
+
+    @cached_property
+    def prediction(self) -> Prediction | None:
+        """All usable FRFs beside the model's: before, with the damping that the measured ratios give, and after.
+
+        The model after has its own natural frequencies and all: the shifts are the fit's, not the model's. A window that was
+        stated damps both, as it damps what was measured.
+        """
+        frfs, damping = self.data.frfs, self.damping
+        if frfs is None or damping is None:
+            return None
+        law, window = damping.fit.law, damping.fit.nuisance.window_rate
+        before, after = (
+            state.frf_model(frfs.responses, frfs.references) for state in (self.elastic.initial, self.elastic.updated)
+        )
+        first_rate = damping_rate(law, damping.start, before.omega) + window
+        first_tail = beyond(law, damping.start, float(before.omega[-1]))
+        return Prediction(
+            frfs.frequency_hz,
+            frfs.responses,
+            frfs.references,
+            frfs.values,
+            before.synthesise(frfs.frequency_hz, first_rate, frfs.quantity, first_tail),
+            damping.fit.synthesise(after, frfs.frequency_hz, frfs.quantity),
+        )
+
+    def _posterior(self) -> PosteriorSummary:
+        if self.sampled is None or self.damping is None:
+            return PosteriorSummary("laplace")
+        prior = self.elastic.updated.forward.parametrisation
+        inputs = np.arange(len(prior.reported), len(prior.names))
+        return PosteriorSummary(
+            "mcmc",
+            self.sampled.effective_samples,
+            self.sampled.autocorrelation_time,
+            self.sampled.acceptance,
+            (*prior.reported, *self.damping.fit.law.coefficient_names),
+            np.delete(self.sampled.everything, inputs, axis=1),
+        )
+
+    def _negative_damping(self) -> list[str]:
+        """Where in the band the fitted law, and the preferred one, would feed energy in: between or below the modes."""
+        if self.damping is None or self.ranking is None or self.band is None:
+            return []
+        low, high = (2 * np.pi * hz for hz in self.band)
+        fit, preferred = self.damping.fit, self.ranking.preferred
+        laws = [(fit.law, fit.coefficients)]
+        if preferred is not self.ranking.laws[0]:
+            laws.append((preferred.law, preferred.coefficients))
+        found = []
+        for law, coefficients in laws:
+            negative = negative_band(law, coefficients, low, high)
+            if negative is not None:
+                first, last = (omega / (2 * np.pi) for omega in negative)
+                found.append(
+                    f"the {law.name} law as fitted is negative from {first:.4g} to {last:.4g} Hz, where it would feed energy "
+                    "in: use it at the measured modes alone, or another law"
+                )
+        return found
+
+    def _optima_warnings(self) -> list[str]:
+        if self.damping is None or len(self.damping.optima) == 1:
+            return []
+        points = [
+            ", ".join(f"{name} = {value:.4g}" for name, value in self._coefficients(point).items())
+            for point in self.damping.optima
+        ]
+        name = self.damping.fit.law.name
+        return [f"the {name} fit has {len(points)} optima, of which the first is reported: {'; '.join(points)}"]

@@ -1,0 +1,258 @@
+"""HTTP to the service: pages, uploads and downloads of any size, and problem documents as one line."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Self
+from urllib.parse import urlsplit
+
+import httpx
+
+from modalbase.client.errors import ClientError, Exit
+
+BLOCK_BYTES = 1 << 20
+PAGE_ROWS = 1000
+SECONDS = 120.0
+HERE = ("127.0.0.1", "localhost", "::1")
+
+Watch = Callable[[int, int | None], None]
+"""Called with the bytes that have passed, and their total."""
+
+
+class Connection:
+    """A client of one service with one key; a context manager that closes its connections.
+
+    Paths are those of the REST contract below `/api/v1/`, without a leading slash. What the service refuses is a
+    `ClientError` with its message, each fault with its pointer.
+
+        with Connection("http://127.0.0.1:8000", key) as service:
+            for campaign in service.pages("campaigns"):
+                print(campaign["name"], len(service.get(f"campaigns/{campaign['id']}/frfs")["items"]))
+    """
+
+    def __init__(self, url: str, key: str | None = None) -> None:
+        """Prepare; nothing is sent before the first call.
+
+        Args:
+            url: of the service, such as `http://127.0.0.1:8000`.
+            key: API key; by default that of MODALBASE_API_KEY.
+
+        Raises:
+            ClientError: there is no key, or the URL is none.
+        """
+        key = key or os.environ.get("MODALBASE_API_KEY", "")
+        if not key.strip():
+            raise ClientError(
+                "no API key: set MODALBASE_API_KEY (`modalbase keys create --name NAME` makes one)", Exit.USAGE
+            )
+        if not (key.isascii() and key.isprintable()):
+            raise ClientError("MODALBASE_API_KEY holds characters that no key has", Exit.USAGE)
+        if urlsplit(url).scheme not in ("http", "https") or not urlsplit(url).hostname:
+            raise ClientError(f"{url!r} is no URL such as http://127.0.0.1:8000", Exit.USAGE)
+        self.url = url.rstrip("/")
+        self._http = httpx.Client(
+            base_url=f"{self.url}/api/v1/",
+            headers={"Authorization": f"Bearer {key.strip()}"},
+            timeout=SECONDS,
+            trust_env=urlsplit(url).hostname not in HERE,  # a proxy must not come between us and our own machine
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._http.close()
+
+    def get(self, path: str, **params: Any) -> Any:
+        """The JSON at a path.
+
+        Args:
+            path: below `/api/v1/`.
+            params: of the query; those that are None are left out.
+
+        Raises:
+            ClientError: the service does not answer, refuses, or is not modalbase.
+        """
+        return self._json(self._send("GET", path, params=_given(params)))
+
+    def post(self, path: str, body: Any, headers: dict[str, str] | None = None) -> Any:
+        """Send a JSON body.
+
+        Args:
+            path: below `/api/v1/`.
+            body: what JSON can hold.
+            headers: beside the key, such as `Idempotency-Key`.
+
+        Returns:
+            The JSON that answers it.
+
+        Raises:
+            ClientError: as `get`.
+        """
+        return self._json(self._send("POST", path, json=body, headers=headers))
+
+    def pages(self, path: str, most: int | None = None, **params: Any) -> Iterator[dict[str, Any]]:
+        """The items of a list, through all of its pages, which are fetched as they are needed.
+
+        Args:
+            path: of the list, below `/api/v1/`.
+            most: how many items at most; None for all.
+            params: of the query; those that are None are left out.
+
+        Raises:
+            ClientError: as `get`.
+        """
+        cursor, left = None, most
+        while left is None or left > 0:
+            limit = PAGE_ROWS if left is None else min(PAGE_ROWS, left)
+            page = self.get(path, cursor=cursor, limit=limit, **params)
+            yield from page["items"]
+            cursor = page["next_cursor"]
+            left = None if left is None else left - len(page["items"])
+            if cursor is None:
+                return
+
+    def upload(self, path: str, file: Path, watch: Watch, **params: Any) -> Any:
+        """Send a file as raw body, block by block, so that it may be larger than the memory.
+
+        Args:
+            path: below `/api/v1/`.
+            file: what is sent.
+            watch: called after each block.
+            params: of the query; those that are None are left out.
+
+        Returns:
+            The JSON that answers it.
+
+        Raises:
+            ClientError: as `get`.
+        """
+        size = file.stat().st_size
+
+        def blocks() -> Iterator[bytes]:
+            sent = 0
+            with file.open("rb") as stream:
+                while block := stream.read(BLOCK_BYTES):
+                    sent += len(block)
+                    watch(sent, size)
+                    yield block
+
+        headers = {"Content-Type": "application/octet-stream", "Content-Length": str(size)}
+        return self._json(self._send("POST", path, params=_given(params), content=blocks(), headers=headers))
+
+    def submit(self, path: str, file: Path, fields: dict[str, str]) -> Any:
+        """Send a multipart form with a file.
+
+        Args:
+            path: below `/api/v1/`.
+            file: the form's field `file`, with its name.
+            fields: the form's other fields.
+
+        Returns:
+            The JSON that answers it.
+
+        Raises:
+            ClientError: as `get`.
+        """
+        with file.open("rb") as stream:
+            return self._json(self._send("POST", path, data=fields, files={"file": (file.name, stream)}))
+
+    def download(self, path: str, target: Path | None, watch: Watch, **params: Any) -> int:
+        """Write what is at a path to a file, or to standard output. The file is whole, or not there.
+
+        Args:
+            path: below `/api/v1/`.
+            target: where to; None for standard output. A pipe or a device is written to and stays.
+            watch: called after each block.
+            params: of the query; those that are None are left out.
+
+        Returns:
+            The number of bytes.
+
+        Raises:
+            ClientError: as `get`, or the target cannot be written.
+        """
+        try:
+            with self._http.stream("GET", path, params=_given(params)) as answer:
+                self._check(answer)
+                length = answer.headers.get("content-length")
+                blocks = _watched(answer.iter_bytes(), watch, int(length) if length else None)
+                return _write(blocks, target)
+        except httpx.HTTPError as error:
+            raise self._unreachable(error) from error
+
+    def _send(self, method: str, path: str, **how: Any) -> httpx.Response:
+        try:
+            answer = self._http.request(method, path, **how)
+        except httpx.HTTPError as error:
+            raise self._unreachable(error) from error
+        self._check(answer)
+        return answer
+
+    def _check(self, answer: httpx.Response) -> None:
+        if answer.is_success:
+            return
+        answer.read()
+        try:
+            problem = answer.json()
+            faults = [f"{f['pointer'] or 'body'}: {f['detail']}" for f in problem.get("errors", [])]
+            text = "; ".join(faults) or str(problem["detail"])
+        except (ValueError, TypeError, KeyError, AttributeError):
+            raise ClientError(
+                f"{answer.url.host} answers {answer.status_code}, and not as modalbase does; is {self.url} right?",
+                Exit.UNREACHABLE,
+            ) from None
+        code = Exit.UNREACHABLE if answer.status_code in (502, 503, 504) else Exit.REFUSED
+        raise ClientError(f"{text} ({answer.status_code})", code)
+
+    def _json(self, answer: httpx.Response) -> Any:
+        try:
+            return answer.json()
+        except ValueError:
+            raise ClientError(
+                f"{self.url} does not answer in JSON; is it modalbase's address?", Exit.UNREACHABLE
+            ) from None
+
+    def _unreachable(self, error: httpx.HTTPError) -> ClientError:
+        reason = str(error) or type(error).__name__
+        return ClientError(f"no answer from {self.url}: {reason}; state --url or MODALBASE_URL", Exit.UNREACHABLE)
+
+
+def _given(params: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in params.items() if value is not None}
+
+
+def _watched(blocks: Iterator[bytes], watch: Watch, size: int | None) -> Iterator[bytes]:
+    got = 0
+    for block in blocks:
+        got += len(block)
+        watch(got, size)
+        yield block
+
+
+def _write(blocks: Iterator[bytes], target: Path | None) -> int:
+    if target is None:
+        size = sum(sys.stdout.buffer.write(block) for block in blocks)
+        sys.stdout.buffer.flush()
+        return size
+    try:
+        if target.exists() and not target.is_file():  # /dev/null, a pipe: nothing to be put in their place
+            with target.open("wb") as file:
+                return sum(file.write(block) for block in blocks)
+        return _write_whole(blocks, target)
+    except OSError as error:
+        raise ClientError(f"cannot write {target}: {error.strerror}", Exit.USAGE) from error
+
+
+def _write_whole(blocks: Iterator[bytes], target: Path) -> int:
+    part = target.with_name(target.name + ".part")
+    try:
+        with part.open("wb") as file:
+            size = sum(file.write(block) for block in blocks)
+        part.replace(target)
+    finally:
+        part.unlink(missing_ok=True)
+    return size

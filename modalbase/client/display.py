@@ -1,0 +1,83 @@
+"""What people see: tables on standard output, bars on standard error and only where that is a terminal."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import typer
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    DownloadColumn,
+    Progress,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TransferSpeedColumn,
+)
+from rich.table import Table
+
+from modalbase.client.connection import Watch
+
+PLAIN_WIDTH = 160  # columns where the output is no terminal, so that no table is cut
+
+
+def print_json(value: Any) -> None:
+    """A JSON value, alone on standard output."""
+    typer.echo(json.dumps(value, ensure_ascii=False, indent=2))
+
+
+class Written(str):
+    """A number as it is to be shown."""
+
+
+def print_table(
+    title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], console: Console | None = None
+) -> None:
+    """A table, on standard output where no console is given; numbers to the right."""
+    console = console or Console()
+    if not console.is_terminal:
+        console = Console(width=PLAIN_WIDTH, stderr=console.stderr)
+    table = Table(title=title or None, title_justify="left", box=None, pad_edge=False)
+    for i, name in enumerate(columns):
+        numeric = bool(rows) and all(isinstance(row[i], int | float | Written | None) for row in rows)
+        table.add_column(name, justify="right" if numeric else "left", no_wrap=not numeric and name == "id")
+    for row in rows:
+        table.add_row(*(_cell(value) for value in row))
+    console.print(table, highlight=False)
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.6g}" if isinstance(value, float) else str(value).replace("[", r"\[")
+
+
+@contextmanager
+def transfer(what: str) -> Iterator[Watch]:
+    """A bar of bytes while a file travels."""
+    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
+    with _bars(columns) as progress:
+        bar = progress.add_task(what, total=None)
+        yield lambda done, size: progress.update(bar, completed=done, total=size)
+
+
+@contextmanager
+def stages(what: str) -> Iterator[Any]:
+    """A bar of a job: call it with the job's last state."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    with _bars(columns) as progress:
+        bar = progress.add_task(what, total=1.0)
+        yield lambda job: progress.update(
+            bar, description=f"{what}: {job['stage'] or job['status']}", completed=job["progress"] or 0.0
+        )
+
+
+def _bars(columns: Sequence[Any]) -> Progress:
+    console = Console(stderr=True)
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)

@@ -1,0 +1,76 @@
+"""`modalbase export`: measured and predicted FRFs, grid points, modes, originals."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from modalbase.client.errors import ClientError, Exit
+from modalbase.client.options import HERE, AsJson, Url, an_id
+
+
+class What(StrEnum):
+    """What to fetch, and of what the id is."""
+
+    frfs = "frfs"  # of a campaign
+    grid_points = "grid-points"  # of a campaign
+    modes = "modes"  # of a mode set
+    predicted = "predicted"  # of an update job
+    original = "original"  # of an import
+
+
+PATHS = {
+    What.frfs: "campaigns/{}/frfs/data",
+    What.grid_points: "campaigns/{}/grid-points",
+    What.modes: "mode-sets/{}",
+    What.predicted: "update-jobs/{}/frfs/data",
+    What.original: "imports/{}/original",
+}
+SUFFIXES = {
+    ".json": "json",
+    ".npz": "npz",
+    ".csv": "csv",
+    ".uff": "uff",
+    ".unv": "uff",
+    ".arrow": "arrow",
+    ".arrows": "arrow",
+}
+
+
+def export(
+    id_: Annotated[str, typer.Argument(metavar="ID", help="Id of the campaign, mode set, update job or import")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="File to write; - is standard output")],
+    what: Annotated[What, typer.Option(help="What to fetch")] = What.frfs,
+    file_format: Annotated[
+        str | None,
+        typer.Option("--format", help="json npz csv uff uff-ascii arrow; by default as the file's name says"),
+    ] = None,
+    point: Annotated[int | None, typer.Option(help="Response point")] = None,
+    reference: Annotated[int | None, typer.Option(help="Reference point")] = None,
+    fmin: Annotated[float | None, typer.Option(help="Hz")] = None,
+    fmax: Annotated[float | None, typer.Option(help="Hz")] = None,
+    stride: Annotated[int | None, typer.Option(help="Every how many-th line")] = None,
+    as_json: AsJson = False,
+    url: Url = HERE,
+) -> None:
+    """Fetch FRFs, grid points, modes, predictions or an original file."""
+    from modalbase.client.connection import Connection
+    from modalbase.client.display import print_json, transfer
+
+    target = None if str(out) == "-" else out
+    if what is not What.original and file_format is None:
+        file_format = SUFFIXES.get(out.suffix.lower())
+        if file_format is None:
+            raise ClientError(f"state --format; {out.name!r} does not say one of {', '.join(SUFFIXES)}", Exit.USAGE)
+    wanted = {"point": point, "reference": reference, "fmin": fmin, "fmax": fmax, "stride": stride}
+    stated = [f"--{name}" for name, value in wanted.items() if value is not None]
+    if stated and what not in (What.frfs, What.predicted):
+        raise ClientError(f"{', '.join(stated)} choose FRFs, not {what}", Exit.USAGE)
+    with Connection(url) as service, transfer(out.name) as watch:
+        path = PATHS[what].format(an_id(id_))
+        size = service.download(path, target, watch, format=file_format, **wanted)
+    if as_json and target is not None:
+        print_json({"file": str(target), "bytes": size})

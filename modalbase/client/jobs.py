@@ -1,0 +1,57 @@
+"""Waiting for jobs."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from modalbase.client.connection import Connection
+from modalbase.client.display import stages
+from modalbase.client.errors import ClientError, Exit
+
+ENDED = ("succeeded", "failed", "cancelled")
+FIRST_PAUSE, LONGEST_PAUSE, GROWTH = 0.05, 1.0, 1.3  # s
+
+
+def wait_for(service: Connection, path: str, what: str) -> dict[str, Any]:
+    """Wait until a job has ended, in whatever way, and show a live bar on standard error meanwhile.
+
+    The job is asked for at growing intervals, from 50 ms to a second.
+
+    Args:
+        service: the connection.
+        path: of the job, such as `update-jobs/{id}`.
+        what: shown beside the bar.
+
+    Returns:
+        Its last state.
+
+    Raises:
+        ClientError: the service does not answer or refuses.
+    """
+    pause = FIRST_PAUSE
+    with stages(what) as show:
+        while True:
+            job: dict[str, Any] = service.get(path)
+            show(job)
+            if job["status"] in ENDED:
+                return job
+            time.sleep(pause)
+            pause = min(pause * GROWTH, LONGEST_PAUSE)
+
+
+def require_success(job: dict[str, Any], what: str) -> None:
+    """Return where a job has succeeded.
+
+    Args:
+        job: its last state.
+        what: begins the error, such as `the update`.
+
+    Raises:
+        ClientError: the job failed or was cancelled; with the reason that it states.
+    """
+    if job["status"] != "succeeded":
+        error = job["error"] or {}
+        raise ClientError(
+            f"{what} {job['status']}: {error.get('detail') or job['message'] or 'no reason given'}", Exit.FAILED
+        )

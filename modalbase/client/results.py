@@ -1,0 +1,100 @@
+"""A result document as tables, in a laboratory's units, with the digits that its uncertainty leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import floor, log10
+from statistics import fmean
+from typing import Any
+
+import typer
+from rich.console import Console
+
+from modalbase.client.display import Written, print_table
+
+SHOWN = {"Pa": (1e-9, "GPa"), "s": (1e6, "µs"), "m": (1e3, "mm")}
+"""Factor and unit in which values of an SI unit are shown; others as they are."""
+
+
+def print_result(
+    title: str,
+    document: Mapping[str, Any],
+    *,
+    published: Mapping[str, float] | None = None,
+    console: Console | None = None,
+) -> None:
+    """Parameters with their uncertainty, modes, correlation; warnings on standard error.
+
+    Args:
+        title: of the first table.
+        document: what `GET /update-jobs/{id}/result` answers.
+        published: values of parameters from elsewhere, SI, to stand beside the estimates.
+        console: where to; standard output by default.
+    """
+    verdict = document.get("verdict")  # results of earlier versions have none
+    if verdict is not None:
+        lines = [
+            f"{verdict['level'].replace('_', ' ')}: {verdict['sentence']}",
+            *(f"  - {r}" for r in verdict["reasons"]),
+        ]
+        (console or Console()).print("\n".join(lines), highlight=False, markup=False, soft_wrap=True)
+    columns = ["parameter", "unit", "initial", "estimate", "± sd", "95 %", "identifiable"]
+    rows = [_parameter(row) for row in document["parameters"]]
+    if published is not None:
+        columns.append("published")
+        for cells, row in zip(rows, document["parameters"], strict=True):
+            cells.append(_scaled(row, published.get(row["name"])))
+    print_table(title, columns, rows, console)
+    columns = ["mode", "kind", "measured Hz", "initial Hz", "updated Hz", "error %", "MAC", "measured ζ %", "law's ζ %"]
+    print_table("\nmodes", columns, [_mode(row) for row in document["modes"]], console)
+    correlation = document["correlation"]
+    held_out = correlation.get("held_out") or {}
+    compared = {
+        "initial": correlation["initial"],
+        "updated": correlation,
+        "updated, FRFs held out": held_out.get("frfs"),
+        "updated, lines held out": held_out.get("band"),
+    }
+    means = [[name, *_means(criteria)] for name, criteria in compared.items() if criteria and criteria["sac"]]
+    print_table("\ncorrelation, means", ("model", "SAC", "FRAC", "CSAC", "CSF"), means, console)
+    for warning in document["warnings"]:
+        typer.echo(f"warning: {warning}", err=True)
+
+
+def _parameter(row: Mapping[str, Any]) -> list[Any]:
+    scale, unit = SHOWN.get(row["unit"], (1.0, row["unit"]))
+    sd = scale * (row["standard_deviation"] or 0.0)
+    places = max(0, 1 - floor(log10(sd))) if sd > 0 else None  # two digits of the standard deviation
+
+    def written(value: float | None) -> Written | None:
+        if value is None or places is None:
+            return _scaled(row, value)
+        return Written(f"{scale * value:z.{places}f}")
+
+    low, high = (written(value) for value in row["interval_95"] or (None, None))
+    interval = None if low is None or high is None else Written(f"{low} … {high}")
+    return [
+        row["name"], unit, written(row["initial"]), written(row["estimate"]), written(row["standard_deviation"]),
+        interval, row["identifiable"],
+    ]  # fmt: skip
+
+
+def _scaled(row: Mapping[str, Any], value: float | None) -> Written | None:
+    scale, _ = SHOWN.get(row["unit"], (1.0, ""))
+    return None if value is None else Written(f"{scale * value:.4g}")
+
+
+def _mode(row: Mapping[str, Any]) -> list[Any]:
+    forms = {"measured_hz": ".2f", "initial_hz": ".2f", "updated_hz": ".2f", "error_percent": "+z.2f", "mac": ".4f"}
+    cells = [None if row[name] is None else Written(f"{row[name]:{form}}") for name, form in forms.items()]
+    ratios = [row["measured_damping"], row["predicted_damping"]]
+    return [row["number"], row["kind"], *cells, *(None if r is None else Written(f"{100 * r:.2f}") for r in ratios)]
+
+
+def _means(criteria: Mapping[str, Any]) -> list[Written | None]:
+    values = [
+        *(fmean(criteria[name]) if criteria[name] else None for name in ("sac", "frac")),
+        criteria["csac_mean"],
+        criteria["csf_mean"],
+    ]
+    return [None if value is None else Written(f"{value:.4f}") for value in values]

@@ -1,0 +1,116 @@
+"""FRFs as CSV: one line a frequency line and FRF."""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from modalbase.formats.errors import FormatError
+from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs, FrfTable
+from modalbase.formats.types import Quantity
+
+NUMBERS = ("frequency_hz", "real", "imag")
+COLUMNS = (*DOFS, *NUMBERS, "coherence")
+
+Record = tuple[tuple[int, ...], tuple[float, float, float, float]]
+
+
+def read_csv(path: Path, quantity: Quantity = "accelerance") -> Frfs:
+    r"""FRFs of a CSV file with the header `response_point,response_direction,…,frequency_hz,real,imag[,coherence]`.
+
+    Lines of one FRF stand together; all FRFs have the same frequency lines. An empty coherence is none.
+
+    >>> import pathlib, tempfile
+    >>> header = "response_point,response_direction,reference_point,reference_direction,frequency_hz,real,imag"
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "frfs.csv"
+    >>> _ = path.write_text(header + "\n7,3,1,-3,10.0,0.5,0.25\n7,3,1,-3,20.0,1.5,0.75\n")
+    >>> found = read_csv(path)
+    >>> found.frequency_hz, found.values, found.frfs[0].reference_direction
+    (array([10., 20.]), array([[0.5+0.25j, 1.5+0.75j]]), -3)
+
+    Args:
+        path: of the file, UTF-8 with or without a byte order mark.
+        quantity: what the FRFs are, which the file does not state; values are in m/s², m/s or m per N.
+
+    Raises:
+        FormatError: the text is not such a table; names the line.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as text:
+            groups = [(dofs, [r[1] for r in rows]) for dofs, rows in itertools.groupby(_records(text), lambda r: r[0])]
+    except UnicodeDecodeError as error:
+        raise FormatError("", f"the CSV is not UTF-8: {error.reason} at byte {error.start}") from None
+    except csv.Error as error:
+        raise FormatError("", f"the CSV cannot be read: {error}") from None
+    if not groups:
+        raise FormatError("line 2", "is missing: the table has a header and nothing below it")
+    blocks = [np.array(rows) for _, rows in groups]
+    frequency = blocks[0][:, 0]
+    for (dofs, _), block in zip(groups, blocks, strict=True):
+        if not np.array_equal(block[:, 0], frequency):
+            raise FormatError("frequency_hz", f"the lines of FRF {dofs} are not those of the first FRF {groups[0][0]}")
+    coherence = np.array([block[:, 3] for block in blocks])
+    values = np.array([block[:, 1] + 1j * block[:, 2] for block in blocks])
+    rows = tuple(FrfRow.between(dofs) for dofs, _ in groups)
+    return Frfs(frequency, values, rows, quantity, None if np.isnan(coherence).all() else coherence)
+
+
+def write_csv(table: FrfTable, file: IO[bytes]) -> None:
+    """Write FRFs as CSV, one line for each frequency line of each FRF, in the columns that `read_csv` reads.
+
+    Numbers are in the shortest form that is exact, so what is written is read back bit for bit.
+
+    Args:
+        table: the FRFs; their values are taken one FRF at a time.
+        file: open for writing bytes.
+    """
+    text = io.TextIOWrapper(file, "utf-8", newline="", write_through=True)
+    writer = csv.writer(text, lineterminator="\r\n")
+    writer.writerow(COLUMNS)
+    frequency = table.frequency_hz.tolist()
+    for frf, values, coherence in table.both():
+        head = [getattr(frf, name) for name in DOFS]
+        gamma: Iterable[Any] = [""] * len(frequency) if coherence is None else coherence.tolist()
+        rows = zip(frequency, values.real.tolist(), values.imag.tolist(), gamma, strict=True)
+        writer.writerows((*head, *row) for row in rows)
+    text.flush()
+    text.detach()
+
+
+def _records(text: Iterator[str]) -> Iterator[Record]:
+    """Each line below the header: the FRF's degrees of freedom and (frequency, real, imag, coherence)."""
+    reader = csv.reader(text, strict=True)
+    header = [cell.strip() for cell in next(reader, [])]
+    if set(header) - set(COLUMNS) or len(set(header)) != len(header) or not {*DOFS, *NUMBERS} <= set(header):
+        raise FormatError("line 1", f"is {','.join(header)[:200]!r}, expected the header {','.join(COLUMNS)}")
+    for row in reader:
+        if not any(cell.strip() for cell in row):
+            continue
+        if len(row) != len(header):
+            raise FormatError(f"line {reader.line_num}", f"has {len(row)} cells, the header has {len(header)}")
+        cells = dict(zip(header, row, strict=True))
+        dofs = tuple(_integer(cells, name, reader.line_num) for name in DOFS)
+        frequency, real, imag = (_real(cells, name, reader.line_num) for name in NUMBERS)
+        coherence = _real(cells, "coherence", reader.line_num) if cells.get("coherence", "").strip() else np.nan
+        yield dofs, (frequency, real, imag, coherence)
+
+
+def _integer(cells: dict[str, str], name: str, line: int) -> int:
+    try:
+        return int(cells[name])
+    except ValueError:
+        raise FormatError(f"line {line}, {name}", f"is {cells[name][:40]!r}, expected a whole number") from None
+
+
+def _real(cells: dict[str, str], name: str, line: int) -> float:
+    try:
+        return float(cells[name])
+    except ValueError:
+        wanted = "a number with a decimal point"
+        raise FormatError(f"line {line}, {name}", f"is {cells[name][:40]!r}, expected {wanted}") from None

@@ -1,0 +1,197 @@
+"""FRFs as npz: `frequency_hz` (L,), `values` (N, L), `response_point` … (N,), `quantity`, `label`, `averages`, `coherence`."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.lib import format as npy
+
+from modalbase.formats.errors import FormatError
+from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs, FrfTable
+
+REQUIRED = ("frequency_hz", "values", *DOFS)
+OPTIONAL = ("quantity", "averages", "coherence", "label", "id")
+
+Array = np.ndarray[Any, Any]
+
+
+def read_npz(path: Path, limit_bytes: int | None = None) -> Frfs:
+    """FRFs of an npz file with the arrays `frequency_hz` (L,), `values` (N, L), `response_point` … (N,), `quantity`.
+
+    One number in place of an array of points or directions stands for all FRFs. `label`, `averages` and `coherence`
+    (N, L) may be there too. Nothing is unpickled, and no array may claim more bytes than the file has.
+
+    >>> import pathlib, tempfile
+    >>> import numpy as np
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "frfs.npz"
+    >>> np.savez(
+    ...     path,
+    ...     frequency_hz=np.array([10.0, 20.0]),
+    ...     values=np.array([[1 + 2j, 3 + 4j]]),
+    ...     response_point=np.array([7]),
+    ...     response_direction=np.array(3),
+    ...     reference_point=np.array([1]),
+    ...     reference_direction=np.array(-3),
+    ... )
+    >>> found = read_npz(path)
+    >>> found.quantity, found.values.shape, found.frfs[0].response_point
+    ('accelerance', (1, 2), 7)
+
+    Args:
+        path: of the file.
+        limit_bytes: the most that its arrays may take; None where nothing limits them.
+
+    Raises:
+        FormatError: the file is not such an archive; names the array.
+    """
+    arrays = _read_arrays(path, limit_bytes)
+    missing = [name for name in REQUIRED if name not in arrays]
+    if missing:
+        raise FormatError([(name, "is missing") for name in missing])
+    values = arrays["values"]
+    if values.ndim == 1:
+        values = values[np.newaxis]
+    if values.ndim != 2 or values.dtype.kind != "c" or values.dtype.itemsize not in (8, 16) or not values.size:
+        raise FormatError(
+            "values", f"is {values.dtype} of shape {values.shape}, expected complex64 or complex128 (N, L)"
+        )
+    frequency = arrays["frequency_hz"]
+    if frequency.ndim != 1 or frequency.dtype.kind not in "fiu":
+        raise FormatError(
+            "frequency_hz", f"is {frequency.dtype} of shape {frequency.shape}, expected real numbers (L,)"
+        )
+    count = values.shape[0]
+    averages = _integers("averages", arrays["averages"], count) if "averages" in arrays else np.zeros(count, np.int64)
+    dofs = zip(*(_integers(name, arrays[name], count).tolist() for name in DOFS), strict=True)
+    labels = _labels(arrays.get("label"), count)
+    rows = tuple(
+        FrfRow.between(dof, label, int(n) if n > 0 else None)
+        for dof, label, n in zip(dofs, labels, averages, strict=True)
+    )
+    return Frfs(
+        frequency.astype(np.float64),
+        values.astype(values.dtype.newbyteorder("<")),
+        rows,
+        _text("quantity", arrays["quantity"]) if "quantity" in arrays else "accelerance",  # type: ignore[arg-type]
+        _coherence(arrays.get("coherence"), values.shape),
+    )
+
+
+def _read_arrays(path: Path, limit_bytes: int | None) -> dict[str, Array]:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = archive.infolist()
+            if limit_bytes is not None and sum(member.file_size for member in members) > limit_bytes:
+                raise FormatError("", f"the npz unpacks to more than the {limit_bytes} bytes that the operator allows")
+            known = {f"{name}.npy": name for name in (*REQUIRED, *OPTIONAL)}
+            strange = [(m.filename[:100], "is no array that is read here") for m in members if m.filename not in known]
+            if strange:
+                raise FormatError(strange[:20])
+            return {known[member.filename]: _read_array(archive, member) for member in members}
+    except (zipfile.BadZipFile, EOFError, OSError, NotImplementedError, RuntimeError) as error:
+        raise FormatError("", f"the file is not an npz archive: {error}") from None
+
+
+def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Array:
+    """One array; its header must claim exactly the bytes that are there, since numpy allocates what it claims."""
+    name = member.filename.removesuffix(".npy")
+    try:
+        with archive.open(member) as stream:
+            read_header = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}[npy.read_magic(stream)]
+            shape, _, dtype = read_header(stream)
+            claimed = int(np.prod([int(n) for n in shape], dtype=object)) * dtype.itemsize
+            present = member.file_size - stream.tell()
+        if claimed != present:
+            raise FormatError(name, f"claims {claimed} bytes and has {present}")
+        with archive.open(member) as stream:
+            array: Array = npy.read_array(stream, allow_pickle=False)
+    except (ValueError, KeyError, zipfile.BadZipFile) as error:
+        raise FormatError(name, f"cannot be read: {error}") from None
+    return array
+
+
+def _integers(name: str, array: Array, count: int) -> Array:
+    """(N,) integers; one number stands for all."""
+    if array.dtype.kind not in "iu" or array.ndim > 1 or (array.ndim == 1 and array.size != count):
+        raise FormatError(name, f"is {array.dtype} of shape {array.shape}, expected integers ({count},) or one of them")
+    if array.dtype.kind == "u" and array.size and array.max() > 2**63 - 1:
+        raise FormatError(name, "is beyond the range of 64-bit integers")
+    return np.broadcast_to(array.astype(np.int64), (count,))
+
+
+def _text(name: str, array: Array) -> str:
+    if array.dtype.kind != "U" or array.ndim != 0:
+        raise FormatError(name, f"is {array.dtype} of shape {array.shape}, expected one text")
+    return str(array)
+
+
+def _labels(array: Array | None, count: int) -> tuple[str, ...]:
+    if array is None:
+        return ("",) * count
+    if array.dtype.kind != "U" or array.shape != (count,):
+        raise FormatError("label", f"is {array.dtype} of shape {array.shape}, expected texts ({count},)")
+    labels = tuple(str(label) for label in array)
+    if any("\0" in label or not label.isprintable() or len(label) > 200 for label in labels):
+        raise FormatError("label", "a label has at most 200 printable characters")
+    return labels
+
+
+def _coherence(array: Array | None, shape: tuple[int, ...]) -> Array | None:
+    if array is None:
+        return None
+    if array.dtype.kind != "f":
+        raise FormatError("coherence", f"is {array.dtype}, expected real numbers")
+    if array.ndim == 1:
+        array = array[np.newaxis]
+    if array.shape != shape:
+        raise FormatError("coherence", f"has shape {array.shape}, values have {shape}")
+    return array.astype(np.float64)
+
+
+def write_npz(table: FrfTable, file: IO[bytes]) -> None:
+    """Write FRFs as npz, in the arrays that `read_npz` reads, and `id` (N,). Values keep their precision.
+
+    `coherence` is there where at least one FRF has one; the rows of the others are NaN.
+
+    Args:
+        table: the FRFs; their values are taken one FRF at a time.
+        file: open for writing bytes.
+    """
+    shape = (len(table.frfs), table.frequency_hz.size)
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
+        _member(archive, "frequency_hz", table.frequency_hz)
+        for key in DOFS:
+            _member(archive, key, np.array([getattr(frf, key) for frf in table.frfs], dtype=np.int64))
+        _member(archive, "averages", np.array([frf.averages or 0 for frf in table.frfs], dtype=np.int64))
+        _member(archive, "id", np.array([str(frf.id) for frf in table.frfs]))
+        _member(archive, "label", np.array([frf.label for frf in table.frfs], dtype=np.str_))
+        _member(archive, "quantity", np.array(table.quantity))
+        _matrix(archive, "values", shape, table.dtype, (values for _, values in table.spectra()))
+        if table.has_coherence:
+            nothing = np.full(table.frequency_hz.size, np.nan)
+            rows = (nothing if c is None else c for _, c in table.coherences())
+            _matrix(archive, "coherence", shape, np.dtype(np.float64), rows)
+
+
+def _member(archive: zipfile.ZipFile, name: str, array: np.ndarray[Any, Any]) -> None:
+    with archive.open(f"{name}.npy", "w") as stream:
+        npy.write_array(stream, array, allow_pickle=False)
+
+
+def _matrix(
+    archive: zipfile.ZipFile,
+    name: str,
+    shape: tuple[int, int],
+    dtype: np.dtype[Any],
+    rows: Iterable[np.ndarray[Any, Any]],
+) -> None:
+    """A matrix whose rows come one by one."""
+    with archive.open(f"{name}.npy", "w", force_zip64=True) as stream:
+        header = {"descr": npy.dtype_to_descr(dtype), "fortran_order": False, "shape": shape}
+        npy.write_array_header_2_0(stream, header)
+        for row in rows:
+            stream.write(np.ascontiguousarray(row, dtype=dtype).data)

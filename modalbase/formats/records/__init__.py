@@ -1,0 +1,19 @@
+"""Time blocks of hammer tests: arrays of npz, .mat, CSV and wav files, a mapping that says what they are, blocks
+in SI.
+"""
+
+from modalbase.formats.records.blocks import TimeBlock
+from modalbase.formats.records.mapping import ChannelMapping, Mapping, blocks_of, propose, read_mapping
+from modalbase.formats.records.variables import SUFFIXES, Variables, read_variables
+
+__all__ = [
+    "SUFFIXES",
+    "ChannelMapping",
+    "Mapping",
+    "TimeBlock",
+    "Variables",
+    "blocks_of",
+    "propose",
+    "read_mapping",
+    "read_variables",
+]

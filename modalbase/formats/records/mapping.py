@@ -1,0 +1,278 @@
+"""A mapping: which variable or column of a file is what. With it, named arrays become time blocks in SI.
+
+    {"sample_rate_hz": {"variable": "fs"},            or a number, or {"variable": "time_s"} of a time axis
+     "hit": {"variable": "hit"},                      or a number; without it the hits of each point are counted
+     "channels": [
+       {"variable": "force", "quantity": "force", "sensitivity": 0.00225,
+        "point": {"variable": "point"}, "direction": 3},
+       {"variable": "acceleration", "quantity": "acceleration", "sensitivity": 0.00102,
+        "point": 33, "direction": 3, "window_rate_per_s": 0, "full_scale": 4900}]}
+
+`sensitivity` is what one SI unit makes in the file (volts per newton); 1, the default, says that the file is in SI.
+Where blocks lie in a table, its longer side is the time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, get_args
+
+import numpy as np
+
+from modalbase.formats.errors import FormatError
+from modalbase.formats.records.blocks import ChannelQuantity, TimeBlock
+from modalbase.formats.records.variables import SAMPLE_RATE, Variables
+from modalbase.formats.types import FloatArray
+
+Value = float | str
+"""A number, or the name of a variable that holds it."""
+
+_FEWEST_SAMPLES = 64
+_UNEVEN = 1e-3
+_NAMES: dict[ChannelQuantity, tuple[str, ...]] = {
+    "force": ("force", "hammer", "exc"),
+    "acceleration": ("acc", "response", "resp"),
+    "velocity": ("vel",),
+    "displacement": ("disp",),
+}
+
+
+@dataclass(frozen=True)
+class ChannelMapping:
+    """One channel of a mapping; see the module."""
+
+    variable: str
+    quantity: ChannelQuantity
+    point: Value
+    direction: Value = 3
+    sensitivity: float = 1.0
+    window_rate_per_s: float = 0.0
+    full_scale: float | None = None
+
+
+@dataclass(frozen=True)
+class Mapping:
+    """A whole mapping: exactly one channel is the force."""
+
+    sample_rate_hz: Value
+    channels: tuple[ChannelMapping, ...]
+    hit: Value | None = None
+
+
+def read_mapping(document: Any) -> Mapping:
+    """The mapping of a JSON document.
+
+    Raises:
+        FormatError: names every field that is missing, unknown or of another kind.
+    """
+    if not isinstance(document, dict):
+        raise FormatError("mapping", "is not an object")
+    faults = [(f"mapping.{name}", "is unknown") for name in document.keys() - {f.name for f in fields(Mapping)}]
+    listed = document.get("channels")
+    if not isinstance(listed, list) or not all(isinstance(c, dict) for c in listed):
+        raise FormatError("mapping.channels", "is missing, expected a list of channels")
+    if "sample_rate_hz" not in document:
+        faults.append(
+            ("mapping.sample_rate_hz", "is missing; state the samples a second, or the variable that holds them")
+        )
+    channels = []
+    for number, entry in enumerate(listed):
+        place = f"mapping.channels.{number}"
+        found = _channel(place, entry, faults)
+        if found is not None:
+            channels.append(found)
+    if not faults and [c.quantity for c in channels].count("force") != 1:
+        faults.append(("mapping.channels", "has not exactly one channel of the quantity force"))
+    if not faults and len(channels) < 2:
+        faults.append(("mapping.channels", "has no response"))
+    rate = _value("mapping.sample_rate_hz", document.get("sample_rate_hz", 1.0), faults)
+    hit = None if document.get("hit") is None else _value("mapping.hit", document["hit"], faults)
+    if faults:
+        raise FormatError(faults)
+    return Mapping(rate, tuple(channels), hit)
+
+
+def _channel(place: str, entry: dict[str, Any], faults: list[tuple[str, str]]) -> ChannelMapping | None:
+    before = len(faults)
+    known = {f.name for f in fields(ChannelMapping)}
+    faults += [(f"{place}.{name}", "is unknown") for name in sorted(entry.keys() - known)]
+    faults += [(f"{place}.{name}", "is missing") for name in ("variable", "quantity", "point") if name not in entry]
+    if len(faults) > before:
+        return None
+    if entry["quantity"] not in get_args(ChannelQuantity):
+        faults.append(
+            (f"{place}.quantity", f"is {entry['quantity']!r}, expected one of {', '.join(get_args(ChannelQuantity))}")
+        )
+    if not isinstance(entry["variable"], str):
+        faults.append((f"{place}.variable", "is not a name"))
+    numbers = {}
+    for name, least in (("sensitivity", None), ("window_rate_per_s", 0.0), ("full_scale", None)):
+        value = entry.get(name)
+        if value is None:
+            continue
+        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+            faults.append((f"{place}.{name}", f"is {value!r}, expected a number"))
+        elif value < 0 or (least is None and value == 0):
+            faults.append(
+                (f"{place}.{name}", f"is {value!r}, expected {'0 or more' if least == 0.0 else 'more than 0'}")
+            )
+        else:
+            numbers[name] = float(value)
+    point = _value(f"{place}.point", entry["point"], faults)
+    direction = _value(f"{place}.direction", entry.get("direction", 3), faults)
+    if len(faults) > before:
+        return None
+    return ChannelMapping(entry["variable"], entry["quantity"], point, direction, **numbers)
+
+
+def _value(place: str, given: Any, faults: list[tuple[str, str]]) -> Value:
+    if isinstance(given, dict) and set(given) == {"variable"} and isinstance(given["variable"], str):
+        return str(given["variable"])
+    if isinstance(given, int | float) and not isinstance(given, bool) and np.isfinite(given):
+        return float(given)
+    faults.append((place, f'is {given!r}, expected a number or {{"variable": name}}'))
+    return 0.0
+
+
+def blocks_of(variables: Variables, mapping: Mapping) -> list[TimeBlock]:
+    """The time blocks of all channels, hit by hit: the force first.
+
+    Raises:
+        FormatError: a variable is missing, lengths differ, values are not finite, a channel is constant, or a rate,
+        point,
+            direction or hit is impossible; names it.
+    """
+    tables = {c.variable: _table(variables, c) for c in mapping.channels}
+    shapes = {name: table.shape for name, table in tables.items()}
+    if len(set(shapes.values())) > 1:
+        listed = ", ".join(f"{name} {shape[0]} blocks of {shape[1]} samples" for name, shape in shapes.items())
+        raise FormatError("mapping.channels", f"are not alike: {listed}")
+    count, samples = next(iter(shapes.values()))
+    rate = _rate(variables, mapping.sample_rate_hz, samples)
+    force = next(c for c in mapping.channels if c.quantity == "force")
+    ordered = [force, *(c for c in mapping.channels if c is not force)]
+    points = {c.variable: _integers(variables, c.point, count, "point", 1) for c in ordered}
+    directions = {c.variable: _integers(variables, c.direction, count, "direction", -6) for c in ordered}
+    where = list(zip(points[force.variable], directions[force.variable], strict=True))
+    hits = _hits(variables, mapping.hit, where)
+    return [
+        TimeBlock(
+            c.quantity,
+            points[c.variable][i],
+            directions[c.variable][i],
+            *where[i],
+            hits[i],
+            rate,
+            tables[c.variable][i] / c.sensitivity,
+            c.window_rate_per_s,
+            c.full_scale,
+            c.sensitivity,
+            c.variable,
+        )
+        for i in range(count)
+        for c in ordered
+    ]
+
+
+def _array(variables: Variables, name: str) -> np.ndarray[Any, Any]:
+    if name not in variables:
+        raise FormatError(name, f"is not in the file; it has {', '.join(sorted(variables))}")
+    return variables[name]
+
+
+def _table(variables: Variables, channel: ChannelMapping) -> FloatArray:
+    """(blocks, samples); the longer side is the time."""
+    values = np.squeeze(_array(variables, channel.variable))
+    if values.ndim == 1:
+        values = values[np.newaxis]
+    if values.ndim != 2:
+        raise FormatError(channel.variable, f"has shape {values.shape}, expected one block or a table of them")
+    if values.shape[0] > values.shape[1]:
+        values = values.T
+    if values.shape[1] < _FEWEST_SAMPLES:
+        raise FormatError(
+            channel.variable, f"has {values.shape[1]} samples a block, expected {_FEWEST_SAMPLES} or more"
+        )
+    table: FloatArray = np.ascontiguousarray(values, dtype=np.float32 if values.dtype == np.float32 else np.float64)
+    bad = np.argwhere(~np.isfinite(table))
+    if bad.size:
+        raise FormatError(
+            channel.variable, f"holds NaN or infinity, first at sample {bad[0][1] + 1} of block {bad[0][0] + 1}"
+        )
+    flat = np.flatnonzero(np.ptp(table, axis=1) == 0)
+    if flat.size:
+        raise FormatError(
+            channel.variable, f"is {table[flat[0], 0]:g} throughout block {flat[0] + 1}: a channel that carried nothing"
+        )
+    return table
+
+
+def _rate(variables: Variables, given: Value, samples: int) -> float:
+    if not isinstance(given, str):
+        rate = float(given)
+    else:
+        values = np.ravel(_array(variables, given)).astype(float)
+        if values.size == 1:
+            rate = float(values[0])
+        elif values.size == samples:
+            steps = np.diff(values)
+            step = float(values[-1] - values[0]) / (samples - 1)
+            if not step > 0 or np.abs(steps - step).max() > _UNEVEN * step + 1e-6 * abs(float(values[-1])):
+                raise FormatError(given, "is not an evenly rising time axis")
+            rate = 1 / step
+        else:
+            raise FormatError(given, f"has {values.size} values, expected the rate or a time axis of {samples}")
+    if not (np.isfinite(rate) and rate > 0):
+        raise FormatError("mapping.sample_rate_hz", f"is {rate:g}, expected a positive number of samples a second")
+    return float(f"{rate:.12g}")
+
+
+def _integers(variables: Variables, given: Value, count: int, name: str, least: int) -> list[int]:
+    values = np.ravel(_array(variables, given)) if isinstance(given, str) else np.array([given])
+    if values.size == 1:
+        values = np.repeat(values, count)
+    if values.size != count:
+        raise FormatError(str(given), f"has {values.size} values, expected one for each of the {count} blocks")
+    whole = [int(v) for v in values]
+    most = 6 if name == "direction" else 9_999_999_999
+    if any(
+        w != v or not least <= w <= most or (name == "direction" and w == 0) for w, v in zip(whole, values, strict=True)
+    ):
+        raise FormatError(
+            str(given), f"is no {name}: expected {'±1 to ±6' if name == 'direction' else 'whole numbers from 1'}"
+        )
+    return whole
+
+
+def _hits(variables: Variables, given: Value | None, where: list[tuple[int, int]]) -> list[int]:
+    if given is not None:
+        return _integers(variables, given, len(where), "hit", 1)
+    seen: dict[tuple[int, int], int] = {}
+    found = []
+    for place in where:
+        seen[place] = seen.get(place, 0) + 1
+        found.append(seen[place])
+    return found
+
+
+def propose(variables: Variables) -> dict[str, Any]:
+    """A mapping that the names and shapes suggest, to be looked at and completed; sensitivities and points are the
+    user's.
+    """
+    long = {name: a for name, a in variables.items() if a.size >= _FEWEST_SAMPLES and np.squeeze(a).ndim in (1, 2)}
+    channels = []
+    for quantity, starts in _NAMES.items():
+        for name in long:
+            if any(s in name.lower() for s in starts) and "time" not in name.lower():
+                point: Any = {"variable": "point"} if quantity == "force" and "point" in variables else 1
+                channels.append(
+                    {"variable": name, "quantity": quantity, "sensitivity": 1.0, "point": point, "direction": 3}
+                )
+    rate = next((n for n in variables if n.lower() in (SAMPLE_RATE, "fs", "sample_rate", "samplerate", "sr")), None)
+    time = next((n for n in long if n.lower().split("_")[0] in ("time", "t")), None)
+    found: dict[str, Any] = {"channels": channels}
+    if rate or time:
+        found["sample_rate_hz"] = {"variable": rate or time}
+    if "hit" in variables:
+        found["hit"] = {"variable": "hit"}
+    return found

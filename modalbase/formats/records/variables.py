@@ -1,0 +1,138 @@
+"""Named arrays of a file: npz, .mat (version 4 to 7 by scipy, 7.3 by h5py where it is installed), CSV, wav.
+
+Nothing is unpickled and nothing is guessed: what the arrays mean is the mapping's to say.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import warnings
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.io import loadmat, wavfile
+
+from modalbase.formats.errors import FormatError
+
+Variables = dict[str, np.ndarray[Any, Any]]
+
+SAMPLE_RATE = "sample_rate_hz"
+"""Name of the variable that a wav file's own sampling rate becomes."""
+
+
+def read_variables(path: Path, suffix: str | None = None, limit_bytes: int | None = None) -> Variables:
+    """The numeric arrays of a file by name.
+
+    A wav file's channels are `channel_1`, `channel_2` … and its rate `sample_rate_hz`; a CSV's columns have the names
+    of its first line.
+
+    Args:
+        path: of the file.
+        suffix: its kind where the path does not say it.
+        limit_bytes: the most that its arrays may take.
+
+    Raises:
+        FormatError: the file is of another kind, damaged, empty or larger.
+    """
+    kind = (suffix or path.suffix).lower()
+    if kind not in SUFFIXES:
+        raise FormatError("", f"is a '{kind}' file, expected one of {', '.join(SUFFIXES)}")
+    try:
+        found = SUFFIXES[kind](path, limit_bytes)
+    except FormatError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError, zipfile.BadZipFile) as error:
+        raise FormatError("", f"cannot be read as {kind}: {error}") from None
+    numbers = {name: array for name, array in found.items() if array.dtype.kind in "fiu" and array.size}
+    if not numbers:
+        raise FormatError("", "holds no numeric array")
+    return numbers
+
+
+def _within(declared: int, limit_bytes: int | None, name: str) -> None:
+    if limit_bytes is not None and declared > limit_bytes:
+        raise FormatError(name, f"declares {declared} bytes, more than the {limit_bytes} that are allowed")
+
+
+def _npz(path: Path, limit_bytes: int | None) -> Variables:
+    with zipfile.ZipFile(path) as archive:
+        _within(sum(entry.file_size for entry in archive.infolist()), limit_bytes, "")
+    with np.load(path, allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}
+
+
+def _mat(path: Path, limit_bytes: int | None) -> Variables:
+    with path.open("rb") as file:
+        newer = b"MATLAB 7.3" in file.read(128) or (file.seek(0) == 0 and file.read(8) == b"\x89HDF\r\n\x1a\n")
+    if newer:
+        return _mat73(path, limit_bytes)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # scipy warns of duplicate names and then loses one of them
+        try:
+            found = loadmat(path, squeeze_me=False)
+        except Exception as error:  # noqa: BLE001 - on damaged files scipy raises errors of a dozen kinds
+            raise FormatError("", f"cannot be read as .mat: {error}") from None
+    arrays = {
+        name: value for name, value in found.items() if not name.startswith("__") and isinstance(value, np.ndarray)
+    }
+    _within(sum(array.nbytes for array in arrays.values()), limit_bytes, "")
+    return arrays
+
+
+def _mat73(path: Path, limit_bytes: int | None) -> Variables:
+    try:
+        import h5py
+    except ImportError:
+        raise FormatError("", "is a .mat of version 7.3; install modalbase[mat73], or save it with -v7") from None
+    arrays: Variables = {}
+    with h5py.File(path, "r") as file:
+
+        def take(name: str, item: object) -> None:
+            if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu" and not name.startswith("#"):
+                _within(item.size * item.dtype.itemsize, limit_bytes, name)
+                arrays[name.replace("/", ".")] = np.asarray(item[()]).T  # MATLAB stores columns first
+
+        file.visititems(take)
+    return arrays
+
+
+def _csv(path: Path, limit_bytes: int | None) -> Variables:
+    _within(path.stat().st_size, limit_bytes, "")
+    text = path.read_bytes().decode("utf-8-sig", errors="replace")
+    first = text.partition("\n")[0]
+    separator = max(";\t,", key=first.count)
+    names = [name.strip() for name in next(csv.reader(io.StringIO(first), delimiter=separator), [])]
+    if len(names) < 2 or len(set(names)) < len(names) or any(not name for name in names):
+        raise FormatError("line 1", "is not a heading with a name of its own for each column")
+    body = text.partition("\n")[2]
+    if separator == ";":
+        body = body.replace(",", ".")
+    rows = [line for line in body.splitlines() if line.strip()]
+    columns = np.empty((len(rows), len(names)))
+    for number, row in enumerate(rows):
+        fields = row.split(separator)
+        if len(fields) != len(names):
+            raise FormatError(f"line {number + 2}", f"has {len(fields)} fields, the heading {len(names)}")
+        try:
+            columns[number] = [float(field) for field in fields]
+        except ValueError as error:
+            raise FormatError(f"line {number + 2}", str(error)) from None
+    return {name: columns[:, i].copy() for i, name in enumerate(names)}
+
+
+def _wav(path: Path, limit_bytes: int | None) -> Variables:
+    _within(path.stat().st_size, limit_bytes, "")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks beside the samples
+        rate, samples = wavfile.read(path)
+    table = samples[:, np.newaxis] if samples.ndim == 1 else samples
+    channels = {f"channel_{i + 1}": table[:, i].astype(float) for i in range(table.shape[1])}
+    return {SAMPLE_RATE: np.array(float(rate)), **channels}
+
+
+SUFFIXES: dict[str, Callable[[Path, int | None], Variables]] = {".npz": _npz, ".mat": _mat, ".csv": _csv, ".wav": _wav}
+"""Kinds of files, by their suffix."""

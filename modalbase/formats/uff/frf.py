@@ -1,0 +1,230 @@
+"""From a function as the file states it to an FRF in SI: what it is, in which units, along which axes."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modalbase.formats.types import ComplexArray, Quantity
+from modalbase.formats.uff.content import Axis, Frf, Function, Limits, Units
+from modalbase.formats.uff.function import AxisDescription, RawFunction, fits_single
+from modalbase.formats.uff.geometry import Geometry
+from modalbase.formats.uff.text import Refusal
+from modalbase.formats.uff.units import FORCE, NO_LABEL, RESPONSE, Dimension, Label, read_label, times
+
+FRF_TYPE = 4
+_RESPONSE_TYPES: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
+_FORCE_TYPES = (9, 13)
+_UNSTATED_TYPES = (0, 1)
+_FREQUENCY_TYPES = (0, 1, 18)
+_GRAVITY = re.compile(r"(?i)(?<![a-z])(g|gn|g's)(?![a-z])")
+
+
+@dataclass(frozen=True)
+class _Side:
+    """Numerator or denominator of an FRF.
+
+    Attributes:
+        label: meaning of its unit label, None where there is none or it is not understood.
+        text: the label as the file has it.
+        by_164: factor to SI by set 164.
+    """
+
+    label: Label | None
+    text: str
+    by_164: float
+
+
+def function_of(raw: RawFunction, dataset: int) -> Function:
+    """A function that is not an FRF, in the units of its labels."""
+    return Function(
+        dataset,
+        raw.id_lines[0],
+        raw.id_lines,
+        raw.function_type,
+        raw.response_point,
+        raw.response_direction,
+        raw.reference_point,
+        raw.reference_direction,
+        raw.axis,
+        raw.abscissa.unit,
+        raw.values,
+        "" if raw.ordinate.unit.lower() in NO_LABEL else raw.ordinate.unit,
+    )
+
+
+def frf_of(
+    raw: RawFunction, dataset: int, units: Units | None, geometry: Geometry, limits: Limits
+) -> tuple[Frf, list[str]]:
+    """An FRF in SI and the notes on how it came there.
+
+    Raises:
+        Refusal: it is not complex, not over frequency, not a response over a force, states no quantity, or is
+            measured along axes that are none of the global ones.
+    """
+    notes: list[str] = []
+    if raw.values.dtype.kind != "c":
+        raise Refusal("is an FRF with real ordinates: without phase it is of no use")
+    frequency = _frequency(raw, notes)
+    quantity, factor = _quantity_and_factor(raw, units, limits, notes)
+    response, reference = (
+        geometry.global_direction(point, direction, name, notes)
+        for point, direction, name in (
+            (raw.response_point, raw.response_direction, "response"),
+            (raw.reference_point, raw.reference_direction, "reference"),
+        )
+    )
+    double = raw.values.astype(np.complex128, copy=factor != 1.0)
+    if factor != 1.0:
+        double.view(np.float64)[:] *= factor  # part by part: a complex product would lose the sign of zeros
+    values: NDArray[np.complex64] | ComplexArray = double
+    if raw.values.dtype == np.complex64 and fits_single(double.view(np.float64)):
+        values = double.astype(np.complex64)
+    frf = Frf(
+        dataset,
+        raw.id_lines[0],
+        raw.id_lines,
+        raw.response_point,
+        response,
+        raw.reference_point,
+        reference,
+        quantity,
+        frequency,
+        values,
+        raw.load_case,
+    )
+    return frf, notes
+
+
+def _frequency(raw: RawFunction, notes: list[str]) -> Axis:
+    """The abscissa in Hz."""
+    described = raw.abscissa
+    if described.data_type not in _FREQUENCY_TYPES:
+        raise Refusal(f"is an FRF over an abscissa of type {described.data_type}, expected 18 (frequency)", 7)
+    text = described.unit.lower().replace(" ", "")
+    if text in ("hz", "1/s", "cycles/s", "cps") or (text in NO_LABEL and described.data_type == 18):
+        factor = 1.0
+    elif text in ("rad/s", "rad/sec", "khz", "rpm", "cpm"):
+        factor = {"khz": 1e3, "rpm": 1 / 60, "cpm": 1 / 60}.get(text, 1 / (2 * np.pi))
+        notes.append(f"frequencies in {described.unit} converted to Hz")
+    else:
+        factor = 1.0
+        notes.append(f"the unit of the abscissa is '{described.unit}'; Hz assumed")
+    axis = raw.axis
+    if axis.start < 0:
+        raise Refusal(f"its first frequency is {axis.start:g}, expected 0 or more")
+    if factor == 1.0:
+        return axis
+    values = None if axis.values is None else axis.values * factor
+    return Axis(axis.start * factor, axis.step * factor, axis.count, values)
+
+
+def _quantity_and_factor(
+    raw: RawFunction, units: Units | None, limits: Limits, notes: list[str]
+) -> tuple[Quantity, float]:
+    """What the FRF is, and the factor that brings its ordinates to SI."""
+    rotation = abs(raw.response_direction) > 3
+    moment = abs(raw.reference_direction) > 3
+    length, force = (1.0, 1.0) if units is None else (units.length, units.force)
+    top = _Side(read_label(raw.ordinate.unit), raw.ordinate.unit, 1.0 if rotation else 1 / length)
+    bottom = _Side(
+        read_label(raw.denominator.unit), raw.denominator.unit, 1 / (force * length) if moment else 1 / force
+    )
+    if raw.denominator.data_type not in (*_FORCE_TYPES, *_UNSTATED_TYPES):
+        raise Refusal(f"its denominator is of type {raw.denominator.data_type}, not a force (9, 13)", 9)
+    response = {q: times(d, (1, 0, 0), -1) if rotation else d for q, d in RESPONSE.items()}
+    below = times(FORCE, (1, 0, 0)) if moment else FORCE
+    quantity, whole = _quantity(raw, top.label, response, below, limits, notes)
+    _note_exponents(raw, rotation, moment, notes)
+    if whole and top.label is not None:
+        factor, said = top.label.factor, f"'{top.text}'"
+    else:
+        factor, said = _ratio(top, bottom, response[quantity], below, units, notes)
+    _note_factor(factor, said, top, bottom, units, notes)
+    return quantity, factor
+
+
+def _quantity(
+    raw: RawFunction,
+    label: Label | None,
+    response: dict[Quantity, Dimension],
+    below: Dimension,
+    limits: Limits,
+    notes: list[str],
+) -> tuple[Quantity, bool]:
+    """The quantity by data type, label, or the user; and whether the ordinate's label states the whole ratio."""
+    by_type = _RESPONSE_TYPES.get(raw.ordinate.data_type)
+    if by_type is None and raw.ordinate.data_type not in _UNSTATED_TYPES:
+        raise Refusal(
+            f"its ordinate is of type {raw.ordinate.data_type}, not an acceleration, velocity or displacement", 8
+        )
+    for quantity in get_args(Quantity):
+        if label is None:
+            break
+        whole = label.dimension == times(response[quantity], below, -1)
+        if whole or label.dimension == response[quantity]:
+            if by_type not in (None, quantity):
+                raise Refusal(f"its data type says {by_type}, its unit '{raw.ordinate.unit}' says {quantity}", 8)
+            return quantity, whole
+    if label is not None:
+        raise Refusal(f"its ordinate is in '{raw.ordinate.unit}', which is no unit of an FRF's response", 8)
+    if by_type is not None:
+        return by_type, False
+    if limits.quantity is None:
+        raise Refusal(
+            f"neither its data type ({raw.ordinate.data_type}) nor its unit ('{raw.ordinate.unit}') says whether it is"
+            " an accelerance, a mobility or a receptance; state it in the file (record 9: 12, 11 or 8)",
+            8,
+        )
+    notes.append(f"the file does not state what it is; {limits.quantity} as stated for the import")
+    return limits.quantity, False
+
+
+def _ratio(
+    top: _Side, bottom: _Side, response: Dimension, below: Dimension, units: Units | None, notes: list[str]
+) -> tuple[float, str]:
+    """Factor to SI of numerator over denominator, each by its label or by set 164."""
+    factors = []
+    for side, dimension, name in ((top, response, "ordinate"), (bottom, below, "denominator")):
+        if side.label is not None and side.label.dimension != dimension:
+            raise Refusal(f"the unit '{side.text}' of its {name} does not fit its data type")
+        if side.label is None:
+            by = "SI (the file has no set 164)" if units is None else f"set 164 ({units.description or units.code})"
+            stated = (
+                "has no unit label" if side.text.lower() in NO_LABEL else f"has the unknown unit label '{side.text}'"
+            )
+            notes.append(f"its {name} {stated}; units of {by} assumed")
+        factors.append(side.by_164 if side.label is None else side.label.factor)
+    return factors[0] / factors[1], f"'{top.text}' over '{bottom.text}'"
+
+
+def _note_factor(factor: float, said: str, top: _Side, bottom: _Side, units: Units | None, notes: list[str]) -> None:
+    """State the conversion, and where labels and set 164 disagree."""
+    if factor != 1.0:
+        gravity = " (1 g = 9.80665 m/s²)" if _GRAVITY.search(top.text) else ""
+        notes.append(f"ordinates multiplied by {factor:.9g} to SI{gravity}: their units are {said}")
+    by_164 = top.by_164 / bottom.by_164
+    if units is not None and (top.label or bottom.label) and abs(by_164 / factor - 1) > 1e-6:
+        notes.append(
+            f"the unit labels {said} contradict set 164, by which the factor is {by_164:.9g}; the labels are used"
+        )
+
+
+def _note_exponents(raw: RawFunction, rotation: bool, moment: bool, notes: list[str]) -> None:
+    """Unit exponents are redundant with the data types; say where they do not agree."""
+    expected = (
+        (raw.ordinate, (0 if rotation else 1, 0, 0), "ordinate"),
+        (raw.denominator, (int(moment), 1, 0), "denominator"),
+    )
+    for described, usual, name in expected:
+        stated = _exponents(described)
+        if described.data_type not in _UNSTATED_TYPES and stated not in ((0, 0, 0), usual):
+            notes.append(f"the unit exponents {stated} of its {name} do not fit its data type {described.data_type}")
+
+
+def _exponents(described: AxisDescription) -> tuple[int, int, int]:
+    return described.length_exponent, described.force_exponent, described.temperature_exponent

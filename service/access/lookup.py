@@ -1,0 +1,151 @@
+"""Rows of one kind: found by key with the role that an act needs, hidden and brought back, traced to their project.
+
+Every row but a project belongs to another one: an FRF to its campaign, a campaign to its structure, a structure to its
+project, in which the user has a role. So each room states its kinds once::
+
+    campaign_for = Lookup(Campaign, "campaign", "structure_id", structure_for)
+
+    campaign = campaign_for(session, user, campaign_id, "editor")     # NotFound or Forbidden
+    campaign_for.project_of(session, campaign)
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any, Generic, TypeVar
+from uuid import UUID
+
+from sqlalchemy import delete, text
+from sqlalchemy.orm import Session
+
+from service.access.audit import audit
+from service.access.projects import Role, project_for
+from service.access.tables import User
+from service.db.base import Base
+from service.db.clock import transaction_time
+from service.errors import Conflict, Invalid, NotFound, not_found_as
+
+Row = TypeVar("Row", bound=Base)
+
+
+class Lookup(Generic[Row]):
+    """Finds rows of one kind; what is not there, deleted, or other people's is equally not found."""
+
+    def __init__(
+        self,
+        table: type[Row],
+        kind: str,
+        owner_key: str,
+        owner: Lookup[Any] | None = None,
+        *,
+        deleted_owner: bool = False,
+    ) -> None:
+        """State a kind.
+
+        Args:
+            table: its rows; one with `deleted_at` may be hidden.
+            kind: what a person calls one, such as `campaign`.
+            owner_key: the column that names the row which it belongs to.
+            owner: how that is found; None where it is a project.
+            deleted_owner: whether it is found though its owner is deleted.
+        """
+        self._table, self._kind, self._owner_key, self._owner = table, kind, owner_key, owner
+        self._deleted_owner = deleted_owner
+
+    def __call__(
+        self,
+        session: Session,
+        user: User,
+        key: UUID,
+        role: Role = "viewer",
+        *,
+        deleted: bool = False,
+        lock: bool = False,
+    ) -> Row:
+        """The row, if the user has at least this role in its project.
+
+        Args:
+            session: the request's transaction.
+            user: who asks.
+            key: which one.
+            role: what the act needs.
+            deleted: find a deleted one too.
+            lock: read it again, and keep other edits off it until the transaction ends. Rows that refer to it still
+                come in.
+
+        Raises:
+            NotFound: there is none, it is other people's, or it is deleted.
+            Forbidden: the user's role is too low.
+        """
+        row: Any = session.get(self._table, key)
+        if row is None:
+            raise NotFound(self._kind, key)
+        with not_found_as(self._kind, key):
+            owner_key = getattr(row, self._owner_key)
+            if self._owner is None:
+                project_for(session, user, owner_key, role)
+            else:
+                self._owner(session, user, owner_key, role, deleted=self._deleted_owner)
+        if lock:
+            session.refresh(row, with_for_update={"key_share": True, "of": self._table})
+        if not deleted and getattr(row, "deleted_at", None) is not None:
+            raise NotFound(self._kind, key)
+        found: Row = row
+        return found
+
+    def named(self, session: Session, user: User, key: UUID, pointer: str) -> Row:
+        """The row that a body names.
+
+        Raises:
+            Invalid: it is not found, which is a fault at this place of the body.
+        """
+        try:
+            return self(session, user, key)
+        except NotFound as error:
+            raise Invalid(pointer, str(error)) from None
+
+    def project_of(self, session: Session, row: Row) -> UUID:
+        """The project that a row belongs to."""
+        key: UUID = getattr(row, self._owner_key)
+        if self._owner is None:
+            return key
+        return self._owner.project_of(session, session.get_one(self._owner._table, key))
+
+    def hide(self, session: Session, user: User, row: Row) -> None:
+        """Delete a locked row so that nothing is lost: it is hidden with the moment, and can be brought back."""
+        self._set_deleted(session, user, row, "delete", transaction_time(session))
+
+    def bring_back(self, session: Session, user: User, row: Row) -> None:
+        """Undo `hide`.
+
+        Raises:
+            Conflict: the row is not deleted.
+        """
+        if getattr(row, "deleted_at", None) is None:
+            raise Conflict(f"the {self._kind} is not deleted")
+        self._set_deleted(session, user, row, "restore", None)
+
+    def purge(self, session: Session, user: User, row: Row) -> None:
+        """Remove a deleted row for good; see `purge`."""
+        purge(session, user, row, self._kind, self.project_of(session, row))
+
+    def _set_deleted(self, session: Session, user: User, row: Any, act: str, deleted_at: datetime | None) -> None:
+        row.deleted_at, row.updated_at = deleted_at, transaction_time(session)
+        session.flush()
+        audit(session, user, f"{self._kind}.{act}", self._kind, row.id, self.project_of(session, row))
+
+
+def purge(session: Session, user: User, row: Any, kind: str, project_id: UUID) -> None:
+    """Remove a deleted row with all that belongs to it for good. The audit trail keeps who did it, and its name.
+
+    Raises:
+        Conflict: it is not deleted.
+    """
+    if row.deleted_at is None:
+        raise Conflict(f"the {kind} is not deleted; delete it first, and purge it when nobody misses it")
+    key, name, table = row.id, row.name, type(row)
+    session.expunge(row)
+    session.execute(text("SET CONSTRAINTS ALL DEFERRED"))  # what belongs to it goes in whatever order
+    session.execute(delete(table).where(table.id == key), execution_options={"synchronize_session": False})
+    session.execute(text("SET CONSTRAINTS ALL IMMEDIATE"))
+    audit(session, user, f"{kind}.purge", kind, key, project_id, name=name)

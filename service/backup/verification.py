@@ -1,0 +1,87 @@
+"""The check of everything that is stored under a SHA-256: spectra, coherences, curves and original files."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from typing import Any
+
+from sqlalchemy import Connection, inspect, text
+from sqlalchemy.exc import DBAPIError
+
+CHECKED = (
+    ("frfs", "id", "data", "sha256"),
+    ("frfs", "id", "coherence", "coherence_sha256"),
+    ("frfs", "id", "variance", "variance_sha256"),
+    ("records", "id", "data", "sha256"),
+    ("coupon_curves", "coupon_id", "data", "sha256"),
+    ("coupon_curves", "coupon_id", "file", "file_sha256"),
+)
+"""Table, key, bytes, their digest. PostgreSQL computes the digests itself, so that no spectrum is sent."""
+
+_CHUNKS = "SELECT sha256, data FROM original_chunks ORDER BY sha256, number"
+_SIZES = "SELECT sha256, size FROM originals"
+
+
+def find_damage(connection: Connection) -> list[str]:
+    """What does not have the SHA-256 that it was stored with, in order.
+
+    Returns:
+        Names such as `frfs 0199…: data`; empty where all is well.
+    """
+    catalogue = inspect(connection)
+    tables = set(catalogue.get_table_names())
+    checks = [
+        _wrong_digests(connection, *check)
+        for check in CHECKED
+        if check[0] in tables and check[2] in {column["name"] for column in catalogue.get_columns(check[0])}
+    ]  # a schema of an earlier version has fewer of them
+    if "original_chunks" in tables:
+        checks.append(_wrong_originals(connection))
+    return sorted(name for check in checks for name in check)
+
+
+def _wrong_digests(connection: Connection, table: str, key: str, data: str, digest: str) -> Iterator[str]:
+    query = f"SELECT {key} FROM {table} WHERE {data} IS NOT NULL AND sha256({data}) IS DISTINCT FROM {digest}"
+    try:
+        with connection.begin_nested():
+            found = connection.scalars(text(query)).all()
+    except DBAPIError as error:  # a damaged page, which PostgreSQL knows by its own checksum
+        yield f"{table}: {_first_line(error)}"
+        return
+    for row in found:
+        yield f"{table} {row}: {data}"
+
+
+def _wrong_originals(connection: Connection) -> Iterator[str]:
+    """A file's chunks together have its size, and its SHA-256, which is also its name."""
+    try:
+        with connection.begin_nested():
+            expected: dict[bytes, int] = {row.sha256: row.size for row in connection.execute(text(_SIZES))}
+            found = {sha256: (size, digest) for sha256, size, digest in _digests(connection)}
+    except DBAPIError as error:
+        yield f"originals: {_first_line(error)}"
+        return
+    nothing = (0, hashlib.sha256().digest())
+    for sha256, size in expected.items():
+        if found.get(sha256, nothing) != (size, sha256):
+            yield f"originals {sha256.hex()}: data"
+
+
+def _digests(connection: Connection) -> Iterator[tuple[bytes, int, bytes]]:
+    """Name, size and digest of each stored file, read in its order."""
+    rows: Any = connection.execute(text(_CHUNKS), execution_options={"yield_per": 256})
+    name, size, digest = None, 0, hashlib.sha256()
+    for sha256, data in rows:
+        if sha256 != name:
+            if name is not None:
+                yield name, size, digest.digest()
+            name, size, digest = sha256, 0, hashlib.sha256()
+        size += len(data)
+        digest.update(data)
+    if name is not None:
+        yield name, size, digest.digest()
+
+
+def _first_line(error: DBAPIError) -> str:
+    return str(error.orig).partition("\n")[0]

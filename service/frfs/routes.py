@@ -1,0 +1,213 @@
+"""Routes of FRFs and their spectra."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Annotated, Literal
+from uuid import UUID
+
+from fastapi import Depends, Header, Query, Request, Response
+from fastapi.responses import FileResponse
+from sqlalchemy.orm import Session
+
+from fecore.frf import Quantity
+from service.access import CurrentUser, SessionDep, SettingsDep
+from service.campaigns.grid_points import stored_points
+from service.campaigns.operations import campaign_for
+from service.campaigns.uploads import UploadDep
+from service.errors import Invalid, NotFound, UnsupportedMediaType
+from service.frfs import bodies, operations
+from service.frfs.data import Cut, FrfTable, make_tables
+from service.frfs.formats import FORMATS
+from service.frfs.schemas import FrfOut, FrfsIn
+from service.frfs.tables import Frf
+from service.jobs.aside import read_aside
+from service.web import Cursor, Limit, Page, api_router, paged
+from service.web.conditional import not_modified
+from service.web.downloads import fits_memory, in_memory, spooled
+from service.web.gate import without_slot
+from service.web.negotiation import choose_format, one_of
+from service.web.openapi import schema_of
+
+router = api_router(tags=["FRFs"])
+
+MEDIA_TYPES = {name: form.media_type for name, form in FORMATS.items()}
+KINDS: dict[str, Literal["json", "npz", "csv"]] = {
+    "application/json": "json",
+    "application/x-npz": "npz",
+    "application/octet-stream": "npz",
+    "application/zip": "npz",
+    "text/csv": "csv",
+}
+"""Media types of bodies that are read."""
+BODY = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "application/json": {"schema": schema_of(FrfsIn)},
+            "application/x-npz": {"schema": {"type": "string", "format": "binary"}},
+            "text/csv": {"schema": {"type": "string"}},
+        },
+    }
+}
+FILES = {200: {"content": {media_type: {} for media_type in MEDIA_TYPES.values()}, "description": "The spectra."}}
+
+Hertz = Annotated[float | None, Query(ge=0, le=1e12, allow_inf_nan=False)]
+Whole = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
+
+
+def _filter(
+    point: Annotated[Whole, Query(description="response point")] = None,
+    direction: Annotated[int | None, Query(ge=-6, le=6, description="signed response direction")] = None,
+    reference: Annotated[Whole, Query(description="reference point")] = None,
+    quantity: Annotated[Quantity | None, Query(description="of these only")] = None,
+    import_id: Annotated[UUID | None, Query(description="of this import only")] = None,
+    fmin: Annotated[Hertz, Query(description="Hz")] = None,
+    fmax: Annotated[Hertz, Query(description="Hz")] = None,
+) -> operations.FrfFilter:
+    if fmin is not None and fmax is not None and fmin > fmax:
+        raise Invalid("fmin", f"is {fmin:g} Hz and above fmax, {fmax:g} Hz")
+    return operations.FrfFilter(point, direction, reference, quantity, import_id, fmin, fmax)
+
+
+FilterDep = Annotated[operations.FrfFilter, Depends(_filter)]
+Stride = Annotated[int, Query(ge=1, le=1_000_000, description="every how many-th line")]
+Format = Annotated[
+    Annotated[str, one_of(MEDIA_TYPES)] | None,
+    Query(alias="format", description="uff is set 58b, uff-ascii set 58; default: by Accept"),
+]
+Accept = Annotated[str | None, Header(include_in_schema=False)]
+
+
+@router.get("/campaigns/{campaign_id}/frfs")
+def list_frfs(
+    campaign_id: UUID,
+    wanted: FilterDep,
+    session: SessionDep,
+    user: CurrentUser,
+    cursor: Cursor = None,
+    limit: Limit = 100,
+) -> Page[FrfOut]:
+    """FRFs of a campaign, without their spectra."""
+    campaign = campaign_for(session, user, campaign_id)
+    rows, following = paged(session, wanted.query(campaign.id), Frf.id, cursor, limit)
+    return Page(items=[operations.describe(row) for row in rows], next_cursor=following)
+
+
+async def _read(
+    request: Request,
+    upload: UploadDep,
+    settings: SettingsDep,
+    quantity: Annotated[Quantity | None, Query(description="what a CSV holds, in SI units")] = None,
+) -> AsyncIterator[operations.NewFrfs]:
+    """The body's FRFs, read in a child process; the request has neither slot nor transaction meanwhile."""
+    if upload.file.size == 0:
+        raise Invalid("", "the body is empty, expected FRFs as npz or JSON")
+    kind = KINDS.get(upload.content_type)
+    if kind is None:
+        raise UnsupportedMediaType(
+            f"the body is {upload.content_type or 'of no stated type'}, "
+            "expected application/x-npz, application/json or text/csv"
+        )
+    if kind == "csv" and quantity is None:
+        raise Invalid("quantity", "is missing: a CSV does not say what it holds, so ?quantity= must")
+    sent = bodies.Sent(upload.file.path, kind, quantity or "accelerance", settings.upload_limit_bytes)
+    with tempfile.NamedTemporaryFile(prefix="modalbase-rows-") as rows:
+        path = Path(rows.name)
+        async with without_slot(request.scope):
+            count = await read_aside(bodies.write_rows, sent, path)
+        yield operations.NewFrfs(path, count)
+
+
+@router.post("/campaigns/{campaign_id}/frfs", status_code=201, openapi_extra=BODY)
+def create_frfs(
+    campaign_id: UUID,
+    new: Annotated[operations.NewFrfs, Depends(_read)],
+    session: SessionDep,
+    user: CurrentUser,
+) -> Page[FrfOut]:
+    """Send FRFs of a script as npz, JSON or CSV, as `GET …/frfs/data` writes them; all are stored, or none.
+
+    At most 10,000 at a time. An npz may unpack to 64 MiB, or to 100 times its own size.
+    """
+    campaign = campaign_for(session, user, campaign_id, "editor")
+    return Page(items=[operations.describe(row) for row in operations.store_frfs(session, user, campaign, new)])
+
+
+@router.get("/campaigns/{campaign_id}/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
+def get_campaign_data(
+    campaign_id: UUID,
+    wanted: FilterDep,
+    session: SessionDep,
+    user: CurrentUser,
+    request: Request,
+    stride: Stride = 1,
+    file_format: Format = None,
+    accept: Accept = None,
+) -> Response:
+    """Spectra of a campaign's FRFs, with their band and stride, as JSON, npz, CSV, Arrow or UFF.
+
+    UFF holds the grid points too, and FRFs of any axes and quantities; the others need one axis and one quantity.
+    """
+    campaign = campaign_for(session, user, campaign_id)
+    rows = session.scalars(wanted.query(campaign.id).order_by(Frf.id)).all()
+    if not rows:
+        raise NotFound("FRF that matches in this campaign")
+    tables = make_tables(session, rows, Cut(wanted.fmin, wanted.fmax, stride))
+    return _file(session, tables, choose_format(file_format, accept, MEDIA_TYPES), request)
+
+
+@router.get("/frfs/{frf_id}")
+def get_frf(frf_id: UUID, session: SessionDep, user: CurrentUser) -> FrfOut:
+    """An FRF without its spectrum."""
+    return operations.describe(operations.frf_for(session, user, frf_id))
+
+
+@router.get("/frfs/{frf_id}/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
+def get_frf_data(
+    frf_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    request: Request,
+    fmin: Annotated[Hertz, Query(description="Hz")] = None,
+    fmax: Annotated[Hertz, Query(description="Hz")] = None,
+    stride: Stride = 1,
+    file_format: Format = None,
+    accept: Accept = None,
+) -> Response:
+    """Spectrum of one FRF, in a band and with a stride if wanted, as JSON, npz, CSV, Arrow or UFF."""
+    row = operations.frf_for(session, user, frf_id)
+    tables = make_tables(session, [row], Cut(fmin, fmax, stride))
+    return _file(session, tables, choose_format(file_format, accept, MEDIA_TYPES), request)
+
+
+def _file(session: Session, tables: list[FrfTable], file_format: str, request: Request) -> Response:
+    """The tables as a file; 304 where the client has it."""
+    form = FORMATS[file_format]
+    headers = {"ETag": _etag(session, tables, file_format), "Vary": "Accept"}
+    if (unchanged := not_modified(request, headers)) is not None:
+        return unchanged
+    size = form.value_bytes * sum(len(table.frfs) * table.frequency_hz.size for table in tables)
+    send = in_memory if fits_memory(request, size) else spooled
+    return send(lambda file: form.write(tables, file), form.media_type, f"frfs.{form.suffix}", headers)
+
+
+def _etag(session: Session, tables: list[FrfTable], file_format: str) -> str:
+    digest = hashlib.sha256(file_format.encode())
+    for table in tables:
+        digest.update(repr(table.lines).encode())
+        for frf in table.frfs:
+            digest.update(frf.id.bytes + frf.sha256 + (frf.coherence_sha256 or b""))
+    if not FORMATS[file_format].one_table:  # such a file holds the grid points too
+        digest.update(repr(stored_points(session, tables[0].frfs[0].campaign_id)).encode())
+    return f'"{digest.hexdigest()[:32]}"'
+
+
+for _path, _handler in (
+    ("/campaigns/{campaign_id}/frfs/data", get_campaign_data),
+    ("/frfs/{frf_id}/data", get_frf_data),
+):
+    router.head(_path, include_in_schema=False)(_handler)

@@ -1,0 +1,176 @@
+"""Storing what the child process read of a file: grid points, FRFs, coherences, modes and the reports, in one transaction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+from uuid import UUID
+
+import numpy as np
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from modalbase.formats.uff import DatasetReport, Function, GridPoint, ModeShape
+from service.campaigns.grid_points import add_points, stored_points
+from service.errors import Conflict, Invalid
+from service.frfs.operations import add_coherence, writing_frfs
+from service.imports.reading import EncodedFrf, Kept
+from service.imports.tables import Import
+from service.modes.operations import store_read_modes
+
+SAME_POINT_M = 1e-6
+"""Coordinates of one point in two files may differ by this: a file may have them in single precision."""
+MOST_NAMED = 10
+
+Pair = tuple[int, int, int, int, int]
+
+
+def store_import(session: Session, job_id: UUID, items: Iterator[Kept]) -> None:
+    """Take in a file. A dry run goes the same way and writes the report alone.
+
+    Raises:
+        Conflict: a grid point of the file lies elsewhere than the campaign has it.
+        Invalid: nothing at all of the file could be read.
+    """
+    row = session.get_one(Import, job_id)
+    # Imports into one campaign are stored one after the other, so that each sees the points of the one before.
+    session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(str(row.campaign_id), 0))))
+    intake = _Intake(session, row)
+    with writing_frfs(session) as write_frf:
+        for item in items:
+            intake.take(item, write_frf)
+    intake.finish()
+
+
+class _Intake:
+    """One import's way into the tables: FRFs stream in as they come, the rest follows when the whole file was seen."""
+
+    def __init__(self, session: Session, row: Import) -> None:
+        self.session = session
+        self.row = row
+        self.reports: list[DatasetReport] = []
+        self.points = stored_points(session, row.campaign_id)
+        self.new_points: list[GridPoint] = []
+        self.pairs: dict[Pair, int] = {}
+        self.coherences: list[tuple[int, Pair, Function]] = []
+        self.modes: list[ModeShape] = []
+        self.counts = {"frfs": 0, "grid_points": 0, "modes": 0}
+        self.named: set[int] = set()
+        self.seen: set[int] = set()
+
+    def take(self, item: Kept, write_frf: Callable[[Mapping[str, Any]], None]) -> None:
+        """One item, in the file's order."""
+        if isinstance(item, list):
+            self._take_points(item)
+        elif isinstance(item, EncodedFrf):
+            self._take_frf(item, write_frf)
+        elif isinstance(item, Function):
+            self.coherences.append((item.dataset, _pair(item), item))
+        elif isinstance(item, ModeShape):
+            self.modes.append(item)
+            self.counts["modes"] += 1
+        else:
+            self.reports.append(item)
+
+    def finish(self) -> None:
+        """What can only be stored once the whole file was seen."""
+        self._write_points()
+        self._write_coherences()
+        self._write_modes()
+        if not any(self.counts.values()) and not self.row.dry_run:
+            self._refuse_nothing()
+        self.row.counts = self.counts
+        self.row.datasets = [_report(report) for report in self.reports]
+        self.row.warnings = self._warnings()
+        self.session.flush()
+
+    def _take_points(self, points: list[GridPoint]) -> None:
+        for point in points:
+            known = self.points.get(point.number)
+            if known is None:
+                self.points[point.number] = point.xyz_m
+                self.new_points.append(point)
+            elif np.max(np.abs(np.subtract(known, point.xyz_m))) > SAME_POINT_M:
+                raise Conflict(
+                    f"grid point {point.number} lies at {_metres(point.xyz_m)} in the file and at {_metres(known)} in the "
+                    "campaign, or it is in the file twice; correct the one that is wrong (PUT grid-points), or import "
+                    "into a campaign of its own"
+                )
+        self.seen |= {point.number for point in points}
+        self.counts["grid_points"] = len(self.seen)
+
+    def _take_frf(self, frf: EncodedFrf, write: Callable[[Mapping[str, Any]], None]) -> None:
+        self.counts["frfs"] += 1
+        self.pairs[_pair(frf)] = frf.dataset
+        self.named |= {frf.response_point, frf.reference_point}
+        if self.row.dry_run:
+            return
+        keys = {"campaign_id": self.row.campaign_id, "import_id": self.row.id}
+        write({**vars(frf), **keys, **frf.axis.columns(), **frf.spectrum.columns()})
+
+    def _write_points(self) -> None:
+        if self.new_points and not self.row.dry_run:
+            points = ((point.number, point.xyz_m) for point in self.new_points)
+            add_points(self.session, self.row.campaign_id, points)
+
+    def _write_coherences(self) -> None:
+        """Each coherence goes to the FRF between the same points; one that has none is reported as ignored."""
+        orphans: dict[int, str] = {}
+        for dataset, pair, function in self.coherences:
+            frf = self.pairs.get(pair)
+            if frf is None:
+                orphans[dataset] = "is a coherence of two points between which the file has no FRF on as many lines"
+            elif not self.row.dry_run:
+                add_coherence(self.session, self.row.id, frf, function.values.real)
+        self.reports = [
+            replace(r, outcome="ignored", reason=orphans[r.number]) if r.number in orphans else r for r in self.reports
+        ]
+
+    def _write_modes(self) -> None:
+        if self.modes and not self.row.dry_run:
+            row = self.row
+            store_read_modes(self.session, row.campaign_id, row.id, row.filename, self.modes)
+
+    def _refuse_nothing(self) -> None:
+        why = [f"dataset {r.number} (type {r.type}, byte {r.offset}): {r.reason}" for r in self.reports if r.reason]
+        more = f"; and {len(why) - MOST_NAMED} more" if len(why) > MOST_NAMED else ""
+        raise Invalid("file", "nothing in it can be stored. " + "; ".join(why[:MOST_NAMED]) + more)
+
+    def _warnings(self) -> list[str]:
+        warnings = []
+        refused = sum(r.outcome == "refused" for r in self.reports)
+        if refused:
+            warnings.append(f"{refused} of {len(self.reports)} datasets were refused; see datasets for the reasons")
+        unknown = sorted(self.named - self.points.keys())
+        if unknown:
+            shown = ", ".join(map(str, unknown[:MOST_NAMED])) + (" …" if len(unknown) > MOST_NAMED else "")
+            warnings.append(f"FRFs name grid points that have no coordinates yet: {shown}; PUT grid-points adds them")
+        return warnings
+
+
+def _pair(item: EncodedFrf | Function) -> Pair:
+    """Between which points and axes; the sense of a direction does not matter to a coherence."""
+    lines = item.spectrum.count if isinstance(item, EncodedFrf) else item.abscissa.count
+    return (
+        item.response_point,
+        abs(item.response_direction),
+        item.reference_point,
+        abs(item.reference_direction),
+        lines,
+    )
+
+
+def _report(report: DatasetReport) -> dict[str, Any]:
+    return {
+        "number": report.number,
+        "type": report.type,
+        "offset": report.offset,
+        "outcome": report.outcome,
+        "reason": report.reason,
+        "notes": list(report.notes),
+    }
+
+
+def _metres(xyz: tuple[float, float, float]) -> str:
+    return "(" + ", ".join(f"{v:.6g}" for v in xyz) + ") m"

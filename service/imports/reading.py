@@ -1,0 +1,142 @@
+"""Reading an uploaded file in the child process: what is kept from it, and a report on every dataset.
+
+This module imports no database and no web, since the child imports it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fecore.errors import InputError
+from fecore.frf import Quantity
+from modalbase.formats.uff import (
+    COHERENCE,
+    Content,
+    DatasetReport,
+    Element,
+    Frf,
+    Function,
+    GridPoint,
+    Limits,
+    ModeShape,
+    TraceLine,
+    UffError,
+    read_file,
+)
+from service.frfs.spectra import Axis, Spectrum, encode, encode_axis
+
+if TYPE_CHECKING:
+    from service.jobs.kinds import Report
+
+POINTS_AT_ONCE = 5000
+REPORT_SECONDS = 0.5
+
+
+@dataclass(frozen=True)
+class EncodedFrf:
+    """An FRF of a file as it is stored; encoded here, for here is a processor to spare.
+
+    Attributes:
+        dataset: number of the dataset.
+        label: first ID line.
+        response_point, response_direction, reference_point, reference_direction: its degrees of freedom.
+        quantity: accelerance, mobility or receptance.
+        axis: frequency lines.
+        spectrum: SI values with their SHA-256.
+    """
+
+    dataset: int
+    label: str
+    response_point: int
+    response_direction: int
+    reference_point: int
+    reference_direction: int
+    quantity: Quantity
+    axis: Axis
+    spectrum: Spectrum
+
+
+Kept = list[GridPoint] | EncodedFrf | Function | ModeShape | DatasetReport
+"""What goes to the database; of functions that are not FRFs, only ordinary coherences."""
+
+
+@dataclass(frozen=True)
+class ReadingInputs:
+    """A file to read.
+
+    Attributes:
+        path: where it lies.
+        quantity: what an FRF is whose file states neither data type nor unit.
+    """
+
+    path: Path
+    quantity: Quantity | None
+
+
+def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
+    """What is kept of a UFF file, dataset by dataset, each followed by its report.
+
+    Raises:
+        InputError: the framing of the file is broken; nothing was yielded before.
+    """
+    size = inputs.path.stat().st_size
+    report("checking the file", 0.0)
+    report_at = 0.0
+    try:
+        items = read_file(inputs.path, Limits(quantity=inputs.quantity))
+        points: list[GridPoint] = []
+        unused: str | None = None
+        for item in items:
+            if isinstance(item, GridPoint) and len(points) < POINTS_AT_ONCE:
+                points.append(item)
+                continue
+            if points:
+                yield points
+                points = []
+            if isinstance(item, DatasetReport):
+                if time.monotonic() >= report_at:  # each report is a commit, which waits for all that is being stored
+                    report("reading datasets", min(1.0, item.offset / size))
+                    report_at = time.monotonic() + REPORT_SECONDS
+                yield replace(item, outcome="ignored", reason=unused) if unused and item.outcome == "read" else item
+                unused = None
+            elif isinstance(item, GridPoint):
+                points.append(item)
+            elif (reason := _why_unused(item)) is not None:
+                unused = reason
+            elif isinstance(item, Frf):
+                yield _encoded(item)
+            elif isinstance(item, Function | ModeShape):
+                yield item
+    except UffError as error:
+        raise InputError("file", f"{error.reason} (byte {error.offset})") from error
+
+
+def _encoded(frf: Frf) -> EncodedFrf:
+    lines = frf.frequency
+    even = lines.values is None and lines.count > 1
+    return EncodedFrf(
+        dataset=frf.dataset,
+        label=frf.label,
+        response_point=frf.response_point,
+        response_direction=frf.response_direction,
+        reference_point=frf.reference_point,
+        reference_direction=frf.reference_direction,
+        quantity=frf.quantity,
+        axis=Axis(lines.start, lines.step, lines.count) if even else encode_axis(lines.points()),
+        spectrum=encode(frf.values),
+    )
+
+
+def _why_unused(item: Content) -> str | None:
+    """Why a sound content is not stored; None where it is, or where it only serves to read the rest."""
+    if isinstance(item, Function) and item.function_type != COHERENCE:
+        return f"is a {item.name}; of functions, FRFs and coherences are stored"
+    if isinstance(item, TraceLine):
+        return "is a trace line of the drawing; it stays in the original file"
+    if isinstance(item, Element):
+        return "holds elements of the drawing; they stay in the original file"
+    return None

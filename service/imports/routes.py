@@ -1,0 +1,91 @@
+"""Routes of imports and of the original files."""
+
+from __future__ import annotations
+
+from typing import Annotated
+from uuid import UUID
+
+from fastapi import Query, Request, Response
+from fastapi.responses import FileResponse
+from sqlalchemy import select
+
+from fecore.frf import Quantity
+from service.access import CurrentUser, SessionDep
+from service.campaigns.operations import campaign_for
+from service.campaigns.uploads import UPLOAD_CONTENT, UploadDep
+from service.errors import Invalid
+from service.imports import operations
+from service.imports.originals import copy_original
+from service.imports.schemas import ImportOut
+from service.imports.tables import Import
+from service.web import Cursor, Limit, Name, Page, api_router, paged
+from service.web.conditional import not_modified
+from service.web.downloads import spooled
+
+router = api_router(tags=["imports"])
+
+BODY = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            **UPLOAD_CONTENT,
+        },
+    }
+}
+
+
+@router.post("/campaigns/{campaign_id}/imports", status_code=202, openapi_extra=BODY)
+def start_import(
+    campaign_id: UUID,
+    upload: UploadDep,
+    session: SessionDep,
+    user: CurrentUser,
+    response: Response,
+    filename: Annotated[Name | None, Query(description="name of a file that is sent as raw body")] = None,
+    dry_run: Annotated[bool, Query(description="only report what the file holds")] = False,
+    quantity: Annotated[
+        Quantity | None, Query(description="what an FRF is whose file states neither data type nor unit")
+    ] = None,
+) -> ImportOut:
+    """Send a UFF file as raw body or as multipart field `file`; a job reads it.
+
+    The answer is 202 with the import's address in `Location`. Bytes that are in the campaign already are not read again:
+    then it is 200 with the address of the import that has them, and `already_imported` is true.
+    """
+    if upload.file.size == 0:
+        raise Invalid("", "the body is empty, expected a Universal File Format file")
+    wanted = operations.ImportRequest(upload.file, filename or upload.filename or "upload.uff", dry_run, quantity)
+    row, new = operations.start_import(session, user, campaign_id, wanted)
+    response.status_code = 202 if new else 200
+    response.headers["Location"] = f"/api/v1/imports/{row.id}"
+    return operations.describe(session, row, already_imported=not new)
+
+
+@router.get("/campaigns/{campaign_id}/imports")
+def list_imports(
+    campaign_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+) -> Page[ImportOut]:
+    """Imports into a campaign, oldest first."""
+    campaign = campaign_for(session, user, campaign_id)
+    query = select(Import).where(Import.campaign_id == campaign.id)
+    rows, following = paged(session, query, Import.id, cursor, limit)
+    return Page(items=operations.describe_all(session, rows), next_cursor=following)
+
+
+@router.get("/imports/{import_id}")
+def get_import(import_id: UUID, session: SessionDep, user: CurrentUser) -> ImportOut:
+    """How far an import is, what it brought in, and what became of each dataset."""
+    return operations.describe(session, operations.import_for(session, user, import_id))
+
+
+@router.get("/imports/{import_id}/original", response_class=FileResponse)
+def get_original(import_id: UUID, session: SessionDep, user: CurrentUser, request: Request) -> Response:
+    """The file as it was uploaded, byte for byte; its ETag is its SHA-256."""
+    row = operations.import_for(session, user, import_id)
+    headers = {"ETag": f'"{row.sha256.hex()}"'}
+    return not_modified(request, headers) or spooled(
+        lambda file: copy_original(session, row.sha256, file), "application/octet-stream", row.filename, headers
+    )
+
+
+router.head("/imports/{import_id}/original", include_in_schema=False)(get_original)

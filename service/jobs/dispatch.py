@@ -1,0 +1,85 @@
+"""The policy: which waiting job starts when a worker has a free place.
+
+Projects take turns, so that one with a thousand jobs does not keep another's one waiting: the project with the fewest
+jobs running goes first, then the one that was served longest ago; one at its limit waits. Within a project a job that
+workers have died with goes after those that none has, so that one that kills its workers does not keep the others
+waiting; then the highest priority goes first, then the oldest job. Who asks has a free place, and one asks at a time, in
+some milliseconds, so that turns and limits hold exactly, whatever the number of workers and machines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from uuid import UUID
+
+from sqlalchemy import func, text, update
+from sqlalchemy.orm import Session
+
+from service.jobs.tables import Job
+
+DISPATCH_LOCK = 0x6D6F_6461_6C63  # an advisory lock of our own
+
+_MINE = "state = 'queued' AND queue = ANY(cast(:queues AS varchar[])) IS NOT FALSE"  # all where :queues is NULL
+_WAITING = text(f"SELECT EXISTS (SELECT FROM jobs WHERE {_MINE})")
+_NEXT = text(f"""
+    SELECT first.id
+    FROM (
+      SELECT DISTINCT ON (project_id) id, project_id, priority FROM jobs
+      WHERE {_MINE}
+      ORDER BY project_id, losses, priority DESC, id
+    ) first
+    CROSS JOIN LATERAL (
+      SELECT count(*) AS busy FROM jobs r WHERE r.state = 'running' AND r.project_id = first.project_id
+    ) running
+    CROSS JOIN LATERAL (
+      SELECT max(started_at) AS served FROM jobs s WHERE s.project_id = first.project_id
+    ) history
+    WHERE cast(:limit AS bigint) IS NULL OR busy < :limit
+    ORDER BY busy, served NULLS FIRST, first.id
+    LIMIT 1
+""")
+
+
+def begin_next(session: Session, queues: Iterable[str] | None, worker: str, project_limit: int | None) -> Job | None:
+    """Begin the next attempt of the job whose turn it is.
+
+    Args:
+        session: a transaction of its own.
+        queues: which queues; None: all.
+        worker: whose free place it is.
+        project_limit: jobs of one project that may run at a time.
+
+    Returns:
+        The job, now running; None where none may start.
+    """
+    wanted = {"queues": None if queues is None else list(queues), "limit": project_limit}
+    if not session.scalar(_WAITING, wanted):
+        return None
+    alone(session)
+    while (chosen := session.scalar(_NEXT, wanted)) is not None:
+        if (job := _begin(session, chosen, worker)) is not None:
+            return job  # else it was cancelled at this moment
+    return None
+
+
+def alone(session: Session) -> None:
+    """Wait until no other transaction begins jobs, and keep others from it until this one ends."""
+    session.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": DISPATCH_LOCK})
+
+
+def _begin(session: Session, job_id: UUID, worker: str) -> Job | None:
+    return session.scalars(
+        update(Job)
+        .where(Job.id == job_id, Job.state == "queued")
+        .values(
+            state="running",
+            attempt=Job.attempt + 1,
+            worker=worker,
+            started_at=func.clock_timestamp(),
+            stage="starting",
+            progress=0,
+            message=None,
+            error=None,
+        )
+        .returning(Job)
+    ).one_or_none()

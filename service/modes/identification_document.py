@@ -1,0 +1,63 @@
+"""An identification as plain JSON: what a person or a figure needs to judge the modes. No database, no web."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.identification import Found, Identification, Stabilisation
+
+
+def describe_identification(found: Identification) -> dict[str, Any]:
+    """Modes and doubtful ones with their quality, what was left out, warnings, and the stabilisation diagram."""
+    chosen = list(zip(_rows(found.found), found.found.doubt, strict=True))
+    return {
+        "modes": [{"number": k, **row} for k, row in enumerate((row for row, why in chosen if why is None), start=1)],
+        "doubtful": [{**row, "reason": why} for row, why in chosen if why is not None],
+        "used": list(found.used),
+        "refused": [{"frf": frf.frf, "reason": frf.reason} for frf in found.refused],
+        "refused_poles": [
+            {"frequency_hz": pole.frequency_hz, "damping_ratio": pole.damping_ratio, "reason": pole.reason}
+            for pole in found.refused_poles
+        ],
+        "noise_ratio": found.noise_ratio,
+        "model_error": found.model_error,
+        "drift": found.drift,
+        "memory_lines": found.memory_lines,
+        "stabilisation": _stabilisation(found.stabilisation),
+        "warnings": list(found.warnings),
+        "durations_s": found.seconds,
+    }
+
+
+def _rows(found: Found) -> list[dict[str, float | None]]:
+    modes = found.modes
+    sd_f, sd_z = modes.frequency_sd_hz, modes.damping_sd
+    return [
+        {
+            "frequency_hz": float(modes.frequency_hz[k]),
+            "frequency_sd_hz": _number(sd_f, k),
+            "damping_ratio": float(modes.damping_ratio[k]),
+            "damping_sd": _number(sd_z, k),
+            "phase_collinearity": float(found.shapes.collinearity[k]),
+            "significance": float(found.significance[k]),
+        }
+        for k in range(len(modes))
+    ]
+
+
+def _stabilisation(diagram: Stabilisation) -> dict[str, Any]:
+    return {
+        "order": diagram.order.tolist(),
+        "frequency_hz": diagram.frequency_hz.tolist(),
+        "damping_ratio": diagram.damping_ratio.tolist(),
+        "frequency_stable": diagram.frequency_stable.tolist(),
+        "damping_stable": diagram.damping_stable.tolist(),
+        "indicator": {"frequency_hz": diagram.line_hz.tolist(), "rms": diagram.indicator.tolist()},
+    }
+
+
+def _number(values: FloatArray | None, k: int) -> float | None:
+    return float(values[k]) if values is not None and np.isfinite(values[k]) else None

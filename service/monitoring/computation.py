@@ -1,0 +1,309 @@
+"""The computation of a judgement, in the worker's child process: no database, no web.
+
+Runs in, the series document out: each watched parameter with its baseline, scores, chart, states, change point and rate,
+and the episodes of alarm, which the store turns into alarms.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+from scipy import special, stats
+
+from fecore.arrays import FloatArray
+from fecore.trend import (
+    Acknowledgement,
+    Baseline,
+    ChangePoint,
+    Moment,
+    ParameterTrend,
+    Rate,
+    Series,
+    State,
+    Watch,
+    assess,
+    score,
+    worst,
+)
+from service.jobs.kinds import Report
+
+SAME_MODE = 0.15
+"""Relative change of frequency up to which a campaign's mode is taken for the first campaign's."""
+
+EXACT = 1e-6
+"""Relative standard deviation where none is stated: the scatter between campaigns then is all there is."""
+
+
+@dataclass(frozen=True)
+class Observation:
+    """One campaign of the series.
+
+    Attributes:
+        campaign: its id.
+        performed_at: when it was measured.
+        values: of `service.monitoring.values`.
+        covariates: by name; NaN where not measured.
+    """
+
+    campaign: str
+    performed_at: datetime
+    values: Mapping[str, Any]
+    covariates: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class JudgementInputs:
+    """A series as it is to be judged.
+
+    Attributes:
+        observations: in the order in which they came in, so that late ones can be recognised.
+        watch: what is watched, and how.
+        as_of: now.
+        acknowledged: parameter and time of acknowledgements, by time.
+        notes: what is already known to be worth saying.
+    """
+
+    observations: tuple[Observation, ...]
+    watch: Watch
+    as_of: datetime
+    acknowledged: tuple[Acknowledgement, ...]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Episode:
+    """An alarm of a parameter, from the campaign that raised it.
+
+    Attributes:
+        parameter: which.
+        campaign: id of the campaign that raised it.
+        state: `alarm`, `acknowledged`, or `cleared` where the parameter came back.
+        details: for whoever gets the alarm.
+    """
+
+    parameter: str
+    campaign: str
+    state: str
+    details: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The outcome of a judgement, ready to be stored."""
+
+    document: dict[str, Any]
+    episodes: tuple[Episode, ...]
+    state: str
+
+
+def judge(inputs: JudgementInputs, report: Report) -> Iterator[Judgement]:
+    """Judge a series."""
+    report("judging", 0.1)
+    series: dict[str, Series] = {}
+    notes = list(inputs.notes)
+    for name in inputs.watch.directions:
+        found, said = _series(name, inputs)
+        notes += said
+        if found is not None:
+            series[name] = found
+    trends = _trends(series, inputs) if series else {}
+    states = [trend.state for trend in trends.values()]
+    states += [State.NO_DATA] * (len(inputs.watch.directions) - len(trends))
+    state = worst(tuple(states)).value
+    document = {"state": state, "notes": notes, "parameters": [_parameter(trend) for trend in trends.values()]}
+    yield Judgement(document, tuple(e for trend in trends.values() for e in _episodes(trend)), state)
+
+
+def _trends(series: Mapping[str, Series], inputs: JudgementInputs) -> Mapping[str, ParameterTrend]:
+    """All parameters judged, with those acknowledgements that meet an alarm: one that was withdrawn since meets none."""
+    watch = replace(inputs.watch, directions={name: inputs.watch.directions[name] for name in series})
+    heard: list[Acknowledgement] = []
+    trends = assess(series, watch, inputs.as_of).parameters
+    for seen in inputs.acknowledged:
+        if seen.parameter in trends and _state_at(trends[seen.parameter].timeline, seen.date) is State.ALARM:
+            heard.append(seen)
+            trends = assess(series, watch, inputs.as_of, heard).parameters
+    return trends
+
+
+def _state_at(timeline: Sequence[Moment], date: datetime) -> State:
+    before = [moment.state for moment in timeline if moment.date <= date]
+    return before[-1] if before else State.NO_DATA
+
+
+def _series(name: str, inputs: JudgementInputs) -> tuple[Series | None, list[str]]:
+    """The series of a parameter, and the campaigns that have no value of it, in words."""
+    values = [_value(name, o, inputs.observations) for o in inputs.observations]
+    there = [(o, v) for o, v in zip(inputs.observations, values, strict=True) if v is not None]
+    without = [o.campaign for o, v in zip(inputs.observations, values, strict=True) if v is None]
+    notes = [f"{name} has no value in campaign {', '.join(without)}"] if without else []
+    if not there:
+        return None, notes
+    if any(sd is None for _, (_, sd) in there):
+        notes.append(f"{name}: some campaigns state no standard deviation; there the scatter between campaigns decides")
+    estimate = np.array([v for _, (v, _) in there])
+    sd = np.array([sd or max(abs(v), 1e-300) * EXACT for _, (v, sd) in there])
+    covariates = {
+        c: np.array([o.covariates.get(c, math.nan) for o, _ in there], float) for c in inputs.watch.covariates
+    }
+    dates, labels = [o.performed_at for o, _ in there], [o.campaign for o, _ in there]
+    return Series(name, dates, estimate, sd, covariates, labels), notes
+
+
+def _value(name: str, observation: Observation, everyone: Sequence[Observation]) -> tuple[float, float | None] | None:
+    kind, _, number = name.rpartition("_")
+    if kind not in ("frequency", "damping_ratio"):
+        found = observation.values["parameters"].get(name)
+        return None if found is None else (found[0], found[1])
+    mode = _same_mode(int(number), observation, everyone)
+    value, sd = (None, None) if mode is None else mode[:2] if kind == "frequency" else mode[2:]
+    return None if value is None else (value, sd)
+
+
+def _same_mode(number: int, observation: Observation, everyone: Sequence[Observation]) -> list[float] | None:
+    """The mode of this campaign that is the n-th of the earliest one: the nearest in frequency, not further than 15 %."""
+    first = min(everyone, key=lambda o: o.performed_at).values["modes"]
+    if number > len(first) or not observation.values["modes"]:
+        return None
+    wanted = first[number - 1][0]
+    nearest: list[float] = min(observation.values["modes"], key=lambda mode: abs(mode[0] - wanted))
+    rival = min(first, key=lambda mode: abs(mode[0] - nearest[0]))
+    return nearest if rival[0] == wanted and abs(nearest[0] / wanted - 1) <= SAME_MODE else None
+
+
+def _parameter(trend: ParameterTrend) -> dict[str, Any]:
+    return {
+        "name": trend.name,
+        "direction": trend.direction,
+        "state": trend.state.value,
+        "baseline": None if trend.baseline is None else _baseline(trend.baseline),
+        "limits": None if trend.limits is None else {"chart": trend.limits.chart, "score": _finite(trend.limits.score)},
+        "points": _points(trend),
+        "change_point": None if trend.change is None else _change(trend.change),
+        "rate": None if trend.rate is None else _rate(trend.rate),
+        "timeline": [
+            {"date": m.date.isoformat(), "event": m.event.value, "campaign_id": m.label, "state": m.state.value}
+            for m in trend.timeline
+        ],
+        "notes": list(trend.notes),
+    }
+
+
+def _baseline(baseline: Baseline) -> dict[str, Any]:
+    fit = baseline.fit
+    return {
+        "campaign_ids": list(baseline.labels),
+        "mean": baseline.mean,
+        "mean_sd": baseline.mean_sd,
+        "between_campaigns_sd": fit.between_sd,
+        "degrees_of_freedom": fit.degrees_of_freedom,
+        "covariates": [
+            {
+                "name": name,
+                "centre": float(baseline.centre[k]),
+                "low": float(baseline.low[k]),
+                "high": float(baseline.high[k]),
+                "slope": float(fit.coefficients[k + 1]),
+                "slope_sd": float(np.sqrt(fit.covariance[k + 1, k + 1])),
+            }
+            for k, name in enumerate(baseline.covariates)
+        ],
+    }
+
+
+def _points(trend: ParameterTrend) -> list[dict[str, Any]]:
+    series = trend.series
+    corrected: FloatArray = (
+        np.full(len(series), np.nan) if trend.baseline is None else score(trend.baseline, series).corrected
+    )
+    later = {} if trend.watched is None else {label: i for i, label in enumerate(trend.watched.labels)}
+    return [
+        {
+            "campaign_id": label,
+            "performed_at": series.dates[i].isoformat(),
+            "raw": float(series.estimate[i]),
+            "standard_deviation": float(series.standard_deviation[i]),
+            "corrected": _finite(corrected[i]),
+            "in_baseline": trend.baseline is not None and label in trend.baseline.labels,
+            "judged": None if label not in later else _judged(trend, later[label]),
+        }
+        for i, label in enumerate(series.labels)
+    ]
+
+
+def _judged(trend: ParameterTrend, i: int) -> dict[str, Any]:
+    assert trend.scores is not None
+    assert trend.baseline is not None
+    assert trend.limits is not None
+    t = stats.t.isf(special.ndtr(-trend.limits.score), trend.baseline.fit.degrees_of_freedom)
+    return {
+        "residual_limit": _finite(t * trend.scores.residual_sd[i]),
+        "residual": float(trend.scores.residual[i]),
+        "residual_sd": float(trend.scores.residual_sd[i]),
+        "score": float(trend.scores.score[i]),
+        "chart": {side: float(values[i]) for side, values in trend.statistic.items()},
+        "outside": bool(trend.outside[i]),
+        "extrapolated": bool(trend.scores.extrapolated[i]),
+        "covariate_missing": bool(trend.scores.missing[i]),
+    }
+
+
+def _change(change: ChangePoint) -> dict[str, Any]:
+    return {
+        "pattern": change.pattern,
+        "date": change.date.isoformat(),
+        "date_interval": [date.isoformat() for date in change.date_interval],
+        "size": change.size,
+        "size_sd": change.size_sd,
+    }
+
+
+def _rate(rate: Rate) -> dict[str, Any]:
+    return {
+        "per_year": rate.per_year,
+        "interval_95": list(rate.interval_95),
+        "relative_per_year": rate.relative_per_year,
+        "relative_interval_95": list(rate.relative_interval_95),
+    }
+
+
+def _episodes(trend: ParameterTrend) -> Iterator[Episode]:
+    """Stretches of the timeline from an alarm to the next normal state."""
+    raised: str | None = None
+    last = State.NO_DATA
+    for moment in trend.timeline:
+        if moment.state is State.NORMAL and raised is not None:
+            yield _episode(trend, raised, "cleared")
+            raised = None
+        if moment.state is State.ALARM and raised is None:
+            raised = moment.label
+        last = moment.state
+    if raised is not None:
+        yield _episode(trend, raised, "alarm" if last is State.ALARM else "acknowledged")
+
+
+def _episode(trend: ParameterTrend, campaign: str, state: str) -> Episode:
+    assert trend.watched is not None
+    assert trend.baseline is not None
+    i = list(trend.watched.labels).index(campaign)
+    details = {
+        "performed_at": trend.watched.dates[i].isoformat(),
+        "direction": trend.direction,
+        "value": float(trend.watched.estimate[i]),
+        "standard_deviation": float(trend.watched.standard_deviation[i]),
+        "baseline": trend.baseline.mean,
+        "baseline_sd": trend.baseline.mean_sd,
+        **_judged(trend, i),
+        "change_point": None if trend.change is None else _change(trend.change),
+        "rate": None if trend.rate is None else _rate(trend.rate),
+    }
+    return Episode(trend.name, campaign, state, details)
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

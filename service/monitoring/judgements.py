@@ -1,0 +1,214 @@
+"""Judging a series: a job whose result, states, alarms and messages are one transaction.
+
+A series is judged when what it would be judged on differs from what it was judged on last: a new value, a corrected
+temperature, a deleted campaign, an acknowledgement, a campaign that has become late. While runs are under way it waits
+for them, so a backfill is judged once and in time order.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from uuid import UUID
+
+from sqlalchemy import select
+from sqlalchemy.dialects.postgresql import distinct_on
+from sqlalchemy.orm import Session
+
+from fecore.trend import Acknowledgement, State, Watch
+from fecore.trend import Chart as CoreChart
+from fecore.trend.states import WORST_FIRST
+from service.jobs import Job, JobKind, enqueue
+from service.monitoring.alarms import state_changed, update_alarms
+from service.monitoring.campaigns import Seen, seen_campaigns
+from service.monitoring.computation import Judgement, JudgementInputs, Observation, judge
+from service.monitoring.lookups import monitor_for
+from service.monitoring.runs import counted, latest_runs
+from service.monitoring.tables import Alarm, Monitor, MonitorJudgement, MonitorRun, MonitorSeries
+
+GRACE = 1.5
+"""A campaign is late when this many expected intervals have passed since the one before."""
+
+FIRST = 10
+"""Priority of a judgement among a project's jobs: it is short, and somebody may wait for its alarm."""
+
+
+def judge_if_changed(session: Session, monitor: Monitor, series: MonitorSeries, now: datetime) -> None:
+    """Queue a judgement if there is something new to judge. The transaction holds the monitor's row."""
+    runs = latest_runs(session, series)
+    if any(run.state == "running" for run in runs.values()):
+        return
+    pairs = counted(seen_campaigns(session, monitor, now, timedelta(0)), runs)
+    if not pairs and series.digest is None:
+        return
+    digest = _digest(session, monitor, pairs, now)
+    if digest == series.digest:
+        return
+    state, last_digest = _last(session, series)
+    if state in ("queued", "running"):
+        return
+    if state == "failed" and last_digest == digest:
+        set_state(session, monitor, "no data")  # what cannot be judged is not known to be well
+        return
+    job = enqueue(session, kind=JUDGE, project_id=monitor_for.project_of(session, monitor), priority=FIRST)
+    session.add(MonitorJudgement(id=job.id, series_id=series.id, digest=digest))
+    session.flush()
+
+
+def _last(session: Session, series: MonitorSeries) -> tuple[str | None, str | None]:
+    """How the latest judgement stands, and of what it was."""
+    last = session.execute(
+        select(Job.state, MonitorJudgement.digest)
+        .join(Job, Job.id == MonitorJudgement.id)
+        .where(MonitorJudgement.series_id == series.id)
+        .order_by(MonitorJudgement.id.desc())
+        .limit(1)
+    ).one_or_none()
+    return (None, None) if last is None else (last[0], last[1])
+
+
+def _digest(session: Session, monitor: Monitor, pairs: list[tuple[Seen, MonitorRun]], now: datetime) -> str:
+    """Of everything that a judgement depends on."""
+    used = {
+        "runs": [
+            [
+                str(run.id),
+                one.campaign.performed_at and one.campaign.performed_at.isoformat(),
+                one.campaign.temperature_c,
+                one.campaign.humidity_percent,
+            ]
+            for one, run in pairs
+        ],
+        "watch": monitor.watch,
+        "interval": monitor.expected_interval_days,
+        "acknowledged": [str(alarm.id) for alarm in _acknowledged(session, monitor)],
+        "late": _late(monitor, pairs, now),
+    }
+    return hashlib.sha256(json.dumps(used, sort_keys=True).encode()).hexdigest()
+
+
+def _late(monitor: Monitor, pairs: list[tuple[Seen, MonitorRun]], now: datetime) -> int:
+    """How many campaigns should have come since the last one."""
+    if monitor.expected_interval_days is None or not pairs:
+        return 0
+    last = pairs[-1][0].campaign.performed_at
+    assert last is not None
+    intervals = (now - last) / timedelta(days=monitor.expected_interval_days)
+    return max(0, int(intervals - GRACE) + 1) if intervals > GRACE else 0
+
+
+def _acknowledged(session: Session, monitor: Monitor) -> list[Alarm]:
+    return list(
+        session.scalars(
+            select(Alarm)
+            .where(Alarm.monitor_id == monitor.id, Alarm.acknowledged_at.is_not(None), Alarm.state != "withdrawn")
+            .order_by(Alarm.acknowledged_at)
+        )
+    )
+
+
+def _load(session: Session, job_id: UUID, _workspace: Path) -> JudgementInputs:
+    row = session.get_one(MonitorJudgement, job_id)
+    series = session.get_one(MonitorSeries, row.series_id)
+    monitor = session.get_one(Monitor, series.monitor_id)
+    now = datetime.now(UTC)
+    runs = latest_runs(session, series)
+    pairs = counted(seen_campaigns(session, monitor, now, timedelta(0)), runs)
+    row.digest = _digest(session, monitor, pairs, now)  # what is judged is what is there now
+    arrival = _arrival(session, series)
+    pairs.sort(key=lambda pair: arrival[pair[0].campaign.id])
+    return JudgementInputs(
+        observations=tuple(_observation(one, run) for one, run in pairs),
+        watch=watch_of(monitor),
+        as_of=now,
+        acknowledged=tuple(_heard(alarm) for alarm in _acknowledged(session, monitor)),
+        notes=tuple(_notes(series, pairs)),
+    )
+
+
+def watch_of(monitor: Monitor) -> Watch:
+    """The recipe of the judgement as the core takes it."""
+    stored = {**monitor.watch, "chart": CoreChart(**monitor.watch["chart"])}
+    return Watch(
+        **{**stored, "covariates": tuple(stored["covariates"])}, expected_interval_days=monitor.expected_interval_days
+    )
+
+
+def _arrival(session: Session, series: MonitorSeries) -> dict[UUID, UUID]:
+    """Key of each campaign's first run: the order in which campaigns came in."""
+    rows = session.execute(
+        select(MonitorRun.campaign_id, MonitorRun.id)
+        .where(MonitorRun.series_id == series.id)
+        .ext(distinct_on(MonitorRun.campaign_id))
+        .order_by(MonitorRun.campaign_id, MonitorRun.id)
+    )
+    return dict(rows.all())
+
+
+def _observation(one: Seen, run: MonitorRun) -> Observation:
+    campaign = one.campaign
+    assert campaign.performed_at is not None
+    climate = {"temperature_c": campaign.temperature_c, "humidity_percent": campaign.humidity_percent}
+    return Observation(
+        campaign=str(campaign.id),
+        performed_at=campaign.performed_at,
+        values=run.values or {},
+        covariates={name: value for name, value in climate.items() if value is not None},
+    )
+
+
+def _heard(alarm: Alarm) -> Acknowledgement:
+    """An acknowledgement on the campaigns' time axis: not before the campaign that raised the alarm."""
+    raised = datetime.fromisoformat(alarm.details["performed_at"])
+    assert alarm.acknowledged_at is not None
+    return Acknowledgement(alarm.parameter, max(alarm.acknowledged_at, raised))
+
+
+def _notes(series: MonitorSeries, pairs: list[tuple[Seen, MonitorRun]]) -> Iterator[str]:
+    for one, run in pairs:
+        if run.revision > 1:
+            yield f"campaign {one.campaign.id} was run again (revision {run.revision}); its earlier values no longer count"
+    others: dict[str, list[str]] = {}
+    for one, run in pairs:
+        if run.software not in (None, series.software):
+            others.setdefault(str(run.software), []).append(str(one.campaign.id))
+    for software, campaigns in others.items():
+        yield (
+            f"version {series.software} opened this series, {software} ran campaign {', '.join(campaigns)}; "
+            "a rerun makes a uniform series"
+        )
+
+
+def _store(session: Session, job_id: UUID, items: Iterator[Judgement]) -> None:
+    """Document, state, alarms and messages: all or nothing."""
+    (judgement,) = items
+    row = session.get_one(MonitorJudgement, job_id)
+    series = session.get_one(MonitorSeries, row.series_id)
+    monitor = session.get_one(Monitor, series.monitor_id, with_for_update=True, populate_existing=True)
+    if series.number < monitor.series or monitor.deleted_at is not None:
+        return  # a later version of the series is judged already, or nobody wants to know; this one stays as it was
+    series.document, series.digest, series.assessed_at = judgement.document, row.digest, datetime.now(UTC)
+    monitor.series = series.number
+    update_alarms(session, monitor, series, judgement.episodes)
+    set_state(session, monitor, judgement.state)
+
+
+def set_state(session: Session, monitor: Monitor, state: str) -> None:
+    """Set a monitor's state, and announce it where nothing else does."""
+    if monitor.state == state:
+        return
+    before, monitor.state, monitor.state_rank = monitor.state, state, rank(state)
+    monitor.state_since = datetime.now(UTC)
+    state_changed(session, monitor, before)
+    session.flush()
+
+
+def rank(state: str) -> int:
+    """0 for the state that asks most for attention."""
+    return WORST_FIRST.index(State(state))
+
+
+JUDGE = JobKind("judge", load=_load, compute=judge, store=_store)

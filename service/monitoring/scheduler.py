@@ -1,0 +1,170 @@
+"""The scheduler starts the runs and judgements that monitors are due. Each worker process has one.
+
+It looks when a job has ended or somebody has asked for something, and at every monitor now and then, so that a lost
+notice, a late campaign or a schedule's time is seen too. It holds no state: what it finds undone, it does, under a lock on
+the monitor's row. It is a thread and not a periodic task of the queue, since a task waits for a free place in a worker,
+and a long job may hold that for an hour.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime, timedelta
+from uuid import UUID
+
+import structlog
+from croniter import croniter
+from sqlalchemy import func, or_, select
+from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.orm import Session
+
+from service.background import Background
+from service.campaigns.operations import structures_with
+from service.db.engine import Sessions, make_engine, make_sessions
+from service.imports.operations import campaigns_with
+from service.jobs import Job
+from service.jobs.notices import Listener
+from service.jobs.tables import CHANGED
+from service.monitoring import runs
+from service.monitoring.judgements import judge_if_changed
+from service.monitoring.tables import AT_WORK, Monitor, MonitorJudgement, MonitorRun, MonitorSeries
+from service.notifications.sender import Sender
+from service.settings import Settings
+
+ASKED = "modalbase_monitor_asked"
+"""Channel of notifications with the id of a monitor that has changed through the API."""
+
+PAUSE_SECONDS = 0.1  # between two looks, so that a burst of notices is one look
+ENDED = ("succeeded", "failed", "cancelled")
+
+log = structlog.stdlib.get_logger("modalbase.scheduler")
+
+
+def request_check(session: Session, monitor_id: UUID) -> None:
+    """Have a monitor checked as soon as the transaction is committed."""
+    session.execute(select(func.pg_notify(ASKED, str(monitor_id))))
+
+
+@contextlib.contextmanager
+def scheduler(settings: Settings) -> Iterator[None]:
+    """Check all monitors, and send their messages, while the block runs."""
+    engine = make_engine(settings.database_url or "", pool_size=3, name="modalbase scheduler")
+    sessions = make_sessions(engine)
+    try:
+        with Sender(sessions, settings) as sender, _Scheduler(sessions, settings, sender):
+            yield
+    finally:
+        engine.dispose()
+
+
+class _Scheduler:
+    def __init__(self, sessions: Sessions, settings: Settings, sender: Sender) -> None:
+        self._sessions, self._settings, self._sender = sessions, settings, sender
+        self._settle = timedelta(seconds=settings.campaign_settle_seconds)
+        self._sweep_at = 0.0
+        self._changed: set[UUID] = set()
+        self._lock = threading.Lock()
+        self._listener = Listener(settings.database_url or "", [CHANGED, ASKED], self._note)
+        self._thread = Background("scheduler", self._round)
+
+    def __enter__(self) -> None:
+        self._listener.__enter__()
+        self._thread.__enter__()
+
+    def __exit__(self, *error: object) -> None:
+        self._thread.__exit__(*error)
+        self._listener.__exit__(*error)
+
+    def _note(self, key: str) -> None:
+        with self._lock:
+            self._changed.add(UUID(key))
+        self._thread.wake()
+
+    def _round(self) -> float:
+        self._thread.ending.wait(PAUSE_SECONDS)
+        with self._lock:
+            changed, self._changed = list(self._changed), set()
+        try:
+            if time.monotonic() >= self._sweep_at:
+                self._sweep_at = time.monotonic() + self._settings.monitor_sweep_seconds
+                self._sweep()
+            elif changed:
+                self._check_all(self._concerned(changed))
+        except SQLAlchemyError as error:
+            log.warning("the database does not answer; trying again", error=str(error).split("\n", 1)[0])
+        return max(0.0, self._sweep_at - time.monotonic())
+
+    def _sweep(self) -> None:
+        with self._sessions() as session:
+            everyone = session.scalars(select(Monitor.id).where(AT_WORK).order_by(Monitor.id)).all()
+        self._check_all(everyone)
+
+    def _concerned(self, changed: Sequence[UUID]) -> Sequence[UUID]:
+        """Monitors among these ids, and those that an ended job among these belongs to."""
+        with self._sessions() as session:
+            of_run = select(MonitorSeries.monitor_id).join(MonitorRun).join(Job, Job.id == MonitorRun.update_job_id)
+            of_judgement = (
+                select(MonitorSeries.monitor_id).join(MonitorJudgement).join(Job, Job.id == MonitorJudgement.id)
+            )
+            ended = (Job.id.in_(changed), Job.state.in_(ENDED))
+            imported_into = structures_with(campaigns_with(select(Job.id).where(*ended)))
+            wanted = or_(
+                Monitor.id.in_(changed),
+                Monitor.structure_id.in_(imported_into),
+                Monitor.id.in_(of_run.where(*ended)),
+                Monitor.id.in_(of_judgement.where(*ended)),
+            )
+            return session.scalars(select(Monitor.id).where(AT_WORK, wanted)).all()
+
+    def _check_all(self, monitors: Sequence[UUID]) -> None:
+        for key in monitors:
+            if self._thread.ending.is_set():
+                return
+            try:
+                with self._sessions.begin() as session:
+                    check(session, key, self._settle)
+            except SQLAlchemyError:
+                raise
+            except Exception:
+                log.exception("a monitor could not be checked; the others go on", monitor=str(key))
+        if monitors:
+            self._sender.wake()
+
+
+def check(session: Session, monitor_id: UUID, settle: timedelta) -> None:
+    """Start what one monitor is due, unless another scheduler is at it.
+
+    Args:
+        session: the transaction; it holds the monitor's row.
+        monitor_id: of the monitor.
+        settle: how long a campaign must have been left alone to count as complete.
+    """
+    monitor = session.scalars(
+        select(Monitor).where(Monitor.id == monitor_id, AT_WORK).with_for_update(skip_locked=True)
+    ).one_or_none()
+    if monitor is None:
+        return
+    now = datetime.now(UTC)
+    series = runs.newest_series(session, monitor)
+    runs.collect(session, series)
+    if _runs_by_itself(monitor, now):
+        runs.bring_up_to_date(session, monitor, runs.Moment(now, settle))
+    judge_if_changed(session, monitor, series, now)
+
+
+def _runs_by_itself(monitor: Monitor, now: datetime) -> bool:
+    if monitor.runs_on == "schedule" and monitor.schedule is not None:
+        due = monitor.next_run_at is not None and monitor.next_run_at <= now
+        if due or monitor.next_run_at is None:
+            monitor.next_run_at = next_time(monitor.schedule, now)
+        return due
+    return monitor.runs_on == "campaign"
+
+
+def next_time(schedule: str, now: datetime) -> datetime:
+    """The next time of a cron schedule, UTC."""
+    upcoming: datetime = croniter(schedule, now).get_next(datetime)
+    return upcoming

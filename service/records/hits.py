@@ -1,0 +1,84 @@
+"""Stored blocks to the core's hits, and judgements to what clients see."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import cast
+from uuid import UUID
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.errors import InputError
+from fecore.frf import Dof
+from fecore.processing import Block, ChannelQuantity, Hit, Verdict
+from service.records.schemas import FindingOut, HitOut
+
+
+@dataclass(frozen=True)
+class BlockRow:
+    """What is said of a stored block besides its samples."""
+
+    id: UUID
+    sha256: bytes
+    quantity: str
+    point: int
+    direction: int
+    force_point: int
+    force_direction: int
+    hit: int
+    sample_rate_hz: float
+    samples: int
+    window_rate_per_s: float
+    full_scale: float | None
+    dtype: str
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Where the hit was."""
+        return self.force_point, self.force_direction
+
+
+def hits_of(rows: Sequence[BlockRow], samples: Iterable[FloatArray]) -> list[Hit]:
+    """The hits of one place, from its blocks.
+
+    Raises:
+        InputError: a hit has no force, or no response.
+    """
+    found: dict[int, list[tuple[BlockRow, Block]]] = {}
+    for row, values in zip(rows, samples, strict=True):
+        dof = Dof(row.point, row.direction)
+        quantity = cast("ChannelQuantity", row.quantity)  # the column holds what a mapping let in
+        block = Block(dof, quantity, np.asarray(values), row.window_rate_per_s, row.full_scale)
+        found.setdefault(row.hit, []).append((row, block))
+    hits = []
+    for number, blocks in sorted(found.items()):
+        forces = [b for r, b in blocks if r.quantity == "force"]
+        responses = sorted((b for r, b in blocks if r.quantity != "force"), key=lambda b: b.dof)
+        if len(forces) != 1 or not responses:
+            what = "response" if forces else "force"
+            raise InputError("records", f"hit {number} of point {blocks[0][0].force_point} has no {what}")
+        hits.append(Hit(forces[0], tuple(responses), blocks[0][0].sample_rate_hz, number))
+    return hits
+
+
+def describe_verdict(verdict: Verdict) -> HitOut:
+    """A verdict as clients see it."""
+    return HitOut(
+        point=verdict.force.point,
+        direction=verdict.force.direction,
+        hit=verdict.number,
+        accepted=verdict.accepted,
+        overruled=verdict.overruled,
+        findings=[
+            FindingOut(
+                criterion=f.criterion,
+                number=float(f.number) if np.isfinite(f.number) else None,
+                limit=f.limit,
+                failed=f.failed,
+                sentence=f.sentence,
+            )
+            for f in verdict.findings
+        ],
+    )

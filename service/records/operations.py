@@ -1,0 +1,181 @@
+"""Time blocks in the database: take in, list, delete; and the hits that they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+from uuid import UUID
+
+import numpy as np
+from sqlalchemy import Select, delete, func, insert, select
+from sqlalchemy.orm import Session
+
+from fecore.arrays import FloatArray
+from fecore.processing import look
+from modalbase.formats.records import TimeBlock
+from service.access import Lookup, User, audit
+from service.campaigns.operations import campaign_for
+from service.db.bytea import stream_rows
+from service.errors import Conflict
+from service.frfs.spectra import Spectrum, decode, encode
+from service.records.hits import BlockRow, describe_verdict, hits_of
+from service.records.schemas import UNITS, RecordOut, StoredRecords
+from service.records.tables import Record
+
+MOST_LOOKED_AT = 64
+"""Blocks of the points concerned above which an answer does not judge their hits; a processing does."""
+
+Place = tuple[int, int]
+
+record_for = Lookup(Record, "record", "campaign_id", campaign_for)
+"""The record, if the user has at least a role in its project."""
+
+
+def store_records(
+    session: Session, user: User, campaign_id: UUID, filename: str, blocks: Sequence[TimeBlock], *, counted: bool
+) -> list[Record]:
+    """Store time blocks, all or none, each with the SHA-256 of its samples.
+
+    Args:
+        session: the request's transaction.
+        user: who asks; an editor of the project at least.
+        campaign_id: the campaign that takes them.
+        filename: where they come from.
+        blocks: of whole hits.
+        counted: hit numbers were only counted in the file, so they go on behind those that a place has already.
+
+    Raises:
+        Conflict: the campaign has a hit of that number there already.
+        NotFound: there is no such campaign, or it is other people's.
+        Forbidden: the user's role is too low.
+    """
+    campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
+    last = _last_hits(session, campaign.id)
+    rows = []
+    for block in blocks:
+        place = (block.force_point, block.force_direction)
+        number = block.hit + (last.get(place, 0) if counted else 0)
+        rows.append(_columns(campaign.id, filename, block, number))
+    if not counted:
+        _refuse_known(session, campaign.id, rows)
+    stored = list(session.scalars(insert(Record).returning(Record, sort_by_parameter_order=True), rows))
+    project = campaign_for.project_of(session, campaign)
+    audit(session, user, "record.create", "campaign", campaign.id, project, count=len(rows), filename=filename)
+    return stored
+
+
+def _columns(campaign_id: UUID, filename: str, block: TimeBlock, number: int) -> dict[str, Any]:
+    samples = encode(block.samples)
+    names = ("label", "quantity", "point", "direction", "force_point", "force_direction")
+    more = ("sample_rate_hz", "sensitivity", "window_rate_per_s", "full_scale")
+    return {
+        "campaign_id": campaign_id,
+        "filename": filename,
+        "hit": number,
+        "samples": samples.count,
+        "dtype": samples.dtype,
+        "sha256": samples.sha256,
+        "data": samples.data,
+        **{name: getattr(block, name) for name in (*names, *more)},
+    }
+
+
+def _last_hits(session: Session, campaign_id: UUID) -> dict[Place, int]:
+    query = (
+        select(Record.force_point, Record.force_direction, func.max(Record.hit))
+        .where(Record.campaign_id == campaign_id)
+        .group_by(Record.force_point, Record.force_direction)
+    )
+    return {(point, direction): last for point, direction, last in session.execute(query)}
+
+
+def _refuse_known(session: Session, campaign_id: UUID, rows: Sequence[dict[str, Any]]) -> None:
+    points = {row["force_point"] for row in rows}
+    key_of = (Record.force_point, Record.force_direction, Record.hit, Record.quantity, Record.point, Record.direction)
+    query = select(*key_of).where(Record.campaign_id == campaign_id, Record.force_point.in_(points))
+    known = {tuple(row) for row in session.execute(query)}
+    seen: set[tuple[Any, ...]] = set()
+    for row in rows:
+        key = tuple(row[n] for n in ("force_point", "force_direction", "hit", "quantity", "point", "direction"))
+        if key in known or key in seen:
+            where = "twice in what was sent" if key in seen else "in the campaign already"
+            raise Conflict(
+                f"hit {row['hit']} of point {row['force_point']} is {where} ({row['quantity']} at point "
+                f"{row['point']}); "
+                "delete it there, number the hits anew, or leave the numbers out"
+            )
+        seen.add(key)
+
+
+def remove_record(session: Session, user: User, record_id: UUID) -> None:
+    """Delete a time block; FRFs that rest on it stay, and their processing names its SHA-256.
+
+    Raises:
+        NotFound: there is none, or it is other people's.
+        Forbidden: the user's role is too low.
+    """
+    row = record_for(session, user, record_id, "editor")
+    campaign = campaign_for(session, user, row.campaign_id, "editor")
+    project = campaign_for.project_of(session, campaign)
+    audit(session, user, "record.delete", "record", row.id, project, sha256=row.sha256.hex(), hit=row.hit)
+    session.execute(delete(Record).where(Record.id == row.id))
+
+
+def query_of(campaign_id: UUID, point: int | None = None, hit: int | None = None) -> Select[Record]:
+    """The query of a campaign's records, of one force point or hit number where wanted."""
+    query = select(Record).where(Record.campaign_id == campaign_id)
+    if point is not None:
+        query = query.where(Record.force_point == point)
+    return query if hit is None else query.where(Record.hit == hit)
+
+
+def block_rows(session: Session, campaign_id: UUID, points: set[int] | None = None) -> dict[Place, list[BlockRow]]:
+    """What is said of a campaign's blocks, by place, in the order in which places were first hit."""
+    names = BlockRow.__dataclass_fields__
+    query = select(*(getattr(Record, name) for name in names)).where(Record.campaign_id == campaign_id)
+    if points is not None:
+        query = query.where(Record.force_point.in_(points))
+    found: dict[Place, list[BlockRow]] = {}
+    for values in session.execute(query.order_by(Record.id)):
+        row = BlockRow(*values)
+        found.setdefault(row.place, []).append(row)
+    return found
+
+
+def sample_bytes(session: Session, rows: Sequence[BlockRow]) -> Iterator[bytes]:
+    """The stored bytes of blocks, one at a time, in their order."""
+    query = (
+        "SELECT data FROM unnest(%s::uuid[]) WITH ORDINALITY AS wanted (id, place)"
+        " JOIN records USING (id) ORDER BY place"
+    )
+    for (data,) in stream_rows(session, query, [[row.id for row in rows]], ["bytea"]):
+        yield data
+
+
+def samples_of(session: Session, rows: Sequence[BlockRow]) -> Iterator[FloatArray]:
+    """The samples of blocks, one at a time, after their SHA-256 has been verified.
+
+    Raises:
+        Damaged: the bytes are not the ones that were stored.
+    """
+    for row, data in zip(rows, sample_bytes(session, rows), strict=True):
+        spectrum = Spectrum(row.dtype, row.samples, data, row.sha256)  # type: ignore[arg-type]  # what encode wrote
+        yield np.asarray(decode(spectrum).real)
+
+
+def judged(session: Session, campaign_id: UUID, stored: Sequence[Record]) -> StoredRecords:
+    """Blocks as clients see them, with the judgement of all hits of their points where these are not too many."""
+    answer = StoredRecords(items=[describe(row) for row in stored], hits=[], coherence={})
+    places = block_rows(session, campaign_id, {row.force_point for row in stored})
+    if sum(len(rows) for rows in places.values()) > MOST_LOOKED_AT:
+        return answer
+    found = look([hits_of(rows, samples_of(session, rows)) for rows in places.values()])
+    answer.hits = [describe_verdict(verdict) for verdict in found.verdicts]
+    answer.coherence = {str(dof.point): value for dof, value in found.coherence.items()}
+    return answer
+
+
+def describe(row: Record) -> RecordOut:
+    """A time block as clients see it. The samples are not read."""
+    shown = {name: getattr(row, name) for name in RecordOut.model_fields if name not in ("unit", "sha256", "dtype")}
+    return RecordOut(**shown, unit=UNITS[row.quantity], sha256=row.sha256.hex(), dtype=str(np.dtype(row.dtype)))

@@ -1,0 +1,97 @@
+"""Processings: a job that judges a campaign's hits and keeps the FRFs of the good ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from uuid import UUID
+
+from sqlalchemy import Select, select
+from sqlalchemy.orm import Session
+
+from fecore.errors import InputError
+from service.access import Lookup, User, audit
+from service.campaigns.operations import campaign_for
+from service.frfs.operations import ProcessedFrfs, store_processed
+from service.jobs import Job, JobKind, enqueue, job_state
+from service.records.computing import PointFile, ProcessingInputs, ProcessingOutput, process_records
+from service.records.operations import block_rows, samples_of
+from service.records.schemas import ProcessingIn, ProcessingOut
+from service.records.tables import Processing
+
+
+def _load(session: Session, job_id: UUID, workspace: Path) -> ProcessingInputs:
+    """Put the samples on the worker's disk, a file a place, so that memory holds one block at a time."""
+    row = session.get_one(Processing, job_id)
+    places = block_rows(session, row.campaign_id)
+    if not places:
+        raise InputError("campaign", "has no time blocks; POST records first")
+    points = []
+    for number, rows in enumerate(places.values()):
+        path = workspace / f"{number}.blocks"
+        with path.open("wb") as file:
+            for samples in samples_of(session, rows):
+                file.write(samples.tobytes())
+        points.append(PointFile(tuple(rows), path))
+    return ProcessingInputs(tuple(points), ProcessingIn.model_validate(row.options).processing())
+
+
+def _store(session: Session, job_id: UUID, items: Iterator[ProcessingOutput]) -> None:
+    row = session.get_one(Processing, job_id)
+    for output in items:
+        found = output.processed
+        hits = tuple(int(n) for n in found.hits)
+        new = ProcessedFrfs(found.frfs, found.coherence, hits, found.rate_per_s)
+        keys = store_processed(session, row.campaign_id, row.id, new)
+        for frf, key in zip(output.document["frfs"], keys, strict=True):
+            frf["id"] = str(key)
+        row.document = output.document
+
+
+PROCESS = JobKind("processing", load=_load, compute=process_records, store=_store)
+
+
+def start_processing(session: Session, user: User, campaign_id: UUID, body: ProcessingIn) -> Processing:
+    """Queue a processing of a campaign's records, in the caller's transaction.
+
+    Args:
+        session: the request's transaction.
+        user: who asks; an editor of the project at least.
+        campaign_id: whose records.
+        body: the choices; `{}` will do.
+
+    Raises:
+        InputError: the band is empty.
+        NotFound: there is no such campaign, or it is other people's.
+        Forbidden: the user's role is too low.
+    """
+    campaign = campaign_for(session, user, campaign_id, "editor")
+    body.processing()  # a wrong choice is refused before it is queued
+    project_id = campaign_for.project_of(session, campaign)
+    job = enqueue(session, kind=PROCESS, project_id=project_id)
+    row = Processing(id=job.id, campaign_id=campaign.id, options=body.model_dump(mode="json"))
+    session.add(row)
+    session.flush()
+    audit(session, user, "processing.create", "processing", row.id, project_id)
+    return row
+
+
+def query_of(campaign_id: UUID) -> Select[Processing]:
+    """The query of a campaign's processings."""
+    return select(Processing).where(Processing.campaign_id == campaign_id)
+
+
+processing_for = Lookup(Processing, "processing", "campaign_id", campaign_for)
+"""The processing, if the user has at least a role in its project."""
+
+
+def describe(session: Session, row: Processing) -> ProcessingOut:
+    """A processing as clients see it: the state of its job as it is now, and what it did when it has succeeded."""
+    job = session.get_one(Job, row.id, populate_existing=True)
+    session.refresh(row)
+    return ProcessingOut(
+        **job_state(job),
+        campaign_id=row.campaign_id,
+        options=ProcessingIn.model_validate(row.options),
+        result=row.document,
+    )

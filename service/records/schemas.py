@@ -1,0 +1,139 @@
+"""What a client sends and gets about time blocks and their processing."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+from uuid import UUID
+
+from pydantic import Field
+
+from fecore.frf import Dof
+from fecore.processing import Estimator, Processing, Windows
+from service.campaigns.schemas import Point
+from service.frfs.schemas import Direction
+from service.web import StrictModel, example
+
+ChannelQuantity = Literal["force", "acceleration", "velocity", "displacement"]
+UNITS: dict[str, str] = {"force": "N", "acceleration": "m/s²", "velocity": "m/s", "displacement": "m"}
+
+
+class RecordOut(StrictModel):
+    """One channel's time block of one hit, without its samples."""
+
+    id: UUID
+    campaign_id: UUID
+    label: str
+    filename: str
+    quantity: ChannelQuantity
+    unit: str
+    point: int
+    direction: int
+    force_point: int
+    force_direction: int
+    hit: int
+    sample_rate_hz: float
+    samples: int
+    sensitivity: float
+    window_rate_per_s: float
+    full_scale: float | None
+    dtype: str
+    sha256: str
+    created_at: datetime
+
+
+class FindingOut(StrictModel):
+    """One criterion of one hit."""
+
+    criterion: Literal["double", "overload", "quiet", "late", "early", "place", "polarity"]
+    number: float | None = Field(description="null where it is infinite")
+    limit: float
+    failed: bool
+    sentence: str
+
+
+class HitOut(StrictModel):
+    """The judgement of one hit."""
+
+    point: int
+    direction: int
+    hit: int
+    accepted: bool
+    overruled: bool | None = Field(description="what a user decided against the findings")
+    findings: list[FindingOut]
+
+
+class StoredRecords(StrictModel):
+    """Time blocks that were stored, and the judgement of the hits of the points they are of."""
+
+    items: list[RecordOut]
+    hits: list[HitOut] = Field(description="all hits of these points as they are judged now")
+    coherence: dict[str, float] = Field(
+        description="mean coherence of the good hits in the excited band, by force point"
+    )
+
+
+class Proposal(StrictModel):
+    """What a dry run says of a file."""
+
+    variables: dict[str, str] = Field(description="shape and type of each array")
+    mapping: dict[str, Any] = Field(description="a mapping that names and shapes suggest; look at it and complete it")
+    blocks: int | None = Field(description="time blocks that the stated mapping makes of the file")
+
+
+class WindowsIn(StrictModel):
+    """Windows; both are chosen from the hits where no object is sent."""
+
+    force_length_s: float | None = Field(None, gt=0, le=100, description="about the pulse; null: the whole block")
+    rate_per_s: float = Field(0.0, ge=0, le=1e4, description="of the exponential window on both channels")
+
+
+class OverruleIn(StrictModel):
+    """A user's decision about one hit."""
+
+    point: Point
+    direction: Direction = 3
+    hit: int = Field(ge=1)
+    use: bool
+
+
+class ProcessingIn(StrictModel):
+    """How records become FRFs; `{}` will do."""
+
+    model_config = example()
+
+    estimator: Estimator = "H1"
+    windows: WindowsIn | None = None
+    band_hz: tuple[Annotated[float, Field(ge=0, le=1e7)], Annotated[float, Field(gt=0, le=1e7)]] | None = None
+    delay_s: float = Field(0.0, gt=-1, lt=1, description="lag of the response, to be taken out")
+    overrules: list[OverruleIn] = Field(default_factory=list, max_length=100_000)
+
+    def processing(self) -> Processing:
+        """The core's choices.
+
+        Raises:
+            InputError: the band is empty.
+        """
+        windows = None if self.windows is None else Windows(self.windows.force_length_s, self.windows.rate_per_s)
+        decisions = {(Dof(o.point, o.direction), o.hit): o.use for o in self.overrules}
+        return Processing(self.estimator, windows, self.band_hz, self.delay_s, overrules=decisions)
+
+
+class ProcessingOut(StrictModel):
+    """A processing: how far it is, and what it did."""
+
+    id: UUID
+    campaign_id: UUID
+    options: ProcessingIn
+    status: Literal["queued", "running", "succeeded", "failed", "cancelled"]
+    stage: str | None
+    progress: float
+    attempt: int
+    message: str | None
+    error: dict[str, Any] | None
+    created_at: Any
+    started_at: Any
+    finished_at: Any
+    result: dict[str, Any] | None = Field(
+        description="choices made, judgement of every hit, and each FRF with the records that it rests on"
+    )

@@ -1,0 +1,156 @@
+"""How many requests are answered at the same time, and who is next (docs/limits.md).
+
+A request that is answered holds a slot. There are as many slots as connections to the database, and a thread for each, so
+that whoever has a slot never waits for either. Waiting for a slot happens in the event loop, where it costs next to nothing;
+it is bounded in number and in time. Callers take turns: one that sends a thousand requests delays its own.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import OrderedDict, deque
+from collections.abc import AsyncIterator, MutableMapping
+from contextlib import asynccontextmanager
+from math import ceil
+from typing import Any
+
+from service.errors import TooManyRequests, Unavailable
+
+SLOT = "modalbase.slot"
+"""Where a request's scope has its slot."""
+
+
+class Gate:
+    """Slots and the queue before them; of one event loop.
+
+    Attributes:
+        slots: requests that are answered at the same time.
+        answering: those that are.
+        waiting: those that wait.
+    """
+
+    def __init__(self, slots: int, queue: int, seconds: float) -> None:
+        """Open the gate.
+
+        Args:
+            slots: requests that are answered at the same time.
+            queue: requests that may wait; one caller may take half of the places.
+            seconds: for which one waits at most.
+        """
+        self.slots, self.answering, self.waiting = slots, 0, 0
+        self._queue, self._share, self._seconds = queue, max(1, queue // 2), seconds
+        self._turns: OrderedDict[str, deque[asyncio.Future[None]]] = OrderedDict()
+        self._took = 0.05  # seconds that an answer takes: a running mean
+
+    def try_enter(self) -> bool:
+        """Take a slot if that needs no waiting."""
+        if self.waiting or self.answering >= self.slots:
+            return False
+        self.answering += 1
+        return True
+
+    async def enter(self, caller: str) -> None:
+        """Take a slot, when it is the caller's turn.
+
+        Raises:
+            TooManyRequests: this caller has taken its share of the places to wait in.
+            Unavailable: all places are taken, or no slot came free in time.
+        """
+        if self.try_enter():
+            return
+        mine = self._turns.get(caller)
+        if mine is not None and len(mine) >= self._share:
+            raise TooManyRequests(
+                f"{len(mine)} requests of this key wait already, the most that one key may have; send fewer at a time",
+                retry_after=self.retry_after(),
+            )
+        if self.waiting >= self._queue:
+            raise self._full(f"as many as may wait ({self._queue})")
+        turn = asyncio.get_running_loop().create_future()
+        self._turns.setdefault(caller, deque()).append(turn)
+        self.waiting += 1
+        try:
+            async with asyncio.timeout(self._seconds):
+                await turn
+        except TimeoutError:
+            self._withdraw(caller, turn)
+            raise self._full(f"this one has waited {self._seconds:g} s") from None
+        except asyncio.CancelledError:
+            self._withdraw(caller, turn)
+            raise
+
+    def leave(self, seconds: float) -> None:
+        """Give a slot back, which was held for some seconds."""
+        self._took += 0.05 * (seconds - self._took)
+        self._pass_on()
+
+    def retry_after(self) -> int:
+        """Seconds after which the queue of now will have been answered."""
+        return max(1, ceil(self._took * self.waiting / self.slots))
+
+    def _pass_on(self) -> None:
+        """The slot goes to the next caller's oldest request, and that caller to the end of the row."""
+        while self._turns:
+            caller, mine = self._turns.popitem(last=False)
+            turn = mine.popleft()
+            if mine:
+                self._turns[caller] = mine
+            self.waiting -= 1
+            if not turn.done():
+                turn.set_result(None)
+                return
+        self.answering -= 1
+
+    def _withdraw(self, caller: str, turn: asyncio.Future[None]) -> None:
+        """Stop waiting; a slot that came at this very moment goes on to the next."""
+        mine = self._turns.get(caller)
+        if mine is not None and turn in mine:
+            mine.remove(turn)
+            self.waiting -= 1
+            if not mine:
+                del self._turns[caller]
+        elif turn.done() and not turn.cancelled():
+            self._pass_on()
+
+    def _full(self, why: str) -> Unavailable:
+        return Unavailable(
+            f"{self.answering} requests are being answered and {self.waiting} wait, {why}; try again",
+            retry_after=self.retry_after(),
+        )
+
+
+class Slot:
+    """A place in the gate that one request holds; given back once, when its answer begins or when it needs none."""
+
+    def __init__(self, gate: Gate, caller: str) -> None:
+        self._gate, self._caller = gate, caller
+        self._since: float | None = None
+
+    def try_take(self) -> bool:
+        """Take a slot if that needs no waiting."""
+        if not self._gate.try_enter():
+            return False
+        self._since = asyncio.get_running_loop().time()
+        return True
+
+    async def take(self) -> None:
+        """Take a slot; see `Gate.enter`."""
+        await self._gate.enter(self._caller)
+        self._since = asyncio.get_running_loop().time()
+
+    def give_back(self) -> None:
+        """Let the next request in, unless that was done already."""
+        if self._since is not None:
+            held, self._since = asyncio.get_running_loop().time() - self._since, None
+            self._gate.leave(held)
+
+
+@asynccontextmanager
+async def without_slot(scope: MutableMapping[str, Any]) -> AsyncIterator[None]:
+    """Give the request's slot back while the block runs, which needs neither thread nor connection of a request."""
+    slot: Slot | None = scope.get(SLOT)
+    if slot is not None:
+        slot.give_back()
+    yield
+    if slot is not None:
+        await slot.take()

@@ -1,0 +1,174 @@
+"""Strict reading of JSON bodies: what RFC 8259 allows and PostgreSQL can store, and nothing else.
+
+Python's parser accepts NaN and Infinity, integers of any size, NUL characters and lone surrogates; each would be a
+server error later. Here each is a fault with the pointer to where it stands.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator
+from itertools import islice
+from typing import Any, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+
+from service.errors import MOST_FAULTS, Fault, Invalid
+
+INT64 = range(-(2**63), 2**63)
+MOST_DEPTH = 64
+MOST_MEMBERS = 1000  # of one object
+MOST_CHARACTERS = 100_000  # of one text
+MOST_VALUES = 50_000  # of an ordinary body
+BULK_VALUES = 2_000_000  # of a body that carries measured values
+
+Body = TypeVar("Body")
+
+
+class _Constant:
+    """NaN or an infinity as it stood in the text."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+
+def refuse_unstorable_text(value: str) -> str:
+    """The string itself.
+
+    Raises:
+        ValueError: it holds a NUL character or a lone surrogate.
+    """
+    if fault := _text_fault(value):
+        raise ValueError(fault)
+    return value
+
+
+def parse_json(body: bytes, *, most_values: int = MOST_VALUES) -> Any:
+    """The value of a JSON body.
+
+    Args:
+        body: UTF-8.
+        most_values: members and elements that it may have, of all depths together.
+
+    Raises:
+        Invalid: the body is not JSON, is larger or deeper than a body may be, or holds a value that cannot be stored; the
+            first faults with their pointers.
+    """
+    if body.count(b",") + body.count(b"[") + body.count(b"{") > most_values:  # before anything is made of it
+        raise Invalid("", f"the body has more than {most_values} values, as many as are read here")
+    try:
+        value = json.loads(body.decode("utf-8"), parse_constant=_Constant)
+    except UnicodeDecodeError as error:
+        raise Invalid("", f"the body is not UTF-8: {error.reason} at byte {error.start}") from None
+    except json.JSONDecodeError as error:
+        raise Invalid("", f"the body is not JSON: {error.msg} at line {error.lineno}, column {error.colno}") from None
+    except RecursionError:
+        raise Invalid("", "the body is nested too deeply") from None
+    except ValueError:  # an integer of more digits than Python converts
+        raise Invalid("", "the body holds an integer of thousands of digits; the range is that of 64 bits") from None
+    if not _sound(value, MOST_DEPTH):
+        raise Invalid(list(islice(_faults(value), MOST_FAULTS + 1)))
+    return value
+
+
+def _sound(value: Any, depth: int) -> bool:
+    """Whether nothing in a value is a fault; says it fast, since most bodies are sound."""
+    if type(value) is float:
+        return math.isfinite(value)
+    if type(value) is list:
+        return depth > 0 and all(_sound(item, depth - 1) for item in value)
+    if type(value) is dict:
+        return (
+            depth > 0
+            and len(value) <= MOST_MEMBERS
+            and all(_sound(key, 0) and _sound(item, depth - 1) for key, item in value.items())
+        )
+    return _scalar_fault(value) is None
+
+
+def _faults(root: Any) -> Iterator[Fault]:
+    """Every value that cannot be stored, in the order of the body; a place is written out only where a fault is."""
+    steps: list[object] = []
+    levels: list[Iterator[tuple[object, Any]]] = [iter([("", root)])]
+    while levels:
+        found = next(levels[-1], None)
+        if found is None:
+            levels.pop()
+            del steps[-1:]
+            continue
+        step, value = found
+        place = steps[1:] if len(levels) == 1 else [*steps[1:], step]
+        yield from (Fault(pointer(place), why) for why in _own_faults(value, len(levels)))
+        if isinstance(value, dict | list) and len(levels) <= MOST_DEPTH:
+            steps.append(step)
+            levels.append(iter(value.items() if isinstance(value, dict) else enumerate(value)))
+
+
+def _own_faults(value: Any, depth: int) -> Iterator[str]:
+    """What is wrong with a value, whatever is in it."""
+    if isinstance(value, dict | list) and depth > MOST_DEPTH:
+        yield f"is nested more than {MOST_DEPTH} deep"
+    elif isinstance(value, dict):
+        if len(value) > MOST_MEMBERS:
+            yield f"has {len(value)} members, at most {MOST_MEMBERS} are read"
+        yield from (f"a field's name {fault}" for key in value if (fault := _text_fault(key)))
+    elif not isinstance(value, list) and (fault := _scalar_fault(value)):
+        yield fault
+
+
+def _scalar_fault(value: Any) -> str | None:
+    if isinstance(value, str):
+        return _text_fault(value)
+    if isinstance(value, _Constant):
+        return f"is {value.name}, expected a finite number"
+    if isinstance(value, float) and not math.isfinite(value):
+        return "is beyond the range of double precision, expected a finite number"
+    if isinstance(value, int) and value not in INT64:
+        return "is beyond the range of 64-bit integers"
+    return None
+
+
+def _text_fault(value: str) -> str | None:
+    if len(value) > MOST_CHARACTERS:
+        return f"has {len(value)} characters, at most {MOST_CHARACTERS} are read"
+    if "\0" in value:
+        return "holds a NUL character"
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        return "holds a lone surrogate"
+    return None
+
+
+def _escape(token: object) -> str:
+    """One step of a JSON pointer, escaped as RFC 6901 wants it; safe to print."""
+    text = str(token).encode("utf-8", "replace").decode("utf-8")
+    return text.replace("~", "~0").replace("/", "~1")
+
+
+def pointer(steps: Iterable[object]) -> str:
+    """The JSON pointer (RFC 6901) of a place: a `/` in a step is written `~1`, a `~` is written `~0`.
+
+    >>> pointer(["jobs", 3, "a/b"])
+    '/jobs/3/a~1b'
+    """
+    return "".join(f"/{_escape(step)}" for step in steps)
+
+
+def checked(adapter: TypeAdapter[Body], value: Any) -> Body:
+    """A parsed body as its model.
+
+    Args:
+        adapter: of the model.
+        value: what `json.loads` gave.
+
+    Raises:
+        Invalid: each of the first faults with its pointer.
+    """
+    try:
+        return adapter.validate_python(value)
+    except ValidationError as error:
+        found = error.errors(include_url=False, include_context=False, include_input=False)
+        faults = [Fault(pointer(e["loc"]), e["msg"]) for e in found[:MOST_FAULTS]]
+        raise Invalid(faults, count=len(found)) from None

@@ -1,0 +1,123 @@
+"""The body of a request: received whole before anything is done with it, in memory while it is small, else on disk."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import io
+import tempfile
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from starlette.requests import ClientDisconnect
+from starlette.types import Message, Receive, Scope
+
+from service.errors import PayloadTooLarge, TooSlow
+
+MEMORY_BYTES = 1024 * 1024
+IDLE_SECONDS = 30.0  # between two blocks of a body
+GRACE_SECONDS = 60.0  # before its speed counts
+SLOWEST = 16_384  # bytes a second, on average
+
+_SPOOL = "modalbase.body"
+
+
+@dataclass
+class Body:
+    """A body that has come in whole.
+
+    Attributes:
+        file: its bytes.
+        size: how many.
+        sha256: their digest.
+    """
+
+    file: IO[bytes]
+    size: int
+    sha256: bytes
+
+    def replayed(self, receive: Receive) -> Receive:
+        """What the application receives: the body block by block, then what comes from the client."""
+        self.file.seek(0)
+        ended = False
+
+        async def again() -> Message:
+            nonlocal ended
+            if ended:
+                return await receive()
+            block = self.file.read(MEMORY_BYTES)
+            ended = self.file.tell() == self.size
+            return {"type": "http.request", "body": block, "more_body": not ended}
+
+        return again
+
+    def on_disk(self) -> Path | None:
+        """Where the body lies, if it is on disk."""
+        return None if isinstance(self.file, io.BytesIO) else Path(self.file.name)
+
+
+def body_of(scope: Scope) -> Body | None:
+    """The body of a request that came through `spooled_body`."""
+    body: Body | None = scope.get(_SPOOL)
+    return body
+
+
+@asynccontextmanager
+async def spooled_body(scope: Scope, receive: Receive, limit: int) -> AsyncIterator[Body]:
+    """Receive a request's body, which is gone at the end of the block.
+
+    Raises:
+        PayloadTooLarge: it has more bytes than `limit`.
+        TooSlow: it comes more slowly than an honest line is.
+        ClientDisconnect: the client broke it off.
+    """
+    loop = asyncio.get_running_loop()
+    began, digest, size = loop.time(), hashlib.sha256(), 0
+    file: IO[bytes] = io.BytesIO()
+    try:
+        more = True
+        while more:
+            message = await _next(receive)
+            block = message.get("body", b"")
+            size += len(block)
+            if size > limit:
+                raise PayloadTooLarge(too_large(limit))
+            if loop.time() - began > GRACE_SECONDS + size / SLOWEST:
+                raise TooSlow(f"the body comes too slowly: {size} bytes in {loop.time() - began:.0f} s")
+            if size > MEMORY_BYTES and isinstance(file, io.BytesIO):
+                file = _moved_to_disk(file)
+            file.write(block)
+            digest.update(block)
+            more = message.get("more_body", False)
+        file.flush()
+        body = Body(file, size, digest.digest())
+        scope[_SPOOL] = body
+        yield body
+    finally:
+        scope.pop(_SPOOL, None)
+        file.close()
+
+
+def too_large(limit: int) -> str:
+    """What is said of a body of more bytes than `limit`."""
+    return f"the body is larger than {limit} bytes, the limit for its kind"
+
+
+async def _next(receive: Receive) -> Message:
+    try:
+        async with asyncio.timeout(IDLE_SECONDS):
+            message = await receive()
+    except TimeoutError:
+        raise TooSlow(f"nothing of the body came for {IDLE_SECONDS:g} s") from None
+    if message["type"] == "http.disconnect":
+        raise ClientDisconnect
+    return message
+
+
+def _moved_to_disk(memory: io.BytesIO) -> IO[bytes]:
+    file = tempfile.NamedTemporaryFile(prefix="modalbase-upload-")  # noqa: SIM115  closed with the body
+    file.write(memory.getvalue())
+    return file

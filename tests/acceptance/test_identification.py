@@ -1,0 +1,76 @@
+"""Identification of measured structures over HTTP: any body, large sets, a job that ends when it is told to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from tests.support.places import shared_file
+from tests.support.rest import finished, ok, posted
+from tests.support.waiting import until
+
+
+def campaign_of(api: httpx.Client, file: Path) -> str:
+    """A campaign of a structure of which nothing is known but its name, with the FRFs of a file."""
+    project = posted(api, "projects", {"name": f"identification of {file.stem}"})
+    structure = posted(api, f"projects/{project['id']}/structures", {"name": file.stem})
+    campaign = posted(api, f"structures/{structure['id']}/campaigns", {"name": "tour", "boundary": "free"})
+    answer = api.post(f"campaigns/{campaign['id']}/imports?filename={file.name}", content=file.read_bytes())
+    ok(answer)
+    state = finished(api, answer.headers["Location"])
+    assert state["status"] == "succeeded", state
+    return str(campaign["id"])
+
+
+def started(api: httpx.Client, campaign: str, body: dict[str, Any]) -> str:
+    """The path of a new identification."""
+    return f"identifications/{posted(api, f'campaigns/{campaign}/identifications', body)['id']}"
+
+
+def test_an_aeroplane_is_imported_and_identified_without_an_invented_geometry(api: httpx.Client) -> None:
+    campaign = campaign_of(api, shared_file("BLIND_OPEN", "blind-open", "real-like-aeroplane.uff"))
+    job = finished(api, started(api, campaign, {"name": "all"}))
+    assert job["status"] == "succeeded", job
+    assert np.sum([mode["frequency_hz"] > 10 for mode in job["result"]["modes"]]) == 14
+    assert all(mode["reason"] for mode in job["result"]["doubtful"])
+    kept = ok(api.get(f"mode-sets/{job['mode_set']}"))
+    assert len(kept["modes"]) == len(job["result"]["modes"])
+    assert all(len(mode["shape"]) == 74 for mode in kept["modes"])
+    refused = api.post(f"campaigns/{campaign}/update-jobs", json={})
+    assert refused.status_code == 422
+    assert "geometry" in refused.text
+
+
+def test_a_job_that_is_cancelled_half_way_ends(api: httpx.Client) -> None:
+    campaign = campaign_of(api, shared_file("MEASURED", "measured", "dam0.unv"))
+    job = started(api, campaign, {})
+    shares: set[float] = set()
+
+    def half_way() -> bool:
+        state = ok(api.get(job))
+        assert state["status"] in ("queued", "running"), state
+        shares.add(state["progress"])
+        return bool(state["progress"] > 0.1)
+
+    until(half_way, "a search that is under way", lambda: ok(api.get(job)))
+    ok(api.post(f"{job}/cancel"), 202)
+    ended = finished(api, job)
+    assert ended["status"] == "cancelled"
+    assert ended["mode_set"] is None
+
+
+def test_a_band_and_doubtful_modes_are_options(api: httpx.Client) -> None:
+    campaign = campaign_of(api, shared_file("MEASURED", "measured", "dam0.unv"))
+    job = finished(api, started(api, campaign, {"band_hz": [2.2, 5.0], "include_doubtful": True}))
+    assert job["status"] == "succeeded", job
+    kept = ok(api.get(f"mode-sets/{job['mode_set']}"))["modes"]
+    assert len(kept) == len(job["result"]["modes"]) + len(job["result"]["doubtful"])
+    for true in (2.482, 2.958, 3.497, 4.081, 4.166, 4.632):
+        assert sum(abs(mode["frequency_hz"] / true - 1) < 0.003 for mode in kept) == 1
+    wrong = api.post(f"campaigns/{campaign}/identifications", json={"band_hz": [5.0, 2.0]})
+    assert wrong.status_code == 422
+    assert pytest.approx(2.2) == job["options"]["band_hz"][0]

@@ -1,0 +1,103 @@
+"""`modalbase up` in ordinary folders, and when a part of it dies."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import psutil
+import pytest
+
+from service.settings import Settings
+from service.supervisor import LocalService, StartError
+from tests.support.command import modalbase, status, up
+from tests.support.waiting import until
+
+POISON = """import os
+open(os.environ["POISONED"], "a").write(__name__ + "\\n")
+raise ImportError("this is a laboratory's own file")
+"""
+
+
+def part(up: psutil.Process, name: str) -> psutil.Process:
+    """The API (`serve`) or the worker of a running command."""
+    return next(child for child in up.children() if name in child.cmdline())
+
+
+def test_what_dies_is_started_again(short_folder: Path) -> None:
+    log = short_folder / "dying.log"
+    with log.open("w") as stderr, up(short_folder / "dying", stderr=stderr) as (process, url, key):
+        command = psutil.Process(process.pid)
+        for name, said in (("serve", "the api"), ("worker", "the worker")):
+            part(command, name).kill()
+            line = f"modalbase: {said} runs again"
+            until(lambda line=line: line in log.read_text(), line, log.read_text)
+            assert status(url, key) == 200  # at the same address; a request in between waits
+        assert f"{said} was killed, perhaps for lack of memory; it is started again in 0.5 s" in log.read_text()
+
+
+def test_what_dies_again_and_again_is_given_up(database: str) -> None:
+    """With one clear line, and everything ended."""
+    with LocalService(Settings(database_url=database, port=0, log_level="error"), pauses=(0.0, 0.0)) as service:
+        processes = list(service.processes.values())
+
+        def die() -> None:
+            service.processes["worker"].kill()
+            service.processes["worker"].wait()
+            while not service.tend():
+                pass
+            if service.processes["worker"].poll() is not None:
+                service.tend()
+
+        die()
+        die()
+        with pytest.raises(StartError, match=r"the worker was killed.*, 3 times in a row; it is not started again"):
+            die()
+        assert service.processes["api"].poll() is None
+    assert all(process.poll() is not None for process in processes)
+
+
+def test_modules_in_the_working_directory_are_nobody_s_business(short_folder: Path) -> None:
+    """A laboratory's `signal.py` is no reason to stop, its `service.py` nothing to run; in no process of the main job."""
+    folder, poisoned = short_folder / "laboratory", short_folder / "poisoned"
+    folder.mkdir()
+    for name in ("signal", "service", "numpy", "json", "fecore", "modalbase", "multiprocessing", "migrations"):
+        (folder / f"{name}.py").write_text(POISON)
+    done = modalbase("demo", "--json", cwd=folder, POISONED=str(poisoned))
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["parameters"]
+    assert not poisoned.exists()
+
+
+def test_the_other_commands_find_the_service_that_runs(short_folder: Path) -> None:
+    """In the default folder of a home with a space, as on macOS, and in one of one's own; nobody says which."""
+    home = short_folder / "Prüf stand" / ("with a long name, " * 6)
+    home.mkdir(parents=True)
+    around = {"HOME": str(home), "XDG_STATE_HOME": "", "XDG_DATA_HOME": "", "MODALBASE_LOG_LEVEL": "info"}
+    log = short_folder / "home.log"
+    with log.open("w") as stderr, up(None, stderr=stderr, **around) as (_, url, key):
+        assert status(url, key) == 200
+        made = modalbase("keys", "create", "--name", "ada", **around)
+        assert status(url, made.stdout.strip()) == 200, made.stderr
+        assert "/api/v1/projects" not in log.read_text()  # no line for each request
+    with up(short_folder / "elsewhere", **around) as (first, url, _):
+        made = modalbase("keys", "create", "--name", "ada", **around)
+        assert status(url, made.stdout.strip()) == 200, made.stderr
+        assert modalbase("db", "current", **around).returncode == 0
+        with up(None, **around):
+            ended = modalbase("keys", "create", "--name", "ada", **around)
+            assert ended.returncode == 1
+            assert "2 services run here; say which with --data" in ended.stderr
+            assert str(short_folder / "elsewhere") in ended.stderr
+        first.kill()  # its note stays, and names nobody
+        first.wait()
+        assert modalbase("keys", "create", "--name", "x", "--data", str(short_folder / "elsewhere")).returncode == 0
+    assert "services run here" not in modalbase("db", "current", **around).stderr
+
+
+def test_a_service_on_a_server_of_its_own_says_what_is_missing(short_folder: Path, database: str) -> None:
+    around = {"HOME": str(short_folder), "XDG_STATE_HOME": ""}
+    with up(None, MODALBASE_DATABASE_URL=database, **around):
+        ended = modalbase("keys", "create", "--name", "x", **around)
+        assert "has a database server of its own; set MODALBASE_DATABASE_URL" in ended.stderr
+        assert ended.returncode == 1

@@ -1,0 +1,150 @@
+"""Users, keys, projects, members and the audit trail over HTTP."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from uuid import UUID
+
+import httpx
+import pytest
+from fastapi import Request
+from pydantic import BaseModel
+from sqlalchemy import select
+
+from service.access.keys import create_key, user_named, user_of_key
+from service.access.tables import ApiKey
+from service.db.engine import Sessions
+from service.errors import PreconditionFailed, PreconditionRequired, Unauthorized
+from service.web import etag_of, require_match
+
+NewClient = Callable[[], httpx.Client]
+
+
+def project(client: httpx.Client, name: str = "beam") -> str:
+    answer = client.post("projects", json={"name": name})
+    assert answer.status_code == 201
+    assert answer.headers["location"] == f"/api/v1/projects/{answer.json()['id']}"
+    return str(answer.json()["id"])
+
+
+def name_of(client: httpx.Client) -> str:
+    return str(client.get("api-keys").json()["items"][0]["name"])
+
+
+def test_other_peoples_projects_are_404(new_client: NewClient) -> None:
+    mine, other = new_client(), new_client()
+    key = project(mine)
+    assert mine.get(f"projects/{key}").json()["name"] == "beam"
+    assert other.get(f"projects/{key}").status_code == 404
+    assert other.get("projects").json() == {"items": [], "next_cursor": None}
+    assert other.put(f"projects/{key}/members/x", json={}).status_code == 404
+
+
+def test_roles(new_client: NewClient) -> None:
+    owner, guest = new_client(), new_client()
+    key, name = project(owner), name_of(guest)
+    assert owner.put(f"projects/{key}/members/{name}", json={"role": "viewer"}).json()["role"] == "viewer"
+    assert guest.get(f"projects/{key}").status_code == 200
+    assert guest.put(f"projects/{key}/members/{name}", json={"role": "owner"}).status_code == 403
+    members = guest.get(f"projects/{key}/members").json()["items"]
+    assert {(m["user"], m["role"]) for m in members} == {(name_of(owner), "owner"), (name, "viewer")}
+    assert owner.put(f"projects/{key}/members/{name}", json={"role": "king"}).status_code == 422
+    assert owner.put(f"projects/{key}/members/nobody", json={}).status_code == 404
+    assert owner.delete(f"projects/{key}/members/{name}").status_code == 204
+    assert guest.get(f"projects/{key}").status_code == 404
+    assert guest.get(f"projects/{key}/members").status_code == 404
+    assert owner.delete(f"projects/{key}/members/{name}").status_code == 404
+
+
+def test_the_last_owner_stays(new_client: NewClient) -> None:
+    owner, heir = new_client(), new_client()
+    key = project(owner)
+    assert owner.delete(f"projects/{key}/members/{name_of(owner)}").status_code == 409
+    assert owner.put(f"projects/{key}/members/{name_of(owner)}", json={"role": "viewer"}).status_code == 409
+    assert owner.put(f"projects/{key}/members/{name_of(heir)}", json={"role": "owner"}).status_code == 200
+    assert owner.delete(f"projects/{key}/members/{name_of(owner)}").status_code == 204
+    assert heir.get(f"projects/{key}").status_code == 200
+
+
+def test_pages_by_cursor(api: httpx.Client) -> None:
+    made = [project(api, f"p{i}") for i in range(7)]
+    got: list[str] = []
+    cursor = None
+    for size in (3, 3, 1):
+        page = api.get("projects", params={"limit": 3} | ({"cursor": cursor} if cursor else {})).json()
+        assert len(page["items"]) == size
+        got += [item["id"] for item in page["items"]]
+        cursor = page["next_cursor"]
+    assert cursor is None
+    assert got == made
+
+
+def test_keys_are_shown_once_and_can_be_revoked(api: httpx.Client) -> None:
+    made = api.post("api-keys", json={"name": "script"}).json()
+    other = {"Authorization": f"Bearer {made['key']}"}
+    assert api.get("projects", headers=other).status_code == 200
+    listed = api.get("api-keys").json()["items"]
+    assert len(listed) == 2
+    assert all("key" not in item for item in listed)
+    assert made["key"].split("_", 2)[2] not in api.get("api-keys").text
+    assert api.delete(f"api-keys/{made['id']}").status_code == 204
+    assert api.get("projects", headers=other).status_code == 401
+
+
+def test_other_peoples_keys_are_404(new_client: NewClient) -> None:
+    mine, other = new_client(), new_client()
+    key = mine.get("api-keys").json()["items"][0]["id"]
+    assert other.delete(f"api-keys/{key}").status_code == 404
+    assert mine.get("projects").status_code == 200
+
+
+def test_acts_are_audited_with_their_request(new_client: NewClient) -> None:
+    api, other = new_client(), new_client()
+    answer = api.post("projects", json={"name": "beam"}, headers={"X-Request-ID": "r-1"})
+    event = api.get("audit-events").json()["items"][0]
+    assert (event["action"], event["subject_id"], event["request_id"]) == ("project.create", answer.json()["id"], "r-1")
+    assert (event["user"], event["detail"]) == (name_of(api), {"name": "beam"})
+    assert other.get("audit-events").json()["items"] == []
+    assert other.get("audit-events", params={"project": answer.json()["id"]}).status_code == 404
+
+
+def test_what_fails_leaves_no_trace(api: httpx.Client) -> None:
+    key = project(api)
+    before = api.get("audit-events").json()
+    assert api.put(f"projects/{key}/members/nobody", json={}).status_code == 404
+    assert api.get("audit-events").json() == before
+
+
+def test_only_the_digest_of_a_key_is_stored(sessions: Sessions) -> None:
+    with sessions.begin() as session:
+        row, key = create_key(session, user_named(session, "ada"), "k")
+        assert user_named(session, "ada").id == row.user_id
+    with sessions.begin() as session:
+        assert user_of_key(session, key).name == "ada"
+        stored = session.scalars(select(ApiKey)).one()
+        assert key.split("_", 2)[2].encode() not in stored.secret_sha256
+        assert stored.last_used_at is not None
+        for wrong in (key + "x", key[:-1], key.upper(), key.replace("mb_", "xx_"), "mb__", ""):
+            with pytest.raises(Unauthorized):
+                user_of_key(session, wrong)
+
+
+class _Body(BaseModel):
+    id: UUID | None = None
+    name: str
+
+
+def test_if_match() -> None:
+    tag = etag_of(_Body(name="a"))
+    assert tag == etag_of(_Body(name="a")) != etag_of(_Body(name="b"))
+
+    def request(value: str | None) -> Request:
+        headers = [] if value is None else [(b"if-match", value.encode())]
+        return Request({"type": "http", "headers": headers})
+
+    for fine in (tag, "*", f'"x", {tag}'):
+        require_match(request(fine), tag)
+    with pytest.raises(PreconditionRequired):
+        require_match(request(None), tag)
+    with pytest.raises(PreconditionFailed):
+        require_match(request('"x"'), tag)

@@ -1,0 +1,248 @@
+"""Backup and restore between databases: every row, every schema, every kind of damage."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+from zipfile import ZipFile
+
+import pytest
+from sqlalchemy import Engine, LargeBinary, insert, inspect, select, text
+
+import service.composition  # noqa: F401  imports every table
+from fecore import __version__
+from service.access.tables import Member, Project, User
+from service.backup.archive import BackupError
+from service.backup.restoring import restore_backup
+from service.backup.verification import CHECKED, find_damage
+from service.backup.writing import our_tables, write_backup
+from service.db.base import Base
+from service.db.engine import make_engine, make_sessions
+from service.db.schema import head_revision, require_head, upgrade
+from service.jobs.tables import Job
+from tests.integration.test_migrations import fill, revisions
+
+
+@pytest.fixture
+def source(empty_database: str) -> Iterator[Engine]:
+    engine = make_engine(empty_database)
+    yield engine
+    engine.dispose()
+
+
+@pytest.fixture
+def target(new_empty_database: Callable[[], str]) -> Iterator[Engine]:
+    engine = make_engine(new_empty_database())
+    yield engine
+    engine.dispose()
+
+
+def rows_of(engine: Engine) -> dict[str, list[dict[str, Any]]]:
+    with engine.connect() as connection:
+        return {
+            table.name: [dict(row) for row in connection.execute(select(table)).mappings()]
+            for table in our_tables(connection)
+        }
+
+
+def repair_digests(engine: Engine) -> None:
+    """Rows that `fill` makes have any bytes; here they are as the service stores them."""
+    with engine.begin() as connection:
+        catalogue = inspect(connection)
+        tables = catalogue.get_table_names()
+        for table, _, data, digest in CHECKED:
+            if table in tables and data in {column["name"] for column in catalogue.get_columns(table)}:
+                connection.execute(text(f"UPDATE {table} SET {digest} = sha256({data}) WHERE {data} IS NOT NULL"))
+        names = "imports", "original_chunks"
+        connection.execute(text("INSERT INTO originals SELECT sha256(data), length(data) FROM original_chunks"))
+        for name in names:
+            connection.execute(text(f"UPDATE {name} SET sha256 = (SELECT sha256(data) FROM original_chunks)"))
+        connection.execute(text("DELETE FROM originals WHERE sha256 NOT IN (SELECT sha256 FROM original_chunks)"))
+        connection.execute(text("UPDATE original_chunks SET number = 0"))
+
+
+@pytest.mark.parametrize("revision", [revisions()[1], revisions()[-2], revisions()[-1]])
+def test_every_row_comes_back_from_every_schema(source: Engine, target: Engine, tmp_path: Path, revision: str) -> None:
+    upgrade(source, revision)
+    with source.begin() as connection:
+        fill(connection)
+    repair_digests(source)
+    manifest = write_backup(source, tmp_path / "backup")
+    assert (manifest.revision, manifest.software, manifest.damaged) == (revision, __version__, [])
+    assert stat_mode(tmp_path / "backup") == 0o600
+    assert restore_backup(target, tmp_path / "backup") == manifest
+    require_head(target)
+    upgrade(source)  # what an upgrade in place makes of the same rows
+    restored, kept = rows_of(target), rows_of(source)
+    for name in (kept["jobs"], restored["jobs"]):
+        for row in name:
+            row.pop("version"), row.pop("ticket", None)
+    for row in [*kept["projects"], *restored["projects"]]:
+        row.pop("updated_at")  # the moment of the upgrade, where the schema before had none
+    assert restored == kept
+    assert find_damage_of(target) == []
+
+
+def stat_mode(path: Path) -> int:
+    return path.stat().st_mode & 0o777
+
+
+def find_damage_of(engine: Engine) -> list[str]:
+    with engine.connect() as connection:
+        return find_damage(connection)
+
+
+def test_a_backup_shows_one_moment(engine: Engine, target: Engine, tmp_path: Path) -> None:
+    """Beside somebody who writes: a project and its owner are both in it, or neither."""
+    sessions, written = make_sessions(engine), threading.Event()
+
+    def write_on() -> None:
+        while not written.is_set():
+            with sessions.begin() as session:
+                user, project = User(name=uuid4().hex), Project(name="x")
+                session.add_all([user, project])
+                session.flush()
+                session.add(Member(user_id=user.id, project_id=project.id, role="owner"))
+
+    writer = threading.Thread(target=write_on)
+    writer.start()
+    try:
+        for number in range(3):
+            manifest = write_backup(engine, tmp_path / str(number))
+            rows = {table.name: table.rows for table in manifest.tables}
+            assert rows["users"] == rows["projects"] == rows["members"]
+    finally:
+        written.set()
+        writer.join()
+    restore_backup(target, tmp_path / "2")
+    assert len(rows_of(target)["members"]) == rows["members"]
+
+
+def backup_of(engine: Engine, file: Path) -> Path:
+    with make_sessions(engine).begin() as session:
+        session.add(User(name="Ünal"))
+    write_backup(engine, file)
+    return file
+
+
+def test_a_backup_overwrites_nothing(engine: Engine, tmp_path: Path) -> None:
+    file = tmp_path / "backup"
+    file.write_text("mine")
+    with pytest.raises(BackupError, match="exists; a backup overwrites nothing"):
+        write_backup(engine, file)
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]
+    with pytest.raises(BackupError, match=r"cannot write .*: No such file or directory"):
+        write_backup(engine, tmp_path / "nowhere" / "backup")
+
+
+def test_only_an_empty_database_is_filled(engine: Engine, target: Engine, tmp_path: Path) -> None:
+    file = backup_of(engine, tmp_path / "backup")
+    with pytest.raises(BackupError, match="not empty: users has rows"):
+        restore_backup(engine, file)
+    with target.begin() as connection:
+        connection.execute(text("CREATE TABLE theirs (id int)"))
+    with pytest.raises(BackupError, match="it has a table theirs"):
+        restore_backup(target, file)
+    assert inspect(target).get_table_names() == ["theirs"]
+
+
+def test_a_schema_without_rows_is_empty(engine: Engine, target: Engine, tmp_path: Path) -> None:
+    """As `modalbase db upgrade`, which a deployment runs first, leaves it."""
+    file = backup_of(engine, tmp_path / "backup")
+    upgrade(target)
+    restore_backup(target, file)
+    assert [user["name"] for user in rows_of(target)["users"]] == ["Ünal"]
+
+
+def test_half_a_restore_leaves_nothing(engine: Engine, target: Engine, tmp_path: Path) -> None:
+    """Whatever is wrong with the file, and wherever."""
+    content = backup_of(engine, tmp_path / "backup").read_bytes()
+    file = tmp_path / "damaged"
+    broken = {position: content[:position] + bytes([content[position] ^ 1]) + content[position + 1 :]
+              for position in range(0, len(content), len(content) // 20)}  # fmt: skip
+    broken[-1], broken[-2], broken[-3] = b"", content[: len(content) // 2], b"no zip at all"
+    refused = 0
+    for changed in broken.values():
+        file.write_bytes(changed)
+        try:
+            restore_backup(target, file)
+        except BackupError:
+            refused += 1
+            assert inspect(target).get_table_names() == []
+        else:  # a byte that says nothing, such as a member's time
+            assert rows_of(target)["users"][0]["name"] == "Ünal"
+            with target.begin() as connection:
+                connection.execute(text("DROP SCHEMA public CASCADE"))
+                connection.execute(text("CREATE SCHEMA public"))
+    assert refused > len(broken) // 2
+    with pytest.raises(BackupError, match=r"cannot read .*: No such file or directory"):
+        restore_backup(target, tmp_path / "absent")
+
+
+def test_a_newer_version_s_backup_is_refused(engine: Engine, target: Engine, tmp_path: Path) -> None:
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '9999_future'"))
+    with pytest.raises(Exception, match="newer modalbase"):
+        write_backup(engine, tmp_path / "backup")
+    with engine.begin() as connection:
+        connection.execute(text(f"UPDATE alembic_version SET version_num = '{head_revision()}'"))
+    file = backup_of(engine, tmp_path / "backup")
+    with ZipFile(file) as old, ZipFile(tmp_path / "newer", "w") as new:
+        for name in old.namelist():
+            new.writestr(name, old.read(name).replace(head_revision().encode(), b"9999_future"))
+    with pytest.raises(BackupError, match="which is newer; install that version"):
+        restore_backup(target, tmp_path / "newer")
+
+
+def test_damage_of_the_database_is_named_and_carried(source: Engine, target: Engine, tmp_path: Path) -> None:
+    upgrade(source)
+    with source.begin() as connection:
+        fill(connection)
+    repair_digests(source)
+    with source.begin() as connection:
+        frf = connection.scalar(text("UPDATE frfs SET data = '\\x01' RETURNING id"))
+        original = connection.scalar(text("UPDATE original_chunks SET data = '\\x02' RETURNING encode(sha256, 'hex')"))
+    damage = [f"frfs {frf}: data", f"originals {original}: data"]
+    assert find_damage_of(source) == damage
+    assert write_backup(source, tmp_path / "backup").damaged == damage
+    restore_backup(target, tmp_path / "backup")  # the rest is worth having
+    assert find_damage_of(target) == damage
+
+
+def test_every_column_of_bytes_is_checked() -> None:
+    found = {
+        (table.name, column.name)
+        for table in Base.metadata.tables.values()
+        for column in table.columns
+        if isinstance(column.type, LargeBinary) and "sha256" not in column.name
+    }
+    checked = {(table, data) for table, _, data, _ in CHECKED}
+    elsewhere = {("original_chunks", "data")}  # checked as whole files
+    without_digest = {("frfs", "axis"), ("job_checkpoints", "data")}
+    assert found >= checked | elsewhere
+    assert {name for name in found - checked - elsewhere - without_digest if has_digest(*name)} == set()
+
+
+def has_digest(table: str, column: str) -> bool:
+    return {f"{column}_sha256", "sha256"} & set(Base.metadata.tables[table].columns.keys()) != set()
+
+
+def test_jobs_that_waited_or_ran_wait_again(engine: Engine, target: Engine, tmp_path: Path) -> None:
+    with make_sessions(engine).begin() as session:
+        project = Project(name="x")
+        session.add(project)
+        session.flush()
+        for state in ("queued", "running", "succeeded"):
+            job = {"kind": "import", "project_id": project.id, "queue": "jobs", "state": state, "worker": "gone"}
+            session.execute(insert(Job).values(**job))
+    write_backup(engine, tmp_path / "backup")
+    restore_backup(target, tmp_path / "backup")
+    with target.connect() as connection:
+        jobs = connection.execute(text("SELECT state, worker FROM jobs ORDER BY id")).all()
+        assert [tuple(job) for job in jobs] == [("queued", None), ("queued", None), ("succeeded", "gone")]
+        tickets = connection.scalars(text("SELECT args->>'job_id' FROM procrastinate_jobs WHERE status = 'todo'")).all()
+        waiting = connection.scalars(text("SELECT id::text FROM jobs WHERE state = 'queued'")).all()
+        assert sorted(tickets) == sorted(waiting)

@@ -1,0 +1,169 @@
+"""The database: schema refusal, migrations, drift, keys, the embedded server."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import psutil
+import psycopg
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.runtime.migration import MigrationContext
+from psycopg.conninfo import conninfo_to_dict
+from sqlalchemy import Engine, inspect, select, text
+
+import service.composition  # noqa: F401  imports every table
+from service.access.tables import User
+from service.app import create_app
+from service.db.base import Base
+from service.db.embedded import embedded_server
+from service.db.engine import Sessions, psycopg_url, sqlalchemy_url
+from service.db.schema import SchemaError, current_revision, head_revision, require_head, upgrade
+from service.settings import Settings
+
+
+def test_refuses_an_empty_schema_and_says_what_mends_it(empty: Engine) -> None:
+    with pytest.raises(SchemaError, match="run `modalbase db upgrade`"):
+        require_head(empty)
+
+
+def test_app_refuses_to_start_on_an_empty_schema(empty_database: str) -> None:
+    with pytest.raises(SchemaError, match="run `modalbase db upgrade`"):
+        create_app(Settings(database_url=empty_database))
+
+
+def test_refuses_a_schema_that_a_newer_version_made(engine: Engine) -> None:
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '9999_future'"))
+    with pytest.raises(SchemaError, match="newer modalbase"):
+        require_head(engine)
+
+
+def test_refuses_an_older_schema(engine: Engine) -> None:
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '0001_foundations'"))
+    if head_revision() == "0001_foundations":
+        pytest.skip("there is one revision only")
+    with pytest.raises(SchemaError, match=r"0001_foundations.*run `modalbase db upgrade`"):
+        require_head(engine)
+
+
+def test_upgrades_to_head_also_when_two_try_at_once(empty: Engine) -> None:
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(upgrade, [empty, empty]))
+    assert current_revision(empty) == head_revision()
+    require_head(empty)
+
+
+def test_failed_upgrade_leaves_nothing(empty: Engine) -> None:
+    with empty.begin() as connection:
+        connection.execute(text("CREATE TABLE jobs (id int)"))  # in the way of the first revision
+    with pytest.raises(Exception, match="already exists"):
+        upgrade(empty)
+    assert inspect(empty).get_table_names() == ["jobs"]
+
+
+def test_models_and_migrations_agree(engine: Engine) -> None:
+    with engine.connect() as connection:
+        context = MigrationContext.configure(
+            connection,
+            opts={
+                "compare_server_default": True,
+                "include_name": lambda name, kind, _: not (kind == "table" and name.startswith("procrastinate_")),
+            },
+        )
+        assert compare_metadata(context, Base.metadata) == []
+
+
+def test_keys_are_uuid7_in_order_of_creation(sessions: Sessions) -> None:
+    with sessions.begin() as session:
+        for name in ("a", "b", "c"):
+            session.add(User(name=name))
+            session.flush()
+    with sessions() as session:
+        users = session.scalars(select(User).order_by(User.id)).all()
+    assert [user.name for user in users] == ["a", "b", "c"]
+    assert {user.id.version for user in users} == {7}
+    assert {user.created_at.utcoffset().total_seconds() for user in users} == {0.0}
+
+
+@pytest.mark.parametrize(
+    "given", ["postgres://u:p%40@h:1/d", "postgresql://u:p%40@h:1/d", "postgresql+psycopg://u:p%40@h:1/d"]
+)
+def test_urls(given: str) -> None:
+    assert sqlalchemy_url(given) == "postgresql+psycopg://u:p%40@h:1/d"
+    assert psycopg_url(given) == "postgresql://u:p%40@h:1/d"
+
+
+def test_libpq_understands_spaces_in_passwords_and_paths() -> None:
+    url = psycopg_url("postgresql://u:a b+%2F@/d?host=%2Fsrv%2Fa%20b%2B")
+    assert conninfo_to_dict(url) == {"user": "u", "password": "a b+/", "dbname": "d", "host": "/srv/a b+"}
+
+
+def test_other_databases_are_refused() -> None:
+    with pytest.raises(ValueError, match="expected a postgresql:// URL"):
+        sqlalchemy_url("sqlite:///x.db")
+
+
+def running(folder: Path) -> bool:
+    """Is there a living server of that folder?"""
+    return any(
+        p.info["status"] != psutil.STATUS_ZOMBIE and p.info["cwd"] == str(folder / "postgres")
+        for p in psutil.process_iter(["status", "cwd"])
+    )
+
+
+HOLD = """
+import sys
+from pathlib import Path
+from service.db.embedded import embedded_server
+with embedded_server(Path(sys.argv[1])) as url:
+    print("in", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_embedded_server_lives_from_the_first_to_the_last_that_is_in(short_folder: Path) -> None:
+    folder = short_folder / "s"
+    with embedded_server(folder) as url:
+        other = subprocess.Popen(
+            [sys.executable, "-c", HOLD, str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        assert other.stdin is not None
+        assert other.stdout is not None
+        assert other.stdout.readline() == "in\n"
+    assert running(folder)  # the other is still in
+    with psycopg.connect(url) as connection:
+        assert connection.execute("SELECT 1").fetchone() == (1,)
+    other.communicate("")
+    assert other.returncode == 0
+    assert not running(folder)
+
+
+def test_embedded_server_survives_the_death_of_its_starter(short_folder: Path) -> None:
+    folder = short_folder / "k"
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as starter:
+        assert starter.stdout is not None
+        assert starter.stdout.readline() == "in\n"
+        starter.kill()
+    assert running(folder)  # nobody was there to stop it
+    with embedded_server(folder) as url, psycopg.connect(url) as connection:
+        assert connection.execute("SELECT 1").fetchone() == (1,)
+    assert not running(folder)
+
+
+def test_embedded_server_starts_over_a_stale_pid_file(short_folder: Path) -> None:
+    """After a power cut the file is cut off, or names a process id that may be another program's by now: here, ours."""
+    folder = short_folder / "p"
+    file = folder / "postgres" / "postmaster.pid"
+    with embedded_server(folder):
+        _, *rest = file.read_text().splitlines()
+    for left in ("\n".join([str(psutil.Process().pid), *rest]) + "\n", ""):
+        file.write_text(left)
+        with embedded_server(folder) as url, psycopg.connect(url) as connection:
+            assert connection.execute("SELECT 1").fetchone() == (1,)

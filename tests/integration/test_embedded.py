@@ -1,0 +1,177 @@
+"""The embedded PostgreSQL in folders of every kind, and who reaches it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import stat
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import psycopg
+import pytest
+from sqlalchemy import make_url
+
+from service.db.embedded import embedded_server, keep_running
+from service.db.opening import DataFolderError, open_database
+from service.db.postgres import Cluster, PostgresError, programs
+from service.settings import Settings
+
+LONG = "a-folder-with-a-long-name" * 6
+ROOT = os.geteuid() == 0
+
+
+@pytest.fixture
+def folder(short_folder: Path) -> Iterator[Path]:
+    """A folder that only its owner passes, as `/root` and most homes are."""
+    made = short_folder / "private"
+    made.mkdir(mode=0o700)
+    yield made
+    shutil.rmtree(made)
+
+
+@pytest.fixture(scope="module")
+def cluster(short_folder: Path) -> Iterator[Path]:
+    """Files of a server that a test may copy, which is quicker than making new ones."""
+    with embedded_server(short_folder / "cluster"):
+        pass
+    yield short_folder / "cluster" / "postgres"
+    shutil.rmtree(short_folder / "cluster")
+
+
+def filled(data: Path, cluster: Path) -> Path:
+    data.mkdir(mode=0o700, parents=True, exist_ok=True)
+    subprocess.run(["cp", "-a", str(cluster), str(data / "postgres")], check=True)
+    return data
+
+
+def socket_of(url: str) -> Path:
+    return Path(str(make_url(url).query["host"]))
+
+
+@pytest.mark.parametrize("name", ["a b", "Prüfstand µε", LONG, "x,y", "$HOME`id`\"'\\"])
+def test_any_path_will_do(folder: Path, cluster: Path, name: str) -> None:
+    data = filled(folder / name / "data", cluster)
+    with embedded_server(data) as url, psycopg.connect(url) as connection:
+        assert connection.execute("SELECT current_database()").fetchone() == ("modalbase",)
+        assert stat.S_IMODE(socket_of(url).stat().st_mode) == 0o700
+    with embedded_server(data) as again, psycopg.connect(again):
+        pass
+    assert not (data / ".socket").exists()
+    assert data in socket_of(again).parents or not socket_of(again).exists()  # nothing stays in the temporary folder
+
+
+def test_files_are_made_under_any_path(folder: Path) -> None:
+    with embedded_server(folder / 'Prüf stand $HOME"`') as url, psycopg.connect(url) as connection:
+        assert connection.execute("SHOW data_checksums").fetchone() == ("on",)
+
+
+def test_a_server_that_died_comes_back_where_it_was(folder: Path, cluster: Path) -> None:
+    data = filled(folder / LONG, cluster)
+    with embedded_server(data) as url:
+        pid = int((data / "postgres" / "postmaster.pid").read_text().split()[0])
+        subprocess.run(["kill", "-9", str(pid)], check=True)
+        while True:
+            try:
+                if keep_running(data):
+                    break
+            except PostgresError:
+                pass  # its processes are still dying
+        with psycopg.connect(url) as connection:
+            assert connection.execute("SELECT 1").fetchone() == (1,)
+    assert not socket_of(url).exists()
+
+
+def test_everybody_who_connects_is_asked_who_they_are(folder: Path, cluster: Path) -> None:
+    """Also in a folder that an earlier version made, which let everybody in."""
+    filled(folder, cluster)
+    (folder / "postgres" / "pg_hba.conf").write_text("local all all trust\n")
+    with embedded_server(folder) as url, psycopg.connect(url) as connection:
+        methods = connection.execute("SELECT DISTINCT auth_method FROM pg_hba_file_rules").fetchall()
+        assert methods == [("peer",)]
+
+
+def asked_by(user: str | None, url: str) -> bool:
+    """Whether a user's question is answered."""
+    command = [str(programs() / "psql"), "--no-password", url, "-c", "SELECT 1"]
+    done = subprocess.run(command, user=user, extra_groups=[], capture_output=True, check=False, env={}, cwd="/")
+    return done.returncode == 0
+
+
+@pytest.mark.skipif(not ROOT, reason="needs a second user, whom root can be")
+@pytest.mark.parametrize("name", ["short", LONG])
+def test_another_local_user_does_not_reach_the_database(folder: Path, cluster: Path, name: str) -> None:
+    try:
+        subprocess.run([str(programs() / "psql"), "--version"], user="nobody", check=True, capture_output=True)
+    except PermissionError:
+        pytest.skip("the installation is closed to other users")
+    data = filled(folder / name, cluster)
+    with embedded_server(data) as url:
+        assert asked_by(None, url)
+        assert not asked_by("nobody", url)
+        for path in (
+            folder.parent,
+            folder,
+            data,
+            data / "postgres",
+            socket_of(url),
+            next(socket_of(url).glob(".s.*2")),
+        ):
+            path.chmod(0o777)  # whatever the modes: the server itself refuses
+        assert not asked_by("nobody", url)
+        (data / "postgres").chmod(0o700)
+
+
+@pytest.mark.skipif(not ROOT, reason="only root starts PostgreSQL as somebody else")
+def test_no_folder_of_others_changes_its_mode(folder: Path) -> None:
+    data = folder / "deep" / "data"
+    data.parent.mkdir(mode=0o700)
+    watched = [folder, data.parent, programs(), *programs().parents, Path.home()]
+    before = [path.stat().st_mode for path in watched]
+    with embedded_server(data) as url, psycopg.connect(url) as connection:
+        assert connection.execute("SELECT 1").fetchone() == (1,)
+    assert [path.stat().st_mode for path in watched] == before
+    assert stat.S_IMODE(data.stat().st_mode) == 0o700
+
+
+@pytest.mark.skipif(not ROOT, reason="only root can give a folder away")
+def test_root_starts_the_folder_of_an_ordinary_user(folder: Path, cluster: Path) -> None:
+    filled(folder, cluster)
+    for path in [folder / "postgres", *(folder / "postgres").rglob("*")]:
+        os.chown(path, 65534, 65534)
+    with embedded_server(folder) as url, psycopg.connect(url) as connection:
+        assert connection.execute("SELECT 1").fetchone() == (1,)
+    assert (folder / "postgres").stat().st_uid == 65534
+
+
+def test_half_a_cluster_is_made_anew(folder: Path) -> None:
+    (folder / "postgres.new").mkdir()
+    (folder / "postgres.new" / "PG_VERSION").write_text("18\n")
+    with embedded_server(folder) as url, psycopg.connect(url) as connection:
+        assert connection.execute("SELECT 1").fetchone() == (1,)
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "says"),
+    [
+        ("PG_VERSION", "16\n", "PostgreSQL 16, this version of modalbase brings 18"),
+        ("x", "", "holds no files of PostgreSQL"),
+    ],
+)
+def test_files_that_are_not_ours_are_left_alone(folder: Path, file: str, content: str, says: str) -> None:
+    (folder / "postgres").mkdir()
+    (folder / "postgres" / file).write_text(content)
+    with pytest.raises(DataFolderError, match=says), open_database(Settings(data=folder)):
+        pass
+    assert (folder / "postgres" / file).read_text() == content
+
+
+def test_the_log_says_why_it_does_not_start(folder: Path, cluster: Path) -> None:
+    filled(folder, cluster)
+    with (folder / "postgres" / "postgresql.conf").open("a") as file:
+        file.write("shared_buffers = 'much'\n")
+    cluster = Cluster(folder / "postgres")
+    with pytest.raises(PostgresError, match=r"configuration file .* contains errors"):
+        cluster.start()
+    assert not cluster.runs()

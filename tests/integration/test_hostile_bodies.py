@@ -1,0 +1,157 @@
+"""Bodies that are made to cost: without a key, or with one."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import httpx
+import numpy as np
+import psutil
+import pytest
+
+from service.settings import Settings
+from service.supervisor import LocalService
+from tests.support.crowd import statuses
+
+MIB = 1024 * 1024
+
+
+@pytest.fixture(scope="module")
+def alone(new_database: Callable[[], str]) -> Iterator[LocalService]:
+    """A service whose memory nobody else touches."""
+    with LocalService(Settings(database_url=new_database(), port=0, log_level="error"), worker=False) as running:
+        yield running
+
+
+def memory(service: LocalService) -> int:
+    return int(psutil.Process(service.processes["api"].pid).memory_info().rss)
+
+
+@pytest.mark.parametrize("unit", [b"0,", b"[],", b'{"a":0},'])
+@pytest.mark.parametrize("header", [{}, {"Authorization": "Bearer mb_000000000000_x"}])
+def test_without_a_key_a_body_is_not_read(alone: LocalService, unit: bytes, header: dict[str, str]) -> None:
+    """Nothing of it is parsed, so that it takes neither memory nor time: 16 MB of it once took 1.1 GB and 98 s."""
+    body = b"[" + unit * (15 * MIB // len(unit)) + b"0]"
+    before = memory(alone)
+    with httpx.Client(base_url=f"{alone.url}/api/v1/", trust_env=False, timeout=60) as client:
+        for _ in range(4):
+            headers = {"Content-Type": "application/json", **header}
+            assert client.post("projects", content=body, headers=headers).status_code == 401
+    assert memory(alone) - before < 50 * MIB
+
+
+@pytest.mark.parametrize("unit", [b"0,", b"[],", b'{"a":0},'])
+def test_with_a_key_a_body_beyond_its_limits_is_not_parsed(alone: LocalService, unit: bytes) -> None:
+    body = b"[" + unit * (15 * MIB // len(unit)) + b"0]"
+    before = memory(alone)
+    headers = {"Authorization": f"Bearer {alone.new_key('k')}", "Content-Type": "application/json"}
+    answer = httpx.post(f"{alone.url}/api/v1/projects", content=body, headers=headers, trust_env=False, timeout=60)
+    assert answer.status_code == 413
+    assert memory(alone) - before < 100 * MIB
+
+
+def npz(**members: bytes) -> bytes:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in members.items():
+            archive.writestr(f"{name}.npy", data)
+    return packed.getvalue()
+
+
+def stored(array: Any) -> bytes:
+    target = io.BytesIO()
+    np.save(target, array)
+    return target.getvalue()
+
+
+def frfs(count: int, lines: int) -> bytes:
+    one = stored(np.int64(1))
+    return npz(
+        frequency_hz=stored(np.arange(1.0, lines + 1)),
+        values=stored(np.zeros((count, lines), np.complex64)),
+        response_point=one,
+        response_direction=one,
+        reference_point=one,
+        reference_direction=one,
+    )
+
+
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        pytest.param(frfs(30_000, 100), "at most 10000 are taken at a time", id="count"),
+        pytest.param(frfs(1000, 40_000), "unpacks to more than", id="ratio"),
+    ],
+)
+def test_an_npz_that_unpacks_to_too_much_is_refused(
+    api: httpx.Client, campaign: str, service: LocalService, body: bytes, says: str
+) -> None:
+    """0.5 MB of npz once became 30,000 FRFs, in 157 s and 800 MB of the API."""
+    assert len(body) < MIB
+    before = memory(service)
+    answer = api.post(f"campaigns/{campaign}/frfs", content=body, headers={"Content-Type": "application/x-npz"})
+    assert answer.status_code == 422, answer.text
+    assert says in answer.json()["detail"]
+    assert memory(service) - before < 50 * MIB
+    assert api.get(f"campaigns/{campaign}/frfs").json()["items"] == []
+
+
+def test_an_array_that_claims_to_be_huge_is_refused(api: httpx.Client, campaign: str) -> None:
+    answer = api.post(
+        f"campaigns/{campaign}/frfs",
+        content=npz(
+            frequency_hz=b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999,), }"
+        ),
+        headers={"Content-Type": "application/x-npz"},
+    )
+    assert answer.status_code == 422
+    assert api.get("projects").status_code == 200
+
+
+def test_many_frfs_in_one_body_are_stored(api: httpx.Client, campaign: str) -> None:
+    body = {"content": frfs(2000, 10), "headers": {"Content-Type": "application/x-npz"}}
+    answer = api.post(f"campaigns/{campaign}/frfs", **body)  # type: ignore[arg-type]
+    assert answer.status_code == 201, answer.text
+    ids = [item["id"] for item in answer.json()["items"]]
+    assert len(ids) == 2000
+    assert ids == sorted(ids)
+    page = api.get(f"campaigns/{campaign}/frfs", params={"limit": 1000}).json()
+    assert [item["id"] for item in page["items"]] == ids[:1000]
+
+
+def test_wrong_keys_of_one_address_are_limited(new_database: Callable[[], str]) -> None:
+    """A key that is known to be right goes on; the same wrong key again costs nothing and is not counted again."""
+    settings = Settings(database_url=new_database(), port=0, log_level="error", key_failures_a_minute=10)
+    with (
+        LocalService(settings, worker=False) as running,
+        httpx.Client(base_url=f"{running.url}/api/v1/", trust_env=False) as client,
+    ):
+        good = {"Authorization": f"Bearer {running.new_key('good')}"}
+        assert client.get("projects", headers=good).status_code == 200
+
+        def tried(keys: list[str]) -> list[httpx.Response]:
+            return [client.get("projects", headers={"Authorization": f"Bearer mb_{key}"}) for key in keys]
+
+        assert statuses(tried(["0_same"] * 30)) == {401: 30}
+        assert statuses(tried([f"{i}_x" for i in range(20)])) == {401: 9, 429: 11}
+        assert client.get("projects", headers=good).status_code == 200
+
+
+def test_requests_and_bytes_of_a_key_are_limited(new_database: Callable[[], str]) -> None:
+    settings = Settings(
+        database_url=new_database(), port=0, log_level="error", key_requests_a_second=1, key_bytes_an_hour=1000
+    )
+    with LocalService(settings, worker=False) as running:
+        headers = {"Authorization": f"Bearer {running.new_key('k')}"}
+        with httpx.Client(base_url=f"{running.url}/api/v1/", headers=headers, trust_env=False) as client:
+            assert client.get("projects").status_code == 200
+            assert client.post("projects", json={"name": "x", "description": "y" * 800}).status_code == 201
+            refused = client.post("projects", json={"name": "x", "description": "y" * 800})
+            assert (refused.status_code, "bytes an hour" in refused.json()["detail"]) == (429, True)
+            assert int(refused.headers["Retry-After"]) > 60
+            counted = statuses([client.get("projects") for _ in range(30)])
+            assert counted[429] > 0
+            assert set(counted) == {200, 429}

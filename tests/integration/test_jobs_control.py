@@ -1,0 +1,255 @@
+"""What can be asked of jobs: turns and limits, cancellation, another try, checkpoints, metrics; and clearing up."""
+
+from __future__ import annotations
+
+import hashlib
+import signal
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+import psutil
+import pytest
+from prometheus_client import CollectorRegistry, generate_latest
+from sqlalchemy import func, select, text, update
+
+from service.access.tables import Project
+from service.db.engine import Sessions
+from service.errors import Conflict
+from service.jobs import Job, checkpoints, enqueue, request_cancel, retry
+from service.jobs.dispatch import begin_next
+from service.jobs.metrics import JobMetrics
+from service.jobs.tables import JobCheckpoint
+from tests.support import job_kinds
+from tests.support.waiting import PATIENCE, until
+from tests.support.working import Gate, held, items, look, put, wait, worker
+
+TICKETS = text("SELECT count(*) FROM procrastinate_jobs")
+
+
+def queued(sessions: Sessions, **counts: int) -> dict[str, list[UUID]]:
+    """Jobs of new projects: so many of each, project by project."""
+    jobs: dict[str, list[UUID]] = {}
+    for name, count in counts.items():
+        with sessions.begin() as session:
+            session.add(project := Project(name=name))
+            session.flush()
+            jobs[name] = [
+                enqueue(session, kind=job_kinds.KINDS["echo"], project_id=project.id).id for _ in range(count)
+            ]
+    return jobs
+
+
+def take(sessions: Sessions, limit: int | None = None) -> UUID | None:
+    with sessions.begin() as session:
+        job = begin_next(session, ["jobs"], "a worker", limit)
+        return None if job is None else job.id
+
+
+def end(sessions: Sessions, job_id: UUID | None) -> None:
+    with sessions.begin() as session:
+        session.execute(update(Job).where(Job.id == job_id).values(state="succeeded", finished_at=func.now()))
+
+
+def test_projects_take_turns(sessions: Sessions) -> None:
+    jobs = queued(sessions, many=20, one=1)
+    taken = [take(sessions) for _ in range(4)]
+    assert taken == [jobs["many"][0], jobs["one"][0], jobs["many"][1], jobs["many"][2]]
+
+
+def test_projects_take_turns_also_where_one_job_runs_at_a_time(sessions: Sessions) -> None:
+    jobs = queued(sessions, many=20, few=2)
+    order = []
+    for _ in range(5):
+        order.append(take(sessions))
+        end(sessions, order[-1])
+    many, few = jobs["many"], jobs["few"]
+    assert order == [many[0], few[0], many[1], few[1], many[2]]
+
+
+def test_priority_counts_within_a_project_and_not_between(sessions: Sessions) -> None:
+    jobs = queued(sessions, calm=3, hasty=2)
+    with sessions.begin() as session:
+        session.execute(update(Job).where(Job.id == jobs["calm"][2]).values(priority=5))
+        session.execute(update(Job).where(Job.id.in_(jobs["hasty"])).values(priority=100))
+    taken = [take(sessions) for _ in range(5)]
+    assert taken == [jobs["calm"][2], jobs["hasty"][0], jobs["calm"][0], jobs["hasty"][1], jobs["calm"][1]]
+
+
+def test_a_job_that_workers_died_with_goes_after_the_others(sessions: Sessions) -> None:
+    jobs = queued(sessions, one=3)["one"]
+    with sessions.begin() as session:
+        session.execute(update(Job).where(Job.id == jobs[0]).values(losses=1, priority=100))
+    assert [take(sessions) for _ in range(3)] == [jobs[1], jobs[2], jobs[0]]
+
+
+def test_limit_of_a_project_holds_when_many_claim_at_once(sessions: Sessions) -> None:
+    jobs = queued(sessions, many=10, one=1)
+    with ThreadPoolExecutor(4) as pool:
+        taken = [job for job in pool.map(lambda _: take(sessions, 3), range(12)) if job is not None]
+    assert sorted(taken) == sorted([*jobs["many"][:3], *jobs["one"]])
+    assert [take(sessions, 5) is not None for _ in range(3)] == [True, True, False]
+    assert len({take(sessions) for _ in range(5)}) == 5
+
+
+def test_a_job_that_the_limit_held_back_starts_when_there_is_room(sessions: Sessions, database: str) -> None:
+    jobs = queued(sessions, many=4)["many"]
+    with worker(database, worker_concurrency=2, project_job_limit=1):
+        ended = [wait(sessions, job_id) for job_id in jobs]
+    spans = sorted((job.started_at, job.finished_at) for job in ended if job.started_at and job.finished_at)
+    assert all(first[1] <= second[0] for first, second in pairwise(spans))
+
+
+@pytest.mark.parametrize("notice", [True, False], ids=["notice", "looking"])
+def test_cancelled_computation_is_gone(sessions: Sessions, database: str, notice: bool) -> None:
+    if not notice:
+        with sessions.begin() as session:
+            trigger = "procrastinate_jobs_notify_queue_job_aborted_v1"
+            session.execute(text(f"ALTER TABLE procrastinate_jobs DISABLE TRIGGER {trigger}"))
+    (job_id,) = put(sessions, "stubborn")
+    with worker(database):
+        stage = wait(sessions, job_id, lambda job: "factorising" in (job.stage or "")).stage or ""
+        child = psutil.Process(int(stage.rsplit(maxsplit=1)[1]))
+        with sessions.begin() as session:
+            assert request_cancel(session, job_id).state == "running"
+        job = wait(sessions, job_id)
+        assert (job.state, job.message) == ("cancelled", "cancelled on request")
+        until(lambda: not child.is_running() or child.status() == psutil.STATUS_ZOMBIE, "the end of the child")
+        assert wait(sessions, put(sessions, "echo")[0]).state == "succeeded"
+
+
+def test_retried_job_runs_again(worked: Sessions) -> None:
+    (job_id,) = put(worked, "refusing")
+    assert wait(worked, job_id).state == "failed"
+    with worked.begin() as session:
+        again = retry(session, job_id)
+        assert (again.state, again.message, again.error, again.finished_at) == ("queued", None, None, None)
+    job = wait(worked, job_id)
+    assert (job.state, job.attempt) == ("failed", 2)
+
+
+def test_cancelled_job_can_be_retried(sessions: Sessions, database: str, gate: Gate) -> None:
+    (job_id,) = put(sessions, "slow")
+    with worker(database, gate):
+        held(sessions, job_id)
+        with sessions.begin() as session:
+            request_cancel(session, job_id)
+        assert wait(sessions, job_id).state == "cancelled"
+        gate.open(10, 20)
+        with sessions.begin() as session:
+            retry(session, job_id)
+        assert wait(sessions, job_id).state == "succeeded"
+    assert len(items(sessions, job_id)) == 5  # those of the attempt that succeeded
+
+
+def test_only_what_failed_or_was_cancelled_is_retried(worked: Sessions) -> None:
+    (job_id,) = put(worked, "echo")
+    wait(worked, job_id)
+    with pytest.raises(Conflict, match="is succeeded"), worked.begin() as session:
+        retry(session, job_id)
+
+
+def test_long_job_goes_on_where_it_was_when_its_worker_is_killed(sessions: Sessions, database: str, gate: Gate) -> None:
+    (job_id,) = put(sessions, "chain")
+    with worker(database, gate, job_lease_seconds=2) as first:
+        held(sessions, job_id, 20)
+        until(lambda: saved_step(sessions, job_id) == 20, "the checkpoint of step 20")
+        first.kill()
+        first.wait()
+    with worker(database, job_lease_seconds=2):
+        job = wait(sessions, job_id)
+        assert (job.state, job.attempt, job.losses) == ("succeeded", 2, 1)
+        (result,) = items(sessions, job_id)
+        assert result["begun at"] == 20
+        digest = b""
+        for step in range(40):
+            digest = hashlib.sha256(digest + bytes([step])).digest()
+        assert result["digest"] == digest.hex()  # the same bits as without the kill
+    with sessions() as session:
+        assert session.scalar(select(func.count()).select_from(JobCheckpoint)) == 0
+        assert session.scalar(TICKETS) == 0
+
+
+def saved_step(sessions: Sessions, job_id: UUID) -> int | None:
+    with sessions() as session:
+        saved = checkpoints.load(session, job_id)
+    return None if saved is None else int.from_bytes(saved[:2])
+
+
+def test_checkpoint_of_an_attempt_that_is_no_longer_the_present_one_is_not_kept(sessions: Sessions) -> None:
+    queued(sessions, one=1)
+    job_id = take(sessions)
+    assert job_id is not None
+    with sessions.begin() as session:
+        checkpoints.save(session, job_id, 1, b"first")
+        checkpoints.save(session, job_id, 7, b"of another time line")
+        checkpoints.save(session, job_id, 1, b"second")
+        assert checkpoints.load(session, job_id) == b"second"
+
+
+def test_drained_job_counts_no_loss(sessions: Sessions, database: str, gate: Gate) -> None:
+    (job_id,) = put(sessions, "slow")
+    with worker(database, gate, job_drain_seconds=0.1) as process:
+        held(sessions, job_id)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(PATIENCE) == 0
+    job = look(sessions, job_id)
+    assert (job.state, job.attempt, job.losses) == ("queued", 1, 0)
+
+
+def test_killed_workers_folder_is_cleared_by_the_next(
+    sessions: Sessions, database: str, gate: Gate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))  # for the workers
+    (job_id,) = put(sessions, "slow")
+    with worker(database, gate) as first:
+        held(sessions, job_id)
+        first.kill()
+        first.wait()
+    (left,) = tmp_path.glob("modalbase-worker-*/*/input.txt")
+    with worker(database):
+        assert wait(sessions, put(sessions, "echo")[0]).state == "succeeded"
+        assert not left.parent.parent.exists()
+        assert len(list(tmp_path.glob("modalbase-worker-*/"))) == 1
+
+
+def test_metrics_by_kind_and_outcome(sessions: Sessions, database: str) -> None:
+    with worker(database):
+        for kind in ("echo", "echo", "refusing"):
+            wait(sessions, put(sessions, kind)[0])
+    put(sessions, "slow", 3)
+    registry = CollectorRegistry()
+    registry.register(JobMetrics(sessions))
+    shown = generate_latest(registry).decode().splitlines()
+    assert 'modalbase_jobs_queued{kind="slow",queue="jobs"} 3.0' in shown
+    assert 'modalbase_jobs_ended_total{kind="echo",outcome="succeeded"} 2.0' in shown
+    assert 'modalbase_job_attempts_total{kind="refusing",outcome="failed"} 1.0' in shown
+    for name in ("wait", "run"):
+        assert f'modalbase_job_{name}_seconds_count{{kind="echo",outcome="succeeded"}} 2.0' in shown
+        assert f'modalbase_job_{name}_seconds_bucket{{kind="echo",le="+Inf",outcome="succeeded"}} 2.0' in shown
+
+
+def test_store_that_lost_its_connection_is_gone_through_again() -> None:
+    from service.jobs.child import Item
+    from service.jobs.outages import Replay
+
+    made: list[Any] = []
+    replay = Replay(Item(made.append(i) or i, 1) for i in range(4))
+    first = iter(replay)
+    assert [next(first), next(first)] == [0, 1]
+    assert list(iter(replay)) == [0, 1, 2, 3]
+    assert list(iter(replay)) == [0, 1, 2, 3]
+    assert made == [0, 1, 2, 3]  # the child computed each once
+
+
+def test_results_too_large_to_keep_are_passed_on_once() -> None:
+    from service.jobs.child import Item
+    from service.jobs.outages import KEPT_BYTES, Replay
+
+    replay = Replay(Item(i, KEPT_BYTES // 2) for i in range(4))
+    assert list(iter(replay)) == [0, 1, 2, 3]
+    assert not replay.complete
+    with pytest.raises(RuntimeError, match="gone"):
+        next(iter(replay))

@@ -1,0 +1,170 @@
+"""Keys with scopes and an end, users that are disabled, projects and structures that are archived, deleted and purged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import httpx
+import pytest
+from sqlalchemy import text, update
+from sqlalchemy.exc import DBAPIError
+
+from service.access import User
+from service.access.scopes import scope_of
+from service.db.engine import Sessions, make_engine, make_sessions
+from service.supervisor import LocalService
+
+NewClient = Callable[[], httpx.Client]
+
+
+@pytest.fixture
+def project(api: httpx.Client) -> str:
+    return str(api.post("projects", json={"name": "p", "description": "d"}).json()["id"])
+
+
+def with_key(made: dict[str, Any]) -> dict[str, str]:
+    return {"Authorization": f"Bearer {made['key']}"}
+
+
+def test_a_scope_narrows_what_a_key_may_do(api: httpx.Client, project: str) -> None:
+    reader = with_key(api.post("api-keys", json={"name": "r", "scopes": ["read"]}).json())
+    assert api.get(f"projects/{project}", headers=reader).status_code == 200
+    refused = api.post("projects", json={"name": "x"}, headers=reader)
+    assert refused.status_code == 403
+    assert "scope write; this one has read" in refused.json()["detail"]
+    for method, path in (
+        ("POST", "api-keys"),
+        ("DELETE", f"projects/{project}"),
+        ("PUT", f"projects/{project}/members/x"),
+    ):
+        assert api.request(method, path, json={"name": "x"}, headers=reader).status_code == 403
+    writer = with_key(api.post("api-keys", json={"name": "w", "scopes": ["write"]}).json())
+    assert api.post("projects", json={"name": "x"}, headers=writer).status_code == 201
+    assert api.get("projects", headers=writer).status_code == 403
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "scope"),
+    [
+        ("GET", "/update-jobs/{job_id}/events", "read"),
+        ("POST", "/campaigns/{campaign_id}/imports", "write"),
+        ("POST", "/campaigns/{campaign_id}/update-jobs", "jobs"),
+        ("POST", "/update-jobs/{job_id}/cancel", "jobs"),
+        ("POST", "/monitors/{monitor_id}/runs", "jobs"),
+        ("DELETE", "/campaigns/{campaign_id}", "write"),
+        ("POST", "/campaigns/{campaign_id}/purge", "admin"),
+        ("DELETE", "/projects/{project_id}", "admin"),
+        ("DELETE", "/projects/{project_id}/members/{member}", "admin"),
+        ("POST", "/webhooks/{webhook_id}/test", "admin"),
+    ],
+)
+def test_scopes_of_routes(method: str, path: str, scope: str) -> None:
+    assert scope_of(method, path) == scope
+
+
+def test_a_key_makes_none_with_more_rights(api: httpx.Client) -> None:
+    soon = (datetime.now(UTC) + timedelta(hours=1)).isoformat()
+    later = (datetime.now(UTC) + timedelta(hours=2)).isoformat()
+    made = api.post("api-keys", json={"name": "a", "scopes": ["read", "admin"], "expires_at": soon}).json()
+    assert made["scopes"] == ["read", "admin"]
+    narrow = with_key(made)
+    for body, pointer in (
+        ({"scopes": ["read", "write"]}, "/scopes"),
+        ({"expires_at": later}, "/expires_at"),
+        ({"expires_at": "2020-01-01T00:00:00Z"}, "/expires_at"),
+    ):
+        answer = api.post("api-keys", json={"name": "b", **body}, headers=narrow)
+        assert (answer.status_code, answer.json()["errors"][0]["pointer"]) == (422, pointer)
+    heir = api.post("api-keys", json={"name": "b"}, headers=narrow).json()
+    assert (heir["scopes"], heir["expires_at"]) == (made["scopes"], made["expires_at"])
+
+
+def test_keys_expire_and_users_are_disabled(api: httpx.Client, service: LocalService) -> None:
+    engine = make_engine(service.settings.database_url or "")
+    sessions = make_sessions(engine)
+    made = api.post("api-keys", json={"name": "a", "expires_at": "2999-01-01T00:00:00Z"}).json()
+    assert api.get("projects", headers=with_key(made)).status_code == 200
+    with sessions.begin() as session:
+        session.execute(text("UPDATE api_keys SET expires_at = now() WHERE prefix = :p"), {"p": made["prefix"]})
+    assert api.get("projects", headers=with_key(made)).status_code == 401
+    with sessions.begin() as session:
+        name = session.execute(
+            text("SELECT u.name FROM users u JOIN api_keys k ON k.user_id = u.id WHERE k.prefix = :p"),
+            {"p": made["prefix"]},
+        ).scalar_one()
+        session.execute(update(User).where(User.name == name).values(disabled_at=datetime.now(UTC)))
+    assert api.get("projects").status_code == 401
+    engine.dispose()
+
+
+def test_the_audit_trail_is_not_changed(sessions: Sessions, key_of: Callable[[str], str]) -> None:
+    key_of("ada")
+    with sessions.begin() as session:
+        session.execute(
+            text("INSERT INTO audit_events (action, subject_type, detail) VALUES ('a.b', 'a', '{}')"),
+        )
+    for statement in (
+        "UPDATE audit_events SET action = 'x'",
+        "DELETE FROM audit_events",
+        "TRUNCATE audit_events",
+    ):
+        with pytest.raises(DBAPIError, match="the audit trail is not changed"), sessions.begin() as session:
+            session.execute(text(statement))
+
+
+def test_a_project_is_edited_and_archived(api: httpx.Client, project: str, beam: dict[str, Any]) -> None:
+    answer = api.get(f"projects/{project}")
+    assert api.patch(f"projects/{project}", json={"name": "x"}).status_code == 428
+    tag = {"If-Match": answer.headers["ETag"]}
+    changed = api.patch(f"projects/{project}", json={"name": "x", "archived": True}, headers=tag)
+    assert changed.status_code == 200, changed.text
+    assert (changed.json()["name"], changed.json()["archived_at"] is not None) == ("x", True)
+    assert api.patch(f"projects/{project}", json={"name": "y"}, headers=tag).status_code == 412
+    refused = api.post(f"projects/{project}/structures", json=beam)
+    assert (refused.status_code, "archived" in refused.json()["detail"]) == (409, True)
+    assert api.get(f"projects/{project}/structures").status_code == 200
+    again = api.patch(f"projects/{project}", json={"archived": False}, headers={"If-Match": changed.headers["ETag"]})
+    assert again.json()["archived_at"] is None
+    assert api.post(f"projects/{project}/structures", json=beam).status_code == 201
+
+
+def test_what_is_deleted_is_restored_or_purged(
+    api: httpx.Client, project: str, beam: dict[str, Any], rows: Callable[..., list[dict[str, Any]]]
+) -> None:
+    structure = api.post(f"projects/{project}/structures", json=beam).json()["id"]
+    campaign = api.post(f"structures/{structure}/campaigns", json={"name": "c", "boundary": "free"}).json()["id"]
+    file = f"    -1\n   151\n{project}\n    -1\n".encode()
+    sent = api.post(f"campaigns/{campaign}/imports", content=file, headers={"Content-Type": "application/octet-stream"})
+    sha256 = bytes.fromhex(sent.json()["sha256"])
+    assert api.post(f"structures/{structure}/purge").status_code == 409
+    assert api.delete(f"structures/{structure}").status_code == 204
+    assert api.get(f"campaigns/{campaign}").status_code == 404
+    assert [s["id"] for s in api.get(f"projects/{project}/structures?deleted=true").json()["items"]] == [structure]
+    assert api.post(f"structures/{structure}/restore").status_code == 200
+    assert api.get(f"campaigns/{campaign}").status_code == 200
+    assert api.delete(f"projects/{project}").status_code == 204
+    assert api.get(f"structures/{structure}").status_code == 404
+    assert project not in api.get("projects").text
+    assert project in api.get("projects?deleted=true").text
+    assert api.post(f"projects/{project}/restore").status_code == 200
+    assert api.get(f"campaigns/{campaign}").status_code == 200
+    api.delete(f"projects/{project}").raise_for_status()
+    assert rows("SELECT 1 FROM original_chunks WHERE sha256 = %s", sha256)
+    purged = api.post(f"projects/{project}/purge")
+    assert purged.status_code == 204, purged.text
+    assert rows("SELECT 1 FROM original_chunks WHERE sha256 = %s", sha256) == []
+    assert rows("SELECT 1 FROM campaigns WHERE id = %s", campaign) == []
+    assert api.get(f"projects/{project}").status_code == 404
+    stub = api.get("audit-events").json()["items"][0]
+    assert (stub["action"], stub["subject_id"], stub["detail"]) == ("project.purge", project, {"name": "p"})
+
+
+def test_a_member_may_leave(new_client: NewClient) -> None:
+    owner, guest = new_client(), new_client()
+    key = owner.post("projects", json={"name": "p"}).json()["id"]
+    name = guest.get("api-keys").json()["items"][0]["name"]
+    assert owner.put(f"projects/{key}/members/{name}", json={"role": "viewer"}).status_code == 200
+    assert guest.delete(f"projects/{key}/members/{name}").status_code == 204
+    assert guest.get(f"projects/{key}").status_code == 404

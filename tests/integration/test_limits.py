@@ -1,0 +1,99 @@
+"""The concurrency model of docs/limits.md, at ten times its size."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator
+from uuid import uuid4
+
+import httpx
+import pytest
+
+from service.settings import Settings
+from service.supervisor import LocalService
+from tests.support.crowd import at_once, statuses, with_crowd
+
+SLOTS, QUEUE = 4, 20
+
+
+@pytest.fixture(scope="module")
+def narrow(new_database: Callable[[], str]) -> Iterator[LocalService]:
+    """A service that answers few requests at a time; those that may wait do, however slow the machine is."""
+    settings = Settings(
+        database_url=new_database(),
+        port=0,
+        log_level="error",
+        database_pool=SLOTS,
+        request_queue=QUEUE,
+        request_wait_seconds=600,
+    )
+    with LocalService(settings, worker=False) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def patient(new_database: Callable[[], str]) -> Iterator[LocalService]:
+    """A service of the usual size where nothing waits in vain, however slow the machine is."""
+    settings = Settings(database_url=new_database(), port=0, log_level="error", request_wait_seconds=600)
+    with LocalService(settings, worker=False) as running:
+        yield running
+
+
+@pytest.mark.parametrize("count", [60, 120, 300])
+def test_a_burst_of_one_key_is_answered(patient: LocalService, count: int) -> None:
+    answers = at_once(patient, patient.new_key(f"burst-{uuid4()}"), "projects?limit=5", count)
+    assert statuses(answers) == {200: count}
+
+
+def test_beyond_what_may_wait_the_answer_says_so_and_when_to_come_back(narrow: LocalService) -> None:
+    key = narrow.new_key("hasty")
+    answers = at_once(narrow, key, "projects?limit=5", 10 * (SLOTS + QUEUE))
+    counted = statuses(answers)
+    assert set(counted) <= {200, 429, 503}
+    assert counted[200] >= SLOTS + QUEUE // 2, counted
+    assert counted[429] + counted[503] > 0, counted
+    for refused in (answer for answer in answers if answer.status_code != 200):
+        assert int(refused.headers["Retry-After"]) >= 1
+        assert "wait" in refused.json()["detail"]
+        assert "database" not in refused.json()["detail"]
+    assert statuses(at_once(narrow, key, "projects", 1)) == {200: 1}
+
+
+def test_one_key_in_a_hurry_does_not_hold_up_another(narrow: LocalService) -> None:
+    """While one key has far more requests than may wait, each of another key's is answered."""
+    hasty, calm = narrow.new_key("hasty"), narrow.new_key("calm")
+    assert statuses(at_once(narrow, calm, "projects", 1)) == {200: 1}
+
+    async def crowd(client: httpx.AsyncClient) -> tuple[list[httpx.Response], list[httpx.Response]]:
+        pressing = [asyncio.ensure_future(client.get("projects")) for _ in range(10 * QUEUE)]
+        own = {"Authorization": f"Bearer {calm}"}
+        answered = [await client.get("projects", headers=own) for _ in range(10)]
+        return answered, await asyncio.gather(*pressing)
+
+    answered, pressed = asyncio.run(with_crowd(narrow, hasty, crowd))
+    assert statuses(answered) == {200: 10}
+    assert 429 in statuses(pressed)
+
+
+def test_many_streams_of_events_hold_nothing_up(service: LocalService, api: httpx.Client, campaign: str) -> None:
+    """400 streams at once; lists and health answer beside them, and each stream sees its job's end."""
+    key = api.headers["Authorization"].removeprefix("Bearer ")
+
+    async def crowd(client: httpx.AsyncClient) -> tuple[list[str], list[httpx.Response]]:
+        opened = asyncio.Semaphore(0)
+        jobs = [(await client.post(f"campaigns/{campaign}/update-jobs", json={})).json()["id"] for _ in range(20)]
+
+        async def watch(job: str) -> str:
+            async with client.stream("GET", f"update-jobs/{job}/events") as answer:
+                assert answer.status_code == 200, await answer.aread()
+                opened.release()
+                return (await answer.aread()).decode()
+
+        watching = [asyncio.ensure_future(watch(jobs[i % len(jobs)])) for i in range(400)]
+        lists = await asyncio.gather(*[client.get("projects?limit=5") for _ in range(60)])
+        health = await client.get(f"{service.url}/healthz")
+        return await asyncio.gather(*watching), [*lists, health]
+
+    stories, answers = asyncio.run(with_crowd(service, key, crowd))
+    assert statuses(answers) == {200: 61}
+    assert all('"status": "failed"' in story for story in stories)

@@ -1,0 +1,356 @@
+"""Judgements and what becomes of alarms when series change; the figure. No worker: these are pure, or one transaction."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
+from typing import Any
+from uuid import UUID
+
+import numpy as np
+import pytest
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from examples.monitoring import structure_body
+from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, GeneralisedProportional
+from fecore.trend import Acknowledgement, Watch
+from service.access import Member, Project
+from service.access.keys import user_named
+from service.campaigns.operations import create_campaign
+from service.campaigns.schemas import CampaignIn
+from service.db.engine import Sessions
+from service.errors import Conflict, NotFound
+from service.figures.printing import draw, render
+from service.figures.series import series_figure
+from service.frfs.tables import Frf
+from service.jobs import Job, enqueue
+from service.monitoring.alarms import acknowledge, update_alarms
+from service.monitoring.computation import Episode, Judgement, JudgementInputs, Observation, judge
+from service.monitoring.judgements import JUDGE, judge_if_changed, set_state
+from service.monitoring.lookups import alarm_for, monitor_for
+from service.monitoring.monitors import create_monitor
+from service.monitoring.runs import newest_series
+from service.monitoring.schemas import MonitorIn
+from service.monitoring.tables import Alarm, AlarmEvent, MonitorJudgement, MonitorRun
+from service.monitoring.values import unit_of
+from service.notifications.tables import Delivery
+from service.settings import Settings
+from service.structures.operations import create_structure
+from service.structures.schemas import StructureIn
+from service.structures.tables import Structure
+
+START = datetime(2025, 1, 1, tzinfo=UTC)
+MODES = [[25.0, 0.01, 0.02, None], [160.0, 0.02, 0.01, None], [400.0, 0.05, 0.01, None]]
+
+
+def day(number: float) -> datetime:
+    return START + timedelta(days=30 * number)
+
+
+def observe(number: int, ex: float, modes: Sequence[Any] = MODES, **covariates: float) -> Observation:
+    noise = 0.001 * np.random.default_rng(number).standard_normal()
+    return Observation(
+        str(number), day(number), {"parameters": {"Ex": [ex + noise, 0.001]}, "modes": list(modes)}, covariates
+    )
+
+
+def judged(
+    observations: Sequence[Observation],
+    watch: Watch | None = None,
+    as_of: datetime | None = None,
+    acknowledged: Sequence[Acknowledgement] = (),
+) -> Judgement:
+    watch = watch or Watch({"Ex": "fall"}, baseline=6)
+    latest = max(o.performed_at for o in observations)
+    inputs = JudgementInputs(tuple(observations), watch, as_of or latest, tuple(acknowledged), ())
+    (result,) = judge(inputs, lambda *_: None)  # type: ignore[arg-type, misc]
+    json.dumps(result.document, allow_nan=False)
+    return result
+
+
+def values(*levels: float) -> list[Observation]:
+    return [observe(i, level) for i, level in enumerate(levels)]
+
+
+def test_an_alarm_ends_only_when_it_was_seen() -> None:
+    series = values(*[1.0] * 8, 0.95, 0.95, *[1.0] * 12)
+    (episode,) = judged(series).episodes
+    assert (episode.campaign, episode.state) == ("8", "alarm")
+    assert episode.details["value"] == pytest.approx(0.95, abs=0.005)
+    seen = Acknowledgement("Ex", day(9.5))
+    (episode,) = judged(series, acknowledged=[seen]).episodes
+    assert episode.state == "cleared"
+    assert judged(series, acknowledged=[seen]).state == "normal"
+    (episode,) = judged(series[:10], acknowledged=[seen]).episodes
+    assert episode.state == "acknowledged"
+
+
+def test_an_acknowledgement_of_what_is_no_alarm_any_more_is_passed_over() -> None:
+    result = judged(values(*[1.0] * 9), acknowledged=[Acknowledgement("Ex", day(20))])
+    assert (result.state, result.episodes) == ("normal", ())
+
+
+def test_a_late_campaign_is_no_data() -> None:
+    watch = Watch({"Ex": "fall"}, baseline=6, expected_interval_days=30)
+    series = values(*[1.0] * 8)
+    assert judged(series, watch, as_of=day(8.4)).state == "normal"
+    assert judged(series, watch, as_of=day(8.6)).state == "no data"
+
+
+def test_late_campaigns_are_put_in_order() -> None:
+    series = values(*[1.0] * 9)
+    late = judged([*series[:3], *series[4:], series[3]])
+    assert late.document["parameters"][0]["points"] == judged(series).document["parameters"][0]["points"]
+    assert late.document["parameters"][0]["notes"][0].startswith("put into time order: 3 came after")
+
+
+def test_a_missing_temperature_is_left_out_of_the_baseline_and_judged_with_doubt() -> None:
+    watch = Watch({"Ex": "fall"}, baseline=6, covariates=("temperature_c",))
+    warm = [observe(i, 1.0, temperature_c=float(10 + i * i % 7)) for i in range(10)]
+    row = judged([*warm[:2], observe(2, 1.0), *warm[3:8], observe(8, 1.0), warm[9]], watch).document["parameters"][0]
+    assert row["baseline"]["campaign_ids"] == ["0", "1", "3", "4", "5", "6"]
+    assert [p["judged"]["covariate_missing"] for p in row["points"] if p["judged"]] == [False, True, False]
+    assert any("left out of the baseline, a covariate is missing: 2" in note for note in row["notes"])
+
+
+def test_a_mode_is_the_same_one_though_another_was_missed() -> None:
+    watch = Watch({"frequency_3": "fall", "damping_ratio_2": "rise"}, baseline=4)
+    missed = [observe(i, 1.0, MODES if i != 5 else [MODES[0], MODES[2]]) for i in range(6)]
+    frequency, ratio = judged(missed, watch).document["parameters"]
+    assert [p["raw"] for p in frequency["points"]] == [400.0] * 6
+    assert [p["campaign_id"] for p in ratio["points"]] == ["0", "1", "2", "3", "4"]
+    notes = judged(missed, watch).document["notes"]
+    assert "damping_ratio_2 has no value in campaign 5" in notes
+    assert any(note.startswith("damping_ratio_2: some campaigns state no standard deviation") for note in notes)
+
+
+def test_a_parameter_that_no_result_has_is_no_data() -> None:
+    result = judged(values(*[1.0] * 7), Watch({"Ex": "fall", "a7": "rise"}, baseline=6))
+    assert result.state == "no data"
+    assert "a7 has no value in campaign 0, 1, 2, 3, 4, 5, 6" in result.document["notes"]
+    assert [p["name"] for p in result.document["parameters"]] == ["Ex"]
+
+
+class World:
+    """A monitor with four campaigns in a database without a worker."""
+
+    def __init__(self, session: Session) -> None:
+        self.session, self.user = session, user_named(session, "somebody")
+        project = Project(name="p")
+        session.add(project)
+        session.flush()
+        session.add(Member(project_id=project.id, user_id=self.user.id, role="owner"))
+        session.flush()
+        structure = create_structure(session, self.user, project.id, StructureIn.model_validate(structure_body()))
+        body = MonitorIn.model_validate({"name": "m", "mail_to": ["a@b.example"]})
+        self.monitor = create_monitor(session, self.user, structure.id, body, Settings(smtp_host="mail.example"))
+        self.series = newest_series(session, self.monitor)
+        self.campaigns = [
+            create_campaign(
+                session, self.user, structure.id, CampaignIn(name=str(i), boundary="free", performed_at=day(i))
+            )
+            for i in range(4)
+        ]
+
+    def judge(self, *episodes: tuple[int, str]) -> list[tuple[int, str]]:
+        """Alarms as (campaign, state) after a judgement with these episodes of Ex."""
+        details = {"performed_at": START.isoformat(), "value": 1.0}
+        given = [Episode("Ex", str(self.campaigns[i].id), state, details) for i, state in episodes]
+        update_alarms(self.session, self.monitor, self.series, given)
+        return self.alarms()
+
+    def alarms(self) -> list[tuple[int, str]]:
+        number = {campaign.id: i for i, campaign in enumerate(self.campaigns)}
+        return [(number[a.campaign_id], a.state) for a in self.session.scalars(select(Alarm).order_by(Alarm.id))]
+
+    def announced(self) -> list[str]:
+        return list(self.session.scalars(select(Delivery.event).order_by(Delivery.id)))
+
+    def history(self) -> list[str]:
+        return list(self.session.scalars(select(AlarmEvent.event).order_by(AlarmEvent.id)))
+
+
+@pytest.fixture
+def world(sessions: Sessions) -> Any:
+    with sessions.begin() as session:
+        yield World(session)
+
+
+def test_alarms_are_raised_once_and_follow_their_series(world: World) -> None:
+    assert world.judge((2, "alarm")) == [(2, "alarm")]
+    assert world.judge((2, "alarm")) == [(2, "alarm")]
+    assert world.announced() == ["alarm.raised"]
+    assert world.judge((1, "alarm")) == [(1, "alarm")]  # a late campaign raises it earlier: the same alarm
+    assert world.history() == ["raised", "moved"]
+    alarm = world.session.scalars(select(Alarm)).one()
+    acknowledge(world.session, world.user, alarm, "seen")
+    with pytest.raises(Conflict, match="the alarm is acknowledged"):
+        acknowledge(world.session, world.user, alarm, "again")
+    assert world.judge((1, "cleared"), (3, "alarm")) == [(1, "cleared"), (3, "alarm")]
+    assert world.judge((1, "cleared")) == [(1, "cleared"), (3, "withdrawn")]
+    assert world.announced() == [
+        "alarm.raised",
+        "alarm.acknowledged",
+        "alarm.cleared",
+        "alarm.raised",
+        "alarm.withdrawn",
+    ]
+
+
+def test_silence_is_told(world: World) -> None:
+    set_state(world.session, world.monitor, "normal")
+    set_state(world.session, world.monitor, "no data")
+    set_state(world.session, world.monitor, "no data")
+    assert world.announced() == ["monitor.no_data"]
+
+
+def test_a_series_is_judged_when_something_is_new_and_not_again(world: World) -> None:
+    session, monitor, series = world.session, world.monitor, world.series
+    monitor.expected_interval_days = 30.0
+    values = {"parameters": {}, "modes": []}
+    plain_frf(session, world.campaigns[0].id)
+    run = MonitorRun(series_id=series.id, campaign_id=world.campaigns[0].id, revision=1, fingerprint="")
+    run.state, run.values = "running", values
+    session.add(run)
+    session.flush()
+
+    def queued(at: float) -> int:
+        judge_if_changed(session, monitor, series, day(at))
+        waiting = session.scalars(select(Job).where(Job.kind == "judge", Job.state == "queued")).all()
+        for job in waiting:
+            job.state = "failed"
+        session.flush()
+        return len(waiting)
+
+    assert queued(0.5) == 0  # a run is under way
+    run.state = "succeeded"
+    session.flush()
+    set_state(session, monitor, "normal")
+    assert queued(0.5) == 1
+    assert monitor.state == "normal"
+    assert queued(1.4) == 0  # nothing new; what failed once fails again
+    assert monitor.state == "no data"
+    assert [queued(1.6), queued(2.4), queued(2.6)] == [1, 0, 1]  # it is late, and later
+    world.campaigns[0].temperature_c = 20.0
+    session.flush()
+    assert queued(2.6) == 1
+
+
+def test_a_deleted_monitor_raises_no_alarm_and_hides_those_it_has(world: World) -> None:
+    """A judgement that was under way when the monitor was deleted changes nothing and announces nothing."""
+    session, monitor = world.session, world.monitor
+    world.judge((2, "alarm"))
+    alarm = session.scalars(select(Alarm)).one()
+    job = enqueue(session, kind=JUDGE, project_id=session.get_one(Structure, monitor.structure_id).project_id)
+    session.add(MonitorJudgement(id=job.id, series_id=world.series.id, digest="d"))
+    session.flush()
+    monitor_for.hide(session, world.user, monitor)
+    with pytest.raises(NotFound, match=r"alarm"):
+        alarm_for(session, world.user, alarm.id)
+    with pytest.raises(NotFound, match=r"alarm"):
+        acknowledge(session, world.user, alarm, "seen")
+    details = {"performed_at": START.isoformat(), "value": 1.0}
+    result = Judgement({"state": "alarm"}, (Episode("Ex", str(world.campaigns[3].id), "alarm", details),), "alarm")
+    JUDGE.store(session, job.id, iter([result]))
+    assert (world.alarms(), world.announced(), monitor.state) == ([(2, "alarm")], ["alarm.raised"], "no data")
+    monitor_for.bring_back(session, world.user, monitor)
+    assert alarm_for(session, world.user, alarm.id) is alarm
+    JUDGE.store(session, job.id, iter([result]))
+    assert (world.alarms(), monitor.state) == ([(3, "alarm")], "alarm")  # the same alarm, raised by another campaign
+
+
+def plain_frf(session: Session, campaign: UUID) -> None:
+    points = {"response_point": 1, "response_direction": 3, "reference_point": 1, "reference_direction": 3}
+    axis = {"start_hz": 1, "end_hz": 2, "step_hz": 1, "lines": 2, "dtype": "<c8", "sha256": b"2", "data": b""}
+    session.add(Frf(campaign_id=campaign, label="", quantity="accelerance", **points, **axis))
+    session.flush()
+
+
+def document(watch: Watch, observations: Sequence[Observation]) -> dict[str, Any]:
+    result = judged(observations, watch).document
+    alarm = {"alarm_id": "A", "parameter": "Ex", "campaign_id": "8", "state": "alarm", "note": None}
+    return {
+        **result,
+        "parameters": [{**row, "unit": unit_of(row["name"])} for row in result["parameters"]],
+        "structure_name": "bridge",
+        "monitor_name": "stringer",
+        "campaigns": [{"campaign_id": o.campaign, "name": f"c{o.campaign}"} for o in observations],
+        "alarms": [alarm, {**alarm, "state": "withdrawn"}],
+    }
+
+
+def test_the_figure_shows_the_series() -> None:
+    watch = Watch({"Ex": "both"}, baseline=6, covariates=("temperature_c",))
+    levels = [1.0] * 8 + [0.95] * 2
+    given = document(watch, [observe(i, e, temperature_c=float(i % 5)) for i, e in enumerate(levels)])
+    figure = series_figure(given, "Ex")
+    traces = {trace["name"]: trace for trace in figure["data"]}
+    points = given["parameters"][0]["points"]
+    corrected = traces["corrected for temperature"]
+    assert corrected["y"] == [pytest.approx(1e-9 * p["corrected"]) for p in points]
+    assert corrected["customdata"] == [str(i) for i in range(10)]
+    assert corrected["error_y"]["array"] == [pytest.approx(1.959964e-9 * p["standard_deviation"]) for p in points]
+    assert traces["raw"]["y"] == [pytest.approx(1e-9 * p["raw"]) for p in points]
+    assert traces["alarm"]["customdata"] == [["A", "8"]]
+    assert traces["chart, fall"]["y"][-1] == -points[-1]["judged"]["chart"]["fall"]
+    assert json.loads(render(figure, "plotly")) == figure
+    outside = [p["judged"]["score"] < -given["parameters"][0]["limits"]["score"] for p in points if p["judged"]]
+    beyond = [p["judged"]["residual"] < -p["judged"]["residual_limit"] for p in points if p["judged"]]
+    assert outside == beyond == [False, False, True, True]
+
+
+def test_the_figure_is_printed_as_it_is() -> None:
+    given = document(Watch({"Ex": "fall"}, baseline=6), values(*[1.0] * 8, 0.95, 0.95))
+    figure = series_figure(given, "Ex")
+    above, below = draw(figure).axes
+    assert above.get_ylabel() == "Ex [GPa]"
+    chart = next(line for line in below.lines if len(line.get_ydata()) == 4)
+    assert list(chart.get_ydata()) == next(t["y"] for t in figure["data"] if t["name"] == "chart, fall")
+    assert len(above.collections) >= 3  # estimates, their intervals, the alarm, the baseline's band
+    for file_format in ("svg", "png", "pdf"):
+        assert render(figure, file_format) == render(figure, file_format)  # type: ignore[arg-type]
+    figure["data"].append({"type": "heatmap", "name": "x"})
+    with pytest.raises(ValueError, match="heatmap"):
+        draw(figure)
+
+
+def test_names_are_drawn_as_they_are() -> None:
+    """Neither TeX, which matplotlib would read between dollars, nor markup, which Plotly would."""
+    given = document(Watch({"Ex": "fall"}, baseline=6), values(*[1.0] * 8, 0.95, 0.95))
+    given |= {"structure_name": r"$\frac{1 and $x_{ <b>", "monitor_name": "m" * 200}
+    figure = series_figure(given, "Ex")
+    title = figure["layout"]["title"]["text"]
+    assert title == r"$\frac{1 and $x_{ &lt;b&gt; – " + "m" * 49 + "…: Ex (alarm)"
+    assert draw(figure).get_suptitle() == title.replace("&lt;", "<").replace("&gt;", ">")
+    for file_format in ("svg", "png", "pdf"):
+        assert len(render(figure, file_format)) > 10_000  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("parameter", "label", "factor"),
+    [("a1", "a1 [µs]", 1e6), ("frequency_2", "frequency_2 [Hz]", 1), ("damping_ratio_2", "damping_ratio_2 [%]", 100)],
+)
+def test_axes_have_units(parameter: str, label: str, factor: float) -> None:
+    given = document(Watch({"Ex": "fall"}, baseline=6), values(*[1.0] * 8))
+    row = {**given["parameters"][0], "name": parameter, "unit": unit_of(parameter)}
+    figure = series_figure({**given, "parameters": [row], "alarms": []}, parameter)
+    assert figure["layout"]["yaxis"]["title"]["text"] == label
+    assert "UTC" in figure["layout"]["xaxis"]["title"]["text"]
+    assert figure["data"][0]["y"] == [pytest.approx(factor * p["raw"]) for p in row["points"]]
+
+
+def test_units_are_those_of_the_results() -> None:
+    laws = (RAYLEIGH, CaugheySeries("caughey4", (0, 1, 2, 3)), GeneralisedProportional(("constant", "root"), 1.0))
+    for law in laws:
+        for name, unit in zip(law.coefficient_names, law.coefficient_units, strict=True):
+            assert unit_of(name) == unit
+    assert [unit_of(name) for name in ("Ex", "nu_xy", "density", "zeta3", "spring")] == ["Pa", "1", "kg/m³", "1", None]
+
+
+def test_the_figure_of_nothing_says_so() -> None:
+    figure = series_figure({**document(Watch({"Ex": "fall"}), values(1.0)), "parameters": []}, "Ex")
+    assert figure["data"] == []
+    assert figure["layout"]["annotations"][0]["text"] == "no campaign has been judged yet"
+    assert render(figure, "svg").startswith(b"<?xml")

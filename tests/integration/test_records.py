@@ -1,0 +1,178 @@
+"""Time blocks over HTTP: take in, list, judge after each hit, process to FRFs, delete."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable
+from typing import Any
+from uuid import uuid4
+
+import httpx
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from benchmarks.hammer import Simulated
+from benchmarks.hammer import campaign as simulated_campaign
+from tests.support.waiting import until
+
+Checked = Callable[[httpx.Response, int], Any]
+
+MAPPING: dict[str, Any] = {
+    "sample_rate_hz": {"variable": "fs"},
+    "hit": {"variable": "hit"},
+    "channels": [
+        {"variable": "force", "quantity": "force", "point": {"variable": "point"}, "sensitivity": 0.002},
+        {"variable": "acceleration", "quantity": "acceleration", "point": 99, "sensitivity": 0.01},
+    ],
+}
+
+
+@pytest.fixture(scope="module")
+def hits() -> list[Simulated]:
+    return simulated_campaign(np.random.default_rng(12), "free", 3, 4, 0.3, 0.0)[2]
+
+
+def arrays(hits: list[Simulated]) -> dict[str, np.ndarray[Any, Any]]:
+    return {
+        "force": np.array([s.hit.force.samples * 0.002 for s in hits]),
+        "acceleration": np.array([s.hit.responses[0].samples * 0.01 for s in hits]),
+        "point": np.array([s.hit.force.dof.point for s in hits]),
+        "hit": np.array([s.hit.number for s in hits]),
+        "fs": np.array(hits[0].hit.sample_rate_hz),
+    }
+
+
+def npz(hits: list[Simulated]) -> bytes:
+    file = io.BytesIO()
+    np.savez(file, **arrays(hits))
+    return file.getvalue()
+
+
+def post(api: httpx.Client, campaign: str, data: bytes, name: str = "hits.npz", **query: Any) -> httpx.Response:
+    params = {"filename": name, "mapping": json.dumps(MAPPING), **query}
+    headers = {"Content-Type": "application/octet-stream"}
+    return api.post(f"campaigns/{campaign}/records", content=data, params=params, headers=headers)
+
+
+def finished(api: httpx.Client, checked: Checked, campaign: str, body: dict[str, Any]) -> dict[str, Any]:
+    started = checked(api.post(f"campaigns/{campaign}/processings", json=body), 202)
+
+    def ended() -> dict[str, Any] | None:
+        row: dict[str, Any] = checked(api.get(f"processings/{started['id']}"), 200)
+        return row if row["status"] not in ("queued", "running") else None
+
+    found = until(ended, "the processing")
+    assert found is not None
+    return found
+
+
+def test_records_become_frfs_and_each_names_its_hits(
+    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+) -> None:
+    stored = checked(post(api, campaign, npz(hits)), 201)["items"]
+    assert len(stored) == 2 * len(hits)
+    listed = checked(api.get(f"campaigns/{campaign}/records", params={"point": 1}), 200)["items"]
+    assert {row["force_point"] for row in listed} == {1}
+    row = next(r for r in stored if r["quantity"] == "force")
+    samples = checked(api.get(f"records/{row['id']}/data"), 200)["samples"]
+    np.testing.assert_allclose(samples, hits[0].hit.force.samples, rtol=1e-12, atol=1e-12)
+
+    done = finished(api, checked, campaign, {})
+    assert done["status"] == "succeeded", done
+    result = done["result"]
+    judged = {(h["point"], h["hit"]): h["accepted"] for h in result["hits"]}
+    truth = {(s.hit.force.dof.point, s.hit.number): s.fault is None for s in hits if s.fault != "off_place"}
+    assert {key: judged[key] for key in truth} == truth
+    frfs = checked(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
+    assert {f["id"] for f in frfs} == {f["id"] for f in result["frfs"]}
+    assert all(f["processing_id"] == done["id"] and f["has_coherence"] for f in frfs)
+    known = {r["id"]: r["sha256"] for r in stored}
+    for frf in result["frfs"]:
+        assert len(frf["records"]) == 2 * len(frf["hits"])
+        assert all(known[r["id"]] == r["sha256"] for r in frf["records"])
+    assert result["processing"]["windows"]["force_length_s"] > 0
+
+
+def test_a_script_beside_the_hammer_knows_after_each_hit(
+    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+) -> None:
+    mapping = {k: v for k, v in MAPPING.items() if k != "hit"}
+    answers = []
+    for one in hits[:4]:
+        sent = {name: values.tolist() for name, values in arrays([one]).items() if name != "hit"}
+        body = {"variables": sent, "mapping": mapping}
+        answers.append(checked(api.post(f"campaigns/{campaign}/records", json=body), 201))
+    assert [[h["hit"] for h in a["hits"]] for a in answers] == [[1], [1, 2], [1, 2, 3], [1, 2, 3, 4]]
+    last = {h["hit"]: h for h in answers[-1]["hits"]}
+    for one in hits[:4]:
+        if one.fault != "off_place":
+            assert last[one.hit.number]["accepted"] is (one.fault is None)
+    assert all(f["sentence"] for h in last.values() for f in h["findings"])
+
+
+def test_a_user_overrules_and_the_document_says_so(
+    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+) -> None:
+    checked(post(api, campaign, npz(hits)), 201)
+    good = next(s for s in hits if s.fault is None)
+    point, number = good.hit.force.dof.point, good.hit.number
+    body = {"overrules": [{"point": point, "hit": number, "use": False}]}
+    result = finished(api, checked, campaign, body)["result"]
+    hit = next(h for h in result["hits"] if (h["point"], h["hit"]) == (point, number))
+    assert (hit["accepted"], hit["overruled"]) == (False, False)
+
+
+def test_a_mat_file_and_a_dry_run(api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]) -> None:
+    file = io.BytesIO()
+    savemat(file, arrays(hits[:3]))
+    proposal = checked(post(api, campaign, file.getvalue(), "hits.mat", dry_run=True), 200)
+    assert proposal["blocks"] == 6
+    assert proposal["mapping"]["sample_rate_hz"] == {"variable": "fs"}
+    assert checked(api.get(f"campaigns/{campaign}/records"), 200)["items"] == []
+    assert len(checked(post(api, campaign, file.getvalue(), "hits.mat"), 201)["items"]) == 6
+
+
+def test_the_same_hit_twice_is_a_conflict_and_stores_nothing(
+    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+) -> None:
+    checked(post(api, campaign, npz(hits[:2])), 201)
+    assert "in the campaign already" in checked(post(api, campaign, npz(hits[1:4])), 409)["detail"]
+    assert len(checked(api.get(f"campaigns/{campaign}/records"), 200)["items"]) == 4
+
+
+def test_a_record_is_deleted_and_a_hit_without_force_is_a_clear_failure(
+    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+) -> None:
+    rows = checked(post(api, campaign, npz(hits[:3])), 201)["items"]
+    force = next(r for r in rows if r["quantity"] == "force")
+    assert api.delete(f"records/{force['id']}").status_code == 204
+    checked(api.get(f"records/{force['id']}"), 404)
+    failed = finished(api, checked, campaign, {})
+    assert failed["status"] == "failed"
+    assert "has no force" in failed["message"]
+
+
+def test_what_cannot_be_right_is_refused_with_its_place(
+    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+) -> None:
+    lame = {**MAPPING, "sample_rate_hz": {"variable": "rate"}}
+    problem = checked(post(api, campaign, npz(hits[:1]), mapping=json.dumps(lame)), 422)
+    assert "is not in the file" in json.dumps(problem)
+    checked(post(api, campaign, b"no archive"), 422)
+    checked(post(api, campaign, npz(hits[:1]), "hits.tdms"), 422)
+    checked(api.post(f"campaigns/{campaign}/processings", json={"estimator": "H9"}), 422)
+    stranger = f"campaigns/{uuid4()}/records"
+    checked(api.get(stranger), 404)
+
+
+def test_other_peoples_records_do_not_exist(
+    api: httpx.Client, new_client: Callable[[], httpx.Client], campaign: str, checked: Checked, hits: list[Simulated]
+) -> None:
+    row = checked(post(api, campaign, npz(hits[:1])), 201)["items"][0]
+    stranger = new_client()
+    for path in (f"records/{row['id']}", f"records/{row['id']}/data", f"campaigns/{campaign}/records"):
+        checked(stranger.get(path), 404)
+    assert stranger.delete(f"records/{row['id']}").status_code == 404
+    checked(stranger.post(f"campaigns/{campaign}/processings", json={}), 404)

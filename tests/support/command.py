@@ -1,0 +1,86 @@
+"""The command `modalbase` as a person starts it, and what of it still lives."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+import httpx
+import psutil
+
+from tests.support.waiting import PATIENCE, until
+
+COMMAND = Path(sys.executable).with_name("modalbase")
+
+
+def environment(**more: str) -> dict[str, str]:
+    clean = {name: value for name, value in os.environ.items() if not name.startswith("MODALBASE_")}
+    return clean | {"MODALBASE_LOG_LEVEL": "warning"} | more
+
+
+def modalbase(*words: str, cwd: Path | None = None, **env: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [str(COMMAND), *words],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+        env=environment(**env),
+        cwd=cwd,
+    )
+
+
+@contextmanager
+def up(
+    data: Path | None, *, cwd: Path | None = None, stderr: int | IO[str] | None = None, **env: str
+) -> Iterator[tuple[subprocess.Popen[str], str, str]]:
+    """A running `modalbase up`: process, URL, and the first key where it printed one."""
+    words = ["up", "--port", "0", *([] if data is None else ["--data", str(data)])]
+    process = subprocess.Popen(
+        [str(COMMAND), *words], stdout=subprocess.PIPE, stderr=stderr, text=True, env=environment(**env), cwd=cwd
+    )
+    assert process.stdout is not None
+    try:
+        said = ""
+        while "API key" not in said:  # its last line
+            line = process.stdout.readline()
+            assert line, f"it ended: {said}"
+            said += line
+        url = re.findall(r"http://\S+/api/v1", said)[0]
+        yield process, url, next(iter(re.findall(r"mb_\w+_\S+", said)), "")
+    finally:
+        process.terminate()
+        process.wait(PATIENCE)
+        process.stdout.close()
+
+
+def living(data: Path) -> list[str]:
+    """Processes that have to do with a data folder, by their command line or environment."""
+    found = []
+    for process in psutil.process_iter(["cmdline", "status", "pid"]):
+        try:
+            around = process.environ()
+            words = " ".join(
+                [*(process.info["cmdline"] or []), *map(str, map(around.get, ("MODALBASE_DATA", "PGDATA")))]
+            )
+        except (psutil.AccessDenied, psutil.NoSuchProcess):
+            words = " ".join(process.info["cmdline"] or [])
+        if str(data) in words and process.info["status"] != psutil.STATUS_ZOMBIE:
+            found.append(words)
+    return found
+
+
+def wait_until_gone(data: Path) -> None:
+    until(lambda: not living(data), "the end of all processes", lambda: living(data))
+
+
+def status(url: str, key: str) -> int:
+    return httpx.get(
+        f"{url}/projects", headers={"Authorization": f"Bearer {key}"}, trust_env=False, timeout=60
+    ).status_code

@@ -1,0 +1,90 @@
+"""What the tests of the measurement database start from: a project, a beam, a campaign; waiting for an import."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import httpx
+import psycopg
+import pytest
+from psycopg.rows import dict_row
+
+from service.db.engine import psycopg_url
+from service.supervisor import LocalService
+from tests.support import rest
+from tests.support.rest import ok
+
+MATERIAL = {"Ex_Pa": 33.05e9, "Ey_Pa": 31.8e9, "Gxy_Pa": 5.73e9, "Gxz_Pa": 4.5e9, "Gyz_Pa": 4.5e9, "nu_xy": 0.15}
+BEAM: dict[str, Any] = {
+    "name": "FRP beam",
+    "geometry": {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01012},
+    "density_kg_m3": 2012.0,
+    "material": MATERIAL,
+}
+
+
+@pytest.fixture
+def checked() -> Callable[[httpx.Response, int], Any]:
+    return ok
+
+
+@pytest.fixture
+def beam() -> dict[str, Any]:
+    """The body of a structure."""
+    return {**BEAM, "geometry": dict(BEAM["geometry"]), "material": dict(MATERIAL)}
+
+
+@pytest.fixture
+def project(api: httpx.Client) -> str:
+    return str(ok(api.post("projects", json={"name": "tests"}), 201)["id"])
+
+
+@pytest.fixture
+def structure(api: httpx.Client, project: str) -> str:
+    return str(ok(api.post(f"projects/{project}/structures", json=BEAM), 201)["id"])
+
+
+@pytest.fixture
+def new_campaign(api: httpx.Client, structure: str) -> Callable[..., str]:
+    def make(**fields: Any) -> str:
+        body = {"name": "first", "boundary": "cantilever", **fields}
+        return str(ok(api.post(f"structures/{structure}/campaigns", json=body), 201)["id"])
+
+    return make
+
+
+@pytest.fixture
+def campaign(new_campaign: Callable[..., str]) -> str:
+    return new_campaign()
+
+
+@pytest.fixture
+def finished(api: httpx.Client) -> Callable[[str], dict[str, Any]]:
+    """Waits for an import or another job at an address and gives its last state."""
+
+    return lambda location: rest.finished(api, location)
+
+
+@pytest.fixture
+def imported(api: httpx.Client, finished: Callable[[str], dict[str, Any]]) -> Callable[..., dict[str, Any]]:
+    """Uploads bytes to a campaign and waits for the import's end."""
+
+    def run(campaign: str, content: bytes, **params: Any) -> dict[str, Any]:
+        answer = api.post(f"campaigns/{campaign}/imports", params=params, content=content)
+        ok(answer, 202)
+        return finished(answer.headers["Location"])
+
+    return run
+
+
+@pytest.fixture
+def rows(service: LocalService) -> Callable[..., list[dict[str, Any]]]:
+    """Asks the running service's database directly."""
+
+    def ask(query: str, *parameters: Any) -> list[dict[str, Any]]:
+        assert service.settings.database_url is not None
+        with psycopg.connect(psycopg_url(service.settings.database_url), row_factory=dict_row) as connection:
+            return connection.execute(query, parameters).fetchall()  # type: ignore[arg-type]
+
+    return ask

@@ -1,0 +1,62 @@
+"""REST as the tests use it: a client with a key of its own, answers that must be good, jobs that must end."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import httpx
+
+from service.supervisor import LocalService
+from tests.support.waiting import PATIENCE, until
+
+ONCE = httpx.Limits(max_connections=None, max_keepalive_connections=0)
+
+
+def client_at(url: str, key: str) -> httpx.Client:
+    """A client of an API at an address, with a key.
+
+    It uses no connection twice: an idle one may be closed by the service at the very moment of its next use.
+    """
+    headers = {"Authorization": f"Bearer {key}"}
+    return httpx.Client(base_url=f"{url}/api/v1/", headers=headers, timeout=PATIENCE, trust_env=False, limits=ONCE)
+
+
+def client_of(service: LocalService, name: str) -> httpx.Client:
+    """A client of a running service, with a new key for a user of that name."""
+    return client_at(service.url, service.new_key(name))
+
+
+def ok(answer: httpx.Response, status: int | None = None) -> Any:
+    """The body of an answer that must have this status, or be any success."""
+    good = answer.is_success if status is None else answer.status_code == status
+    assert good, f"{answer.status_code}: {answer.text}"
+    return answer.json() if answer.content else None
+
+
+def finished(api: httpx.Client, location: str) -> dict[str, Any]:
+    """The last state of a job or an import at an address, once it has ended."""
+    address = api.base_url.join(location)
+    state: dict[str, Any] = {}
+
+    def ended() -> bool:
+        state.update(ok(api.get(address), 200))
+        return state["status"] in ("succeeded", "failed", "cancelled")
+
+    until(ended, f"the end of {location}", lambda: state)
+    return state
+
+
+def result_of(api: httpx.Client, location: str) -> dict[str, Any]:
+    """The result document of an update job at an address."""
+    result: dict[str, Any] = ok(api.get(api.base_url.join(f"{location}/result")), 200)
+    return result
+
+
+def posted(api: httpx.Client, path: str, body: Any) -> Any:
+    """What a POST of JSON answers."""
+    return ok(api.post(path, json=body))
+
+
+def pointers(problem: dict[str, Any]) -> set[str]:
+    """The places of all faults of a problem document."""
+    return {fault["pointer"] for fault in problem["errors"]}

@@ -1,0 +1,33 @@
+"""Waiting for an event, as long as it takes: no test depends on how fast a machine is or on who else works on it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+T = TypeVar("T")
+
+PATIENCE = 300.0
+"""Seconds after which something that is waited for is taken for broken; a busy machine needs a small part of them."""
+
+LOOK_SECONDS = 0.02
+
+
+def until(condition: Callable[[], T], what: str, now: Callable[[], object] | None = None) -> T:
+    """What `condition` gives, as soon as it is true.
+
+    Args:
+        condition: asked again and again.
+        what: is waited for; the failure says it.
+        now: what there is in its place, for the failure.
+
+    Raises:
+        AssertionError: not within `PATIENCE`.
+    """
+    end = time.monotonic() + PATIENCE
+    while not (found := condition()):
+        if time.monotonic() > end:
+            raise AssertionError(f"not within {PATIENCE:g} s: {what}; now: {now() if now else found}")
+        time.sleep(LOOK_SECONDS)
+    return found

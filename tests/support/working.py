@@ -1,0 +1,112 @@
+"""Jobs on a real queue: a worker of the tests' kinds of job, jobs to give it, and waiting for what becomes of them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+import pytest
+from sqlalchemy import select
+
+from service.access.tables import AuditEvent, Project
+from service.db.engine import Sessions, make_engine, make_sessions
+from service.jobs import Job, enqueue, job_state
+from service.settings import Settings
+from service.supervisor import environment
+from tests.support import job_kinds
+from tests.support.waiting import until
+
+ENDED = ("succeeded", "failed", "cancelled")
+
+
+class Gate:
+    """Holds jobs of the kinds `slow` and `chain` in known steps, so that a test acts while they run."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        folder.mkdir()
+
+    def open(self, *steps: int) -> None:
+        for step in steps:
+            (self.folder / str(step)).touch()
+
+
+@pytest.fixture
+def gate(tmp_path: Path) -> Gate:
+    return Gate(tmp_path / "gate")
+
+
+def held(sessions: Sessions, job_id: UUID, step: int = 10) -> Job:
+    """The job, once it waits in this step."""
+    return wait(sessions, job_id, lambda job: job.stage == f"held in step {step}")
+
+
+@contextmanager
+def worker(database: str, gate: Gate | None = None, **settings: Any) -> Iterator[subprocess.Popen[bytes]]:
+    """A worker process of its own, that knows the kinds of the tests; killed at the end if it still runs.
+
+    Args:
+        database: its URL.
+        gate: where its jobs wait.
+        settings: beside the database.
+    """
+    given = environment(Settings(database_url=database, log_level="warning", **settings))
+    if gate is not None:
+        given[job_kinds.GATE] = str(gate.folder)
+    process = subprocess.Popen([sys.executable, job_kinds.__file__], env=os.environ | given)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture(scope="module")
+def worked(new_database: Callable[[], str]) -> Iterator[Sessions]:
+    """Sessions on a database on which one worker works throughout this module."""
+    url = new_database()
+    engine = make_engine(url)
+    with worker(url):
+        yield make_sessions(engine)
+    engine.dispose()
+
+
+def put(sessions: Sessions, kind: str, count: int = 1) -> list[UUID]:
+    with sessions.begin() as session:
+        project = Project(name=kind)
+        session.add(project)
+        session.flush()
+        return [enqueue(session, kind=job_kinds.KINDS[kind], project_id=project.id).id for _ in range(count)]
+
+
+def look(sessions: Sessions, job_id: UUID) -> Job:
+    with sessions() as session:
+        return session.get_one(Job, job_id)
+
+
+def wait(sessions: Sessions, job_id: UUID, condition: Callable[[Job], bool] = lambda job: job.state in ENDED) -> Job:
+    """The job, as soon as it is so."""
+
+    def so() -> Job | None:
+        job = look(sessions, job_id)
+        return job if condition(job) else None
+
+    found = until(so, "the job", lambda: job_state(look(sessions, job_id)))
+    assert found is not None
+    return found
+
+
+def items(sessions: Sessions, job_id: UUID) -> list[Any]:
+    with sessions() as session:
+        query = select(AuditEvent).where(AuditEvent.subject_id == job_id).order_by(AuditEvent.id)
+        return [event.detail["value"] for event in session.scalars(query)]
+
+
+def run(sessions: Sessions, kind: str) -> Job:
+    return wait(sessions, put(sessions, kind)[0])

@@ -1,0 +1,230 @@
+"""Hits to FRFs, on simulated hammer tests whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks import hammer
+from benchmarks.hammer import Bench, campaign, random_body, random_laboratory
+from fecore.errors import InputError
+from fecore.frf import Dof
+from fecore.identification import identify
+from fecore.processing import Block, Hit, Processing, Windows, by_point, process, remove_window
+
+
+def _bench(seed: int, kind: str = "free", rate: float = 0.0, **changes: object) -> Bench:
+    rng = np.random.default_rng(seed)
+    body = random_body(rng, kind)
+    laboratory = replace(random_laboratory(rng, rate), **changes)  # type: ignore[arg-type]  # fields of many types
+    return Bench(body, laboratory, (0.96 * body.length_m, 0.45 * body.width_m), rng)
+
+
+def _hits(bench: Bench, count: int = 5, fault: str | None = None, label: int = 1) -> list[Hit]:
+    place = (0.7 * bench.body.length_m, 0.3 * bench.body.width_m)
+    hits = [bench.hit(label, place, number).hit for number in range(1, count + 1)]
+    if fault:
+        hits[-1] = bench.hit(label, place, count, fault).hit
+    return hits
+
+
+@pytest.mark.parametrize(
+    ("fault", "criterion"),
+    [
+        ("double", "double"),
+        ("clip_force", "overload"),
+        ("clip_response", "overload"),
+        ("early", "early"),
+        ("late", "late"),
+        ("quiet", "quiet"),
+    ],
+)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_fault_is_found_by_its_name_and_the_good_hits_stay(fault: str, criterion: str, seed: int) -> None:
+    bench = _bench(seed, ("free", "clamped", "plate")[seed - 1])
+    found = process(by_point(_hits(bench, 5, fault)))
+    named = {f.criterion for f in found.verdicts[-1].faults}
+    assert named & {
+        criterion,
+        "place" if fault == "clip_force" else criterion,
+    }  # a single lost sample may look like that
+    assert not found.verdicts[-1].accepted
+    assert [v.accepted for v in found.verdicts[:-1]] == [True] * 4
+    for finding in found.verdicts[-1].faults:
+        assert finding.sentence.endswith(".")
+        assert np.isfinite(finding.number)
+
+
+def test_a_hit_with_the_opposite_sign_is_found_by_pulse_and_by_response() -> None:
+    hits = _hits(_bench(4), 5)
+    turned = replace(hits[2], force=replace(hits[2].force, samples=-hits[2].force.samples))
+    response = replace(hits[3].responses[0], samples=-hits[3].responses[0].samples)
+    found = process(by_point([hits[0], hits[1], turned, replace(hits[3], responses=(response,)), hits[4]]))
+    assert [[f.criterion for f in v.faults] for v in found.verdicts] == [[], [], ["polarity"], ["polarity"], []]
+
+
+def test_a_hit_at_another_point_is_found() -> None:
+    bench = _bench(5)
+    hits = _hits(bench, 5)
+    hits[1] = bench.hit(1, (0.4 * bench.body.length_m, -0.2 * bench.body.width_m), 2).hit
+    found = process(by_point(hits))
+    assert [f.criterion for f in found.verdicts[1].faults] in (["place"], ["polarity"])
+
+
+def test_a_users_decision_overrules_both_ways_and_changes_the_frf() -> None:
+    hits = _hits(_bench(6), 5, "double")
+    dof = hits[0].force.dof
+    judged = process(by_point(hits))
+    forced = process(by_point(hits), Processing(overrules={(dof, 5): True, (dof, 1): False}))
+    assert judged.used == ((1, 2, 3, 4),)
+    assert forced.used == ((2, 3, 4, 5),)
+    assert forced.verdicts[4].faults  # what was found stays said
+    assert not np.array_equal(judged.frfs.values, forced.frfs.values)
+
+
+@pytest.mark.parametrize("estimator", ["H1", "H2", "Hv"])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_frfs_have_the_scale_and_shape_of_the_exact_ones(
+    estimator: str, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hammer, "PLACE_SD_M", 1e-6)  # the scatter of hits is not the estimator's error
+    bench = _bench(seed, ("free", "clamped", "plate")[seed - 1], high_pass=False, hum=0.0)
+    found = process(by_point(_hits(bench)), Processing(estimator=estimator))  # type: ignore[arg-type]  # parametrised
+    f = found.frfs.frequency_hz
+    s = 2j * np.pi * f[:, None] + found.rate_per_s  # the exponential window's FRF is that at iω + r
+    w, z = 2 * np.pi * bench.body.frequency_hz, bench.body.damping_ratio
+    gains = bench.sensor * bench.body.shapes((0.7 * bench.body.length_m, 0.3 * bench.body.width_m))
+    exact = np.sum(gains * s**2 / (w**2 + 2 * z * w * s + s**2), axis=1)
+    band = (f > 10) & (f < found.excited_hz)
+    measured, exact = found.frfs.values[0, band], exact[band]
+    assert abs(np.vdot(exact, measured) / np.vdot(exact, exact) - 1) < 0.003
+    # away from the antiresonances, where H1 and H2 differ by noise
+    loud = np.abs(exact) > 0.02 * np.median(np.abs(exact))
+    assert np.corrcoef(np.log(np.abs(exact[loud])), np.log(np.abs(measured[loud])))[0, 1] > 0.999
+
+
+def test_stated_variance_is_what_repeated_campaigns_show(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hammer, "PLACE_SD_M", 1e-6)
+    bench = _bench(8, "clamped")
+    windows = Processing(windows=Windows(40 / bench.laboratory.sample_rate_hz, 1.0))
+    values, stated = [], []
+    for _ in range(60):
+        found = process(by_point(_hits(bench, 4)), windows)
+        values.append(found.frfs.values[0])
+        stated.append(found.frfs.variance[0])  # type: ignore[index]  # four hits have one
+    excited = found.frfs.frequency_hz < found.excited_hz
+    seen = np.var(values, axis=0, ddof=1)[excited]
+    ratio = np.mean(stated, axis=0)[excited] / seen
+    assert 0.8 < np.median(ratio) < 1.25
+
+
+def test_damping_is_the_same_under_any_exponential_window() -> None:
+    bench = _bench(9, "free", high_pass=False)
+    places = [(x * bench.body.length_m, y * bench.body.width_m) for x in (0.15, 0.4, 0.65, 0.9) for y in (-0.4, 0.4)]
+    hits = [bench.hit(label, place, n).hit for label, place in enumerate(places, 1) for n in (1, 2, 3)]
+    length = 40 / bench.laboratory.sample_rate_hz
+    elastic = bench.body.frequency_hz[bench.body.frequency_hz > 5]
+    band = (0.7 * elastic[0], (elastic[1] + elastic[2]) / 2)
+    ratios = []
+    for rate in (0.0, 0.5, 1.0, 3.0):
+        found = process(by_point(hits), Processing(windows=Windows(length, rate), band_hz=band))
+        modes = identify(found.frfs).modes
+        frequency, damping = remove_window(modes.frequency_hz, modes.damping_ratio, found.rate_per_s)
+        ratios.append([damping[np.argmin(np.abs(frequency - f))] for f in elastic[:2]])
+    truth = bench.body.damping_ratio[bench.body.frequency_hz > 5][:2]
+    np.testing.assert_allclose(ratios, np.tile(truth, (4, 1)), rtol=0.02)
+
+
+def test_an_analysers_window_on_one_channel_is_completed_on_the_other() -> None:
+    hits = _hits(_bench(10), 3)
+    rate = 3.0
+    weight = np.exp(-rate * np.arange(hits[0].samples) / hits[0].sample_rate_hz)
+    applied = [
+        replace(
+            h, responses=(replace(h.responses[0], samples=h.responses[0].samples * weight, window_rate_per_s=rate),)
+        )
+        for h in hits
+    ]
+    by_analyser = process(by_point(applied), Processing(windows=Windows(0.02, 0.0)))
+    here = process(by_point(hits), Processing(windows=Windows(0.02, rate)))
+    assert by_analyser.rate_per_s == here.rate_per_s == rate
+    np.testing.assert_allclose(by_analyser.frfs.values, here.frfs.values, rtol=1e-9)
+
+
+def test_a_delay_between_the_channels_is_told_and_can_be_taken_out() -> None:
+    rng = np.random.default_rng(11)
+    body = random_body(rng, "free")
+    laboratory = replace(random_laboratory(rng, 0.0), delay_s=30e-6, high_pass=False)
+    bench = Bench(body, laboratory, (0.96 * body.length_m, 0.45 * body.width_m), rng)
+    places = [(x * body.length_m, 0.3 * body.width_m) for x in (0.1, 0.35, 0.6, 0.8)]
+    hits = [bench.hit(label, place, n).hit for label, place in enumerate(places, 1) for n in (1, 2, 3)]
+    found = process(by_point(hits))
+    assert found.delay is not None
+    assert found.delay.seconds == pytest.approx(30e-6, abs=max(3 * found.delay.sd, 3e-6))
+    assert any("delay_s" in w for w in found.warnings)
+    mended = process(by_point(hits), Processing(delay_s=30e-6))
+    assert mended.delay is not None
+    assert abs(mended.delay.seconds) < max(3 * mended.delay.sd, 3e-6)
+
+
+def test_the_same_hits_give_the_same_bits() -> None:
+    _, _, simulated = campaign(np.random.default_rng(12), "free", 3, 4, 0.3, 0.0)
+    hits = [s.hit for s in simulated]
+    one, two = process(by_point(hits)), process(by_point(hits))
+    assert one.frfs.values.tobytes() == two.frfs.values.tobytes()
+    assert one.frfs.variance.tobytes() == two.frfs.variance.tobytes()  # type: ignore[union-attr]  # several hits
+    assert one.verdicts == two.verdicts
+
+
+def test_choices_are_stated_and_repeat_the_result() -> None:
+    hits = _hits(_bench(13), 4)
+    found = process(by_point(hits))
+    assert found.processing.windows is not None
+    again = process(by_point(hits), found.processing)
+    assert again.frfs.values.tobytes() == found.frfs.values.tobytes()
+
+
+def test_a_single_hit_has_an_frf_without_variance_and_says_so() -> None:
+    found = process(by_point(_hits(_bench(14), 1)))
+    assert np.isnan(found.frfs.variance).all()  # type: ignore[arg-type]  # an array
+    assert any("no variance" in w for w in found.warnings)
+
+
+def _flat(samples: np.ndarray, quantity: str = "force") -> Block:
+    return Block(Dof(1, 3), quantity, samples)  # type: ignore[arg-type]  # a literal
+
+
+def test_channels_that_carry_nothing_are_an_error_that_says_why() -> None:
+    silent = Hit(_flat(np.zeros(1024)), (_flat(np.zeros(1024), "acceleration"),), 1000.0)
+    with pytest.raises(InputError, match="none of the hits is good"):
+        process([[silent, silent, silent]])
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda x: Hit(_flat(x, "acceleration"), (_flat(x, "acceleration"),), 1000.0), "swapped"),
+        (lambda x: Hit(_flat(x), (_flat(x[:100], "acceleration"),), 1000.0), "as long"),
+        (lambda x: Hit(_flat(x), (_flat(x, "acceleration"),), 0.0), "sample_rate_hz"),
+        (lambda x: Hit(_flat(x), (), 1000.0), "needs a response"),
+        (lambda x: _flat(np.where(np.arange(x.size) == 7, np.nan, x)), "NaN or infinity, first at sample 8"),
+        (lambda x: _flat(x[:10]), "samples"),
+        (lambda x: Block(Dof(1, 3), "force", x, window_rate_per_s=-1.0), "window_rate_per_s"),
+    ],
+)
+def test_blocks_that_cannot_be_right_are_refused(make: object, text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        make(np.ones(256))  # type: ignore[operator]  # a lambda of the table
+
+
+def test_hits_of_unlike_length_are_refused_with_both_lengths() -> None:
+    hit = _hits(_bench(15), 1)[0]
+    half = replace(
+        hit,
+        force=replace(hit.force, samples=hit.force.samples[: hit.samples // 2]),
+        responses=(replace(hit.responses[0], samples=hit.responses[0].samples[: hit.samples // 2]),),
+    )
+    with pytest.raises(InputError, match=f"{hit.samples // 2} samples"):
+        process([[hit, half]])

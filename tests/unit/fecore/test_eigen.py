@@ -1,0 +1,159 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import sparse
+from scipy.linalg import eigh
+from scipy.sparse.linalg import eigsh
+
+import fecore.dynamics.factor
+from fecore.body.laminate import OrthotropicMaterial, Ply, section
+from fecore.body.mesh import rectangle
+from fecore.body.model import plate
+from fecore.body.supports import Supports
+from fecore.dynamics.eigen import modes_below, normal_modes
+from fecore.errors import InputError, ModelError
+from tests.support.plates import PAPER, paper_section, solve
+
+
+def matrices(model, laminate):
+    return model.stiffness.at(model.stiffness_coefficients(laminate)), model.mass.at(model.mass_coefficients(laminate))
+
+
+def test_agrees_with_arpack() -> None:
+    K, M = matrices(plate(rectangle(0.5, 0.04, 20, 3), Supports.of("cantilever")), paper_section())
+    ours = normal_modes(K, M, 15)
+    theirs = np.sort(eigsh(K, 15, M, sigma=0.0)[0])
+    # Solves with K are good to its condition (10¹¹) times round-off, at the lowest mode.
+    np.testing.assert_allclose(ours.eigenvalue, theirs, rtol=2e-8)
+    np.testing.assert_allclose(ours.shapes.T @ (M @ ours.shapes), np.eye(15), atol=1e-12)
+    residual = K @ ours.shapes - (M @ ours.shapes) * ours.eigenvalue
+    assert np.abs(residual).max() < 1e-9 * np.abs(K @ np.abs(ours.shapes)).max()
+
+
+def test_a_hundred_modes_are_found() -> None:
+    K, M = matrices(plate(rectangle(0.5, 0.04, 12, 2), Supports.of("cantilever")), paper_section())
+    dense = eigh(K.toarray(), M.toarray(), eigvals_only=True)
+    np.testing.assert_allclose(normal_modes(K, M, 100).eigenvalue, dense[:100], rtol=1e-6)  # the dense solver's error
+
+
+def test_rigid_body_modes_are_exact_and_the_rest_orthogonal_to_them() -> None:
+    model = plate(rectangle(0.5, 0.04, 20, 3), Supports(), membrane=True)
+    K, M = matrices(model, paper_section())
+    modes = normal_modes(K, M, 14, model.rigid_modes)
+    assert modes.rigid == 6
+    assert np.all(modes.eigenvalue[:6] == 0)
+    assert modes.eigenvalue[6] > 1e5
+    np.testing.assert_allclose(modes.shapes.T @ (M @ modes.shapes), np.eye(14), atol=1e-12)
+    dense = eigh(K.toarray(), M.toarray(), eigvals_only=True)
+    np.testing.assert_allclose(modes.eigenvalue[6:], dense[6:14], rtol=1e-6)  # the dense solver's own error
+
+
+def test_repeated_roots_of_a_square_plate_are_complete() -> None:
+    square = OrthotropicMaterial(10e9, 10e9, 4e9, 4e9, 4e9, 0.3, 1000.0)
+    held = Supports("simply_supported", "simply_supported", "simply_supported", "simply_supported")
+    modes = solve(plate(rectangle(0.3, 0.3, 10, 10), held), section([Ply(square, 0.005)]), 9)
+    # (1,2) = (2,1), (1,3) = (3,1), (2,3) = (3,2): alike to the accuracy of the solves.
+    for first in (1, 4, 6):
+        assert modes.eigenvalue[first + 1] == pytest.approx(modes.eigenvalue[first], rel=1e-9)
+
+
+def test_a_root_of_high_multiplicity_is_complete() -> None:
+    """Five equal beads and a stiffer ladder: multiplicity above the block size."""
+    value = np.concatenate([np.full(5, 3.0), np.arange(10, 60)])
+    turn = np.linalg.qr(np.random.default_rng(2).standard_normal((value.size, value.size)))[0]
+    K = sparse.csc_array(turn @ np.diag(value) @ turn.T)
+    K = sparse.csc_array((K + K.T) / 2)
+    modes = normal_modes(K, sparse.csc_array(np.eye(value.size)), 8)
+    np.testing.assert_allclose(modes.eigenvalue, np.sort(value)[:8], rtol=1e-11)
+
+
+@pytest.mark.parametrize("ratio", [0.999, 1.0, 1.001])
+def test_a_bending_and_a_torsion_mode_that_cross_are_both_found(ratio) -> None:
+    model = plate(rectangle(0.5, 0.04, 20, 2), Supports.of("cantilever"))
+
+    def gap(shear: float) -> tuple[float, tuple[str, ...]]:
+        material = OrthotropicMaterial(PAPER.Ex, PAPER.Ey, shear, 5.37e9, 5.37e9, 0.15, 2012.0)
+        modes = solve(model, section([Ply(material, 0.01)]), 5)
+        kinds = model.kinds(modes.shapes)
+        torsion = modes.frequency_hz[kinds.index("torsion")]
+        return torsion - modes.frequency_hz[[i for i, k in enumerate(kinds) if k == "bending"][2]], kinds
+
+    low, high = 6.3e9, 9.5e9
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (middle, high) if gap(middle)[0] < 0 else (low, middle)
+    distance, kinds = gap(low * ratio) if ratio != 1 else (None, None)
+    if ratio == 1:  # at the crossing any two combinations are modes, so neither has a kind of its own
+        material = OrthotropicMaterial(PAPER.Ex, PAPER.Ey, low, 5.37e9, 5.37e9, 0.15, 2012.0)
+        pair = solve(model, section([Ply(material, 0.01)]), 5).frequency_hz[2:4]
+        assert pair[1] / pair[0] - 1 < 1e-8
+        return
+    assert sorted(kinds) == ["bending"] * 4 + ["torsion"]
+    assert (distance < 0) == (ratio < 1)
+
+
+def test_sturm_counts_modes() -> None:
+    model = plate(rectangle(0.5, 0.04, 20, 2), Supports())
+    K, M = matrices(model, paper_section())
+    modes = normal_modes(K, M, 10, model.rigid_modes)
+    for number in range(4, 9):
+        between = (modes.eigenvalue[number] + modes.eigenvalue[number + 1]) / 2
+        assert modes_below(K, M, between) == number + 1
+
+
+def test_negative_pivots_of_banded_matrices_are_the_negative_eigenvalues(monkeypatch) -> None:
+    random = np.random.default_rng(1)
+    for _ in range(100):
+        size, band = int(random.integers(1, 60)), int(random.integers(0, 8))
+        full = random.standard_normal((size, size))
+        full = full + full.T + random.uniform(-6, 12) * np.eye(size)
+        full[np.abs(np.subtract.outer(np.arange(size), np.arange(size))) > band] = 0
+        monkeypatch.setattr(fecore.dynamics.factor, "_RUN", int(random.integers(1, 9)))
+        counted = fecore.dynamics.factor.negative_eigenvalues(sparse.csc_array(full))
+        assert counted == np.sum(np.linalg.eigvalsh(full) < 0)
+
+
+def test_a_missing_mode_is_noticed(monkeypatch) -> None:
+    import fecore.dynamics.eigen
+
+    model = plate(rectangle(0.5, 0.04, 10, 2), Supports.of("cantilever"))
+    K, M = matrices(model, paper_section())
+    whole = fecore.dynamics.eigen._lanczos
+
+    def forgetful(*arguments):
+        factor, mass, rigid, wanted, width = arguments
+        value, vectors = whole(factor, mass, rigid, wanted + 1, width)
+        keep = np.delete(np.arange(value.size), 2)
+        return value[keep], vectors[:, keep]
+
+    monkeypatch.setattr(fecore.dynamics.eigen, "_lanczos", forgetful)
+    with pytest.raises(ModelError, match="not found"):
+        normal_modes(K, M, 6)
+
+
+@pytest.mark.parametrize("widest", [0, 10**6])
+def test_both_factorisations_solve_and_colour(widest, monkeypatch) -> None:
+    monkeypatch.setattr(fecore.dynamics.factor, "_WIDEST_BAND", widest)
+    K, _ = matrices(plate(rectangle(0.5, 0.04, 6, 2), Supports.of("cantilever")), paper_section())
+    factor = fecore.dynamics.factor.factorise(K)
+    right = np.random.default_rng(0).standard_normal((K.shape[0], 3))
+    solution = factor.solve(right)
+    residual = np.abs(K @ solution - right).max() / np.abs(abs(K) @ np.abs(solution)).max()
+    assert residual < 1e-14  # backward stable
+    L = factor.colour(np.eye(K.shape[0]))
+    np.testing.assert_allclose(L @ L.T, K.toarray(), atol=1e-14 * np.abs(K).max())
+    with pytest.raises(ModelError, match="positive definite"):
+        fecore.dynamics.factor.factorise(sparse.csc_array(-1.0 * K))
+
+
+def test_bad_requests_are_refused() -> None:
+    K, M = matrices(plate(rectangle(0.5, 0.04, 2, 1), Supports.of("cantilever")), paper_section())
+    with pytest.raises(InputError, match="count"):
+        normal_modes(K, M, 0)
+    with pytest.raises(InputError, match="count"):
+        normal_modes(K, M, K.shape[0] + 1)
+    free = plate(rectangle(0.5, 0.04, 2, 1), Supports())
+    K, M = matrices(free, paper_section())
+    with pytest.raises(ModelError):  # a free body whose rigid motions were not named
+        normal_modes(sparse.csc_array(K - 1e3 * M), M, 3)

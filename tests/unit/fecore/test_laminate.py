@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fecore.body.laminate import OrthotropicMaterial, Ply, section
+from fecore.errors import InputError
+from tests.support.plates import PAPER
+
+PLY = OrthotropicMaterial(140e9, 10e9, 5e9, 5e9, 3e9, 0.3, 1600.0)
+angles = st.floats(-180, 180)
+
+
+@settings(derandomize=True, max_examples=50, deadline=None)
+@given(angles)
+def test_rotation_keeps_the_invariants(angle: float) -> None:
+    """Tsai and Pagano's U1 … U5 combinations that no rotation changes (Reddy, section 2.4), and the shears' trace."""
+    Q, turned = PLY.plane_stress(), Ply(PLY, 1e-3, angle).plane_stress()
+    for first, second in (
+        (Q[0, 0] + Q[1, 1] + 2 * Q[0, 1], turned[0, 0] + turned[1, 1] + 2 * turned[0, 1]),
+        (Q[2, 2] - Q[0, 1], turned[2, 2] - turned[0, 1]),
+    ):
+        assert first == pytest.approx(second, rel=1e-13)
+    S, shear = PLY.transverse_shear(), Ply(PLY, 1e-3, angle).transverse_shear()
+    assert np.trace(S) == pytest.approx(np.trace(shear), rel=1e-13)
+    assert np.linalg.det(S) == pytest.approx(np.linalg.det(shear), rel=1e-12)
+    assert np.all(np.linalg.eigvalsh(turned) > 0)
+
+
+@settings(derandomize=True, max_examples=30, deadline=None)
+@given(st.lists(angles, min_size=1, max_size=5))
+def test_a_stack_mirrored_about_its_middle_does_not_couple(half: list[float]) -> None:
+    laminate = section([Ply(PLY, 1e-3, angle) for angle in (*half, *reversed(half))])
+    assert not laminate.is_coupled
+    assert np.abs(laminate.B).max() < 1e-12 * np.sqrt(np.abs(laminate.A).max() * np.abs(laminate.D).max())
+
+
+def test_thin_plies_of_one_material_are_one_thick_ply() -> None:
+    one, many = section([Ply(PAPER, 0.01)]), section([Ply(PAPER, 0.001)] * 10)
+    for name in ("A", "D", "S"):
+        np.testing.assert_allclose(getattr(one, name), getattr(many, name), rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(one.inertia, many.inertia, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(one.D, PAPER.plane_stress() * 0.01**3 / 12, rtol=1e-14)
+
+
+def test_ply_wise_shear_of_one_ply_is_five_sixths() -> None:
+    by_ply = section([Ply(PAPER, 0.002)] * 5, shear="equilibrium")
+    np.testing.assert_allclose(by_ply.S, section([Ply(PAPER, 0.01)]).S, rtol=1e-12, atol=1e-6)
+
+
+def test_ply_wise_shear_of_a_sandwich_is_the_cores() -> None:
+    """Thin stiff faces on a soft core: S → G_core (h + t)²/h (Allen, Analysis and Design of Structural Sandwich Panels)."""
+    face = OrthotropicMaterial(70e9, 70e9, 26e9, 26e9, 26e9, 0.3, 2700.0)
+    core = OrthotropicMaterial(1e6, 1e6, 0.5e6, 40e6, 20e6, 0.0, 100.0)
+    t, h = 0.0005, 0.02
+    laminate = section([Ply(face, t), Ply(core, h), Ply(face, t)], shear="equilibrium")
+    expected = np.array([40e6, 20e6]) * (h + t) ** 2 / h
+    # Allen neglects the parabola of the stress in the faces: t/h/3 of the energy, nearly nothing of it in stiff faces.
+    np.testing.assert_allclose(np.diag(laminate.S), expected, rtol=1e-3)
+    # κ = 5/6 of the mean stiffness misses it by an order of magnitude.
+    assert section([Ply(face, t), Ply(core, h), Ply(face, t)]).S[0, 0] > 20 * laminate.S[0, 0]
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"Ex": 0.0}, "material.Ex"),
+        ({"Gyz": -1.0}, "material.Gyz"),
+        ({"density": float("nan")}, "material.density"),
+        ({"nu_xy": 1.2}, "material.nu_xy"),
+    ],
+)
+def test_impossible_materials_are_refused_by_field(change, field) -> None:
+    values = {"Ex": 1e9, "Ey": 1e9, "Gxy": 1e9, "Gxz": 1e9, "Gyz": 1e9, "nu_xy": 0.3, "density": 1.0}
+    with pytest.raises(InputError) as caught:
+        OrthotropicMaterial(**{**values, **change})
+    assert caught.value.field == field
+
+
+def test_impossible_plies_are_refused() -> None:
+    with pytest.raises(InputError, match=r"ply\.thickness"):
+        Ply(PAPER, 0.0)
+    with pytest.raises(InputError, match=r"laminate\.plies"):
+        section([])

@@ -1,0 +1,103 @@
+"""The plate model against closed forms, published solutions, a 3-D body and the paper."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fecore.body.laminate import OrthotropicMaterial, Ply, section
+from fecore.body.mesh import rectangle
+from fecore.body.model import plate
+from fecore.body.supports import Supports
+from tests.support.plates import PAPER, navier_hz, paper_section, solve
+
+HELD = Supports("simply_supported", "simply_supported", "simply_supported", "simply_supported")
+ISOTROPIC = OrthotropicMaterial(70e9, 70e9, 70e9 / 2.6, 70e9 / 2.6, 70e9 / 2.6, 0.3, 2700.0)
+GRAPHITE = OrthotropicMaterial(175e9, 7e9, 3.5e9, 3.5e9, 1.4e9, 0.25, 1600.0)
+
+
+def noor(ratio: float) -> OrthotropicMaterial:
+    return OrthotropicMaterial(ratio * 1e9, 1e9, 0.6e9, 0.6e9, 0.5e9, 0.25, 1.0)
+
+
+def test_paper_table_3_updated() -> None:
+    model = plate(rectangle(0.5, 0.04, 40, 4), Supports.of("cantilever"))
+    modes = solve(model, paper_section(), 5)
+    paper = np.array([25.63, 160.06, 399.28, 445.54, 865.86])
+    # 0.05 %: what issue and paper ask; the paper prints four digits and its mesh is not known.
+    np.testing.assert_allclose(modes.frequency_hz, paper, rtol=5e-4)
+    assert model.kinds(modes.shapes) == ("bending", "bending", "torsion", "bending", "bending")
+
+
+@pytest.mark.parametrize(
+    ("boundary", "length", "material", "reference"),
+    [
+        (
+            "cantilever",
+            0.5,
+            PAPER,
+            [25.941, 161.956, 403.350, 450.777, 875.805, 1215.70, 1432.13],
+        ),
+        (
+            "free",
+            0.501,
+            OrthotropicMaterial(31.85e9, 30.86e9, 6.31e9, 4.77e9, 5.56e9, 0.15, 2012.0),
+            [164.489, 450.973, 785.237, 876.966, 1434.20],
+        ),
+    ],
+)
+def test_three_dimensional_body(boundary, length, material, reference) -> None:
+    model = plate(rectangle(length, 0.04, 40, 4), Supports.of(boundary))
+    rigid = model.rigid_modes.shape[1]
+    modes = solve(model, section([Ply(material, 0.01012)]), len(reference) + rigid)
+    # 0.1 %: the difference between first-order plate theory and a converged solid of this slenderness.
+    np.testing.assert_allclose(modes.frequency_hz[rigid:], reference, rtol=1e-3)
+
+
+@pytest.mark.parametrize(("material", "thickness"), [(ISOTROPIC, 0.004), (ISOTROPIC, 0.03), (GRAPHITE, 0.02)])
+def test_simply_supported_plate_has_naviers_six_modes(material, thickness) -> None:
+    laminate = section([Ply(material, thickness)])
+    modes = solve(plate(rectangle(0.4, 0.3, 20, 16), HELD), laminate, 6)
+    # The mesh's own error at the sixth mode, (h/L)⁴ of a half wave of five elements.
+    np.testing.assert_allclose(modes.frequency_hz, navier_hz(laminate, 0.4, 0.3, 6), rtol=2e-4)
+
+
+def test_frequencies_converge_with_the_fourth_power_of_the_element_size() -> None:
+    laminate = section([Ply(ISOTROPIC, 0.03)])
+    exact = navier_hz(laminate, 0.4, 0.3, 4)
+    sizes = np.array([4, 6, 8, 12])
+    errors = [
+        np.abs(solve(plate(rectangle(0.4, 0.3, n, n), HELD), laminate, 4).frequency_hz / exact - 1) for n in sizes
+    ]
+    slope = -np.polyfit(np.log(sizes), np.log(np.array(errors)), 1)[0]
+    # Quadratic shape functions: eigenvalues of order 2p = 4.
+    assert np.all(slope > 3.7), slope
+
+
+@pytest.mark.parametrize(("ratio", "published"), [(10, 8.2982), (20, 9.5671), (30, 10.326), (40, 10.854)])
+def test_symmetric_cross_ply_against_published_first_order_solution(ratio, published) -> None:
+    """[0/90/90/0], a/h = 5: Khdeir and Librescu, Composite Structures 9 (1988), first-order theory, κ = 5/6."""
+    laminate = section([Ply(noor(ratio), 0.05, angle) for angle in (0, 90, 90, 0)])
+    found = solve(plate(rectangle(1, 1, 12, 12), HELD), laminate, 1).omega[0] / 0.2 * np.sqrt(1 / 1e9)
+    # They print five digits.
+    assert found == pytest.approx(published, rel=1e-4)
+
+
+def test_antisymmetric_cross_ply_couples_membrane_and_bending() -> None:
+    laminate = section([Ply(GRAPHITE, 0.01, angle) for angle in (0, 90)])
+    assert laminate.is_coupled
+    model = plate(rectangle(0.4, 0.3, 20, 16), HELD, membrane=True)
+    modes = solve(model, laminate, 12)
+    bending = modes.frequency_hz[np.array(model.kinds(modes.shapes)) != "in-plane"]
+    np.testing.assert_allclose(bending[:6], navier_hz(laminate, 0.4, 0.3, 6), rtol=2e-4)
+
+
+def test_in_plane_modes_of_a_free_bar_are_labelled() -> None:
+    # A slender bar: axial waves f = n/2L √(E/ρ), Poisson's inertia lowers the first by less than 0.1 %.
+    model = plate(rectangle(0.5, 0.01, 40, 2), Supports(), membrane=True)
+    modes = solve(model, paper_section(), 24)
+    kinds = np.array(model.kinds(modes.shapes[:, 6:]))
+    axial = np.sqrt(PAPER.Ex / PAPER.density) / (2 * 0.5)
+    flat = modes.frequency_hz[6:][kinds == "in-plane"]
+    assert np.min(np.abs(flat / axial - 1)) < 1e-3
+    assert {"bending", "torsion", "in-plane"} == set(kinds)

@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fecore.body.specimen import CONSTANTS, Specimen
+from fecore.body.supports import PointMass
+from fecore.dynamics.eigen import normal_modes
+from fecore.dynamics.factor import factorise
+from fecore.dynamics.reduction import FREQUENCY_TOLERANCE, CoefficientRatio, ReducedModel
+from fecore.updating.forward import ForwardModel
+from fecore.updating.parameters import Parameter, parametrise
+from tests.support.plates import PAPER
+
+FIVE = ("Ex", "Ey", "Gxy", "Gxz", "Gyz")
+EIGHT = (*FIVE, "nu_xy", "density", "thickness")
+
+
+def laden(boundary: str) -> Specimen:
+    return Specimen(0.5, 0.04, 0.01, PAPER, boundary, (PointMass(0.49, 0.015, 0.0048),), divisions=(20, 2))
+
+
+def full_modes(model, c, count):
+    return normal_modes(model.stiffness.at(c.stiffness), model.mass.at(c.mass), count, model.rigid_modes)
+
+
+@pytest.mark.parametrize("boundary", ["cantilever", "free"])
+@pytest.mark.parametrize("names", [FIVE, EIGHT])
+def test_frequencies_over_a_box_of_half_and_its_corners(boundary, names) -> None:
+    specimen = laden(boundary)
+    model, parametrisation = specimen.model, parametrise(specimen, [Parameter(name) for name in names])
+    reduced = ForwardModel(specimen, parametrisation, (1,), np.array([[0.4, 0.01]]), 9).basis
+    rng = np.random.default_rng(5)
+    checked = 0
+    for draw in range(40):
+        away = rng.choice([-1, 1], len(names)) if draw < 8 else rng.uniform(-1, 1, len(names))
+        theta = parametrisation.prior_mean * (1 + 0.5 * away)
+        if not parametrisation.is_physical(theta):
+            continue
+        c = parametrisation.coefficients(theta)
+        full = full_modes(model, c, 9)
+        before = reduced.system.modes(c.stiffness, c.mass, 9)
+        error = np.abs(before.frequency_hz[full.rigid :] / full.frequency_hz[full.rigid :] - 1)
+        estimate = reduced.frequency_error(c.stiffness, c.mass, before)
+        # It says so: whatever misses the tolerance is estimated to miss it.
+        assert np.all(estimate[error > FREQUENCY_TOLERANCE] > FREQUENCY_TOLERANCE)
+        after = reduced.modes(c.stiffness, c.mass)
+        np.testing.assert_allclose(after.frequency_hz[full.rigid :], full.frequency_hz[full.rigid :], rtol=2e-6)
+        np.testing.assert_array_equal(after.eigenvalue[: full.rigid], 0)
+        checked += 1
+    assert checked > 20
+    assert reduced.full_solves < checked  # what was learnt serves later draws
+
+
+def test_near_the_start_nothing_is_solved_in_full_and_shapes_agree() -> None:
+    specimen = laden("cantilever")
+    model, parametrisation = specimen.model, parametrise(specimen, [Parameter(name) for name in FIVE])
+    reduced = ForwardModel(specimen, parametrisation, (1,), np.array([[0.4, 0.01]]), 9).basis
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        c = parametrisation.coefficients(parametrisation.prior_mean * (1 + 0.02 * rng.uniform(-1, 1, 5)))
+        modes, full = reduced.modes(c.stiffness, c.mass), full_modes(model, c, 9)
+        np.testing.assert_allclose(modes.frequency_hz, full.frequency_hz, rtol=1e-6)
+        shapes = reduced.basis @ modes.shapes
+        shapes = shapes * np.sign(np.einsum("dn,dn->n", shapes, full.shapes))
+        # A shape's error is about the root of its frequency's.
+        np.testing.assert_allclose(shapes, full.shapes, atol=1e-3 * np.abs(full.shapes).max())
+    assert reduced.full_solves == 1
+
+
+def test_a_parameter_at_its_bound_is_mended_to_the_tolerance() -> None:
+    """A thousandth of the transverse shear: what enrichment must add has little energy at the start and much there."""
+    specimen = Specimen(0.5, 0.04, 0.01, PAPER)
+    model, parametrisation = specimen.model, parametrise(specimen, [Parameter(name) for name in FIVE])
+    start = parametrisation.coefficients(parametrisation.prior_mean)
+    reduced = ReducedModel(model, start.stiffness, start.mass, 20)
+    for share in ([0.93, 0.81, 0.61, 1e-3, 1e-3], [0.97, 0.91, 0.80, 1e-3, 1e-3]):  # the second lies near the first
+        c = parametrisation.coefficients(parametrisation.prior_mean * np.array(share))
+        found = reduced.modes(c.stiffness, c.mass).frequency_hz
+        np.testing.assert_allclose(found, full_modes(model, c, 20).frequency_hz, rtol=FREQUENCY_TOLERANCE)
+
+
+def test_a_basis_that_knows_what_may_change_is_smaller_and_as_good() -> None:
+    specimen = laden("cantilever")
+    model, parametrisation = specimen.model, parametrise(specimen, [Parameter(name) for name in FIVE])
+    start = parametrisation.coefficients(parametrisation.prior_mean)
+    knowing = ForwardModel(specimen, parametrisation, (1,), np.array([[0.4, 0.01]]), 9).basis
+    blind = ReducedModel(model, start.stiffness, start.mass, 9)
+    assert knowing.basis.shape[1] < 0.8 * blind.basis.shape[1]
+    rng = np.random.default_rng(2)
+    for _ in range(10):
+        c = parametrisation.coefficients(parametrisation.prior_mean * (1 + 0.05 * rng.uniform(-1, 1, 5)))
+        full = full_modes(model, c, 9).frequency_hz
+        small, large = (
+            np.abs(b.system.modes(c.stiffness, c.mass, 9).frequency_hz / full - 1) for b in (knowing, blind)
+        )
+        assert small.max() < 3 * large.max() + 1e-9
+
+
+@pytest.mark.parametrize("boundary", ["cantilever", "free"])
+def test_static_deflections_of_covered_points(boundary) -> None:
+    specimen = laden(boundary)
+    model, parametrisation = specimen.model, parametrise(specimen, [Parameter(name) for name in FIVE])
+    start = parametrisation.coefficients(parametrisation.prior_mean)
+    load = model.deflection(np.array([[0.31, 0.012]])).T.toarray()
+    reduced = ReducedModel(model, start.stiffness, start.mass, 9, load)
+    c = parametrisation.coefficients(parametrisation.prior_mean * np.array([1.1, 0.9, 1.1, 0.9, 1.05]))
+    modes, V = reduced.modes(c.stiffness, c.mass), reduced.basis
+    found = V @ modes.factor.solve(V.T @ load)
+    exact = factorise(model.stiffness.at(c.stiffness) - modes.shift * model.mass.at(c.mass)).solve(load)
+    # Galerkin: the compliance at the load errs with the square of the deflection.
+    assert (load.T @ found).item() == pytest.approx((load.T @ exact).item(), rel=1e-6)
+
+
+def test_coefficient_ratio_bounds_the_stiffness_from_below() -> None:
+    specimen = laden("cantilever")
+    model, parametrisation = specimen.model, parametrise(specimen, [Parameter(name) for name in CONSTANTS])
+    start = parametrisation.coefficients(parametrisation.prior_mean)
+    ratio = CoefficientRatio(model.stiffness, start.stiffness)
+    rng = np.random.default_rng(0)
+    small = model.stiffness.at(start.stiffness).toarray()
+    lower = np.linalg.cholesky(small)
+    for _ in range(3):
+        c = parametrisation.coefficients(
+            parametrisation.prior_mean * (1 + 0.4 * rng.uniform(-1, 1, parametrisation.prior_mean.size))
+        )
+        inverse = np.linalg.inv(lower)
+        least = np.linalg.eigvalsh(inverse @ model.stiffness.at(c.stiffness).toarray() @ inverse.T)[0]
+        assert 0 < ratio.smallest(c.stiffness) <= least * (1 + 1e-6)

@@ -1,0 +1,34 @@
+"""The paper's cantilever as fixtures: its body, its model, its measured modes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fecore.body.specimen import Specimen
+from fecore.modes import MeasuredModes
+from fecore.updating.forward import ForwardModel
+from fecore.updating.parameters import parametrise
+from tests.support.cantilever import COUPONS, MEASURED_DAMPING, MEASURED_HZ, PARAMETERS, TABLE_4, grid
+
+
+@pytest.fixture(scope="session")
+def nominal() -> Specimen:
+    return Specimen(length=0.5, width=0.04, thickness=0.010, material=COUPONS)
+
+
+@pytest.fixture(scope="session")
+def forward(nominal: Specimen) -> ForwardModel:
+    points = grid()
+    places = np.array(list(points.values()))[:, :2]
+    return ForwardModel(nominal, parametrise(nominal, PARAMETERS), tuple(points), places, 12)
+
+
+@pytest.fixture(scope="session")
+def updated_by_paper(nominal: Specimen) -> Specimen:
+    return nominal.with_constants(np.array(list({**nominal.nominal, **TABLE_4}.values())))
+
+
+@pytest.fixture(scope="session")
+def paper_modes() -> MeasuredModes:
+    return MeasuredModes(MEASURED_HZ, MEASURED_DAMPING)

@@ -1,0 +1,104 @@
+"""An isotropic beam goes through the same updating as a plate."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fecore.body.beam import BeamSection
+from fecore.body.laminate import OrthotropicMaterial
+from fecore.body.specimen import BEAM_CONSTANTS, BeamSpecimen, Specimen
+from fecore.errors import InputError
+from fecore.frf import Dof
+from fecore.modes import MeasuredModes
+from fecore.updating.elastic import update_elastic
+from fecore.updating.forward import ForwardModel
+from fecore.updating.parameters import Parameter, parametrise
+from tests.support.cantilever import grid
+
+BEAM = BeamSpecimen(0.5, 0.04, 0.010, modulus=30e9, poisson=0.3, density=2012.0)
+EVERYTHING = [Parameter(name) for name in BEAM_CONSTANTS]
+
+
+def isotropic(modulus: float, poisson: float, density: float) -> OrthotropicMaterial:
+    shear = modulus / (2 * (1 + poisson))
+    return OrthotropicMaterial(modulus, modulus, shear, shear, shear, poisson, density)
+
+
+def forward(parameters: list[Parameter]) -> ForwardModel:
+    points = grid()
+    places = np.array(list(points.values()))[:, :2]
+    return ForwardModel(BEAM, parametrise(BEAM, parameters), tuple(points), places, 9)
+
+
+def test_coefficients_are_those_of_the_section() -> None:
+    theta = np.array([70e9, 0.33, 2700.0, 0.03, 0.004, 0.5])
+    found = parametrise(BEAM, EVERYTHING).coefficients(theta)
+    section = BeamSection(0.03, 0.004, isotropic(70e9, 0.33, 2700.0))
+    np.testing.assert_allclose(found.stiffness, section.coefficients(), rtol=1e-14)
+    np.testing.assert_allclose(found.mass, section.inertias(), rtol=1e-14)
+
+
+def test_derivatives_agree_with_closed_forms_and_differences() -> None:
+    theta = np.array([70e9, 0.33, 2700.0, 0.03, 0.004, 0.5])
+    E, nu, density, width, thickness, _ = theta
+    parametrisation = parametrise(BEAM, EVERYTHING)
+    found = parametrisation.coefficients(theta)
+    np.testing.assert_allclose(found.stiffness_by[:, 0], found.stiffness / E, rtol=1e-14)
+    np.testing.assert_allclose(found.stiffness_by[1:4, 1], -found.stiffness[1:4] / (1 + nu), rtol=1e-14)
+    np.testing.assert_allclose(found.stiffness_by[4, 3:5], found.stiffness[4] * np.array([1 / width, 3 / thickness]))
+    np.testing.assert_allclose(found.mass_by[:4, 2], found.mass[:4] / density, rtol=1e-14)
+    for p, value in enumerate(theta):  # the torsion series, which has no short derivative
+        step = 1e-5 * value * np.eye(6)[p]
+        up, down = (parametrisation.coefficients(theta + sign * step) for sign in (1, -1))
+        difference = (up.stiffness - down.stiffness) / (2e-5 * value)
+        # Central differences err by 1e-10 relative and round-off/step, 1e-11 of the value.
+        np.testing.assert_allclose(
+            found.stiffness_by[:, p], difference, rtol=1e-8, atol=1e-9 * found.stiffness.max() / value
+        )
+
+
+def test_in_plane_motion_is_left_out_and_the_plate_agrees() -> None:
+    state = forward([Parameter("E")]).solve(np.array([30e9]))
+    assert set(state.kinds) == {"bending", "torsion"}
+    plate = Specimen(0.5, 0.04, 0.010, isotropic(30e9, 0.3, 2012.0))
+    shell = ForwardModel(plate, parametrise(plate), (1,), np.array([[0.5, 0.0]]), 4)
+    bending = state.frequency_hz[np.array(state.kinds) == "bending"]
+    theirs = shell.solve(shell.parametrisation.prior_mean)
+    other = theirs.frequency_hz[np.array(theirs.kinds) == "bending"]
+    # A beam's clamp holds no anticlastic bending.
+    np.testing.assert_allclose(bending[:3], other[:3], rtol=5e-3)
+
+
+def test_bending_and_torsion_give_both_constants_back() -> None:
+    model = forward([Parameter("E", prior_mean=25e9), Parameter("nu", prior_sd=0.3)])
+    truth = np.array([31e9, 0.22])
+    state = model.solve(truth)
+    dofs = tuple(Dof(point, 3) for point in model.points)
+    modes = MeasuredModes(state.frequency_hz[:5], np.full(5, 0.02), state.shapes[:5].astype(complex), dofs)
+    result = update_elastic(model, modes)
+    sd = np.sqrt(np.diag(result.covariance))
+    assert np.all(np.abs(result.theta - truth) < 0.5 * sd)  # priors of 30 % may pull a little, no more
+    np.testing.assert_allclose(result.theta, truth, rtol=5e-3)
+    assert all(verdict.identifiable for verdict in result.identifiability)
+
+
+def test_points_of_the_axis_see_no_torsion() -> None:
+    model = replace(forward([Parameter("E")]), places=np.array([[0.25, 0.0], [0.5, 0.0]]), points=(1, 2))
+    state = model.solve(np.array([30e9]))
+    twisted = np.array(state.kinds) == "torsion"
+    assert twisted.any()
+    np.testing.assert_allclose(state.shapes[twisted], 0, atol=1e-8 * np.abs(state.shapes).max())
+
+
+def test_bad_beams_and_other_bodies_constants_are_refused() -> None:
+    with pytest.raises(InputError, match="expected one of E, nu, density, width, thickness"):
+        parametrise(BEAM, [Parameter("Ex")])
+    with pytest.raises(InputError, match="expected positive numbers"):
+        replace(BEAM, poisson=0.5)
+    with pytest.raises(InputError, match="Poisson"):
+        parametrise(BEAM, [Parameter("E"), Parameter("nu", prior_mean=0.7)])
+    with pytest.raises(InputError, match="prior_mean"):
+        parametrise(BEAM, [Parameter("E", prior_mean=-1.0)])

@@ -1,0 +1,161 @@
+"""What a laboratory does not know exactly: inputs, clamps, windows, delays, and how each reaches the intervals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.coverage import BEAM, draw
+from fecore.body.specimen import BeamSpecimen, Specimen
+from fecore.body.supports import Spring, Supports
+from fecore.errors import InputError
+from fecore.modes import MeasuredModes
+from fecore.updating.discretisation import DISCRETISATION, discretise
+from fecore.updating.elastic import ElasticResult, update_elastic
+from fecore.updating.excursions import excursions
+from fecore.updating.forward import ForwardModel
+from fecore.updating.inputs import Inputs
+from fecore.updating.measurement import Measurement
+from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.pipeline import update
+from tests.support.cantilever import MEASURED_HZ, PARAMETERS
+
+
+def frequencies(specimen: Specimen | BeamSpecimen, count: int = 12) -> np.ndarray:
+    forward = ForwardModel(
+        specimen, parametrise(specimen, [Parameter(next(iter(specimen.nominal)))]), (), np.zeros((0, 2)), count
+    )
+    return forward.solve(forward.parametrisation.prior_mean).frequency_hz
+
+
+@pytest.mark.parametrize("boundary", ["cantilever", "free"])
+def test_length_and_width_are_constants_of_the_same_mesh(nominal: Specimen, boundary: str) -> None:
+    """Powers of the stretches stand for another mesh exactly: only the solver's round-off is left."""
+    body = replace(nominal, boundary=boundary, divisions=(10, 2))
+    parametrisation = parametrise(body, [Parameter("length"), Parameter("width")])
+    stretched = ForwardModel(body, parametrisation, (), np.zeros((0, 2)), 12, reduced=False)
+    found = stretched.solve(np.array([0.51, 0.039])).frequency_hz
+    np.testing.assert_allclose(found, frequencies(replace(body, length=0.51, width=0.039)), rtol=1e-6)
+
+
+def test_a_clamps_rotation_is_that_of_a_spring(nominal: Specimen) -> None:
+    """The reaction's work is the derivative by the compliance: a spring of EI/kL = 10⁻⁴ lowers every mode as it says."""
+    share = 1e-4
+    EI = nominal.material.Ex * nominal.width * nominal.thickness**3 / 12
+    per_metre = EI / (share * nominal.length) / nominal.width
+    held = replace(nominal, supports=Supports(start="clamped"))
+    sprung = replace(
+        nominal, supports=Supports(start="simply_supported"), springs=(Spring("root", per_metre, 5, edge="start"),)
+    )
+    forward = ForwardModel(nominal, parametrise(nominal), (), np.zeros((0, 2)), 12)
+    state = forward.solve(forward.parametrisation.prior_mean)
+    (rotation,) = [
+        each
+        for each in excursions(state, replace(Inputs.exact(), clamp_compliance_sd=share), ())
+        if each.name == "clamp_rotation"
+    ]
+    exact = frequencies(sprung)[:8] / frequencies(held)[:8] - 1
+    # Bending alone: springs along the edge let it warp, a clamp as a rigid jaw does not. Second order in the compliance, and
+    # the mass of the clamped row, which the reaction leaves out, are some parts in a thousand of the effect.
+    bending = [0, 1, 3, 4, 6]
+    np.testing.assert_allclose(rotation.shift[bending], exact[bending], rtol=0.005)
+
+
+def result_with(nominal: Specimen, parameters: tuple[Parameter, ...], inputs: dict[str, float]) -> ElasticResult:
+    parametrisation = parametrise(nominal, parameters).with_inputs(inputs)
+    forward = ForwardModel(nominal, parametrisation, (), np.zeros((0, 2)), 12)
+    return update_elastic(forward, MeasuredModes(MEASURED_HZ, np.full(5, np.nan)))
+
+
+def test_the_budget_adds_up_and_thickness_counts_twice(nominal: Specimen) -> None:
+    result = result_with(nominal, PARAMETERS, {"thickness": 0.01 * nominal.thickness})
+    total = sum(part @ part.T for part in result.sources.values())
+    # Frequencies go with t √E, so E's own share of a thickness known to 1 % is 2 %: shear and priors take a little of it.
+    assert np.linalg.norm(result.sources["thickness"][0]) == pytest.approx(0.02, rel=0.03)
+    weight = np.linalg.inv(result.noise + result.discrepancy**2 * np.eye(5))
+    hessian = result.sensitivity.T @ weight @ result.sensitivity + np.diag(result.coordinates.sd**-2)
+    np.testing.assert_allclose(total, np.linalg.inv(hessian), rtol=1e-8, atol=1e-12)
+
+
+def test_constants_with_a_common_scale_are_not_identifiable(nominal: Specimen) -> None:
+    parameters = (*PARAMETERS, Parameter("density"))
+    found = {each.name: each for each in result_with(nominal, parameters, {}).identifiability}
+    for name in ("Ex", "Gxy", "density"):
+        assert not found[name].identifiable
+        assert set(found[name].confounded_with) & {"Ex", "Gxy", "density"}
+
+
+def test_what_is_not_stated_widens_and_what_is_known_does_not() -> None:
+    measurement, true = draw(0)
+    default, exact = update(measurement, BEAM), update(replace(measurement, inputs=Inputs.exact()), BEAM)
+    wide, narrow = ({p.name: p for p in result.parameters} for result in (default, exact))
+    assert wide["Ex"].standard_deviation > 5 * narrow["Ex"].standard_deviation
+    below, above = (abs(end - wide["Ex"].estimate) for end in wide["Ex"].interval_95)
+    assert above > 1.3 * below  # a clamp can only be softer than the model's
+    shares = {entry.source: entry.share for entry in wide["Ex"].budget}
+    assert list(shares)[:2] == ["clamp_rotation", "thickness"]
+    assert sum(shares.values()) == pytest.approx(1, abs=1e-2)
+    assert exact.verdict.level == "usable"
+    assert default.verdict.level == "with_care"
+    assert "exponential window" in default.verdict.reasons[0]
+    for name in ("Ex", "Gxy", "Gxz", "a0", "a1"):
+        assert narrow[name].interval_95[0] < true[name] < narrow[name].interval_95[1]
+
+
+def test_a_stated_window_is_taken_off_the_damping() -> None:
+    measurement, _ = draw(0)
+    plain = replace(measurement, inputs=Inputs.exact())
+    # 1/τ = 4 1/s on top of what the body has: a0 comes out 8 1/s lower, and nothing else moves.
+    seen = {p.name: p.estimate for p in update(plain, BEAM).parameters}
+    windowed = replace(plain, inputs=replace(Inputs.exact(), window_rate=4.0))
+    found = {p.name: p.estimate for p in update(windowed, BEAM).parameters}
+    assert found["a0"] == pytest.approx(seen["a0"] - 8, abs=0.25)
+    assert found["a1"] == pytest.approx(seen["a1"], rel=0.01)
+    assert found["Ex"] == pytest.approx(seen["Ex"], rel=1e-4)
+    with pytest.raises(InputError, match="more than measured mode 1 decays by"):
+        update(replace(plain, inputs=replace(Inputs.exact(), window_rate=40.0)), BEAM)
+
+
+def test_a_delay_between_channels_is_found_and_leaves_the_damping_alone() -> None:
+    measurement, _ = draw(0)
+    frfs = measurement.frfs
+    assert frfs is not None
+    late = replace(frfs, values=frfs.values * np.exp(-1j * frfs.omega * 30e-6))
+    inputs = Inputs(window_rate=0.0)
+    clean = update(replace(measurement, inputs=inputs), BEAM)
+    result = update(replace(measurement, frfs=late, inputs=inputs), BEAM)
+    assert result.channel_delay_s == pytest.approx(30e-6, abs=1e-6)
+    for one, other in zip(result.parameters[-2:], clean.parameters[-2:], strict=True):
+        assert one.estimate == pytest.approx(other.estimate, rel=0.005), one.name
+
+
+def test_modes_without_frfs_give_constants_and_a_law(nominal: Specimen) -> None:
+    ratio = np.array([0.1556, 0.0284, 0.0243, 0.0147, 0.0126])
+    result = update(Measurement(None, {}, MeasuredModes(MEASURED_HZ, ratio)), nominal)
+    assert [(o.stage, o.status) for o in result.outcomes] == [("elastic", "succeeded"), ("damping", "succeeded")]
+    found = {p.name: p.estimate for p in result.parameters}
+    assert found["Ex"] == pytest.approx(31.66e9, rel=0.005)
+    # By hand: a0/ω + a1 ω = 2ζ by generalised least squares of the relative errors, 2 % each and 2 % for the law.
+    omega = 2 * np.pi * MEASURED_HZ
+    rows = np.column_stack([1 / omega, omega]) / (2 * ratio)[:, None]
+    a0, a1 = np.linalg.lstsq(rows, np.ones(5), rcond=None)[0]
+    assert (found["a0"], found["a1"]) == pytest.approx((a0, a1), rel=1e-6)
+    assert result.prediction is None
+    assert result.correlation.updated is None
+    silent = update(Measurement(None, {}, MeasuredModes(MEASURED_HZ, np.full(5, np.nan))), nominal)
+    assert silent.outcomes[1].status == "skipped"
+    with pytest.raises(InputError, match="neither FRFs nor modes"):
+        Measurement(None, {})
+
+
+@pytest.mark.parametrize("size", [(0.5, 0.04, 0.01, 1000), (0.2, 0.3, 0.004, 900)])
+def test_the_mesh_is_as_good_as_it_says(nominal: Specimen, size: tuple[float, float, float, float]) -> None:
+    length, width, thickness, highest = size
+    body = replace(nominal, length=length, width=width, thickness=thickness)
+    found = discretise(body, highest)
+    assert found.error.max() < DISCRETISATION
+    nx, ny = found.divisions
+    chosen, finer = (frequencies(replace(body, divisions=d), found.error.size) for d in ((nx, ny), (2 * nx, 2 * ny)))
+    assert np.abs(chosen / finer - 1).max() < DISCRETISATION

@@ -1,0 +1,62 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fecore.body.specimen import CONSTANTS, Specimen
+from fecore.errors import InputError
+from fecore.updating.parameters import Parameter, parametrise
+
+EVERYTHING = tuple(Parameter(name) for name in CONSTANTS)
+
+
+def test_coefficients_are_those_of_the_section(nominal: Specimen) -> None:
+    theta = np.array([30e9, 28e9, 5e9, 4e9, 6e9, 0.2, 1900.0, 0.011, 0.5, 0.04])
+    coefficients = parametrise(nominal, EVERYTHING).coefficients(theta)
+    section = nominal.with_constants(theta).section
+    # The same closed forms evaluated in another order: equal to round-off.
+    np.testing.assert_allclose(
+        coefficients.stiffness, nominal.model.stiffness_coefficients(section), rtol=1e-13, atol=0
+    )
+    np.testing.assert_allclose(coefficients.mass, nominal.model.mass_coefficients(section), rtol=1e-13, atol=0)
+
+
+def test_derivatives_agree_with_complex_steps(nominal: Specimen) -> None:
+    parametrisation = parametrise(nominal, EVERYTHING)
+    theta = np.array([30e9, 28e9, 5e9, 4e9, 6e9, 0.2, 1900.0, 0.011, 0.5, 0.04])
+    exact = parametrisation.coefficients(theta)
+    for column, value in enumerate(theta):
+        step = theta.astype(complex)
+        step[column] += 1e-30j * value
+        moved = parametrisation.coefficients(step)
+        for got, by in ((moved.stiffness, exact.stiffness_by), (moved.mass, exact.mass_by)):
+            # A complex step has no cancellation: only the formulas' own round-off is left.
+            np.testing.assert_allclose(got.imag / (1e-30 * value), by[:, column], rtol=1e-13, atol=0)
+
+
+def test_a_tied_constant_keeps_the_ratio_of_nominal_values(nominal: Specimen) -> None:
+    recipe = (Parameter("Gxz", prior_mean=4e9), Parameter("Gyz", prior_mean=6e9, tied_to="Gxz"))
+    constants = dict(zip(CONSTANTS, parametrise(nominal, recipe).constants(np.array([5e9])), strict=True))
+    assert constants["Gyz"] == pytest.approx(7.5e9, rel=1e-15)
+    assert constants["Ex"] == nominal.material.Ex
+
+
+@pytest.mark.parametrize(
+    ("recipe", "field", "words"),
+    [
+        ([Parameter("E")], "parameters.0.name", "expected one of"),
+        ([Parameter("Ex"), Parameter("Ex")], "parameters.1.name", "twice"),
+        ([Parameter("Ex", prior_mean=-1.0)], "parameters.0.prior_mean", "positive"),
+        ([Parameter("Ex", prior_sd=0.0)], "parameters.0.prior_sd", "positive"),
+        ([Parameter("Ex", prior_sd=1e9, fixed=True)], "parameters.0.prior_sd", "fixed"),
+        ([Parameter("Ex", tied_to="Ex")], "parameters.0.tied_to", "itself"),
+        ([Parameter("Ex", tied_to="Ey")], "parameters.0.tied_to", "not a free parameter"),
+        ([Parameter("Ex", fixed=True)], "parameters", "nothing to update"),
+        ([Parameter("Ex", fixed=True), Parameter("Ey", tied_to="Ex")], "parameters.1.tied_to", "not a free"),
+        ([Parameter("nu_xy", prior_mean=1.2), Parameter("Ex")], "parameters", "positive definite"),
+    ],
+)
+def test_contradictions_name_the_field(nominal: Specimen, recipe: list[Parameter], field: str, words: str) -> None:
+    with pytest.raises(InputError, match=words) as caught:
+        parametrise(nominal, recipe)
+    assert caught.value.field == field

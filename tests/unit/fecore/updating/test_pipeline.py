@@ -1,0 +1,213 @@
+"""The whole job on FRFs of the core's own, and on the independent sets where they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.coverage import BEAM, PARAMETERS, draw, inside
+from fecore.errors import InputError
+from fecore.frf import Dof
+from fecore.updating.measurement import Measurement
+from fecore.updating.parameters import Parameter
+from fecore.updating.pipeline import update
+from fecore.updating.recipe import HoldOut, Recipe
+from fecore.updating.result import UpdateResult
+
+
+@pytest.fixture(scope="module")
+def measured() -> tuple[Measurement, dict[str, float]]:
+    return draw(0)
+
+
+@pytest.fixture(scope="module")
+def result(measured: tuple[Measurement, dict[str, float]]) -> UpdateResult:
+    return update(measured[0], BEAM)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    """Eight sets with a wrong model; the benchmark `coverage` does forty, here 88 % of 48 intervals must hold."""
+    held = []
+    for seed in range(8):
+        measurement, true = draw(seed)
+        held += list(inside(update(measurement, BEAM), true).values())
+    assert len(held) == 8 * len(PARAMETERS)
+    assert np.mean(held) >= 0.88
+
+
+def test_every_eighth_frf_is_held_out_and_predicted_with_its_interval(result: UpdateResult) -> None:
+    held = result.correlation.held_out_frfs
+    assert held is not None
+    assert held.points == (5, 13, 21, 29)
+    assert held.agreement.sac.min() > 0.98
+    assert 0.9 <= held.coverage_95 <= 1.0
+    assert result.correlation.updated.sac.size == 29
+
+
+def test_held_out_points_and_band_are_not_seen_by_the_fit(measured: tuple[Measurement, dict[str, float]]) -> None:
+    """Spoiling what is held out must leave every estimate as it was, to the bit."""
+    measurement, _ = measured
+    recipe = Recipe(hold_out=HoldOut(points=(4, 7), band_hz=(500.0, 600.0)))
+    spoilt = measurement.frfs.values.copy()
+    rows = [i for i, dof in enumerate(measurement.frfs.references) if dof.point in (4, 7)]
+    spoilt[rows] *= 3
+    changed = replace(measurement, frfs=replace(measurement.frfs, values=spoilt))
+    one, other = update(measurement, BEAM, recipe), update(changed, BEAM, recipe)
+    assert [p.estimate for p in one.parameters] == [p.estimate for p in other.parameters]
+    assert one.correlation.held_out_frfs is not None
+    assert other.correlation.held_out_frfs is not None
+    assert other.correlation.held_out_frfs.coverage_95 < one.correlation.held_out_frfs.coverage_95
+    assert one.correlation.held_out_band is not None
+    assert one.correlation.held_out_band.band_hz == (500.0, 600.0)
+
+
+def test_sampled_and_gaussian_posteriors_agree_and_repeat(
+    measured: tuple[Measurement, dict[str, float]], result: UpdateResult
+) -> None:
+    sampled, again = (update(measured[0], BEAM, Recipe(posterior="mcmc", seed=1)) for _ in range(2))
+    assert min(sampled.posterior.effective_samples) >= 5000
+    for one, other, repeated in zip(result.parameters, sampled.parameters, again.parameters, strict=True):
+        assert one.estimate == other.estimate
+        assert other.standard_deviation == pytest.approx(one.standard_deviation, rel=0.15)
+        assert (other.standard_deviation, other.interval_95) == (repeated.standard_deviation, repeated.interval_95)
+
+
+def test_one_optimum_from_all_starts(result: UpdateResult) -> None:
+    assert result.damping_starts >= 4
+    assert len(result.damping_optima) == 1
+
+
+def test_a_rayleigh_body_is_called_adequate(result: UpdateResult) -> None:
+    laws = {law.name: law for law in result.damping_models}
+    assert set(laws) == {"rayleigh", "caughey3", "caughey4", "generalised", "modal"}
+    assert laws["rayleigh"].preferred
+    assert not any("inadequate" in warning for warning in result.warnings)
+
+
+def test_joint_update_needs_no_modes(measured: tuple[Measurement, dict[str, float]]) -> None:
+    measurement, true = measured
+    joint = update(measurement, BEAM, Recipe(method="joint"))
+    assert joint.identification is None
+    found = {p.name: p for p in joint.parameters}
+    for name in PARAMETERS:  # six intervals of one set: three standard deviations, which one in 60 sets misses
+        assert abs(found[name].estimate - true[name]) < 3 * found[name].standard_deviation, name
+    assert found["Ex"].estimate == pytest.approx(true["Ex"], rel=0.01)
+    assert found["a0"].estimate == pytest.approx(true["a0"], rel=0.05)
+
+
+@pytest.mark.parametrize("law", ["modal", "generalised"])
+def test_joint_update_searches_with_the_law_asked_for(measured: tuple[Measurement, dict[str, float]], law: str) -> None:
+    measurement, true = measured
+    few = replace(measurement, frfs=measurement.frfs.select(list(range(0, 33, 4))))
+    joint = update(few, BEAM, Recipe(method="joint", damping_models=(law,)))
+    assert joint.damping_models[0].name == law
+    found = {p.name: p for p in joint.parameters}
+    for name in ("Ex", "Gxy", "Gxz"):
+        assert abs(found[name].estimate - true[name]) < 3 * found[name].standard_deviation, name
+    omega = 2 * np.pi * np.array([mode.measured_hz for mode in joint.modes])
+    ratio = np.array([mode.predicted_damping for mode in joint.modes], dtype=float)
+    assert ratio.size == 5
+    # The body lies off its Rayleigh law by 2 % (one standard deviation) a mode.
+    np.testing.assert_allclose(ratio, (true["a0"] / omega + true["a1"] * omega) / 2, rtol=0.06)
+
+
+def test_joint_update_refuses_an_unknown_law_before_it_searches(
+    measured: tuple[Measurement, dict[str, float]],
+) -> None:
+    told: list[float] = []
+    recipe = Recipe(method="joint", damping_models=("coulomb",))
+    with pytest.raises(InputError) as caught:
+        update(measured[0], BEAM, recipe, lambda _, share: told.append(share))
+    assert caught.value.field == "damping_models.0"
+    assert max(told) <= 0.4  # the share at which the search begins
+
+
+def test_shapes_tell_what_frequencies_do(measured: tuple[Measurement, dict[str, float]], result: UpdateResult) -> None:
+    measurement, true = measured
+    shaped = update(measurement, BEAM, Recipe(use_shapes=True))
+    assert all(inside(shaped, true)[name] for name in ("Ex", "Gxy", "Gxz"))
+    # As shares of the estimates: their coordinates are logarithms.
+    one = {p.name: p.standard_deviation / p.estimate for p in result.parameters}
+    for parameter in shaped.parameters[:5]:
+        assert parameter.standard_deviation / parameter.estimate <= one[parameter.name] * 1.01
+
+
+def test_signed_directions_are_honoured(measured: tuple[Measurement, dict[str, float]], result: UpdateResult) -> None:
+    """A hit along -Z with a turned sign is the same measurement."""
+    measurement, _ = measured
+    values, references = measurement.frfs.values.copy(), list(measurement.frfs.references)
+    for row in range(0, len(references), 2):
+        values[row] *= -1
+        references[row] = Dof(references[row].point, -3)
+    turned = replace(measurement, frfs=replace(measurement.frfs, values=values, references=tuple(references)))
+    again = update(turned, BEAM)
+    for one, other in zip(result.parameters, again.parameters, strict=True):
+        # The same numbers in another order of operations.
+        assert other.estimate == pytest.approx(one.estimate, rel=1e-6)
+
+
+def test_progress_names_stages_and_a_raise_in_it_stops_the_job(measured: tuple[Measurement, dict[str, float]]) -> None:
+    class StopError(Exception):
+        pass
+
+    told: list[tuple[str, float]] = []
+
+    def progress(stage: str, share: float) -> None:
+        told.append((stage, share))
+        if stage == "updating the damping":
+            raise StopError
+
+    with pytest.raises(StopError):
+        update(measured[0], BEAM, progress=progress)
+    assert [share for _, share in told] == sorted(share for _, share in told)
+    assert told[0][0] == "identifying the modes"
+
+
+@pytest.mark.parametrize(
+    ("recipe", "field"),
+    [
+        (Recipe(damping_models=()), "damping_models"),
+        (Recipe(damping_models=("coulomb",)), "damping_models.0"),
+        (Recipe(band_hz=(600.0, 500.0)), "band_hz"),
+        (Recipe(hold_out=HoldOut(points=(99,))), "hold_out.points"),
+        (Recipe(hold_out=HoldOut(points=tuple(range(1, 34)))), "hold_out.points"),
+        (Recipe(hold_out=HoldOut(band_hz=(0.0, 1e4))), "hold_out.band_hz"),
+        (Recipe(parameters=(Parameter("Ex", fixed=True),)), "parameters"),
+    ],
+)
+def test_wrong_recipes_name_their_field(
+    measured: tuple[Measurement, dict[str, float]], recipe: Recipe, field: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        update(measured[0], BEAM, recipe)
+    assert caught.value.field == field
+
+
+def test_a_point_without_coordinates_is_named(measured: tuple[Measurement, dict[str, float]]) -> None:
+    measurement, _ = measured
+    points = {label: place for label, place in measurement.points.items() if label != 12}
+    with pytest.raises(InputError, match="12") as caught:
+        update(replace(measurement, points=points), BEAM)
+    assert caught.value.field == "grid_points"
+
+
+def test_a_killed_chain_goes_on_and_ends_with_the_same_bits(measured: tuple[Measurement, dict[str, float]]) -> None:
+    class Kept:
+        def __init__(self, restored: bytes | None = None, dies_after: int = 10**6) -> None:
+            self.restored, self.left, self.last = restored, dies_after, b""
+
+        def checkpoint(self, data: bytes) -> None:
+            self.last, self.left = data, self.left - 1
+            if self.left == 0:
+                raise KeyboardInterrupt
+
+    recipe = Recipe(posterior="mcmc", seed=1)
+    killed = Kept(dies_after=2)
+    with pytest.raises(KeyboardInterrupt):
+        update(measured[0], BEAM, recipe, checkpoint=killed)
+    resumed = Kept(restored=killed.last)
+    one, other = update(measured[0], BEAM, recipe), update(measured[0], BEAM, recipe, checkpoint=resumed)
+    assert [p.interval_95 for p in one.parameters] == [p.interval_95 for p in other.parameters]
+    assert len(resumed.last) > len(killed.last)

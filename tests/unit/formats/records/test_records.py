@@ -1,0 +1,190 @@
+"""Named arrays and a mapping to time blocks: every kind of file gives the same blocks, and what cannot be right
+is named.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import savemat, wavfile
+
+from modalbase.formats.errors import FormatError
+from modalbase.formats.records import Variables, blocks_of, propose, read_mapping, read_variables
+
+RNG = np.random.default_rng(1)
+FORCE = RNG.standard_normal((3, 256)).astype(np.float32)
+RESPONSE = RNG.standard_normal((3, 256)).astype(np.float32)
+ARRAYS = {"force": FORCE, "acc": RESPONSE, "point": np.array([4, 4, 7]), "fs": np.array(2048.0)}
+MAPPING: dict[str, Any] = {
+    "sample_rate_hz": {"variable": "fs"},
+    "channels": [
+        {"variable": "force", "quantity": "force", "point": {"variable": "point"}, "sensitivity": 0.5},
+        {"variable": "acc", "quantity": "acceleration", "point": 33, "direction": -3, "window_rate_per_s": 2.0},
+    ],
+}
+
+
+def _mat(path: Path) -> None:
+    savemat(path, {"force": FORCE.T, "acc": RESPONSE.T, "point": ARRAYS["point"], "fs": 2048.0})
+
+
+def _mat73(path: Path) -> None:
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, values in ARRAYS.items():
+            file[name] = np.atleast_2d(values)
+    with path.open("r+b") as raw:
+        raw.write(b"MATLAB 7.3 MAT-file, Platform: TEST")
+
+
+def _npz(path: Path) -> None:
+    np.savez(path, **ARRAYS)
+
+
+@pytest.mark.parametrize(("suffix", "write"), [(".npz", _npz), (".mat", _mat), (".MAT", _mat73)])
+def test_every_kind_of_file_gives_the_same_blocks(suffix: str, write: Callable[[Path], None], tmp_path: Path) -> None:
+    path = tmp_path / f"hits{suffix}"
+    write(path)
+    blocks = blocks_of(read_variables(path), read_mapping(MAPPING))
+    assert [(b.quantity, b.point, b.direction, b.force_point, b.hit) for b in blocks] == [
+        ("force", 4, 3, 4, 1),
+        ("acceleration", 33, -3, 4, 1),
+        ("force", 4, 3, 4, 2),
+        ("acceleration", 33, -3, 4, 2),
+        ("force", 7, 3, 7, 1),
+        ("acceleration", 33, -3, 7, 1),
+    ]
+    np.testing.assert_array_equal(blocks[2].samples, FORCE[1] / 0.5)
+    np.testing.assert_array_equal(blocks[5].samples, RESPONSE[2])
+    assert {b.sample_rate_hz for b in blocks} == {2048.0}
+    assert [b.window_rate_per_s for b in blocks[:2]] == [0.0, 2.0]
+
+
+@pytest.mark.parametrize(("separator", "point"), [(",", "."), (";", ","), ("\t", ".")])
+def test_csv_with_a_time_axis(separator: str, point: str, tmp_path: Path) -> None:
+    rows = [
+        separator.join(f"{v:.9g}".replace(".", point) for v in (i / 2048, FORCE[0, i], RESPONSE[0, i]))
+        for i in range(256)
+    ]
+    path = tmp_path / "4_1.csv"
+    path.write_text("\n".join([separator.join(("time_s", "force", "acc")), *rows]) + "\n")
+    mapping = {
+        "sample_rate_hz": {"variable": "time_s"},
+        "hit": 2,
+        "channels": [{**MAPPING["channels"][0], "point": 4}, MAPPING["channels"][1]],
+    }
+    blocks = blocks_of(read_variables(path), read_mapping(mapping))
+    assert (blocks[0].hit, blocks[0].force_point) == (2, 4)
+    assert blocks[0].sample_rate_hz == pytest.approx(2048.0, rel=1e-6)
+    np.testing.assert_allclose(blocks[1].samples, RESPONSE[0], rtol=1e-8)
+
+
+def test_wav_carries_its_own_rate(tmp_path: Path) -> None:
+    path = tmp_path / "hit.wav"
+    wavfile.write(path, 2048, np.stack([FORCE[0], RESPONSE[0]], axis=1))
+    mapping = {
+        "sample_rate_hz": {"variable": "sample_rate_hz"},
+        "channels": [
+            {"variable": "channel_1", "quantity": "force", "point": 4},
+            {"variable": "channel_2", "quantity": "acceleration", "point": 33},
+        ],
+    }
+    blocks = blocks_of(read_variables(path), read_mapping(mapping))
+    assert blocks[0].sample_rate_hz == 2048.0
+    np.testing.assert_array_equal(blocks[0].samples, FORCE[0].astype(float))
+
+
+def test_a_proposal_names_what_it_recognises_and_needs_little_more() -> None:
+    proposed = propose(ARRAYS)
+    assert proposed["sample_rate_hz"] == {"variable": "fs"}
+    assert [(c["variable"], c["quantity"]) for c in proposed["channels"]] == [
+        ("force", "force"),
+        ("acc", "acceleration"),
+    ]
+    assert blocks_of(ARRAYS, read_mapping(json.loads(json.dumps(proposed))))
+
+
+def _changed(**changes: Any) -> Variables:
+    return {**ARRAYS, **changes}
+
+
+def _nan() -> np.ndarray[Any, Any]:
+    values = FORCE.copy()
+    values[1, 7] = np.nan
+    return values
+
+
+@pytest.mark.parametrize(
+    ("variables", "mapping", "place", "text"),
+    [
+        (ARRAYS, {**MAPPING, "sample_rate_hz": {"variable": "rate"}}, "rate", "is not in the file; it has acc, force"),
+        (ARRAYS, {k: v for k, v in MAPPING.items() if k != "sample_rate_hz"}, "mapping.sample_rate_hz", "is missing"),
+        (_changed(fs=np.array(0.0)), MAPPING, "mapping.sample_rate_hz", "expected a positive number"),
+        (
+            _changed(acc=RESPONSE[:, :200]),
+            MAPPING,
+            "mapping.channels",
+            "force 3 blocks of 256 samples, acc 3 blocks of 200",
+        ),
+        (_changed(acc=RESPONSE[:2]), MAPPING, "mapping.channels", "acc 2 blocks"),
+        (_changed(force=_nan()), MAPPING, "force", "NaN or infinity, first at sample 8 of block 2"),
+        (_changed(acc=np.zeros((3, 256))), MAPPING, "acc", "carried nothing"),
+        (_changed(point=np.array([1, 2])), MAPPING, "point", "one for each of the 3 blocks"),
+        (_changed(point=np.array([0, 2, 3])), MAPPING, "point", "whole numbers from 1"),
+        (ARRAYS, {**MAPPING, "chanels": []}, "mapping.chanels", "is unknown"),
+        (ARRAYS, {**MAPPING, "channels": MAPPING["channels"][1:]}, "mapping.channels", "exactly one channel"),
+        (ARRAYS, {**MAPPING, "channels": MAPPING["channels"][:1]}, "mapping.channels", "has no response"),
+        (
+            ARRAYS,
+            {**MAPPING, "channels": [{**MAPPING["channels"][0], "sensitivity": 0}, MAPPING["channels"][1]]},
+            "mapping.channels.0.sensitivity",
+            "more than 0",
+        ),
+    ],
+)
+def test_what_cannot_be_right_is_named(variables: Variables, mapping: Any, place: str, text: str) -> None:
+    with pytest.raises(FormatError, match=text) as caught:
+        blocks_of(variables, read_mapping(mapping))
+    assert caught.value.place == place
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".mat", ".csv", ".wav"])
+@pytest.mark.parametrize(
+    "content", [b"", b"\x00" * 600, b"PK\x03\x04 not really", b"a,b\n1,2\n3\n", b"RIFF\x10\x00\x00\x00WAVE"]
+)
+def test_damaged_files_are_clear_errors(suffix: str, content: bytes, tmp_path: Path) -> None:
+    path = tmp_path / f"damaged{suffix}"
+    path.write_bytes(content)
+    with pytest.raises(FormatError):
+        read_variables(path)
+
+
+@pytest.mark.parametrize("write", [_npz, _mat, _mat73])
+def test_truncated_files_are_clear_errors(write: Callable[[Path], None], tmp_path: Path) -> None:
+    whole = tmp_path / ("whole.npz" if write is _npz else "whole.mat")
+    write(whole)
+    data = whole.read_bytes()
+    for share in (0.1, 0.3, 0.5, 0.7, 0.95):
+        cut = tmp_path / f"cut{whole.suffix}"
+        cut.write_bytes(data[: int(share * len(data))])
+        with pytest.raises(FormatError):
+            blocks_of(read_variables(cut), read_mapping(MAPPING))
+
+
+def test_pickles_are_not_opened(tmp_path: Path) -> None:
+    path = tmp_path / "hits.npz"
+    np.savez(path, force=np.array([{}], dtype=object))
+    with pytest.raises(FormatError):
+        read_variables(path)
+
+
+def test_an_array_may_not_be_larger_than_allowed(tmp_path: Path) -> None:
+    path = tmp_path / "hits.npz"
+    np.savez_compressed(path, force=np.zeros(1_000_000))
+    with pytest.raises(FormatError, match="more than the 1000"):
+        read_variables(path, limit_bytes=1000)

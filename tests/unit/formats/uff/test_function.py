@@ -1,0 +1,252 @@
+"""Set 58 as programs write it: what the format allows is read, and what it does not allow is refused by name."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyuff
+
+from modalbase.formats.uff import Frf, Function, Limits, UffError
+from tests.support.uff import Reading, axis, dataset, header_58, set_58
+
+Read = Callable[..., Reading]
+PLAIN = "   1.00000000000e+00   2.00000000000e+00   3.00000000000e+00   4.00000000000e+00"
+VALUES = [1 + 2j, 3 + 4j]
+
+
+def values(found: Reading) -> list[complex]:
+    (frf,) = found.of(Frf)
+    return frf.values.tolist()
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        ([PLAIN], VALUES),
+        ([PLAIN.replace("e", "E")], VALUES),
+        ([PLAIN.replace("e", "D")], VALUES),
+        ([PLAIN.replace("e", "d")], VALUES),
+        ([PLAIN + "     "], VALUES),
+        ([PLAIN, "", "  "], VALUES),
+        (["    1.00000000000-101   2.00000000000+101   3.00000000000e+00   4.00000000000e+00"], [1e-101 + 2e101j, 3 + 4j]),
+        (["-1.123456789012e-101-2.1234567890120e+00   3.00000000000e+00   4.00000000000e+00"],
+         [-1.123456789012e-101 - 2.123456789012j, 3 + 4j]),
+        (["                  1.                   2                  .3               4.E0"], [1 + 2j, 0.3 + 4j]),
+    ],
+)  # fmt: skip
+def test_forms_of_numbers(read: Read, rows: list[str], expected: list[complex]) -> None:
+    found = read(set_58(*rows))
+    assert found.outcomes == ["read"], found.reasons
+    assert values(found) == expected
+
+
+def test_values_run_together_in_fixed_columns(read: Read) -> None:
+    found = read(set_58("-1.000000E+00-2.000000E+00-3.000000E+00-4.000000E+00", kind=5))
+    assert values(found) == [-1 - 2j, -3 - 4j]
+
+
+def test_padded_last_rows(read: Read) -> None:
+    row = " 1.00000e+00 2.00000e+00 3.00000e+00 4.00000e+00".ljust(80)
+    double = ["   1.00000000000e+00" * 4, "   2.00000000000e+00   3.00000000000e+00".ljust(80)]
+    assert values(read(set_58(row, kind=5))) == VALUES
+    assert values(read(set_58(*double, points=3))) == [1 + 1j, 1 + 1j, 2 + 3j]
+
+
+def test_rows_of_other_widths_are_taken_by_blanks_and_noted(read: Read) -> None:
+    found = read(set_58(" 1.0e+00 2.0e+00", " 3.0e+00 4.0e+00"))
+    assert values(found) == VALUES
+    assert "separated by blanks" in found.notes
+
+
+@pytest.mark.parametrize(
+    ("kind", "rows", "expected"),
+    [
+        (5, [" 1.00000e+00 2.00000e+00 3.00000e+00 1.50000e+00 4.00000e+00 5.00000e+00"], [2 + 3j, 4 + 5j]),
+        (6, [" 1.00000e+00   2.00000000000e+00   3.00000000000e+00", " 1.50000e+00   4.00000000000e+00   5.00000000000e+00"],
+         [2 + 3j, 4 + 5j]),
+    ],
+)  # fmt: skip
+def test_uneven_axes(read: Read, kind: int, rows: list[str], expected: list[complex]) -> None:
+    found = read(set_58(*rows, kind=kind, even=0))
+    assert values(found) == expected
+    assert found.of(Frf)[0].frequency.points().tolist() == [1.0, 1.5]
+
+
+def test_uneven_real_double(read: Read) -> None:
+    row = "  1.00000e+00   2.00000000000e+00  1.50000e+00   4.00000000000e+00"
+    found = read(set_58(row, kind=4, even=0, function=6))
+    (coherence,) = found.of(Function)
+    assert (coherence.name, coherence.values.tolist()) == ("coherence", [2.0, 4.0])
+
+
+@pytest.mark.parametrize(
+    ("rows", "header", "reason"),
+    [
+        ([PLAIN], {"points": 3}, "holds 4 values where its header declares 6"),
+        ([PLAIN], {"points": 1}, "holds more ordinates than the 2 values declared"),
+        ([PLAIN], {"points": -2}, "the number of points is -2, expected at least 1"),
+        ([PLAIN], {"points": 0}, "the number of points is 0"),
+        ([PLAIN], {"points": 999999999}, "declares 999999999 points but holds only"),
+        ([PLAIN], {"kind": 3}, "the ordinate data type is 3, expected 2, 4, 5 or 6"),
+        ([PLAIN], {"even": 2}, "the abscissa spacing is 2"),
+        ([PLAIN], {"step": "0.0"}, "the abscissa increment is 0"),
+        ([PLAIN], {"step": "nan"}, "'nan' is not a number"),
+        ([PLAIN], {"function": 77}, "the function type is 77"),
+        ([PLAIN], {"response": (7, 9)}, "the response direction is 9, expected -6 to 6"),
+        ([PLAIN], {"reference": (-7, 3)}, "expected positive labels"),
+        ([PLAIN.replace("2.0", "nan")], {}, "is not a number"),
+        ([PLAIN.replace("   2.00000000000e+00", "                 NaN")], {}, "'NaN' is not a number"),
+        ([PLAIN.replace("   2.00000000000e+00", "            Infinity")], {}, "'Infinity' is not a number"),
+        ([PLAIN.replace("   2.00000000000e+00", "********************")], {}, "is not a number"),
+        ([PLAIN.replace("2.00000000000e+00", "2.0000000000e+999")], {}, "beyond double precision"),
+        ([PLAIN.replace("2.00000000000e+00", "2.00000 00000e+00")], {}, "is not a number"),
+        ([PLAIN.replace("2.00000000000e+00", "2_00000000000e+00")], {}, "is not a number"),
+        ([PLAIN.replace("2.00000000000e+00", "2.00000000000+00 ")], {}, "is not a number"),
+    ],
+)
+def test_what_the_format_does_not_allow_is_refused_by_name(
+    read: Read, rows: list[str], header: dict[str, object], reason: str
+) -> None:
+    found = read(set_58(*rows, **header))
+    assert (found.outcomes, found.contents) == (["refused"], [])
+    assert reason in found.reasons
+
+
+def test_an_abscissa_must_increase(read: Read) -> None:
+    found = read(set_58(" 1.00000e+00 2.00000e+00 3.00000e+00 1.00000e+00 4.00000e+00 5.00000e+00", kind=5, even=0))
+    assert "the abscissa does not increase at point 2" in found.reasons
+
+
+def binary_58(data: bytes, *, order: int = 1, count: int | None = None, tail: bytes = b"", **header: object) -> bytes:
+    lines = header_58(**header)  # type: ignore[arg-type]
+    size = len(data) if count is None else count
+    head = f"    58b{order:6d}{2:6d}{11:12d}{size:12d}{0:6d}{0:6d}{0:12d}{0:12d}\n".encode()
+    text = b"".join((x if isinstance(x, bytes) else x.encode()) + b"\n" for x in lines)
+    return b"    -1\n" + head + text + data + tail + b"    -1\n"
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize(("kind", "item"), [(5, "f4"), (6, "f8")])
+@pytest.mark.parametrize("tail", [b"", b"\n", b"\r\n"])
+def test_binary_of_either_order_and_precision(read: Read, order: int, kind: int, item: str, tail: bytes) -> None:
+    data = np.array([1, 2, 3, 4], ("<" if order == 1 else ">") + item).tobytes()
+    found = read(binary_58(data, order=order, kind=kind, tail=tail))
+    assert values(found) == VALUES
+    assert found.of(Frf)[0].values.dtype == (np.complex64 if kind == 5 else np.complex128)
+
+
+def test_binary_uneven_with_an_abscissa_of_either_precision(read: Read) -> None:
+    rows = [(1.0, 1.0, 2.0), (1.5, 3.0, 4.0)]
+    for x in ("<f8", "<f4"):
+        data = np.array(rows, [("x", x), ("re", "<f8"), ("im", "<f8")]).tobytes()
+        found = read(binary_58(data, even=0))
+        assert values(found) == VALUES, found.reasons
+        assert found.of(Frf)[0].frequency.points().tolist() == [1.0, 1.5]
+
+
+def test_binary_that_pyuff_wrote_with_its_own_byte_count(tmp_path: Path, read: Read) -> None:
+    path = tmp_path / "pyuff.uff"
+    x = np.arange(50.0)
+    data = np.exp(1j * x)
+    header = {
+        "binary": 1,
+        "func_type": 4,
+        "rsp_node": 1,
+        "rsp_dir": 3,
+        "ref_node": 2,
+        "ref_dir": 3,
+        "abscissa_spacing": 1,
+    }
+    types = {"abscissa_spec_data_type": 18, "ordinate_spec_data_type": 12, "orddenom_spec_data_type": 13}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)  # pyuff leaves files open
+        pyuff.UFF(str(path)).write_sets(pyuff.prepare_58(**header, **types, id1="x", x=x, data=data), mode="add")
+    found = read(path.read_bytes())
+    np.testing.assert_array_equal(found.of(Frf)[0].values, data)
+    assert "its header declares 400 bytes of data; the 800 bytes" in found.notes
+
+
+def test_binary_faults(read: Read) -> None:
+    data = np.array([1, 2, 3, 4], "<f8")
+    assert "declares 3 points of 16 bytes but holds 32 bytes" in read(binary_58(data.tobytes(), points=3)).reasons
+    assert "is 3; only 2 (IEEE 754)" in read(binary_58(data.tobytes()).replace(b"1     2  ", b"1     3  ", 1)).reasons
+    data[1] = np.nan
+    assert "1 points are NaN or infinite, the first is number 1" in read(binary_58(data.tobytes())).reasons
+    with pytest.raises(UffError, match="no delimiter stands behind them"):
+        read(binary_58(data.tobytes(), count=24))
+
+
+def test_binary_in_the_other_byte_order_than_stated(read: Read) -> None:
+    data = np.random.default_rng(1).standard_normal(400)
+    found = read(binary_58(data.astype(">f8").tobytes(), order=1, points=200))
+    assert "the byte order in its header is wrong" in found.reasons
+
+
+def test_bytes_of_a_delimiter_inside_binary_data(read: Read) -> None:
+    data = b"    -1\n " + np.array([2, 3, 4], "<f8").tobytes()
+    found = read(binary_58(data))
+    assert found.outcomes == ["read"]
+    assert found.of(Frf)[0].values.tolist()[1] == 3 + 4j
+    assert "pyuff cannot read past" in found.notes
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252", "latin-1"])
+def test_labels_with_umlauts(read: Read, encoding: str) -> None:
+    label = "Träger Prüfung ± m/s²".encode(encoding)
+    data = dataset("58", *header_58(first=label, ordinate=axis(12, "m/s²".encode(encoding), (1, 0, 0))), PLAIN)
+    found = read(data)
+    assert found.of(Frf)[0].label == "Träger Prüfung ± m/s²"
+    assert values(found) == VALUES
+    assert found.notes == ""
+
+
+def test_labels_in_chinese(read: Read) -> None:
+    found = read(dataset("58", *header_58(first="悬臂梁试验".encode("gbk")), PLAIN))
+    assert found.of(Frf)[0].label == "悬臂梁试验"
+
+
+@pytest.mark.parametrize("pad_by_bytes", [True, False])
+def test_unit_label_behind_a_name_of_many_bytes(read: Read, pad_by_bytes: bool) -> None:
+    name = "加速度"
+    width = 20 - (len(name.encode()) - len(name) if pad_by_bytes else 0)
+    record = f"{12:10d}    1    0    0 {name:<{width}} {'mm/s^2':<20}".encode()
+    found = read(dataset("58", *header_58(ordinate=record), PLAIN))
+    assert values(found) == pytest.approx([x * 1e-3 for x in VALUES], rel=1e-15)
+
+
+def test_bytes_of_no_encoding_do_no_harm(read: Read) -> None:
+    found = read(dataset("58", *header_58(first=bytes(range(128, 200))), PLAIN))
+    assert values(found) == VALUES
+
+
+def test_single_precision_text_beyond_its_range_is_kept_as_double(read: Read) -> None:
+    found = read(set_58("  1.00000e-42  2.00000e+00  3.00000e+00  4.00000e+00", kind=5))
+    assert found.of(Frf)[0].values.tolist()[0] == 1e-42 + 2j
+    assert "kept as doubles" in found.notes
+
+
+def test_what_is_no_frf(read: Read) -> None:
+    real = read(set_58("   1.00000000000e+00   2.00000000000e+00", kind=4))
+    assert "an FRF with real ordinates" in real.reasons
+    over_time = read(set_58(PLAIN, abscissa=axis(17, "s")))
+    assert "an FRF over an abscissa of type 17" in over_time.reasons
+    over_acceleration = read(set_58(PLAIN, denominator=axis(12, "m/s^2")))
+    assert "its denominator is of type 12, not a force" in over_acceleration.reasons
+
+
+def test_coherence_and_time_history_are_read(read: Read) -> None:
+    row = "   5.00000000000e-01   1.00000000000e+00"
+    (function,) = read(set_58(row, kind=4, function=6, ordinate=axis(0))).of(Function)
+    assert (function.name, function.response_point, function.values.tolist()) == ("coherence", 7, [0.5, 1.0])
+    (function,) = read(set_58(row, kind=4, function=1, abscissa=axis(17, "s"))).of(Function)
+    assert (function.name, function.unit, function.abscissa_unit) == ("time response", "m/s^2", "s")
+
+
+def test_the_second_reader_can_be_switched_off_and_changes_nothing(read: Read) -> None:
+    first, second = (read(set_58(PLAIN), Limits(cross_check_bytes=n)) for n in (0, 1 << 20))
+    assert values(first) == values(second)
+    assert first.notes == second.notes == ""

@@ -1,0 +1,185 @@
+"""Grid points and directions in coordinate systems of their own, trace lines, elements, mode shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from modalbase.formats.uff import CoordinateSystem, Element, Frf, GridPoint, ModeShape, TraceLine
+from tests.support.uff import Reading, dataset, set_58, set_164
+
+Read = Callable[..., Reading]
+FRF_ROW = "   1.00000000000e+00   0.00000000000e+00"
+
+
+def point(
+    label: int, definition: int = 0, displacement: int = 0, xyz: tuple[float, float, float] = (1.0, 2.0, 3.0)
+) -> str:
+    return f"{label:10d}{definition:10d}{displacement:10d}{1:10d}" + "".join(f"{x:13.5e}" for x in xyz)
+
+
+def system_18(label: int, origin: tuple, on_x: tuple, on_xz: tuple, kind: int = 0, reference: int = 0) -> list[str]:
+    rows = "".join(f"{x:13.5e}" for x in (*origin, *on_x)), "".join(f"{x:13.5e}" for x in on_xz)
+    return [f"{label:10d}{kind:10d}{reference:10d}{8:10d}{1:10d}", f"CS{label}", *rows]
+
+
+def system_2420(label: int, axes: np.ndarray, origin: tuple, kind: int = 0) -> bytes:
+    rows = ["".join(f"{x:25.16e}" for x in row) for row in (*axes, origin)]
+    return dataset("2420", f"{1:10d}", "Part", f"{label:10d}{kind:10d}{8:10d}", f"CS{label}", *rows)
+
+
+TURNED = system_18(4, (10, 0, 0), (10, 1, 0), (10, 0, 1))  # x along global y, y along -x, z along z
+
+
+def test_definition_systems_are_applied(read: Read) -> None:
+    found = read(set_164(1000.0) + dataset("18", *TURNED) + dataset("15", point(1, 4), point(2)))
+    (system,) = found.of(CoordinateSystem)
+    np.testing.assert_allclose(system.axes, [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], atol=1e-15)
+    one, two = found.of(GridPoint)
+    np.testing.assert_allclose(one.xyz_m, (0.010 - 0.002, 0.001, 0.003), atol=1e-15)
+    np.testing.assert_allclose(two.xyz_m, (0.001, 0.002, 0.003), atol=1e-15)
+    assert "coordinates in systems 4 brought to the global system" in found.notes
+
+
+def test_a_system_given_in_another(read: Read) -> None:
+    nested = system_18(5, (0, 1, 0), (1, 1, 0), (0, 1, 1), reference=4)
+    found = read(dataset("15", point(1, 5)) + dataset("18", *TURNED, *nested))
+    np.testing.assert_allclose(found.of(GridPoint)[0].xyz_m, (10 - 1 - 2, 1, 3), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "coordinates", "expected"),
+    [(1, (2.0, 90.0, 3.0), (0.0, 2.0, 3.0)), (2, (2.0, 90.0, 180.0), (-2.0, 0.0, 0.0))],
+)
+def test_cylindrical_and_spherical_coordinates(read: Read, kind: int, coordinates: tuple, expected: tuple) -> None:
+    found = read(system_2420(3, np.eye(3), (0, 0, 0), kind) + dataset("15", point(1, 3, 0, coordinates)))
+    np.testing.assert_allclose(found.of(GridPoint)[0].xyz_m, expected, atol=1e-12)
+
+
+def test_an_undefined_system_is_refused_and_label_1_without_any_is_global(read: Read) -> None:
+    found = read(dataset("15", point(1, 7)))
+    assert "grid point 1 is given in coordinate system 7, which the file does not define" in found.reasons
+    found = read(dataset("15", point(1, 1)))
+    assert "coordinate system 1 is not defined in the file; taken as the global system" in found.notes
+    damaged = dataset("18", *TURNED).replace(b"CS4", b"CS4\nCS4")
+    assert read(damaged + dataset("15", point(1, 1))).outcomes == ["refused", "refused"]
+
+
+@pytest.mark.parametrize(("stated", "found_direction"), [(1, 2), (2, -1), (-2, 1), (3, 3), (4, 5), (-5, 4), (0, 0)])
+def test_directions_along_displacement_systems(read: Read, stated: int, found_direction: int) -> None:
+    data = (
+        set_58(FRF_ROW, points=1, response=(7, stated))
+        + dataset("15", point(7, 0, 4), point(1))
+        + dataset("18", *TURNED)
+    )
+    if abs(stated) > 3:
+        data = data.replace(b"m/s^2", b"NONE ")
+    found = read(data)
+    assert found.of(Frf)[0].response_direction == found_direction, found.reasons
+    assert ("of the global system" in found.notes) == (stated not in (0, 3))
+
+
+def test_oblique_directions_are_refused(read: Read) -> None:
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    data = system_2420(9, np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]), (0, 0, 0)) + dataset(
+        "15", point(7, 0, 9), point(1)
+    )
+    assert read(data + set_58(FRF_ROW, points=1, response=(7, 3))).outcomes == ["read", "read", "read"]
+    assert "30.0° off the nearest global axis" in read(data + set_58(FRF_ROW, points=1, response=(7, 1))).reasons
+
+
+@pytest.mark.parametrize(
+    ("lines", "reason"),
+    [
+        ([], "holds no grid point"),
+        ([point(0)], "the grid point label is 0, expected a positive number"),
+        ([point(-3)], "the grid point label is -3"),
+        ([point(1), point(1, xyz=(9.0, 9.0, 9.0))], "grid point 1 is given twice"),
+        ([point(1)[:60]], "coordinates of grid point 1: '' is not a number"),
+        ([point(1) + "  1.0"], "more than 3 values in the line"),
+        ([point(1).replace("1.00000e+00", "        NaN")], "'NaN' is not a number"),
+        ([point(1).replace("         1", "       1.5", 1)], "grid point is '1.5', expected a whole number"),
+    ],
+)
+def test_faults_of_set_15(read: Read, lines: list[str], reason: str) -> None:
+    found = read(dataset("15", *lines))
+    assert (found.outcomes, found.contents) == (["refused"], [])
+    assert reason in found.reasons
+
+
+def test_coordinates_that_run_together(read: Read) -> None:
+    row = f"{1:10d}{0:10d}{0:10d}{1:10d}-1.00000E-101-2.00000E+000-3.000000E-01"
+    found = read(dataset("15", row))
+    assert found.of(GridPoint)[0].xyz_m == (-1e-101, -2.0, -0.3)
+    assert "pyuff" in found.notes
+
+
+def test_faults_of_set_2411(read: Read) -> None:
+    labels, coordinates = f"{1:10d}{0:10d}{0:10d}{11:10d}", "".join(f"{x:25.16e}" for x in (0.1, 0.2, 0.3))
+    good = read(dataset("2411", labels, coordinates.replace("e", "D")))
+    assert good.of(GridPoint)[0].xyz_m == (0.1, 0.2, 0.3)
+    for lines in (
+        [labels],
+        [labels, labels, coordinates],
+        [coordinates, labels],
+        [labels + "  7", coordinates],
+    ):
+        assert read(dataset("2411", *lines)).outcomes == ["refused"]
+
+
+def test_trace_lines_and_elements(read: Read) -> None:
+    found = read(dataset("82", f"{2:10d}{5:10d}{1:10d}", "edge", "".join(f"{p:10d}" for p in (1, 2, 0, 3, 4, 0, 0, 0))))
+    assert found.of(TraceLine) == [TraceLine(1, 2, "edge", (1, 2, 0, 3, 4))]
+    assert read(dataset("82", f"{2:10d}{5:10d}{1:10d}", "edge", f"{1:10d}{2:10d}")).outcomes == ["refused"]
+    beam = [f"{1:10d}{21:10d}{1:10d}{1:10d}{7:10d}{2:10d}", f"{0:10d}{1:10d}{1:10d}", f"{5:10d}{6:10d}"]
+    quad = [f"{2:10d}{44:10d}{1:10d}{1:10d}{7:10d}{4:10d}", f"{1:10d}{2:10d}{3:10d}{4:10d}"]
+    assert read(dataset("2412", *beam, *quad)).of(Element) == [Element(1, 21, (5, 6)), Element(2, 44, (1, 2, 3, 4))]
+    for count in (-4, 3, 5, 10**9):
+        assert read(dataset("2412", quad[0][:50] + f"{count:10d}", quad[1])).outcomes == ["refused"]
+
+
+SHAPE_55 = [
+    *["NONE"] * 5,
+    f"{1:10d}{2:10d}{2:10d}{8:10d}{2:10d}{3:10d}",
+    f"{2:10d}{4:10d}{1:10d}{1:10d}",
+    "  1.00000e+01  0.00000e+00  2.00000e-02  0.00000e+00",
+    f"{1:10d}",
+    "  1.00000e+00  2.00000e+00  3.00000e+00",
+]
+
+
+def test_set_55(read: Read) -> None:
+    (mode,) = read(dataset("55", *SHAPE_55)).of(ModeShape)
+    assert (mode.frequency_hz, mode.damping_ratio, mode.kind, mode.mode) == (10.0, 0.02, "normal", 1)
+    np.testing.assert_array_equal(mode.values, [[1, 2, 3]])
+
+
+@pytest.mark.parametrize(
+    ("line", "text", "outcome", "reason"),
+    [
+        (5, f"{1:10d}{1:10d}{2:10d}{8:10d}{2:10d}{3:10d}", "ignored", "its data are static, no mode shape"),
+        (5, f"{1:10d}{5:10d}{2:10d}{8:10d}{2:10d}{3:10d}", "ignored", "a frequency response"),
+        (5, f"{1:10d}{2:10d}{4:10d}{8:10d}{2:10d}{6:10d}", "ignored", "its data characteristic is 4"),
+        (5, f"{1:10d}{2:10d}{2:10d}{8:10d}{2:10d}{-3:10d}", "refused", "declares -3 values a node"),
+        (6, f"{2:10d}{-4:10d}{1:10d}{1:10d}", "refused", "declares 2 integer and -4 real parameters"),
+        (7, "  1.00000e+01  0.00000e+00  2.00000e+00  0.00000e+00", "refused", "viscous damping ratio is 2"),
+        (9, "  1.00000e+00  2.00000e+00", "refused", "'' is not a number"),
+        (8, "         x", "refused", "'x' stands where the label of a node is expected"),
+    ],
+)
+def test_faults_of_set_55(read: Read, line: int, text: str, outcome: str, reason: str) -> None:
+    lines = SHAPE_55.copy()
+    lines[line] = text
+    found = read(dataset("55", *lines))
+    assert (found.outcomes, found.contents) == ([outcome], [])
+    assert reason in found.reasons
+
+
+def test_hysteretic_damping_is_halved_and_noted(read: Read) -> None:
+    lines = SHAPE_55.copy()
+    lines[7] = "  1.00000e+01  0.00000e+00  0.00000e+00  4.00000e-02"
+    found = read(dataset("55", *lines))
+    assert found.of(ModeShape)[0].damping_ratio == 0.02
+    assert "hysteretic damping ratio 0.04 taken as the viscous ratio 0.02" in found.notes

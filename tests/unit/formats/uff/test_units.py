@@ -1,0 +1,187 @@
+"""Units: labels as engineers write them, set 164, and the way from both to SI, with every conversion stated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from modalbase.formats.uff import Frf, GridPoint, Limits, Units
+from modalbase.formats.uff.units import read_label
+from tests.support.uff import Reading, axis, set_58, set_164
+
+Read = Callable[..., Reading]
+ROW = "   1.00000000000e+00   0.00000000000e+00"
+G = 9.80665
+LBF = 4.4482216152605
+ACCELERATION, VELOCITY, ACCELERANCE, FORCE = (1, 0, -2), (1, 0, -1), (0, -1, 0), (1, 1, -2)
+
+
+@pytest.mark.parametrize(
+    ("text", "factor", "dimension"),
+    [
+        ("m/s2", 1.0, ACCELERATION),
+        ("m/s^2", 1.0, ACCELERATION),
+        ("m/s**2", 1.0, ACCELERATION),
+        ("m/s²", 1.0, ACCELERATION),
+        ("m/s/s", 1.0, ACCELERATION),
+        ("M/SEC2", 1.0, ACCELERATION),
+        ("m s^-2", 1.0, ACCELERATION),
+        ("m s-2", 1.0, ACCELERATION),
+        ("mm/s2", 1e-3, ACCELERATION),
+        ("in/s^2", 0.0254, ACCELERATION),
+        ("g", G, ACCELERATION),
+        ("G", G, ACCELERATION),
+        ("ips", 0.0254, VELOCITY),
+        ("mm/s", 1e-3, VELOCITY),
+        ("µm", 1e-6, (1, 0, 0)),
+        ("N", 1.0, FORCE),
+        ("mN", 1e-3, FORCE),
+        ("MN", 1e6, FORCE),
+        ("kN", 1e3, FORCE),
+        ("lbf", LBF, FORCE),
+        ("kgf", G, FORCE),
+        ("N*m", 1.0, (2, 1, -2)),
+        ("N-m", 1.0, (2, 1, -2)),
+        ("g/N", G, ACCELERANCE),
+        ("g/lbf", G / LBF, ACCELERANCE),
+        ("(m/s^2)/N", 1.0, ACCELERANCE),
+        ("(1/N)*(m/s²)", 1.0, ACCELERANCE),
+        ("m/s2/N", 1.0, ACCELERANCE),
+        ("m/(N s^2)", 1.0, ACCELERANCE),
+        ("1/kg", 1.0, ACCELERANCE),
+        ("in/s**2/lbf", 0.0254 / LBF, ACCELERANCE),
+    ],
+)
+def test_labels(text: str, factor: float, dimension: tuple[int, int, int]) -> None:
+    label = read_label(text)
+    assert label is not None
+    assert label.factor == pytest.approx(factor, rel=1e-12)
+    assert label.dimension == dimension
+
+
+@pytest.mark.parametrize(
+    "text", ["", "NONE", "EU", "V", "m//s", "m/", "(m", "m)", "*", "m^", "m^x", "dB", "m/s^2^", "²"]
+)
+def test_labels_that_say_nothing(text: str) -> None:
+    assert read_label(text) is None
+
+
+def one(found: Reading) -> Frf:
+    assert "refused" not in found.outcomes, found.reasons
+    return found.of(Frf)[0]
+
+
+@pytest.mark.parametrize(
+    ("ordinate", "denominator", "quantity", "factor"),
+    [
+        (axis(12, "m/s2"), axis(13, "N"), "accelerance", 1.0),
+        (axis(12, "g"), axis(13, "N"), "accelerance", G),
+        (axis(12, "g"), axis(13, "lbf"), "accelerance", G / LBF),
+        (axis(12, "g/N"), axis(0), "accelerance", G),
+        (axis(12, "g/N"), axis(13, "N"), "accelerance", G),
+        (axis(12, "mm/s^2"), axis(13, "N"), "accelerance", 1e-3),
+        (axis(0, "g"), axis(0, "N"), "accelerance", G),
+        (axis(11, "in/s"), axis(13, "lbf"), "mobility", 0.0254 / LBF),
+        (axis(1, "mm/s"), axis(13, "N"), "mobility", 1e-3),
+        (axis(8, "mm"), axis(13, "kN"), "receptance", 1e-6),
+        (axis(0, "m/N"), axis(0), "receptance", 1.0),
+    ],
+)
+def test_ordinates_by_their_labels(
+    read: Read, ordinate: bytes, denominator: bytes, quantity: str, factor: float
+) -> None:
+    found = read(set_58(ROW, points=1, ordinate=ordinate, denominator=denominator))
+    frf = one(found)
+    assert frf.quantity == quantity
+    assert frf.values[0] == pytest.approx(factor, rel=1e-14)
+    assert ("multiplied by" in found.notes) == (factor != 1.0)
+    assert ("1 g = 9.80665 m/s²" in found.notes) == (b" g" in ordinate)
+
+
+def test_set_164_where_there_are_no_labels(read: Read) -> None:
+    found = read(set_164(1000.0, 1000.0) + set_58(ROW, points=1, ordinate=axis(12), denominator=axis(13)))
+    assert one(found).values[0] == 1.0  # mm/s² per mN
+    found = read(set_164(1000.0, 1.0) + set_58(ROW, points=1, ordinate=axis(12), denominator=axis(13)))
+    assert one(found).values[0] == pytest.approx(1e-3)
+    assert "its ordinate has no unit label; units of set 164 (USER_DEFINED) assumed" in found.notes
+
+
+def test_an_unknown_label_takes_the_units_of_164_and_says_so(read: Read) -> None:
+    found = read(set_164(1000.0) + set_58(ROW, points=1, ordinate=axis(12, "EU"), denominator=axis(13, "N")))
+    assert one(found).values[0] == pytest.approx(1e-3)
+    assert "has the unknown unit label 'EU'; units of set 164 (USER_DEFINED) assumed" in found.notes
+
+
+def test_a_label_against_set_164_is_used_and_noted(read: Read) -> None:
+    found = read(set_164(1000.0) + set_58(ROW, points=1))
+    assert one(found).values[0] == 1.0
+    assert "contradict set 164, by which the factor is 0.001; the labels are used" in found.notes
+
+
+def test_labels_that_contradict_the_data_type_are_refused(read: Read) -> None:
+    found = read(set_58(ROW, points=1, ordinate=axis(12, "m/s")))
+    assert "its data type says accelerance, its unit 'm/s' says mobility" in found.reasons
+    found = read(set_58(ROW, points=1, denominator=axis(13, "m")))
+    assert "the unit 'm' of its denominator does not fit" in found.reasons
+    found = read(set_58(ROW, points=1, ordinate=axis(0, "N")))
+    assert "is no unit of an FRF's response" in found.reasons
+
+
+def test_an_frf_that_states_nothing_is_refused_unless_the_user_states_it(read: Read) -> None:
+    data = set_58(ROW, points=1, ordinate=axis(0), denominator=axis(0))
+    assert "neither its data type (0) nor its unit ('NONE')" in read(data).reasons
+    found = read(data, Limits(quantity="mobility"))
+    assert one(found).quantity == "mobility"
+    assert "mobility as stated for the import" in found.notes
+
+
+def test_rotations_and_moments(read: Read) -> None:
+    turned = {"response": (7, 5), "reference": (1, -6)}
+    data = set_58(ROW, points=1, ordinate=axis(12), denominator=axis(13), **turned)
+    frf = one(read(set_164(1000.0, 1.0) + data))
+    assert frf.values[0] == pytest.approx(1000.0)  # rad/s² per N·mm
+    assert (frf.response_direction, frf.reference_direction) == (5, -6)
+    labelled = set_58(ROW, points=1, ordinate=axis(12, "rad/s^2"), denominator=axis(13, "N*mm"), **turned)
+    assert one(read(labelled)).values[0] == pytest.approx(1000.0)
+
+
+def test_exponents_that_do_not_fit_are_noted(read: Read) -> None:
+    found = read(set_58(ROW, points=1, ordinate=axis(12, "m/s2", (2, 0, 0))))
+    assert "the unit exponents (2, 0, 0) of its ordinate do not fit its data type 12" in found.notes
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("Hz", 1.0), ("rad/s", 0.15915494309189535), ("kHz", 1e3), ("rpm", 1 / 60)]
+)
+def test_frequency_axis(read: Read, unit: str, factor: float) -> None:
+    found = read(set_58(ROW, points=1, start="5.00000e+00", abscissa=axis(18, unit)))
+    assert one(found).frequency.start == pytest.approx(5 * factor, rel=1e-12)
+    assert ("converted to Hz" in found.notes) == (unit != "Hz")
+
+
+def test_set_164(read: Read) -> None:
+    found = read(set_164(1000.0, 1.0, code=1))
+    assert found.of(Units)[0].length == 1000.0
+    assert "units code 1 stands for length and force factors 1 and 1" in found.notes
+    for bad in ("0.0000000000000000D+00", "-1.0000000000000000D+00", "1.0000000000000000D+99"):
+        found = read(set_164().replace(b" 1.0000000000000000D+00", f"{bad:>23}".encode(), 1) + POINT)
+        assert found.outcomes == ["refused", "refused"]
+        assert "its units (set 164, dataset 1) were refused" in found.reasons
+
+
+POINT = b"    -1\n    15\n         7         0         0         1  1.00000E+03  2.00000E+00  3.00000E+00\n    -1\n"
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_units_hold_wherever_they_stand(read: Read, order: tuple[int, int]) -> None:
+    parts = (set_164(1000.0), POINT)
+    found = read(parts[order[0]] + parts[order[1]])
+    assert found.of(GridPoint)[0].xyz_m == pytest.approx((1.0, 2e-3, 3e-3), rel=1e-15)
+    assert "coordinates multiplied by 0.001 to metres" in found.notes
+
+
+def test_coordinates_without_set_164_are_metres_and_noted(read: Read) -> None:
+    found = read(POINT)
+    assert found.of(GridPoint)[0].xyz_m == (1000.0, 2.0, 3.0)
+    assert "no set 164: coordinates taken as metres" in found.notes

@@ -1,0 +1,106 @@
+"""The gate: slots, turns, and what waits. No slot is ever lost."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import pytest
+
+from service.errors import TooManyRequests, Unavailable
+from service.web.buckets import Buckets
+from service.web.gate import Gate, Slot
+
+
+def run(test: Callable[[], Awaitable[Any]]) -> None:
+    asyncio.run(test())  # type: ignore[arg-type]
+
+
+async def settle() -> None:
+    """Let everything that can go on do so."""
+    for _ in range(10):
+        await asyncio.sleep(0)
+
+
+def test_callers_take_turns() -> None:
+    async def test() -> None:
+        gate, order = Gate(1, 100, 60), []
+
+        async def ask(name: str) -> None:
+            slot = Slot(gate, name)
+            await slot.take()
+            order.append(name)
+            await asyncio.sleep(0)
+            slot.give_back()
+
+        await gate.enter("first")
+        asked = [asyncio.ensure_future(ask(name)) for name in "aaaabbc"]
+        await settle()
+        gate.leave(0)
+        await asyncio.gather(*asked)
+        assert order == list("abcabaa")
+        assert (gate.answering, gate.waiting) == (0, 0)
+
+    run(test)
+
+
+def test_waiting_is_bounded_in_number() -> None:
+    async def test() -> None:
+        gate = Gate(1, 4, 60)
+        await gate.enter("x")
+        waiting = [asyncio.ensure_future(gate.enter(name)) for name in "aabc"]
+        await settle()
+        with pytest.raises(TooManyRequests, match="2 requests of this key wait already"):
+            await gate.enter("a")
+        with pytest.raises(Unavailable, match="1 requests are being answered and 4 wait"):
+            await gate.enter("d")
+        for _ in range(5):
+            gate.leave(0)
+            await settle()
+        await asyncio.gather(*waiting)
+        assert (gate.answering, gate.waiting) == (0, 0)
+
+    run(test)
+
+
+def test_waiting_is_bounded_in_time() -> None:
+    async def test() -> None:
+        gate = Gate(1, 4, 0.01)
+        await gate.enter("x")
+        with pytest.raises(Unavailable, match=r"has waited 0\.01 s"):
+            await gate.enter("a")
+        assert (gate.answering, gate.waiting) == (1, 0)
+
+    run(test)
+
+
+def test_who_goes_away_leaves_no_gap() -> None:
+    """Cancelled while it waits, or at the moment when its turn has come."""
+
+    async def test() -> None:
+        gate = Gate(1, 10, 60)
+        await gate.enter("x")
+        first, second, third = (asyncio.ensure_future(gate.enter(name)) for name in "abc")
+        await settle()
+        second.cancel()
+        await settle()
+        gate.leave(0)  # it is the first one's turn
+        first.cancel()
+        await third
+        assert (gate.answering, gate.waiting) == (1, 0)
+        gate.leave(0)
+        assert (gate.answering, gate.waiting) == (0, 0)
+
+    run(test)
+
+
+def test_buckets_fill_again() -> None:
+    now = 0.0
+    buckets = Buckets(10, 5, clock=lambda: now)
+    assert [buckets.take("a") for _ in range(11)] == [0] * 10 + [1]
+    assert buckets.take("b", 10) == 0
+    assert buckets.take("b", 4) == 2
+    now = 2.0
+    assert buckets.take("b", 4) == 0
+    assert buckets.left("a") == 4

@@ -1,0 +1,70 @@
+"""The guide names every field of a recipe and of a result document."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields
+
+import pytest
+
+from fecore.updating.result import HeldOut, ModeComparison, ParameterEstimate
+from service.updating.schemas import HoldOutIn, ParameterIn, RecipeIn
+from tests.support.places import ROOT
+
+DOCS = ROOT / "docs"
+GUIDE = (DOCS / "updating.md").read_text()
+DOCUMENT = [
+    "verdict",
+    "warnings",
+    "outcomes",
+    "parameters",
+    "modes",
+    "correlation",
+    "damping_models",
+    "damping_fit",
+    "convergence",
+    "identifiability",
+    "discrepancy",
+    "band_hz",
+    "channel_delay_s",
+    "identification",
+    "posterior",
+    "provenance",
+]
+
+
+def named(name: str) -> bool:
+    return re.search(rf"`[^`\n]*\b{name}\b[^`\n]*`", GUIDE) is not None
+
+
+@pytest.mark.parametrize("name", [*RecipeIn.model_fields, *ParameterIn.model_fields, *HoldOutIn.model_fields])
+def test_every_field_of_a_recipe_is_explained(name: str) -> None:
+    assert named(name)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *DOCUMENT,
+        *(field.name for field in fields(ParameterEstimate)),
+        *(field.name for field in fields(ModeComparison)),
+        *(field.name for field in fields(HeldOut) if field.name != "agreement"),
+    ],
+)
+def test_every_field_of_a_result_is_explained(name: str) -> None:
+    assert named(name)
+
+
+def test_the_document_has_those_fields_and_no_others() -> None:
+    source = (DOCS.parent / "service" / "updating" / "document.py").read_text()
+    written = re.findall(r'^        "(\w+)":', source.split("def _parameter")[0], flags=re.MULTILINE)
+    assert written == DOCUMENT
+
+
+def test_defaults_are_as_stated() -> None:
+    recipe = RecipeIn()  # type: ignore[call-arg]
+    for name in ("method", "weighting", "posterior"):
+        assert f'| `{name}` | `"{getattr(recipe, name)}"`' in GUIDE
+    assert f"| `damping_models` | {', '.join(recipe.damping_models)} |" in GUIDE
+    assert f"| `seed` | {recipe.seed} |" in GUIDE
+    assert f"| `use_shapes` | `{str(recipe.use_shapes).lower()}` |" in GUIDE

@@ -1,0 +1,27 @@
+"""Tests wait for events: a sleep, or a time that is measured, stands in no test."""
+
+from __future__ import annotations
+
+import re
+
+from tests.support.places import ROOT
+
+TIME = re.compile(r"\b(sleep|monotonic|perf_counter|process_time|time\.time)\((?!0\))")  # `sleep(0)` lets others run
+ALLOWED = {
+    "support/waiting.py",  # looks again and again
+    "support/job_kinds.py",  # a job that is held
+    "support/receivers.py",  # a signature must be fresh
+    "integration/test_tickets.py",  # ends at many moments; what is asserted holds at each
+    "unit/test_waiting.py",
+}
+
+
+def test_no_test_knows_a_clock() -> None:
+    found = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+        for path in sorted((ROOT / "tests").rglob("*.py"))
+        if str(path.relative_to(ROOT / "tests")) not in ALLOWED
+        for number, line in enumerate(path.read_text().splitlines(), start=1)
+        if TIME.search(line)
+    ]
+    assert not found, "\n".join(found)
