@@ -141,7 +141,7 @@ class BeamModel:
         everywhere = np.zeros((6 * (2 * self.elements + 1), shapes.shape[1]))
         everywhere[self.free_dofs] = shapes
         energy = np.sum(everywhere.reshape(-1, 6, shapes.shape[1]) ** 2, axis=0)
-        # Torsion has no displacement on the axis at all, so any scale of θx that dwarfs round-off tells it.
+        # Torsion has no displacement on the axis at all, so any scale of θx that dwarfs round-off shows it.
         shares = np.array([energy[2], energy[3] * (1e-3 * self.length) ** 2, energy[0] + energy[1]])
         names: tuple[ModeKind, ...] = ("bending", "torsion", "in-plane")
         return tuple(names[int(k)] for k in np.argmax(shares, axis=0))

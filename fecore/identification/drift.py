@@ -20,7 +20,7 @@ from fecore.identification.gains import in_band
 from fecore.identification.refinement import Fit, frequency_slope
 from fecore.identification.residues import weights
 
-_FEWEST = 4  # FRFs of which a drift can be told
+_FEWEST = 4  # FRFs of which a drift can be found
 _CLEAR = 4.0  # mean square of the drifts over their own variance from which they are believed
 _MOST = 0.005  # relative drift beyond which an FRF is another structure's, and is left as it is
 

@@ -63,7 +63,7 @@ def fit_linear(basis: ComplexArray, values: ComplexArray, weight: FloatArray) ->
     frame, turn = orthonormal(basis, weight)
     if frame.shape[1] < basis.shape[1]:
         raise IdentificationError(
-            "the model's terms cannot be told apart on the measured lines: two poles coincide, or there are fewer lines"
+            "the model's terms cannot be distinguished on the measured lines: two poles coincide, or there are fewer lines"
             " than unknowns; use fewer poles or a wider band"
         )
     return solve_normal(normal_matrices(frame, weight), frame, turn, values, weight)

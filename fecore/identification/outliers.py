@@ -1,4 +1,4 @@
-"""Single values that no model of the rest explains: left out, told, and the fit repeated."""
+"""Single values that no model of the rest explains: left out, named in a warning, and the fit repeated."""
 
 from __future__ import annotations
 

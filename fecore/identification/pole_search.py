@@ -79,7 +79,7 @@ def search_poles(
         noise: (N, L) variance of their noise.
         pool: frequencies (Hz) and damping ratios of candidate poles.
         most: largest number of poles.
-        report: told of progress.
+        report: called with the progress.
     """
     small = compress(arrangement, noise)
     search = Search(small, ErrorModel(small.squares(noise), small.squares(np.abs(arrangement.values) ** 2)))

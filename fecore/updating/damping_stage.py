@@ -39,7 +39,7 @@ _COMMON_GAIN_SD = 0.05  # of the gain of all modes: calibrations, and the model'
 _FIRST_NOISE = 1e-3
 _SAME_OPTIMUM = 1e-3  # relative distance of coefficients that counts as one point
 _SAME_TO_NOISE = 0.3  # and their distance in standard deviations by noise alone
-_RIVAL = 10.0  # difference of negative log posteriors below which a second optimum is worth telling
+_RIVAL = 10.0  # difference of negative log posteriors below which a second optimum is worth a warning
 _SPREAD_OF_STARTS = 5.0
 _LARGE_TURN = 0.02  # rad, of a delay at the highest line: beyond, the data are turned back and the fit begins anew
 

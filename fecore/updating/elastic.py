@@ -286,7 +286,7 @@ class _Fit:
         which = ", ".join(f"{row + 1} ({self.modes.frequency_hz[row]:.2f} Hz)" for row in sorted(torn))
         return said + (
             f"the partner of measured mode {which} changes to and fro, as modes of the model mix there or the points "
-            "cannot tell them apart: leave it out of the mode set, measure at more points, or check boundary and geometry"
+            "cannot distinguish them: leave it out of the mode set, measure at more points, or check boundary and geometry"
         )
 
     def finish(

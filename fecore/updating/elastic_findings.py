@@ -83,8 +83,8 @@ def _far_from_prior(elastic: ElasticResult) -> list[Finding]:
 
 def _confounded(elastic: ElasticResult) -> list[Finding]:
     texts = [
-        f"{each.name} cannot be told from {', '.join(each.confounded_with)}: the data fix a combination of them alone; "
-        "fix one, or state how well it is known"
+        f"{each.name} cannot be distinguished from {', '.join(each.confounded_with)}: the data fix a combination of them "
+        "alone; fix one, or state how well it is known"
         for each in elastic.identifiability
         if each.confounded_with and each.name in elastic.updated.forward.parametrisation.reported
     ]

@@ -1,13 +1,13 @@
 """Elastic constants and damping from the FRFs without modes (beyond the paper).
 
-The two-stage update needs modes. Where FRFs do not let them be identified one by one, the model itself can tell them apart: its
-own shapes say what each mode contributes to each FRF, and only frequencies and damping are left to find. So two fits take
+The two-stage update needs modes. Where FRFs do not let them be identified one by one, the model itself can distinguish them:
+its own shapes say what each mode contributes to each FRF, and only frequencies and damping are left to find. So two fits take
 turns until the constants stand still:
 
     1. frequency shifts δ_k and damping ratios ζ_k of the model's modes, from the FRFs with the model's shapes;
     2. constants θ from the shifted frequencies ω_k (1 + δ_k), as stage 1, modes kept apart by their shapes.
 
-A shape of the model is good enough to tell modes apart but not to tell constants by: plate theory's error in it would pass for
+A shape of the model is good enough to distinguish modes but not to fit constants by: plate theory's error in it would pass for
 data. The FRF misfit has one narrow valley for each way in which model and measured resonances can be matched, so the search
 starts from the best of many draws from the prior, compared by the logarithm of their magnitudes on few lines, where valleys
 are wide.

@@ -130,7 +130,7 @@ def fit_law(
         start: (p,) first coefficients.
         nuisance: modes that may lie off the model and the law.
         scale: what E of one value is by noise alone: 1 for `noise` weights. It brings priors into the units of E.
-        progress: told the share that is done.
+        progress: called with the share that is done.
 
     Raises:
         UpdatingError: no convergence; it carries the best iterate.
@@ -147,7 +147,7 @@ def fit_law(
     best = by_name(law.coefficient_names, found.point.coefficients)
     if found.outcome == "singular":
         raise UpdatingError(
-            f"the FRFs do not tell the coefficients of the {law.name} law apart; fit a wider band, or a law with fewer of them",
+            f"the FRFs do not distinguish the coefficients of the {law.name} law; use a wider band, or a law with fewer",
             best=best,
             history=(found.point.normal.cost,),
         )

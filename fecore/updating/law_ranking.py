@@ -77,12 +77,12 @@ class LawRanking:
 
 
 def identifiable_laws(modes: int, laws: Sequence[DampingLaw]) -> tuple[DampingLaw, ...]:
-    """Those of the laws that so many modes can tell: with no more coefficients than modes."""
+    """Those of the laws that so many modes can determine: with no more coefficients than modes."""
     return tuple(law for law in laws if len(law.coefficient_names) <= modes)
 
 
 def rank_laws(ratios: MeasuredRatios, rows: list[int], laws: Sequence[DampingLaw]) -> LawRanking:
-    """Rank laws, each of which the modes can tell, by measured damping ratios; `rows` are the modes' numbers, from 0."""
+    """Rank laws, each of which the modes can determine, by measured damping ratios; `rows` are the modes' numbers, from 0."""
     return LawRanking(tuple(_ranked(law, ratios, rows) for law in laws))
 
 

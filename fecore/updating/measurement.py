@@ -86,7 +86,7 @@ def prepare(
         measurement: what was measured.
         specimen: on which.
         recipe: what the fits must not see, and how modes are identified.
-        report: told the step of the identification and the share of it that is done.
+        report: called with the step of the identification and the share of it that is done.
         find_modes: False leaves modes and their shapes alone: the joint update needs none.
 
     Raises:
@@ -196,7 +196,7 @@ def _split(frfs: FrfSet, hold_out: HoldOut) -> tuple[list[int], list[int]]:
 
 
 def _roving_points(frfs: FrfSet) -> list[set[int]]:
-    """The points that tell one FRF from another: a fixed dof belongs to every FRF, so holding it out means its own."""
+    """The points that distinguish one FRF from another: a fixed dof belongs to every FRF, so holding it out means its own."""
     fixed = {dofs[0].point for dofs in (frfs.responses, frfs.references) if len(set(dofs)) == 1}
     pairs = zip(frfs.responses, frfs.references, strict=True)
     return [{dof.point for dof in pair} - fixed or {pair[0].point} for pair in pairs]

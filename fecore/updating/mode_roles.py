@@ -20,7 +20,7 @@ class ModeRoles:
     """Numbers of modes are among all of the model's, rigid-body modes first, where nothing else is said.
 
     Attributes:
-        pairs: measured and elastic model modes with a resonance in the band: of others the FRFs tell no damping.
+        pairs: measured and elastic model modes with a resonance in the band: of others the FRFs show no damping.
         shifted: (s,) modes that were measured in the band: they carry a frequency shift.
         first_shift: (s,) measured over model frequency of these, relative.
         unmeasured: (u,) elastic modes without a measured partner in the band: their tails reach into it.

@@ -317,7 +317,7 @@ def _unasked(asked: DampingLaw, law: DampingLaw, modes: int) -> list[str]:
     count = "one measured mode cannot" if modes == 1 else f"{modes} measured modes cannot"
     return [
         f"{count} fix the {len(asked.coefficient_names)} coefficients of the {asked.name} law, so the damping is that of"
-        f" the {law.name} law; a wider band with more modes would tell"
+        f" the {law.name} law; a wider band with more modes would decide"
     ]
 
 

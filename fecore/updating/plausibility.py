@@ -1,6 +1,6 @@
 """Whether the measured FRFs are those of the model at all, before damping is sought in them.
 
-Natural frequencies alone cannot tell a wrong length or density from other elastic constants: all scale them alike. The
+Natural frequencies alone cannot distinguish a wrong length or density from other elastic constants: all scale them alike. The
 height of the FRFs can: it goes with the modal masses. And a wrong sign, factor or point of one FRF leaves the frequencies as
 they are, but not that FRF. So each FRF is compared with the model's, whose modes are moved to the measured frequencies and have
 the measured damping ratios, by its height s and likeness c over the lines,
@@ -98,12 +98,12 @@ class Likeness:
         like: BoolArray = self.likeness >= _LIKE
         turned: BoolArray = self.likeness <= -_LIKE
         scaled: BoolArray = like & (np.abs(relative - 1) > _OWN)
-        told = (
+        deviations = (
             (turned, "the opposite sign of the model's: a wrong direction or polarity"),
             (scaled, "another height than the rest: a wrong sensitivity or range"),
             (~like & ~turned, "little likeness with the model's: a wrong point, or a spoilt record"),
         )
-        rows = [(np.flatnonzero(which & self.loud), what) for which, what in told]
+        rows = [(np.flatnonzero(which & self.loud), what) for which, what in deviations]
         found += [self._sentence(which, relative, what) for which, what in rows if which.size]
         return notes(found, "with_care", 30)
 

@@ -62,7 +62,7 @@ class ParameterEstimate:
         standard_deviation: root mean square error, the model's discrepancy and the inputs' errors included.
         noise_standard_deviation: under measurement noise alone.
         interval_95: 95 % interval, everything included; not about the estimate's middle where it is not.
-        identifiable: whether the data tell more than half of what is known of it.
+        identifiable: whether the data supply more than half of what is known of it.
         prior_mean, prior_sd: None where the parameter had no prior.
         budget: what its variance is made of, the largest first.
         confounded_with: parameters with which it moves in a direction that the data do not see.

@@ -320,7 +320,7 @@ class _LocalFrequencies:
         if miss > 100 * _BASIS_TOLERANCE:
             raise UpdatingError(
                 f"the sampling basis misses the frequencies by {miss:.1e} in the reach of the priors; narrow those of what the "
-                "data do not tell, or take the posterior `laplace`",
+                "data do not determine, or take the posterior `laplace`",
                 best={},
                 history=(),
             )

@@ -15,7 +15,7 @@ MOST_WARNINGS = 12
 """That a result carries; what weighs less is counted in the last."""
 
 _DECISIVE = 2  # reasons that a verdict names
-_NAMED = 4  # of alike warnings, how many are told apart
+_NAMED = 4  # of alike warnings, how many are named one by one
 _SENTENCE = {
     "usable": "The result may be used: {numbers}.",
     "with_care": "Use the result with care: {numbers}.",
@@ -92,7 +92,7 @@ def _label(text: str) -> str:
 
 
 def _numbers(parameters: Sequence[ParameterEstimate]) -> str:
-    """How well each parameter is known, and which the data do not tell."""
+    """How well each parameter is known, and which the data do not determine."""
     known = [p for p in parameters if p.identifiable and p.estimate]
     unknown = [p.name for p in parameters if not p.identifiable]
     words = [f"{p.name} to {100 * p.standard_deviation / abs(p.estimate):.2g} %" for p in known]

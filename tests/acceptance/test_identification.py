@@ -1,4 +1,4 @@
-"""Identification of measured structures over HTTP: any body, large sets, a job that ends when it is told to."""
+"""Identification of measured structures over HTTP: any body, large sets, a job that ends when it is asked to."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command `modalbase` as a person starts it, and what of it still lives."""
+"""The command `modalbase` as a person starts it, and which of its processes still live."""
 
 from __future__ import annotations
 

@@ -15,14 +15,17 @@ PRIVATE = re.compile(
     r"(?!\(\))",  # `file.tell()` is Python's
     re.IGNORECASE,
 )
-PLACES = ("service", "modalbase", "docs", "examples", "benchmarks", "README.md", "CHANGELOG.md")
+PLACES = (
+    *("fecore", "modalbase", "service", "migrations", "tests", "benchmarks", "examples"),
+    *("docs", "README.md", "CHANGELOG.md", "SECURITY.md"),
+)
 KINDS = (".py", ".md")
 
 
 def files(place: str) -> Iterator[Path]:
     top = ROOT / place
     for path in [top] if top.is_file() else sorted(top.rglob("*")):
-        if path.suffix in KINDS:
+        if path.suffix in KINDS and path != Path(__file__):
             yield path
 
 

@@ -185,7 +185,7 @@ def test_swapped_modes_are_paired_by_shape() -> None:
 
 
 def test_frequency_settles_spatial_aliasing_and_says_so() -> None:
-    # Two sampled shapes alike: only the frequency can tell
+    # Two sampled shapes alike: only the frequency can decide
     model = np.array([[1, 0, 0], [0.1, 1, 1], [0.1, 1, 1.02]])
     pairing = pair_modes(model[[0, 2]], model, [100, 800], [100, 640, 810])
     assert pairing.pairs == ((0, 0), (1, 2))

@@ -351,7 +351,7 @@ def test_a_single_frf_is_enough() -> None:
 def test_nearly_no_noise_is_no_harm(
     a0: float, a1: float, highest_hz: int, noise: float, every: int, monkeypatch
 ) -> None:
-    """A simulated free body: at a hundred decibels its many residual terms must still be told apart."""
+    """A simulated free body: at a hundred decibels its many residual terms must still be distinguished."""
     monkeypatch.setattr(synthesis, "NOISE", noise)
     beam = free_beam(FREE_UPDATED)
     x, y, _ = synthesis.grid(beam)[synthesis.SENSOR]

@@ -103,7 +103,7 @@ def test_unusable_poles_are_named() -> None:
         shapes_at_poles(frfs, np.array([25.0]), np.array([np.nan]))
     with pytest.raises(InputError, match="frequency_hz"):
         shapes_at_poles(frfs, np.array([-25.0]), np.array([0.1]))
-    with pytest.raises(IdentificationError, match="told apart"):
+    with pytest.raises(IdentificationError, match="cannot be distinguished"):
         shapes_at_poles(frfs, np.array([160.0, 160.0]), np.array([0.02, 0.02]))
     with pytest.raises(IdentificationError, match="wider band"):
         shapes_at_poles(frfs, PAPER_HZ, PAPER_ZETA, band_hz=(155.0, 158.0))

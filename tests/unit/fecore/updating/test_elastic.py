@@ -58,7 +58,7 @@ def test_exact_data_and_wide_priors_recover_constants_to_the_digit(nominal: Spec
 
 
 def test_modes_are_followed_through_a_crossing(forward: ForwardModel) -> None:
-    """With Gxy up by half the torsion mode (3) passes the bending mode (4): MAC tells, order does not."""
+    """With Gxy up by half the torsion mode (3) passes the bending mode (4): MAC shows it, order does not."""
     truth = np.array([31e9, 31.8e9, 8.6e9, 4.5e9])
     measured = modes_of(forward, truth)
     start = forward.solve(forward.parametrisation.prior_mean)
@@ -80,9 +80,9 @@ def test_noise_covariance_matches_scatter(forward: ForwardModel) -> None:
     results = [update_elastic(forward, replace(clean, frequency_hz=f, covariance=covariance)) for f in noisy]
     scatter = np.std([result.theta for result in results], axis=0, ddof=1)
     stated = np.mean([np.sqrt(np.diag(result.noise_covariance)) for result in results], axis=0)
-    # 40 draws fix a standard deviation to ±11 % (1 sd); Ey, which the data do not tell, is left out.
-    told = [0, 2, 3]
-    assert np.all(np.abs(scatter[told] / stated[told] - 1) < 0.4)
+    # 40 draws fix a standard deviation to ±11 % (1 sd); Ey, which the data do not determine, is left out.
+    determined = [0, 2, 3]
+    assert np.all(np.abs(scatter[determined] / stated[determined] - 1) < 0.4)
 
 
 def test_modes_unlike_the_model_are_refused(forward: ForwardModel) -> None:
@@ -99,16 +99,16 @@ def test_progress_is_told_and_can_stop(forward: ForwardModel) -> None:
     class StopError(Exception):
         pass
 
-    told: list[float] = []
+    shares: list[float] = []
 
     def progress(share: float) -> None:
-        told.append(share)
-        if len(told) == 2:
+        shares.append(share)
+        if len(shares) == 2:
             raise StopError
 
     with pytest.raises(StopError):
         update_elastic(forward, MeasuredModes(MEASURED_HZ, np.full(5, np.nan)), progress)
-    assert told == sorted(told)
+    assert shares == sorted(shares)
 
 
 def test_default_parameters_are_the_contracts() -> None:

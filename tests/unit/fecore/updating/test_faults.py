@@ -1,4 +1,4 @@
-"""What laboratories get wrong: each fault is left out and told, told, or refused with what to do, never fitted in silence."""
+"""What laboratories get wrong: each fault is left out with a warning, or refused with what to do; none is fitted in silence."""
 
 from __future__ import annotations
 
@@ -229,9 +229,9 @@ def test_frfs_of_the_opposite_sign_have_no_damping(measured: Measurement, clean:
 )
 def test_a_wrong_mass_shows_in_the_height_of_the_frfs(measured: Measurement, specimen: Specimen, height: str) -> None:
     """Elastic constants take up a wrong thickness or density: frequencies and intervals look as good as before."""
-    told = [warning for warning in update(measured, specimen).warnings if "times as large as the model's" in warning]
-    assert len(told) == 1
-    assert f"the FRFs are {height}" in told[0]
+    warned = [warning for warning in update(measured, specimen).warnings if "times as large as the model's" in warning]
+    assert len(warned) == 1
+    assert f"the FRFs are {height}" in warned[0]
 
 
 def test_a_wrong_boundary_is_told(measured: Measurement) -> None:
@@ -265,14 +265,14 @@ def test_frequencies_that_a_sure_prior_keeps_the_model_from_are_told(measured: M
     truth = draw(0)[1]["Ex"]
     sure = Recipe(parameters=(Parameter("Ex", prior_mean=1.05 * truth, prior_sd=1e-4 * truth), Parameter("Gxy")))
     exact = replace(measured, inputs=Inputs.exact())
-    told = [text for text in update(exact, BEAM, sure).warnings if "misses the measured frequencies by" in text]
-    assert len(told) == 1
-    percent = float(re.findall(r"by ([\d.]+) %", told[0])[0])
+    warned = [text for text in update(exact, BEAM, sure).warnings if "misses the measured frequencies by" in text]
+    assert len(warned) == 1
+    percent = float(re.findall(r"by ([\d.]+) %", warned[0])[0])
     assert percent == pytest.approx(2.0, abs=1.0)  # half of 5 %, fewer where Gxy helps
 
 
 def test_one_mode_needs_a_law_of_one_coefficient(measured: Measurement) -> None:
-    """The next law of the default that one mode can tell takes Rayleigh's place and says so; Rayleigh alone fails."""
+    """The next law of the default that one mode can determine takes Rayleigh's place and says so; Rayleigh alone fails."""
     low = replace(measured, frfs=measured.frfs.band(2.0, 70.0), inputs=Inputs(window_rate=0.0))
     message = without_damping(update(low, BEAM, Recipe(damping_models=("rayleigh",))))
     assert re.search(r"1 measured mode cannot fix the 2 coefficients .* put `modal` first", message)
@@ -328,7 +328,7 @@ def test_pairs_that_go_round_in_a_circle_are_named() -> None:
 
 @pytest.mark.parametrize("law", ["rayleigh", "modal"])
 def test_modes_beyond_the_band_leave_stage_2_alone(measured: Measurement, clean: UpdateResult, law: str) -> None:
-    """Each had a shift and a ratio of its own of which the lines told nothing, and no fit converged."""
+    """Each had a shift and a ratio of its own of which the lines said nothing, and no fit converged."""
     recipe = Recipe(band_hz=(100.0, 440.0), damping_models=(law, "modal"))
     result = update(measured, BEAM, recipe)
     for mode, other in zip(result.modes[1:3], clean.modes[1:3], strict=True):

@@ -116,12 +116,12 @@ def test_joint_update_searches_with_the_law_asked_for(measured: tuple[Measuremen
 def test_joint_update_refuses_an_unknown_law_before_it_searches(
     measured: tuple[Measurement, dict[str, float]],
 ) -> None:
-    told: list[float] = []
+    reported: list[float] = []
     recipe = Recipe(method="joint", damping_models=("coulomb",))
     with pytest.raises(InputError) as caught:
-        update(measured[0], BEAM, recipe, lambda _, share: told.append(share))
+        update(measured[0], BEAM, recipe, lambda _, share: reported.append(share))
     assert caught.value.field == "damping_models.0"
-    assert max(told) <= 0.4  # the share at which the search begins
+    assert max(reported) <= 0.4  # the share at which the search begins
 
 
 def test_shapes_tell_what_frequencies_do(measured: tuple[Measurement, dict[str, float]], result: UpdateResult) -> None:
@@ -152,17 +152,17 @@ def test_progress_names_stages_and_a_raise_in_it_stops_the_job(measured: tuple[M
     class StopError(Exception):
         pass
 
-    told: list[tuple[str, float]] = []
+    reported: list[tuple[str, float]] = []
 
     def progress(stage: str, share: float) -> None:
-        told.append((stage, share))
+        reported.append((stage, share))
         if stage == "updating the damping":
             raise StopError
 
     with pytest.raises(StopError):
         update(measured[0], BEAM, progress=progress)
-    assert [share for _, share in told] == sorted(share for _, share in told)
-    assert told[0][0] == "identifying the modes"
+    assert [share for _, share in reported] == sorted(share for _, share in reported)
+    assert reported[0][0] == "identifying the modes"
 
 
 @pytest.mark.parametrize(

@@ -93,6 +93,6 @@ def test_a_law_that_is_negative_below_the_modes_is_said_to_be(updated_by_paper: 
     result = update(measured(state, rate), body)
     rows = {row.name: row.estimate for row in result.parameters}
     assert rows["a0"] == pytest.approx(law[0], rel=0.01)
-    told = [re.search(r"rayleigh law as fitted is negative from 2 to ([\d.]+) Hz", text) for text in result.warnings]
-    zero = [float(found[1]) for found in told if found]
+    warned = [re.search(r"rayleigh law as fitted is negative from 2 to ([\d.]+) Hz", text) for text in result.warnings]
+    zero = [float(found[1]) for found in warned if found]
     assert zero == pytest.approx([np.sqrt(20 / 3e-5) / (2 * np.pi)], rel=0.01)

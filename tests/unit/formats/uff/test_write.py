@@ -145,7 +145,7 @@ def test_mode_shapes(complex_mode: bool, components: int, hz: float, damping: fl
     np.testing.assert_allclose(ours.values, values, rtol=6e-6, atol=1e-12)
     assert ours.frequency_hz == pytest.approx(hz, rel=2e-6)
     if damping == 0 and not complex_mode:
-        assert np.isnan(ours.damping_ratio)  # the format cannot tell none from unknown
+        assert np.isnan(ours.damping_ratio)  # the format does not distinguish none from unknown
     else:
         assert ours.damping_ratio == pytest.approx(damping, rel=3e-6, abs=1e-9)
     if theirs:
