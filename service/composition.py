@@ -33,6 +33,7 @@ from service.records.processings import PROCESS
 from service.records.routes import router as records
 from service.structures.operations import structure_for
 from service.structures.routes import router as structures
+from service.updating.figure_routes import router as figures
 from service.updating.operations import UPDATE
 from service.updating.prediction_routes import router as predictions
 from service.updating.routes import router as updating
@@ -51,6 +52,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     coupons,
     updating,
     predictions,
+    figures,
     monitoring,
     webhooks,
 )

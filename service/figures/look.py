@@ -1,8 +1,13 @@
-"""What all figures share: colours, dashes and a plain layout."""
+"""What all figures share: colours, dashes, axes, a plain layout, and the few kinds of trace they are made of."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 MEASURED = "#000000"
 INITIAL = "#D55E00"
@@ -10,9 +15,30 @@ UPDATED = "#0072B2"
 ALARM = "#CC0000"
 QUIET = "#777777"
 BAND = "rgba(0,114,178,0.15)"
+HELD_OUT = "rgba(213,94,0,0.12)"
+OUTSIDE = "rgba(119,119,119,0.14)"
+GRID = "#dddddd"
+NOTHING = "rgba(0,0,0,0)"
 
+Theme = Literal["light", "dark"]
 Figure = dict[str, Any]
 """A Plotly figure: `{"data": [...], "layout": {...}}`, nothing but JSON."""
+Trace = dict[str, Any]
+
+LONGEST_NAME = 50
+FONT = "system-ui, sans-serif"
+_DARK = {
+    MEASURED: "#f2f2f2",
+    INITIAL: "#E69F00",
+    UPDATED: "#56B4E9",
+    ALARM: "#FF6B6B",
+    QUIET: "#aaaaaa",
+    BAND: "rgba(86,180,233,0.25)",
+    HELD_OUT: "rgba(230,159,0,0.18)",
+    OUTSIDE: "rgba(170,170,170,0.16)",
+    GRID: "#3a3f45",
+    "#ffffff": "#14171a",
+}
 
 
 def axis(title: str, **more: Any) -> dict[str, Any]:
@@ -22,7 +48,12 @@ def axis(title: str, **more: Any) -> dict[str, Any]:
         title: with the unit.
         more: other properties of the axis, which come before these.
     """
-    return {"title": {"text": title}, "showgrid": True, "gridcolor": "#dddddd", "zeroline": False, **more}
+    return {"title": {"text": title}, "showgrid": True, "gridcolor": GRID, "zeroline": False, **more}
+
+
+def named_ticks(names: Sequence[str]) -> dict[str, Any]:
+    """An axis whose places 0, 1, 2, … have names."""
+    return {"tickvals": list(range(len(names))), "ticktext": list(names), "showgrid": False}
 
 
 def layout(title: str, **more: Any) -> dict[str, Any]:
@@ -34,9 +65,87 @@ def layout(title: str, **more: Any) -> dict[str, Any]:
     """
     return {
         "title": {"text": title},
-        "font": {"family": "system-ui, sans-serif", "size": 15},
+        "font": {"family": FONT, "size": 15, "color": MEASURED},
+        "paper_bgcolor": "#ffffff",
         "plot_bgcolor": "#ffffff",
         "hovermode": "closest",
         "legend": {"orientation": "h", "y": -0.15},
         **more,
     }
+
+
+def shown_name(given: str) -> str:
+    """A name given by a person, as Plotly wants text: it takes < for markup. Cut where it is too long for a title."""
+    cut = given if len(given) <= LONGEST_NAME else given[: LONGEST_NAME - 1] + "…"
+    return escape(cut, quote=False)
+
+
+def numbers(values: ArrayLike, digits: int = 7) -> list[float | None]:
+    """Numbers for JSON, to as many significant digits as a figure can show; what is not finite is None, a gap."""
+    found = np.asarray(values, dtype=float).ravel()
+    finite = np.isfinite(found)
+    some = finite & (found != 0)
+    decimals = digits - 1 - np.floor(np.log10(np.abs(found, where=some, out=np.ones_like(found))))
+    scale = 10.0 ** np.abs(decimals)  # an exact power, so that a rounded number prints short
+    up, down = np.round(found * scale) / scale, np.round(found / scale) * scale
+    rounded = np.where(some, np.where(decimals >= 0, up, down), 0.0).tolist()
+    return rounded if finite.all() else [value if here else None for value, here in zip(rounded, finite, strict=True)]
+
+
+def line(x: Iterable[Any], y: Iterable[Any], name: str, color: str, dash: str = "solid", **more: Any) -> Trace:
+    """A curve; it stands in the legend where it has a name."""
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "name": name,
+        "x": list(x),
+        "y": list(y),
+        "line": {"color": color, "width": 1.5, "dash": dash},
+        "showlegend": bool(name),
+        **more,
+    }
+
+
+def band(
+    x: Sequence[Any], low: Sequence[Any], high: Sequence[Any], name: str, color: str = BAND, **more: Any
+) -> list[Trace]:
+    """The space between two curves: an unseen line, and one filled down to it."""
+    return [
+        line(x, low, "", NOTHING, hoverinfo="skip", **more),
+        {**line(x, high, name, NOTHING, hoverinfo="skip", **more), "fill": "tonexty", "fillcolor": color},
+    ]
+
+
+def marks(x: Iterable[Any], y: Iterable[Any], name: str, color: Any, symbol: str = "circle", **more: Any) -> Trace:
+    """Points; they stand in the legend where they have a name."""
+    size = more.pop("size", 8)
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "name": name,
+        "x": list(x),
+        "y": list(y),
+        "marker": {"symbol": symbol, "color": color, "size": size},
+        "showlegend": bool(name),
+        **more,
+    }
+
+
+def words(title: str, sentence: str) -> Figure:
+    """A figure that has nothing to draw and says why."""
+    note = {"text": sentence, "x": 0.5, "y": 0.5, "xref": "paper", "yref": "paper", "showarrow": False}
+    shown = layout(title, xaxis=axis("", visible=False), yaxis=axis("", visible=False), annotations=[note])
+    return {"data": [], "layout": shown}
+
+
+def themed(figure: Figure, theme: Theme) -> Figure:
+    """The figure in the colours of a theme: as it is built it is for a light page."""
+    return figure if theme == "light" else _exchanged(figure)
+
+
+def _exchanged(node: Any) -> Any:
+    if isinstance(node, dict):
+        return {key: value if key in ("x", "y", "z") else _exchanged(value) for key, value in node.items()}
+    if isinstance(node, list):
+        return [_exchanged(each) for each in node]
+    return _DARK.get(node, node) if isinstance(node, str) else node

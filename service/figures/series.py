@@ -8,16 +8,12 @@ are their ids, so that a page can link them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from html import escape
 from typing import Any
 
-from service.figures.look import ALARM, BAND, INITIAL, MEASURED, QUIET, UPDATED, Figure, axis, layout
+from service.figures.look import ALARM, BAND, INITIAL, MEASURED, QUIET, UPDATED, Figure, axis, layout, shown_name
+from service.figures.parameters import SHOWN
 
 Z_95 = 1.959964
-SHOWN = {"Pa": (1e-9, "GPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1": (1.0, "–")}
-"""Factor and unit in which values of an SI unit are drawn; others as they are."""
-
-LONGEST_NAME = 50
 SIGNS = {"fall": -1, "rise": 1}
 
 
@@ -30,7 +26,7 @@ def series_figure(document: Mapping[str, Any], parameter: str) -> Figure:
     """
     found = [p for p in document["parameters"] if p["name"] == parameter]
     scale, unit = _shown_in(found[0]) if found else (1.0, None)
-    title = f"{_name(document['structure_name'])} – {_name(document['monitor_name'])}: {parameter}"
+    title = f"{shown_name(document['structure_name'])} – {shown_name(document['monitor_name'])}: {parameter}"
     shown = layout(
         f"{title} ({found[0]['state'] if found else 'no data'})",
         xaxis=axis("campaign performed (UTC)", type="date", anchor="y2"),
@@ -44,7 +40,7 @@ def series_figure(document: Mapping[str, Any], parameter: str) -> Figure:
         ]
         return {"data": [], "layout": shown}
     row = found[0]
-    names = {c["campaign_id"]: _name(c["name"]) for c in document["campaigns"]}
+    names = {c["campaign_id"]: shown_name(c["name"]) for c in document["campaigns"]}
     alarms = [a for a in document["alarms"] if a["parameter"] == parameter and a["state"] != "withdrawn"]
     data = [*_values(row, names, scale), *_expectation(row, scale), *_chart(row, names), *_alarms(alarms, row, scale)]
     return {"data": data, "layout": shown}
@@ -55,12 +51,6 @@ def _shown_in(row: Mapping[str, Any]) -> tuple[float, str | None]:
     if row["name"].startswith(("damping_ratio_", "zeta")):
         return 100.0, "%"
     return SHOWN.get(row["unit"], (1.0, row["unit"]))
-
-
-def _name(given: str) -> str:
-    """A name given by a person, as Plotly wants text: it takes < for markup. Cut where it is too long for a title."""
-    cut = given if len(given) <= LONGEST_NAME else given[: LONGEST_NAME - 1] + "…"
-    return escape(cut, quote=False)
 
 
 def _values(row: Mapping[str, Any], names: Mapping[str, str], scale: float) -> list[dict[str, Any]]:
@@ -160,7 +150,7 @@ def _alarms(alarms: Sequence[Mapping[str, Any]], row: Mapping[str, Any], scale: 
             "name": "alarm",
             "x": [p["performed_at"] for _, p in seen],
             "y": [scale * (p["raw"] if p["corrected"] is None else p["corrected"]) for _, p in seen],
-            "text": [a["state"] + (f": {_name(a['note'])}" if a["note"] else "") for a, _ in seen],
+            "text": [a["state"] + (f": {shown_name(a['note'])}" if a["note"] else "") for a, _ in seen],
             "customdata": [[a["alarm_id"], a["campaign_id"]] for a, _ in seen],
             "marker": {"symbol": "diamond-open", "color": ALARM, "size": 16},
         }

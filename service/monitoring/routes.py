@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from service.access import CurrentUser, SessionDep, SettingsDep, project_for, projects_of
 from service.campaigns.operations import campaign_for
 from service.errors import Invalid
-from service.figures.printing import MEDIA_TYPES, render
+from service.figures.answers import RESPONSES, FormatQuery, ThemeQuery, figure_answer
 from service.figures.series import series_figure
 from service.monitoring import alarms as steps
 from service.monitoring import monitors
@@ -37,8 +37,6 @@ from service.structures.operations import structure_for, structures_in
 from service.web import IF_MATCH, Cursor, Limit, Page, api_router, etag_of, paged, require_match
 
 router = api_router(tags=["monitoring"])
-
-FIGURES: dict[int | str, dict[str, Any]] = {200: {"content": {kind: {} for kind in MEDIA_TYPES.values()}}}
 
 Deleted = Annotated[bool, Query(description="list deleted monitors, which can be restored, instead")]
 
@@ -175,14 +173,15 @@ def get_series(monitor_id: UUID, session: SessionDep, user: CurrentUser, series:
     return series_document(session, monitor, monitors.series_for(session, monitor, series))
 
 
-@router.get("/monitors/{monitor_id}/series/figure", response_class=Response, responses=FIGURES)
+@router.get("/monitors/{monitor_id}/series/figure", response_class=Response, responses=RESPONSES)
 def get_series_figure(
     monitor_id: UUID,
     session: SessionDep,
     user: CurrentUser,
     parameter: Annotated[str | None, Query(max_length=60, description="default: the first one that is watched")] = None,
     series: Version = None,
-    file_format: Annotated[Literal["plotly", "svg", "png", "pdf"], Query(alias="format")] = "plotly",
+    file_format: FormatQuery = "plotly",
+    theme: ThemeQuery = "light",
 ) -> Response:
     """The series of a parameter as a figure: Plotly JSON for the browser and notebooks, or SVG, PNG, PDF for print."""
     monitor = monitor_for(session, user, monitor_id)
@@ -192,9 +191,7 @@ def get_series_figure(
     if wanted not in watched:
         raise Invalid("parameter", f"{wanted!r} is not watched; {', '.join(watched)} are")
     figure = series_figure(document, wanted)
-    name = f'attachment; filename="{wanted}.{file_format}"'
-    headers = {} if file_format == "plotly" else {"Content-Disposition": name}
-    return Response(render(figure, file_format), media_type=MEDIA_TYPES[file_format], headers=headers)
+    return figure_answer(figure, file_format, wanted, theme)
 
 
 @router.post("/campaigns/{campaign_id}/complete")

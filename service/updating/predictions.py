@@ -75,7 +75,7 @@ def predicted_table(session: Session, job: UpdateJob, model: Model, chosen: Chos
         frequency, values = arrays["frequency_hz"], arrays[model]
         dofs = list(zip(_dofs(arrays["responses"]), _dofs(arrays["references"]), strict=True))
     ids = [UUID(frf["id"]) for frf in document["provenance"]["frfs"]]
-    measured = _used(session, job, frfs_of(session, ids), dofs)
+    measured = used_frfs(session, job, frfs_of(session, ids), dofs)
     wanted = [i for i, frf in enumerate(measured) if _is_chosen(frf, chosen)]
     if not wanted:
         raise NotFound("predicted FRF that matches in this result")
@@ -94,7 +94,7 @@ def _dofs(table: IntArray) -> list[Dof]:
     return [Dof(int(point), int(direction)) for point, direction in table]
 
 
-def _used(session: Session, job: UpdateJob, measured: list[Frf], dofs: list[tuple[Dof, Dof]]) -> list[Frf]:
+def used_frfs(session: Session, job: UpdateJob, measured: list[Frf], dofs: list[tuple[Dof, Dof]]) -> list[Frf]:
     """The measured FRFs that the predictions at these degrees of freedom, in the specimen's frame, belong to.
 
     Raises:

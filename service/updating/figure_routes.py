@@ -1,0 +1,96 @@
+"""Routes of an update's figures."""
+
+from __future__ import annotations
+
+from hashlib import sha256
+from typing import Annotated
+from uuid import UUID
+
+from fastapi import Path, Query, Request, Response
+from pydantic import BaseModel, Field
+
+from fecore import __version__
+from service.access import CurrentUser, SessionDep
+from service.errors import Conflict, Invalid
+from service.figures.answers import RESPONSES, FormatQuery, ThemeQuery, figure_answer
+from service.updating.figure_data import UpdateFigures
+from service.updating.figures import FIGURES, Wanted, draw_figure
+from service.updating.operations import update_job_for
+from service.web import api_router
+from service.web.conditional import not_modified
+
+router = api_router(tags=["update jobs"])
+
+Hertz = Annotated[float | None, Query(ge=0, le=1e12, allow_inf_nan=False)]
+Point = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
+
+
+class FigureOut(BaseModel):
+    """A figure of an update."""
+
+    name: str = Field(description="in the address of the figure")
+    title: str = Field(description="what it shows")
+    href: str = Field(description="address of the figure; its default format is Plotly JSON")
+    available: bool = Field(description="whether this result has something to draw")
+    reason: str | None = Field(description="why not, in words; null where it is available")
+    query: list[str] = Field(description="parameters of the query that it heeds, besides `format` and `theme`")
+
+
+class FiguresOut(BaseModel):
+    """The figures of an update, in the order of a report."""
+
+    items: list[FigureOut] = Field(description="every figure that there is for an update")
+
+
+@router.get("/update-jobs/{job_id}/figures")
+def list_figures(job_id: UUID, session: SessionDep, user: CurrentUser) -> FiguresOut:
+    """Names of the figures, and which of them this result can be drawn as."""
+    data = UpdateFigures(session, update_job_for(session, user, job_id))
+    return FiguresOut(items=[_described(data, name) for name in FIGURES])
+
+
+@router.get("/update-jobs/{job_id}/figures/{name}", response_class=Response, responses=RESPONSES)
+def get_figure(
+    job_id: UUID,
+    name: Annotated[str, Path(max_length=60, description=f"one of {', '.join(FIGURES)}", examples=["frf"])],
+    session: SessionDep,
+    user: CurrentUser,
+    request: Request,
+    point: Annotated[Point, Query(description="`frf`: grid point whose FRF is drawn; default: the first one")] = None,
+    reference: Annotated[Point, Query(description="`frf`: the other point, where one alone does not say which")] = None,
+    fmin: Annotated[Hertz, Query(description="`frf`, `csac`, `csf`: lines from here, Hz")] = None,
+    fmax: Annotated[Hertz, Query(description="`frf`, `csac`, `csf`: lines up to here, Hz")] = None,
+    file_format: FormatQuery = "plotly",
+    theme: ThemeQuery = "light",
+) -> Response:
+    """A figure of the result: Plotly JSON, or the same figure as SVG, PNG or PDF.
+
+    Where the result has nothing to draw, such as the FRFs of a job whose damping failed, the answer is 409 and says why.
+    """
+    if fmin is not None and fmax is not None and fmin > fmax:
+        raise Invalid("fmin", f"is {fmin:g} Hz and above fmax, {fmax:g} Hz")
+    job = update_job_for(session, user, job_id)
+    data = UpdateFigures(session, job)
+    # A result never changes; the figure of a later version may.
+    key = sha256(f"{__version__} {name} {request.url.query}".encode()).hexdigest()[:16]
+    headers = {"ETag": f'"{job.id}-{key}"', "Cache-Control": "private, no-cache"}
+    if name in FIGURES and (unchanged := not_modified(request, headers)) is not None:
+        return unchanged
+    figure = draw_figure(data, name, Wanted(point, reference, fmin, fmax))
+    return figure_answer(figure, file_format, name, theme, headers)
+
+
+def _described(data: UpdateFigures, name: str) -> FigureOut:
+    figure, reason = FIGURES[name], None
+    try:
+        figure.check(data)
+    except Conflict as error:
+        reason = str(error)
+    return FigureOut(
+        name=name,
+        title=figure.title,
+        href=f"/api/v1/update-jobs/{data.job.id}/figures/{name}",
+        available=reason is None,
+        reason=reason,
+        query=list(figure.query),
+    )
