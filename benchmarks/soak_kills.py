@@ -16,8 +16,9 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from itertools import count
 from typing import Any
@@ -36,6 +37,7 @@ WORKERS = 2
 SETTINGS: dict[str, Any] = {
     "job_lease_seconds": 3.0,
     "webhook_networks": "127.0.0.0/8",
+    "webhook_ports": "1024-65535",  # the receiver takes a free one
     "delivery_pause_seconds": 0.5,
 }
 FRFS = 33  # of the paper's file
@@ -86,13 +88,19 @@ class Tally:
 
 
 class _Client:
-    """A client that does not give up."""
+    """A client that does not give up; a context manager, which closes its connections."""
 
     def __init__(self, port: int, key: str) -> None:
         headers = {"Authorization": f"Bearer {key}"}
         self.http = httpx.Client(
             base_url=f"http://127.0.0.1:{port}/api/v1/", headers=headers, timeout=60, trust_env=False
         )
+
+    def __enter__(self) -> _Client:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.http.close()
 
     def ask(self, method: str, path: str, **arguments: Any) -> Any:
         """The body of the answer; what is not answered, or not now, is asked again."""
@@ -103,7 +111,9 @@ class _Client:
             except httpx.TransportError:
                 answer = None
             if answer is not None and answer.status_code < 500 and answer.status_code != 429:
-                return answer.raise_for_status().json()
+                if answer.is_error:
+                    raise RuntimeError(f"{method} {path}: {answer.status_code} {answer.text}")
+                return answer.json()
             time.sleep(0.2)
         raise TimeoutError(f"{method} {path} was not answered in {PATIENCE_SECONDS:g} s")
 
@@ -127,25 +137,43 @@ def soak(kills: int = KILLS, seed: int = 11) -> Tally:
         house = _House(here, port)
         with here.sessions.begin() as session:
             key = create_key(session, user_named(session, "soak"), "soak")[1]
-        clients = [_Client(port, key) for _ in range(3)]
-        over = threading.Event()
-        works = zip(clients, (_imports, _updates, _messages(hook)), strict=True)
-        threads = [threading.Thread(target=work, args=(client, tally, over), daemon=True) for client, work in works]
-        for thread in threads:
-            thread.start()
-        try:
-            _kill(house, tally, kills, random.Random(seed), threads)
-        finally:
-            over.set()
-        for thread in threads:
-            thread.join()
-        here.until(lambda: set(tally.acknowledged["message"]) <= set(tally.received), "the last messages")
-        here.wait(len(here.jobs()))
-        _count(here, clients[0], tally)
-        for client in clients:
-            client.http.close()
+        with ExitStack() as lines:
+            clients = [lines.enter_context(_Client(port, key)) for _ in range(3)]
+            works = (_imports, _updates, _messages(hook))
+            with _at_work([partial(work, client, tally) for work, client in zip(works, clients, strict=True)]) as check:
+                _kill(house, tally, kills, random.Random(seed), check)
+            here.until(lambda: set(tally.acknowledged["message"]) <= set(tally.received), "the last messages")
+            here.wait(len(here.jobs()))
+            _count(here, clients[0], tally)
     tally.seconds = time.monotonic() - began
     return tally
+
+
+@contextmanager
+def _at_work(works: list[Callable[[threading.Event], None]]) -> Iterator[Callable[[], None]]:
+    """Let clients work, each in a thread, until the block ends; what is given raises what a client has ended with."""
+    over, broken = threading.Event(), list[Exception]()
+
+    def run(work: Callable[[threading.Event], None]) -> None:
+        try:
+            work(over)
+        except Exception as error:  # noqa: BLE001 - `check` raises it again
+            broken.append(error)
+
+    def check() -> None:
+        if broken:
+            raise broken[0]
+
+    threads = [threading.Thread(target=run, args=(work,)) for work in works]
+    for thread in threads:
+        thread.start()
+    try:
+        yield check
+    finally:
+        over.set()
+        for thread in threads:
+            thread.join()
+    check()
 
 
 def _imports(client: _Client, tally: Tally, over: threading.Event) -> None:
@@ -232,17 +260,20 @@ def _kill_fork_server(worker: int) -> bool:
     return False
 
 
-def _kill(house: _House, tally: Tally, kills: int, rng: random.Random, clients: list[threading.Thread]) -> None:
+def _kill(house: _House, tally: Tally, kills: int, rng: random.Random, check: Callable[[], None]) -> None:
     kinds = ("worker", "fork server", "API", "fork server", "worker", "PostgreSQL")
     for number in range(kills):
         ended = tally.ended
-        house.here.until(lambda ended=ended: tally.ended > ended, "the end of something between two kills")
+
+        def more(ended: int = ended) -> bool:
+            check()
+            return tally.ended > ended
+
+        house.here.until(more, "the end of something between two kills")
         time.sleep(rng.uniform(0, 1))
         what = kinds[number % len(kinds)]
         house.here.until(lambda what=what: house.kill(what, rng), f"a {what} to kill")
         tally.killed[what] += 1
-        if not all(client.is_alive() for client in clients):
-            raise RuntimeError("a client has ended early")
 
 
 def _count(here: Floor, client: _Client, tally: Tally) -> None:

@@ -44,7 +44,10 @@ def test_after_an_answer_too(port: int) -> None:
     with socket.create_connection(("127.0.0.1", port), timeout=30) as line:
         line.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
         answer = b""
-        while not answer.endswith(b'"here"'):
-            answer += line.recv(1000)
+        while more := line.recv(1000):
+            answer += more
+            if answer.endswith(b'"here"'):
+                break
+        assert answer.startswith(b"HTTP/1.1 200"), "the line was closed before there was an answer"
         line.sendall(b"GET / HTTP/1.1\r\n")
         assert line.recv(1000) == b""
