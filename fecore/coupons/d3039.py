@@ -105,10 +105,20 @@ def reduce(
     if bending is not None and bending > MOST_BENDING_PERCENT:
         warnings.append(f"{bending:.1f} % bending, more than {MOST_BENDING_PERCENT:.0f} %: see to the alignment")
     return TensileResult(
-        width, thickness, area, force, force / area, ultimate, modulus,
-        line.regression_slope(strain, stress), (line.start, line.stop),
-        _poisson_ratio(run, line), transition_strain(strain, stress), bending, tuple(warnings),
-    )  # fmt: skip
+        width_m=width,
+        thickness_m=thickness,
+        area_m2=area,
+        maximum_force_n=force,
+        strength_pa=force / area,
+        ultimate_strain=ultimate,
+        modulus_pa=modulus,
+        regression_modulus_pa=line.regression_slope(strain, stress),
+        chord_range=(line.start, line.stop),
+        poisson_ratio=_poisson_ratio(run, line),
+        transition_strain=transition_strain(strain, stress),
+        bending_percent=bending,
+        warnings=tuple(warnings),
+    )
 
 
 def _standard_range(

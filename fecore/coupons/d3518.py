@@ -113,10 +113,19 @@ def reduce(
     if offset is None:
         warnings.append("failed before the 0.2 % offset line: no offset strength")
     return ShearResult(
-        width, thickness, width * thickness, modulus, line.regression_slope(gamma, tau), (line.start, line.stop),
-        None if offset is None else offset[1], None if offset is None else offset[0],
-        float(tau[at]), float(gamma[at]), bool(not allowed.all()), tuple(warnings),
-    )  # fmt: skip
+        width_m=width,
+        thickness_m=thickness,
+        area_m2=width * thickness,
+        modulus_pa=modulus,
+        regression_modulus_pa=line.regression_slope(gamma, tau),
+        chord_range=(line.start, line.stop),
+        offset_strength_pa=None if offset is None else offset[1],
+        offset_strain=None if offset is None else offset[0],
+        maximum_stress_pa=float(tau[at]),
+        maximum_stress_strain=float(gamma[at]),
+        reached_limit=bool(not allowed.all()),
+        warnings=tuple(warnings),
+    )
 
 
 def _offset_strength(gamma: FloatArray, tau: FloatArray, modulus: float) -> tuple[float, float] | None:

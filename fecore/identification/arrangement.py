@@ -111,13 +111,13 @@ def set_with_gaps(
     """An FRF set from data with holes: values that are NaN or infinite count as not measured."""
     hole = ~np.isfinite(values)
     return FrfSet(
-        np.asarray(frequency_hz, dtype=float),
-        np.where(hole, 0, values).astype(complex),
-        tuple(responses),
-        tuple(references),
-        quantity,
-        variance,
-        ~hole,
+        frequency_hz=np.asarray(frequency_hz, dtype=float),
+        values=np.where(hole, 0, values).astype(complex),
+        responses=tuple(responses),
+        references=tuple(references),
+        quantity=quantity,
+        variance=variance,
+        measured=~hole,
     )
 
 
@@ -155,7 +155,18 @@ def arrange(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None
     roving, fixed, row = split_sides(tuple(pairs))
     measured = ~np.isposinf(variance)
     source = np.arange(len(pairs))
-    return Arrangement(axis, values, measured, variance, tuple(pairs), sets[0].quantity, roving, fixed, row, source)
+    return Arrangement(
+        frequency_hz=axis,
+        values=values,
+        measured=measured,
+        variance=variance,
+        pairs=tuple(pairs),
+        quantity=sets[0].quantity,
+        roving=roving,
+        fixed=fixed,
+        row=row,
+        source=source,
+    )
 
 
 def split_sides(pairs: tuple[tuple[Dof, Dof], ...]) -> tuple[tuple[Dof, ...], tuple[Dof, ...], IntArray]:

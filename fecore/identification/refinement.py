@@ -148,15 +148,15 @@ def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fi
     information[still, still] = _HELD
     gradient[still], lever[:, :, still] = 0.0, 0.0
     return Fit(
-        terms,
-        linear,
-        variance,
-        residual,
-        float(np.sum((pulled.conj() * residual).real)),
-        2 * int(arrangement.measured.sum()) - terms.parameters - len(residual) * terms.columns,
-        information,
-        lever,
-        gradient,
+        terms=terms,
+        linear=linear,
+        variance=variance,
+        residual=residual,
+        chi_squared=float(np.sum((pulled.conj() * residual).real)),
+        freedom=2 * int(arrangement.measured.sum()) - terms.parameters - len(residual) * terms.columns,
+        information=information,
+        lever=lever,
+        gradient=gradient,
     )
 
 

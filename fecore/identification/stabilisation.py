@@ -64,7 +64,13 @@ def stabilise(arrangement: Arrangement, variance: FloatArray, orders: tuple[int,
         still[here] = ((off < FREQUENCY_TOLERANCE) & (ratio < DAMPING_TOLERANCE)).any(axis=1)
     indicator = np.sqrt(np.sum(np.abs(arrangement.values) ** 2, axis=0))
     return Stabilisation(
-        order, found.frequency_hz, found.damping_ratio, near, still, arrangement.frequency_hz, indicator
+        order=order,
+        frequency_hz=found.frequency_hz,
+        damping_ratio=found.damping_ratio,
+        frequency_stable=near,
+        damping_stable=still,
+        line_hz=arrangement.frequency_hz,
+        indicator=indicator,
     )
 
 

@@ -88,14 +88,14 @@ def first_look(spectra: Spectra, hits: Sequence[Hit]) -> Point:
     estimates = tuple(estimate(forces, r, spectra.processing.estimator) for r in responses) if used else ()
     excitation = np.mean(np.abs(forces), axis=0) if used else np.zeros(spectra.lines.size)
     return Point(
-        hits[0].force.dof,
-        hits[0].pair[1],
-        tuple(h.number for h in hits),
-        traits,
-        tuple(compared),
-        used,
-        estimates,
-        excitation,
+        force=hits[0].force.dof,
+        responses=hits[0].pair[1],
+        numbers=tuple(h.number for h in hits),
+        traits=traits,
+        deviations=tuple(compared),
+        used=used,
+        estimates=estimates,
+        excitation=excitation,
     )
 
 

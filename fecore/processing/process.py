@@ -80,16 +80,16 @@ def _result(
     force = np.mean([p.excitation for p in points if p.used] or [np.ones(spectra.lines.size)], axis=0)
     excited = float(spectra.frequency[np.flatnonzero(force >= 0.1 * force.max())[-1]])
     return Processed(
-        frfs,
-        np.array([r[2].coherence for r in rows]),
-        np.array([r[2].hits for r in rows]),
-        tuple(r[3] for r in rows),
-        tuple(v for judged in verdicts for v in judged),
-        spectra.processing,
-        spectra.rate,
-        delay,
-        excited,
-        _warnings(points, verdicts, delay, excited, float(spectra.frequency[-1])),
+        frfs=frfs,
+        coherence=np.array([r[2].coherence for r in rows]),
+        hits=np.array([r[2].hits for r in rows]),
+        used=tuple(r[3] for r in rows),
+        verdicts=tuple(v for judged in verdicts for v in judged),
+        processing=spectra.processing,
+        rate_per_s=spectra.rate,
+        delay=delay,
+        excited_hz=excited,
+        warnings=_warnings(points, verdicts, delay, excited, float(spectra.frequency[-1])),
     )
 
 

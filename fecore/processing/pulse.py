@@ -64,13 +64,33 @@ def find_pulse(block: Block, sample_rate_hz: float) -> Pulse:
     weight = 1.0 if window is None else float(window[peak])
     height = (float(raw[peak]) - baseline) / weight
     if height == 0:
-        return Pulse(peak, peak, peak + 1, 0.0, baseline, 0.0, 0.0, 0.0, peak)
+        return Pulse(
+            peak=peak,
+            start=peak,
+            stop=peak + 1,
+            height=0.0,
+            baseline=baseline,
+            noise=0.0,
+            second=0.0,
+            second_z=0.0,
+            second_at=peak,
+        )
     start, stop = _feet(raw, baseline, peak)
     noise = _noise(raw[stop + 8 :] if raw.size - stop > 64 else raw[: max(start - 8, 2)])
     second, z, at = 0.0, 0.0, peak
     if _another(raw, window, baseline, height, start, stop):
         second, z, at = _second(np.asarray(raw, dtype=float), window, peak, start, stop, height)
-    return Pulse(peak, start, stop, height, baseline / weight, noise, second, z, at)
+    return Pulse(
+        peak=peak,
+        start=start,
+        stop=stop,
+        height=height,
+        baseline=baseline / weight,
+        noise=noise,
+        second=second,
+        second_z=z,
+        second_at=at,
+    )
 
 
 def _peak(raw: FloatArray, window: FloatArray | None) -> int:

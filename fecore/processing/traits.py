@@ -115,13 +115,13 @@ def find_traits(hit: Hit) -> Traits:
     rate, blocks = hit.sample_rate_hz, (hit.force, *hit.responses)
     pulse = find_pulse(hit.force, rate)
     return Traits(
-        hit.number,
-        rate,
-        hit.samples,
-        tuple(Channel(block.dof, block.quantity, block.full_scale) for block in blocks),
-        pulse,
-        tuple(_top(block, pulse, rate) for block in blocks),
-        tuple(_before(block, pulse, rate) for block in hit.responses),
+        number=hit.number,
+        sample_rate_hz=rate,
+        samples=hit.samples,
+        channels=tuple(Channel(block.dof, block.quantity, block.full_scale) for block in blocks),
+        pulse=pulse,
+        tops=tuple(_top(block, pulse, rate) for block in blocks),
+        before=tuple(_before(block, pulse, rate) for block in hit.responses),
     )
 
 

@@ -105,9 +105,11 @@ def assess(
         if note.parameter not in watch.directions:
             raise InputError("acknowledgements.parameter", f"{note.parameter!r} is not watched")
     return Assessment(
-        {name: _parameter(series[name], direction, watch, as_of, acknowledgements)
-         for name, direction in watch.directions.items()}
-    )  # fmt: skip
+        {
+            name: _parameter(series[name], direction, watch, as_of, acknowledgements)
+            for name, direction in watch.directions.items()
+        }
+    )
 
 
 def _parameter(
@@ -120,9 +122,20 @@ def _parameter(
             f" with {' and '.join(watch.covariates)}" if watch.covariates else ""
         )
         return ParameterTrend(
-            series.name, direction, ordered, None, None, None, {}, None, np.zeros(0, bool), (), None, None,
-            (*said, short),
-        )  # fmt: skip
+            name=series.name,
+            direction=direction,
+            series=ordered,
+            baseline=None,
+            watched=None,
+            scores=None,
+            statistic={},
+            limits=None,
+            outside=np.zeros(0, bool),
+            timeline=(),
+            change=None,
+            rate=None,
+            notes=(*said, short),
+        )
     baseline, watched, left_out = fit_baseline(ordered, watch.baseline, watch.covariates)
     limits = _limits(baseline, watch)
     scores = None if watched is None else score(baseline, watched)
@@ -132,7 +145,15 @@ def _parameter(
     outside = np.any([out for _, out in judged.values()], axis=0)
     begin = ordered.dates[list(ordered.labels).index(baseline.labels[-1])]
     seen = [note.date for note in notes if note.parameter == series.name]
-    moments = timeline(begin, watched, outside, seen, watch.pending, watch.expected_interval_days, as_of)
+    moments = timeline(
+        begin=begin,
+        watched=watched,
+        outside=outside,
+        acknowledged=seen,
+        pending=watch.pending,
+        interval_days=watch.expected_interval_days,
+        as_of=as_of,
+    )
     change = speed = None
     unknown: tuple[str, ...] = ()
     if watched is not None and scores is not None and len(watched) >= _FEWEST_FOR_RATE:
@@ -140,9 +161,20 @@ def _parameter(
         if np.any(outside):
             change = _change(begin, watched, scores, baseline)
     return ParameterTrend(
-        series.name, direction, ordered, baseline, watched, scores, statistic, limits, outside, moments, change, speed,
-        (*said, *left_out, *_cautions(watched, scores, baseline), *unknown),
-    )  # fmt: skip
+        name=series.name,
+        direction=direction,
+        series=ordered,
+        baseline=baseline,
+        watched=watched,
+        scores=scores,
+        statistic=statistic,
+        limits=limits,
+        outside=outside,
+        timeline=moments,
+        change=change,
+        rate=speed,
+        notes=(*said, *left_out, *_cautions(watched, scores, baseline), *unknown),
+    )
 
 
 def _speed(ordered: Series, watch: Watch, baseline: Baseline) -> tuple[Rate | None, tuple[str, ...]]:

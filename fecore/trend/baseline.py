@@ -134,9 +134,16 @@ def fit_baseline(
         notes.append("the stated standard deviations are larger than the scatter; changes are found later than need be")
     leverage = np.einsum("ij,jk,ik->i", X, fit.covariance, X)
     baseline = Baseline(
-        tuple(base.labels), names, c.mean(axis=0), c.min(axis=0), c.max(axis=0), c.var(axis=0, ddof=1), fit,
-        float(leverage.mean()), float(leverage.max()),
-    )  # fmt: skip
+        labels=tuple(base.labels),
+        covariates=names,
+        centre=c.mean(axis=0),
+        low=c.min(axis=0),
+        high=c.max(axis=0),
+        variance=c.var(axis=0, ddof=1),
+        fit=fit,
+        leverage_mean=float(leverage.mean()),
+        leverage_max=float(leverage.max()),
+    )
     watched = select(series, range(last + 1, len(series))) if last + 1 < len(series) else None
     return baseline, watched, tuple(notes)
 
@@ -160,13 +167,13 @@ def score(baseline: Baseline, series: Series) -> Scores:
     np.fill_diagonal(covariance := shared.copy(), sd**2)
     outside = np.any(~absent & ((c < baseline.low) | (c > baseline.high)), axis=1)
     return Scores(
-        series.estimate - centred @ slopes,
-        residual,
-        sd,
-        normal_score(residual / sd, fit.degrees_of_freedom),
-        outside,
-        np.any(absent, axis=1),
-        covariance,
+        corrected=series.estimate - centred @ slopes,
+        residual=residual,
+        residual_sd=sd,
+        score=normal_score(residual / sd, fit.degrees_of_freedom),
+        extrapolated=outside,
+        missing=np.any(absent, axis=1),
+        covariance=covariance,
     )
 
 

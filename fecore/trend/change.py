@@ -93,13 +93,13 @@ def change_point(
     first, last = int(held.min()), int(held.max())
     scale = (degrees_of_freedom + misfit[index]) / (degrees_of_freedom + m - 1)
     return ChangePoint(
-        kind,
-        index,
-        (first, last),
-        dates[index + 1],
-        (dates[first], dates[last + 1]),
-        float(amplitude[index]),
-        float(np.sqrt(scale / size[index])),
+        pattern=kind,
+        index=index,
+        interval=(first, last),
+        date=dates[index + 1],
+        date_interval=(dates[first], dates[last + 1]),
+        size=float(amplitude[index]),
+        size_sd=float(np.sqrt(scale / size[index])),
     )
 
 

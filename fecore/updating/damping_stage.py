@@ -162,7 +162,15 @@ class DampingData:
             return FrfMisfit(frfs, self.model, weighting, variance)
         gain = np.where(np.isin(np.arange(self.model.omega.size), self.roles.lawful), _GAIN_SD, 0.0)
         delay = self.inputs.standard_deviation("delay")
-        return FrfMisfit(frfs, self.model, weighting, variance, gain, _COMMON_GAIN_SD, delay)
+        return FrfMisfit(
+            frfs=frfs,
+            model=self.model,
+            weighting=weighting,
+            variance=variance,
+            gain_sd=gain,
+            common_gain_sd=_COMMON_GAIN_SD,
+            delay_sd=delay,
+        )
 
     def window_sd(self) -> float:
         """Standard deviation of an exponential window's rate 1/τ, 1/s; where none was stated it is one-sided.
@@ -210,7 +218,16 @@ def damping_data(
     model = elastic.updated.frf_model(frfs.responses, frfs.references)
     shift = roles.first_shift[~np.isin(roles.shifted, roles.suspended)]
     modal_law = ModalDamping(tuple(np.sort(model.omega[roles.lawful] * (1 + shift))))
-    return DampingData(frfs, elastic, modes, weighting, inputs or Inputs.exact(), model, roles, modal_law)
+    return DampingData(
+        frfs=frfs,
+        elastic=elastic,
+        modes=modes,
+        weighting=weighting,
+        inputs=inputs or Inputs.exact(),
+        model=model,
+        roles=roles,
+        modal_law=modal_law,
+    )
 
 
 def fit_reference(data: DampingData) -> ReferenceFit:

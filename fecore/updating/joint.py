@@ -148,7 +148,16 @@ def _take_turns(
     weighting: Weighting = "log" if np.all(frfs.values[measured] != 0) else "linear"
     start: FloatArray | None = None
     for _ in range(_TURNS):
-        modes, fit, misfit = _modes_through(forward, frfs, law, theta, start, ratio, weighting, variance)
+        modes, fit, misfit = _modes_through(
+            forward=forward,
+            frfs=frfs,
+            law=law,
+            theta=theta,
+            start=start,
+            ratio=ratio,
+            weighting=weighting,
+            variance=variance,
+        )
         elastic = update_elastic(forward, modes)
         predicted = misfit.predict(fit.eigenvalue, fit.rate)
         residual = np.where(measured, frfs.values - predicted, 0)

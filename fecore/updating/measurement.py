@@ -115,7 +115,15 @@ def prepare(
     elif find_modes and measurement.modes is not None:
         modes, more = _with_shapes(fitted, measurement.modes)
         warnings = (*warnings, *more)
-    return Prepared(frfs, fitted, kept, held, modes, found, tuple(dict.fromkeys(warnings)))
+    return Prepared(
+        frfs=frfs,
+        fitted=fitted,
+        fitted_rows=kept,
+        held=held,
+        modes=modes,
+        identification=found,
+        warnings=tuple(dict.fromkeys(warnings)),
+    )
 
 
 def _refusals(screened: Screened) -> list[str]:
@@ -157,7 +165,15 @@ def _of_modes_alone(measurement: Measurement) -> Prepared:
     warnings: tuple[str, ...] = ()
     if modes.shapes is not None:
         modes, warnings = _out_of_plane_shapes(set(measurement.points), modes)
-    return Prepared(None, None, [], None, modes, None, warnings)
+    return Prepared(
+        frfs=None,
+        fitted=None,
+        fitted_rows=[],
+        held=None,
+        modes=modes,
+        identification=None,
+        warnings=warnings,
+    )
 
 
 def _out_of_plane(frfs: FrfSet, measurement: Measurement) -> tuple[FrfSet, tuple[str, ...]]:

@@ -111,14 +111,25 @@ def sample_posterior(
     coordinates, names = elastic.coordinates, elastic.updated.forward.parametrisation.names
     free = len(elastic.updated.forward.parametrisation.reported)
     first = run_chain(
-        _elastic_density(elastic), coordinates.of(elastic.theta)[:free], elastic.mixture.total[:free, :free], seeds[0],
-        wanted, lambda share: progress(0.6 * share), names[:free], checkpoint,
-    )  # fmt: skip
+        density=_elastic_density(elastic),
+        start=coordinates.of(elastic.theta)[:free],
+        covariance=elastic.mixture.total[:free, :free],
+        seed=seeds[0],
+        wanted=wanted,
+        progress=lambda share: progress(0.6 * share),
+        names=names[:free],
+        checkpoint=checkpoint,
+    )
     density, covariance = _damping_density(damping)
     second = run_chain(
-        density, damping.fit.coefficients, covariance, seeds[1], wanted,
-        lambda share: progress(0.6 + 0.4 * share), damping.fit.law.coefficient_names,
-    )  # fmt: skip
+        density=density,
+        start=damping.fit.coefficients,
+        covariance=covariance,
+        seed=seeds[1],
+        wanted=wanted,
+        progress=lambda share: progress(0.6 + 0.4 * share),
+        names=damping.fit.law.coefficient_names,
+    )
     random = np.random.default_rng(seeds[2])
     count = min(len(first.samples), len(second.samples))
     xi = _with_inputs(elastic, random.permutation(first.samples)[:count], random)

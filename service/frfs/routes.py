@@ -70,7 +70,15 @@ def _filter(
 ) -> operations.FrfFilter:
     if fmin is not None and fmax is not None and fmin > fmax:
         raise Invalid("fmin", f"is {fmin:g} Hz and above fmax, {fmax:g} Hz")
-    return operations.FrfFilter(point, direction, reference, quantity, import_id, fmin, fmax)
+    return operations.FrfFilter(
+        point=point,
+        direction=direction,
+        reference=reference,
+        quantity=quantity,
+        import_id=import_id,
+        fmin=fmin,
+        fmax=fmax,
+    )
 
 
 FilterDep = Annotated[operations.FrfFilter, Depends(_filter)]

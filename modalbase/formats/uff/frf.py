@@ -42,18 +42,18 @@ class _Side:
 def function_of(raw: RawFunction, dataset: int) -> Function:
     """A function that is not an FRF, in the units of its labels."""
     return Function(
-        dataset,
-        raw.id_lines[0],
-        raw.id_lines,
-        raw.function_type,
-        raw.response_point,
-        raw.response_direction,
-        raw.reference_point,
-        raw.reference_direction,
-        raw.axis,
-        raw.abscissa.unit,
-        raw.values,
-        "" if raw.ordinate.unit.lower() in NO_LABEL else raw.ordinate.unit,
+        dataset=dataset,
+        label=raw.id_lines[0],
+        id_lines=raw.id_lines,
+        function_type=raw.function_type,
+        response_point=raw.response_point,
+        response_direction=raw.response_direction,
+        reference_point=raw.reference_point,
+        reference_direction=raw.reference_direction,
+        abscissa=raw.axis,
+        abscissa_unit=raw.abscissa.unit,
+        values=raw.values,
+        unit="" if raw.ordinate.unit.lower() in NO_LABEL else raw.ordinate.unit,
     )
 
 
@@ -85,17 +85,17 @@ def frf_of(
     if raw.values.dtype == np.complex64 and fits_single(double.view(np.float64)):
         values = double.astype(np.complex64)
     frf = Frf(
-        dataset,
-        raw.id_lines[0],
-        raw.id_lines,
-        raw.response_point,
-        response,
-        raw.reference_point,
-        reference,
-        quantity,
-        frequency,
-        values,
-        raw.load_case,
+        dataset=dataset,
+        label=raw.id_lines[0],
+        id_lines=raw.id_lines,
+        response_point=raw.response_point,
+        response_direction=response,
+        reference_point=raw.reference_point,
+        reference_direction=reference,
+        quantity=quantity,
+        frequency=frequency,
+        values=values,
+        load_case=raw.load_case,
     )
     return frf, notes
 
