@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
+SERVER := $(VENV)/.server
 READY  := $(VENV)/.ready
 
 # Small matrices on shared cores: threads of the linear algebra would wait for one another.
@@ -9,7 +10,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: demo test unit integration acceptance check bench soak clean
 
-demo: $(READY)
+demo: $(SERVER)
 	$(BIN)/modalbase demo
 
 test: $(READY)
@@ -33,11 +34,23 @@ bench: $(READY)
 soak: $(READY)
 	$(BIN)/python -m benchmarks.soak_kills
 
-$(READY): pyproject.toml
-	$(PYTHON) -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else "modalbase needs Python 3.11 or newer: make PYTHON=python3.11 ...")'
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+# What the service needs; and what the tests and checks need beside it.
+$(SERVER): pyproject.toml
+	$(call install,.[server],$(SIZE_SERVER))
 	touch $@
+
+$(READY): pyproject.toml
+	$(call install,.[dev],$(SIZE_DEV))
+	touch $(SERVER) $@
+
+SIZE_SERVER := 440 MB, of which PostgreSQL, scipy, matplotlib and numpy are most
+SIZE_DEV    := 600 MB with the tools of the tests and checks
+define install
+	@$(PYTHON) -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else "modalbase needs Python 3.11 or newer: make PYTHON=python3.11 ...")'
+	@echo "modalbase: installing into $(VENV), once: $(2)"
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --disable-pip-version-check --editable '$(1)'
+endef
 
 clean:
 	rm -rf $(VENV)

@@ -13,8 +13,9 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import platformdirs
 import psutil
+
+from modalbase.client.place import notes_folder
 
 CLOCK_SECONDS = 2.0
 """A process' start is known relative to the machine's, which moves a little where the clock is set."""
@@ -40,7 +41,7 @@ class RunningService:
 @contextmanager
 def announced(url: str, data: Path | None) -> Iterator[None]:
     """Leave a note of this process' service while the block runs."""
-    folder = _folder()
+    folder = notes_folder()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     pid = os.getpid()
     note = RunningService(pid, psutil.Process(pid).create_time(), url, None if data is None else str(data))
@@ -57,7 +58,7 @@ def announced(url: str, data: Path | None) -> Iterator[None]:
 def running_services() -> list[RunningService]:
     """The services that run; notes of those that were killed are cleared away."""
     found = []
-    for file in sorted(_folder().glob("*.json")):
+    for file in sorted(notes_folder().glob("*.json")):
         try:
             note = RunningService(**json.loads(file.read_text(encoding="utf-8")))
             alive = abs(psutil.Process(note.pid).create_time() - note.began) < CLOCK_SECONDS
@@ -68,7 +69,3 @@ def running_services() -> list[RunningService]:
         else:
             file.unlink(missing_ok=True)
     return found
-
-
-def _folder() -> Path:
-    return Path(platformdirs.user_state_dir("modalbase", appauthor=False)) / "running"

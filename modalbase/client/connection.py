@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Self
 from urllib.parse import urlsplit
@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 import httpx
 
 from modalbase.client.errors import ClientError, Exit
+from modalbase.client.place import checked_key, checked_url
 
 BLOCK_BYTES = 1 << 20
 PAGE_ROWS = 1000
@@ -38,24 +39,16 @@ class Connection:
 
         Args:
             url: of the service, such as `http://127.0.0.1:8000`.
-            key: API key; by default that of MODALBASE_API_KEY.
+            key: API key; by default that of MODALBASE_API_KEY. `modalbase.client.place.find_place` looks further.
 
         Raises:
             ClientError: there is no key, or the URL is none.
         """
-        key = key or os.environ.get("MODALBASE_API_KEY", "")
-        if not key.strip():
-            raise ClientError(
-                "no API key: set MODALBASE_API_KEY (`modalbase keys create --name NAME` makes one)", Exit.USAGE
-            )
-        if not (key.isascii() and key.isprintable()):
-            raise ClientError("MODALBASE_API_KEY holds characters that no key has", Exit.USAGE)
-        if urlsplit(url).scheme not in ("http", "https") or not urlsplit(url).hostname:
-            raise ClientError(f"{url!r} is no URL such as http://127.0.0.1:8000", Exit.USAGE)
-        self.url = url.rstrip("/")
+        self.url = checked_url(url)
+        key = checked_key(os.environ.get("MODALBASE_API_KEY", "") if key is None else key)
         self._http = httpx.Client(
             base_url=f"{self.url}/api/v1/",
-            headers={"Authorization": f"Bearer {key.strip()}"},
+            headers={"Authorization": f"Bearer {key}"},
             timeout=SECONDS,
             trust_env=urlsplit(url).hostname not in HERE,  # a proxy must not come between us and our own machine
         )
@@ -64,7 +57,29 @@ class Connection:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close its connections."""
         self._http.close()
+
+    def request(self, method: str, path: str, **how: Any) -> httpx.Response:
+        """The answer to a request that the service has accepted, with its headers.
+
+        Args:
+            method: of HTTP.
+            path: below `/api/v1/`.
+            how: as httpx takes it.
+
+        Raises:
+            ClientError: as `get`.
+        """
+        try:
+            answer = self._http.request(method, path, **how)
+        except httpx.HTTPError as error:
+            raise self._unreachable(error) from error
+        self._check(answer)
+        return answer
 
     def get(self, path: str, **params: Any) -> Any:
         """The JSON at a path.
@@ -76,7 +91,7 @@ class Connection:
         Raises:
             ClientError: the service does not answer, refuses, or is not modalbase.
         """
-        return self._json(self._send("GET", path, params=_given(params)))
+        return self._json(self.request("GET", path, params=_given(params)))
 
     def post(self, path: str, body: Any, headers: dict[str, str] | None = None) -> Any:
         """Send a JSON body.
@@ -92,7 +107,45 @@ class Connection:
         Raises:
             ClientError: as `get`.
         """
-        return self._json(self._send("POST", path, json=body, headers=headers))
+        return self._json(self.request("POST", path, json=body, headers=headers))
+
+    def call(self, method: str, path: str, *, params: Mapping[str, Any] | None = None, **how: Any) -> Any:
+        """Any call of the contract.
+
+        Args:
+            method: of HTTP.
+            path: below `/api/v1/`.
+            params: of the query; those that are None are left out.
+            how: `json`, `content`, `headers`, `files`, `data` as httpx takes them.
+
+        Returns:
+            The JSON that answers it, the bytes of any other answer, None of an empty one.
+
+        Raises:
+            ClientError: as `get`.
+        """
+        answer = self.request(method, path, params=_given(dict(params or {})), **how)
+        if not answer.content:
+            return None
+        kind = answer.headers.get("content-type", "")
+        return self._json(answer) if "json" in kind.split(";")[0] else answer.content
+
+    def lines(self, path: str, headers: dict[str, str] | None = None) -> Iterator[str]:
+        """The lines of an answer as they come, such as those of a stream of events; its end is not known before.
+
+        Args:
+            path: below `/api/v1/`.
+            headers: beside the key, such as `Last-Event-ID`.
+
+        Raises:
+            ClientError: as `get`.
+        """
+        try:
+            with self._http.stream("GET", path, headers=headers) as answer:
+                self._check(answer)
+                yield from answer.iter_lines()
+        except httpx.HTTPError as error:
+            raise self._unreachable(error) from error
 
     def pages(self, path: str, most: int | None = None, **params: Any) -> Iterator[dict[str, Any]]:
         """The items of a list, through all of its pages, which are fetched as they are needed.
@@ -141,7 +194,7 @@ class Connection:
                     yield block
 
         headers = {"Content-Type": "application/octet-stream", "Content-Length": str(size)}
-        return self._json(self._send("POST", path, params=_given(params), content=blocks(), headers=headers))
+        return self._json(self.request("POST", path, params=_given(params), content=blocks(), headers=headers))
 
     def submit(self, path: str, file: Path, fields: dict[str, str]) -> Any:
         """Send a multipart form with a file.
@@ -158,7 +211,7 @@ class Connection:
             ClientError: as `get`.
         """
         with file.open("rb") as stream:
-            return self._json(self._send("POST", path, data=fields, files={"file": (file.name, stream)}))
+            return self._json(self.request("POST", path, data=fields, files={"file": (file.name, stream)}))
 
     def download(self, path: str, target: Path | None, watch: Watch, **params: Any) -> int:
         """Write what is at a path to a file, or to standard output. The file is whole, or not there.
@@ -184,14 +237,6 @@ class Connection:
         except httpx.HTTPError as error:
             raise self._unreachable(error) from error
 
-    def _send(self, method: str, path: str, **how: Any) -> httpx.Response:
-        try:
-            answer = self._http.request(method, path, **how)
-        except httpx.HTTPError as error:
-            raise self._unreachable(error) from error
-        self._check(answer)
-        return answer
-
     def _check(self, answer: httpx.Response) -> None:
         if answer.is_success:
             return
@@ -204,9 +249,10 @@ class Connection:
             raise ClientError(
                 f"{answer.url.host} answers {answer.status_code}, and not as modalbase does; is {self.url} right?",
                 Exit.UNREACHABLE,
+                status=answer.status_code,
             ) from None
         code = Exit.UNREACHABLE if answer.status_code in (502, 503, 504) else Exit.REFUSED
-        raise ClientError(f"{text} ({answer.status_code})", code)
+        raise ClientError(f"{text} ({answer.status_code})", code, status=answer.status_code, problem=problem)
 
     def _json(self, answer: httpx.Response) -> Any:
         try:

@@ -21,6 +21,7 @@ from rich.progress import (
 from rich.table import Table
 
 from modalbase.client.connection import Watch
+from modalbase.client.notebook import notebook_bar, notebook_display
 
 PLAIN_WIDTH = 160  # columns where the output is no terminal, so that no table is cut
 
@@ -40,22 +41,23 @@ def print_table(
     """A table, on standard output where no console is given; numbers to the right."""
     console = console or Console()
     if not console.is_terminal:
-        console = Console(width=PLAIN_WIDTH, stderr=console.stderr)
+        console = Console(width=PLAIN_WIDTH, file=console.file)
     table = Table(title=title or None, title_justify="left", box=None, pad_edge=False)
     for i, name in enumerate(columns):
         numeric = bool(rows) and all(isinstance(row[i], int | float | Written | None) for row in rows)
         table.add_column(name, justify="right" if numeric else "left", no_wrap=not numeric and name == "id")
     for row in rows:
-        table.add_row(*(_cell(value) for value in row))
+        table.add_row(*(cell(value).replace("[", r"\[") for value in row))
     console.print(table, highlight=False)
 
 
-def _cell(value: Any) -> str:
+def cell(value: Any) -> str:
+    """A value as a table shows it."""
     if value is None:
         return "–"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return f"{value:.6g}" if isinstance(value, float) else str(value).replace("[", r"\[")
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 @contextmanager
@@ -70,6 +72,9 @@ def transfer(what: str) -> Iterator[Watch]:
 @contextmanager
 def stages(what: str) -> Iterator[Any]:
     """A bar of a job: call it with the job's last state."""
+    if (display := notebook_display()) is not None:
+        yield notebook_bar(display, what)
+        return
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     with _bars(columns) as progress:
         bar = progress.add_task(what, total=1.0)

@@ -1,8 +1,10 @@
-"""What stops a command, in one line, and the exit code that a script sees."""
+"""What stops a call or a command, in one line, and the exit code that a script sees."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import IntEnum
+from typing import Any
 
 
 class Exit(IntEnum):
@@ -15,8 +17,35 @@ class Exit(IntEnum):
 
 
 class ClientError(Exception):
-    """A command that cannot go on."""
+    """A call or a command that cannot go on; its text is the service's own words where the service refused.
 
-    def __init__(self, message: str, code: Exit = Exit.REFUSED) -> None:
+    Attributes:
+        code: the exit code of a command that ends so.
+        status: of HTTP; None where nothing answered.
+        problem: the problem document (RFC 9457) of a refusal: `detail`, `errors` with a JSON pointer each, `request_id`.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        code: Exit = Exit.REFUSED,
+        *,
+        status: int | None = None,
+        problem: Mapping[str, Any] | None = None,
+    ) -> None:
         super().__init__(message)
         self.code = code
+        self.status = status
+        self.problem: Mapping[str, Any] = {} if problem is None else problem
+
+
+class JobFailed(ClientError):
+    """A job ended without success; the text is the reason that it states.
+
+    Attributes:
+        job: its last state as the service describes it.
+    """
+
+    def __init__(self, message: str, job: Mapping[str, Any]) -> None:
+        super().__init__(message, Exit.FAILED)
+        self.job = job

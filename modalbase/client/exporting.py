@@ -40,6 +40,17 @@ SUFFIXES = {
 }
 
 
+def format_of(file: Path) -> str:
+    """The format that a file's name says.
+
+    Raises:
+        ClientError: it says none.
+    """
+    if (found := SUFFIXES.get(file.suffix.lower())) is None:
+        raise ClientError(f"state --format; {file.name!r} does not say one of {', '.join(SUFFIXES)}", Exit.USAGE)
+    return found
+
+
 def export(
     id_: Annotated[str, typer.Argument(metavar="ID", help="Id of the campaign, mode set, update job or import")],
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write; - is standard output")],
@@ -62,9 +73,7 @@ def export(
 
     target = None if str(out) == "-" else out
     if what is not What.original and file_format is None:
-        file_format = SUFFIXES.get(out.suffix.lower())
-        if file_format is None:
-            raise ClientError(f"state --format; {out.name!r} does not say one of {', '.join(SUFFIXES)}", Exit.USAGE)
+        file_format = format_of(out)
     wanted = {"point": point, "reference": reference, "fmin": fmin, "fmax": fmax, "stride": stride}
     stated = [f"--{name}" for name, value in wanted.items() if value is not None]
     if stated and what not in (What.frfs, What.predicted):

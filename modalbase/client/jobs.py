@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from typing import Any
 
 from modalbase.client.connection import Connection
 from modalbase.client.display import stages
-from modalbase.client.errors import ClientError, Exit
+from modalbase.client.errors import JobFailed
 
 ENDED = ("succeeded", "failed", "cancelled")
 FIRST_PAUSE, LONGEST_PAUSE, GROWTH = 0.05, 1.0, 1.3  # s
@@ -48,10 +49,13 @@ def require_success(job: dict[str, Any], what: str) -> None:
         what: begins the error, such as `the update`.
 
     Raises:
-        ClientError: the job failed or was cancelled; with the reason that it states.
+        JobFailed: the job failed or was cancelled; with the reason that it states.
     """
     if job["status"] != "succeeded":
-        error = job["error"] or {}
-        raise ClientError(
-            f"{what} {job['status']}: {error.get('detail') or job['message'] or 'no reason given'}", Exit.FAILED
-        )
+        raise JobFailed(f"{what} {job['status']}: {reason_of(job)}", job)
+
+
+def reason_of(job: Mapping[str, Any]) -> str:
+    """Why a job did not succeed, in the service's words."""
+    error = job["error"] or {}
+    return str(error.get("detail") or job["message"] or "no reason given")

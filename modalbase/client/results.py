@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import floor, log10
 from statistics import fmean
 from typing import Any
@@ -31,22 +31,10 @@ def print_result(
         published: values of parameters from elsewhere, SI, to stand beside the estimates.
         console: where to; standard output by default.
     """
-    verdict = document.get("verdict")  # results of earlier versions have none
-    if verdict is not None:
-        lines = [
-            f"{verdict['level'].replace('_', ' ')}: {verdict['sentence']}",
-            *(f"  - {r}" for r in verdict["reasons"]),
-        ]
-        (console or Console()).print("\n".join(lines), highlight=False, markup=False, soft_wrap=True)
-    columns = ["parameter", "unit", "initial", "estimate", "± sd", "95 %", "identifiable"]
-    rows = [_parameter(row) for row in document["parameters"]]
-    if published is not None:
-        columns.append("published")
-        for cells, row in zip(rows, document["parameters"], strict=True):
-            cells.append(_scaled(row, published.get(row["name"])))
-    print_table(title, columns, rows, console)
-    columns = ["mode", "kind", "measured Hz", "initial Hz", "updated Hz", "error %", "MAC", "measured ζ %", "law's ζ %"]
-    print_table("\nmodes", columns, [_mode(row) for row in document["modes"]], console)
+    if said := verdict_lines(document):
+        (console or Console()).print("\n".join(said), highlight=False, markup=False, soft_wrap=True)
+    print_table(title, *parameter_cells(document["parameters"], published), console)
+    print_table("\nmodes", *mode_cells(document["modes"]), console)
     correlation = document["correlation"]
     held_out = correlation.get("held_out") or {}
     compared = {
@@ -59,6 +47,38 @@ def print_result(
     print_table("\ncorrelation, means", ("model", "SAC", "FRAC", "CSAC", "CSF"), means, console)
     for warning in document["warnings"]:
         typer.echo(f"warning: {warning}", err=True)
+
+
+def verdict_lines(document: Mapping[str, Any]) -> list[str]:
+    """The verdict and its reasons, a line each; none where an earlier version made the result."""
+    verdict = document.get("verdict")
+    if verdict is None:
+        return []
+    return [f"{verdict['level'].replace('_', ' ')}: {verdict['sentence']}", *(f"  - {r}" for r in verdict["reasons"])]
+
+
+def parameter_cells(
+    parameters: Sequence[Mapping[str, Any]], published: Mapping[str, float] | None = None
+) -> tuple[list[str], list[list[Any]]]:
+    """Columns and rows of a result's parameters, in a laboratory's units.
+
+    Args:
+        parameters: of the result document.
+        published: values from elsewhere, SI, to stand beside the estimates.
+    """
+    columns = ["parameter", "unit", "initial", "estimate", "± sd", "95 %", "identifiable"]
+    rows = [_parameter(row) for row in parameters]
+    if published is not None:
+        columns.append("published")
+        for cells, row in zip(rows, parameters, strict=True):
+            cells.append(_scaled(row, published.get(row["name"])))
+    return columns, rows
+
+
+def mode_cells(modes: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[Any]]]:
+    """Columns and rows of a result's modes."""
+    columns = ["mode", "kind", "measured Hz", "initial Hz", "updated Hz", "error %", "MAC", "measured ζ %", "law's ζ %"]
+    return columns, [_mode(row) for row in modes]
 
 
 def _parameter(row: Mapping[str, Any]) -> list[Any]:

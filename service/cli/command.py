@@ -6,6 +6,7 @@ import errno
 import os
 import signal
 import sys
+from importlib.util import find_spec
 from types import FrameType
 from typing import Annotated, NoReturn
 
@@ -51,6 +52,10 @@ def _known(error: Exception) -> tuple[str, int] | None:
     if isinstance(error, OSError) and error.errno == errno.ENOSPC:
         _forget_output()
         return f"cannot write{f' {error.filename}' if error.filename else ''}: no space left", 2
+
+    if find_spec("sqlalchemy") is None:  # modalbase alone, without its extra `server`
+        lacks = isinstance(error, ModuleNotFoundError)
+        return ("this command runs the service: pip install 'modalbase[server]'", 2) if lacks else None
 
     from sqlalchemy.exc import OperationalError
 

@@ -48,6 +48,7 @@ def up(port: Port = None, data: Data = None, host: Host = None) -> None:
 def _welcome(service: LocalService, embedded: Path | None) -> None:
     """A line for each thing that is ready, and last how to get in."""
     from fecore import __version__
+    from modalbase.client.place import KEY_FILE, write_private
 
     typer.echo(f"modalbase {__version__}")
     jobs = service.settings.worker_concurrency
@@ -60,6 +61,8 @@ def _welcome(service: LocalService, embedded: Path | None) -> None:
         typer.echo("API key: those made before still work; one more: modalbase keys create --name NAME")
     else:
         key = service.new_key("operator")
+        if embedded is not None:  # who reads this folder has the database anyway
+            write_private(embedded / KEY_FILE, key + "\n")
         typer.echo(f"API key: {key}  (shown this once; one more: modalbase keys create --name NAME)")
 
 

@@ -1,25 +1,52 @@
-"""The README's script runs as it stands."""
+"""The README's script runs as it stands: it says what was found, or why nothing was."""
 
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
+import httpx
 import pytest
 
 from service.demo.paper import uff_file
 from service.supervisor import LocalService
 from tests.support.places import ROOT
 
-README = ROOT / "README.md"
+(SCRIPT,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.DOTALL)
 
 
-def test_the_script_of_the_readme_updates_a_beam(service: LocalService, capsys: pytest.CaptureFixture[str]) -> None:
-    (script,) = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
-    script = script.replace("http://127.0.0.1:8000", service.url).replace('open(UFF_FILE, "rb").read()', "UFF_BYTES")
-    exec(
-        compile(script, "README.md", "exec"),
-        {"KEY": service.new_key("reader"), "UFF_BYTES": uff_file()},
-    )
-    printed = capsys.readouterr().out.splitlines()
-    assert printed[0] == "succeeded"
-    assert [line.split()[0] for line in printed[1:]] == ["Ex", "Ey", "Gxy", "Gxz", "Gyz", "a0", "a1"]
+@pytest.fixture
+def printed(
+    service: LocalService,
+    api: httpx.Client,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    script: str,
+) -> str:
+    """What the script prints in a folder with the laboratory's file."""
+    (tmp_path / "beam.uff").write_bytes(uff_file())
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MODALBASE_URL", service.url)
+    monkeypatch.setenv("MODALBASE_API_KEY", api.headers["authorization"].split()[1])
+    names: dict[str, object] = {}
+    exec(compile(script, "README.md", "exec"), names)
+    names["lab"].connection.close()  # type: ignore[attr-defined]  # a script's end does that
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize("script", [SCRIPT])
+def test_the_script_of_the_readme_updates_a_beam(printed: str) -> None:
+    assert len(SCRIPT.strip().splitlines()) <= 15
+    lines = printed.splitlines()
+    assert lines[0].split(":")[0] in ("usable", "with care", "do not use")
+    assert any(line.startswith("warning: ") for line in lines)
+    names = [line.split()[0] for line in lines[-7:]]
+    assert names == ["Ex", "Ey", "Gxy", "Gxz", "Gyz", "a0", "a1"]
+
+
+@pytest.mark.parametrize("script", [SCRIPT.replace('campaign.import_file("beam.uff")\n', "")])
+def test_it_says_in_a_line_why_a_job_failed(printed: str) -> None:
+    (line,) = printed.splitlines()
+    assert line.startswith("update failed: ")
+    assert "has no FRFs" in line

@@ -16,7 +16,9 @@ FECORE = """
     MeasuredModes Measurement ModelError Options OrthotropicMaterial Parameter Ply PointMass Recipe Specimen Spring
     UpdateResult UpdatingError __version__ csac csf frac homogenise identify mac sac section update
 """
-MODALBASE = "FormatError UffError __version__ read_machine_csv read_uff write_uff"
+MODALBASE = """
+    ClientError FormatError Frfs JobFailed Laboratory UffError __version__ connect read_machine_csv read_uff write_uff
+"""
 
 
 @pytest.mark.parametrize(("package", "names"), [(fecore, FECORE), (modalbase, MODALBASE)])
@@ -34,7 +36,13 @@ def test_both_packages_have_one_version() -> None:
 
 @pytest.mark.parametrize(
     ("package", "heavy"),
-    [("fecore", "scipy"), ("modalbase", "numpy"), ("modalbase.formats", "fecore"), ("modalbase.client", "numpy")],
+    [
+        ("fecore", "scipy"),
+        ("modalbase", "numpy"),
+        ("modalbase.formats", "fecore"),
+        ("modalbase.client", "numpy"),
+        ("modalbase.objects", "numpy"),
+    ],
 )
 def test_an_import_brings_no_more_than_it_needs(package: str, heavy: str) -> None:
     code = f"import sys, {package}; print({heavy!r} in sys.modules)"

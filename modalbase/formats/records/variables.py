@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.io import loadmat, wavfile
 
 from modalbase.formats.errors import FormatError
 
@@ -65,15 +64,25 @@ def _npz(path: Path, limit_bytes: int | None) -> Variables:
         return {name: arrays[name] for name in arrays.files}
 
 
+def _scipy_io(kind: str) -> Any:
+    """Scipy's readers; a script that reads other files goes without scipy."""
+    try:
+        from scipy import io
+    except ImportError:
+        raise FormatError("", f"is a {kind} file; install scipy, which modalbase[server] brings") from None
+    return io
+
+
 def _mat(path: Path, limit_bytes: int | None) -> Variables:
     with path.open("rb") as file:
         newer = b"MATLAB 7.3" in file.read(128) or (file.seek(0) == 0 and file.read(8) == b"\x89HDF\r\n\x1a\n")
     if newer:
         return _mat73(path, limit_bytes)
+    reader = _scipy_io(".mat")
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # scipy warns of duplicate names and then loses one of them
         try:
-            found = loadmat(path, squeeze_me=False)
+            found = reader.loadmat(path, squeeze_me=False)
         except Exception as error:  # noqa: BLE001 - on damaged files scipy raises errors of a dozen kinds
             raise FormatError("", f"cannot be read as .mat: {error}") from None
     arrays = {
@@ -126,6 +135,7 @@ def _csv(path: Path, limit_bytes: int | None) -> Variables:
 
 def _wav(path: Path, limit_bytes: int | None) -> Variables:
     _within(path.stat().st_size, limit_bytes, "")
+    wavfile = _scipy_io(".wav").wavfile
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks beside the samples
         rate, samples = wavfile.read(path)

@@ -1,0 +1,61 @@
+"""Every route of the REST contract as a method, made from the table of routes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+from urllib.parse import quote
+
+from modalbase.client.connection import Connection
+from modalbase.client.routes import ROUTES, Route
+
+Call = Callable[..., Any]
+
+
+class Rest:
+    """The REST contract, call by call: `rest.get_campaign(id)`, `rest.create_project(body={"name": "bridge"})`.
+
+    A method takes what stands in braces in its path, in that order, and by keyword what goes in the query. `body` is sent
+    as JSON; `content` as bytes of `content_type`; `headers` beside the key. It returns the JSON that answers, bytes of
+    anything else, None of an empty answer. `dir(rest)` lists the methods; each says its route in its docstring.
+    """
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *ROUTES]
+
+    def __getattr__(self, name: str) -> Call:
+        if name not in ROUTES:
+            raise AttributeError(f"the REST contract has no call {name!r}; dir() lists them")
+        return _call(self._connection, name, ROUTES[name])
+
+
+def _call(connection: Connection, name: str, route: Route) -> Call:
+    def call(
+        *ids: object,
+        body: Any = None,
+        content: bytes | None = None,
+        content_type: str = "application/octet-stream",
+        headers: dict[str, str] | None = None,
+        **query: Any,
+    ) -> Any:
+        if len(ids) != len(route.takes):
+            raise TypeError(f"{name}() takes {', '.join(route.takes) or 'no id'} and got {len(ids)}")
+        if unknown := set(query) - set(route.query):
+            raise TypeError(
+                f"{name}() has no {', '.join(sorted(unknown))}; it has {', '.join(route.query) or 'no query'}"
+            )
+        path = route.path.format(**{key: quote(str(one), safe="") for key, one in zip(route.takes, ids, strict=True)})
+        how: dict[str, Any] = {"headers": dict(headers or {}), "params": query}
+        if content is not None:
+            how["content"] = content
+            how["headers"].setdefault("Content-Type", content_type)
+        elif body is not None:
+            how["json"] = body
+        return connection.call(route.method, path, **how)
+
+    call.__name__ = name
+    call.__doc__ = f"{route.summary}\n\n    {route.method} {route.path}"
+    return call

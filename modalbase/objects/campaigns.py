@@ -1,0 +1,216 @@
+"""Campaigns: measurements of a structure, what is imported, made and found of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from modalbase.client.display import transfer
+from modalbase.client.errors import ClientError
+from modalbase.client.finding import MODE_SET, find
+from modalbase.objects.jobs import Identification, Import, Processing, UpdateJob
+from modalbase.objects.modes import ModeSet
+from modalbase.objects.records import Record
+from modalbase.objects.table import Table
+from modalbase.objects.thing import Editable, Thing
+
+if TYPE_CHECKING:
+    from modalbase.objects.frfs import Frfs
+
+POINT = ("label", "x_m", "y_m", "z_m")
+
+
+class Campaign(Editable):
+    """Measurements of a structure under one boundary condition."""
+
+    word, path = "campaign", "campaigns/{}"
+
+    def import_file(self, file: str | Path, *, wait: bool = True, **options: Any) -> Import:
+        """Send a Universal File Format file, and wait until it is read.
+
+        Args:
+            file: the analyser's export.
+            wait: for the end of the reading.
+            options: `quantity` of FRFs whose file does not say (`accelerance`, `mobility`, `receptance`), `dry_run`.
+
+        Returns:
+            The import: `counts`, `datasets` with what became of each, `warnings`.
+
+        Raises:
+            JobFailed: the file could not be read.
+            ClientError: the service refuses it.
+        """
+        path = Path(file)
+        if "dry_run" in options:
+            options["dry_run"] = str(bool(options["dry_run"])).lower()
+        with transfer(path.name) as watch:
+            fields = self.lab.connection.upload(f"{self.address}/imports", path, watch, filename=path.name, **options)
+        sent = Import(self.lab, fields)
+        return sent.wait().check() if wait else sent
+
+    def imports(self) -> list[Import]:
+        """The files that were sent."""
+        return [Import(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/imports")]
+
+    def grid_points(self) -> Table:
+        """Its grid points: `label`, `x_m`, `y_m`, `z_m`."""
+        return Table(self.lab.connection.get(f"{self.address}/grid-points")["items"], key="label")
+
+    def set_grid_points(self, points: Iterable[Mapping[str, Any] | Sequence[float]]) -> None:
+        """State the grid points, in place of those that are there.
+
+        Args:
+            points: each as `{"label": 1, "x_m": 0.1, "y_m": 0, "z_m": 0}` or as `(1, 0.1, 0, 0)`.
+        """
+        items = [dict(p) if isinstance(p, Mapping) else dict(zip(POINT, p, strict=True)) for p in points]
+        self.lab.connection.call("PUT", f"{self.address}/grid-points", json={"items": items})
+
+    def list_frfs(self, **wanted: Any) -> Table:
+        """What its FRFs are, without their spectra.
+
+        Args:
+            wanted: `point`, `direction`, `reference`, `quantity`, `import_id`, `fmin`, `fmax`.
+        """
+        return Table(list(self.lab.connection.pages(f"{self.address}/frfs", **wanted)), key="label")
+
+    def frfs(self, **wanted: Any) -> Frfs:
+        """Its FRFs with their spectra, as numpy arrays. They must have one axis and one quantity.
+
+        Args:
+            wanted: as for `list_frfs`, and `stride`.
+
+        Raises:
+            ClientError: none matches, or they have several axes or quantities.
+        """
+        from modalbase.objects.frfs import Frfs
+
+        return Frfs.from_npz(self.lab.connection.call("GET", f"{self.address}/frfs/data", params=_npz(wanted)))
+
+    def add_frfs(self, frfs: Frfs) -> Table:
+        """Store FRFs that a script has; `modalbase.Frfs` takes arrays, pyuff datasets and xarray.
+
+        Raises:
+            ClientError: the service refuses them.
+        """
+        answer = self.lab.rest.create_frfs(self.fields["id"], content=frfs.to_npz(), content_type="application/x-npz")
+        return Table(answer["items"], key="label")
+
+    def add_records(self, file: str | Path, mapping: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Send time blocks of hits: npz, .mat, CSV or wav.
+
+        Args:
+            file: what the analyser wrote.
+            mapping: which variable is what; `propose_mapping` makes one.
+
+        Returns:
+            `items`, the stored blocks, and `hits`, the judgement of each hit.
+        """
+        return self._send_records(Path(file), mapping, dry_run=False)
+
+    def propose_mapping(self, file: str | Path) -> dict[str, Any]:
+        """What a file of time blocks holds, and a mapping to look through; nothing is stored."""
+        return self._send_records(Path(file), None, dry_run=True)
+
+    def _send_records(self, file: Path, mapping: Mapping[str, Any] | None, *, dry_run: bool) -> dict[str, Any]:
+        given = {"mapping": None if mapping is None else json.dumps(mapping), "dry_run": str(dry_run).lower()}
+        with transfer(file.name) as watch:
+            answer: dict[str, Any] = self.lab.connection.upload(
+                f"{self.address}/records", file, watch, filename=file.name, **given
+            )
+        return answer
+
+    def records(self, **wanted: Any) -> list[Record]:
+        """Its time blocks, without their samples.
+
+        Args:
+            wanted: `point` that was hit, `hit`.
+        """
+        return [Record(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/records", **wanted)]
+
+    def process(self, *, wait: bool = True, **options: Any) -> Processing:
+        """Make FRFs of the good hits.
+
+        Args:
+            wait: for its end.
+            options: `estimator`, `windows`, `band_hz`, `delay_s`, `overrules`.
+
+        Raises:
+            JobFailed: it did not succeed.
+        """
+        job = Processing(self.lab, self.lab.connection.post(f"{self.address}/processings", options))
+        return job.wait().check() if wait else job
+
+    def new_mode_set(self, name: str, modes: Sequence[Mapping[str, Any]]) -> ModeSet:
+        """Type in modes that were found elsewhere.
+
+        Args:
+            name: of the set.
+            modes: each with `frequency_hz`, and where known `damping_ratio`, `frequency_sd_hz`, `damping_sd`, `shape`.
+        """
+        body = {"name": name, "modes": [dict(mode) for mode in modes]}
+        return ModeSet(self.lab, self.lab.connection.post(f"{self.address}/mode-sets", body))
+
+    def mode_sets(self) -> list[ModeSet]:
+        """Its mode sets: typed in, of a file, identified."""
+        return [ModeSet(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/mode-sets")]
+
+    def mode_set(self, which: str = "latest") -> ModeSet:
+        """One of its mode sets by id, name or `latest`."""
+        return ModeSet(self.lab, find(self.lab.connection, MODE_SET, which, within=self.fields["id"]))
+
+    def identify(self, **options: Any) -> ModeSet:
+        """Find modes in its FRFs and wait for them.
+
+        Args:
+            options: `band_hz`, `highest_order`, `most_modes`, `include_doubtful`, `name`.
+
+        Raises:
+            JobFailed: no mode was found; the text says why.
+        """
+        job = Identification(self.lab, self.lab.connection.post(f"{self.address}/identifications", options))
+        return job.wait().mode_set()
+
+    def update(self, recipe: Mapping[str, Any] | None = None, **more: Any) -> UpdateJob:
+        """Queue an update of the structure's model to this campaign; the job's `wait()` or `result()` waits for it.
+
+        Args:
+            recipe: the recipe as a dictionary; without it the defaults.
+            more: fields of the recipe by name, such as `seed=7` or `mode_set=modes`. Things stand for their ids.
+
+        Raises:
+            ClientError: the service refuses the recipe; each fault has its pointer.
+        """
+        body = {name: value.fields["id"] if isinstance(value, Thing) else value for name, value in more.items()}
+        fields = self.lab.connection.post(f"{self.address}/update-jobs", {**(recipe or {}), **body})
+        return UpdateJob(self.lab, fields)
+
+    def jobs(self) -> list[UpdateJob]:
+        """Its update jobs, newest first."""
+        return self.lab.jobs(campaign=self.fields["id"])
+
+    def complete(self) -> list[dict[str, Any]]:
+        """Say that it is complete: monitors of the structure run on it. Returns their runs."""
+        runs: list[dict[str, Any]] = self.lab.rest.complete_campaign(self.fields["id"])["runs"]
+        return runs
+
+    def export(self, file: str | Path, file_format: str | None = None, **wanted: Any) -> Path:
+        """Write its FRFs to a file: `.uff`, `.npz`, `.csv`, `.json` or `.arrow`, as its name says.
+
+        Raises:
+            ClientError: the name says none of these, or nothing matches.
+        """
+        from modalbase.client.exporting import format_of
+
+        target = Path(file)
+        chosen = file_format or format_of(target)
+        with transfer(target.name) as watch:
+            self.lab.connection.download(f"{self.address}/frfs/data", target, watch, format=chosen, **wanted)
+        return target
+
+
+def _npz(wanted: Mapping[str, Any]) -> dict[str, Any]:
+    if "format" in wanted:
+        raise ClientError("frfs() has arrays; export() writes a file in a format")
+    return {**wanted, "format": "npz"}

@@ -1,0 +1,180 @@
+"""FRFs as numpy arrays, and as pyuff, sdypy and xarray have them."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modalbase.formats import frfs as files
+from modalbase.formats.frfs import FrfRow
+
+UNITS = {"accelerance": "m/s²/N", "mobility": "m/s/N", "receptance": "m/N"}
+ORDINATES = {"receptance": 8, "mobility": 11, "accelerance": 12}
+"""Codes of the ordinate's numerator in UFF 58: displacement, velocity, acceleration."""
+
+FORCE = 13
+"""Code of the ordinate's denominator in UFF 58."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frfs(files.Frfs):
+    """FRFs of one quantity on one frequency axis.
+
+    Attributes:
+        frequency_hz: (L,) frequency lines, Hz.
+        values: (N, L) complex; m/s², m/s or m per N.
+        frfs: N rows that say what they are: points, signed directions, label, averages.
+        quantity: accelerance, mobility or receptance.
+        coherence: (N, L) ordinary coherence γ², NaN where one FRF has none; None where none has.
+    """
+
+    def __repr__(self) -> str:
+        band = f"{self.frequency_hz[0]:g} … {self.frequency_hz[-1]:g} Hz"
+        return f"<{len(self)} FRFs ({self.quantity}, {UNITS[self.quantity]}), {self.frequency_hz.size} lines, {band}>"
+
+    def __len__(self) -> int:
+        return len(self.frfs)
+
+    @property
+    def response_points(self) -> NDArray[np.int64]:
+        """(N,) grid points of the responses."""
+        return np.array([row.response_point for row in self.frfs])
+
+    @property
+    def reference_points(self) -> NDArray[np.int64]:
+        """(N,) grid points of the references."""
+        return np.array([row.reference_point for row in self.frfs])
+
+    @classmethod
+    def from_arrays(
+        cls,
+        frequency_hz: Any,
+        values: Any,
+        *,
+        response: Sequence[tuple[int, int]],
+        reference: Sequence[tuple[int, int]],
+        quantity: str = "accelerance",
+    ) -> Self:
+        """FRFs of arrays that a script has.
+
+        Args:
+            frequency_hz: (L,) frequency lines, Hz.
+            values: (N, L) complex.
+            response: N responses as (point, signed direction): ±1 … ±3 along x, y, z.
+            reference: N references alike.
+            quantity: accelerance, mobility or receptance.
+
+        Raises:
+            ValueError: the numbers of rows differ.
+        """
+        pairs = zip(response, reference, strict=True)
+        rows = tuple(FrfRow.between((*one, *other)) for one, other in pairs)
+        spectra = np.atleast_2d(np.asarray(values, dtype=np.complex128))
+        frequency = np.asarray(frequency_hz, dtype=np.float64)
+        if spectra.shape != (len(rows), frequency.size):
+            raise ValueError(f"values have shape {spectra.shape}, expected {(len(rows), frequency.size)}")
+        return cls(frequency, spectra, rows, quantity)  # type: ignore[arg-type]  # the service judges the quantity
+
+    @classmethod
+    def from_npz(cls, content: bytes) -> Self:
+        """FRFs of an npz file's bytes, as the service and `to_npz` write them.
+
+        Raises:
+            FormatError: the bytes are not such a file.
+        """
+        with tempfile.NamedTemporaryFile(suffix=".npz") as file:
+            file.write(content)
+            file.flush()
+            found = files.read_npz(Path(file.name))
+        return cls(found.frequency_hz, found.values, found.frfs, found.quantity, found.coherence)
+
+    def to_npz(self) -> bytes:
+        """The bytes of an npz file."""
+        stream = BytesIO()
+        files.write_npz(self, stream)
+        return stream.getvalue()
+
+    @classmethod
+    def from_pyuff(cls, datasets: Sequence[Mapping[str, Any]]) -> Self:
+        """FRFs of datasets 58 as pyuff reads them: `pyuff.UFF(file).read_sets()`. Other types are passed over.
+
+        Raises:
+            ValueError: there is no FRF among them, or they have several axes or quantities.
+        """
+        found = [one for one in datasets if one.get("type") == 58 and one.get("func_type") == 4]
+        if not found:
+            raise ValueError("no dataset 58 is an FRF (function type 4)")
+        kinds = {code: name for name, code in ORDINATES.items()}
+        quantities = {kinds.get(int(one.get("ordinate_spec_data_type", 12))) for one in found}
+        axis = np.asarray(found[0]["x"], dtype=np.float64)
+        if len(quantities) > 1 or any(not np.array_equal(axis, one["x"]) for one in found):
+            raise ValueError("the FRFs have several frequency axes or quantities; take those of one")
+        rows = tuple(
+            FrfRow.between(
+                (int(one["rsp_node"]), int(one["rsp_dir"]), int(one["ref_node"]), int(one["ref_dir"])),
+                str(one.get("id1", "")).strip(),
+            )
+            for one in found
+        )
+        values = np.array([one["data"] for one in found], dtype=np.complex128)
+        return cls(axis, values, rows, quantities.pop() or "accelerance")  # type: ignore[arg-type]  # one of the three
+
+    def to_pyuff(self) -> list[dict[str, Any]]:
+        """Datasets 58 as pyuff writes them: `pyuff.UFF(file).write_sets(frfs.to_pyuff())`."""
+        step = float(np.diff(self.frequency_hz).mean()) if self.frequency_hz.size > 1 else 0.0
+        even = bool(np.allclose(np.diff(self.frequency_hz), step))
+        return [
+            {
+                "type": 58, "binary": 0, "id1": row.label or "NONE", "id2": "NONE", "id3": "NONE", "id4": "NONE",
+                "id5": "NONE", "func_type": 4, "ver_num": 0, "load_case_id": 0,
+                "rsp_ent_name": "NONE", "rsp_node": row.response_point, "rsp_dir": row.response_direction,
+                "ref_ent_name": "NONE", "ref_node": row.reference_point, "ref_dir": row.reference_direction,
+                "ord_data_type": 6, "num_pts": self.frequency_hz.size, "abscissa_spacing": int(even),
+                "abscissa_min": float(self.frequency_hz[0]), "abscissa_inc": step, "z_axis_value": 0.0,
+                "abscissa_spec_data_type": 18, "abscissa_axis_lab": "frequency", "abscissa_axis_units_lab": "Hz",
+                "abscissa_force_unit_exp": 0, "abscissa_len_unit_exp": 0, "abscissa_temp_unit_exp": 0,
+                "ordinate_spec_data_type": ORDINATES[self.quantity], "ordinate_axis_lab": self.quantity,
+                "ordinate_axis_units_lab": UNITS[self.quantity].split("/N")[0],
+                "orddenom_spec_data_type": FORCE, "orddenom_axis_lab": "force", "orddenom_axis_units_lab": "N",
+                "x": self.frequency_hz, "data": values,
+            }
+            for row, values in self.spectra()
+        ]  # fmt: skip
+
+    def to_sdypy(self) -> dict[str, Any]:
+        """What sdypy's `EMA.Model` takes: `Model(**frfs.to_sdypy())`; (N, L) values and (L,) frequencies in Hz."""
+        return {"frf": self.values, "freq": self.frequency_hz, "frf_type": self.quantity}
+
+    @classmethod
+    def from_sdypy(
+        cls, model: Any, *, response: Sequence[tuple[int, int]], reference: Sequence[tuple[int, int]]
+    ) -> Self:
+        """The FRFs of an `EMA.Model` of sdypy, as receptances, which it keeps.
+
+        Args:
+            model: the model; its `frf` (N, L) and `freq` (L,).
+            response: N responses as (point, signed direction).
+            reference: N references alike.
+        """
+        return cls.from_arrays(model.freq, model.frf, response=response, reference=reference, quantity="receptance")
+
+    def to_xarray(self) -> Any:
+        """An `xarray.DataArray` with the dimensions `frf` and `frequency_hz`, and points and directions as coordinates.
+
+        Raises:
+            ModuleNotFoundError: xarray is not installed.
+        """
+        import xarray as xr
+
+        coords: dict[str, Any] = {"frequency_hz": self.frequency_hz}
+        for name in files.table.DOFS:
+            coords[name] = ("frf", [getattr(row, name) for row in self.frfs])
+        attrs = {"units": UNITS[self.quantity]}
+        return xr.DataArray(self.values, coords, ("frf", "frequency_hz"), name=self.quantity, attrs=attrs)

@@ -1,0 +1,159 @@
+"""The way in: a service and a key, and what one may see there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Self
+
+from modalbase.client.connection import Connection
+from modalbase.client.finding import CAMPAIGN, MONITOR, PROJECT, STRUCTURE, find, find_job
+from modalbase.client.place import find_place
+from modalbase.client.rest import Rest
+from modalbase.objects.campaigns import Campaign
+from modalbase.objects.jobs import UpdateJob
+from modalbase.objects.monitors import Alarm, Monitor
+from modalbase.objects.projects import Project, Structure
+from modalbase.objects.results import Result
+from modalbase.objects.table import Table
+
+TOGETHER = 8
+"""Results that are fetched at a time."""
+
+
+def connect(url: str | None = None, key: str | None = None) -> Laboratory:
+    """A laboratory: the service that is stated, or else found.
+
+    The address comes from `url`, MODALBASE_URL, the profile that `modalbase login` saved, or the `modalbase up` that runs on
+    this machine; the key from `key`, MODALBASE_API_KEY, the profile, or the data folder of that service.
+
+        lab = modalbase.connect()
+        campaign = lab.campaign("spring 2026")
+
+    Args:
+        url: of the service, such as `http://127.0.0.1:8000`.
+        key: API key.
+
+    Raises:
+        ClientError: none is found, the service does not answer, or it refuses the key.
+    """
+    place = find_place(url, key)
+    connection = Connection(place.url, place.key)
+    try:
+        connection.get("projects", limit=1)
+    except BaseException:
+        connection.close()
+        raise
+    return Laboratory(connection)
+
+
+class Laboratory:
+    """What a key may see of a service; a context manager that closes its connections.
+
+    Things are found by id, by name, by names from the project down (`"bridge/beam/March"`), or as `"latest"`.
+
+    Attributes:
+        connection: HTTP to the service.
+        rest: every call of the REST contract as a method, for what the objects do not have.
+    """
+
+    def __init__(self, connection: Connection) -> None:
+        self.connection = connection
+        self.rest = Rest(connection)
+
+    def __repr__(self) -> str:
+        return f"<Laboratory {self.connection.url}>"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.connection.close()
+
+    def new_project(self, name: str, description: str = "") -> Project:
+        """Make a project; you are its owner."""
+        return Project(self, self.connection.post("projects", {"name": name, "description": description}))
+
+    def projects(self) -> list[Project]:
+        """The projects that you are a member of."""
+        return [Project(self, fields) for fields in self.connection.pages("projects")]
+
+    def project(self, which: str) -> Project:
+        """A project by id, name or `latest`.
+
+        Raises:
+            ClientError: there is none, or several have the name.
+        """
+        return Project(self, find(self.connection, PROJECT, which))
+
+    def structure(self, which: str) -> Structure:
+        """A structure by id, name, `project/structure` or `latest`."""
+        return Structure(self, find(self.connection, STRUCTURE, which))
+
+    def campaign(self, which: str) -> Campaign:
+        """A campaign by id, name, `project/structure/campaign` or `latest`."""
+        return Campaign(self, find(self.connection, CAMPAIGN, which))
+
+    def monitor(self, which: str) -> Monitor:
+        """A monitor by id, name, `project/structure/monitor` or `latest`."""
+        return Monitor(self, find(self.connection, MONITOR, which))
+
+    def job(self, which: str = "latest") -> UpdateJob:
+        """An update job by id, or the one that was queued last."""
+        id_ = find_job(self.connection, which)
+        return UpdateJob(self, self.connection.get(f"update-jobs/{id_}"))
+
+    def jobs(self, most: int | None = None, **narrowed: Any) -> list[UpdateJob]:
+        """Update jobs, newest first.
+
+        Args:
+            most: how many at most; None for all.
+            narrowed: to a `project`, `structure` or `campaign` by id, to a `status`.
+        """
+        return [UpdateJob(self, fields) for fields in self.connection.pages("update-jobs", most, **narrowed)]
+
+    def results(self, jobs: Iterable[UpdateJob] | None = None, **narrowed: Any) -> Table:
+        """Results of many jobs as one table, a row a job: verdict, and each parameter with its uncertainty.
+
+        The columns of a parameter `Ex` are `Ex`, `Ex_sd`, `Ex_low`, `Ex_high` and `Ex_identifiable`, in SI.
+
+        Args:
+            jobs: whose results; by default all that have succeeded.
+            narrowed: to a `project`, `structure` or `campaign` by id, where no jobs are stated.
+
+        Raises:
+            ClientError: one of them has no result.
+        """
+        wanted = list(self.jobs(**{"status": "succeeded", **narrowed}) if jobs is None else jobs)
+        with ThreadPoolExecutor(TOGETHER) as pool:
+            rows = list(pool.map(_row, wanted))
+        return Table(rows, key="job")
+
+    def alarms(self, **narrowed: Any) -> list[Alarm]:
+        """Alarms of all monitors that you may see, newest first.
+
+        Args:
+            narrowed: to a `state`, a `monitor` or a `project`.
+        """
+        return [Alarm(self, fields) for fields in self.connection.pages("alarms", **narrowed)]
+
+    def pages(self, path: str, **params: Any) -> Iterator[dict[str, Any]]:
+        """The items of any list of the contract, through all of its pages."""
+        return self.connection.pages(path, **params)
+
+
+def _row(job: UpdateJob) -> dict[str, Any]:
+    result: Result = job.result()
+    verdict = result.document.get("verdict") or {"level": None}
+    row = {
+        "job": job.fields["id"], "campaign": job.fields["campaign_id"], "finished_at": job.fields["finished_at"],
+        "verdict": verdict["level"], "warnings": len(result.warnings),
+    }  # fmt: skip
+    for parameter in result.parameters:
+        name = parameter["name"]
+        low, high = parameter["interval_95"] or (None, None)
+        row |= {
+            name: parameter["estimate"], f"{name}_sd": parameter["standard_deviation"],
+            f"{name}_low": low, f"{name}_high": high, f"{name}_identifiable": parameter["identifiable"],
+        }  # fmt: skip
+    return row

@@ -1,0 +1,47 @@
+"""Mode sets: natural frequencies, damping ratios, shapes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from modalbase.objects.table import Table
+from modalbase.objects.thing import Thing
+
+COLUMNS = ("number", "frequency_hz", "damping_ratio", "frequency_sd_hz", "damping_sd")
+
+
+class ModeSet(Thing):
+    """Modes of a campaign that were typed in, read from a file, or identified."""
+
+    word, path = "mode set", "mode-sets/{}"
+
+    @property
+    def modes(self) -> Table:
+        """Frequencies in Hz, damping ratios, and their standard deviations."""
+        return Table([{name: mode[name] for name in COLUMNS} for mode in self.fields["modes"]], key="number")
+
+    @property
+    def frequency_hz(self) -> Any:
+        """(M,) numpy array."""
+        import numpy as np
+
+        return np.array([mode["frequency_hz"] for mode in self.fields["modes"]])
+
+    @property
+    def damping_ratio(self) -> Any:
+        """(M,) numpy array, NaN where a mode has none."""
+        import numpy as np
+
+        return np.array([mode["damping_ratio"] for mode in self.fields["modes"]], dtype=float)
+
+    def shapes(self) -> tuple[list[tuple[int, int]], Any]:
+        """N degrees of freedom as (point, direction), and the shapes, complex (M, N), NaN where a value is not known."""
+        import numpy as np
+
+        dofs = sorted({(v["point"], v["direction"]) for mode in self.fields["modes"] for v in mode["shape"] or ()})
+        place = {dof: i for i, dof in enumerate(dofs)}
+        values = np.full((len(self.fields["modes"]), len(dofs)), np.nan, dtype=complex)
+        for row, mode in zip(values, self.fields["modes"], strict=True):
+            for value in mode["shape"] or ():
+                row[place[value["point"], value["direction"]]] = complex(value["real"], value["imag"])
+        return dofs, values

@@ -1,0 +1,140 @@
+"""Projects, and the structures in them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from modalbase.client.finding import BATCH, CAMPAIGN, MONITOR, STRUCTURE, find
+from modalbase.objects.campaigns import Campaign
+from modalbase.objects.coupons import CouponBatch
+from modalbase.objects.jobs import UpdateJob
+from modalbase.objects.monitors import Monitor
+from modalbase.objects.thing import Editable
+
+if TYPE_CHECKING:
+    from modalbase.objects.thing import Thing
+
+GEOMETRY = ("length_m", "width_m", "thickness_m")
+MATERIAL = ("Ex_Pa", "Ey_Pa", "Gxy_Pa", "Gxz_Pa", "Gyz_Pa", "nu_xy")
+
+
+class Project(Editable):
+    """A project: structures, and the people who may see them."""
+
+    word, path = "project", "projects/{}"
+
+    def new_structure(self, name: str, **properties: Any) -> Structure:
+        """Make a structure.
+
+        Args:
+            name: of it.
+            properties: nominal values, SI: `length_m`, `width_m`, `thickness_m`, `density_kg_m3`, and either `Ex_Pa`, `Ey_Pa`,
+                `Gxy_Pa`, `Gxz_Pa`, `Gyz_Pa`, `nu_xy`, or `plies`; or `geometry`, `material`, `laminate` as REST has them. A
+                body that is only to be identified needs none.
+
+        Raises:
+            ClientError: the service refuses them.
+        """
+        body = {"name": name, **_nested(properties)}
+        return Structure(self.lab, self.lab.connection.post(f"{self.address}/structures", body))
+
+    def structures(self) -> list[Structure]:
+        """Its structures."""
+        return [Structure(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/structures")]
+
+    def structure(self, which: str) -> Structure:
+        """One of its structures by name or id."""
+        return Structure(self.lab, _within(self, STRUCTURE, which))
+
+    def members(self) -> list[dict[str, Any]]:
+        """Who is in it, and in which role."""
+        return list(self.lab.connection.pages(f"{self.address}/members"))
+
+    def add_member(self, user: str, role: str = "viewer") -> None:
+        """Give a user, by name or id, the role `viewer`, `editor` or `owner`."""
+        self.lab.rest.put_member(self.fields["id"], user, body={"role": role})
+
+
+class Structure(Editable):
+    """A specimen with its nominal properties; what was used is kept as a version."""
+
+    word, path = "structure", "structures/{}"
+
+    def new_campaign(self, name: str, boundary: str, **fields: Any) -> Campaign:
+        """Make a campaign.
+
+        Args:
+            name: of it.
+            boundary: `cantilever`, `free` or `simply_supported`.
+            fields: `performed_at`, `temperature_c`, `humidity_percent`, `notes`, `frame`, `instruments`; and `sensor_mass_kg`
+                with `sensor_point`, which belong to the instruments.
+
+        Raises:
+            ClientError: the service refuses them.
+        """
+        instruments = dict(fields.pop("instruments", {}))
+        instruments |= {n: fields.pop(n) for n in ("sensor_mass_kg", "sensor_point") if n in fields}
+        body = {"name": name, "boundary": boundary, "instruments": instruments, **fields}
+        return Campaign(self.lab, self.lab.connection.post(f"{self.address}/campaigns", body))
+
+    def campaigns(self) -> list[Campaign]:
+        """Its campaigns."""
+        return [Campaign(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/campaigns")]
+
+    def campaign(self, which: str) -> Campaign:
+        """One of its campaigns by name or id."""
+        return Campaign(self.lab, _within(self, CAMPAIGN, which))
+
+    def new_coupon_batch(self, name: str, constants: list[str], **fields: Any) -> CouponBatch:
+        """Make a batch of coupon tests.
+
+        Args:
+            name: of it.
+            constants: which of the structure's the tests measure: `Ex`, `Ey`, `Gxy`, `nu_xy`.
+            fields: `published` means where the specimens are not at hand, `conditions` of the tests.
+        """
+        body = {"name": name, "constants": constants, **fields}
+        return CouponBatch(self.lab, self.lab.connection.post(f"{self.address}/coupon-batches", body))
+
+    def coupon_batches(self) -> list[CouponBatch]:
+        """Its coupon batches."""
+        return [CouponBatch(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/coupon-batches")]
+
+    def coupon_batch(self, which: str) -> CouponBatch:
+        """One of its coupon batches by name or id."""
+        return CouponBatch(self.lab, _within(self, BATCH, which))
+
+    def new_monitor(self, name: str, **fields: Any) -> Monitor:
+        """Watch it as it ages: a frozen recipe that runs on every complete campaign.
+
+        Args:
+            name: of the monitor.
+            fields: as `POST /structures/{id}/monitors` takes them.
+        """
+        return Monitor(self.lab, self.lab.connection.post(f"{self.address}/monitors", {"name": name, **fields}))
+
+    def monitors(self) -> list[Monitor]:
+        """Its monitors."""
+        return [Monitor(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/monitors")]
+
+    def monitor(self, which: str) -> Monitor:
+        """One of its monitors by name or id."""
+        return Monitor(self.lab, _within(self, MONITOR, which))
+
+    def jobs(self) -> list[UpdateJob]:
+        """Update jobs of its campaigns, newest first."""
+        return self.lab.jobs(structure=self.fields["id"])
+
+
+def _within(above: Thing, kind: Any, which: str) -> dict[str, Any]:
+    """One of the things below another, by id or name."""
+    return find(above.lab.connection, kind, which, within=above.fields["id"])
+
+
+def _nested(properties: dict[str, Any]) -> dict[str, Any]:
+    """Properties that are stated flat, in the groups that REST has."""
+    body = dict(properties)
+    for group, names in (("geometry", GEOMETRY), ("material", MATERIAL), ("laminate", ("plies",))):
+        if flat := {name: body.pop(name) for name in names if name in body}:
+            body[group] = {**body.get(group, {}), **flat}
+    return body

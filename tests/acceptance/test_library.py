@@ -1,0 +1,191 @@
+"""`import modalbase` against the running service, as a script of a laboratory uses it."""
+
+from __future__ import annotations
+
+import json
+import sys
+import types
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+import pyuff
+
+import modalbase
+from modalbase.client.place import find_place, profile_file, save_profile
+from service.demo import paper
+from service.supervisor import LocalService
+from tests.support.laboratory import BEAM
+
+BODY = {**BEAM["geometry"], **BEAM["material"], "density_kg_m3": 2012.0}
+
+
+@pytest.fixture
+def lab(service: LocalService, api: httpx.Client) -> Iterator[modalbase.Laboratory]:
+    with modalbase.connect(service.url, api.headers["authorization"].split()[1]) as found:
+        yield found
+
+
+@pytest.fixture
+def uff(tmp_path: Path) -> Path:
+    file = tmp_path / "beam.uff"
+    file.write_bytes(paper.uff_file())
+    return file
+
+
+def test_the_main_job_reads_well(lab: modalbase.Laboratory, uff: Path, tmp_path: Path) -> None:
+    beam = lab.new_project("bridge deck").new_structure("FRP beam", **BODY)
+    assert beam.geometry["thickness_m"] == 0.01012
+    campaign = beam.new_campaign("March", "cantilever", temperature_c=21.0, sensor_mass_kg=0.002, sensor_point=1)
+    assert campaign.instruments["sensor_mass_kg"] == 0.002
+    campaign.change(temperature_c=21.5, instruments={})
+    assert lab.campaign("bridge deck/FRP beam/March") == lab.campaign("latest") == campaign
+    assert lab.campaign("March").temperature_c == 21.5
+    read = campaign.import_file(uff)
+    assert read.counts["frfs"] == 33
+    assert "33 frfs" in read.summary()
+
+    modes = campaign.new_mode_set("Table 3", paper.MODES)
+    np.testing.assert_array_equal(modes.frequency_hz, [mode["frequency_hz"] for mode in paper.MODES])
+    job = campaign.update({"seed": 7}, mode_set=modes)
+    result = job.result()
+    assert lab.job() == job
+    assert [row["name"] for row in result.parameters] == ["Ex", "Ey", "Gxy", "Gxz", "Gyz", "a0", "a1"]
+    low, high = result.parameters["Ex"]["interval_95"]
+    assert low < result.parameters["Ex"]["estimate"] < high
+    shown = job.summary()
+    assert result["verdict"]["sentence"] in shown
+    assert all(f"warning: {one}" in shown for one in result.warnings)
+    assert "GPa" in shown
+    assert "<th>estimate</th>" in result._repr_html_()
+    assert result.modes[0]["measured_hz"] == pytest.approx(25.61)
+    table = lab.results(structure=beam.id)
+    assert (table[0]["job"], table[0]["Ex"]) == (job.id, result.parameters["Ex"]["estimate"])
+    last = list(job.events())[-1]
+    assert last["status"] == "succeeded"
+
+    frfs_travel_both_ways(lab, campaign, tmp_path)
+    predicted = job.predicted(model="updated", fmax=200.0)
+    assert predicted.values.shape == (33, predicted.frequency_hz.size)
+
+
+def frfs_travel_both_ways(lab: modalbase.Laboratory, campaign: Any, folder: Path) -> None:
+    """From the service as arrays, through pyuff's file, into a second campaign, bit for bit."""
+    frfs = campaign.frfs(stride=4)
+    assert frfs.values.dtype.kind == "c"
+    pyuff.UFF(str(folder / "pyuff.uff")).write_sets(frfs.to_pyuff(), "overwrite")
+    back = modalbase.Frfs.from_pyuff(pyuff.UFF(str(folder / "pyuff.uff")).read_sets())
+    np.testing.assert_allclose(back.values, frfs.values, rtol=1e-4)  # pyuff writes single precision as text
+    second = lab.structure(campaign.structure_id).new_campaign("copy", "cantilever")
+    assert len(second.add_frfs(frfs)) == 33
+    again = second.frfs()
+    np.testing.assert_array_equal(again.values, frfs.values)
+    assert again.frfs[4].response_point == frfs.frfs[4].response_point
+    assert frfs.to_sdypy()["frf"].shape == frfs.values.shape
+    assert modalbase.read_uff(second.export(folder / "copy.uff"))
+
+
+def test_a_job_that_fails_says_why(lab: modalbase.Laboratory) -> None:
+    beam = lab.new_project("fails").new_structure("beam", **BODY)
+    campaign = beam.new_campaign("empty", "cantilever")
+    job = campaign.update().wait()
+    assert "has no FRFs" in job.summary()
+    with pytest.raises(modalbase.JobFailed, match="has no FRFs") as failed:
+        job.result()
+    assert failed.value.job["status"] == "failed"
+    with pytest.raises(modalbase.ClientError, match=r"/weigting.*\(422\)") as refused:
+        campaign.update(weigting="log")
+    assert refused.value.status == 422
+    assert refused.value.problem["errors"][0]["pointer"] == "/weigting"
+    with pytest.raises(modalbase.ClientError, match="no campaign has that name; there is 'empty'"):
+        beam.campaign("emty")
+    stale = lab.campaign(campaign.id)
+    campaign.change(notes="first")
+    with pytest.raises(modalbase.ClientError, match=r"\(412\)"):
+        stale.change(notes="second")
+
+
+def test_coupons_records_and_monitors(lab: modalbase.Laboratory, tmp_path: Path) -> None:
+    beam = lab.new_project("more").new_structure("beam", **BODY)
+    batch = beam.new_coupon_batch("0 degrees", ["Ex"])
+    lines = ["Load (kN),Strain (%)", *(f"{0.4 * i:.3f},{0.02 * i:.4f}" for i in range(51))]
+    (tmp_path / "A1.csv").write_text("\n".join(lines))
+    batch.add_curve(
+        tmp_path / "A1.csv",
+        dimensions={"unit": "mm", "width": [25], "thickness": [2]},
+        columns={"force": "Load", "strain": "Strain"},
+    )
+    assert batch.coupons()["A1"]["E_Pa"] == pytest.approx(40e9, rel=1e-9)  # 400 N / 50 mm² / 200 µε
+    assert batch.curve("A1")["force"].max() == pytest.approx(20e3)
+    monitor = beam.new_monitor("ageing", parameters=[{"name": "Ex"}])
+    assert lab.monitor("ageing") == monitor
+    assert monitor.alarms() == []
+    assert len(monitor.runs()) == 0
+
+
+def test_a_bar_in_a_notebook_needs_no_widgets(lab: modalbase.Laboratory, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[str] = []
+
+    class ZMQInteractiveShell:
+        pass
+
+    def display(text: str, *, display_id: bool) -> types.SimpleNamespace:
+        assert display_id
+        shown.append(text)
+        return types.SimpleNamespace(update=shown.append)
+
+    ipython: Any = types.ModuleType("IPython")
+    ipython.get_ipython = ZMQInteractiveShell
+    ipython.display = types.SimpleNamespace(HTML=str, display=display)
+    monkeypatch.setitem(sys.modules, "IPython", ipython)
+    job = lab.new_project("bars").new_structure("beam", **BODY).new_campaign("c", "cantilever").update().wait()
+    assert all(text.startswith("<progress") for text in shown)
+    assert shown[-1].endswith(f"update: {job.stage or job.status}")
+
+
+def test_where_the_service_and_its_key_are_looked_for(
+    service: LocalService, api: httpx.Client, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    key = api.headers["authorization"].split()[1]
+    for name in ("MODALBASE_URL", "MODALBASE_API_KEY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("MODALBASE_PROFILE", str(tmp_path / "profiles" / "profile.json"))
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    with pytest.raises(modalbase.ClientError, match="no API key"):
+        modalbase.connect(service.url)
+    assert save_profile(service.url, key).stat().st_mode & 0o077 == 0
+    with modalbase.connect() as found:
+        assert found.connection.url == service.url
+    monkeypatch.setenv("MODALBASE_API_KEY", "wrong")
+    with pytest.raises(modalbase.ClientError, match=r"\(401\)"):
+        modalbase.connect()
+    monkeypatch.delenv("MODALBASE_API_KEY")
+    monkeypatch.setenv("MODALBASE_URL", "http://elsewhere.example:1")
+    with pytest.raises(modalbase.ClientError, match="no API key"):  # the profile's is not for that address
+        find_place()
+    monkeypatch.delenv("MODALBASE_URL")
+    profile_file().write_text("{")
+    with pytest.raises(modalbase.ClientError, match="modalbase login"):
+        modalbase.connect()
+    profile_file().unlink()
+    the_service_that_runs_here(tmp_path)
+
+
+def the_service_that_runs_here(folder: Path) -> None:
+    """`modalbase up` notes where it is; its data folder has the key that it made."""
+    from modalbase.client.place import KEY_FILE, notes_folder
+    from service.running import announced
+
+    data = folder / "data"
+    data.mkdir()
+    (data / KEY_FILE).write_text("mb_local\n")
+    assert str(notes_folder()).startswith(str(folder))
+    with announced("http://127.0.0.1:4711", data):
+        place = find_place()
+        assert (place.url, place.key) == ("http://127.0.0.1:4711", "mb_local")
+        (notes_folder() / "1.json").write_text(json.dumps({"pid": 1, "url": "http://127.0.0.1:4712", "data": None}))
+        with pytest.raises(modalbase.ClientError, match="2 services run here"):
+            find_place()

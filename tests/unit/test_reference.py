@@ -1,0 +1,32 @@
+"""What is made from code is what the code makes now: `python -m tools.reference`."""
+
+from __future__ import annotations
+
+import pytest
+
+from modalbase.client.connection import Connection
+from modalbase.client.rest import Rest
+from modalbase.client.routes import ROUTES
+from tools import reference, routes
+
+
+@pytest.mark.parametrize("name", list(reference.MADE))
+def test_what_is_made_from_code_is_up_to_date(name: str) -> None:
+    assert (reference.ROOT / name).read_text() == reference.MADE[name](), "run python -m tools.reference"
+
+
+def test_every_route_of_the_openapi_document_is_a_method_of_the_client() -> None:
+    found = {(one.method, one.path) for one in routes.described(routes.document())}
+    assert found == {(route.method, route.path) for route in ROUTES.values()}
+    assert len(found) == len(ROUTES) > 80
+    with Connection("http://127.0.0.1:1", "key") as nobody:
+        rest = Rest(nobody)
+        for name, route in ROUTES.items():
+            assert route.summary in (getattr(rest, name).__doc__ or "")
+        assert set(ROUTES) <= set(dir(rest))
+        with pytest.raises(TypeError, match=r"takes campaign_id and got 0"):
+            rest.get_campaign()
+        with pytest.raises(TypeError, match=r"has no colour"):
+            rest.list_projects(colour="red")
+        with pytest.raises(AttributeError, match="no call 'nonsense'"):
+            _ = rest.nonsense
