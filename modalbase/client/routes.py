@@ -322,6 +322,14 @@ ROUTES: dict[str, Route] = {
         "GET", "update-jobs/{job_id}/frfs/data", ("model", "point", "direction", "reference", "fmin", "fmax", "stride", "format"),
         "FRFs that the model predicts where FRFs were measured, in the formats, coordinates and order of the measured ones.",
     ),
+    "list_figures": Route(
+        "GET", "update-jobs/{job_id}/figures", (),
+        "Names of the figures, and which of them this result can be drawn as.",
+    ),
+    "get_figure": Route(
+        "GET", "update-jobs/{job_id}/figures/{name}", ("point", "reference", "fmin", "fmax", "format", "theme"),
+        "A figure of the result: Plotly JSON, or the same figure as SVG, PNG or PDF.",
+    ),
     "list_monitors_of_structure": Route(
         "GET", "structures/{structure_id}/monitors", ("cursor", "limit", "deleted"),
         "Monitors of a structure.",
@@ -363,7 +371,7 @@ ROUTES: dict[str, Route] = {
         "The series: values with their uncertainty, baseline, limits, corrected and raw, alarms and campaigns as marks.",
     ),
     "get_series_figure": Route(
-        "GET", "monitors/{monitor_id}/series/figure", ("parameter", "series", "format"),
+        "GET", "monitors/{monitor_id}/series/figure", ("parameter", "series", "format", "theme"),
         "The series of a parameter as a figure: Plotly JSON for the browser and notebooks, or SVG, PNG, PDF for print.",
     ),
     "complete_campaign": Route(

@@ -63,10 +63,15 @@ class Result:
         rows = self.document["modes"]
         return Table(rows, key="number", shown=mode_cells(rows))
 
-    def figure(self, name: str) -> Figure:
-        """A figure, shown in a notebook: `frf`, `convergence`, `mac`, `csac`, `csf`, `shapes`, `posterior`.
+    def figure(self, name: str, **options: Any) -> Figure:
+        """A figure, shown in a notebook; `figures()` lists the names.
 
         Args:
-            name: of the figure.
+            name: such as `frf` or `mac`.
+            options: `point` and `reference` of the FRF, `fmin`, `fmax`, `theme` (`light`, `dark`).
         """
-        return Figure(self.lab, f"update-jobs/{self.job}/figures/{name}", {})
+        return Figure(self.lab, f"update-jobs/{self.job}/figures/{name}", options)
+
+    def figures(self) -> Table:
+        """The figures, and which of them this result can be drawn as."""
+        return Table(self.lab.connection.get(f"update-jobs/{self.job}/figures")["items"])

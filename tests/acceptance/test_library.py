@@ -62,6 +62,12 @@ def test_the_main_job_reads_well(lab: modalbase.Laboratory, uff: Path, tmp_path:
     assert "GPa" in shown
     assert "<th>estimate</th>" in result._repr_html_()
     assert result.modes[0]["measured_hz"] == pytest.approx(25.61)
+    assert "frf" in result.figures().column("name")
+    assert result.figure("frf", point=7)._repr_svg_().lstrip().startswith("<?xml")
+    assert result.figure("mac").save(tmp_path / "mac.pdf").read_bytes().startswith(b"%PDF")
+    assert result.figure("frf").plotly()["data"]
+    with pytest.raises(modalbase.ClientError, match=r"\(404\)"):
+        result.figure("nonsense").plotly()
     table = lab.results(structure=beam.id)
     assert (table[0]["job"], table[0]["Ex"]) == (job.id, result.parameters["Ex"]["estimate"])
     last = list(job.events())[-1]
