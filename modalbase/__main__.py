@@ -1,5 +1,6 @@
 """`python -m modalbase`: the command, where the folder of scripts is not on the path."""
 
-from service.cli import main
+from importlib import import_module
 
-main()
+# By name, for nothing of this package may need the service: the command itself does without it until it runs one.
+import_module("service.cli").main()

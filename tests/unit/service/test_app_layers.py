@@ -57,5 +57,5 @@ def test_contracts_catch_a_fault(copy: Path, file: str, fault: str, contract: st
         target.write(f"\n{fault}\n")
     done = lint(copy)
     assert done.returncode == 1
-    broken = [line for line in done.stdout.splitlines() if " BROKEN" in line]
+    broken = [line for line in done.stdout.splitlines() if line.endswith("BROKEN")]
     assert any(line.startswith(contract) for line in broken), done.stdout
