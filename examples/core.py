@@ -38,7 +38,7 @@ beam = Specimen(
 )
 recipe = Recipe(
     parameters=(
-        Parameter("Ex", prior_sd=2e9),
+        Parameter("Ex"),
         Parameter("Ey", fixed=True),
         Parameter("Gxy"),
         Parameter("Gxz"),

@@ -22,6 +22,10 @@ _FEWEST_LINES = 16
 _SPIKE = 400.0  # jump squared over the local median of jumps squared
 _JUMP = 30.0  # ... that is worth comparing between FRFs
 _SHARED = 0.25  # share of the FRFs that may show a spike at one line
+_FEWEST_RECORDS = 4  # that show whether an FRF is alone with something
+_ALONE = (
+    5.0  # times the jump of any other FRF at a line: no mode shape, even at few points, has such a peak there alone
+)
 _RAISED = 2.0  # neighbours of a true resonance stand this much above the lines further off; those of a spike do not
 _LIKE = 0.5  # correlation from which two reciprocal FRFs may be the same beside drift and hits off the point
 _SAME = 0.9  # correlation from which two FRFs between the same dofs are the same FRF
@@ -144,8 +148,11 @@ def _unusable(arrangement: Arrangement) -> dict[int, str]:
 def _without_spikes(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     """Leave out single lines that stand out of a smooth record, as an overload or a mains line makes them."""
     pairs = zip(arrangement.values, arrangement.measured, strict=True)
-    spikes, jumps = (np.array(marks) for marks in zip(*(_spikes(v, m) for v, m in pairs), strict=True))
+    seen = [_spikes(v, m) for v, m in pairs]
+    spikes, standing, jumps, height = (np.array(marks) for marks in zip(*seen, strict=True))
     spikes &= jumps.sum(axis=0) <= max(1, _SHARED * len(jumps))  # what most records show is a resonance
+    if len(height) >= _FEWEST_RECORDS:  # ... but an overload may fall on one: no other FRF jumps nearly as far there
+        spikes |= standing & (height > _ALONE * np.partition(height, -2, axis=0)[-2])
     if not spikes.any():
         return arrangement, []
     notes = []
@@ -164,13 +171,21 @@ def _without_spikes(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     return replace(arrangement, measured=measured, values=np.where(measured, arrangement.values, 0)), notes
 
 
-def _spikes(record: ComplexArray, measured: BoolArray) -> tuple[BoolArray, BoolArray]:
-    """(L,) lines whose jump is far beyond the local scatter while their neighbours are not raised; (L,) all jumps."""
-    spikes, jumps = np.zeros(record.size, dtype=bool), np.zeros(record.size, dtype=bool)
+def _spikes(record: ComplexArray, measured: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray, FloatArray]:
+    """What each line of a record looks like between its neighbours.
+
+    Returns:
+        spikes: (L,) lines that jump far beyond the local scatter while their neighbours are not raised.
+        standing: (L,) the same beside raised neighbours too.
+        jumps: (L,) all jumps.
+        height: (L,) of the jumps.
+    """
+    spikes, standing, jumps = (np.zeros(record.size, dtype=bool) for _ in range(3))
+    height = np.zeros(record.size)
     at = np.flatnonzero(measured)
     values = record[at]
     if values.size < _FEWEST_LINES:
-        return spikes, jumps
+        return spikes, standing, jumps, height
     middle = values[2:-2]
     beside = (values[1:-3] + values[3:-1]) / 2
     jump = np.abs(middle - beside) ** 2
@@ -181,10 +196,11 @@ def _spikes(record: ComplexArray, measured: BoolArray) -> tuple[BoolArray, BoolA
     floor = 1e-20 * np.max(jump, initial=0.0)
     # the same line may be the culprit of its neighbours' jumps: only the largest of three is meant
     largest = jump >= np.maximum(np.append(jump[1:], 0), np.append(0, jump[:-1]))
-    found = (jump > _SPIKE * (usual + floor)) & (near < _RAISED * far) & largest & (np.abs(middle) > 3 * near)
-    spikes[at[2:-2][found]] = True
-    jumps[at[2:-2][jump > _JUMP * (usual + floor)]] = True
-    return spikes, jumps
+    far_out = (jump > _SPIKE * (usual + floor)) & largest & (np.abs(middle) > 3 * near)
+    inner = at[2:-2]
+    spikes[inner], standing[inner] = far_out & (near < _RAISED * far), far_out
+    jumps[inner], height[inner] = jump > _JUMP * (usual + floor), np.sqrt(jump)
+    return spikes, standing, jumps, height
 
 
 def _merge_repeated(arrangement: Arrangement) -> tuple[Arrangement, dict[int, Refused | None], list[str]]:

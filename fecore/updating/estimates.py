@@ -16,9 +16,10 @@ from fecore.arrays import FloatArray
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic import ElasticResult
 from fecore.updating.excursions import REACH_95, Excursion
+from fecore.updating.held_inputs import hold_inputs
 from fecore.updating.inputs import CONSTANT_INPUTS, Inputs
 from fecore.updating.law_ranking import RankedLaw
-from fecore.updating.result import BudgetEntry, ParameterEstimate
+from fecore.updating.result import BudgetEntry, Comparable, ParameterEstimate
 from fecore.updating.sampling import Posterior
 
 _SMALLEST_SHARE = 1e-4  # of the variance that is worth a line of the budget
@@ -39,7 +40,8 @@ def constant_estimates(elastic: ElasticResult, inputs: Inputs, sampled: Posterio
     """Constants that the recipe asked for, free and tied; a tied one follows its master in everything."""
     prior = elastic.updated.forward.parametrisation
     initial, estimate = prior.constants(prior.prior_mean), prior.constants(elastic.theta)
-    centre = elastic.coordinates.of(elastic.theta)
+    centre, held = elastic.coordinates.of(elastic.theta), hold_inputs(elastic)
+    at_stated = prior.constants(np.concatenate([held.theta, elastic.theta[held.theta.size :]]))
     found = []
     for column, master in enumerate(prior.reported):
         samples = None if sampled is None else sampled.xi[:, column]
@@ -63,6 +65,9 @@ def constant_estimates(elastic: ElasticResult, inputs: Inputs, sampled: Posterio
                     identifiable=state.identifiable,
                     prior_mean=float(initial[row]),
                     prior_sd=abs(ratio) * float(prior.prior_sd[column]),
+                    comparable=Comparable(
+                        float(at_stated[row]), abs(ratio) * float(held.noise_standard_deviation[column])
+                    ),
                     budget=_budget(spread, abs(slope), _provenance(elastic, inputs)),
                     confounded_with=tuple(name for name in state.confounded_with if name != master),
                 )
@@ -99,6 +104,7 @@ def coefficient_estimates(
                 identifiable=spread.sd < abs(value) / 2,
                 prior_mean=None,
                 prior_sd=None,
+                comparable=Comparable(value, float(np.sqrt(fit.noise_covariance[i, i]))),
                 budget=_budget(spread, 1.0, _provenance(elastic, inputs, damping)),
             )
         )
@@ -123,6 +129,7 @@ def ratio_estimates(ranked: RankedLaw) -> list[ParameterEstimate]:
                 identifiable=sd < abs(value) / 2,
                 prior_mean=None,
                 prior_sd=None,
+                comparable=Comparable(value, float(np.sqrt(ranked.noise_covariance[i, i]))),
             )
         )
     return found

@@ -52,6 +52,19 @@ class BudgetEntry:
 
 
 @dataclass(frozen=True)
+class Comparable:
+    """A parameter for the comparison of tests of one body, which share the errors of the laboratory's inputs.
+
+    Attributes:
+        estimate: with every input held at what the laboratory stated.
+        standard_deviation: of it, under measurement noise alone.
+    """
+
+    estimate: float
+    standard_deviation: float
+
+
+@dataclass(frozen=True)
 class ParameterEstimate:
     """One updated parameter.
 
@@ -64,6 +77,7 @@ class ParameterEstimate:
         interval_95: 95 % interval, everything included; not about the estimate's middle where it is not.
         identifiable: whether the data supply more than half of what is known of it.
         prior_mean, prior_sd: None where the parameter had no prior.
+        comparable: what to compare with another test of the same body.
         budget: what its variance is made of, the largest first.
         confounded_with: parameters with which it moves in a direction that the data do not see.
     """
@@ -78,6 +92,7 @@ class ParameterEstimate:
     identifiable: bool
     prior_mean: float | None
     prior_sd: float | None
+    comparable: Comparable
     budget: tuple[BudgetEntry, ...] = ()
     confounded_with: tuple[str, ...] = ()
 

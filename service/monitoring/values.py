@@ -1,5 +1,5 @@
 """What a monitor takes from an update's result: watched values with the part of their uncertainty that differs from one
-campaign to the next.
+campaign to the next, and the laboratory's inputs, which all campaigns share, held at what was stated.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ def watched_values(session: Session, document: dict[str, Any]) -> dict[str, Any]
     """Values of a result document.
 
     Returns:
-        `parameters`: name to [estimate, noise-only standard deviation], which is what a model error that all campaigns
-        share does not move; `modes`: (f, sd, ζ, sd) of each measured mode; None where not known.
+        `parameters`: name to [estimate, noise-only standard deviation], both with the inputs held: a model error or a wrong
+        thickness that all campaigns share does not move them; `modes`: (f, sd, ζ, sd) of each measured mode;
+        None where not known.
     """
-    parameters = {row["name"]: [row["estimate"], row["noise_standard_deviation"]] for row in document["parameters"]}
+    parameters = {row["name"]: _comparable(row) for row in document["parameters"]}
     stated: dict[int, Mode] = {}
     if mode_set := document["provenance"].get("mode_set"):
         key = UUID(mode_set)
@@ -39,6 +40,15 @@ def watched_values(session: Session, document: dict[str, Any]) -> dict[str, Any]
         sds = (None, None) if mode is None else (mode.frequency_sd_hz, mode.damping_sd)
         modes.append([row["measured_hz"], sds[0], row["measured_damping"], sds[1]])
     return {"parameters": parameters, "modes": modes}
+
+
+def _comparable(row: dict[str, Any]) -> list[float]:
+    """A parameter of a result; before inputs had errors, its estimate itself was comparable."""
+    found = row.get("comparable") or {
+        "estimate": row["estimate"],
+        "standard_deviation": row["noise_standard_deviation"],
+    }
+    return [found["estimate"], found["standard_deviation"]]
 
 
 def unit_of(parameter: str) -> str | None:

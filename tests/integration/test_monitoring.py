@@ -215,7 +215,6 @@ def test_the_same_measurement_counts_once(lab: Lab) -> None:
     delete(lab, same_moment)
 
 
-@pytest.mark.xfail(reason="inputs that all runs share widen each run's sd, so 3 % are no longer outside", strict=True)
 def test_corrections_are_judged_and_deletions_leave(lab: Lab) -> None:
     campaign = lab.campaign(8, 0.97)
     series = lab.until(lambda s: campaign in points(s))

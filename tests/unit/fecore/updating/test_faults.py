@@ -130,7 +130,8 @@ def test_overloaded_values_are_left_out_of_everything(measured: Measurement, cle
     result = update(spoilt(measured, overload), BEAM)
     assert_same(result, clean)
     assert result.correlation.updated.sac.min() > 0.98
-    assert sum("left out" in warning for warning in result.warnings) == 2
+    (warning,) = (text for text in result.warnings if "left out" in text)  # one of two alike
+    assert all(place in warning for place in ("28 Hz", "202 Hz", "33Z/10Z", "33Z/8Z"))
 
 
 def test_mains_hum_does_not_widen_the_damping(measured: Measurement, clean: UpdateResult) -> None:
