@@ -40,6 +40,7 @@ from fecore.updating.result import StageOutcome, UpdateResult
 from fecore.updating.sampling import Checkpoint, Posterior, sample_posterior
 from fecore.updating.summary import Summary
 from fecore.updating.verdict import Finding, notes
+from fecore.updating.window import unstated_window
 
 Progress = Callable[[str, float], None]
 """Called with the stage in words and the share of the whole job that is done; raise from it to cancel."""
@@ -54,7 +55,6 @@ LAWS: Mapping[str, DampingLaw] = {
 _ELASTIC = "updating the elastic constants"
 _EXTRA_MODES = 3  # beyond the measured ones, at least, so that neighbours can be paired
 _TYPED_RATIO_SD = 0.02  # relative, of a damping ratio that was typed in without one
-_WINDOW_MATTERS = 0.05  # share of a coefficient that an unstated window may take
 
 
 def update(
@@ -237,7 +237,7 @@ def _damping(
         reference = fit_reference(stage)
         ranking = rank_laws(reference.ratios, stage.roles.rows, laws)
         result = fit_damping(stage, reference, laws[0], progress=progress)
-        findings += notes(_unstated_window(result, inputs), "with_care", 1.5)
+        findings += unstated_window(result, inputs, 1 / float(np.median(np.diff(inside.frequency_hz))))
     except InputError:
         raise
     except FecoreError as error:
@@ -268,19 +268,6 @@ def _damping_of_ratios(elastic: ElasticResult, modes: MeasuredModes, recipe: Rec
     ranking = rank_laws(MeasuredRatios(omega, ratio, relative), rows, laws)
     outcome = StageOutcome("damping", "succeeded", "from the modes' damping ratios: there are no FRFs")
     return _Damping(None, ranking, None, outcome, tuple(notes(_unasked(asked[0], laws[0], len(rows)), None, 3)))
-
-
-def _unstated_window(damping: DampingResult, inputs: Inputs) -> list[str]:
-    """What an exponential window would mean that nobody stated, in words; nothing where it would hardly matter."""
-    names, values = damping.fit.law.coefficient_names, damping.fit.coefficients
-    shares = np.abs(damping.window / np.where(values == 0, 1.0, values))
-    worst = int(np.argmax(shares))
-    if inputs.window_rate is not None or shares[worst] < _WINDOW_MATTERS:
-        return []
-    return [
-        f"nobody said whether the response had an exponential window: with one usual for this record {names[worst]} "
-        f"is lower by {100 * shares[worst]:.0f} %, or more; state the window's rate 1/τ with the campaign, 0 for none"
-    ]
 
 
 def _sampled(

@@ -131,7 +131,8 @@ def test_overloaded_values_are_left_out_of_everything(measured: Measurement, cle
     assert_same(result, clean)
     assert result.correlation.updated.sac.min() > 0.98
     (warning,) = (text for text in result.warnings if "left out" in text)  # one of two alike
-    assert all(place in warning for place in ("28 Hz", "202 Hz", "33Z/10Z", "33Z/8Z"))
+    assert "line at 28 Hz" in warning
+    assert "line at 202 Hz" in warning
 
 
 def test_mains_hum_does_not_widen_the_damping(measured: Measurement, clean: UpdateResult) -> None:
