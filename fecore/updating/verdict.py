@@ -86,8 +86,8 @@ def _fold(alike: list[str]) -> str:
 
 
 def _label(text: str) -> str:
-    """What a warning is about: its words up to the first bracket or verb, with their number."""
-    found = re.match(r"[^:(;,]*?\d[\w./-]*(?: \([^)]*\))?", text)
+    """What a warning is about: its words up to the first bracket or verb, with their number and its unit."""
+    found = re.match(r"[^:(;,]*?\d[\w./-]*(?: Hz\b)?(?: \([^)]*\))?", text)
     return found.group(0) if found else text
 
 
