@@ -1,7 +1,7 @@
 """An exponential window that nobody stated: what it would do to the damping, and whether the damping looks like one.
 
-A window exp(-t/τ) makes every mode decay faster by 1/τ, as a constant part of the damping does (a0 = 2/τ): FRFs alone cannot
-tell the two apart. But windows are chosen to end a record of T seconds at 10 to 1 % of its first value, so 1/τ lies between
+A window exp(-t/τ) makes every mode decay faster by 1/τ, as a constant part of the damping does (a0 = 2/τ): FRFs alone do not
+distinguish the two. But windows are chosen to end a record of T seconds at 10 to 1 % of its first value, so 1/τ lies between
 2/T and 5/T. A body whose own constant part lies there, and makes most of the slowest modes' decay, looks windowed.
 """
 
