@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special, stats
+from scipy import special
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.errors import InputError
@@ -179,5 +179,5 @@ def score(baseline: Baseline, series: Series) -> Scores:
 
 def normal_score(t: FloatArray, degrees_of_freedom: float) -> FloatArray:
     """Φ⁻¹(T_ν(t)), from the nearer tail so that a large deviate keeps its digits."""
-    tail = np.maximum(stats.t.sf(np.abs(t), degrees_of_freedom), 1e-300)
+    tail = np.maximum(special.stdtr(degrees_of_freedom, -np.abs(t)), 1e-300)
     return np.asarray(-np.sign(t) * special.ndtri(tail))

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from fecore.errors import InputError
 from fecore.trend.baseline import complete_campaigns
@@ -56,7 +56,7 @@ def rate(series: Series, covariates: Sequence[str], baseline_mean: float) -> Rat
     X = np.column_stack([np.ones(len(complete)), *c, years - years.mean()])
     fit = fit_with_scatter(X, complete.estimate, complete.standard_deviation)
     slope, sd = float(fit.coefficients[-1]), float(np.sqrt(fit.covariance[-1, -1]))
-    half = float(stats.t.ppf(0.975, fit.degrees_of_freedom)) * sd
+    half = float(special.stdtrit(fit.degrees_of_freedom, 0.975)) * sd
     relative = sorted(((slope - half) / baseline_mean, (slope + half) / baseline_mean))
     return Rate(
         slope, sd, (slope - half, slope + half), slope / baseline_mean, (float(relative[0]), float(relative[1]))

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy import optimize, special, stats
+from scipy import optimize, special
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
@@ -123,7 +123,7 @@ def _unknowns(shared: float, degrees_of_freedom: float) -> list[tuple[float, flo
         shifts = [(0.0, 1.0)]
     if degrees_of_freedom < KNOWN:
         x, w = np.polynomial.legendre.leggauss(_RATIOS)
-        q = np.sqrt(stats.chi2.ppf((1 + x) / 2, degrees_of_freedom) / degrees_of_freedom)
+        q = np.sqrt(special.chdtri(degrees_of_freedom, (1 - x) / 2) / degrees_of_freedom)
         ratios = list(zip(q, w / 2, strict=True))
     else:
         ratios = [(1.0, 1.0)]
@@ -142,7 +142,7 @@ def _score_cdf(e: float, q: float, shared: float, degrees_of_freedom: float) -> 
 def _t_of_normal(degrees_of_freedom: float) -> tuple[FloatArray, FloatArray]:
     """T_ν⁻¹(Φ(u)) on a grid of u; linear between, which is exact to 1e-4 of a standard deviation."""
     half = np.linspace(0, 8, 801)
-    t = stats.t.isf(special.ndtr(-half), degrees_of_freedom)
+    t = -special.stdtrit(degrees_of_freedom, special.ndtr(-half))
     return np.concatenate([-half[:0:-1], half]), np.concatenate([-t[:0:-1], t])
 
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.stats import qmc
 
 from fecore.arrays import FloatArray
 from fecore.correlation import pair_modes
 from fecore.errors import UpdatingError
 from fecore.modes import MeasuredModes
 from fecore.updating.coordinates import Coordinates
+from fecore.updating.draws import even_draws
 from fecore.updating.elastic import ElasticResult, update_elastic
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
@@ -92,7 +92,7 @@ def _other_starts(forward: ForwardModel, modes: MeasuredModes, seed: int) -> lis
     """Draws from the prior that pair the modes differently, the best of each pairing, the best first."""
     coordinates = Coordinates(forward.parametrisation)
     free = len(forward.parametrisation.reported)
-    draws = qmc.Sobol(free, seed=seed).random(_DRAWS)
+    draws = even_draws(free, _DRAWS, seed)
     best: dict[tuple[tuple[int, int, str], ...], tuple[tuple[int, float], FloatArray]] = {}
     for draw in draws:
         xi = coordinates.mean.copy()

@@ -19,7 +19,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import qmc
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.dynamics.damping_laws import DampingLaw
@@ -28,6 +27,7 @@ from fecore.frf import Dof, FrfSet
 from fecore.identification.noise import residual_variance
 from fecore.modes import MeasuredModes
 from fecore.updating.damping_stage import nearest_positive
+from fecore.updating.draws import even_draws
 from fecore.updating.elastic import ElasticResult, update_elastic
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import OUT_OF_PLANE, ForwardModel, ForwardState
@@ -97,7 +97,7 @@ def _search(
     """The best starts among draws from the prior: least mean difference of log magnitudes."""
     prior = forward.parametrisation
     free = len(prior.reported)
-    draws = qmc.Sobol(free, seed=seed).random(_DRAWS)
+    draws = even_draws(free, _DRAWS, seed)
     thetas = np.tile(prior.prior_mean, (_DRAWS, 1))
     thetas[:, :free] += _DRAWN_SD * (2 * draws - 1) * prior.prior_sd[:free]
     coarse = slice(None, None, max(1, frfs.frequency_hz.size // _COARSE_LINES))

@@ -17,9 +17,8 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-import emcee
 import numpy as np
 
 from fecore.arrays import FloatArray
@@ -30,6 +29,9 @@ from fecore.updating.elastic import ElasticResult
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import Parametrisation, by_name
 from fecore.updating.posterior import log_likelihood
+
+if TYPE_CHECKING:
+    import emcee
 
 WANTED_SAMPLES = 5000
 """Effective samples of every parameter."""
@@ -165,6 +167,8 @@ def run_chain(
     Raises:
         UpdatingError: the chain is not converged after 40,000 steps.
     """
+    import emcee  # only where it samples: the import takes as long as a small update job
+
     scale = np.sqrt(np.diag(covariance))
     dimension = start.size
     walkers = max(_WALKERS_PER_DIMENSION * dimension, 16)
@@ -215,13 +219,15 @@ def _pack(sampler: emcee.EnsembleSampler, state: emcee.State) -> bytes:
 
 def _unpack(data: bytes, sampler: emcee.EnsembleSampler) -> emcee.State:
     """Put a kept chain back into a fresh sampler; the state to go on from."""
+    from emcee import State
+
     with np.load(io.BytesIO(data)) as kept:
         position, has_gauss, gauss = kept["rest"]
         random_state = ("MT19937", kept["key"], int(position), int(has_gauss), float(gauss))
         backend = sampler.backend
         backend.chain, backend.log_prob, backend.accepted = kept["chain"], kept["log_prob"], kept["accepted"]
         backend.iteration, backend.initialized, backend.random_state = len(kept["chain"]), True, random_state
-        return emcee.State(kept["coords"], log_prob=kept["last_log_prob"], random_state=random_state)
+        return State(kept["coords"], log_prob=kept["last_log_prob"], random_state=random_state)
 
 
 def _elastic_density(elastic: ElasticResult) -> LogProbability:

@@ -13,7 +13,7 @@ from datetime import datetime
 from typing import Any
 
 import numpy as np
-from scipy import special, stats
+from scipy import special
 
 from fecore.arrays import FloatArray
 from fecore.trend import (
@@ -240,7 +240,7 @@ def _judged(trend: ParameterTrend, i: int) -> dict[str, Any]:
     assert trend.scores is not None
     assert trend.baseline is not None
     assert trend.limits is not None
-    t = stats.t.isf(special.ndtr(-trend.limits.score), trend.baseline.fit.degrees_of_freedom)
+    t = -special.stdtrit(trend.baseline.fit.degrees_of_freedom, special.ndtr(-trend.limits.score))
     return {
         "residual_limit": _finite(t * trend.scores.residual_sd[i]),
         "residual": float(trend.scores.residual[i]),

@@ -59,3 +59,11 @@ def test_contracts_catch_a_fault(copy: Path, file: str, fault: str, contract: st
     assert done.returncode == 1
     broken = [line for line in done.stdout.splitlines() if line.endswith("BROKEN")]
     assert any(line.startswith(contract) for line in broken), done.stdout
+
+
+def test_the_service_starts_without_what_only_some_jobs_need() -> None:
+    """Each takes a good part of a second to import, in every process that starts."""
+    heavy = ("scipy.stats", "emcee", "matplotlib", "h5py")
+    script = f"import sys, service.app, service.jobs.worker; print([m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
