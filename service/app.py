@@ -15,6 +15,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from starlette.concurrency import run_in_threadpool
 
 from fecore import __version__
+from service.access.cookie import SessionCookie
 from service.access.door import Door, Paths
 from service.composition import FINDERS, ROUTERS
 from service.db.engine import make_engine, make_sessions
@@ -22,6 +23,8 @@ from service.db.schema import SchemaError, require_head
 from service.errors import Unavailable
 from service.jobs.events import Changes
 from service.jobs.metrics import JobMetrics
+from service.pages import PREFIX as PAGES
+from service.pages import PageErrors, add_pages
 from service.settings import Settings
 from service.web.middleware import RequestMiddleware
 from service.web.openapi import RESPONSES, describe_problems
@@ -88,12 +91,18 @@ def create_app(settings: Settings) -> FastAPI:
 
     if settings.docs:
         add_documentation(app)
+    if settings.pages:
+        add_pages(app)
     if settings.metrics:
         _add_metrics(app)
     add_problem_handlers(app)
     describe_problems(app)
     paths = Paths(ROUTERS, PREFIX, FINDERS)
-    app.add_middleware(Door, settings=settings, sessions=app.state.sessions, paths=paths, prefix=PREFIX)
+    prefixes = (PREFIX, PAGES) if settings.pages else (PREFIX,)
+    app.add_middleware(Door, settings=settings, sessions=app.state.sessions, paths=paths, prefixes=prefixes)
+    app.add_middleware(SessionCookie)
+    if settings.pages:
+        app.add_middleware(PageErrors)
     app.add_middleware(RequestMiddleware)
     return app
 

@@ -13,6 +13,7 @@ from fastapi import APIRouter
 from service.access.door import Finder
 from service.access.projects import project_for
 from service.access.routes import router as access
+from service.access.session_routes import router as sessions
 from service.campaigns.grid_point_routes import router as grid_points
 from service.campaigns.operations import campaign_for
 from service.campaigns.routes import router as campaigns
@@ -40,6 +41,7 @@ from service.updating.routes import router as updating
 
 ROUTERS: tuple[APIRouter, ...] = (
     access,
+    sessions,
     structures,
     campaigns,
     imports,

@@ -73,11 +73,13 @@ class _Visit:
 
 
 class Door:
-    """ASGI layer before the API; what is not under its prefix passes by."""
+    """ASGI layer before the API and its pages; what is not under one of its prefixes passes by."""
 
-    def __init__(self, app: ASGIApp, settings: Settings, sessions: Sessions, paths: Paths, prefix: str) -> None:
+    def __init__(
+        self, app: ASGIApp, settings: Settings, sessions: Sessions, paths: Paths, prefixes: Sequence[str]
+    ) -> None:
         self.app, self._settings, self._sessions = app, settings, sessions
-        self._paths, self._prefix = paths, prefix + "/"
+        self._paths, self._prefixes = paths, tuple(f"{prefix}/" for prefix in prefixes)
         self.gate = Gate(settings.database_pool, settings.request_queue, settings.request_wait_seconds)
         self.keys = KnownKeys(settings.key_failures_a_minute)
         self._requests = Buckets(10 * settings.key_requests_a_second, 10.0)
@@ -86,7 +88,7 @@ class Door:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI entry."""
-        if scope["type"] != "http" or not scope["path"].startswith(self._prefix):
+        if scope["type"] != "http" or not scope["path"].startswith(self._prefixes):
             await self.app(scope, receive, send)
             return
         visit: _Visit | None = None

@@ -15,6 +15,7 @@ from sqlalchemy import func, select, update
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Session
 
+from service.access.sessions import is_session_token, key_of_session
 from service.access.tables import ApiKey, User
 from service.errors import Unauthorized
 
@@ -67,12 +68,14 @@ def user_of_key(session: Session, key: str) -> User:
 
 
 def found_key(session: Session, key: str) -> tuple[ApiKey, User]:
-    """A valid key and the user that it belongs to.
+    """A valid key, or that of a browser's session, and the user that it belongs to.
 
     Raises:
         Unauthorized: the key is malformed, unknown, revoked or expired, or its user is disabled; the error does not say
             which.
     """
+    if is_session_token(key):
+        return _key_of_session(session, key)
     scheme, _, rest = key.partition("_")
     prefix, _, secret = rest.partition("_")
     found = None
@@ -86,6 +89,14 @@ def found_key(session: Session, key: str) -> tuple[ApiKey, User]:
         raise Unauthorized("the API key is not valid; make one with `modalbase keys create --name NAME`")
     _touch(session, found[0])
     return found[0], found[1]
+
+
+def _key_of_session(session: Session, token: str) -> tuple[ApiKey, User]:
+    found = key_of_session(session, token)
+    if found is None or not _opens(*found):
+        raise Unauthorized("the session has ended; sign in again")
+    _touch(session, found[0])
+    return found
 
 
 def _opens(key: ApiKey, user: User) -> bool:

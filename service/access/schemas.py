@@ -102,6 +102,14 @@ class NewKeyOut(KeyOut):
     key: str
 
 
+class SessionOut(_Out):
+    """A browser's session just begun; its cookie came with the answer."""
+
+    user: str = Field(description="whose key it is")
+    expires_at: datetime = Field(description="when it ends by itself, UTC")
+    csrf_token: str = Field(description="to be sent as `X-CSRF-Token` with every request that changes something")
+
+
 class AuditEventOut(_Out):
     """Who did what; no user where it was the operator at the command line, or the service itself."""
 

@@ -36,6 +36,16 @@ class ApiKey(Identified, Base):
     revoked_at: Mapped[datetime | None]
 
 
+class BrowserSession(Identified, Base):
+    """A browser's session of a key: the SHA-256 of its token, and when it ends."""
+
+    __tablename__ = "browser_sessions"
+
+    key_id: Mapped[UUID] = mapped_column(ForeignKey("api_keys.id", ondelete="CASCADE"), index=True)
+    token_sha256: Mapped[bytes] = mapped_column(unique=True)
+    expires_at: Mapped[datetime]
+
+
 class Project(Identified, Base):
     """What people share: everything else belongs to one project."""
 

@@ -237,3 +237,10 @@ def result_documents(session: Session, keys: Sequence[UUID]) -> dict[UUID, dict[
     """Results by update job; jobs without one are left out."""
     query = select(UpdateResult.id, UpdateResult.document).where(UpdateResult.id.in_(keys))
     return dict(session.execute(query).all())
+
+
+def result_parts(session: Session, keys: Sequence[UUID], parts: Sequence[str]) -> dict[UUID, dict[str, Any]]:
+    """Members of results by update job, without reading the rest of the documents; jobs without a result are left out."""
+    columns = [UpdateResult.document[part] for part in parts]
+    rows = session.execute(select(UpdateResult.id, *columns).where(UpdateResult.id.in_(keys)))
+    return {key: dict(zip(parts, values, strict=True)) for key, *values in rows}

@@ -30,7 +30,7 @@ HEADERS = {
 
 
 def add_documentation(app: FastAPI) -> None:
-    """`/docs`, and the files that it needs; `/` and `/redoc` lead there."""
+    """`/docs`, and the files that it needs; `/redoc` leads there."""
     page = _page(app)
     # The bundle sets styles in place and draws icons from data: addresses; scripts are ours alone.
     scripts = f"script-src 'self' {_inline_scripts(page)}"
@@ -43,12 +43,10 @@ def add_documentation(app: FastAPI) -> None:
         """Every operation, to read and to try."""
         return HTMLResponse(page, headers=headers)
 
+    @app.get("/redoc", include_in_schema=False)
     async def to_documentation() -> RedirectResponse:
-        """A browser that was given the service's bare address, or the address of a page that was."""
+        """A browser that was given the address of a page that was."""
         return RedirectResponse("docs")
-
-    for path in ("/", "/redoc"):
-        app.get(path, include_in_schema=False)(to_documentation)
 
 
 def _page(app: FastAPI) -> str:

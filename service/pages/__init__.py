@@ -1,0 +1,23 @@
+"""What a person sees in a browser: pages below `/ui/`, made on the server, with figures and forms that use the REST contract.
+
+A page only reads. What it changes it sends to `/api/v1` as a script would, so that every rule has one place. All its files
+are served from here, and its policy lets a browser ask nobody else.
+"""
+
+from __future__ import annotations
+
+from fastapi import FastAPI
+
+from service.pages import assets, coupons, measurements, monitors, start, updates
+from service.pages.errors import PageErrors
+from service.pages.look import PREFIX
+
+__all__ = ["PREFIX", "PageErrors", "add_pages"]
+
+
+def add_pages(app: FastAPI) -> None:
+    """All pages and their files; `/` leads to the first of them."""
+    app.include_router(assets.router)
+    app.include_router(start.open_router)
+    for router in (start.router, measurements.router, updates.router, coupons.router, monitors.router):
+        app.include_router(router, prefix=PREFIX)

@@ -1,0 +1,115 @@
+"""Numbers as a laboratory writes them: its units, and no more digits than the uncertainty leaves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime
+from typing import Any
+
+NOTHING = "–"
+UNITS: dict[str, tuple[float, str]] = {"Pa": (1e-9, "GPa"), "m": (1e3, "mm"), "s": (1e6, "µs"), "1": (1.0, "")}
+"""Factor and unit in which values of an SI unit are shown; others as they are."""
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A value with so many significant digits, without an exponent where it can be read without one."""
+    if value is None or not math.isfinite(value):
+        return NOTHING
+    if value == 0:
+        return "0"
+    size = math.floor(math.log10(abs(value)))
+    if -4 <= size < 7:
+        return f"{value:.{max(0, digits - 1 - size)}f}"
+    return f"{value:.{digits - 1}e}".replace("e+0", "e").replace("e-0", "e-").replace("e+", "e")
+
+
+def unit_of(unit: str) -> str:
+    """The unit in which values of an SI unit are shown."""
+    return UNITS.get(unit, (1.0, unit))[1]
+
+
+def in_unit(value: float | None, unit: str, sd: float | None = None) -> str:
+    """A value of an SI unit as a laboratory writes it; with a standard deviation to its second digit.
+
+    >>> in_unit(33.0512e9, "Pa", 0.21e9)
+    '33.05'
+    """
+    factor = UNITS.get(unit, (1.0, unit))[0]
+    if value is None or not math.isfinite(value):
+        return NOTHING
+    shown = factor * value
+    if sd is None or sd <= 0 or not math.isfinite(sd):
+        return number(shown)
+    places = 1 - math.floor(math.log10(factor * sd))
+    if places > 8 or abs(shown) >= 1e7:
+        return number(shown, 6)
+    return f"{shown:.{max(0, places)}f}"
+
+
+def percent(value: float | None, digits: int = 2) -> str:
+    """A per cent value with a sign."""
+    return NOTHING if value is None or not math.isfinite(value) else f"{value:+.{digits}f}"
+
+
+def day(value: datetime | str | None) -> str:
+    """A date in UTC."""
+    return NOTHING if value is None else _time(value).strftime("%Y-%m-%d")
+
+
+def moment(value: datetime | str | None) -> str:
+    """A date and time in UTC."""
+    return NOTHING if value is None else _time(value).strftime("%Y-%m-%d %H:%M")
+
+
+def seconds_between(start: datetime | None, end: datetime | None) -> str:
+    """How long something took."""
+    if start is None or end is None:
+        return NOTHING
+    took = (end - start).total_seconds()
+    return f"{took:.1f} s" if took < 100 else f"{took / 60:.1f} min"
+
+
+def size(value: int) -> str:
+    """Bytes in the largest unit that leaves a whole digit."""
+    for unit in ("B", "kB", "MB"):
+        if value < 1000:
+            return f"{value:.3g} {unit}"
+        value /= 1000  # type: ignore[assignment]
+    return f"{value:.3g} GB"
+
+
+def words(name: str) -> str:
+    """A name of the contract as words: `with_care` is "with care"."""
+    return name.replace("_", " ")
+
+
+def mean(values: Sequence[float | None]) -> float | None:
+    """The mean of those that are there."""
+    there = [value for value in values if value is not None]
+    return sum(there) / len(there) if there else None
+
+
+def details(value: Mapping[str, Any]) -> str:
+    """Members of a flat object in one line."""
+    return ", ".join(f"{words(key)} {item}" for key, item in value.items() if item not in (None, "", {}, []))
+
+
+def _time(value: datetime | str) -> datetime:
+    return datetime.fromisoformat(value) if isinstance(value, str) else value
+
+
+FILTERS: dict[str, Callable[..., Any]] = {
+    "number": number,
+    "unit_of": unit_of,
+    "in_unit": in_unit,
+    "percent": percent,
+    "day": day,
+    "moment": moment,
+    "seconds_between": seconds_between,
+    "size": size,
+    "words": words,
+    "mean": mean,
+    "details": details,
+}
+"""What templates call by name."""

@@ -1,0 +1,109 @@
+"""The system's Chromium, watched: what it asks for, what it complains of, and how often somebody clicked."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_playwright
+
+PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
+PATIENCE_MS = 120_000.0
+
+
+def chromium() -> Path:
+    """The system's browser; the test is skipped where there is none."""
+    found = next(filter(None, map(shutil.which, PROGRAMS)), None)
+    if found is None:
+        pytest.skip("no Chromium on this machine: install Debian's package `chromium`")
+    return Path(found)
+
+
+@contextmanager
+def browser() -> Iterator[Browser]:
+    """A browser without a window, which ends with the block."""
+    program = chromium()
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(
+            executable_path=program, args=["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
+        )
+        try:
+            yield running
+        finally:
+            running.close()
+
+
+@dataclass
+class Watched:
+    """A page and what was seen of it.
+
+    Attributes:
+        page: Playwright's.
+        host: where the service is; a request to any other is noted.
+        complaints: errors and warnings of the console, violations of the policy, errors that nobody caught.
+        strangers: addresses of other hosts that were asked.
+        clicks: how many there were.
+    """
+
+    page: Page
+    host: str
+    complaints: list[str] = field(default_factory=list)
+    strangers: list[str] = field(default_factory=list)
+    clicks: int = 0
+
+    def click(self, selector: str) -> None:
+        """Click, and count it."""
+        self.clicks += 1
+        self.page.click(selector)
+
+
+@contextmanager
+def watched_page(
+    running: Browser, url: str, *, width: int = 1440, height: int = 900, dark: bool = False, still: bool = True
+) -> Iterator[Watched]:
+    """A page of a context of its own, without cookies of others, and with a notebook beside it.
+
+    Args:
+        running: the browser.
+        url: of the service.
+        width, height: of the window, CSS pixels.
+        dark: whether the reader prefers dark pages.
+        still: whether the reader prefers reduced motion.
+    """
+    context = running.new_context(
+        base_url=url,
+        viewport={"width": width, "height": height},
+        color_scheme="dark" if dark else "light",
+        reduced_motion="reduce" if still else "no-preference",
+    )
+    context.set_default_timeout(PATIENCE_MS)
+    page = context.new_page()
+    seen = Watched(page, urlsplit(url).netloc)
+
+    def on_console(message: ConsoleMessage) -> None:
+        if message.type in ("error", "warning"):
+            seen.complaints.append(f"{message.type}: {message.text} ({page.url})")
+
+    def on_request(request: Request) -> None:
+        asked = urlsplit(request.url)
+        if asked.scheme not in ("data", "blob", "about") and asked.netloc != seen.host:
+            seen.strangers.append(request.url)
+
+    page.on("console", on_console)
+    page.on("pageerror", lambda error: seen.complaints.append(f"uncaught: {error} ({page.url})"))
+    context.on("request", on_request)
+    try:
+        yield seen
+    finally:
+        context.close()
+
+
+def drawn(page: Page, figure: str) -> None:
+    """Wait until a figure is drawn, or says why it is not."""
+    page.locator(figure).scroll_into_view_if_needed()
+    page.wait_for_selector(f"{figure} .main-svg, {figure}.quiet", state="attached")
