@@ -56,7 +56,7 @@ def _answer(scope: Scope, start: Message, problem: dict[str, Any]) -> Response:
         if "hx-request" in request.headers:  # a piece of a page: the page itself must go
             return Response(status_code=204, headers={"HX-Redirect": to})
         return RedirectResponse(to, status_code=303)
-    answer = page(request, "error.html", status=problem["status"], problem=problem)
+    answer = page(request, "error.html", status_code=problem["status"], problem=problem)
     for name in ("retry-after", "allow"):
         if (value := Headers(raw=start["headers"]).get(name)) is not None:
             answer.headers[name] = value

@@ -47,13 +47,13 @@ def root_of(path: str) -> str:
     return "../" * (path.count("/") - 1) or "./"
 
 
-def page(request: Request, template: str, status: int = 200, **context: Any) -> HTMLResponse:
+def page(request: Request, template: str, status_code: int = 200, **context: Any) -> HTMLResponse:
     """A template as an answer, with the policy of all pages.
 
     Args:
         request: whose answer.
         template: its file.
-        status: of HTTP.
+        status_code: of HTTP.
         context: what it shows; `user` is whose session it is, None outside of one.
     """
     token = request.cookies.get(COOKIE)
@@ -65,7 +65,7 @@ def page(request: Request, template: str, status: int = 200, **context: Any) -> 
         "docs": request.app.state.settings.docs if "app" in request.scope else True,
         **context,
     }
-    return HTMLResponse(_templates.get_template(template).render(shown), status, headers=HEADERS)
+    return HTMLResponse(_templates.get_template(template).render(shown), status_code, headers=HEADERS)
 
 
 @dataclass(frozen=True)

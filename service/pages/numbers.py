@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
@@ -90,6 +90,11 @@ def mean(values: Sequence[float | None]) -> float | None:
     return sum(there) / len(there) if there else None
 
 
+def named(rows: Iterable[Any], name: str) -> Any:
+    """The row of that name, an object or a mapping; None where there is none."""
+    return next((row for row in rows if (row["name"] if isinstance(row, Mapping) else row.name) == name), None)
+
+
 def details(value: Mapping[str, Any]) -> str:
     """Members of a flat object in one line."""
     return ", ".join(f"{words(key)} {item}" for key, item in value.items() if item not in (None, "", {}, []))
@@ -111,5 +116,6 @@ FILTERS: dict[str, Callable[..., Any]] = {
     "words": words,
     "mean": mean,
     "details": details,
+    "named": named,
 }
 """What templates call by name."""

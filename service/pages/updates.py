@@ -20,6 +20,7 @@ from service.pages.forms import fields_of
 from service.pages.look import Visit, VisitDep
 from service.pages.measurements import campaign_context
 from service.pages.names import name_jobs, over_time
+from service.updating import figure_routes
 from service.updating import routes as updating
 from service.updating.operations import result_document, update_job_for
 from service.updating.schemas import RecipeIn
@@ -101,8 +102,9 @@ def get_job(job_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = Fals
     if job.status != "succeeded":
         return visit.show("job.html", **common, ended=job.status in ENDED)
     result = result_document(visit.session, update_job_for(visit.session, visit.user, job_id))
+    figures = figure_routes.list_figures(job_id, visit.session, visit.user).items
     points = [] if campaign.deleted_at is not None else _points(visit, job.campaign_id, result)
-    return visit.show("result.html", **common, result=result, points=points)
+    return visit.show("result.html", **common, result=result, points=points, figures=figures)
 
 
 def _points(visit: Visit, campaign_id: UUID, result: dict[str, Any]) -> list[tuple[int, int]]:

@@ -116,7 +116,7 @@ def test_an_address_that_is_none_names_the_ones_that_are(service: LocalService, 
         == "no such address: /api/v1/nowhere; /docs lists all that there are"
     )
     with httpx.Client(base_url=service.url, trust_env=False, timeout=60, follow_redirects=True) as client:
-        assert client.get("/").url.path == "/docs"  # where a browser begins
+        assert client.get("/").url.path == "/sign-in"  # where a browser begins
 
 
 def test_wrong_method_is_405(api: httpx.Client) -> None:
@@ -251,7 +251,7 @@ def test_health_metrics_and_documentation_need_no_key_and_no_internet(service: L
 def test_no_page_asks_another_host(service: LocalService) -> None:
     """What a page names is here, and its policy lets a browser ask nobody else, whatever the scripts want."""
     with httpx.Client(base_url=service.url, trust_env=False, timeout=60, follow_redirects=True) as client:
-        for path in ("/", "/docs", "/redoc"):
+        for path in ("/docs", "/redoc"):
             answer = client.get(path)
             assert "://" not in answer.text
             for named in re.findall(r'(?:src|href|url)(?:=|: )["\']([^"\']+)', answer.text):
@@ -275,10 +275,19 @@ def test_every_answer_has_the_headers_that_protect_a_browser(service: LocalServi
     assert "server" not in headers
 
 
-def test_documentation_and_metrics_can_be_switched_off(database: str) -> None:
-    settings = Settings(database_url=database, port=0, log_level="error", docs=False, metrics=False)
+def test_documentation_pages_and_metrics_can_be_switched_off(database: str) -> None:
+    settings = Settings(database_url=database, port=0, log_level="error", docs=False, pages=False, metrics=False)
     with LocalService(settings, worker=False) as closed, httpx.Client(base_url=closed.url, trust_env=False) as client:
-        for path in ("/", "/docs", "/redoc", "/openapi.json", "/metrics", "/static-offline-docs/favicon.png"):
+        for path in (
+            "/",
+            "/docs",
+            "/redoc",
+            "/openapi.json",
+            "/metrics",
+            "/static-offline-docs/favicon.png",
+            "/ui/",
+            "/sign-in",
+        ):
             assert client.get(path).status_code == 404, path
         assert client.get("/readyz").is_success
 

@@ -26,6 +26,22 @@ def client_of(service: LocalService, name: str) -> httpx.Client:
     return client_at(service.url, service.new_key(name))
 
 
+def session_client(
+    api: httpx.Client, headers: dict[str, str] | None = None, base: httpx.URL | str | None = None
+) -> httpx.Client:
+    """A client with the cookie and the request token of a new session, and no key.
+
+    Args:
+        api: whose key begins the session.
+        headers: such as another key.
+        base: of its addresses; default: the API's.
+    """
+    answer = api.post("session", headers=headers)
+    token = ok(answer, 201)["csrf_token"]
+    own = {"Cookie": answer.headers["set-cookie"].split(";")[0], "X-CSRF-Token": token}
+    return httpx.Client(base_url=base or api.base_url, headers=own, timeout=PATIENCE, trust_env=False, limits=ONCE)
+
+
 def ok(answer: httpx.Response, status: int | None = None) -> Any:
     """The body of an answer that must have this status, or be any success."""
     good = answer.is_success if status is None else answer.status_code == status

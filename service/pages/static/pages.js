@@ -54,7 +54,7 @@ function showFaults(form, problem) {
   let first = null;
   for (const fault of problem.errors ?? []) {
     const name = fault.pointer.replace(/^\//, "");
-    const input = [...form.elements].find((e) => e.name === name || e.name === name + "[]" || (e.name && name.endsWith("/" + e.name)));
+    const input = [...form.elements].find((e) => e.name === name || e.name === name + "[]" || (e.name && name.startsWith(e.name + "/")));
     const label = input?.closest("label")?.firstChild?.textContent?.trim();
     lines.push(`${label || fault.pointer}: ${fault.detail}`);
     if (input) {
@@ -116,13 +116,18 @@ document.addEventListener("submit", (event) => {
 async function newTest(form) {
   const body = bodyOf(form);
   const made = form.made ??= {};
-  made.project ??= body.project_id || (await send("POST", "projects", body.project)).id;
-  const structure = JSON.stringify(body.structure);
-  if (made.structure !== structure) {
-    made.structureId = (await send("POST", `projects/${made.project}/structures`, body.structure)).id;
-    made.structure = structure;
-  }
-  const campaign = (await send("POST", `structures/${made.structureId}/campaigns`, body.campaign)).id;
+  const make = async (part, path) => {
+    const text = path + JSON.stringify(body[part]);
+    if (made[part]?.text === text) return made[part].id;
+    try { made[part] = { text, id: (await send("POST", path, body[part])).id }; } catch (problem) {
+      for (const fault of problem.errors ?? []) fault.pointer = `/${part}${fault.pointer}`;
+      throw problem;
+    }
+    return made[part].id;
+  };
+  const project = body.project_id || (await make("project", "projects"));
+  const structure = await make("structure", `projects/${project}/structures`);
+  const campaign = await make("campaign", `structures/${structure}/campaigns`);
   const file = form.elements.file.files[0];
   if (file) await upload(`campaigns/${campaign}/imports`, file);
   location.assign(at(`ui/campaigns/${campaign}`));
@@ -131,8 +136,17 @@ async function newTest(form) {
 const upload = (path, file) =>
   call("POST", `${path}?filename=${encodeURIComponent(file.name.slice(0, 200))}`, file, { "Content-Type": "application/octet-stream" });
 
+/* When all files of a campaign are read, its page is loaded anew: it has FRFs that it did not have. */
+let sending = 0, stale = document.querySelector("#uploaded [hx-get]") !== null;
+function refreshed() {
+  const list = document.getElementById("uploaded");
+  if (list && stale && !sending && !list.querySelector("[hx-get]")) location.reload();
+}
+document.addEventListener("htmx:afterSettle", refreshed);
+
 async function uploadAll(form, files) {
   const list = document.getElementById("uploaded");
+  sending += 1;
   form.querySelector(".faults").textContent = "";
   for (const file of files) {
     say(`Sending ${file.name} …`);
@@ -142,8 +156,11 @@ async function uploadAll(form, files) {
       const holder = document.createElement("div");
       list.prepend(holder);
       await htmx.ajax("GET", at(form.dataset.then.replace("{id}", made.id)), { target: holder, swap: "outerHTML" });
+      stale ||= !made.already_imported;
     } catch (problem) { say(""); showFaults(form, problem); }
   }
+  sending -= 1;
+  refreshed();
 }
 for (const zone of document.querySelectorAll(".drop")) {
   const input = zone.querySelector("input[type=file]");

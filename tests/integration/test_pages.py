@@ -1,0 +1,97 @@
+"""Pages as a browser without scripts gets them: who sees what, what the policy allows, what an error looks like."""
+
+from __future__ import annotations
+
+import gzip
+import re
+from collections.abc import Callable, Iterator
+from urllib.parse import unquote
+from uuid import uuid4
+
+import httpx
+import pytest
+
+from service.pages.assets import FOLDER
+from service.supervisor import LocalService
+from tests.support.rest import ok, session_client
+
+
+@pytest.fixture
+def browser(api: httpx.Client, service: LocalService) -> Iterator[httpx.Client]:
+    """A client with a session's cookie alone."""
+    with session_client(api, base=service.url) as client:
+        yield client
+
+
+def test_pages_show_what_is_there(browser: httpx.Client, project: str, structure: str, campaign: str) -> None:
+    places = {
+        "/ui/": "tests",
+        "/ui/projects": "tests",
+        f"/ui/projects/{project}": "FRP beam",
+        f"/ui/structures/{structure}": "33.05 GPa",
+        f"/ui/campaigns/{campaign}": "cantilever",
+        f"/ui/campaigns/{campaign}/grid-points": "No grid point yet",
+        f"/ui/campaigns/{campaign}/update": "Damping models",
+        "/ui/new": "Store the test",
+        "/ui/update-jobs": "No update yet",
+        "/ui/compare": "Choose results",
+        "/ui/monitors": "No monitor yet",
+        "/ui/keys": "Begins with",
+    }
+    for path, words in places.items():
+        answer = browser.get(path)
+        assert answer.status_code == 200, f"{path}: {answer.text}"
+        assert words in answer.text, path
+        assert not re.search(r"\sstyle=|\son\w+=|<style|<script>", answer.text), f"{path} has what the policy forbids"
+        named = re.findall(r'(?:src|href)="([^"#]+)', answer.text)
+        assert not [name for name in named if "://" in name or name.startswith("//")], path
+
+
+def test_the_policy_lets_a_page_ask_nobody_else(browser: httpx.Client) -> None:
+    policy = dict(rule.split(" ", 1) for rule in browser.get("/ui/").headers["content-security-policy"].split("; "))
+    assert policy["default-src"] == policy["form-action"] == policy["frame-ancestors"] == "'none'"
+    assert policy["script-src"] == policy["connect-src"] == "'self'"
+    words = {word for rule in policy.values() for word in rule.split()}
+    assert not [word for word in words if "unsafe" in word or "*" in word or ":" in word.removesuffix(":")]
+
+
+def test_who_has_no_session_is_led_to_the_sign_in_and_back(service: LocalService) -> None:
+    with httpx.Client(base_url=service.url, trust_env=False, timeout=60) as nobody:
+        answer = nobody.get("/ui/update-jobs?status=failed")
+        assert answer.status_code == 303
+        assert unquote(answer.headers["location"]) == "../sign-in?next=ui/update-jobs?status=failed"
+        assert "API key" in nobody.get("/sign-in").text
+        piece = nobody.get("/ui/update-jobs", headers={"HX-Request": "true"})
+        assert piece.headers["hx-redirect"].endswith("sign-in?next=ui%2Fupdate-jobs")
+
+
+def test_what_is_not_ones_own_is_not_found_on_a_page(
+    browser: httpx.Client, new_client: Callable[[], httpx.Client], service: LocalService, campaign: str
+) -> None:
+    with session_client(new_client(), base=service.url) as other:
+        for path in (f"/ui/campaigns/{campaign}", f"/ui/campaigns/{uuid4()}", "/ui/campaigns/x", "/ui/nowhere"):
+            answer = other.get(path)
+            assert answer.status_code == 404, path
+            assert answer.headers["content-type"].startswith("text/html"), path
+            assert "<h1>Not Found</h1>" in answer.text
+    assert browser.get(f"/ui/campaigns/{campaign}").status_code == 200
+
+
+def test_names_are_shown_and_not_run(api: httpx.Client, browser: httpx.Client, structure: str) -> None:
+    name = "<script>alert(1)</script>"
+    campaign = ok(api.post(f"structures/{structure}/campaigns", json={"name": name, "boundary": "free"}), 201)["id"]
+    text = browser.get(f"/ui/campaigns/{campaign}").text
+    assert name not in text
+    assert "&lt;script&gt;alert(1)" in text
+
+
+def test_files_of_pages_are_kept_by_browsers_and_sent_compressed(browser: httpx.Client) -> None:
+    (found,) = re.findall(r'src="\.\./(static/[^"]+/pages\.js)"', browser.get("/ui/").text)
+    answer = browser.get(f"/{found}", headers={"Accept-Encoding": "gzip"})
+    assert answer.text == (FOLDER / "pages.js").read_text()
+    assert "immutable" in answer.headers["cache-control"]
+    assert answer.headers["content-encoding"] == "gzip"
+    assert int(answer.headers["content-length"]) < len(gzip.compress(answer.content)) + 100
+    assert browser.get(f"/{found}", headers={"If-None-Match": answer.headers["etag"]}).status_code == 304
+    for wrong in ("/static/0/pages.js", "/static/0/../../settings.py", "/static/0/%2e%2e/%2e%2e/settings.py"):
+        assert browser.get(wrong).status_code == 404
