@@ -74,6 +74,14 @@ ROUTES: dict[str, Route] = {
         "GET", "audit-events", ("project", "cursor", "limit"),
         "What was done in one's projects and by oneself, newest first.",
     ),
+    "sign_in": Route(
+        "POST", "session", (),
+        "Begin a browser's session with the key of this request; the answer sets its cookie.",
+    ),
+    "sign_out": Route(
+        "DELETE", "session", (),
+        "End the session of this request's cookie, here and for whoever has its cookie.",
+    ),
     "list_structures": Route(
         "GET", "projects/{project_id}/structures", ("cursor", "limit", "deleted"),
         "Structures of a project.",
