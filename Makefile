@@ -32,6 +32,7 @@ bench: $(READY)
 
 # Long runs that print counts; the tests have each in a short form.
 soak: $(READY)
+	$(BIN)/python -m benchmarks.access_matrix long
 	$(BIN)/python -m benchmarks.soak_kills
 
 # What the service needs; and what the tests and checks need beside it.

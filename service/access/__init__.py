@@ -14,7 +14,7 @@ What a feature needs of it::
 from service.access.audit import audit
 from service.access.dependencies import CurrentUser, SessionDep, SettingsDep
 from service.access.lookup import Lookup
-from service.access.projects import Role, project_for, projects_of
+from service.access.projects import Role, project_for, projects_at_work, projects_of
 from service.access.tables import ApiKey, AuditEvent, Member, Project, User
 
 __all__ = [
@@ -30,5 +30,6 @@ __all__ = [
     "User",
     "audit",
     "project_for",
+    "projects_at_work",
     "projects_of",
 ]

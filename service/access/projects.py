@@ -50,6 +50,11 @@ def project_for(
     return project
 
 
+def projects_at_work() -> Select[UUID]:
+    """Keys of the projects that are neither archived nor deleted, as part of a query."""
+    return select(Project.id).where(Project.archived_at.is_(None), Project.deleted_at.is_(None))
+
+
 def projects_of(user: User) -> Select[UUID]:
     """Keys of the projects that a user is a member of, as part of a query."""
     return (

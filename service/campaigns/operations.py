@@ -125,9 +125,9 @@ def dated_campaigns(session: Session, structure_id: UUID, since: datetime | None
     return session.scalars(query.order_by(*order), execution_options={"populate_existing": True}).all()
 
 
-def campaigns_in(structure_id: UUID) -> Select[UUID]:
-    """Keys of a structure's campaigns, as part of a query."""
-    return select(Campaign.id).where(Campaign.structure_id == structure_id)
+def campaigns_in(structures: Select[UUID] | Sequence[UUID]) -> Select[UUID]:
+    """Keys of the campaigns of some structures, deleted ones too, as part of a query."""
+    return select(Campaign.id).where(Campaign.structure_id.in_(structures))
 
 
 def structures_with(campaigns: Select[UUID]) -> Select[UUID]:

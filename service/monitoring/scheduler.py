@@ -17,10 +17,11 @@ from uuid import UUID
 
 import structlog
 from croniter import croniter
-from sqlalchemy import func, or_, select
+from sqlalchemy import and_, func, or_, select
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
+from service.access import projects_at_work
 from service.background import Background
 from service.campaigns.operations import structures_with
 from service.db.engine import Sessions, make_engine, make_sessions
@@ -33,12 +34,16 @@ from service.monitoring.judgements import judge_if_changed
 from service.monitoring.tables import AT_WORK, Monitor, MonitorJudgement, MonitorRun, MonitorSeries
 from service.notifications.sender import Sender
 from service.settings import Settings
+from service.structures.operations import structures_in
 
 ASKED = "modalbase_monitor_asked"
 """Channel of notifications with the id of a monitor that has changed through the API."""
 
 PAUSE_SECONDS = 0.1  # between two looks, so that a burst of notices is one look
 ENDED = ("succeeded", "failed", "cancelled")
+
+_WATCHING = and_(AT_WORK, Monitor.structure_id.in_(structures_in(projects_at_work())))
+"""What is archived, or deleted with its structure or project, rests."""
 
 log = structlog.stdlib.get_logger("modalbase.scheduler")
 
@@ -99,7 +104,7 @@ class _Scheduler:
 
     def _sweep(self) -> None:
         with self._sessions() as session:
-            everyone = session.scalars(select(Monitor.id).where(AT_WORK).order_by(Monitor.id)).all()
+            everyone = session.scalars(select(Monitor.id).where(_WATCHING).order_by(Monitor.id)).all()
         self._check_all(everyone)
 
     def _concerned(self, changed: Sequence[UUID]) -> Sequence[UUID]:
@@ -117,7 +122,7 @@ class _Scheduler:
                 Monitor.id.in_(of_run.where(*ended)),
                 Monitor.id.in_(of_judgement.where(*ended)),
             )
-            return session.scalars(select(Monitor.id).where(AT_WORK, wanted)).all()
+            return session.scalars(select(Monitor.id).where(_WATCHING, wanted)).all()
 
     def _check_all(self, monitors: Sequence[UUID]) -> None:
         for key in monitors:
@@ -143,7 +148,7 @@ def check(session: Session, monitor_id: UUID, settle: timedelta) -> None:
         settle: how long a campaign must have been left alone to count as complete.
     """
     monitor = session.scalars(
-        select(Monitor).where(Monitor.id == monitor_id, AT_WORK).with_for_update(skip_locked=True)
+        select(Monitor).where(Monitor.id == monitor_id, _WATCHING).with_for_update(skip_locked=True)
     ).one_or_none()
     if monitor is None:
         return

@@ -191,5 +191,5 @@ def structures_of(session: Session, keys: Iterable[UUID]) -> dict[UUID, Structur
 
 
 def structures_in(projects: Select[UUID] | Sequence[UUID]) -> Select[UUID]:
-    """Keys of the structures of some projects, as part of a query."""
-    return select(Structure.id).where(Structure.project_id.in_(projects))
+    """Keys of the structures of some projects that are not deleted, as part of a query."""
+    return select(Structure.id).where(Structure.project_id.in_(projects), Structure.deleted_at.is_(None))

@@ -47,7 +47,12 @@ class UpdateFigures:
 
     @cached_property
     def arrays(self) -> dict[str, Any]:
-        """Arrays that were stored beside the document: predicted FRFs and what belongs to them."""
+        """Arrays that were stored beside the document: predicted FRFs and what belongs to them.
+
+        Raises:
+            Conflict: the job has no result, yet or ever.
+        """
+        result_document(self.session, self.job)
         with np.load(io.BytesIO(self.session.get_one(UpdateResult, self.job.id).prediction)) as stored:
             return dict(stored)
 

@@ -12,7 +12,7 @@ from service.access import CurrentUser, SessionDep, project_for, projects_of
 from service.campaigns.operations import campaign_for, campaigns_in
 from service.jobs import Job
 from service.jobs.events import STREAM, Events
-from service.structures.operations import structure_for
+from service.structures.operations import structure_for, structures_in
 from service.updating import operations
 from service.updating.batches import UpdateBatchIn, UpdateBatchOut, start_batch
 from service.updating.schemas import RecipeIn, UpdateJobOut
@@ -71,12 +71,12 @@ def list_update_jobs(
     cursor: Cursor = None,
     limit: Limit = 100,
 ) -> Page[UpdateJobOut]:
-    """Update jobs that you may see, newest first."""
-    query = select(UpdateJob).where(UpdateJob.project_id.in_(projects_of(user)))
+    """Update jobs that you may see, newest first; those of deleted structures are left out."""
+    query = select(UpdateJob).where(UpdateJob.campaign_id.in_(campaigns_in(structures_in(projects_of(user)))))
     if project is not None:
         query = query.where(UpdateJob.project_id == project_for(session, user, project).id)
     if structure is not None:
-        query = query.where(UpdateJob.campaign_id.in_(campaigns_in(structure_for(session, user, structure).id)))
+        query = query.where(UpdateJob.campaign_id.in_(campaigns_in([structure_for(session, user, structure).id])))
     if campaign is not None:
         query = query.where(UpdateJob.campaign_id == campaign_for(session, user, campaign, deleted=True).id)
     if status is not None:
