@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fecore.arrays import FloatArray
+from fecore.arrays import FloatArray, IntArray
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.basis import Terms, columns
 from fecore.identification.gains import in_band
@@ -22,6 +22,7 @@ from fecore.identification.residues import weights
 
 _FEWEST = 4  # FRFs of which a drift can be found
 _CLEAR = 4.0  # mean square of the drifts over their own variance from which they are believed
+_ALIKE = 0.5  # scatter within the sessions over that between them, from which each FRF has a drift of its own
 _MOST = 0.005  # relative drift beyond which an FRF is another structure's, and is left as it is
 
 
@@ -49,8 +50,21 @@ def drift_of(arrangement: Arrangement, fit: Fit) -> Drift | None:
     each = np.sum(weight * (slope.conj() * fit.residual).real, axis=1) / information
     if np.mean(np.minimum(each**2 * information / fit.inflation, 1e3)) < _CLEAR:
         return None
-    each = np.where(np.abs(each) < _MOST, each, 0.0)
+    each = _pooled(arrangement, np.where(np.abs(each) < _MOST, each, 0.0), information)
     return Drift(each - np.mean(each), float(np.std(each)))
+
+
+def _pooled(arrangement: Arrangement, each: FloatArray, information: FloatArray) -> FloatArray:
+    """The drifts, one for all FRFs of a session where these agree better with each other than with the others'."""
+    groups = session_of(arrangement)
+    count = np.bincount(groups)
+    if count.max() == 1:
+        return each
+    weight = information / np.median(information[information > 0])
+    weight = np.minimum(weight, 10.0)  # one strong FRF must not speak for its session alone
+    mean = np.bincount(groups, weight * each) / np.maximum(np.bincount(groups, weight), 1e-300)
+    within = float(np.mean((each - mean[groups]) ** 2))
+    return mean[groups] if within < _ALIKE * float(np.var(mean)) else each
 
 
 def aligned(arrangement: Arrangement, fit: Fit, drift: Drift) -> Arrangement:
@@ -67,6 +81,14 @@ def aligned(arrangement: Arrangement, fit: Fit, drift: Drift) -> Arrangement:
     return replace(arrangement, values=np.where(arrangement.measured, values, 0))
 
 
+def session_of(arrangement: Arrangement) -> IntArray:
+    """(N,) number of the test that each FRF belongs to: the sensors of one hit, or the hits of one sensor, share theirs."""
+    side = max((0, 1), key=lambda i: len({pair[i] for pair in arrangement.pairs}))
+    dofs = sorted({pair[side] for pair in arrangement.pairs})
+    place = {dof: number for number, dof in enumerate(dofs)}
+    return np.array([place[pair[side]] for pair in arrangement.pairs], dtype=np.int64)
+
+
 def sessions(arrangement: Arrangement) -> int:
-    """Number of tests that may have drifted on their own: the sensors of one hit, or the hits of one sensor, share theirs."""
-    return max(len({side[i] for side in arrangement.pairs}) for i in (0, 1))
+    """Number of tests that may have drifted on their own."""
+    return int(session_of(arrangement).max()) + 1

@@ -2,10 +2,9 @@
 
 A pole is refused when it cannot be a mode: outside the band, within three lines of 0 Hz, overdamped, resting on one line, not
 determined, or not worth its unknowns. What is left has several witnesses, and one that speaks against it makes it doubtful,
-with
-its reason: how large it is beside the errors of the FRFs, whether halves of the data find it again, whether its shape is that
-of
-a mode, how wide it is beside the line spacing, and how near to the end of the band.
+with its reason: how large it is beside the errors of the FRFs, how high beside the largest mode, whether halves of the data and
+the orders of the stabilisation diagram find it again, whether its shape is that of a mode, how wide it is beside the line
+spacing, and how near to the end of the band.
 """
 
 from __future__ import annotations
@@ -33,6 +32,10 @@ _LARGE = 3.0  # misfit without the mode over the errors, below which it is withi
 _WEAK = 0.5  # share of any FRF (half as much of all together) at its own frequency below which a mode is doubtful
 _WEAK_PRICE = 10.0  # ... unless the evidence is so many times its price
 _SURE = 5.0  # ... unless the evidence is so many times its price
+_SMALL = 0.14  # height of a mode over the largest one's, over all FRFs, below which what the large ones leave may look like it
+_CLEAR = 50.0  # ... unless it explains so many times the errors, or the evidence is so many times its price
+_CLEAR_PRICE = 20.0
+_ORDERS = 0.5  # share of the orders in which a pole comes back, below which it is not stable
 _COLLINEAR = 0.6  # modal phase collinearity below which a shape is hardly that of a mode
 _STRONG = 100.0  # ratio from which a complex shape is believed
 _FEW_POINTS = 4
@@ -60,16 +63,28 @@ class Verdict:
     spoilt: IntArray
 
 
-def judge(arrangement: Arrangement, fit: Fit, search: Search, needs: dict[int, Need], again: Again) -> Verdict:
+@dataclass(frozen=True)
+class Witnesses:
+    """What is known of each pole beside the fit: how much each in band is needed, where halves of the data find it, and in
+    which share of the orders it comes back.
+    """
+
+    needs: dict[int, Need]
+    again: Again
+    stable: FloatArray
+
+
+def judge(arrangement: Arrangement, fit: Fit, search: Search, witnesses: Witnesses) -> Verdict:
     """Decide which poles of the series are modes.
 
     Args:
         arrangement: all FRFs.
         fit: the series fitted to them.
         search: their combinations, for what must be tried in many ways.
-        needs: how much each pole in band is needed.
-        again: where halves of the data find the poles.
+        witnesses: what is known of the poles beside the fit.
     """
+    needs = witnesses.needs
+    high = heights(arrangement, fit)
     kept, doubts, refused, spoilt = [], [], [], []
     for k in np.argsort(fit.terms.frequency_hz):
         f, zeta = float(fit.terms.frequency_hz[k]), float(fit.terms.damping_ratio[k])
@@ -81,7 +96,7 @@ def judge(arrangement: Arrangement, fit: Fit, search: Search, needs: dict[int, N
             spoilt += _lines_about(arrangement, f)
         if reason is None:
             kept.append(int(k))
-            doubts.append(_doubt(arrangement, fit, int(k), needs[int(k)], again))
+            doubts.append(_doubt(arrangement, fit, int(k), witnesses, float(high[k])))
         else:
             refused.append(RefusedPole(f, zeta, reason))
     return Verdict(
@@ -113,8 +128,9 @@ def _impossible(arrangement: Arrangement, fit: Fit, k: int, needs: dict[int, Nee
     return None
 
 
-def _doubt(arrangement: Arrangement, fit: Fit, k: int, need: Need, again: Again) -> str | None:
+def _doubt(arrangement: Arrangement, fit: Fit, k: int, witnesses: Witnesses, height: float) -> str | None:
     """Why a pole that pays may still be no mode, or None."""
+    need, again, stable = witnesses.needs[k], witnesses.again, float(witnesses.stable[k])
     f, zeta = float(fit.terms.frequency_hz[k]), float(fit.terms.damping_ratio[k])
     line = arrangement.spacing_hz
     low, high = arrangement.frequency_hz[[0, -1]]
@@ -128,16 +144,34 @@ def _doubt(arrangement: Arrangement, fit: Fit, k: int, need: Need, again: Again)
     few = len(arrangement.pairs) < _FEW_POINTS
     if (2 * share if few else min(largest, 2 * share)) < _WEAK and need.evidence < _WEAK_PRICE:
         return f"it is weak, {100 * share:.0f} % of the FRFs at its own frequency"
-    if len(arrangement.pairs) >= _FEW_POINTS and collinear < _COLLINEAR and need.ratio < _STRONG:
+    if not few and collinear < _COLLINEAR and need.ratio < _STRONG:
         return f"its shape is hardly that of a mode (modal phase collinearity {collinear:.2f})"
     if not again.found[k]:
         return f"{again.halves} do not both find it again ({again.words(k)})"
+    if stable < _ORDERS and need.evidence < _WEAK_PRICE:
+        return f"it is not stable: {100 * stable:.0f} % of the orders of the stabilisation diagram find it again"
+    if not few and height < _SMALL and need.ratio < _CLEAR and need.evidence < _CLEAR_PRICE:
+        return (
+            f"it is small, {100 * height:.0f} % as high as the largest mode, and explains {need.ratio:.0f} times the errors of"
+            " the FRFs: what the large ones leave by non-linearity or leakage may look like it (it comes back in"
+            f" {100 * stable:.0f} % of the orders)"
+        )
     mains = [base * round(f / base) for base in _MAINS if round(f / base) and abs(f - base * round(f / base)) < line]
     if mains and 2 * zeta * f < _NARROW * line:
         return f"it is as narrow as a tone and lies at {mains[0]:g} Hz, a multiple of the mains frequency"
     if min(f - low, high - f) < _EDGE * max(zeta * f, line) and need.evidence < _WEAK_PRICE:
         return "it lies at the end of the band, where half of its resonance is missing"
     return None
+
+
+def heights(arrangement: Arrangement, fit: Fit) -> FloatArray:
+    """(n,) height of each resonance, all FRFs together, over that of the highest in the band."""
+    residues = fit.linear.coefficients[:, : 2 * fit.terms.pairs] if fit.terms.pairs else np.zeros((1, 0))
+    size = np.linalg.norm(residues[:, 0::2] + 1j * residues[:, 1::2], axis=0)
+    f = fit.terms.frequency_hz
+    high = size * f ** (arrangement.power - 1) / fit.terms.damping_ratio
+    inside = in_band(arrangement, f)
+    return np.asarray(high / max(float(high[inside].max(initial=0.0)), 1e-300))
 
 
 def shares(arrangement: Arrangement, fit: Fit, k: int) -> tuple[float, float]:

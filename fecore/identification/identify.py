@@ -23,8 +23,9 @@ from fecore.frf import FrfSet
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.basis import poles
 from fecore.identification.drift import Drift, sessions
-from fecore.identification.guards import Verdict, judge
+from fecore.identification.guards import Verdict, Witnesses, judge
 from fecore.identification.noise import believable, line_scatter, rough_variance
+from fecore.identification.orders import comes_back
 from fecore.identification.pole_search import final_fit, leakage, search_poles
 from fecore.identification.refinement import Fit
 from fecore.identification.remarks import remarks, unexplained
@@ -99,9 +100,11 @@ def identify(
     arrangement, fit, drift, said = final_fit(arrangement, searched, report)
     clock.lap("refinement")
     report("judging the modes", 0.9)
-    again = halves(searched.search, searched.sifted.fit)
-    verdict = judge(arrangement, fit, searched.search, searched.sifted.needs, again)
-    refused = (*verdict.refused, *(RefusedPole(*pole) for pole in searched.sifted.dropped))
+    sifted = searched.sifted
+    stable = comes_back(searched.search, sifted.fit, diagram)
+    witnesses = Witnesses(sifted.needs, halves(searched.search, sifted.fit), stable)
+    verdict = judge(arrangement, fit, searched.search, witnesses)
+    refused = (*verdict.refused, *(RefusedPole(*pole) for pole in sifted.dropped))
     if not verdict.kept.size:
         raise IdentificationError(_nothing(arrangement, diagram, refused))
     shapes = _shapes(arrangement, fit, verdict)

@@ -78,7 +78,12 @@ def lscf(
         z = _poles_of_order(moments, order, values.shape[1])
         if z is None:
             continue
-        s = np.log(z) / period + 1j * shift
+        turned = np.log(z)
+        if (
+            zoom
+        ):  # the band lies on 0 to 1.9 π of the circle: what the logarithm gives below it belongs to the upper half
+            turned = np.where(turned.imag < -0.05 * np.pi, turned + 2j * np.pi, turned)
+        s = turned / period + 1j * shift
         frequency, zeta = np.abs(s) / (2 * np.pi), -s.real / np.abs(s)
         keep = (s.imag > 0) & (zeta > 0) & (zeta < 1)
         found.append((frequency[keep], zeta[keep], order))

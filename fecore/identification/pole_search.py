@@ -12,7 +12,7 @@ from fecore.arrays import FloatArray
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.basis import Terms
 from fecore.identification.compression import compress
-from fecore.identification.drift import Drift, aligned, drift_of
+from fecore.identification.drift import Drift, aligned, drift_of, session_of
 from fecore.identification.error_model import ErrorModel, memory
 from fecore.identification.gains import in_band
 from fecore.identification.learning import learn, tones, without_lines
@@ -27,11 +27,13 @@ from fecore.identification.sifting import Sifted, sift
 
 _CLEANER = 0.1  # errors over those supposed, from which more can be seen than was looked for
 _RELEARN = 3
-_MANY = 64  # FRFs from which the poles of the combinations are kept as they are
+_MANY = 64  # FRFs from which the poles of the combinations are taken for near enough
 _DROWNED = 0.3  # square of the jumps from line to line over the power: nothing but noise
 _RAISED = 10.0  # power at 0 Hz over that at the end of such lines, from which they are leakage
 _FEWEST = 3
-_ALIGN = 2  # the drift is found to first order: what is left, once more
+_ALIGN = 8
+_LAST = 2  # steps with all of many FRFs: their combinations have come near already
+_STILL = 0.05  # of the whole drift: what is left below it is at rest
 
 Report = Callable[[str, float], None]
 
@@ -130,20 +132,11 @@ def final_fit(
     fit = evaluate(arrangement, found.terms, noise)
     profile = profile_of(line_scatter(fit.residual, measured, first_line))
     fit = evaluate(arrangement, found.terms, noise_of(arrangement, fit, profile))
-    total, said = None, []
-    for _ in range(_ALIGN):
-        drift = drift_of(arrangement, fit)
-        if drift is None:
-            break
-        total = drift if total is None else total.plus(drift)
-        arrangement = aligned(arrangement, fit, drift)
-        if len(arrangement.pairs) >= _MANY:
-            small = replace(search.arrangement, values=search.small.mixing @ arrangement.values)
-            found = refine(small, found.terms, search.variance(found))
-        fit = evaluate(arrangement, found.terms, fit.variance)
-        fit = evaluate(arrangement, found.terms, noise_of(arrangement, fit, profile))
-    if total is not None:
-        said.append(f"the FRFs drift against each other by {100 * total.sd:.2g} % of a frequency (1 sd): aligned")
+    arrangement, fit, drift = _without_drift(arrangement, fit)
+    fit = evaluate(arrangement, fit.terms, noise_of(arrangement, fit, profile))
+    said = []
+    if drift is not None:
+        said.append(f"the FRFs drift against each other by {100 * drift.sd:.2g} % of a frequency (1 sd): aligned")
     if len(arrangement.pairs) < _MANY:
         free = replace(fit.terms, held=np.zeros(fit.terms.pairs, dtype=bool))
         fit = evaluate(arrangement, free, fit.variance)
@@ -153,5 +146,26 @@ def final_fit(
         )
         arrangement, fit, outliers = leave_out_outliers(arrangement, fit, profile)
         said += outliers
+    else:
+        fit = refine(arrangement, fit.terms, fit.variance, steps=_LAST)
     tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
-    return arrangement, replace(fit, memory=tau), total, said
+    return arrangement, replace(fit, memory=tau, sessions=session_of(arrangement)), drift, said
+
+
+def _without_drift(arrangement: Arrangement, fit: Fit) -> tuple[Arrangement, Fit, Drift | None]:
+    """The FRFs without the drift of their sessions, the series for them, and the drift; as they are where there is none.
+
+    The drift is found to first order and the series is too broad before it is known: both are repeated until they rest, and
+    each time the FRFs as they were measured are moved by all of it.
+    """
+    total, unmoved = None, arrangement
+    for _ in range(_ALIGN):
+        drift = drift_of(arrangement, fit)
+        if drift is None:
+            break
+        total = drift if total is None else total.plus(drift)
+        arrangement = aligned(unmoved, fit, total)
+        fit = refine(arrangement, fit.terms, fit.variance, steps=1)
+        if drift.sd < _STILL * total.sd:
+            break
+    return arrangement, fit, total

@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fecore.arrays import BoolArray, ComplexArray, FloatArray
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.basis import Terms, columns, derivatives, slopes
@@ -32,6 +32,7 @@ _ENOUGH = 1e-3  # a predicted decrease of χ² below this is a move of a thirtie
 _STALLED = 0.01  # two steps in a row that gain less than this have found the floor of a flat valley
 _VAGUE = 1e-10  # eigenvalue of the scaled information below which a direction is null: a large variance, not infinity
 _TOUCHED = 1e-4  # share of a null direction from which a parameter takes part in it; less is round-off
+_FEWEST_SESSIONS = 8  # from which their scatter is known well enough
 _HELD = 1e60  # information on a parameter that is held: its variance is nothing
 _STEPS = 40
 _DAMPING_RANGE = (1e-5, 0.95)
@@ -50,8 +51,9 @@ class Fit:
         freedom: twice the number of measured values less the number of unknowns.
         information: (parameters, parameters) matrix H of (ln ω_1 … ln ω_n, ζ_1 … ζ_n, ln a …).
         lever: (N, q, parameters) -∂c/∂θ, by which residues inherit the uncertainty of the poles.
-        gradient: (parameters,) of -χ²/2.
+        pull: (N, parameters) what each FRF adds to the gradient of -χ²/2.
         memory: number of lines that are worth one.
+        sessions: (N,) number of the test that each FRF belongs to, where the scatter between tests is to count.
     """
 
     terms: Terms
@@ -62,8 +64,14 @@ class Fit:
     freedom: int
     information: FloatArray
     lever: FloatArray
-    gradient: FloatArray
+    pull: FloatArray
     memory: float = 1.0
+    sessions: IntArray | None = None
+
+    @property
+    def gradient(self) -> FloatArray:
+        """(parameters,) of -χ²/2."""
+        return np.asarray(self.pull.sum(axis=0))
 
     @property
     def inflation(self) -> float:
@@ -99,14 +107,34 @@ class Fit:
     def parameter_covariance(self) -> FloatArray:
         """Covariance of the non-linear parameters, scaled up where the residual is larger than the stated noise.
 
-        A null direction of the information gives its own parameters a large variance and touches no other.
+        A null direction of the information gives its own parameters a large variance and touches no other. Where the sessions
+        are known, each standard deviation is at least what the scatter between them shows (`_between`).
         """
         scale, value, vector, null = spectrum(self.information)
         inverse = (vector[:, ~null] / value[~null]) @ vector[:, ~null].T
         inverse[np.diag_indices_from(inverse)] += np.where(null, 1 / _VAGUE, 0.0) @ np.where(
             vector.T**2 > _TOUCHED, vector.T**2, 0.0
         )
-        return np.asarray(inverse / scale[:, None] / scale * self.inflation)
+        inverse = inverse / scale[:, None] / scale
+        grow = np.sqrt(self.inflation) * np.ones(len(inverse))
+        if self.sessions is not None and (count := int(self.sessions.max()) + 1) >= _FEWEST_SESSIONS:
+            usual = np.sqrt(np.diag(inverse))
+            grow = np.maximum(
+                grow, _between(self.pull, self.sessions, inverse) / usual / (1 + 1 / np.sqrt(2 * count - 2))
+            )
+        return np.asarray(inverse * np.outer(grow, grow))
+
+
+def _between(pull: FloatArray, sessions: IntArray, inverse: FloatArray) -> FloatArray:
+    """(parameters,) standard deviations by the scatter of the sessions' own gradients g_s about the optimum.
+
+    H⁻¹ (Σ_s g_s g_sᵀ) H⁻¹ · S/(S - 1) (White 1980, for clusters Liang and Zeger 1986): it asks nothing of the errors within a
+    session, so it holds where these last over lines, channels or modes. Of S sessions it is known to 1 ± 1/√(2(S - 1)).
+    """
+    count = int(sessions.max()) + 1
+    sums = np.zeros((count, pull.shape[1]))
+    np.add.at(sums, sessions, pull)
+    return np.asarray(np.sqrt(np.sum((sums @ inverse) ** 2, axis=0) * count / (count - 1)))
 
 
 def spectrum(information: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
@@ -142,11 +170,11 @@ def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fi
     whole = np.matmul(turn.transpose(0, 2, 1), np.matmul(gram[:, r:, r:], turn))
     information = (whole - np.matmul(seen.transpose(0, 2, 1), seen)).sum(axis=0)
     lever = np.matmul(own, np.matmul(linear.root.transpose(0, 2, 1), seen) + np.matmul(inside, turn))
-    gradient = np.einsum("nij,ni->j", turn, (pulled @ steep.conj()).real)
-    still = np.concatenate([terms.held, terms.held, np.zeros(terms.decay.size, dtype=bool)])
+    pull = np.einsum("nij,ni->nj", turn, (pulled @ steep.conj()).real)
+    still = np.concatenate([terms.held, terms.held, terms.decay >= arrangement.omega[-1]])
     information[still, :] = information[:, still] = 0.0
     information[still, still] = _HELD
-    gradient[still], lever[:, :, still] = 0.0, 0.0
+    pull[:, still], lever[:, :, still] = 0.0, 0.0
     return Fit(
         terms=terms,
         linear=linear,
@@ -156,7 +184,7 @@ def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fi
         freedom=2 * int(arrangement.measured.sum()) - terms.parameters - len(residual) * terms.columns,
         information=information,
         lever=lever,
-        gradient=gradient,
+        pull=pull,
     )
 
 
@@ -174,7 +202,7 @@ def refine(
         step, predicted = _step(fit, damping)
         if predicted < enough:
             break
-        trial = _try(arrangement, moved(fit.terms, step), variance)
+        trial = _try(arrangement, moved(fit.terms, step, float(arrangement.omega[-1])), variance)
         if trial is not None and trial.chi_squared < fit.chi_squared:
             gain = fit.chi_squared - trial.chi_squared
             damping = max(damping / (10 if gain > 0.7 * predicted else 2), 1e-10)
@@ -221,14 +249,17 @@ def noise_of(arrangement: Arrangement, fit: Fit, profile: FloatArray | None = No
     return known_or(arrangement, residual_variance(fit.residual, model, arrangement.measured, share, profile))
 
 
-def moved(terms: Terms, step: FloatArray) -> Terms:
-    """Terms after a step in (ln ω, ζ, ln a); damping stays within its physical range."""
+def moved(terms: Terms, step: FloatArray, highest: float = np.inf) -> Terms:
+    """Terms after a step in (ln ω, ζ, ln a); damping stays within its physical range, a body's rate below `highest`.
+
+    A body whose rate lies beyond the last line is but a power of iω: what it would gain there is round-off.
+    """
     n = terms.pairs
     return replace(
         terms,
         frequency_hz=terms.frequency_hz * np.exp(step[:n]),
         damping_ratio=np.clip(terms.damping_ratio + step[n : 2 * n], *_DAMPING_RANGE),
-        decay=terms.decay * np.exp(step[2 * n :]),
+        decay=np.minimum(terms.decay * np.exp(step[2 * n :]), highest),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +19,10 @@ from fecore.identification.basis import Terms
 from fecore.identification.compression import compress
 from fecore.identification.drift import drift_of
 from fecore.identification.error_model import memory
+from fecore.identification.lscf import lscf
 from fecore.identification.noise import line_scatter, rough_variance
 from fecore.identification.pole_search import leakage
-from fecore.identification.refinement import evaluate
+from fecore.identification.refinement import evaluate, refine
 from tests.support.beams import ABOVE_HZ, ABOVE_ZETA, PAPER_HZ, PAPER_ZETA, paper_frfs
 from tests.support.places import shared_file
 
@@ -76,7 +78,14 @@ def test_the_bridge_that_somebody_measured() -> None:
     f = found.modes.frequency_hz
     for true in (2.482, 2.958, 3.497, 4.081, 4.166, 4.632):
         assert np.sum(np.abs(f / true - 1) < 0.002) == 1
-    assert np.sum(f < 7) == 6  # what else there is above is no part of what is known of the bridge
+    assert f.size == 6  # over the whole band: small resonances above 7 Hz come back, but nobody knows what they are
+    doubtful = found.doubtful
+    assert doubtful is not None
+    small = [why for hz, why in zip(doubtful.modes.frequency_hz, doubtful.doubt, strict=True) if 7 < hz < 7.3]
+    assert len(small) == 1
+    assert small[0] is not None
+    assert "as high as the largest mode" in small[0]
+    assert "100 % of the orders" in small[0]
     assert any("leakage below" in w for w in found.warnings)
 
 
@@ -88,10 +97,36 @@ def test_drift_between_the_frfs_is_found_and_taken_out() -> None:
     found = identify(band)
     assert found.drift == pytest.approx(3e-4, rel=0.25)  # 74 draws: ± 8 %, and drift beside the errors of the chain
     assert any("drift" in w for w in found.warnings)
+    sd_f, sd_zeta = found.modes.frequency_sd_hz, found.modes.damping_sd
+    assert sd_f is not None
+    assert sd_zeta is not None
+    z = []
     for true, ratio in zip(draw.frequency_hz[inside], draw.zeta[inside], strict=True):
         k = int(np.argmin(np.abs(found.modes.frequency_hz - true)))
-        assert abs(found.modes.frequency_hz[k] / true - 1) < 2e-4
-        assert abs(found.modes.damping_ratio[k] / ratio - 1) < 0.05
+        z += [
+            (found.modes.frequency_hz[k] - true) / sd_f[k],
+            (found.modes.damping_ratio[k] - ratio) / sd_zeta[k],
+        ]
+        assert abs(found.modes.damping_ratio[k] / ratio - 1) < 0.02  # a drift left in makes it 2 to 10 % too large
+    assert np.mean(np.abs(z) < 1.96) >= 0.85  # of 95 % intervals, few of them
+
+
+def test_scatter_between_sessions_counts_where_it_is_larger_than_the_fit_supposes() -> None:
+    """FRFs of one sensor whose poles jump from FRF to FRF: white noise alone would promise too much by far."""
+    rng = np.random.default_rng(2)
+    hz = np.arange(20.0, 80.0, 0.25)
+    s = 2j * np.pi * hz
+    w = 2 * np.pi * 50 * (1 + 2e-3 * rng.standard_normal((40, 1)))
+    values = s**2 / (s**2 + 2 * 0.01 * w * s + w**2) + 0.003 * (
+        rng.standard_normal((40, hz.size)) + 1j * rng.standard_normal((40, hz.size))
+    )
+    frfs = FrfSet(hz, values, tuple(Dof(i + 1, 3) for i in range(40)), (Dof(99, 3),) * 40, "accelerance")
+    arrangement = arrange(frfs)
+    fit = refine(arrangement, Terms(np.array([50.0]), np.array([0.01]), (0,)), np.full(values.shape, 1.8e-5))
+    white = fit.parameter_covariance[0, 0] ** 0.5
+    seen = replace(fit, sessions=np.arange(40)).parameter_covariance[0, 0] ** 0.5
+    assert white < 1e-4
+    assert seen == pytest.approx(2e-3 / 40**0.5, rel=0.25)  # the mean of 40 jumps, and its own scatter of 11 %
 
 
 def test_no_drift_is_seen_where_there_is_none() -> None:
@@ -167,6 +202,19 @@ def test_a_run_ends_with_what_its_report_raises() -> None:
         identify(KINDS["bridge"](5).frfs, report=report)
     assert seen == sorted(seen)
     assert len(seen) > 4
+
+
+def test_linear_estimates_find_the_upper_half_of_a_band_that_starts_far_above_zero() -> None:
+    hz, at = np.arange(300.0, 600.0, 0.5), np.array([330.0, 440.0, 530.0, 590.0])
+    s = 2j * np.pi * hz
+    w = 2 * np.pi * at[:, None]
+    values = np.array([[1.0, 1.0, 1.0, 1.0], [1.0, -0.5, 2.0, -1.0]]) @ (s**2 / (s**2 + 0.02 * w * s + w**2))
+    whole = np.ones((2, 1, hz.size), dtype=bool)
+    found = lscf(2 * np.pi * hz, values[:, None], whole, np.ones((2, hz.size)), (12, 13))
+    for true in at:
+        near = np.abs(found.frequency_hz / true - 1) < 1e-3
+        assert set(found.order[near]) == {12, 13}
+        assert np.all(np.abs(found.damping_ratio[near] / 0.01 - 1) < 0.1)
 
 
 def test_doubtful_modes_are_kept_apart_and_can_be_had() -> None:
