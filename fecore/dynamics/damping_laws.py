@@ -1,7 +1,8 @@
 """Viscous damping laws on the undamped modes.
 
 Every law gives the modal damping rate c_k = 2 ζ_k ω_k (1/s) of a mode from its undamped circular frequency, so that
-φ_kᵀ C φ_k = c_k with mass-normalised shapes. Rigid-body modes (ω = 0) have a rate but no ratio.
+φ_kᵀ C φ_k = c_k with mass-normalised shapes. Rigid-body modes (ω = 0) have a rate but no ratio. Laws by mechanism
+(`mechanism_laws`) also see where a mode's strain energy sits; the laws here do not look at it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,10 @@ from fecore.errors import InputError
 
 
 class DampingLaw(Protocol):
-    """A damping rate that is a function of frequency and linear in its coefficients."""
+    """A damping rate that is linear in its coefficients: a function of frequency, and of strain energy where a law looks at it.
+
+    `strain` are (n, q) shares of the modes' strain energy in q mechanisms (`fecore.body.mechanisms`).
+    """
 
     @property
     def name(self) -> str:
@@ -34,11 +38,11 @@ class DampingLaw(Protocol):
         """SI units of the coefficients."""
         ...
 
-    def basis(self, omega: FloatArray) -> FloatArray:
+    def basis(self, omega: FloatArray, strain: FloatArray | None = None, /) -> FloatArray:
         """(n, p) derivative of the rates at (n,) circular frequencies by the p coefficients."""
         ...
 
-    def slope(self, omega: FloatArray) -> FloatArray:
+    def slope(self, omega: FloatArray, strain: FloatArray | None = None, /) -> FloatArray:
         """(n, p) derivative of `basis` by the circular frequency, ω > 0."""
         ...
 
@@ -69,7 +73,7 @@ class CaugheySeries:
         """1/s for a0, s for a1, s³ for a2 and so on."""
         return tuple({0: "1/s", 1: "s"}.get(n, f"s^{2 * n - 1}") for n in self.exponents)
 
-    def basis(self, omega: FloatArray) -> FloatArray:
+    def basis(self, omega: FloatArray, _strain: FloatArray | None = None, /) -> FloatArray:
         """(n, p) powers ω^(2 n_j); a term with a negative exponent leaves rigid-body modes undamped."""
         powers = np.zeros((omega.size, len(self.exponents)))
         for j, exponent in enumerate(self.exponents):
@@ -77,7 +81,7 @@ class CaugheySeries:
             powers[moving, j] = omega[moving] ** (2 * exponent)
         return powers
 
-    def slope(self, omega: FloatArray) -> FloatArray:
+    def slope(self, omega: FloatArray, _strain: FloatArray | None = None, /) -> FloatArray:
         """(n, p) derivatives 2 n_j ω^(2 n_j - 1)."""
         columns = [2 * exponent * omega ** (2.0 * exponent - 1) for exponent in self.exponents]
         return np.column_stack(columns)
@@ -114,12 +118,12 @@ class ModalDamping:
         """Ratios."""
         return ("1",) * len(self.knots)
 
-    def basis(self, omega: FloatArray) -> FloatArray:
+    def basis(self, omega: FloatArray, _strain: FloatArray | None = None, /) -> FloatArray:
         """(n, p) rates 2ω of the mode whose knot is nearest to ω on a logarithmic scale."""
         rates: FloatArray = 2 * omega[:, None] * self._nearest(omega)
         return rates
 
-    def slope(self, omega: FloatArray) -> FloatArray:
+    def slope(self, omega: FloatArray, _strain: FloatArray | None = None, /) -> FloatArray:
         """(n, p) derivatives: 2 for the nearest mode."""
         return 2 * self._nearest(omega)
 
@@ -178,35 +182,44 @@ class GeneralisedProportional:
         """All in 1/s: a coefficient is a rate."""
         return ("1/s",) * len(self.functions)
 
-    def basis(self, omega: FloatArray) -> FloatArray:
+    def basis(self, omega: FloatArray, _strain: FloatArray | None = None, /) -> FloatArray:
         """(n, p) values f_j(ω/ω_r)."""
         x = np.asarray(omega, dtype=float) / self.reference
         return np.column_stack([_FUNCTIONS[function][0](x) for function in self.functions])
 
-    def slope(self, omega: FloatArray) -> FloatArray:
+    def slope(self, omega: FloatArray, _strain: FloatArray | None = None, /) -> FloatArray:
         """(n, p) derivatives f_j'(ω/ω_r)/ω_r."""
         x = np.asarray(omega, dtype=float) / self.reference
         return np.column_stack([_FUNCTIONS[function][1](x) for function in self.functions]) / self.reference
 
 
-def damping_rate(law: DampingLaw, coefficients: FloatArray, omega: FloatArray) -> FloatArray:
+def damping_rate(
+    law: DampingLaw, coefficients: FloatArray, omega: FloatArray, strain: FloatArray | None = None
+) -> FloatArray:
     """(n,) modal damping rates c = 2 ζ ω of a law, 1/s."""
-    rate: FloatArray = law.basis(omega) @ coefficients
+    rate: FloatArray = law.basis(omega, strain) @ coefficients
     return rate
 
 
-def beyond(law: DampingLaw, coefficients: FloatArray, omega: float) -> tuple[float, float]:
+def beyond(
+    law: DampingLaw, coefficients: FloatArray, omega: float, strain: FloatArray | None = None
+) -> tuple[float, float]:
     """(p, q) of the tangent p + qλ to a law's rate at λ = ω², for the modes above ω that a synthesis leaves out.
 
     It is exact for Rayleigh damping: (a0, a1). Where the law falls the rate stays as it is, as a falling tangent would soon
-    feed energy in.
+    feed energy in. A law by mechanism takes the mean of the shares of the modes that the synthesis has.
     """
-    at = np.array([omega])
-    q = max(float((law.slope(at) @ coefficients)[0]) / (2 * omega), 0.0)
-    return float(damping_rate(law, coefficients, at)[0]) - q * omega**2, q
+    at, mean = np.array([omega]), None
+    if strain is not None:
+        moving = strain[strain.any(axis=1)]
+        mean = (moving if len(moving) else strain).mean(axis=0, keepdims=True)
+    q = max(float((law.slope(at, mean) @ coefficients)[0]) / (2 * omega), 0.0)
+    return float(damping_rate(law, coefficients, at, mean)[0]) - q * omega**2, q
 
 
-def damping_ratio(law: DampingLaw, coefficients: FloatArray, omega: FloatArray) -> FloatArray:
+def damping_ratio(
+    law: DampingLaw, coefficients: FloatArray, omega: FloatArray, strain: FloatArray | None = None
+) -> FloatArray:
     """(n,) damping ratios ζ = c / 2ω of a law at positive circular frequencies.
 
     Raises:
@@ -214,10 +227,12 @@ def damping_ratio(law: DampingLaw, coefficients: FloatArray, omega: FloatArray) 
     """
     if np.any(omega <= 0):
         raise InputError("omega", "a damping ratio needs positive frequencies; rigid-body modes have only a rate")
-    return damping_rate(law, coefficients, omega) / (2 * omega)
+    return damping_rate(law, coefficients, omega, strain) / (2 * omega)
 
 
-def negative_band(law: DampingLaw, coefficients: FloatArray, low: float, high: float) -> tuple[float, float] | None:
+def negative_band(
+    law: DampingLaw, coefficients: FloatArray, low: float, high: float, strain: FloatArray | None = None
+) -> tuple[float, float] | None:
     """First and last circular frequency of a band at which a law would feed energy in, or None where it never does.
 
     Args:
@@ -225,9 +240,11 @@ def negative_band(law: DampingLaw, coefficients: FloatArray, low: float, high: f
         coefficients: (p,) its coefficients.
         low: circular frequency of the band's lower end, rad/s.
         high: of its upper end.
+        strain: (m, q) shares of strain energy of the modes that may lie there; None for a law of frequency alone.
     """
     omega = np.linspace(low, high, 2001)
-    rate = damping_rate(law, coefficients, omega)
+    kinds = [None] if strain is None else [np.tile(row, (omega.size, 1)) for row in strain]
+    rate = np.min([damping_rate(law, coefficients, omega, each) for each in kinds], axis=0)
     negative = omega[rate < -1e-12 * np.abs(rate).max()]
     return (float(negative[0]), float(negative[-1])) if negative.size else None
 
@@ -248,7 +265,7 @@ def require_dissipation(law: DampingLaw, coefficients: FloatArray, low: float, h
         )
 
 
-def fit_ratios(law: DampingLaw, omega: FloatArray, ratio: FloatArray) -> FloatArray:
+def fit_ratios(law: DampingLaw, omega: FloatArray, ratio: FloatArray, strain: FloatArray | None = None) -> FloatArray:
     """Coefficients whose law comes nearest to given damping ratios, by relative least squares.
 
     With as many modes as coefficients this is Eq. 9 solved exactly, ω in rad/s.
@@ -260,7 +277,8 @@ def fit_ratios(law: DampingLaw, omega: FloatArray, ratio: FloatArray) -> FloatAr
         raise InputError("damping_ratio", f"{omega.size} modes cannot fix the {law.name} law's coefficients")
     if np.any(ratio <= 0):
         raise InputError("damping_ratio", "must be positive")
-    rows = law.basis(omega) / (2 * omega * ratio)[:, None]
+    rows = law.basis(omega, strain) / (2 * omega * ratio)[:, None]
     scale = np.linalg.norm(rows, axis=0)
+    scale[scale == 0] = 1.0  # a mechanism that no mode strains
     solution: FloatArray = np.linalg.lstsq(rows / scale, np.ones(omega.size), rcond=None)[0] / scale
     return solution

@@ -65,6 +65,7 @@ class ModalFrfModel:
         residual: (N, t) R_0, R_1 …
         shift: σ, rad²/s².
         roving: a sensor that loads each FRF at a place of its own, or None.
+        strain: (n, q) shares of strain energy by mechanism, for damping laws that look at them; None where not known.
     """
 
     eigenvalue: FloatArray
@@ -72,6 +73,7 @@ class ModalFrfModel:
     residual: FloatArray
     shift: float
     roving: RovingMass | None = None
+    strain: FloatArray | None = None
 
     @property
     def omega(self) -> FloatArray:

@@ -17,12 +17,14 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.dynamics.damping_laws import DampingLaw, ModalDamping, fit_ratios
+from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, convert
 from fecore.identification.noise import residual_variance
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic import ElasticResult
+from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import UNSTATED_WINDOW, Inputs
 from fecore.updating.law_fit import DampingFit, Nuisance, fit_law
 from fecore.updating.misfit import FrfMisfit, Weighting
@@ -97,11 +99,18 @@ class MeasuredRatios:
         omega: (n,) circular frequencies, rad/s.
         ratio: (n,) damping ratios.
         relative_covariance: (n, n) covariance of their noise, relative.
+        strain: (n, q) shares of the modes' strain energy by mechanism; None where the modes belong to no model.
     """
 
     omega: FloatArray
     ratio: FloatArray
     relative_covariance: FloatArray
+    strain: FloatArray | None = None
+
+    def basis(self, law: DampingLaw) -> FloatArray:
+        """(n, p) derivative of the ratios by a law's coefficients."""
+        by: FloatArray = law.basis(self.omega, self.strain) / (2 * self.omega)[:, None]
+        return by
 
 
 @dataclass(frozen=True)
@@ -131,7 +140,10 @@ class DampingData:
     def start(self, law: DampingLaw) -> FloatArray:
         """(p,) coefficients that come nearest to the measured damping ratios (2 % where none was measured)."""
         omega = 2 * np.pi * self.modes.frequency_hz[self.roles.rows]
-        return nearest_positive(law, omega, self.roles.first_ratio, self.model.omega[self.roles.unmeasured])
+        others, strain = self.roles.unmeasured, self.model.strain
+        at = np.concatenate([self.roles.lawful, others])
+        shares = None if strain is None else strain[at]
+        return nearest_positive(law, omega, self.roles.first_ratio, self.model.omega[others], shares)
 
     def nuisance(self, deviation_sd: float) -> Nuisance:
         """Measured modes shift freely and deviate from the law a little, the others do both as far as priors let them.
@@ -265,7 +277,7 @@ def fit_damping(
         UpdatingError: no start converged.
     """
     start, ratios = data.start(law), reference.ratios
-    missed = np.log(law_ratio(law, ratios.omega, ratios.ratio) / ratios.ratio)
+    missed = np.log(law_ratio(law, ratios) / ratios.ratio)
     spread = discrepancy(missed, len(law.coefficient_names), DAMPING_DISCREPANCY)
     starts = _starts(law, start, ratios) if many_starts else [start]
     fits: list[DampingFit] = []
@@ -326,7 +338,7 @@ def _measured_ratios(data: DampingData) -> MeasuredRatios | None:
         places = len(data.modes) + np.array(rows)
         covariance = data.modes.covariance[np.ix_(places, places)]
     omega = 2 * np.pi * data.modes.frequency_hz[rows]
-    return MeasuredRatios(omega, measured, covariance / np.outer(measured, measured))
+    return MeasuredRatios(omega, measured, covariance / np.outer(measured, measured), _lawful_strain(data))
 
 
 def _modal_ratios(data: DampingData, modal: DampingFit) -> MeasuredRatios:
@@ -337,13 +349,18 @@ def _modal_ratios(data: DampingData, modal: DampingFit) -> MeasuredRatios:
     order = np.argsort(data.model.omega[lawful])  # the modal law's coefficients ascend with their knots
     covariance = np.empty((ratio.size, ratio.size))
     covariance[np.ix_(order, order)] = modal.noise_covariance
-    return MeasuredRatios(omega, ratio, covariance / np.outer(ratio, ratio))
+    return MeasuredRatios(omega, ratio, covariance / np.outer(ratio, ratio), _lawful_strain(data))
+
+
+def _lawful_strain(data: DampingData) -> FloatArray | None:
+    """(n, q) shares of strain energy of the modes that the law damps."""
+    return None if data.model.strain is None else data.model.strain[data.roles.lawful]
 
 
 def _starts(law: DampingLaw, start: FloatArray, ratios: MeasuredRatios) -> list[FloatArray]:
     """The measured ratios' law, it scaled up and down, and each coefficient alone."""
     omega, ratio = ratios.omega, np.median(ratios.ratio)
-    basis = law.basis(omega)
+    basis = law.basis(omega, ratios.strain)
     damping = np.flatnonzero(np.all(basis > 0, axis=0))  # coefficients that alone would damp every mode
     alone = [np.median(2 * omega * ratio / basis[:, j]) * np.eye(basis.shape[1])[j] for j in damping]
     return [start, start * _SPREAD_OF_STARTS, start / _SPREAD_OF_STARTS, *alone]
@@ -380,28 +397,50 @@ def _by_elastic(data: DampingData, misfit: FrfMisfit, fit: DampingFit) -> FloatA
     by_eigenvalue = np.zeros_like(gradients)
     by_eigenvalue[:, : fit.eigenvalue.size] = state.eigenvalue_jacobian.T
     moved: FloatArray = -fit.response @ (gradients + by_eigenvalue @ fit.normal.hessian).T
+    if isinstance(fit.law, MechanismDamping):
+        moved += _by_shares(state, fit, fit.law)
+    return moved
+
+
+def _by_shares(state: ForwardState, fit: DampingFit, law: MechanismDamping) -> FloatArray:
+    """(p, q) the part of it that the shares of strain energy have, which constants move and the law's rates follow."""
+    strain = state.strain_jacobian
+    slope = law.by_strain(np.sqrt(fit.eigenvalue), fit.coefficients, strain.shape[2])
+    rate = np.einsum("pmq,mq->mp", strain, slope)
+    rate[fit.nuisance.suspended] = 0.0
+    own = np.isin(np.arange(len(rate)), fit.nuisance.modes[fit.nuisance.deviation_sd > 0])
+    by_rate = (fit.response @ fit.normal.hessian)[:, len(rate) :]
+    relative = rate[own] / fit.law_rate[own, None]
+    moved: FloatArray = fit.tie[:, own] @ relative - by_rate[:, ~own] @ rate[~own]
     return moved
 
 
 def law_of_window(law: DampingLaw, ratios: MeasuredRatios) -> FloatArray:
     """(p,) change of a law's coefficients per rate 1/τ of an exponential window: every modal rate grows by 2/τ."""
-    basis = law.basis(ratios.omega) / (2 * ratios.omega * ratios.ratio)[:, None]
+    basis = ratios.basis(law) / ratios.ratio[:, None]
     scale = np.linalg.norm(basis, axis=0)
+    scale[scale == 0] = 1.0
     share = 1 / (ratios.omega * ratios.ratio)
     grown: FloatArray = np.linalg.lstsq(basis / scale, share, rcond=None)[0] / scale
     return grown
 
 
-def law_ratio(law: DampingLaw, omega: FloatArray, ratio: FloatArray) -> FloatArray:
-    """(n,) ratios of the law that comes nearest to given ones."""
-    near: FloatArray = law.basis(omega) @ nearest_positive(law, omega, ratio) / (2 * omega)
+def law_ratio(law: DampingLaw, ratios: MeasuredRatios) -> FloatArray:
+    """(n,) ratios of the law that comes nearest to measured ones."""
+    near: FloatArray = ratios.basis(law) @ nearest_positive(law, ratios.omega, ratios.ratio, strain=ratios.strain)
     return near
 
 
 def nearest_positive(
-    law: DampingLaw, omega: FloatArray, ratio: FloatArray, others: FloatArray | tuple[()] = ()
+    law: DampingLaw,
+    omega: FloatArray,
+    ratio: FloatArray,
+    others: FloatArray | tuple[()] = (),
+    strain: FloatArray | None = None,
 ) -> FloatArray:
     """Coefficients nearest to given ratios; where those would damp one of these or other modes negatively, to their median.
+
+    A law by mechanism needs the shares of strain energy of all these modes, the others' last.
 
     Raises:
         UpdatingError: there are fewer modes than coefficients.
@@ -413,10 +452,12 @@ def nearest_positive(
             best={},
             history=(),
         )
-    coefficients = fit_ratios(law, omega, ratio)
-    if np.all(law.basis(np.concatenate([omega, others])) @ coefficients > 0):
+    own = None if strain is None else strain[: omega.size]
+    everywhere = law.basis(np.concatenate([omega, others]), strain)
+    coefficients = fit_ratios(law, omega, ratio, own)
+    if np.all(everywhere @ coefficients > 0):
         return coefficients
-    return fit_ratios(law, omega, np.full_like(ratio, float(np.median(ratio))))
+    return fit_ratios(law, omega, np.full_like(ratio, float(np.median(ratio))), own)
 
 
 def _different(points: list[FloatArray], apart: FloatArray) -> tuple[FloatArray, ...]:

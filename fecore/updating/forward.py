@@ -15,6 +15,7 @@ import numpy as np
 from scipy import sparse
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.body.mechanisms import mechanism_weights
 from fecore.body.model import ModeKind
 from fecore.body.specimen import Body
 from fecore.dynamics.damping_laws import DampingLaw
@@ -35,6 +36,8 @@ from fecore.updating.parameters import Coefficients, Parametrisation
 
 OUT_OF_PLANE = 3
 """Direction code of z, which a bending model predicts."""
+
+_SHARE_STEP = 1e-5  # relative, of differences of the parts of the section's coefficients, which are nearly linear
 
 
 @dataclass(frozen=True)
@@ -214,6 +217,43 @@ class ForwardState:
         return share
 
     @cached_property
+    def strain(self) -> FloatArray:
+        """(m, q) shares of the strain energy of all modes by mechanism (`fecore.body.mechanisms`); 0 of rigid-body modes."""
+        energies = self._energies @ self._mechanisms(self.theta).T
+        value, moving = self.modes.eigenvalue, np.arange(self.modes.eigenvalue.size) >= self.modes.rigid
+        shares: FloatArray = np.where(moving[:, None], energies / np.where(moving, value, 1.0)[:, None], 0.0)
+        return shares
+
+    @cached_property
+    def strain_jacobian(self) -> FloatArray:
+        """(p, m, q) derivative of the shares by the parameters."""
+        weights, phi = self._mechanisms(self.theta), self.modes.shapes
+        forces = [term @ phi for term in self.terms.stiffness]
+        moving = np.arange(self.modes.eigenvalue.size) >= self.modes.rigid
+        value = np.where(moving, self.modes.eigenvalue, 1.0)
+        found = np.zeros((self.theta.size, *self.strain.shape))
+        for p, change in enumerate(self._shape_derivatives):
+            moved = np.stack([2 * np.sum(change * force, axis=0) for force in forces], axis=1)
+            step = np.zeros_like(self.theta)
+            step[p] = _SHARE_STEP * max(abs(self.theta[p]), _SHARE_STEP)
+            by = (self._mechanisms(self.theta + step) - self._mechanisms(self.theta - step)) / (2 * step[p])
+            energy = (moved @ weights.T + self._energies @ by.T) / value[:, None]
+            fall = self.strain * (self.eigenvalue_jacobian[:, p] / value)[:, None]
+            found[p] = np.where(moving[:, None], energy - fall, 0.0)
+        return found
+
+    @cached_property
+    def _energies(self) -> FloatArray:
+        """(m, k) φᵀK_kφ of all modes."""
+        phi = self.modes.shapes
+        return np.stack([np.sum(phi * (term @ phi), axis=0) for term in self.terms.stiffness], axis=1)
+
+    def _mechanisms(self, theta: FloatArray) -> FloatArray:
+        """(q, k) parts of the stiffness coefficients by mechanism at parameters θ."""
+        prior = self.forward.parametrisation
+        return mechanism_weights(prior.body, *prior.split(prior.constants(theta)))
+
+    @cached_property
     def all_shapes(self) -> FloatArray:
         """(m, p) mass-normalised shapes of all modes, rigid ones first, at the measured points."""
         shapes: FloatArray = (self._observation @ self.modes.shapes).T
@@ -263,11 +303,15 @@ class ForwardState:
     @cached_property
     def shape_jacobian(self) -> FloatArray:
         """(p, m, points) derivative of all shapes at the measured points."""
+        jacobian: FloatArray = np.array([(self._observation @ each).T for each in self._shape_derivatives])
+        return jacobian
+
+    @cached_property
+    def _shape_derivatives(self) -> FloatArray:
+        """(p, dofs, m) derivative of all shapes, over the dofs or over the basis."""
         c = self.coefficients
         stiffness, mass = self.terms.sum("stiffness", c.stiffness), self.terms.sum("mass", c.mass)
-        by = mode_shape_derivatives(stiffness, mass, self.modes, *self._by)
-        jacobian: FloatArray = np.array([(self._observation @ each).T for each in by])
-        return jacobian
+        return mode_shape_derivatives(stiffness, mass, self.modes, *self._by)
 
     def frf_model(self, responses: Sequence[Dof], references: Sequence[Dof]) -> ModalFrfModel:
         """Synthesis of the FRFs between some dofs, with residual terms for the truncated modes."""
@@ -283,6 +327,7 @@ class ForwardState:
             residual=residual,
             shift=state.modes.shift,
             roving=roving,
+            strain=state.strain,
         )
 
     def _ready(self, responses: Sequence[Dof], references: Sequence[Dof]) -> tuple[ForwardState, _Pairs, _Pairs | None]:

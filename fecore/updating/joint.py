@@ -111,7 +111,9 @@ def _search(
         model = forward.solve(theta).frf_model(frfs.responses, frfs.references)
         omega = model.omega[model.omega > 0]
         for ratio in _RATIOS:
-            rate = law.basis(model.omega) @ nearest_positive(law, omega, np.full(omega.size, ratio))
+            moving = None if model.strain is None else model.strain[model.omega > 0]
+            start = nearest_positive(law, omega, np.full(omega.size, ratio), strain=moving)
+            rate = law.basis(model.omega, model.strain) @ start
             if np.all(rate[model.omega > 0] > 0):
                 off = measured - _log_magnitude(model.synthesise(frfs.frequency_hz[coarse], rate, frfs.quantity))
                 ranked.append((float(np.mean(np.abs(off[known]))), theta, ratio))
@@ -191,7 +193,8 @@ def _modes_through(
     if inside.size == 0:
         raise UpdatingError("the model has no mode in the band", {}, ())
     if start is None:
-        start = nearest_positive(law, model.omega[elastic], np.full(elastic.size, ratio))
+        strain = None if model.strain is None else model.strain[elastic]
+        start = nearest_positive(law, model.omega[elastic], np.full(elastic.size, ratio), strain=strain)
     nuisance = Nuisance(
         modes=np.concatenate([inside, others]),
         first_shift=np.zeros(elastic.size),

@@ -56,6 +56,7 @@ class DampingFit:
         cost: misfit E of the data, weighted; objective: with the deviations' prior.
         noise_covariance: (p, p) covariance of the coefficients by measurement noise alone.
         response: (p, 2m) derivative of the estimate by the misfit's gradient in (λ, c): how a wrong model moves it.
+        tie: (p, m) the same by the logarithm of the law's rate of each mode with a rate of its own, 0 of the others.
         normal: normal equations at the estimate.
         history: (iterations, p) coefficients, first to last.
     """
@@ -71,17 +72,18 @@ class DampingFit:
     objective: float
     noise_covariance: FloatArray
     response: FloatArray
+    tie: FloatArray
     normal: NormalEquations
     history: FloatArray
 
     def synthesise(self, model: ModalFrfModel, frequency_hz: FloatArray, quantity: Quantity) -> ComplexArray:
         """(N, L) FRFs of the elastic model between any dofs under the law, modes that the model leaves out included."""
-        tail = beyond(self.law, self.coefficients, float(model.omega[-1]))
-        return model.synthesise(frequency_hz, self.rates(model.omega), quantity, tail)
+        tail = beyond(self.law, self.coefficients, float(model.omega[-1]), model.strain)
+        return model.synthesise(frequency_hz, self.rates(model), quantity, tail)
 
-    def rates(self, omega: FloatArray) -> FloatArray:
-        """(m,) rates to predict FRFs with, the model's modes at ω: the law's, but a suspended mode's own."""
-        rates = damping_rate(self.law, self.coefficients, omega) + self.nuisance.window_rate
+    def rates(self, model: ModalFrfModel) -> FloatArray:
+        """(m,) rates to predict FRFs of a model's modes with: the law's, but a suspended mode's own."""
+        rates = damping_rate(self.law, self.coefficients, model.omega, model.strain) + self.nuisance.window_rate
         rates[self.nuisance.suspended] = self.rate[self.nuisance.suspended]
         return rates
 
@@ -194,6 +196,16 @@ class _Problem:
         """Numbers of the modes with a rate of their own that is tied to the law."""
         return self.nuisance.modes[self.nuisance.deviation_sd > 0]
 
+    def basis(self, omega: FloatArray, modes: IntArray | slice = slice(None)) -> FloatArray:
+        """(n, p) the law's basis at the frequencies of some modes, with these modes' strain energy."""
+        strain = self.misfit.model.strain
+        return self.law.basis(omega, None if strain is None else strain[modes])
+
+    def slope(self, omega: FloatArray, modes: IntArray) -> FloatArray:
+        """(n, p) the slope of the basis, likewise."""
+        strain = self.misfit.model.strain
+        return self.law.slope(omega, None if strain is None else strain[modes])
+
     @cached_property
     def own(self) -> IntArray:
         """Numbers of the modes with a rate of their own: the tied, then the suspended ones."""
@@ -215,7 +227,7 @@ class _Problem:
         return Stopping(absolute=_ROUND_OFF**2 * self.misfit.signal())
 
     def first(self, start: FloatArray) -> FloatArray:
-        rate = self.law.basis(self.omega(self.nuisance.first_shift)) @ start
+        rate = self.basis(self.omega(self.nuisance.first_shift)) @ start
         if np.any(rate[self.tied] <= 0):
             best = by_name(self.law.coefficient_names, start)
             raise UpdatingError(f"the {self.law.name} law cannot start where it damps a mode negatively", best, ())
@@ -236,7 +248,7 @@ class _Problem:
     def modes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         a, shift, own = self.split(x)
         omega = self.omega(shift)
-        rate = self.law.basis(omega) @ a
+        rate = self.basis(omega) @ a
         rate[self.own] = np.exp(own)
         return omega**2, rate + self.nuisance.window_rate
 
@@ -244,7 +256,7 @@ class _Problem:
         """Prior residuals ρ, in standard deviations, and their Jacobian by x: shifts, then deviations."""
         a, shift, own = self.split(x)
         omega = self.omega(shift)[self.tied]
-        basis = self.law.basis(omega)
+        basis = self.basis(omega, self.tied)
         law_rate = basis @ a
         shift_weight = 1 / self.nuisance.shift_sd
         weight = 1 / self.nuisance.deviation_sd[self.nuisance.deviation_sd > 0]
@@ -258,7 +270,7 @@ class _Problem:
         jacobian[tied, : self.count] = -(weight / law_rate)[:, None] * basis
         moved = self.count + np.flatnonzero(self.nuisance.deviation_sd > 0)
         base = self.misfit.model.omega[self.tied]
-        jacobian[tied, moved] = -weight / law_rate * (self.law.slope(omega) @ a) * base
+        jacobian[tied, moved] = -weight / law_rate * (self.slope(omega, self.tied) @ a) * base
         jacobian[s:, first:] = np.diag(off_weight)
         return residual, jacobian
 
@@ -278,8 +290,8 @@ class _Problem:
         base, omega, m = self.misfit.model.omega, self.omega(shift), self.misfit.model.omega.size
         T = np.zeros((2 * m, x.size))
         columns, modes = self.count + np.arange(shift.size), self.nuisance.modes
-        T[m:, : self.count] = self.law.basis(omega)
-        T[m + modes, columns] = (self.law.slope(omega[modes]) @ a) * base[modes]
+        T[m:, : self.count] = self.basis(omega)
+        T[m + modes, columns] = (self.slope(omega[modes], modes) @ a) * base[modes]
         T[m + self.own] = 0
         T[modes, columns] = 2 * base[modes] * omega[modes]
         T[m + self.own, self.count + shift.size + np.arange(own.size)] = np.exp(own)
@@ -306,7 +318,7 @@ class _Problem:
         needed = (omega > 0) & (omega <= self.misfit.frfs.omega[-1])
         needed[self.tied] = True
         needed[self.nuisance.suspended] = False
-        basis = self.law.basis(self.omega(shift)[needed])
+        basis = self.basis(self.omega(shift)[needed], np.flatnonzero(needed))
         # A shift past a border between two knots of a modal law would leave one of its coefficients without a mode.
         return bool(np.all(basis @ a > 0) and np.all(basis.any(axis=0)))
 
@@ -325,6 +337,11 @@ class _Problem:
         at = np.arange(len(covariance))
         covariance[at, at] = np.maximum(covariance[at, at], 0)  # where the noise is next to nothing, round-off is not
         a, shift, _ = self.split(x)
+        _, by_prior = self.prior(x)
+        rows = shift.size + np.arange(self.tied.size)
+        weight_of_tie = 1 / self.nuisance.deviation_sd[self.nuisance.deviation_sd > 0]
+        tie = np.zeros((self.count, eigenvalue.size))
+        tie[:, self.tied] = (inverse @ by_prior[rows].T)[: self.count] * weight_of_tie * self.scale
         return DampingFit(
             law=self.law,
             coefficients=a,
@@ -332,11 +349,12 @@ class _Problem:
             shift=shift,
             eigenvalue=eigenvalue,
             rate=rate,
-            law_rate=self.law.basis(self.omega(shift)) @ a,
+            law_rate=self.basis(self.omega(shift)) @ a,
             cost=normal.cost,
             objective=point.cost,
             noise_covariance=covariance[: self.count, : self.count],
             response=(inverse @ T.T)[: self.count],
+            tie=tie,
             normal=normal,
             history=history,
         )

@@ -19,11 +19,17 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.dynamics.damping_laws import DampingLaw
+from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.updating.damping_stage import DAMPING_DISCREPANCY, MeasuredRatios
 
 STRONG_EVIDENCE = 10.0
 """Difference of two BICs above which the worse law is called inadequate."""
 
+_NEGATIVE = (
+    3.0  # standard deviations below zero that refute a mechanism's coefficient: a material cannot feed energy in
+)
+_LEAST_SHARE = 0.05  # of its strain energy that some mode must have in a mechanism for the modes to tell its damping
+_APART = 0.02  # smallest singular value, of columns of unit length, of mechanisms that the modes tell apart
 _MISSED = 3.0  # standard deviations by which a law must miss a mode for the mode to be named
 
 
@@ -35,7 +41,8 @@ class RankedLaw:
         law: the law.
         coefficients: (p,) nearest to the modal damping ratios.
         covariance: (p, p) of the coefficients, the law's discrepancy included; noise_covariance: without it.
-        bic: Bayesian information criterion; infinite where the law would damp a mode negatively.
+        bic: Bayesian information criterion; infinite where the law would damp a mode negatively, and where the modes cannot
+            tell a law's mechanisms apart or make one of them feed energy in.
         chi_squared: misfit of the ratios.
         missed: (n,) relative miss of each ratio.
         named: number and relative miss of each mode that it misses by more than three standard deviations.
@@ -88,11 +95,12 @@ def rank_laws(ratios: MeasuredRatios, rows: list[int], laws: Sequence[DampingLaw
 
 def _ranked(law: DampingLaw, ratios: MeasuredRatios, rows: list[int]) -> RankedLaw:
     """Generalised least squares of ζ_law/ζ = 1; a law that misses more than it may has the wider covariance for it."""
-    omega, ratio, noise = ratios.omega, ratios.ratio, ratios.relative_covariance
+    ratio, noise = ratios.ratio, ratios.relative_covariance
     covariance = noise + np.diag(np.full(ratio.size, DAMPING_DISCREPANCY**2))
     whiten = np.linalg.inv(np.linalg.cholesky(covariance))
-    basis = law.basis(omega) / (2 * omega * ratio)[:, None]
+    basis = ratios.basis(law) / ratio[:, None]
     scale = np.linalg.norm(basis, axis=0)
+    scale[scale == 0] = 1.0
     coefficients = np.linalg.lstsq(whiten @ (basis / scale), whiten @ np.ones(ratio.size), rcond=None)[0] / scale
     relative = basis @ coefficients
     missed = relative - 1
@@ -100,14 +108,31 @@ def _ranked(law: DampingLaw, ratios: MeasuredRatios, rows: list[int]) -> RankedL
     price = coefficients.size * np.log(ratio.size)
     gain = np.linalg.pinv(whiten @ (basis / scale)) @ whiten / scale[:, None]
     excess = max(1.0, chi_squared / max(ratio.size - coefficients.size, 1))
+    spread = excess * gain @ covariance @ gain.T
+    possible = bool(np.all(relative > 0)) and not _is_refuted(law, coefficients, spread, ratios, basis / scale)
     named = np.abs(missed) > _MISSED * np.sqrt(np.diag(covariance))
     return RankedLaw(
         law=law,
         coefficients=coefficients,
-        covariance=excess * gain @ covariance @ gain.T,
+        covariance=spread,
         noise_covariance=gain @ noise @ gain.T,
-        bic=float(chi_squared + price) if np.all(relative > 0) else float("inf"),
+        bic=float(chi_squared + price) if possible else float("inf"),
         chi_squared=chi_squared,
         missed=missed,
         named=tuple((rows[k] + 1, float(missed[k])) for k in np.flatnonzero(named)),
     )
+
+
+def _is_refuted(
+    law: DampingLaw, coefficients: FloatArray, covariance: FloatArray, ratios: MeasuredRatios, basis: FloatArray
+) -> bool:
+    """Whether a law by mechanism cannot be: a coefficient is negative beyond doubt, or the modes do not tell them apart.
+
+    A series in frequency may have negative coefficients, as only its sum is a rate; a mechanism's coefficient is one by itself.
+    """
+    if not isinstance(law, MechanismDamping):
+        return False
+    assert ratios.strain is not None, "the law was fitted on shares"
+    hidden = any(ratios.strain[:, list(columns)].sum(axis=1).max() < _LEAST_SHARE for _, columns in law.groups)
+    together = float(np.linalg.svd(basis, compute_uv=False)[-1]) < _APART
+    return hidden or together or bool(np.any(coefficients < -_NEGATIVE * np.sqrt(np.diag(covariance))))

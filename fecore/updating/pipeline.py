@@ -5,14 +5,14 @@ The one entry point of updating, for a notebook as for the service.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from fecore.body.specimen import Body, Specimen
-from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, DampingLaw, GeneralisedProportional, ModalDamping
+from fecore.dynamics.damping_laws import DampingLaw, ModalDamping
 from fecore.errors import FecoreError, InputError, UpdatingError
 from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
@@ -32,6 +32,7 @@ from fecore.updating.forward import ForwardModel, modes_to_cover
 from fecore.updating.inputs import CONSTANT_INPUTS, Inputs
 from fecore.updating.joint import update_jointly
 from fecore.updating.law_ranking import LawRanking, identifiable_laws, rank_laws
+from fecore.updating.laws import laws_of
 from fecore.updating.measurement import Measurement, Prepared, prepare
 from fecore.updating.parameters import Parametrisation, parametrise
 from fecore.updating.plausibility import examine
@@ -44,13 +45,6 @@ from fecore.updating.window import unstated_window
 
 Progress = Callable[[str, float], None]
 """Called with the stage in words and the share of the whole job that is done; raise from it to cancel."""
-
-LAWS: Mapping[str, DampingLaw] = {
-    "rayleigh": RAYLEIGH,
-    "caughey3": CaugheySeries("caughey3", (0, 1, 2)),
-    "caughey4": CaugheySeries("caughey4", (0, 1, 2, 3)),
-}
-"""Damping laws by name, but for `generalised` and `modal`, which depend on the measured modes."""
 
 _ELASTIC = "updating the elastic constants"
 _EXTRA_MODES = 3  # beyond the measured ones, at least, so that neighbours can be paired
@@ -199,7 +193,7 @@ def _elastic(
     frfs = _inside(frfs, (0.0, np.inf), recipe)
     # There every mode deviates from the law as far as it must, so `modal` is one common ratio to deviate from.
     middle = float(np.sqrt(frfs.omega[0] * frfs.omega[-1]))
-    law = _laws(recipe, ModalDamping((middle,)))[0]
+    law = laws_of(recipe, ModalDamping((middle,)), forward.specimen)[0]
     joint = update_jointly(forward, frfs, law, recipe.seed, progress, seek)
     return joint.elastic, _unwindowed(joint.modes, inputs)
 
@@ -231,7 +225,7 @@ def _damping(
     findings: list[Finding] = []
     try:
         stage = damping_data(inside, elastic, modes, recipe.weighting, inputs)
-        asked = _laws(recipe, stage.modal_law)
+        asked = laws_of(recipe, stage.modal_law, elastic.updated.forward.specimen)
         laws = identifiable_laws(len(stage.roles.rows), asked) or asked  # where there is none, the fit says so
         findings += [*notes(_unasked(asked[0], laws[0], len(stage.roles.rows)), None, 3), *examine(stage)]
         reference = fit_reference(stage)
@@ -251,7 +245,8 @@ def _damping(
 def _damping_of_ratios(elastic: ElasticResult, modes: MeasuredModes, recipe: Recipe) -> _Damping:
     """Laws from the damping ratios of the paired modes, without FRFs."""
     on_springs = elastic.updated.on_springs
-    rows = [i for i, j in elastic.pairing.pairs if modes.damping_ratio[i] > 0 and not on_springs[j]]
+    damped = [(i, j) for i, j in elastic.pairing.pairs if modes.damping_ratio[i] > 0 and not on_springs[j]]
+    rows, columns = [i for i, _ in damped], [j for _, j in damped]
     if not rows:
         message = "there are no FRFs, and no paired mode has a damping ratio"
         return _Damping(None, None, None, StageOutcome("damping", "skipped", message))
@@ -260,12 +255,13 @@ def _damping_of_ratios(elastic: ElasticResult, modes: MeasuredModes, recipe: Rec
     if modes.covariance is not None:
         places = len(modes) + np.array(rows)
         relative = modes.covariance[np.ix_(places, places)] / np.outer(ratio, ratio)
-    asked = _laws(recipe, ModalDamping(tuple(np.sort(omega))))
+    asked = laws_of(recipe, ModalDamping(tuple(np.sort(omega))), elastic.updated.forward.specimen)
     laws = identifiable_laws(len(rows), asked)
     if not laws:
         message = f"{len(rows)} damping ratios cannot fix any of the laws asked for"
         return _Damping(None, None, None, StageOutcome("damping", "skipped", message))
-    ranking = rank_laws(MeasuredRatios(omega, ratio, relative), rows, laws)
+    strain = elastic.updated.strain[[elastic.updated.modes.rigid + j for j in columns]]
+    ranking = rank_laws(MeasuredRatios(omega, ratio, relative, strain), rows, laws)
     outcome = StageOutcome("damping", "succeeded", "from the modes' damping ratios: there are no FRFs")
     return _Damping(None, ranking, None, outcome, tuple(notes(_unasked(asked[0], laws[0], len(rows)), None, 3)))
 
@@ -282,19 +278,6 @@ def _sampled(
         progress=lambda share: progress("sampling the posterior", 0.7 + 0.25 * share),
         checkpoint=checkpoint,
     )
-
-
-def _laws(recipe: Recipe, modal: ModalDamping) -> tuple[DampingLaw, ...]:
-    """The recipe's laws; `modal` has the measured modes as its knots, `generalised` turns in their middle."""
-    if not recipe.damping_models:
-        raise InputError("damping_models", "is empty, expected at least one")
-    middle = float(np.exp(np.mean(np.log(modal.knots))))
-    generalised = GeneralisedProportional(("constant", "root", "stiffness"), middle)
-    known: dict[str, DampingLaw] = {**LAWS, generalised.name: generalised, modal.name: modal}
-    for index, name in enumerate(recipe.damping_models):
-        if name not in known:
-            raise InputError(f"damping_models.{index}", f"is {name!r}, expected one of {', '.join(known)}")
-    return tuple(known[name] for name in recipe.damping_models)
 
 
 def _unasked(asked: DampingLaw, law: DampingLaw, modes: int) -> list[str]:

@@ -9,6 +9,9 @@ from fecore.identification import Options
 from fecore.updating.misfit import Weighting
 from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
 
+DEFAULT_LAWS = ("rayleigh", "caughey3", "caughey4", "generalised", "mechanism", "mechanism_viscous", "modal")
+"""The ladder of damping laws that is ranked where a recipe names none; the first is fitted."""
+
 
 @dataclass(frozen=True)
 class HoldOut:
@@ -44,7 +47,7 @@ class Recipe:
     method: Literal["two_stage", "joint"] = "two_stage"
     parameters: tuple[Parameter, ...] = DEFAULT_PARAMETERS
     use_shapes: bool = False
-    damping_models: tuple[str, ...] = ("rayleigh", "caughey3", "caughey4", "generalised", "modal")
+    damping_models: tuple[str, ...] = DEFAULT_LAWS
     weighting: Weighting = "noise"
     band_hz: tuple[float, float] | None = None
     hold_out: HoldOut = field(default_factory=HoldOut)

@@ -170,6 +170,7 @@ class DampingModelFit:
         bic: Bayesian information criterion on the damping ratios; infinite where the law cannot be had.
         preferred: whether it has the least of all.
         missed: (n,) relative miss of the ratio of each paired mode that the law damps.
+        standard_deviations: of the coefficients, by name, SI, the law's discrepancy included.
     """
 
     name: str
@@ -177,6 +178,7 @@ class DampingModelFit:
     bic: float
     preferred: bool
     missed: FloatArray
+    standard_deviations: dict[str, float]
 
 
 @dataclass(frozen=True)

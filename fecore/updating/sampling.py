@@ -273,7 +273,7 @@ def _with_inputs(elastic: ElasticResult, xi: FloatArray, random: np.random.Gener
 def _damping_density(damping: DampingResult) -> tuple[LogProbability, FloatArray]:
     """Log posterior of a: logarithms of the damping ratios, with noise and the law's discrepancy; and its covariance."""
     law, ratios = damping.fit.law, damping.reference.own_ratios
-    basis = law.basis(ratios.omega) / (2 * ratios.omega)[:, None]
+    basis = ratios.basis(law)
     weight = np.linalg.inv(ratios.relative_covariance + damping.discrepancy**2 * np.eye(ratios.ratio.size))
 
     def density(a: FloatArray) -> FloatArray:

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from fecore.dynamics.damping_laws import beyond, damping_rate, negative_band
+from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.modes import MeasuredModes
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic import ElasticResult
@@ -121,13 +122,16 @@ class Summary:
     def _law(self, ranked: RankedLaw) -> DampingModelFit:
         assert self.ranking is not None, "laws were ranked"
         fitted = ranked is self.ranking.laws[0] and self.damping is not None
-        coefficients = self.damping.fit.coefficients if fitted and self.damping is not None else ranked.coefficients
+        coefficients, covariance = ranked.coefficients, ranked.covariance
+        if fitted and self.damping is not None:
+            coefficients, covariance = self.damping.fit.coefficients, self.damping.covariance
         return DampingModelFit(
             name=ranked.law.name,
             coefficients=by_name(ranked.law.coefficient_names, coefficients),
             bic=ranked.bic,
             preferred=ranked is self.ranking.preferred,
             missed=ranked.missed,
+            standard_deviations=by_name(ranked.law.coefficient_names, np.sqrt(np.diag(covariance))),
         )
 
     def _mode(self, row: int) -> ModeComparison:
@@ -160,7 +164,8 @@ class Summary:
         if self.ranking is None or self.elastic.updated.on_springs[column]:
             return None
         omega, first = 2 * np.pi * self.elastic.updated.frequency_hz[[column]], self.ranking.laws[0]
-        return float((damping_rate(first.law, first.coefficients, omega) / (2 * omega))[0])
+        strain = self.elastic.updated.strain[[number]]
+        return float((damping_rate(first.law, first.coefficients, omega, strain) / (2 * omega))[0])
 
     def _correlation(self) -> Correlation:
         seen, frfs = self.prediction, self.data.frfs
@@ -212,8 +217,8 @@ class Summary:
         before, after = (
             state.frf_model(frfs.responses, frfs.references) for state in (self.elastic.initial, self.elastic.updated)
         )
-        first_rate = damping_rate(law, damping.start, before.omega) + window
-        first_tail = beyond(law, damping.start, float(before.omega[-1]))
+        first_rate = damping_rate(law, damping.start, before.omega, before.strain) + window
+        first_tail = beyond(law, damping.start, float(before.omega[-1]), before.strain)
         return Prediction(
             frfs.frequency_hz,
             frfs.responses,
@@ -243,12 +248,14 @@ class Summary:
             return []
         low, high = (2 * np.pi * hz for hz in self.band)
         fit, preferred = self.damping.fit, self.ranking.preferred
+        strain = self.damping.reference.ratios.strain
         laws = [(fit.law, fit.coefficients)]
         if preferred is not self.ranking.laws[0]:
             laws.append((preferred.law, preferred.coefficients))
         found = []
         for law, coefficients in laws:
-            negative = negative_band(law, coefficients, low, high)
+            shares = strain if isinstance(law, MechanismDamping) else None
+            negative = negative_band(law, coefficients, low, high, shares)
             if negative is not None:
                 first, last = (omega / (2 * np.pi) for omega in negative)
                 found.append(

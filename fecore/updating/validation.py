@@ -32,7 +32,7 @@ class Predictor:
     def predict(self, frfs: FrfSet) -> tuple[ComplexArray, FloatArray]:
         """(N, L) predicted FRFs, and (2, N, L) variances of their real and imaginary parts, noise not included."""
         model = self.elastic.updated.frf_model(frfs.responses, frfs.references)
-        rate = self.damping.fit.rates(model.omega)
+        rate = self.damping.fit.rates(model)
         predicted = self.damping.fit.synthesise(model, frfs.frequency_hz, frfs.quantity)
         changes = self._changes(frfs, model, rate)
         variance = np.stack([np.sum(part**2, axis=0) for part in (changes.real, changes.imag)])
@@ -58,7 +58,7 @@ class Predictor:
         by_eigenvalue = -factor * flexibility**2
         by_rate = 1j * omega * by_eigenvalue
         A = model.residues
-        basis = self.damping.fit.law.basis(model.omega)
+        basis = self.damping.fit.law.basis(model.omega, model.strain)
         basis[self.damping.fit.nuisance.suspended] = 0
         by_theta = state.residue_jacobian(frfs.responses, references) @ (factor * flexibility)
         by_theta = by_theta + np.einsum("nk,kp,kl->pnl", A, state.eigenvalue_jacobian, by_eigenvalue, optimize=True)

@@ -36,6 +36,7 @@ def describe(result: UpdateResult, warnings: Iterable[str], provenance: dict[str
                 "bic": fit.bic if np.isfinite(fit.bic) else None,
                 "preferred": fit.preferred,
                 "missed": _numbers(fit.missed),
+                "standard_deviations": fit.standard_deviations,
             }
             for fit in result.damping_models
         ],

@@ -19,7 +19,18 @@ from fecore.updating.misfit import Weighting
 from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
 from service.web import Int64, Name, StrictModel, example
 
-DampingModel = Literal["rayleigh", "caughey3", "caughey4", "generalised", "modal"]
+DampingModel = Literal[
+    "rayleigh",
+    "caughey3",
+    "caughey4",
+    "generalised",
+    "mechanism",
+    "mechanism_viscous",
+    "mechanism_constants",
+    "mechanism_support",
+    "loss_factor",
+    "modal",
+]
 Frequency = Annotated[float, Field(ge=0, le=1e7, description="Hz")]
 Band = tuple[Frequency, Frequency]
 
@@ -130,10 +141,11 @@ class RecipeIn(StrictModel):
     )
     use_shapes: bool = Field(False, description="fit the mode shapes too, not the frequencies alone")
     damping_models: list[DampingModel] = Field(
-        ["rayleigh", "caughey3", "caughey4", "generalised", "modal"],
+        ["rayleigh", "caughey3", "caughey4", "generalised", "mechanism", "mechanism_viscous", "modal"],
         min_length=1,
         max_length=10,
-        description="laws to rank; the first one's coefficients are reported as parameters",
+        description="laws to rank; the first one's coefficients are reported as parameters. Those by mechanism damp the shares "
+        "of strain energy: eta_E and eta_G (loss factors), b_E and b_G (viscous), one for each modulus, or the springs' own",
     )
     weighting: Weighting = "noise"
     band_hz: Band | None = Field(None, description="lines of the damping update; default: past the highest mode")
