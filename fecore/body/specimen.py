@@ -31,13 +31,15 @@ UNITS = {
     **dict.fromkeys(("nu_xy", "nu"), "1"),
     "density": "kg/m³",
     **dict.fromkeys(("length", "width", "thickness"), "m"),
+    "fibre_angle": "rad",
+    "clamp_compliance": "1",
 }
 """SI unit of each constant."""
 
 _DIMENSIONS = ("thickness", "length", "width")
 
-SIGNED = frozenset({"nu_xy", "nu"})
-"""Constants that may be negative: Poisson's ratios."""
+SIGNED = frozenset({"nu_xy", "nu", "fibre_angle"})
+"""Constants that may be negative: Poisson's ratios and angles."""
 
 
 class Body(Protocol):
@@ -138,11 +140,15 @@ class Specimen:
         turned by the fibres' angle. The mesh keeps its dimensions: with x = αx', y = βy' and rotations θx' = βθx, θy' = αθy
         the strains of a body α times as long and β times as wide are those of the mesh times powers of α and β.
         """
+        return self.stiffness_at(constants, self.fibre_angle)
+
+    def stiffness_at(self, constants: FloatArray, angle: float | FloatArray) -> FloatArray:
+        """(9, …) the same where the material's axes are turned by an angle (…) about z, rad."""
         Ex, Ey, Gxy, Gxz, Gyz, nu, _, t, length, width = constants
         bending, shear, rest = t**3 / 12, SHEAR_CORRECTION * t, Ex - nu**2 * Ey
         Q11, Q22 = Ex**2 / rest, Ex * Ey / rest
-        turned = _turned(Q11, nu * Q22, Q22, Gxy, self.fibre_angle)
-        c, s = np.cos(self.fibre_angle), np.sin(self.fibre_angle)
+        turned = _turned(Q11, nu * Q22, Q22, Gxy, angle)
+        c, s = np.cos(angle), np.sin(angle)
         a, b = length / self.length, width / self.width
         powers = (b / a**3, 1 / (a * b), a / b**3, 1 / (a * b), 1 / a**2, 1 / b**2)
         shears = (Gxz * c**2 + Gyz * s**2) * b / a, (Gyz * c**2 + Gxz * s**2) * a / b, (Gxz - Gyz) * c * s
@@ -153,7 +159,7 @@ class Specimen:
         """(4, …) as `PlateModel.mass_coefficients` orders them: I0 = ρ t, I2 = ρ t³/12 of the rotations rx and ry, and 1 for
         the point masses.
         """
-        density, t, length, width = constants[6:]
+        density, t, length, width = constants[6:10]
         a, b = length / self.length, width / self.width
         rotary = density * t**3 / 12
         return np.stack([density * t * a * b, rotary * a / b, rotary * b / a, np.ones_like(t)])
@@ -235,7 +241,7 @@ class BeamSpecimen:
 
 
 def _turned(
-    Q11: FloatArray, Q12: FloatArray, Q22: FloatArray, Q66: FloatArray, angle: float
+    Q11: FloatArray, Q12: FloatArray, Q22: FloatArray, Q66: FloatArray, angle: float | FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Q̄11, Q̄12, Q̄22, Q̄66, Q̄16 and Q̄26 of a material turned by an angle (Reddy, Eq. 2.4.8)."""
     c, s = np.cos(angle), np.sin(angle)

@@ -208,7 +208,7 @@ def parametrise(specimen: Body, parameters: Sequence[Parameter] = DEFAULT_PARAME
             continue
         base[p.name] = 0.0
         master = p.name if p.tied_to is None else p.tied_to
-        ratio = mean[p.name] / mean[master]
+        ratio = 1.0 if p.tied_to is None else mean[p.name] / mean[master]
         spread[row, [f.name for f in free].index(master)] = ratio
     prior_mean = np.array([mean[p.name] for p in free])
     prior_sd = np.array([DEFAULT_RELATIVE_SD * mean[p.name] if p.prior_sd is None else p.prior_sd for p in free])

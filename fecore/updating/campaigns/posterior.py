@@ -1,0 +1,98 @@
+"""The posterior of several campaigns, Gaussian for a given discrepancy s and scatter τ, which both are marginalised.
+
+With the stacked residuals r = ln f_measured - ln f of all campaigns, their derivative S by the unknowns x, the noise N and the
+prior precision P(τ) (which holds coupons and shapes too), as in `fecore.updating.posterior`,
+
+    H = SᵀW_sS + P(τ),    W_s = (N + s²)⁻¹,    log p(s, τ | f) = log p(s) + log p(τ)
+                                                + ½ (log|W_s| + log|P₀(τ)| - log|H| - rᵀW_sr - x̂ᵀP₀x̂ + gᵀH⁻¹g) + const.
+
+s has the prior of a single update. τ, the relative deviation of one specimen's modulus from the material's, has a scaled
+inverse χ² of two degrees of freedom about its scale (Gelman et al., Bayesian Data Analysis, 3rd ed., 5 and 11.6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from fecore.arrays import BoolArray, FloatArray
+from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF, Mixture
+
+SCATTER = 0.02
+"""Prior scale of the scatter τ of a modulus between specimens: what coupons of one panel show."""
+
+_DISCREPANCIES = DISCREPANCY * np.exp(np.linspace(np.log(0.1), np.log(30.0), 25))
+_SCATTERS = np.exp(np.linspace(np.log(0.1), np.log(8.0), 9))  # over the scale
+
+
+@dataclass(frozen=True)
+class LinearProblem:
+    """The problem at an estimate, linear in the step from it.
+
+    Attributes:
+        residual: (n,) ln f_measured - ln f.
+        noise: (n, n) covariance of ln f_measured.
+        sensitivity: (n, X) derivative of ln f by x.
+        x: (X,) the estimate; the prior's mean is 0.
+        sd: prior standard deviations (X,) for a scatter.
+        other_hessian, other_descent: (X, X) and (X,) of what is no frequency: coupons, shapes.
+    """
+
+    residual: FloatArray
+    noise: FloatArray
+    sensitivity: FloatArray
+    x: FloatArray
+    sd: Callable[[float], FloatArray]
+    other_hessian: FloatArray
+    other_descent: FloatArray
+
+    def solve(self, spread: float, scatter: float) -> tuple[FloatArray, FloatArray, float]:
+        """(X,) step and (X, X) covariance at a discrepancy and a scatter, and the logarithm of the evidence."""
+        precision = self.sd(scatter) ** -2
+        variance = self.noise + spread**2 * np.eye(self.residual.size)
+        weighted = np.linalg.solve(variance, np.column_stack([self.sensitivity, self.residual]))
+        S, r = weighted[:, :-1], weighted[:, -1]
+        hessian = self.sensitivity.T @ S + self.other_hessian + np.diag(precision)
+        descent = self.sensitivity.T @ r + self.other_descent - precision * self.x
+        covariance = np.linalg.inv(hessian)
+        step = covariance @ descent
+        gain = descent @ step - self.residual @ r - self.x @ (precision * self.x)
+        logs = np.sum(np.log(precision)) - np.linalg.slogdet(hessian)[1] - np.linalg.slogdet(variance)[1]
+        return step, covariance, float(gain + logs) / 2
+
+    def only(self, rows: BoolArray) -> LinearProblem:
+        """The problem of some frequencies alone: (n,) `rows` says which."""
+        return LinearProblem(
+            self.residual[rows],
+            self.noise[np.ix_(rows, rows)],
+            self.sensitivity[rows],
+            self.x,
+            self.sd,
+            self.other_hessian,
+            self.other_descent,
+        )
+
+    def mixture(self, scatter_scale: float) -> tuple[Mixture, FloatArray]:
+        """The posterior about the estimate, and (m,) the scatter of each of its Gaussians; a scale of 0 has no scatter."""
+        scatters = scatter_scale * _SCATTERS if scatter_scale else np.zeros(1)
+        rows = []
+        for scatter in scatters:
+            for spread in _DISCREPANCIES:
+                step, covariance, evidence = self.solve(spread, scatter)
+                prior = _log_prior(spread, DISCREPANCY)
+                if scatter_scale:
+                    prior += _log_prior(scatter, scatter_scale)
+                rows.append((evidence + prior, step, covariance, spread, scatter))
+        log_weight = np.array([row[0] for row in rows])
+        weight = np.exp(log_weight - logsumexp(log_weight))
+        steps, covariances = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
+        mixture = Mixture(weight, steps, covariances, np.array([row[3] for row in rows]))
+        return mixture, np.array([row[4] for row in rows])
+
+
+def _log_prior(value: float, scale: float) -> float:
+    """Of ln s for a scaled inverse χ² of two degrees of freedom, up to a constant."""
+    return float(-DISCREPANCY_DOF * (np.log(value) + scale**2 / (2 * value**2)))

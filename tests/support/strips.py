@@ -1,0 +1,85 @@
+"""Strips and a plate cut from one simulated laminate, whose bodies are not the model that updates them.
+
+The truth is solved on a finer mesh than updating takes, on a full model, with inputs drawn from a careful laboratory's errors
+(dimensions, density, angle, a clamp that yields), every frequency off by the error of a plate theory, and noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fecore.body.laminate import OrthotropicMaterial
+from fecore.body.oriented import OrientedSpecimen
+from fecore.frf import Dof
+from fecore.modes import MeasuredModes
+from fecore.updating.campaigns.layout import Campaign
+from fecore.updating.forward import ForwardModel
+from fecore.updating.inputs import Inputs
+from fecore.updating.parameters import Parameter, parametrise
+
+NOMINAL = OrthotropicMaterial(Ex=40e9, Ey=9e9, Gxy=4.0e9, Gxz=4.0e9, Gyz=3.2e9, nu_xy=0.28, density=1900.0)
+"""A glass fibre laminate, as a handbook has it."""
+
+TRUTH = {"Ex": 36.5e9, "Ey": 10.4e9, "Gxy": 4.6e9, "Gxz": 3.5e9, "Gyz": 2.9e9, "nu_xy": 0.31}
+"""What the simulated panel is made of."""
+
+STRIP = (0.25, 0.03, 0.005)
+PLATE = (0.30, 0.20, 0.005)
+_THEORY, _NOISE = 0.0005, 0.0003  # relative errors of a frequency: of a plate theory, of a measurement
+
+
+def panel(random: np.random.Generator, *, boundary: str = "free", modes: int = 9) -> list[Campaign]:
+    """Strips at 0°, 90° and 45° and a plate of the simulated panel, measured."""
+    cuts = [("strip 0", STRIP, 0.0), ("strip 90", STRIP, 90.0), ("strip 45", STRIP, 45.0), ("plate", PLATE, 0.0)]
+    return [measured(random, name, size, angle, boundary=boundary, modes=modes) for name, size, angle in cuts]
+
+
+def measured(
+    random: np.random.Generator,
+    name: str,
+    size: tuple[float, float, float],
+    angle: float,
+    *,
+    boundary: str = "free",
+    modes: int = 9,
+    truth: dict[str, float] | None = None,
+) -> Campaign:
+    """One campaign: the modes of a body drawn about what the laboratory believes of it."""
+    coarse = (14, 10) if size[1] > 0.1 else (16, 3)
+    turned = float(np.radians(angle))
+    body = OrientedSpecimen(*size, NOMINAL, boundary, divisions=coarse, fibre_angle=turned)  # type: ignore[arg-type]
+    inputs = Inputs()
+    own = {name: inputs.standard_deviation(name, value) for name, value in body.nominal.items() if name in _DRAWN}
+    drawn = {key: body.nominal[key] + sd * random.standard_normal() for key, sd in own.items()}
+    compliance = abs(0.0075 * random.standard_normal()) if boundary == "cantilever" else 0.0
+    fine = replace(
+        body,
+        divisions=(28, 20) if size[1] > 0.1 else (32, 6),
+        clamp_compliance=compliance,
+    )
+    constants = {**fine.nominal, **(truth or TRUTH), **drawn}
+    x = np.linspace(0.02, 0.98, 9) * size[0]
+    places = np.array([(along, across) for along in x for across in np.array([-0.45, 0.0, 0.45]) * size[1]])
+    prior = parametrise(fine, [Parameter(key, prior_mean=value) for key, value in constants.items()])
+    forward = ForwardModel(fine, prior, tuple(range(1, len(places) + 1)), places, modes + 8, reduced=False)
+    state = forward.solve(prior.prior_mean)
+    hz = state.frequency_hz[:modes] * (1 + np.hypot(_THEORY, _NOISE) * random.standard_normal(modes))
+    order = np.argsort(hz)
+    covariance = np.zeros((2 * modes, 2 * modes))
+    covariance[:modes, :modes] = np.diag((_NOISE * hz[order]) ** 2)
+    covariance[modes:, modes:] = np.eye(modes) * 1e-8
+    shapes = state.shapes[:modes][order] + 0j
+    points = {number: (float(u), float(v), 0.0) for number, (u, v) in enumerate(places, start=1)}
+    return Campaign(
+        name=name,
+        specimen=name,
+        body=body,
+        modes=MeasuredModes(hz[order], np.full(modes, 0.01), shapes, tuple(Dof(p, 3) for p in points), covariance),
+        points=points,
+        inputs=inputs,
+    )
+
+
+_DRAWN = ("width", "thickness", "density", "fibre_angle", "length")

@@ -1,0 +1,178 @@
+"""Several campaigns of one material: what they share, what they tell together, and whether they agree."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from examples.one_material import paper_bar
+from fecore.body.oriented import OrientedSpecimen
+from fecore.body.specimen import Specimen
+from fecore.errors import InputError
+from fecore.modes import MeasuredModes
+from fecore.updating.campaigns.fit import Coupon
+from fecore.updating.campaigns.layout import MATERIAL_PARAMETERS, Campaign, lay_out
+from fecore.updating.campaigns.update import CampaignsRecipe, CampaignsResult, update_campaigns
+from fecore.updating.forward import ForwardModel
+from fecore.updating.inputs import Inputs
+from fecore.updating.parameters import Parameter, parametrise
+from tests.support.strips import NOMINAL, STRIP, TRUTH, measured, panel
+
+
+@pytest.fixture(scope="module")
+def campaigns() -> list[Campaign]:
+    return panel(np.random.default_rng(3))
+
+
+@pytest.fixture(scope="module")
+def together(campaigns: list[Campaign]) -> CampaignsResult:
+    return update_campaigns(campaigns)
+
+
+def frequencies(body: Specimen, count: int = 10) -> np.ndarray:
+    prior = parametrise(body, [Parameter("Ex")])
+    forward = ForwardModel(body, prior, (), np.zeros((0, 2)), count, reduced=False)
+    return forward.solve(prior.prior_mean).frequency_hz
+
+
+def test_a_clamp_that_hardly_yields_is_rigid_and_the_angle_is_a_constant() -> None:
+    angle = 0.0
+    plain = Specimen(*STRIP, NOMINAL, divisions=(16, 3), fibre_angle=angle)
+    firm = OrientedSpecimen(*STRIP, NOMINAL, divisions=(16, 3), fibre_angle=angle, clamp_compliance=1e-6)
+    np.testing.assert_allclose(frequencies(firm), frequencies(plain), rtol=1e-4)
+    yielding = replace(firm, clamp_compliance=0.01)
+    # A root spring lowers the first mode of a beam by (1 + 2 EI/kL)^-1 in λ to first order: ω falls by some 2 %.
+    assert frequencies(yielding)[0] / frequencies(plain)[0] == pytest.approx(0.981, abs=0.004)
+    turned = replace(firm, fibre_angle=angle + 0.05)
+    prior = parametrise(firm, [Parameter("fibre_angle")])
+    there = ForwardModel(firm, prior, (), np.zeros((0, 2)), 10, reduced=False).solve(np.array([angle + 0.05]))
+    exact = replace(turned, clamp_compliance=1e-6 * turned.bending_modulus / firm.bending_modulus)
+    np.testing.assert_allclose(there.frequency_hz, frequencies(exact), rtol=1e-7)
+
+
+def test_one_rule_says_what_is_shared(campaigns: list[Campaign]) -> None:
+    held = replace(campaigns[0].body, boundary="cantilever", clamp_compliance=0.005)
+    clamped = replace(campaigns[0], name="clamped", body=held)
+    layout = lay_out([*campaigns[:2], clamped], MATERIAL_PARAMETERS, scatter=True)
+    labels = set(layout.labels)
+    assert set(layout.shared) == {"Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy"}
+    assert {"thickness of specimen strip 0", "fibre_angle of specimen strip 90", "scatter of Ex of strip 0"} <= labels
+    assert {
+        "length of campaign strip 0",
+        "length of campaign clamped",
+        "clamp_compliance of campaign clamped",
+    } <= labels
+    assert "thickness of specimen clamped" not in labels  # the same strip, clamped
+    assert "scatter of nu_xy of strip 0" not in labels
+    # One specimen in two campaigns moves with one thickness.
+    x = np.zeros(len(layout.labels))
+    x[layout.labels.index("thickness of specimen strip 0")] = 0.01
+    ratios = [
+        layout.theta(c, x)[layout.forwards[c].parametrisation.names.index("thickness")] / STRIP[2] for c in range(3)
+    ]
+    assert ratios == pytest.approx([np.exp(0.01), 1.0, np.exp(0.01)])
+
+
+def test_strips_and_a_plate_tell_what_none_tells_alone(together: CampaignsResult) -> None:
+    found = {p.name: p for p in together.parameters}
+    for name in ("Ey", "Gxy", "nu_xy", "Gxz"):
+        assert found[name].prior_sd is not None
+        assert found[name].standard_deviation / found[name].prior_sd < 0.3, name
+        assert found[name].identifiable, name
+    held = [p.interval_95[0] <= TRUTH[name] <= p.interval_95[1] for name, p in found.items()]
+    assert sum(held) >= 5
+    alone = {part.name: part.alone for part in together.campaigns}
+    assert alone["strip 0"]["Ey"]["standard_deviation"] > 0.9 * found["Ey"].prior_sd  # type: ignore[operator]
+    assert together.odd_one_out is None
+    assert not any(part.contradicts for part in together.campaigns)
+    assert together.verdict.level == "usable"
+    for parameter in together.parameters:
+        assert sum(entry.share for entry in parameter.budget) == pytest.approx(1.0, abs=0.05)
+
+
+def test_the_papers_bar_has_one_modulus_in_both_tests() -> None:
+    """t = 10.12 mm: alone the cantilever gives 31.0, the bar hung freely 32.3; with a root that yields they agree."""
+    bar = paper_bar()
+    result = update_campaigns(bar, CampaignsRecipe(MATERIAL_PARAMETERS[:5], scatter=0))
+    (modulus,) = [p for p in result.parameters if p.name == "Ex"]
+    assert modulus.estimate == pytest.approx(32.46e9, rel=0.005)
+    assert all(abs(part.alone["Ex"]["z"]) <= 2 for part in result.campaigns)
+    assert not any(part.contradicts for part in result.campaigns)
+    (root,) = [p for p in result.campaigns[0].own if p.name == "clamp_compliance"]
+    assert root.interval_95[0] < 0.0117 < root.interval_95[1]
+    assert root.identifiable
+    assert root.estimate == pytest.approx(0.0117, rel=0.1)
+
+
+def test_the_odd_one_out_is_named_with_a_number(campaigns: list[Campaign]) -> None:
+    other = {**TRUTH, "Ex": 0.75 * TRUTH["Ex"], "Ey": 1.3 * TRUTH["Ey"], "Gxy": 1.3 * TRUTH["Gxy"]}
+    stranger = measured(np.random.default_rng(8), "strip 45", STRIP, 45.0, truth=other)
+    result = update_campaigns([*campaigns[:2], stranger, campaigns[3]])
+    assert result.odd_one_out == "strip 45"
+    (part,) = [part for part in result.campaigns if part.name == "strip 45"]
+    assert part.contradicts
+    assert part.predictive_p is not None
+    assert part.predictive_p < 1e-3
+    assert result.verdict.level == "do_not_use"
+    assert "strip 45 is the odd one out" in result.verdict.reasons[0]
+
+
+def test_scatter_widens_and_coupons_narrow(campaigns: list[Campaign], together: CampaignsResult) -> None:
+    one_material = update_campaigns(campaigns[:3], CampaignsRecipe(scatter=0))
+    scattering = update_campaigns(campaigns[:3], CampaignsRecipe(scatter=0.05))
+    weighed = update_campaigns(
+        campaigns[:3], CampaignsRecipe(scatter=0), [Coupon("Ex", TRUTH["Ex"], 0.005 * TRUTH["Ex"])]
+    )
+    firm, loose, known = ({p.name: p for p in r.parameters}["Ex"] for r in (one_material, scattering, weighed))
+    assert one_material.scatter is None
+    assert scattering.scatter is not None
+    assert together.scatter is not None
+    assert loose.standard_deviation > 1.2 * firm.standard_deviation
+    assert known.standard_deviation < 0.7 * firm.standard_deviation
+    assert known.budget[0].source == "coupons"
+    assert any(entry.source == "scatter between specimens" for entry in loose.budget)
+
+
+BODY = OrientedSpecimen(*STRIP, NOMINAL, "free", divisions=(16, 3))
+MODES = MeasuredModes(np.array([400.0, 1100.0]), np.full(2, np.nan))
+
+
+@pytest.mark.parametrize(
+    ("campaigns", "recipe", "coupons", "field"),
+    [
+        ([], CampaignsRecipe(), [], "campaigns"),
+        ([Campaign("a", "s", BODY, MODES)] * 2, CampaignsRecipe(), [], "same name"),
+        (
+            [Campaign("a", "s", BODY, MODES)],
+            CampaignsRecipe((Parameter("density"),)),
+            [],
+            "expected one of the material",
+        ),
+        ([Campaign("a", "s", BODY, MODES)], CampaignsRecipe(scatter=-1), [], "scatter"),
+        (
+            [Campaign("a", "s", BODY, MODES)],
+            CampaignsRecipe((Parameter("Ex"),)),
+            [Coupon("Ey", 1e9, 1e8)],
+            "Ey is not updated",
+        ),
+    ],
+)
+def test_what_contradicts_itself_is_refused(
+    campaigns: list[Campaign], recipe: CampaignsRecipe, coupons: list[Coupon], field: str
+) -> None:
+    with pytest.raises(InputError, match=field):
+        update_campaigns(campaigns, recipe, coupons)
+
+
+def test_oriented_bodies_take_no_other_springs() -> None:
+    with pytest.raises(InputError, match="belongs to a clamp"):
+        OrientedSpecimen(*STRIP, NOMINAL, "free", clamp_compliance=0.01)
+    with pytest.raises(InputError, match="clamp_compliance"):
+        OrientedSpecimen(*STRIP, NOMINAL, clamp_compliance=-1.0)
+
+
+def test_inputs_known_exactly_are_no_unknowns() -> None:
+    layout = lay_out([Campaign("a", "s", BODY, MODES, inputs=Inputs.exact())], MATERIAL_PARAMETERS, scatter=False)
+    assert layout.labels == layout.shared
