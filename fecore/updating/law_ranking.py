@@ -28,8 +28,8 @@ STRONG_EVIDENCE = 10.0
 _NEGATIVE = (
     3.0  # standard deviations below zero that refute a mechanism's coefficient: a material cannot feed energy in
 )
-_LEAST_SHARE = 0.05  # of its strain energy that some mode must have in a mechanism for the modes to tell its damping
-_APART = 0.02  # smallest singular value, of columns of unit length, of mechanisms that the modes tell apart
+_LEAST_SHARE = 0.05  # of its strain energy that some mode must have in a mechanism for the modes to show its damping
+_APART = 0.02  # smallest singular value, of columns of unit length, of mechanisms that the modes distinguish
 _MISSED = 3.0  # standard deviations by which a law must miss a mode for the mode to be named
 
 
@@ -42,7 +42,7 @@ class RankedLaw:
         coefficients: (p,) nearest to the modal damping ratios.
         covariance: (p, p) of the coefficients, the law's discrepancy included; noise_covariance: without it.
         bic: Bayesian information criterion; infinite where the law would damp a mode negatively, and where the modes cannot
-            tell a law's mechanisms apart or make one of them feed energy in.
+            distinguish a law's mechanisms or make one of them feed energy in.
         chi_squared: misfit of the ratios.
         missed: (n,) relative miss of each ratio.
         named: number and relative miss of each mode that it misses by more than three standard deviations.
@@ -126,7 +126,7 @@ def _ranked(law: DampingLaw, ratios: MeasuredRatios, rows: list[int]) -> RankedL
 def _is_refuted(
     law: DampingLaw, coefficients: FloatArray, covariance: FloatArray, ratios: MeasuredRatios, basis: FloatArray
 ) -> bool:
-    """Whether a law by mechanism cannot be: a coefficient is negative beyond doubt, or the modes do not tell them apart.
+    """Whether a law by mechanism cannot be: a coefficient is negative beyond doubt, or the modes do not distinguish them.
 
     A series in frequency may have negative coefficients, as only its sum is a rate; a mechanism's coefficient is one by itself.
     """

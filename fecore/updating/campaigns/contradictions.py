@@ -82,8 +82,8 @@ def _agreement(fitted: Fitted, number: int, scatter_scale: float) -> Agreement:
     _, together, _ = problem.solve(fitted.spread, fitted.scatter)
     variance, joint = np.diag(covariance)[:q], np.diag(together)[:q]
     apart = np.sqrt(np.maximum(variance - joint, 1e-12 * variance))
-    told = joint < 0.999 * variance
-    return Agreement(p, fitted.x[:q] + step[:q], np.sqrt(variance), np.where(told, step[:q] / apart, 0.0))
+    informed = joint < 0.999 * variance
+    return Agreement(p, fitted.x[:q] + step[:q], np.sqrt(variance), np.where(informed, step[:q] / apart, 0.0))
 
 
 def _rows_of(fitted: Fitted, numbers: Sequence[int]) -> BoolArray:

@@ -165,7 +165,7 @@ def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], *, s
     if not names:
         raise InputError("campaigns", "is empty, expected at least one")
     if len(set(names)) < len(names):
-        raise InputError("campaigns", "two have the same name; a name tells them apart in the result")
+        raise InputError("campaigns", "two have the same name; the result needs names that differ")
     for index, parameter in enumerate(parameters):
         if parameter.name not in MATERIAL:
             raise InputError(
@@ -204,7 +204,7 @@ def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], *, s
 
 
 def _key(name: str, campaign: Campaign, shared: tuple[str, ...]) -> tuple[str, str | None]:
-    """What tells an unknown from others: its name, and to whom it belongs."""
+    """The key of an unknown: its name, and to whom it belongs."""
     if name in shared:
         return name, None
     return name, campaign.name if name in CAMPAIGNS_OWN else f"specimen {campaign.specimen}"

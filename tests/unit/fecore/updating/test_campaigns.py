@@ -1,4 +1,4 @@
-"""Several campaigns of one material: what they share, what they tell together, and whether they agree."""
+"""Several campaigns of one material: what they share, what they show together, and whether they agree."""
 
 from __future__ import annotations
 
