@@ -33,6 +33,8 @@ bench: $(READY)
 # Long runs that print counts; the tests have each in a short form.
 soak: $(READY)
 	$(BIN)/python -m benchmarks.access_matrix long
+	$(BIN)/python -m benchmarks.soak_fuzz
+	$(BIN)/python -m benchmarks.soak_load
 	$(BIN)/python -m benchmarks.soak_kills
 
 # What the service needs; and what the tests and checks need beside it.

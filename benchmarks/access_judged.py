@@ -10,6 +10,7 @@ from service.demo import paper
 JUDGED = """
 public  -       GET /healthz, GET /readyz
 read    anyone  GET /projects, GET /api-keys, GET /audit-events, GET /update-jobs, GET /monitors, GET /alarms, GET /webhooks
+read    anyone  POST /session, DELETE /session
 write   anyone  POST /projects
 jobs    anyone  POST /update-jobs
 admin   anyone  POST /api-keys, DELETE /api-keys/{key_id}

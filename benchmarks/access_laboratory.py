@@ -30,7 +30,12 @@ NETWORKS = "198.51.100.0/24"  # so the service must be allowed to send there
 
 def frfs(first: int = 1) -> dict[str, Any]:
     """A body of one FRF of three lines."""
-    one = {"response_point": first, "response_direction": 3, "reference_point": 1, "reference_direction": 3}
+    one: dict[str, Any] = {
+        "response_point": first,
+        "response_direction": 3,
+        "reference_point": 1,
+        "reference_direction": 3,
+    }
     one |= {"real": [1.0, 2.0, 3.0], "imag": [0.0, 0.5, 1.0]}
     return {"quantity": "accelerance", "frequency_hz": [1.0, 2.0, 3.0], "frfs": [one]}
 
@@ -117,4 +122,5 @@ def _alarm(sessions: Sessions, monitor: str, campaign: str, mark: str) -> UUID:
     row = {"monitor_id": UUID(monitor), "campaign_id": UUID(campaign), "series": 1, "state": "alarm"}
     row |= {"parameter": "Ex", "details": {"performed_at": "2026-03-02T09:30:00+00:00", "value": 3e10, "note": mark}}
     with sessions.begin() as session:
-        return session.execute(insert(table).values(row).returning(table.c.id)).scalar_one()
+        made: UUID = session.execute(insert(table).values(row).returning(table.c.id)).scalar_one()
+        return made

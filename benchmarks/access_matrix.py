@@ -3,7 +3,7 @@ of caller, with ids of the caller's own project, of a foreign one and of none, a
 
 What an operation asks for is judged here by hand, so that a new route fails until somebody has judged it. Three things
 are held against each answer: the status that role, scope and id call for; that a foreign thing and one that does not
-exist cannot be shown apart; and that nothing of the foreign project stands in it.
+exist are answered alike; and that nothing of the foreign project stands in it.
 """
 
 from __future__ import annotations
@@ -249,7 +249,9 @@ class _Round:
         self, name: str, caller: Caller, one: tuple[int, str], other: tuple[int, str], ids: Things, others: Things
     ) -> None:
         if (one[0], _anonymous(one[1], ids)) != (other[0], _anonymous(other[1], others)):
-            self._leak(name, caller, "foreign", other, f"can be shown from an id that is none: {one[0]} {one[1][:200]}")
+            self._leak(
+                name, caller, "foreign", other, f"is answered unlike an id that is none: {one[0]} {one[1][:200]}"
+            )
 
     def _leak(self, name: str, caller: Caller, what: str, answer: tuple[int, str], why: str) -> None:
         self.matrix.leaks.append(f"{name}, {caller.name}, {what} id: {why}; it is {answer[0]} {answer[1][:300]}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 from uuid import UUID
 
 from fastapi import Header, Query, Request, Response
@@ -33,8 +33,10 @@ BODY = {
     },
 }
 
+FILES: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
 
-@router.get("/campaigns/{campaign_id}/grid-points", response_model=GridPoints)
+
+@router.get("/campaigns/{campaign_id}/grid-points", response_model=GridPoints, responses=FILES)
 def get_grid_points(
     campaign_id: UUID,
     session: SessionDep,

@@ -131,7 +131,11 @@ def restore_monitor(monitor_id: UUID, session: SessionDep, user: CurrentUser, re
     return _shown(session, monitor, response)
 
 
-@router.post("/monitors/{monitor_id}/runs", status_code=202)
+@router.post(
+    "/monitors/{monitor_id}/runs",
+    status_code=202,
+    responses={200: {"model": Page[RunOut], "description": "No campaign is left to run"}},
+)
 def start_runs(
     monitor_id: UUID, body: RunsIn, session: SessionDep, user: CurrentUser, response: Response
 ) -> Page[RunOut]:
