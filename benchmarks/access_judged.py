@@ -43,7 +43,9 @@ read    viewer  GET /campaigns/{campaign_id}/processings, GET /processings/{proc
 read    viewer  GET /campaigns/{campaign_id}/identifications, GET /identifications/{identification_id}
 read    viewer  GET /update-jobs/{job_id}, GET /update-jobs/{job_id}/events, GET /update-jobs/{job_id}/result
 read    viewer  GET /update-jobs/{job_id}/frfs/data, GET /update-jobs/{job_id}/figures
-read    viewer  GET /update-jobs/{job_id}/figures/{name}
+read    viewer  GET /update-jobs/{job_id}/figures/{name}, GET /projects/{project_id}/joint-updates
+jobs    editor  POST /joint-updates/{joint_id}/cancel
+read    viewer  GET /joint-updates/{joint_id}, GET /joint-updates/{joint_id}/events, GET /joint-updates/{joint_id}/result
 
 write   editor  POST /structures/{structure_id}/coupon-batches, POST /coupon-batches/{batch_id}/coupons
 write   editor  PATCH /coupons/{coupon_id}

@@ -82,6 +82,8 @@ def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> Things:
     project = made("projects", {"name": mark, "description": mark})["id"]
     structure = made(f"projects/{project}/structures", {**paper.STRUCTURE, "name": mark})["id"]
     campaign = made(f"structures/{structure}/campaigns", {**paper.CAMPAIGN, "name": mark, "notes": mark})["id"]
+    second = made(f"structures/{structure}/campaigns", {**paper.CAMPAIGN, "name": f"{mark} again", "notes": mark})["id"]
+    both = [{"campaign_id": campaign}, {"campaign_id": second}]
     points = [{"label": n, "x_m": 0.1 * n, "y_m": 0, "z_m": 0} for n in (1, 2)]
     client.put(f"campaigns/{campaign}/grid-points", json={"items": points}).raise_for_status()
     batch = made(f"structures/{structure}/coupon-batches", {"name": mark, "constants": ["Ex"]})["id"]
@@ -104,6 +106,7 @@ def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> Things:
         "processing_id": made(f"campaigns/{campaign}/processings", {})["id"],
         "identification_id": made(f"campaigns/{campaign}/identifications", {})["id"],
         "job_id": made(f"campaigns/{campaign}/update-jobs", {})["id"],
+        "joint_id": made("update-jobs", {"joint": True, "jobs": both})["joint"]["id"],
         "batch_id": batch,
         "coupon_id": coupons["items"][0]["id"],
         "monitor_id": monitor,

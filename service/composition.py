@@ -35,6 +35,8 @@ from service.records.routes import router as records
 from service.structures.operations import structure_for
 from service.structures.routes import router as structures
 from service.updating.figure_routes import router as figures
+from service.updating.joint_operations import JOINT_UPDATE
+from service.updating.joint_routes import router as joint_updates
 from service.updating.operations import UPDATE
 from service.updating.prediction_routes import router as predictions
 from service.updating.routes import router as updating
@@ -53,6 +55,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     identifications,
     coupons,
     updating,
+    joint_updates,
     predictions,
     figures,
     monitoring,
@@ -60,7 +63,7 @@ ROUTERS: tuple[APIRouter, ...] = (
 )
 """Everything under `/api/v1`, in the order of the documentation page."""
 
-KINDS: tuple[JobKind, ...] = (IMPORT, PROCESS, IDENTIFY, UPDATE, JUDGE)
+KINDS: tuple[JobKind, ...] = (IMPORT, PROCESS, IDENTIFY, UPDATE, JOINT_UPDATE, JUDGE)
 """Every kind of job that a worker can run."""
 
 FINDERS: dict[str, Finder] = {

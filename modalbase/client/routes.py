@@ -300,7 +300,7 @@ ROUTES: dict[str, Route] = {
     ),
     "list_update_jobs": Route(
         "GET", "update-jobs", ("project", "structure", "campaign", "status", "cursor", "limit"),
-        "Update jobs that you may see, newest first.",
+        "Update jobs that you may see, newest first; those of deleted structures are left out.",
     ),
     "start_updates": Route(
         "POST", "update-jobs", ("priority",),
@@ -325,6 +325,26 @@ ROUTES: dict[str, Route] = {
     "get_result": Route(
         "GET", "update-jobs/{job_id}/result", (),
         "Updated parameters, modes, correlation, convergence, warnings and where all of it came from.",
+    ),
+    "list_joint_updates": Route(
+        "GET", "projects/{project_id}/joint-updates", ("cursor", "limit"),
+        "Joint updates of a project, newest first.",
+    ),
+    "get_joint_update": Route(
+        "GET", "joint-updates/{joint_id}", (),
+        "How far a joint update is, or what became of it.",
+    ),
+    "cancel_joint_update": Route(
+        "POST", "joint-updates/{joint_id}/cancel", (),
+        "Ask for a joint update's end; one that has ended already stays as it is.",
+    ),
+    "watch_joint_update": Route(
+        "GET", "joint-updates/{joint_id}/events", (),
+        "The job's state now and whenever it changes, as server-sent events of the type `job`; ends when the job has.",
+    ),
+    "get_joint_result": Route(
+        "GET", "joint-updates/{joint_id}/result", (),
+        "The material's constants from all campaigns, each campaign's part, and whether they agree.",
     ),
     "get_predicted_frfs": Route(
         "GET", "update-jobs/{job_id}/frfs/data", ("model", "point", "direction", "reference", "fmin", "fmax", "stride", "format"),

@@ -12,10 +12,11 @@ from fecore.errors import FecoreError, InputError
 from service.access import User
 from service.errors import Fault, Invalid, NotFound, ServiceError
 from service.jobs import one_at_a_time
+from service.updating.joint_schemas import JointUpdateOut
 from service.updating.operations import start_update
 from service.updating.schemas import RecipeIn, UpdateJobOut
 from service.updating.tables import UpdateJob
-from service.web import StrictModel
+from service.web import Name, StrictModel
 from service.web.json_body import pointer
 
 SEPARATOR = "\x1f"  # cannot stand in a header, so a batch's keys never meet those of single jobs
@@ -26,19 +27,44 @@ class BatchJobIn(StrictModel):
 
     campaign_id: UUID
     recipe: RecipeIn | None = Field(None, description="default: the batch's recipe")
+    specimen: Name | None = Field(
+        None, description="of a joint update: campaigns of one specimen share its dimensions; default: the structure"
+    )
+    angle_deg: float | None = Field(
+        None,
+        ge=-360,
+        le=360,
+        description="of a joint update: of the material's x axis from the specimen's; default: that of a laminate whose plies "
+        "lie alike, else 0",
+    )
 
 
 class UpdateBatchIn(StrictModel):
-    """Updates to queue together."""
+    """Updates to queue together, or one joint update of campaigns of one material."""
 
     recipe: RecipeIn | None = Field(None, description="of the jobs that have none of their own; default: {}")
     jobs: list[BatchJobIn] = Field(min_length=1, max_length=1000)
+    joint: bool = Field(
+        False,
+        description="one posterior of the material from all campaigns: its constants are shared; geometry, density and angle "
+        "are each specimen's own, the length and the clamp each campaign's",
+    )
+    scatter: float | None = Field(
+        None,
+        ge=0,
+        le=1,
+        description="of a joint update: scale of the moduli's scatter between specimens; default 0.02; 0: none",
+    )
+    coupon_batches: list[UUID] = Field(
+        default_factory=list, max_length=20, description="of a joint update: coupons of the same material, as data"
+    )
 
 
 class UpdateBatchOut(StrictModel):
-    """The jobs of a batch, in its order."""
+    """The jobs of a batch, in its order; or the joint update, and no items."""
 
     items: list[UpdateJobOut]
+    joint: JointUpdateOut | None = None
 
 
 def start_batch(
@@ -49,6 +75,7 @@ def start_batch(
     Raises:
         Invalid: some of them cannot be; each fault with its pointer into the batch. Or the key came with another body.
     """
+    _refuse_what_is_joint(batch)
     common = batch.recipe or RecipeIn.model_validate({})
     wanted = [(job.campaign_id, job.recipe or common) for job in batch.jobs]
     if idempotency_key is not None:
@@ -69,6 +96,23 @@ def start_batch(
     if faults:
         raise Invalid(faults)
     return rows
+
+
+def _refuse_what_is_joint(batch: UpdateBatchIn) -> None:
+    """Members that only a joint update knows are not left out in silence."""
+    faults = [
+        Fault(f"/jobs/{n}/{name}", "belongs to a joint update; state `joint` too")
+        for n, job in enumerate(batch.jobs)
+        for name in ("specimen", "angle_deg")
+        if getattr(job, name) is not None
+    ]
+    faults += [
+        Fault(f"/{name}", "belongs to a joint update; state `joint` too")
+        for name in ("scatter", "coupon_batches")
+        if getattr(batch, name) not in (None, [])
+    ]
+    if faults:
+        raise Invalid(faults)
 
 
 def _prefix(user: User, key: str) -> str:

@@ -15,6 +15,7 @@ from service.jobs.events import STREAM, Events
 from service.structures.operations import structure_for, structures_in
 from service.updating import operations
 from service.updating.batches import UpdateBatchIn, UpdateBatchOut, start_batch
+from service.updating.joint_operations import describe_joint, start_joint
 from service.updating.schemas import RecipeIn, UpdateJobOut
 from service.updating.tables import UpdateJob
 from service.web import Cursor, Limit, Page, Text, api_router, paged
@@ -52,10 +53,18 @@ def start_updates(
     batch: UpdateBatchIn,
     session: SessionDep,
     user: CurrentUser,
+    response: Response,
     idempotency_key: IdempotencyKey = None,
     priority: Priority = 0,
 ) -> UpdateBatchOut:
-    """Queue updates of many campaigns: all of them, or with any fault none."""
+    """Queue updates of many campaigns: all of them, or with any fault none.
+
+    With `joint` they are one update: one material from all campaigns, at `/joint-updates/{id}`, which `Location` names.
+    """
+    if batch.joint:
+        row = start_joint(session, user, batch, idempotency_key, priority)
+        response.headers["Location"] = f"/api/v1/joint-updates/{row.id}"
+        return UpdateBatchOut(items=[], joint=describe_joint(session, row))
     rows = start_batch(session, user, batch, idempotency_key, priority)
     return UpdateBatchOut(items=operations.describe_all(session, rows))
 

@@ -29,6 +29,20 @@ class UpdateJob(Base):
     idempotency_key: Mapped[str | None]
 
 
+class JointUpdate(Base):
+    """One update of a material from several campaigns, and its result when it has one; its key is its job's."""
+
+    __tablename__ = "joint_updates"
+    __table_args__ = (Index(None, "project_id", "idempotency_key", unique=True),)
+
+    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
+    project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
+    request: Mapped[dict[str, Any]]
+    campaigns: Mapped[list[Any]]
+    idempotency_key: Mapped[str | None]
+    document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+
+
 class UpdateResult(Base):
     """The result of a job, as the contract shows it, and its predicted FRFs as npz."""
 

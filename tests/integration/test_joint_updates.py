@@ -1,0 +1,137 @@
+"""Joint updates over HTTP: strips of one panel at three angles in one job; the source paper's bar in two tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+from uuid import uuid4
+
+import httpx
+import numpy as np
+import pytest
+
+from examples.joint_update import paper_bar_over_rest
+from fecore.updating.campaigns.layout import Campaign
+from tests.support.rest import finished, ok
+from tests.support.strips import NOMINAL, STRIP, TRUTH, measured
+
+PLY = {
+    "E1_Pa": NOMINAL.Ex,
+    "E2_Pa": NOMINAL.Ey,
+    "G12_Pa": NOMINAL.Gxy,
+    "G13_Pa": NOMINAL.Gxz,
+    "G23_Pa": NOMINAL.Gyz,
+    "nu_12": NOMINAL.nu_xy,
+}
+
+
+def stored(api: httpx.Client, project: str, test: Campaign) -> dict[str, Any]:
+    """A structure, a campaign with its grid points and modes; the job of a joint update for it."""
+    body, modes = test.body, test.modes
+    angle = float(np.degrees(body.fibre_angle))
+    structure = ok(
+        api.post(
+            f"projects/{project}/structures",
+            json={
+                "name": test.specimen,
+                "geometry": {"length_m": body.length, "width_m": body.width, "thickness_m": body.thickness},
+                "density_kg_m3": NOMINAL.density,
+                "laminate": {"plies": [{**PLY, "thickness_m": body.thickness, "angle_deg": angle}]},
+            },
+        ),
+        201,
+    )["id"]
+    campaign = ok(api.post(f"structures/{structure}/campaigns", json={"name": "tour", "boundary": body.boundary}), 201)[
+        "id"
+    ]
+    points = [{"label": label, "x_m": x, "y_m": y, "z_m": z} for label, (x, y, z) in test.points.items()]
+    ok(api.put(f"campaigns/{campaign}/grid-points", json={"items": points}))
+    assert modes.shapes is not None
+    rows = [
+        {
+            "frequency_hz": float(hz),
+            "frequency_sd_hz": 3e-4 * float(hz),
+            "damping_ratio": 0.01,
+            "damping_sd": 1e-4,
+            "shape": [
+                {"point": dof.point, "direction": dof.direction, "real": float(value.real), "imag": 0.0}
+                for dof, value in zip(modes.dofs, shape, strict=True)
+            ],
+        }
+        for hz, shape in zip(modes.frequency_hz, modes.shapes, strict=True)
+    ]
+    mode_set = ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "measured", "modes": rows}), 201)["id"]
+    return {"campaign_id": campaign, "recipe": {"mode_set": mode_set}}
+
+
+@pytest.fixture
+def jobs(api: httpx.Client, project: str) -> list[dict[str, Any]]:
+    random = np.random.default_rng(3)
+    cuts = [("strip 0", 0.0), ("strip 90", 90.0), ("strip 45", 45.0)]
+    return [stored(api, project, measured(random, name, STRIP, angle)) for name, angle in cuts]
+
+
+def test_strips_at_three_angles_are_one_material(
+    api: httpx.Client, jobs: list[dict[str, Any]], project: str, new_client: Callable[[], httpx.Client]
+) -> None:
+    body = {"joint": True, "jobs": jobs}
+    key = {"Idempotency-Key": str(uuid4())}
+    begun = api.post("update-jobs", json=body, headers=key)
+    answer = ok(begun, 202)
+    assert answer["items"] == []
+    again = ok(api.post("update-jobs", json=body, headers=key), 202)
+    assert again["joint"]["id"] == answer["joint"]["id"]
+    other = api.post("update-jobs", json={**body, "scatter": 0}, headers=key)
+    assert ok(other, 422)["errors"][0]["pointer"] == "Idempotency-Key"
+    location = begun.headers["Location"]
+    assert finished(api, location)["status"] == "succeeded"
+    result = ok(api.get(api.base_url.join(f"{location}/result")), 200)
+    found = {row["name"]: row for row in result["parameters"]}
+    for name in ("Ey", "Gxy", "Gxz"):
+        assert found[name]["standard_deviation"] < 0.3 * found[name]["prior_sd"], name
+    held = [row["interval_95"][0] <= TRUTH[name] <= row["interval_95"][1] for name, row in found.items()]
+    assert sum(held) >= 5
+    assert result["odd_one_out"] is None
+    assert [part["campaign_id"] for part in result["campaigns"]] == [job["campaign_id"] for job in jobs]
+    assert [part["angle_deg"] for part in result["campaigns"]] == [0, 90, 45]
+    assert all(part["predictive_p"] > 0.0025 for part in result["campaigns"])
+    assert {own["name"] for own in result["campaigns"][2]["own"]} >= {"length", "thickness", "fibre_angle"}
+    # It is listed for who may see the project, and for nobody else.
+    listed = ok(api.get(f"projects/{project}/joint-updates"), 200)["items"]
+    assert [row["id"] for row in listed] == [answer["joint"]["id"]]
+    ok(new_client().get(api.base_url.join(location)), 404)
+
+
+def test_the_example_finds_one_modulus_and_the_clamp(api: httpx.Client) -> None:
+    result = paper_bar_over_rest(api)
+    (modulus,) = [row for row in result["parameters"] if row["name"] == "Ex"]
+    assert modulus["estimate"] == pytest.approx(32.46e9, rel=0.01)
+    assert all(abs(part["alone"]["Ex"]["z"]) <= 2 for part in result["campaigns"])
+    (root,) = [own for own in result["campaigns"][0]["own"] if own["name"] == "clamp_compliance"]
+    assert root["interval_95"][0] < 0.0117 < root["interval_95"][1]
+
+
+def test_what_cannot_be_taken_together_is_refused_with_its_place(
+    api: httpx.Client, campaign: str, new_campaign: Callable[..., str]
+) -> None:
+    def pointers(body: dict[str, Any]) -> set[str]:
+        return {error["pointer"] for error in ok(api.post("update-jobs", json=body), 422)["errors"]}
+
+    one, two = {"campaign_id": campaign}, {"campaign_id": new_campaign(name="second")}
+    assert pointers({"joint": True, "jobs": [one]}) == {"/jobs"}
+    assert pointers({"joint": True, "jobs": [one, one]}) == {"/jobs"}
+    assert pointers({"joint": True, "jobs": [one, {"campaign_id": str(uuid4())}]}) == {"/jobs/1/campaign_id"}
+    assert pointers({"joint": True, "jobs": [one, two], "coupon_batches": [str(uuid4())]}) == {"/coupon_batches/0"}
+    density = {"parameters": [{"name": "density"}]}
+    assert pointers({"joint": True, "jobs": [one, two], "recipe": density}) == {"/recipe/parameters/0/name"}
+    assert pointers({"joint": True, "jobs": [one, two | {"recipe": {"posterior": "mcmc"}}]}) == {
+        "/jobs/1/recipe/posterior"
+    }
+    assert pointers({"jobs": [one | {"angle_deg": 45}], "scatter": 0.0}) == {"/jobs/0/angle_deg", "/scatter"}
+    # Neither has FRFs: the job says whose are missing.
+    begun = api.post("update-jobs", json={"joint": True, "jobs": [one, two]})
+    ok(begun, 202)
+    ended = finished(api, begun.headers["Location"])
+    assert ended["status"] == "failed"
+    assert "has no FRFs" in str(ended["error"])
+    ok(api.get(api.base_url.join(begun.headers["Location"] + "/result")), 409)
