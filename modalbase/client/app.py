@@ -10,12 +10,20 @@ import typer
 
 from modalbase.client.coupons import coupons
 from modalbase.client.exporting import export
-from modalbase.client.measuring import campaigns, frfs, import_files, structures
-from modalbase.client.updating import result, update
+from modalbase.client.inventory import campaigns, projects, structures
+from modalbase.client.login import login
+from modalbase.client.measuring import frfs, import_files
+from modalbase.client.modes import modes
+from modalbase.client.updating import figure, result, update
+from modalbase.client.watching import alarms, jobs, monitors
+
+COMMANDS = (
+    login, projects, structures, campaigns, frfs, modes, coupons, update, jobs, result, figure, export, monitors, alarms,
+)  # fmt: skip
 
 
 def add_commands(app: typer.Typer) -> None:
     """Add the client's commands to an application."""
     app.command("import")(import_files)
-    for command in (structures, campaigns, frfs, coupons, update, result, export):
+    for command in COMMANDS:
         app.command()(command)

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.options import HERE, AsJson, Url, an_id, json_file
+from modalbase.client.options import NAMED, AsJson, Url, json_file, names_of, service_at
+
+if TYPE_CHECKING:
+    from modalbase.client.connection import Connection
 
 
 def coupons(
-    batch: Annotated[str, typer.Argument(help="Id of the coupon batch")],
+    batch: Annotated[str, typer.Argument(help=f"Coupon batch: {NAMED}", autocompletion=names_of("BATCH"))],
     files: Annotated[
         list[Path] | None, typer.Argument(help="Raw curves to add, one a specimen", exists=True, dir_okay=False)
     ] = None,
@@ -22,11 +25,12 @@ def coupons(
         typer.Option(help="JSON of what the curves have in common (dimensions, columns, standard); "
                      "`specimens` in it may say more by name", exists=True, dir_okay=False),
     ] = None,
+    new: Annotated[str | None, typer.Option(help="Make the batch first, of this structure")] = None,
+    constants: Annotated[str, typer.Option(help="With --new: which constants it measures")] = "Ex",
     as_json: AsJson = False,
-    url: Url = HERE,
+    url: Url = None,
 ) -> None:  # fmt: skip
     """Show a batch with its statistics; add specimens from testing machines' files, each named as its file."""
-    from modalbase.client.connection import Connection
     from modalbase.client.display import print_json, print_table
 
     if files and about is None:
@@ -35,8 +39,8 @@ def coupons(
     specimens = known.pop("specimens", {})
     if not (isinstance(specimens, dict) and all(isinstance(more, dict) for more in specimens.values())):
         raise ClientError(f'{about}: specimens is no object such as {{"A3": {{"excluded": true}}}}', Exit.USAGE)
-    path = f"coupon-batches/{an_id(batch)}"
-    with Connection(url) as service:
+    with service_at(url) as service:
+        path = f"coupon-batches/{_batch(service, batch, new, constants)}"
         for file in files or []:
             coupon = {"specimen": file.stem, **known, **specimens.get(file.stem, {})}
             try:
@@ -54,3 +58,13 @@ def coupons(
     print_table("\nconstants", ("constant", *measures), rows)
     for warning in summary["warnings"]:
         typer.echo(warning, err=True)
+
+
+def _batch(service: Connection, batch: str, structure: str | None, constants: str) -> str:
+    """The id of the batch, which is made where a structure is stated."""
+    from modalbase.client.finding import BATCH, STRUCTURE, find_id
+
+    if structure is None:
+        return find_id(service, BATCH, batch)
+    path = f"structures/{find_id(service, STRUCTURE, structure)}/coupon-batches"
+    return str(service.post(path, {"name": batch, "constants": constants.split(",")})["id"])

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.options import HERE, AsJson, Url, an_id
+from modalbase.client.options import AsJson, Url, service_at
+
+if TYPE_CHECKING:
+    from modalbase.client.connection import Connection
 
 
 class What(StrEnum):
@@ -51,8 +54,23 @@ def format_of(file: Path) -> str:
     return found
 
 
+def _id(service: Connection, what: What, text: str) -> str:
+    """The id of what a text names."""
+    from modalbase.client.finding import CAMPAIGN, MODE_SET, find_id, find_job, uuid_of
+
+    if what is What.predicted:
+        return find_job(service, text)
+    if what is What.original:
+        if (id_ := uuid_of(text)) is None:
+            raise ClientError(f"{text!r} is no id of an import; `modalbase import` prints them", Exit.USAGE)
+        return id_
+    return find_id(service, MODE_SET if what is What.modes else CAMPAIGN, text)
+
+
 def export(
-    id_: Annotated[str, typer.Argument(metavar="ID", help="Id of the campaign, mode set, update job or import")],
+    id_: Annotated[
+        str, typer.Argument(metavar="ID", help="Campaign, mode set, update job or import: id, name or latest")
+    ],
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write; - is standard output")],
     what: Annotated[What, typer.Option(help="What to fetch")] = What.frfs,
     file_format: Annotated[
@@ -65,10 +83,9 @@ def export(
     fmax: Annotated[float | None, typer.Option(help="Hz")] = None,
     stride: Annotated[int | None, typer.Option(help="Every how many-th line")] = None,
     as_json: AsJson = False,
-    url: Url = HERE,
+    url: Url = None,
 ) -> None:
     """Fetch FRFs, grid points, modes, predictions or an original file."""
-    from modalbase.client.connection import Connection
     from modalbase.client.display import print_json, transfer
 
     target = None if str(out) == "-" else out
@@ -78,8 +95,8 @@ def export(
     stated = [f"--{name}" for name, value in wanted.items() if value is not None]
     if stated and what not in (What.frfs, What.predicted):
         raise ClientError(f"{', '.join(stated)} choose FRFs, not {what}", Exit.USAGE)
-    with Connection(url) as service, transfer(out.name) as watch:
-        path = PATHS[what].format(an_id(id_))
+    with service_at(url) as service, transfer(out.name) as watch:
+        path = PATHS[what].format(_id(service, what, id_))
         size = service.download(path, target, watch, format=file_format, **wanted)
     if as_json and target is not None:
         print_json({"file": str(target), "bytes": size})

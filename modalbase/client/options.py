@@ -1,21 +1,76 @@
-"""What the commands have in common: the service's address, JSON out, ids and JSON files in."""
+"""What the commands have in common: the service's address, JSON out, names and JSON files in."""
 
 from __future__ import annotations
 
 import json
+import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
-from uuid import UUID
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from modalbase.client.errors import ClientError, Exit
 
-HERE = "http://127.0.0.1:8000"
+if TYPE_CHECKING:
+    from modalbase.client.connection import Connection
 
-Url = Annotated[str, typer.Option("--url", envvar="MODALBASE_URL", help="Address of the service")]
+Url = Annotated[
+    str | None,
+    typer.Option(
+        "--url", envvar="MODALBASE_URL", help="Address of the service; else that of the profile, or which runs here"
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON alone on standard output")]
-Campaign = Annotated[str, typer.Argument(help="Id of the campaign")]
+
+
+def service_at(url: str | None) -> Connection:
+    """A connection to the service that is stated or found.
+
+    Raises:
+        ClientError: no service or no key is found.
+    """
+    from modalbase.client.connection import Connection
+    from modalbase.client.place import find_place
+
+    place = find_place(url)
+    return Connection(place.url, place.key)
+
+
+def names_of(word: str) -> Callable[[str], list[str]]:
+    """Completes names in a shell, where a service answers."""
+
+    def complete(incomplete: str) -> list[str]:
+        from modalbase.client import finding
+
+        kind: finding.Kind = getattr(finding, word)
+        try:
+            with service_at(os.environ.get("MODALBASE_URL")) as service:
+                names = ["latest", *(str(one["name"]) for one in finding.all_of(service, kind))]
+        except ClientError:
+            return []  # a shell that completes has no place for a message
+        return [name for name in dict.fromkeys(names) if name.startswith(incomplete)]
+
+    return complete
+
+
+NAMED = "id, name, names from the project down with / between, or latest"
+Campaign = Annotated[
+    str, typer.Argument(help=f"Campaign: {NAMED}", show_default=False, autocompletion=names_of("CAMPAIGN"))
+]
+OfProject = Annotated[
+    str | None, typer.Option("--project", help="Project: id, name or latest", autocompletion=names_of("PROJECT"))
+]
+OfStructure = Annotated[
+    str | None, typer.Option("--structure", help=f"Structure: {NAMED}", autocompletion=names_of("STRUCTURE"))
+]
+Job = Annotated[str, typer.Argument(help="Id of the update job, or latest")]
+
+
+def say_next(*commands: str) -> None:
+    """What one may do next, on standard error, out of the way of scripts."""
+    for command in commands:
+        typer.echo(f"next: modalbase {command}", err=True)
 
 
 def json_file(path: Path) -> dict[str, Any]:
@@ -31,17 +86,3 @@ def json_file(path: Path) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise ClientError(f"{path} holds no JSON object", Exit.USAGE)
     return value
-
-
-def an_id(text: str) -> str:
-    """An id in the form that a path takes.
-
-    Raises:
-        ClientError: the text is no UUID. It is refused here because `../projects` in its place would be another path.
-    """
-    try:
-        return str(UUID(text))
-    except ValueError:
-        raise ClientError(
-            f"{text!r} is no id, expected one such as 0198c6a2-…; the lists print them", Exit.USAGE
-        ) from None

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modalbase.client.errors import ClientError, Exit
+from modalbase.client.updating import FIGURES
 
 if TYPE_CHECKING:
     from modalbase.objects.laboratory import Laboratory
-
-FORMATS = {".svg": "svg", ".png": "png", ".pdf": "pdf", ".json": "plotly"}
 
 
 class Figure:
@@ -43,8 +42,8 @@ class Figure:
             ClientError: the file's name says none of these.
         """
         path = Path(file)
-        if (chosen := FORMATS.get(path.suffix.lower())) is None:
-            raise ClientError(f"{path.name!r} does not say one of {', '.join(FORMATS)}", Exit.USAGE)
+        if (chosen := FIGURES.get(path.suffix.lower())) is None:
+            raise ClientError(f"{path.name!r} does not say one of {', '.join(FIGURES)}", Exit.USAGE)
         self.lab.connection.download(self.address, path, lambda _done, _size: None, **{**self.query, "format": chosen})
         return path
 

@@ -1,0 +1,111 @@
+"""From an empty database to a figure, each step one command, things by name."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+import pytest
+
+from service.demo import paper
+from service.supervisor import LocalService
+from tests.support.command import COMMAND, environment
+from tests.support.waiting import PATIENCE
+
+Run = Callable[..., "subprocess.CompletedProcess[str]"]
+MODULI = "Ex=33.05,Ey=31.8,Gxy=5.73,Gxz=4.5,Gyz=4.5,nu_xy=0.15"
+
+
+@pytest.fixture
+def run(service: LocalService, api: httpx.Client, tmp_path: Path) -> Run:
+    key = api.headers["authorization"].split()[1]
+
+    def call(*words: object, code: int = 0, **more: str) -> subprocess.CompletedProcess[str]:
+        done = subprocess.run(
+            [str(COMMAND), *map(str, words)],
+            env=environment(**{"MODALBASE_URL": service.url, "MODALBASE_API_KEY": key, "COLUMNS": "200", **more}),
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+            check=False,
+        )
+        assert done.returncode == code, f"{done.returncode}: {done.stdout} {done.stderr}"
+        return done
+
+    return call
+
+
+def test_from_an_empty_database_to_a_figure(run: Run, api: httpx.Client, tmp_path: Path) -> None:
+    (tmp_path / "beam.uff").write_bytes(paper.uff_file())
+    assert "next: modalbase projects --new" in run("projects").stderr
+    run("projects", "--new", "bridge deck")
+    made = run("structures", "--new", "beam", "--size", "500x40x10", "--density", 2012, "--moduli", MODULI)
+    assert 'next: modalbase campaigns --new NAME --structure "beam"' in made.stderr
+    structure = api.get(f"structures/{made.stdout.strip()}").json()
+    assert structure["geometry"] == {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01}
+    assert structure["material"]["Gxy_Pa"] == pytest.approx(5.73e9)
+    stated = ("--temperature", 21.5, "--sensor-mass", 1.8, "--sensor-point", 3, "--boundary", "cantilever")
+    made = run("campaigns", "--new", "March", "--structure", "bridge deck/beam", *stated, "--json")
+    campaign = json.loads(made.stdout)
+    assert campaign["temperature_c"] == 21.5
+    assert campaign["instruments"]["sensor_mass_kg"] == pytest.approx(0.0018)
+    assert "next: modalbase update March --wait" in run("import", "beam.uff", "--campaign", "March").stderr
+    identified = run("modes", "March", "--identify", "--band", "10-1000")
+    assert "25.6" in identified.stdout
+    queued = run("update", "latest", "--mode-set", "latest").stdout.strip()
+    shown = run("update", "March", "--wait")
+    assert "Ex" in shown.stdout
+    listed = json.loads(run("jobs", "--campaign", "March", "--json").stdout)
+    assert [one["id"] for one in listed][1] == queued
+    assert run("result", "--json").stdout == run("result", listed[0]["id"], "--json").stdout
+    assert "MAC of measured" in run("figure", "list").stdout
+    assert run("figure", "frf", "latest", "--out", "frf.pdf").stdout.strip() == "frf.pdf"
+    assert (tmp_path / "frf.pdf").read_bytes().startswith(b"%PDF")
+    run("export", "latest", "--what", "predicted", "--out", "predicted.uff")
+    run("monitors", "--structure", "beam", "--new", "ageing", "--parameters", "Ex,Gxy")
+    assert "ageing" in run("monitors").stdout
+    assert run("alarms").stdout.split() == [
+        "id",
+        "created_at",
+        "monitor_name",
+        "parameter",
+        "state",
+        "acknowledged_by",
+        "note",
+    ]
+
+
+def test_what_cannot_be_meant_is_one_line(run: Run) -> None:
+    run("projects", "--new", "twice")
+    run("projects", "--new", "twice")
+    for words, said in {
+        ("structures", "--project", "twice"): "2 projects are named 'twice'; state the id",
+        ("structures", "--project", "twcie"): "there is 'twice'",
+        ("structures", "--new", "x", "--size", "500x40"): "--size '500x40' is no length x width x thickness",
+        ("structures", "--new", "x", "--moduli", "E=3"): "there is no 'E', there is Ex",
+        ("campaigns", "--new", "x"): "--new needs --boundary",
+        ("campaigns", "--structure", "latest"): "there is no structure yet",
+        ("result", "latest"): "there is no update job yet",
+        ("modes", "x", "--identify"): "there is no campaign yet",
+        ("alarms", "--acknowledge", "x"): "takes the id of an alarm",
+    }.items():
+        (line,) = run(*words, code=2).stderr.splitlines()
+        assert line.startswith("modalbase: ")
+        assert said in line
+
+
+def test_a_profile_stands_in_for_the_environment(run: Run, service: LocalService, tmp_path: Path) -> None:
+    profile = {"MODALBASE_PROFILE": str(tmp_path / "profile.json")}
+    assert "(401)" in run("login", service.url, "--key", "wrong", code=1, **profile).stderr
+    assert "which only you can read" in run("login", service.url, **profile).stdout
+    run("projects", MODALBASE_URL="", MODALBASE_API_KEY="", **profile)
+
+
+def test_a_shell_completes_names(run: Run) -> None:
+    run("projects", "--new", "deck of a bridge")
+    words = {"COMP_WORDS": "modalbase structures --project de", "COMP_CWORD": "3"}
+    assert run(_MODALBASE_COMPLETE="complete_bash", **words).stdout.splitlines() == ["deck of a bridge"]
