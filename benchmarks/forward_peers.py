@@ -138,6 +138,13 @@ def _calculix_model(specimen: Specimen) -> list[str]:
     return [*lines, "*BOUNDARY", "ROOT,1,6"]
 
 
+def ccx_frequencies(deck: str) -> np.ndarray:
+    """Natural frequencies in Hz of a deck, by the `ccx` process."""
+    table = ccx(deck.splitlines()).split("P A R T I C I P")[0]
+    rows = re.findall(r"^\s+\d+\s+\S+\s+\S+\s+(\S+)\s+\S+\s*$", table, re.MULTILINE)
+    return np.array([float(row) for row in rows])
+
+
 def ccx(lines: list[str]) -> str:
     """The printed output of a run of CalculiX."""
     with tempfile.TemporaryDirectory() as folder:

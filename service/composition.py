@@ -34,6 +34,7 @@ from service.records.processings import PROCESS
 from service.records.routes import router as records
 from service.structures.operations import structure_for
 from service.structures.routes import router as structures
+from service.updating.card_routes import router as cards
 from service.updating.figure_routes import router as figures
 from service.updating.joint_operations import JOINT_UPDATE
 from service.updating.joint_routes import router as joint_updates
@@ -57,6 +58,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     updating,
     joint_updates,
     predictions,
+    cards,
     figures,
     monitoring,
     webhooks,

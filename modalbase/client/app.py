@@ -9,7 +9,7 @@ from __future__ import annotations
 import typer
 
 from modalbase.client.coupons import coupons
-from modalbase.client.exporting import export
+from modalbase.client.exporting import cards, export
 from modalbase.client.inventory import campaigns, projects, structures
 from modalbase.client.login import login
 from modalbase.client.measuring import frfs, import_files
@@ -18,7 +18,7 @@ from modalbase.client.updating import figure, result, update
 from modalbase.client.watching import alarms, jobs, monitors
 
 COMMANDS = (
-    login, projects, structures, campaigns, frfs, modes, coupons, update, jobs, result, figure, export, monitors, alarms,
+    login, projects, structures, campaigns, frfs, modes, coupons, update, jobs, result, figure, export, cards, monitors, alarms,
 )  # fmt: skip
 
 

@@ -47,11 +47,17 @@ class Connection:
         self.url = checked_url(url)
         key = checked_key(os.environ.get("MODALBASE_API_KEY", "") if key is None else key)
         self._http = httpx.Client(
-            base_url=f"{self.url}/api/v1/",
             headers={"Authorization": f"Bearer {key}"},
             timeout=SECONDS,
             trust_env=urlsplit(url).hostname not in HERE,  # a proxy must not come between us and our own machine
         )
+
+    @classmethod
+    def over(cls, http: httpx.Client) -> Self:
+        """A connection by an httpx client with trust, key and base URL of its own; who made the client closes it."""
+        connection = cls.__new__(cls)
+        connection.url, connection._http = str(http.base_url).rstrip("/"), http
+        return connection
 
     def __enter__(self) -> Self:
         return self
@@ -75,7 +81,7 @@ class Connection:
             ClientError: as `get`.
         """
         try:
-            answer = self._http.request(method, path, **how)
+            answer = self._http.request(method, self._at(path), **how)
         except httpx.HTTPError as error:
             raise self._unreachable(error) from error
         self._check(answer)
@@ -141,7 +147,7 @@ class Connection:
             ClientError: as `get`.
         """
         try:
-            with self._http.stream("GET", path, headers=headers) as answer:
+            with self._http.stream("GET", self._at(path), headers=headers) as answer:
                 self._check(answer)
                 yield from answer.iter_lines()
         except httpx.HTTPError as error:
@@ -229,13 +235,16 @@ class Connection:
             ClientError: as `get`, or the target cannot be written.
         """
         try:
-            with self._http.stream("GET", path, params=_given(params)) as answer:
+            with self._http.stream("GET", self._at(path), params=_given(params)) as answer:
                 self._check(answer)
                 length = answer.headers.get("content-length")
                 blocks = _watched(answer.iter_bytes(), watch, int(length) if length else None)
                 return _write(blocks, target)
         except httpx.HTTPError as error:
             raise self._unreachable(error) from error
+
+    def _at(self, path: str) -> str:
+        return f"{self.url}/api/v1/{path}"
 
     def _check(self, answer: httpx.Response) -> None:
         if answer.is_success:

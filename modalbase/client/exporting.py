@@ -1,4 +1,4 @@
-"""`modalbase export`: measured and predicted FRFs, grid points, modes, originals."""
+"""`modalbase export` and `cards`: measured and predicted FRFs, grid points, modes, originals, decks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.options import AsJson, Url, service_at
+from modalbase.client.options import AsJson, Job, Url, service_at
 
 if TYPE_CHECKING:
     from modalbase.client.connection import Connection
@@ -52,6 +52,43 @@ def format_of(file: Path) -> str:
     if (found := SUFFIXES.get(file.suffix.lower())) is None:
         raise ClientError(f"state --format; {file.name!r} does not say one of {', '.join(SUFFIXES)}", Exit.USAGE)
     return found
+
+
+SOLVERS = {".inp": "calculix", ".bdf": "nastran", ".dat": "nastran", ".nas": "nastran"}
+
+
+def solver_of(file: Path) -> str:
+    """The program whose deck a file's name says.
+
+    Raises:
+        ClientError: it says none.
+    """
+    if (found := SOLVERS.get(file.suffix.lower())) is None:
+        raise ClientError(f"state the program: {file.name!r} does not end in one of {', '.join(SOLVERS)}", Exit.USAGE)
+    return found
+
+
+def cards(
+    job: Job = "latest",
+    out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .inp, .bdf")] = Path("updated.inp"),
+    program: Annotated[
+        str | None, typer.Option("--format", help="calculix, abaqus or nastran; by default as the file's name says")
+    ] = None,
+    element: Annotated[str | None, typer.Option(help="solid or shell")] = None,
+    as_json: AsJson = False,
+    url: Url = None,
+) -> None:
+    """Write the updated model as a deck that CalculiX, Abaqus or Nastran runs."""
+    from modalbase.client.display import print_json, transfer
+    from modalbase.client.finding import find_job
+
+    with service_at(url) as service, transfer(out.name) as watch:
+        path = f"update-jobs/{find_job(service, job)}/cards"
+        size = service.download(path, out, watch, format=program or solver_of(out), element=element)
+    if as_json:
+        print_json({"file": str(out), "bytes": size})
+    else:
+        typer.echo(out)
 
 
 def _id(service: Connection, what: What, text: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from modalbase.client.connection import Connection
@@ -13,8 +13,11 @@ from modalbase.client.errors import JobFailed
 ENDED = ("succeeded", "failed", "cancelled")
 FIRST_PAUSE, LONGEST_PAUSE, GROWTH = 0.05, 1.0, 1.3  # s
 
+Watch = Callable[[str, float], None]
+"""Called with a job's stage and the share that is done."""
 
-def wait_for(service: Connection, path: str, what: str) -> dict[str, Any]:
+
+def wait_for(service: Connection, path: str, what: str, watch: Watch | None = None) -> dict[str, Any]:
     """Wait until a job has ended, in whatever way, and show a live bar on standard error meanwhile.
 
     The job is asked for at growing intervals, from 50 ms to a second.
@@ -23,6 +26,7 @@ def wait_for(service: Connection, path: str, what: str) -> dict[str, Any]:
         service: the connection.
         path: of the job, such as `update-jobs/{id}`.
         what: shown beside the bar.
+        watch: called with the stage and the share that is done, each time the job is asked for.
 
     Returns:
         Its last state.
@@ -35,6 +39,8 @@ def wait_for(service: Connection, path: str, what: str) -> dict[str, Any]:
         while True:
             job: dict[str, Any] = service.get(path)
             show(job)
+            if watch is not None:
+                watch(job["stage"] or job["status"], job["progress"] or 0.0)
             if job["status"] in ENDED:
                 return job
             time.sleep(pause)

@@ -350,6 +350,10 @@ ROUTES: dict[str, Route] = {
         "GET", "update-jobs/{job_id}/frfs/data", ("model", "point", "direction", "reference", "fmin", "fmax", "stride", "format"),
         "FRFs that the model predicts where FRFs were measured, in the formats, coordinates and order of the measured ones.",
     ),
+    "get_cards": Route(
+        "GET", "update-jobs/{job_id}/cards", ("format", "element"),
+        "The updated model as a deck that CalculiX, Abaqus or Nastran runs: mesh, material, thickness, damping, supports.",
+    ),
     "list_figures": Route(
         "GET", "update-jobs/{job_id}/figures", (),
         "Names of the figures, and which of them this result can be drawn as.",

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from modalbase.client.jobs import ENDED, reason_of, require_success, wait_for
+from modalbase.client.display import transfer
+from modalbase.client.exporting import solver_of
+from modalbase.client.jobs import ENDED, Watch, reason_of, require_success, wait_for
 from modalbase.objects.results import Result
 from modalbase.objects.thing import Thing
 
@@ -31,14 +34,17 @@ class Job(Thing):
         """Whether it has succeeded, when it was last fetched."""
         return bool(self.fields["status"] == "succeeded")
 
-    def wait(self) -> Self:
+    def wait(self, watch: Watch | None = None) -> Self:
         """Wait until it has ended, in whatever way, with a bar in a terminal and in a notebook; returns itself.
+
+        Args:
+            watch: called with the stage and the share that is done, for a bar of one's own.
 
         Raises:
             ClientError: the service does not answer.
         """
         if not self.ended:
-            self.fields = wait_for(self.lab.connection, self.address, self.word)
+            self.fields = wait_for(self.lab.connection, self.address, self.word, watch)
         return self
 
     def check(self) -> Self:
@@ -147,3 +153,19 @@ class UpdateJob(Job):
 
         content = self.lab.rest.get_predicted_frfs(self.fields["id"], **{**wanted, "format": "npz"})
         return Frfs.from_npz(content)
+
+    def save_cards(self, file: str | Path, solver: str | None = None) -> Path:
+        """Write the updated model as a deck that a finite element program runs.
+
+        Args:
+            file: what to write; `.inp` is CalculiX's and Abaqus', `.bdf`, `.dat` and `.nas` Nastran's.
+            solver: `calculix`, `abaqus` or `nastran`, where the file's name does not say.
+
+        Raises:
+            ClientError: the name does not say which, or the job has no result.
+        """
+        target = Path(file)
+        chosen = solver or solver_of(target)
+        with transfer(target.name) as watch:
+            self.lab.connection.download(f"{self.address}/cards", target, watch, format=chosen)
+        return target

@@ -72,13 +72,9 @@ def demo(
     keep: Annotated[bool, typer.Option("--keep", help="Leave the service up to look around; Ctrl-C ends it")] = False,
 ) -> None:
     """Update the paper's beam, from an empty database to parameters and metrics, through REST alone."""
-    from service.demo.laboratory import DemoError
     from service.demo.run import run_demo
 
-    try:
-        run_demo(as_json=as_json, keep=keep)
-    except DemoError as error:
-        stop_with(str(error))
+    run_demo(as_json=as_json, keep=keep)
 
 
 @commands.command()

@@ -1,27 +1,21 @@
-"""A laboratory's session with the service: every step a REST call, nothing else."""
+"""A laboratory's session with the service, through the library that its scripts use: REST, and nothing else."""
 
 from __future__ import annotations
 
+import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import httpx
 
+from modalbase.client.connection import Connection
+from modalbase.client.jobs import Watch
+from modalbase.objects import laboratory
 from service.demo import paper
-
-API = "/api/v1"
-POLL_SECONDS = 0.05
-TIMEOUT_SECONDS = 300.0
-
-Watch = Callable[[str, float], None]
-"""Called with the stage and the share that is done while a job runs."""
-
-
-class DemoError(Exception):
-    """A step of the demonstration failed; the message is the service's."""
 
 
 @dataclass
@@ -36,66 +30,33 @@ class Laboratory:
     client: httpx.Client
     durations: dict[str, float] = field(default_factory=dict)
 
-    def update_beam(self, watch: Watch) -> dict[str, Any]:
+    def update_beam(self, watch: Watch | None = None) -> dict[str, Any]:
         """The whole main job: from nothing to the result document.
 
+        Args:
+            watch: called with the stage and the share that is done while a job runs.
+
         Raises:
-            DemoError: a call or a job failed.
+            ClientError: a call was refused, or a job failed.
         """
+        lab = laboratory.Laboratory(Connection.over(self.client))
         with self._step("project, structure, campaign"):
-            project = self._post("/projects", {"name": "demonstration"})
-            structure = self._post(f"/projects/{project['id']}/structures", paper.STRUCTURE)
-            campaign = self._post(f"/structures/{structure['id']}/campaigns", paper.CAMPAIGN)
-        with self._step("import of 33 FRFs"):
-            answer = self.client.post(
-                f"{API}/campaigns/{campaign['id']}/imports",
-                params={"filename": "paper_beam.uff"},
-                content=paper.uff_file(),
-                headers={"Content-Type": "application/octet-stream"},
-            )
-            self._finish(_checked(answer).headers["Location"], watch)
+            structure = lab.new_project("demonstration").new_structure(**paper.STRUCTURE)
+            campaign = structure.new_campaign(**paper.CAMPAIGN)
+        with self._step("import of 33 FRFs"), tempfile.TemporaryDirectory() as folder:
+            file = Path(folder, "paper_beam.uff")
+            file.write_bytes(paper.uff_file())
+            campaign.import_file(file, wait=False).wait(watch).check()
         with self._step("modes and coupons"):
-            modes = self._post(f"/campaigns/{campaign['id']}/mode-sets", {"name": "Table 3", "modes": paper.MODES})
-            batch = self._post(
-                f"/structures/{structure['id']}/coupon-batches",
-                {
-                    "name": "Table 4",
-                    "constants": list(paper.COUPONS_PA),
-                    "published": {name: {"mean": mean} for name, mean in paper.COUPONS_PA.items()},
-                },
-            )
+            modes = campaign.new_mode_set("Table 3", paper.MODES)
+            published = {name: {"mean": mean} for name, mean in paper.COUPONS_PA.items()}
+            batch = structure.new_coupon_batch("Table 4", list(paper.COUPONS_PA), published=published)
         with self._step("update job"):
-            recipe = {"mode_set": modes["id"], "prior_from_coupon_batch": batch["id"]}
-            answer = self.client.post(f"{API}/campaigns/{campaign['id']}/update-jobs", json=recipe)
-            location = _checked(answer).headers["Location"]
-            self._finish(location, watch)
-        result: dict[str, Any] = _checked(self.client.get(location + "/result")).json()
-        return result
-
-    def _post(self, path: str, body: dict[str, Any]) -> dict[str, Any]:
-        made: dict[str, Any] = _checked(self.client.post(API + path, json=body)).json()
-        return made
-
-    def _finish(self, location: str, watch: Watch) -> None:
-        deadline = time.monotonic() + TIMEOUT_SECONDS
-        while time.monotonic() < deadline:
-            job = _checked(self.client.get(location)).json()
-            watch(job["stage"] or job["status"], job["progress"] or 0.0)
-            if job["status"] == "succeeded":
-                return
-            if job["status"] in ("failed", "cancelled"):
-                raise DemoError(f"{location}: {job['status']}: {job['error'] or job['message']}")
-            time.sleep(POLL_SECONDS)
-        raise DemoError(f"{location} was not done within {TIMEOUT_SECONDS:g} s")
+            job = campaign.update(mode_set=modes, prior_from_coupon_batch=batch).wait(watch)
+            return dict(job.result().document)
 
     @contextmanager
     def _step(self, name: str) -> Iterator[None]:
         began = time.perf_counter()
         yield
         self.durations[name] = time.perf_counter() - began
-
-
-def _checked(answer: httpx.Response) -> httpx.Response:
-    if answer.is_error:
-        raise DemoError(f"{answer.request.method} {answer.request.url.path}: {answer.status_code} {answer.text}")
-    return answer

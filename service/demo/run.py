@@ -13,7 +13,6 @@ from typing import Any
 import httpx
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from modalbase.client.results import print_result
 from service.demo.laboratory import Laboratory
@@ -22,6 +21,20 @@ from service.settings import Settings
 from service.supervisor import LocalService
 
 PLAIN_WIDTH = 120  # columns where the output is no terminal, so that no table is cut
+
+PURPOSE = """\
+The demonstration takes a cantilever of fibre reinforced plastic (Mondal and Chakraborty, 2015) from an empty database to an
+updated model: a UFF file of 33 FRFs, modes and coupon results go in by REST; constants and damping with their uncertainty
+come out. It starts a service of its own and leaves nothing behind."""
+
+LAW = """\
+The published a1 is 11 µs, and a beam with it would have 3.4 % of damping in its mode at 868 Hz, where the same paper measured
+1.26 %: the values above follow the paper's own measured damping, not its print (docs/errata.md)."""
+
+NEXT = """\
+next: modalbase up            a service of your own, which keeps what it is given
+      docs/tutorial.md        from your analyser's export to a report in ten minutes
+      modalbase demo --keep   the same again, and the service stays up to look around"""
 
 
 def run_demo(*, as_json: bool, keep: bool) -> None:
@@ -33,7 +46,7 @@ def run_demo(*, as_json: bool, keep: bool) -> None:
 
     Raises:
         StartError: the service did not start.
-        DemoError: a step failed.
+        ClientError: a step failed.
     """
     console = Console(stderr=as_json)
     if not console.is_terminal:
@@ -41,37 +54,35 @@ def run_demo(*, as_json: bool, keep: bool) -> None:
     with ExitStack() as stack:
         folder = Path(tempfile.mkdtemp(prefix="modalbase-demo-"))
         stack.callback(shutil.rmtree, folder, ignore_errors=True)
+        console.print(PURPOSE, highlight=False)
         began = time.perf_counter()
-        # A proxy of the environment must not come between us and our own machine, nor a database of the user's.
-        settings = Settings(data=folder, host="127.0.0.1", port=0, database_url=None, log_level="warning")
-        service = stack.enter_context(LocalService(settings, log_file=folder / "service.log"))
-        key = service.new_key("demonstration")
+        with console.status("starting PostgreSQL, the API and a worker"):
+            service = stack.enter_context(LocalService(_settings(folder), log_file=folder / "service.log"))
+            key = service.new_key("demonstration")
         starting = time.perf_counter() - began
         console.print(f"modalbase runs at {service.url}", highlight=False)
-        client = stack.enter_context(
-            httpx.Client(
-                base_url=service.url,
-                headers={"Authorization": f"Bearer {key}"},
-                timeout=60,
-                trust_env=False,
-            )
-        )
+        headers = {"Authorization": f"Bearer {key}"}  # a proxy of the environment must not come between
+        client = stack.enter_context(httpx.Client(base_url=service.url, headers=headers, timeout=60, trust_env=False))
         laboratory = Laboratory(client, {"start of database, API and worker": starting})
-        result = _with_progress(console, laboratory)
-        print_result("updated parameters, beside the paper's", result, published=UPDATED, console=console)
-        steps = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in laboratory.durations.items())
-        console.print(f"{steps}; {sum(laboratory.durations.values()):.2f} s together", highlight=False)
+        document = laboratory.update_beam()
+        _show(console, document, laboratory.durations)
         if as_json:
-            typer.echo(json.dumps(result))
+            typer.echo(json.dumps(document))
         if keep:
             _stay(console, service, key)
 
 
-def _with_progress(console: Console, laboratory: Laboratory) -> dict[str, Any]:
-    columns = (TextColumn("{task.description:<32}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
-        bar = progress.add_task("starting", total=1.0)
-        return laboratory.update_beam(lambda stage, share: progress.update(bar, description=stage, completed=share))
+def _settings(folder: Path) -> Settings:
+    """A folder of its own; a database that the user's environment names has no part in it."""
+    return Settings(data=folder, host="127.0.0.1", port=0, database_url=None, log_level="warning")
+
+
+def _show(console: Console, document: dict[str, Any], durations: dict[str, float]) -> None:
+    print_result("updated parameters, beside the paper's", document, published=UPDATED, console=console)
+    console.print(f"\n{LAW}", highlight=False)
+    steps = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in durations.items())
+    console.print(f"\n{steps}; {sum(durations.values()):.2f} s together", highlight=False)
+    console.print(NEXT, highlight=False, markup=False)
 
 
 def _stay(console: Console, service: LocalService, key: str) -> None:

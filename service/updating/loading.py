@@ -45,7 +45,7 @@ def load_update(session: Session, job_id: UUID, _workspace: Path) -> UpdateInput
     modes = None if recipe.mode_set is None else modes_in_frame(load_modes(session, recipe.mode_set), frame)
     used = campaign.frf_sets[0] if campaign.frf_sets else None
     frfs = None if used is None else used.frfs
-    parameters, prior_warnings = _parameters(session, recipe)
+    parameters, prior_warnings = recipe_parameters(session, recipe)
     specimen = specimen_of(campaign)
     return UpdateInputs(
         measurement=Measurement(frfs, campaign.points, modes, roving_mass(campaign), recipe.inputs.to_core()),
@@ -137,8 +137,8 @@ def modes_in_frame(modes: MeasuredModes, frame: Frame) -> MeasuredModes:
     return replace(modes, dofs=tuple(frame.dof(dof) for dof in modes.dofs))
 
 
-def _parameters(session: Session, recipe: RecipeIn) -> tuple[tuple[Parameter, ...], list[str]]:
-    """The recipe's parameters, with a coupon batch's mean and scatter where the recipe states none."""
+def recipe_parameters(session: Session, recipe: RecipeIn) -> tuple[tuple[Parameter, ...], list[str]]:
+    """The recipe's parameters, with a coupon batch's mean and scatter where the recipe states none, and warnings."""
     parameters: Sequence[Parameter] = recipe.to_core().parameters
     if recipe.prior_from_coupon_batch is None:
         return tuple(parameters), []

@@ -36,6 +36,9 @@ def test_demo_prints_the_result_alone_and_leaves_nothing_running(tmp_path: Path)
     assert found["Gxy"]["estimate"] == pytest.approx(6.30e9, rel=0.02)
     assert not found["Ey"]["identifiable"]
     assert any("rayleigh" in warning for warning in result["warnings"])
+    assert "The demonstration takes a cantilever" in ended.stderr
+    assert "the paper's own measured damping, not its print" in " ".join(ended.stderr.split())
+    assert "next: modalbase up" in ended.stderr
     until(lambda: not _processes_with(mark), "the end of all that it started", lambda: _processes_with(mark))
 
 
