@@ -171,8 +171,10 @@ def coverage(bodies: int, perfect: bool) -> None:
             print(f"  body {seed}: {type(error).__name__}: {error}")
             continue
         verdicts.append(result.verdict.level)
+        for outcome in (outcome for outcome in result.outcomes if outcome.status != "succeeded"):
+            print(f"  body {seed}: {outcome.stage} {outcome.status}: {outcome.message}")
         found, true = {p.name: p for p in result.parameters}, {**true, "a0": LAW[0], "a1": LAW[1]}
-        for name in REPORTED:
+        for name in (name for name in REPORTED if name in found):
             low, high = found[name].interval_95
             held[name].append(low <= true[name] <= high)
             score[name].append((found[name].estimate - true[name]) / ((high - low) / (2 * REACH_95)))

@@ -15,6 +15,15 @@ if TYPE_CHECKING:
     from modalbase.objects.thing import Thing
 
 GEOMETRY = ("length_m", "width_m", "thickness_m")
+STRUCTURE_INPUTS = ("length_sd_m", "width_sd_m", "thickness_sd_m", "density_sd_kg_m3", "nu_xy_sd", "fibre_angle_sd_deg")
+CAMPAIGN_INPUTS = (
+    "clamp_compliance_sd",
+    "sensor_mass_sd_kg",
+    "channel_delay_sd_s",
+    "window_rate_per_s",
+    "window_time_constant_s",
+    "window_rate_sd_per_s",
+)
 MATERIAL = ("Ex_Pa", "Ey_Pa", "Gxy_Pa", "Gxz_Pa", "Gyz_Pa", "nu_xy")
 
 
@@ -30,7 +39,8 @@ class Project(Editable):
             name: of it.
             properties: nominal values, SI: `length_m`, `width_m`, `thickness_m`, `density_kg_m3`, and either `Ex_Pa`, `Ey_Pa`,
                 `Gxy_Pa`, `Gxz_Pa`, `Gyz_Pa`, `nu_xy`, or `plies`; or `geometry`, `material`, `laminate` as REST has them. A
-                body that is only to be identified needs none.
+                body that is only to be identified needs none. How well they are known: `thickness_sd_m` and its like, 0 for
+                exactly.
 
         Raises:
             ClientError: the service refuses them.
@@ -67,13 +77,16 @@ class Structure(Editable):
             name: of it.
             boundary: `cantilever`, `free` or `simply_supported`.
             fields: `performed_at`, `temperature_c`, `humidity_percent`, `notes`, `frame`, `instruments`; and `sensor_mass_kg`
-                with `sensor_point`, which belong to the instruments.
+                with `sensor_point`, which belong to the instruments; and `window_rate_per_s` or `window_time_constant_s`,
+                `clamp_compliance_sd`, `sensor_mass_sd_kg`, `channel_delay_sd_s`, which belong to the inputs.
 
         Raises:
             ClientError: the service refuses them.
         """
         instruments = dict(fields.pop("instruments", {}))
         instruments |= {n: fields.pop(n) for n in ("sensor_mass_kg", "sensor_point") if n in fields}
+        if inputs := dict(fields.pop("inputs", {})) | {n: fields.pop(n) for n in CAMPAIGN_INPUTS if n in fields}:
+            fields["inputs"] = inputs
         body = {"name": name, "boundary": boundary, "instruments": instruments, **fields}
         return Campaign(self.lab, self.lab.connection.post(f"{self.address}/campaigns", body))
 
@@ -134,7 +147,8 @@ def _within(above: Thing, kind: Any, which: str) -> dict[str, Any]:
 def _nested(properties: dict[str, Any]) -> dict[str, Any]:
     """Properties that are stated flat, in the groups that REST has."""
     body = dict(properties)
-    for group, names in (("geometry", GEOMETRY), ("material", MATERIAL), ("laminate", ("plies",))):
+    groups = (("geometry", GEOMETRY), ("material", MATERIAL), ("laminate", ("plies",)), ("inputs", STRUCTURE_INPUTS))
+    for group, names in groups:
         if flat := {name: body.pop(name) for name in names if name in body}:
             body[group] = {**body.get(group, {}), **flat}
     return body

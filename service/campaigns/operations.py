@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from service.access import Lookup, User, audit
 from service.campaigns.frame import SPECIMEN, Frame, make_frame
-from service.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch, FrameIn, Instruments
+from service.campaigns.schemas import CampaignIn, CampaignInputs, CampaignOut, CampaignPatch, FrameIn, Instruments
 from service.campaigns.tables import Campaign
 from service.db.clock import transaction_time
 from service.structures.operations import structure_for
@@ -56,6 +56,7 @@ def create_campaign(session: Session, user: User, structure_id: UUID, body: Camp
         humidity_percent=body.humidity_percent,
         instruments=body.instruments.model_dump(mode="json"),
         frame=body.frame and body.frame.model_dump(mode="json"),
+        inputs=body.inputs and body.inputs.model_dump(mode="json"),
         notes=body.notes,
     )
     session.add(campaign)
@@ -86,7 +87,7 @@ def change_campaign(session: Session, user: User, campaign: Campaign, patch: Cam
 
 
 def describe(campaign: Campaign) -> CampaignOut:
-    """A campaign as clients see it; instruments and frame are filled up with their defaults. No query."""
+    """A campaign as clients see it; instruments, frame and inputs are filled up with their defaults. No query."""
     return CampaignOut(
         id=campaign.id,
         structure_id=campaign.structure_id,
@@ -97,6 +98,7 @@ def describe(campaign: Campaign) -> CampaignOut:
         humidity_percent=campaign.humidity_percent,
         instruments=Instruments.model_validate(campaign.instruments),
         frame=FrameIn.model_validate(campaign.frame or {}),
+        inputs=CampaignInputs.model_validate(campaign.inputs or {}),
         notes=campaign.notes,
         created_at=campaign.created_at,
         updated_at=campaign.updated_at,

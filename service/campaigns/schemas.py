@@ -12,6 +12,7 @@ from pydantic_core import PydanticCustomError
 
 from fecore.errors import InputError
 from service.campaigns.frame import make_frame
+from service.structures.schemas import Deviation
 from service.web import Name, StrictModel, Text, Time, example
 
 Boundary = Literal["cantilever", "free", "simply_supported"]
@@ -65,6 +66,29 @@ class Instruments(StrictModel):
     )
 
 
+class CampaignInputs(StrictModel):
+    """How well is known what a test was done with: standard deviations. null: a careful laboratory's; 0: exactly known."""
+
+    clamp_compliance_sd: Deviation = Field(None, description="of EI/kL of a clamped edge; half-normal")
+    sensor_mass_sd_kg: Deviation = Field(None, description="where no sensor is stated: half-normal; null is 1 g there")
+    channel_delay_sd_s: Deviation = Field(None, description="of the delay between response and force")
+    window_rate_per_s: Deviation = Field(
+        None,
+        description="1/τ of an exponential window exp(-t/τ) on the response; 0: there was none; null: what the FRFs state, "
+        "or nobody knows",
+    )
+    window_time_constant_s: float | None = Field(
+        None, gt=0, le=1e9, description="τ of that window, where the analyser states it in place of the rate"
+    )
+    window_rate_sd_per_s: Deviation = Field(None, description="of a stated window's rate; null is 0")
+
+    @model_validator(mode="after")
+    def _one_window(self) -> Self:
+        if self.window_rate_per_s is not None and self.window_time_constant_s is not None:
+            raise PydanticCustomError("one_window", "state window_rate_per_s or window_time_constant_s, not both")
+        return self
+
+
 class CampaignIn(StrictModel):
     """A campaign as a client describes it."""
 
@@ -77,6 +101,7 @@ class CampaignIn(StrictModel):
     humidity_percent: float | None = Field(None, ge=0, le=100)
     instruments: Instruments = Instruments()
     frame: FrameIn | None = None
+    inputs: CampaignInputs | None = Field(None, description="window, and how well clamp, sensor and channels are known")
     notes: Text = Field("", max_length=10_000)
 
 
@@ -92,6 +117,7 @@ class CampaignPatch(StrictModel):
     humidity_percent: float | None = Field(None, ge=0, le=100)
     instruments: Instruments | None = None
     frame: FrameIn | None = None
+    inputs: CampaignInputs | None = None
     notes: Text | None = Field(None, max_length=10_000)
 
     @field_validator("name", "boundary", "instruments", "notes")
@@ -114,6 +140,7 @@ class CampaignOut(StrictModel):
     humidity_percent: float | None
     instruments: Instruments
     frame: FrameIn
+    inputs: CampaignInputs
     notes: str
     created_at: datetime
     updated_at: datetime

@@ -27,6 +27,7 @@ class Campaign(Identified, Base):
     humidity_percent: Mapped[float | None]
     instruments: Mapped[dict[str, Any]]
     frame: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+    inputs: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     notes: Mapped[str] = mapped_column(default="")
     updated_at: Mapped[datetime] = mapped_column(server_default=func.now(), onupdate=func.now())
     deleted_at: Mapped[datetime | None]

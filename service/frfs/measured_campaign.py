@@ -15,7 +15,7 @@ from fecore.frf import Dof, FrfSet
 from service.campaigns.frame import Frame
 from service.campaigns.grid_points import stored_points
 from service.campaigns.operations import campaign_of, frame_of
-from service.campaigns.schemas import Instruments
+from service.campaigns.schemas import CampaignInputs, Instruments
 from service.frfs.data import Cut, FrfTable, make_tables
 from service.frfs.tables import Frf
 from service.structures.operations import present_structure
@@ -33,11 +33,30 @@ class MeasuredFrfs:
         frfs: in the specimen's frame; `variance` where every FRF has a coherence and a number of averages.
         ids: N ids of their rows.
         sha256s: N digests of their spectra, hexadecimal.
+        window_rates: rates of the exponential windows that they state to carry, 1/s; None of those that state nothing.
     """
 
     frfs: FrfSet
     ids: tuple[UUID, ...]
     sha256s: tuple[str, ...]
+    window_rates: frozenset[float | None]
+
+    @property
+    def window_rate(self) -> float | None:
+        """The rate that all of them state, 1/s; None where they state none, or different ones."""
+        return next(iter(self.window_rates)) if len(self.window_rates) == 1 else None
+
+    @property
+    def window_remark(self) -> list[str]:
+        """What the windows mean for modes that are found from these FRFs, in words."""
+        rates = sorted(rate for rate in self.window_rates if rate)
+        if not rates:
+            return []
+        shown = ", ".join(f"{rate:g}" for rate in rates)
+        return [
+            f"FRFs carry an exponential window of {shown} per second: every decay rate ζω is seen too large by it, and so "
+            "is the Rayleigh coefficient a0 by twice it"
+        ]
 
 
 @dataclass(frozen=True)
@@ -52,6 +71,7 @@ class MeasuredCampaign:
         boundary: cantilever, free or simply_supported.
         sensor_mass_kg: mass of the sensor, 0 where none is stated.
         sensor_point: grid point where the sensor sits; None where it roves or is not stated.
+        inputs: how well is known what the test was done with.
         points: label to coordinates in the specimen's frame, m.
         frf_sets: one per quantity and frequency axis, the largest first.
         warnings: what was left out, and why.
@@ -64,6 +84,7 @@ class MeasuredCampaign:
     boundary: str
     sensor_mass_kg: float
     sensor_point: int | None
+    inputs: CampaignInputs
     points: dict[int, tuple[float, float, float]]
     frf_sets: tuple[MeasuredFrfs, ...]
     warnings: tuple[str, ...]
@@ -88,6 +109,7 @@ def load_measured_campaign(session: Session, campaign_id: UUID) -> MeasuredCampa
         boundary=campaign.boundary,
         sensor_mass_kg=instruments.sensor_mass_kg or 0.0,
         sensor_point=instruments.sensor_point,
+        inputs=CampaignInputs.model_validate(campaign.inputs or {}),
         points=specimen_points(session, campaign),
         frf_sets=tuple(_frf_sets(session, campaign, frame, warnings)),
         warnings=tuple(warnings),
@@ -111,13 +133,6 @@ def _frf_sets(session: Session, campaign: Campaign, frame: Frame, warnings: list
             warnings.append(f"FRF {row.id} ({row.label}) states no point or direction and is left out")
         else:
             usable.append(row)
-    rates = sorted({row.window_rate_per_s for row in usable if row.window_rate_per_s})
-    if rates:
-        shown = ", ".join(f"{rate:g}" for rate in rates)
-        warnings.append(
-            f"FRFs carry an exponential window of {shown} per second: every decay rate ζω is seen too large by it, and so "
-            "is the Rayleigh coefficient a0 by twice it"
-        )
     sets = [_measured(table, frame) for table in make_tables(session, usable, Cut())]
     return sorted(sets, key=lambda s: -s.frfs.values.size)
 
@@ -133,7 +148,12 @@ def _measured(table: FrfTable, frame: Frame) -> MeasuredFrfs:
         quantity=rows[0].quantity,  # type: ignore[arg-type]  # the column holds what was checked on the way in
         variance=_variance(table, values),
     )
-    return MeasuredFrfs(frfs, tuple(row.id for row in rows), tuple(row.sha256.hex() for row in rows))
+    return MeasuredFrfs(
+        frfs=frfs,
+        ids=tuple(row.id for row in rows),
+        sha256s=tuple(row.sha256.hex() for row in rows),
+        window_rates=frozenset(row.window_rate_per_s for row in rows),
+    )
 
 
 def _variance(table: FrfTable, values: np.ndarray) -> FloatArray | None:

@@ -95,7 +95,10 @@ def _load(session: Session, job_id: UUID, _workspace: Path) -> IdentificationInp
         raise InputError("campaign", "has no FRFs; import a UFF file first")
     asked = IdentificationIn.model_validate(row.options)
     frfs = tuple(used.frfs for used in campaign.frf_sets)
-    return IdentificationInputs(frfs, asked.options(), asked.include_doubtful, campaign.warnings)
+    windows = [remark for used in campaign.frf_sets for remark in used.window_remark]
+    return IdentificationInputs(
+        frfs, asked.options(), asked.include_doubtful, (*campaign.warnings, *dict.fromkeys(windows))
+    )
 
 
 def _compute(inputs: IdentificationInputs, report: Report) -> Iterator[IdentificationOutput]:

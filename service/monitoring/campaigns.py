@@ -109,6 +109,7 @@ class _Facts:
             "sensor": [row.instruments.get("sensor_mass_kg"), row.instruments.get("sensor_point")],
             "frame": row.frame,
             "mode_set": str(mode_set),
+            **({} if row.inputs is None else {"inputs": row.inputs}),
         }
         return hashlib.sha256(json.dumps(used, sort_keys=True).encode()).hexdigest()
 

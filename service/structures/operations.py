@@ -13,7 +13,15 @@ from sqlalchemy.orm import Session
 from service.access import Lookup, User, audit, project_for
 from service.db.clock import transaction_time
 from service.errors import Fault, Invalid
-from service.structures.schemas import Geometry, Laminate, Material, StructureIn, StructureOut, StructurePatch
+from service.structures.schemas import (
+    Geometry,
+    Laminate,
+    Material,
+    StructureIn,
+    StructureInputs,
+    StructureOut,
+    StructurePatch,
+)
 from service.structures.tables import Structure, StructureVersion
 from service.web.json_body import checked
 
@@ -59,8 +67,8 @@ def create_structure(session: Session, user: User, project_id: UUID, body: Struc
 
 
 def change_structure(session: Session, user: User, structure: Structure, patch: StructurePatch) -> None:
-    """Apply a patch. A new name stays in the version; a change of geometry, density, laminate or material makes the
-    next one.
+    """Apply a patch. A new name stays in the version; a change of geometry, density, laminate, material or
+    inputs makes the next one.
 
     Results that were computed keep the version that they were computed with.
 
@@ -76,7 +84,7 @@ def change_structure(session: Session, user: User, structure: Structure, patch: 
     before = describe(session, structure)
     after = _patched(before, patch)
     structure.name = after.name
-    physical = ("geometry", "density_kg_m3", "laminate", "material")
+    physical = ("geometry", "density_kg_m3", "laminate", "material", "inputs")
     if any(getattr(after, field) != getattr(before, field) for field in physical):
         structure.version += 1
         _add_version(session, structure, after)
@@ -135,6 +143,7 @@ def _physical(version: StructureVersion) -> dict[str, Any]:
         "density_kg_m3": version.density_kg_m3,
         "laminate": version.laminate and Laminate.model_validate(version.laminate),
         "material": version.material and Material.model_validate(version.material),
+        "inputs": version.inputs and StructureInputs.model_validate(version.inputs),
     }
 
 
@@ -163,6 +172,7 @@ def _add_version(session: Session, structure: Structure, body: StructureIn) -> N
             density_kg_m3=body.density_kg_m3,
             laminate=body.laminate and body.laminate.model_dump(),
             material=body.material and body.material.model_dump(),
+            inputs=body.inputs and body.inputs.model_dump(),
         )
     )
     session.flush()

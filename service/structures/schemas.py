@@ -20,6 +20,9 @@ Density = Annotated[float, Field(gt=0, le=50_000, description="kg/m³")]
 Modulus = Annotated[float, Field(gt=0, le=1e13, description="Pa")]
 Poisson = Annotated[float, Field(gt=-10, lt=10)]
 
+Deviation = Annotated[float | None, Field(ge=0, le=1e9)]
+"""A standard deviation: null where nobody stated it, 0 for what is exactly known."""
+
 THICKNESS_AGREEMENT = 0.05
 """How far, relatively, the plies' thicknesses may add up to something else than the measured thickness."""
 
@@ -94,6 +97,17 @@ class Laminate(StrictModel):
     plies: list[Ply] = Field(min_length=1, max_length=1000)
 
 
+class StructureInputs(StrictModel):
+    """How well a structure's own values are known: standard deviations. null: a careful laboratory's; 0: exactly known."""
+
+    length_sd_m: Deviation = None
+    width_sd_m: Deviation = None
+    thickness_sd_m: Deviation = None
+    density_sd_kg_m3: Deviation = None
+    nu_xy_sd: Deviation = None
+    fibre_angle_sd_deg: Deviation = Field(None, description="of the fibres' direction about the stated one")
+
+
 class StructureIn(StrictModel):
     """A structure as a client describes it.
 
@@ -115,6 +129,9 @@ class StructureIn(StrictModel):
     density_kg_m3: Density | None = Field(None, description="kg/m³; an update needs it")
     laminate: Laminate | None = None
     material: Material | None = None
+    inputs: StructureInputs | None = Field(
+        None, description="how well geometry, density and section are known, for updates"
+    )
 
     @model_validator(mode="after")
     def _one_section(self) -> Self:
@@ -141,6 +158,7 @@ class StructurePatch(StrictModel):
     density_kg_m3: Density | None = None
     laminate: Laminate | None = None
     material: Material | None = None
+    inputs: StructureInputs | None = Field(None, description="takes the place of the former; {} clears it")
 
 
 class StructureOut(StrictModel):
@@ -149,10 +167,13 @@ class StructureOut(StrictModel):
     id: UUID
     project_id: UUID
     name: str
-    version: int = Field(description="counts from 1; every change of geometry, density or section makes a new one")
+    version: int = Field(
+        description="counts from 1; every change of geometry, density, section or inputs makes a new one"
+    )
     geometry: Geometry | None
     density_kg_m3: float | None
     laminate: Laminate | None
     material: Material | None
+    inputs: StructureInputs | None
     created_at: datetime
     updated_at: datetime

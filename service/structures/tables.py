@@ -44,5 +44,6 @@ class StructureVersion(Identified, Base):
     density_kg_m3: Mapped[float | None]
     laminate: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     material: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+    inputs: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
 
     structure: Mapped[Structure] = relationship(back_populates="versions")

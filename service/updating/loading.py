@@ -47,12 +47,20 @@ def load_update(session: Session, job_id: UUID, _workspace: Path) -> UpdateInput
     frfs = None if used is None else used.frfs
     parameters, prior_warnings = recipe_parameters(session, recipe)
     specimen = specimen_of(campaign)
+    window_rate = None if used is None else used.window_rate
+    inputs = recipe.inputs.or_as_stated(campaign.structure.inputs, campaign.inputs, window_rate)
+    left_in = used.window_remark if used is not None and inputs.to_core().window_rate is None else []
     return UpdateInputs(
-        measurement=Measurement(frfs, campaign.points, modes, roving_mass(campaign), recipe.inputs.to_core()),
+        measurement=Measurement(frfs, campaign.points, modes, roving_mass(campaign), inputs.to_core()),
         specimen=recipe.supported(specimen),
         recipe=replace(recipe.to_core(), parameters=parameters),
-        warnings=(*campaign.warnings, *_left_out(campaign), *prior_warnings),
-        provenance=_provenance(job, campaign, used),
+        warnings=(
+            *campaign.warnings,
+            *_left_out(campaign),
+            *left_in,
+            *prior_warnings,
+        ),
+        provenance=_provenance(job, campaign, used) | {"inputs": inputs.model_dump(mode="json")},
     )
 
 

@@ -17,6 +17,8 @@ from fecore.updating import recipe as core
 from fecore.updating.inputs import Inputs
 from fecore.updating.misfit import Weighting
 from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
+from service.campaigns.schemas import CampaignInputs
+from service.structures.schemas import StructureInputs
 from service.web import Int64, Name, StrictModel, example
 
 DampingModel = Literal[
@@ -72,30 +74,35 @@ class HoldOutIn(StrictModel):
     band_hz: Band | None = Field(None, description="lines held out; those above the fitted band always are")
 
 
-Deviation = Annotated[float | None, Field(ge=0, le=1e9)]
+class InputsIn(CampaignInputs, StructureInputs):
+    """How well the laboratory knows what it hands in; what is null here is as the campaign and the structure state it."""
 
+    def or_as_stated(
+        self, structure: StructureInputs | None, campaign: CampaignInputs, window_rate: float | None
+    ) -> InputsIn:
+        """These inputs where they are stated, else the campaign's and the structure's.
 
-class InputsIn(StrictModel):
-    """How well the laboratory knows what it hands in: standard deviations; null is a careful laboratory's, 0 exactly known."""
+        Args:
+            structure: what the structure states.
+            campaign: what the campaign states.
+            window_rate: 1/τ that the FRFs themselves state, 1/s.
+        """
+        found = {} if structure is None else structure.model_dump(exclude_none=True)
+        for stated in (InputsIn.window(window_rate), campaign, self):
+            values = stated.model_dump(exclude_none=True)
+            if values.keys() & _WINDOWS:
+                found = {name: value for name, value in found.items() if name not in _WINDOWS}
+            found |= values
+        return InputsIn.model_validate(found)
 
-    length_sd_m: Deviation = None
-    width_sd_m: Deviation = None
-    thickness_sd_m: Deviation = None
-    density_sd_kg_m3: Deviation = None
-    nu_xy_sd: Deviation = None
-    fibre_angle_sd_deg: Deviation = None
-    clamp_compliance_sd: Deviation = Field(None, description="of EI/kL of a clamped edge; half-normal")
-    sensor_mass_sd_kg: Deviation = Field(None, description="where no sensor is stated: half-normal; null is 1 g there")
-    channel_delay_sd_s: Deviation = None
-    window_rate_per_s: Deviation = Field(
-        None,
-        description="1/τ of an exponential window exp(-t/τ) on the response; 0: there was none; null: nobody knows",
-    )
-    window_rate_sd_per_s: float = Field(0.0, ge=0, le=1e9)
+    @classmethod
+    def window(cls, rate: float | None) -> InputsIn:
+        """A window's rate alone, 1/s."""
+        return cls.model_validate({"window_rate_per_s": rate})
 
     def to_core(self) -> Inputs:
         """The core's inputs."""
-        angle = self.fibre_angle_sd_deg
+        angle, constant = self.fibre_angle_sd_deg, self.window_time_constant_s
         return Inputs(
             length_sd=self.length_sd_m,
             width_sd=self.width_sd_m,
@@ -106,9 +113,12 @@ class InputsIn(StrictModel):
             clamp_compliance_sd=self.clamp_compliance_sd,
             sensor_mass_sd=self.sensor_mass_sd_kg,
             delay_sd=self.channel_delay_sd_s,
-            window_rate=self.window_rate_per_s,
-            window_rate_sd=self.window_rate_sd_per_s,
+            window_rate=self.window_rate_per_s if constant is None else 1 / constant,
+            window_rate_sd=self.window_rate_sd_per_s or 0.0,
         )
+
+
+_WINDOWS = {"window_rate_per_s", "window_time_constant_s"}
 
 
 class IdentificationRecipeIn(StrictModel):
@@ -151,7 +161,8 @@ class RecipeIn(StrictModel):
     band_hz: Band | None = Field(None, description="lines of the damping update; default: past the highest mode")
     hold_out: HoldOutIn = HoldOutIn(points=None, band_hz=None)
     inputs: InputsIn = Field(
-        default_factory=lambda: InputsIn.model_validate({}), description="what the laboratory does not know exactly"
+        default_factory=lambda: InputsIn.model_validate({}),
+        description="what the laboratory does not know exactly; null members are as campaign and structure state them",
     )
     posterior: Literal["laplace", "mcmc"] = Field("laplace", description="Gaussian, or sampled with emcee")
     seed: int = Field(0, ge=0, le=2**32 - 1)
