@@ -248,8 +248,9 @@ def fit_reference(data: DampingData) -> ReferenceFit:
     Raises:
         UpdatingError: the fit did not converge.
     """
-    frfs, delay = data.frfs, 0.0
-    variance = _noise_variance(data)
+    delay = _first_delay(data)
+    frfs = _turned_back(data.frfs, delay)
+    variance = _noise_variance(replace(data, frfs=frfs))
     for _ in range(3):
         misfit = data.misfit(frfs, data.weighting, variance)
         fit = fit_law(misfit, data.modal_law, data.start(data.modal_law), data.nuisance(0), _unit(misfit))
@@ -257,10 +258,30 @@ def fit_reference(data: DampingData) -> ReferenceFit:
         delay += left
         if abs(left) * frfs.omega[-1] < _LARGE_TURN:
             break
-        frfs = replace(frfs, values=frfs.values * np.exp(1j * frfs.omega * left))
+        frfs = _turned_back(frfs, left)
     own = _modal_ratios(data, fit)
     scale = 1.0 if data.weighting == "noise" else fit.cost / float(np.sum(misfit.counted))
     return ReferenceFit(misfit, fit, scale, _measured_ratios(data) or own, own, delay)
+
+
+def _first_delay(data: DampingData) -> float:
+    """The channels' delay at the measured modes, s: a fit's steps are only exact where little of it is left.
+
+    All lines count alike here, as the noise is not known yet.
+    """
+    frfs, nuisance, start = data.frfs, data.nuisance(0), data.start(data.modal_law)
+    level = np.mean(np.abs(frfs.values) ** 2, axis=1, keepdims=True)
+    misfit = data.misfit(frfs, data.weighting, np.broadcast_to(_FIRST_NOISE * level, frfs.values.shape))
+    omega = data.model.omega.copy()
+    omega[nuisance.modes] *= 1 + nuisance.first_shift
+    rate = data.modal_law.basis(omega) @ start
+    rate[nuisance.suspended] = nuisance.suspended_rate
+    return misfit.delay(omega**2, rate + nuisance.window_rate)
+
+
+def _turned_back(frfs: FrfSet, delay: float) -> FrfSet:
+    """FRFs without a delay of the response, s."""
+    return replace(frfs, values=frfs.values * np.exp(1j * frfs.omega * delay)) if delay else frfs
 
 
 def fit_damping(

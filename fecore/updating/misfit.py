@@ -119,11 +119,13 @@ class FrfMisfit:
 
     def delay(self, eigenvalue: FloatArray, rate: FloatArray) -> float:
         """The most probable delay between the channels at given eigenvalues and rates, s."""
+        if not self.delay_sd:
+            return 0.0
         residual, weight = self.residual(self.predict(eigenvalue, rate))
         jacobian = self.jacobian(eigenvalue, rate)
         g = slice(2 * eigenvalue.size, None)
         own = jacobian.hessian(weight)[g, g] + self.linear_prior
-        return float(np.linalg.solve(own, jacobian.gradient(weight * residual)[g])[-1]) if self.delay_sd else 0.0
+        return float(np.linalg.solve(own, jacobian.gradient(weight * residual)[g])[-1])
 
     @cached_property
     def gained(self) -> IntArray:

@@ -129,15 +129,16 @@ def test_frfs_that_look_windowed_are_used_with_care_until_somebody_says() -> Non
     assert looks_windowed(omega[:2], own[:2] + 6 / omega[:2], 0.5) is None
 
 
-def test_a_delay_between_channels_is_found_and_leaves_the_damping_alone() -> None:
+@pytest.mark.parametrize("delay", [30e-6, -80e-6])
+def test_a_delay_between_channels_is_found_and_leaves_the_damping_alone(delay: float) -> None:
     measurement, _ = draw(0)
     frfs = measurement.frfs
     assert frfs is not None
-    late = replace(frfs, values=frfs.values * np.exp(-1j * frfs.omega * 30e-6))
+    late = replace(frfs, values=frfs.values * np.exp(-1j * frfs.omega * delay))
     inputs = Inputs(window_rate=0.0)
     clean = update(replace(measurement, inputs=inputs), BEAM)
     result = update(replace(measurement, frfs=late, inputs=inputs), BEAM)
-    assert result.channel_delay_s == pytest.approx(30e-6, abs=1e-6)
+    assert result.channel_delay_s == pytest.approx(delay, abs=1e-6)
     for one, other in zip(result.parameters[-2:], clean.parameters[-2:], strict=True):
         assert one.estimate == pytest.approx(other.estimate, rel=0.005), one.name
 
