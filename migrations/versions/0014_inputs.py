@@ -7,7 +7,7 @@ from alembic import op
 from sqlalchemy.dialects.postgresql import JSONB
 
 revision = "0014_inputs"
-down_revision = "0013_any_structure"
+down_revision = "0018_joint_updates"
 branch_labels = None
 depends_on = None
 
