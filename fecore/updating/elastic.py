@@ -58,6 +58,21 @@ class ElasticIterate:
 
 
 @dataclass(frozen=True)
+class Start:
+    """One start of the fit.
+
+    Attributes:
+        history: iterates, first to last; empty of a start that failed.
+        cost: of each iterate.
+        failure: why it did not converge; empty where it did.
+    """
+
+    history: tuple[ElasticIterate, ...]
+    cost: tuple[float, ...]
+    failure: str = ""
+
+
+@dataclass(frozen=True)
 class ElasticResult:
     """Updated elastic parameters θ, the laboratory's inputs among them.
 
@@ -79,6 +94,7 @@ class ElasticResult:
         discrepancy: estimated relative model error of a frequency, which the covariance includes.
         residual: (n,) ln f_measured - ln f_model of the paired modes.
         history: iterates, first to last.
+        starts: every start that was tried, this one among them; empty where there was no choice of starts.
     """
 
     theta: FloatArray
@@ -101,6 +117,7 @@ class ElasticResult:
     discrepancy: float
     residual: FloatArray
     history: tuple[ElasticIterate, ...]
+    starts: tuple[Start, ...] = ()
 
     @property
     def misfit(self) -> float:

@@ -8,6 +8,7 @@ paired with the measured modes, and the update starts again from the best draw o
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from fecore.errors import UpdatingError
 from fecore.modes import MeasuredModes
 from fecore.updating.coordinates import Coordinates
 from fecore.updating.draws import even_draws
-from fecore.updating.elastic import ElasticResult, update_elastic
+from fecore.updating.elastic import ElasticResult, Start, update_elastic
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF
@@ -52,23 +53,32 @@ def update_from_several_starts(
         )
 
     found: list[ElasticResult] = []
+    tried: list[Start] = []
     failure: UpdatingError | None = None
     try:
         found.append(run(None, 0.0, 0.5))
+        tried.append(_converged(found[0]))
     except UpdatingError as error:
         failure = error
+        tried.append(Start((), error.history, error.message))
     if found and not is_doubtful(found[0]):
-        return found[0]
+        return replace(found[0], starts=tuple(tried))
     starts = _other_starts(forward, modes, seed)
     for number, start in enumerate(starts):
         try:
             found.append(run(start, 0.5 + 0.5 * number / len(starts), 0.5 + 0.5 * (number + 1) / len(starts)))
+            tried.append(_converged(found[-1]))
         except UpdatingError as error:
             failure = failure or error
+            tried.append(Start((), error.history, error.message))
     if not found:
         assert failure is not None, "every start failed"
         raise failure
-    return min(found, key=evidence)
+    return replace(min(found, key=evidence), starts=tuple(tried))
+
+
+def _converged(result: ElasticResult) -> Start:
+    return Start(result.history, tuple(iterate.cost for iterate in result.history))
 
 
 def is_doubtful(result: ElasticResult) -> bool:

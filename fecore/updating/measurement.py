@@ -58,6 +58,7 @@ class Prepared:
         frfs: all usable FRFs; None where there are none.
         fitted: those that the fits see; fitted_rows: their rows among all.
         held: those that are held out, or None.
+        held_rows: their places among `frfs`.
         modes: measured modes, with shapes along +z where the data give them; None where none were asked for.
         identification: how the modes were found; None where they were handed in.
         warnings: what a user must know.
@@ -67,6 +68,7 @@ class Prepared:
     fitted: FrfSet | None
     fitted_rows: list[int]
     held: FrfSet | None
+    held_rows: list[int]
     modes: MeasuredModes | None
     identification: Identification | None
     warnings: tuple[str, ...]
@@ -120,6 +122,7 @@ def prepare(
         fitted=fitted,
         fitted_rows=kept,
         held=held,
+        held_rows=held_rows,
         modes=modes,
         identification=found,
         warnings=tuple(dict.fromkeys(warnings)),
@@ -170,6 +173,7 @@ def _of_modes_alone(measurement: Measurement) -> Prepared:
         fitted=None,
         fitted_rows=[],
         held=None,
+        held_rows=[],
         modes=modes,
         identification=None,
         warnings=warnings,

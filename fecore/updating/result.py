@@ -99,7 +99,7 @@ class ParameterEstimate:
 
 @dataclass(frozen=True)
 class ModeComparison:
-    """One measured mode beside the model's; None where there is no partner or nothing was measured.
+    """One measured mode beside the model's; None where there is no partner or nothing was measured or stated.
 
     `kind` is the model's word for its motion: bending or torsion. A mode on the supports' springs has no predicted damping.
     """
@@ -113,6 +113,7 @@ class ModeComparison:
     mac: float | None
     measured_damping: float | None
     predicted_damping: float | None
+    measured_damping_sd: float | None = None
 
 
 @dataclass(frozen=True)
@@ -171,6 +172,9 @@ class DampingModelFit:
         preferred: whether it has the least of all.
         missed: (n,) relative miss of the ratio of each paired mode that the law damps.
         standard_deviations: of the coefficients, by name, SI, the law's discrepancy included.
+        curve: (2, m) frequencies in Hz over the range of the measured modes, and the law's damping ratios there: of a law of
+            frequency a curve, of a law by mechanism the model's modes.
+        by_mechanism: whether it is one by mechanism.
     """
 
     name: str
@@ -179,11 +183,18 @@ class DampingModelFit:
     preferred: bool
     missed: FloatArray
     standard_deviations: dict[str, float]
+    curve: FloatArray
+    by_mechanism: bool
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """Measured and predicted FRFs on all lines, for figures and export: (N, L) each."""
+    """Measured and predicted FRFs on all lines, for figures and export: (N, L) each.
+
+    Attributes:
+        spread: (N, L) standard deviations of the updated ln|H|, and of its phase in radians.
+        fitted, held: rows of the FRFs that were fitted, and of those that were held out.
+    """
 
     frequency_hz: FloatArray
     responses: tuple[Dof, ...]
@@ -191,6 +202,41 @@ class Prediction:
     measured: ComplexArray
     initial: ComplexArray
     updated: ComplexArray
+    spread: tuple[FloatArray, FloatArray]
+    fitted: tuple[int, ...]
+    held: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class ModeShapes:
+    """Shapes along +z at the measured points, measured beside those of the updated model.
+
+    Attributes:
+        points: (P,) labels of the points; those of the measured shapes come first.
+        places: (P, 2) their x and y, m.
+        measured: (n, p) complex shapes of the measured modes at the first p points; (n, 0) where they have none.
+        updated: (m, P) real shapes of the model.
+        frequency_hz, kinds: (m,) of the model's modes.
+        pairs: number of a measured mode and of its model mode, both from 0.
+    """
+
+    points: tuple[int, ...]
+    places: FloatArray
+    measured: ComplexArray
+    updated: FloatArray
+    frequency_hz: FloatArray
+    kinds: tuple[str, ...]
+    pairs: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class StartHistory:
+    """One start of stage 1: parameters by name and cost, iterate by iterate; `failure` says why it did not converge."""
+
+    parameters: dict[str, FloatArray]
+    cost: tuple[float, ...]
+    chosen: bool
+    failure: str
 
 
 @dataclass(frozen=True)
@@ -210,7 +256,8 @@ class PosteriorSummary:
         method: "laplace" or "mcmc".
         effective_samples, autocorrelation_time, acceptance: of the elastic and the damping chain; empty for Laplace.
         samples: (n, p) thinned samples of `names`, or None.
-        names: of the sampled parameters.
+        names: of the free constants, and of the first law's coefficients where they were fitted.
+        correlation: (p, p) of these.
     """
 
     method: str
@@ -219,6 +266,7 @@ class PosteriorSummary:
     acceptance: tuple[float, ...] = ()
     names: tuple[str, ...] = ()
     samples: FloatArray | None = None
+    correlation: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -235,6 +283,8 @@ class UpdateResult:
     damping_optima: tuple[dict[str, float], ...]
     damping_history: FloatArray
     convergence: tuple[ConvergenceStep, ...]
+    starts: tuple[StartHistory, ...]
+    shapes: ModeShapes | None
     channel_delay_s: float | None
     null_directions: tuple[dict[str, float], ...]
     frequency_discrepancy: float

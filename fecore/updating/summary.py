@@ -7,11 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from fecore.dynamics.damping_laws import beyond, damping_rate, negative_band
+from fecore.arrays import FloatArray
+from fecore.dynamics.damping_laws import DampingLaw, beyond, damping_rate, damping_ratio, negative_band
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.modes import MeasuredModes
 from fecore.updating.damping_stage import DampingResult
-from fecore.updating.elastic import ElasticResult
+from fecore.updating.elastic import ElasticResult, Start
 from fecore.updating.elastic_findings import elastic_findings
 from fecore.updating.estimates import coefficient_estimates, constant_estimates, disagreements, ratio_estimates
 from fecore.updating.inputs import Inputs
@@ -24,16 +25,19 @@ from fecore.updating.result import (
     DampingModelFit,
     HeldOut,
     ModeComparison,
+    ModeShapes,
     ParameterEstimate,
     PosteriorSummary,
     Prediction,
     StageOutcome,
+    StartHistory,
     UpdateResult,
 )
 from fecore.updating.sampling import Posterior
 from fecore.updating.validation import Predictor, agreement
 from fecore.updating.verdict import Finding, judge, notes, warnings
 
+_CURVE_POINTS, _BEYOND_MODES = 80, 1.5  # of a law's curve: how many, and how far beyond the modes
 _FEWEST_LINES = 10  # of a held-out band that is worth comparing
 
 
@@ -85,6 +89,8 @@ class Summary:
                 ConvergenceStep(by_name(names, step.theta), step.frequency_hz, step.cost)
                 for step in self.elastic.history
             ),
+            starts=tuple(self._start(start) for start in self.elastic.starts),
+            shapes=self._shapes(),
             channel_delay_s=None if damping is None else damping.reference.delay,
             null_directions=tuple(by_name(names, direction) for direction in self.elastic.null_directions),
             frequency_discrepancy=self.elastic.discrepancy,
@@ -132,7 +138,20 @@ class Summary:
             preferred=ranked is self.ranking.preferred,
             missed=ranked.missed,
             standard_deviations=by_name(ranked.law.coefficient_names, np.sqrt(np.diag(covariance))),
+            curve=self._curve(ranked.law, coefficients),
+            by_mechanism=isinstance(ranked.law, MechanismDamping),
         )
+
+    def _curve(self, law: DampingLaw, coefficients: np.ndarray) -> FloatArray:
+        """(2, m) a law's damping ratios over the range of the measured modes and somewhat beyond."""
+        low, high = self.modes.frequency_hz[0] / _BEYOND_MODES, self.modes.frequency_hz[-1] * _BEYOND_MODES
+        if isinstance(law, MechanismDamping):
+            state = self.elastic.updated
+            inside = (state.frequency_hz >= low) & (state.frequency_hz <= high)
+            hz, strain = state.frequency_hz[inside], state.strain[state.modes.rigid :][inside]
+            return np.stack([hz, damping_ratio(law, coefficients, 2 * np.pi * hz, strain)])
+        grid = np.geomspace(low, high, _CURVE_POINTS)
+        return np.stack([grid, damping_ratio(law, coefficients, 2 * np.pi * grid)])
 
     def _mode(self, row: int) -> ModeComparison:
         updated = dict(self.elastic.pairing.pairs).get(row)
@@ -151,7 +170,12 @@ class Summary:
             mac=None if matrix is None or updated is None else float(matrix[row, updated]),
             measured_damping=None if np.isnan(ratio) else ratio,
             predicted_damping=None if updated is None else self._predicted_damping(updated),
+            measured_damping_sd=self._damping_sd(row),
         )
+
+    def _damping_sd(self, row: int) -> float | None:
+        spread = self.modes.damping_sd
+        return float(spread[row]) if spread is not None and np.isfinite(spread[row]) else None
 
     def _predicted_damping(self, column: int) -> float | None:
         """The law's ratio of an elastic model mode; None where no law damps it."""
@@ -220,26 +244,60 @@ class Summary:
         first_rate = damping_rate(law, damping.start, before.omega, before.strain) + window
         first_tail = beyond(law, damping.start, float(before.omega[-1]), before.strain)
         return Prediction(
-            frfs.frequency_hz,
-            frfs.responses,
-            frfs.references,
-            frfs.values,
-            before.synthesise(frfs.frequency_hz, first_rate, frfs.quantity, first_tail),
-            damping.fit.synthesise(after, frfs.frequency_hz, frfs.quantity),
+            frequency_hz=frfs.frequency_hz,
+            responses=frfs.responses,
+            references=frfs.references,
+            measured=frfs.values,
+            initial=before.synthesise(frfs.frequency_hz, first_rate, frfs.quantity, first_tail),
+            updated=damping.fit.synthesise(after, frfs.frequency_hz, frfs.quantity),
+            spread=Predictor(self.elastic, damping).spread(frfs),
+            fitted=tuple(self.data.fitted_rows),
+            held=tuple(self.data.held_rows),
         )
 
     def _posterior(self) -> PosteriorSummary:
-        if self.sampled is None or self.damping is None:
-            return PosteriorSummary("laplace")
         prior = self.elastic.updated.forward.parametrisation
         inputs = np.arange(len(prior.reported), len(prior.names))
+        if self.sampled is None or self.damping is None:
+            covariance, names = self.elastic.covariance, prior.reported
+            if self.damping is not None:
+                covariance = Predictor(self.elastic, self.damping).covariance
+                names = (*names, *self.damping.fit.law.coefficient_names)
+            covariance = np.delete(np.delete(covariance, inputs, axis=0), inputs, axis=1)
+            scale = np.sqrt(np.diag(covariance))
+            return PosteriorSummary("laplace", names=names, correlation=covariance / np.outer(scale, scale))
+        samples = np.delete(self.sampled.everything, inputs, axis=1)
+        correlation: FloatArray = np.atleast_2d(np.corrcoef(samples.T))
         return PosteriorSummary(
-            "mcmc",
-            self.sampled.effective_samples,
-            self.sampled.autocorrelation_time,
-            self.sampled.acceptance,
-            (*prior.reported, *self.damping.fit.law.coefficient_names),
-            np.delete(self.sampled.everything, inputs, axis=1),
+            method="mcmc",
+            effective_samples=self.sampled.effective_samples,
+            autocorrelation_time=self.sampled.autocorrelation_time,
+            acceptance=self.sampled.acceptance,
+            names=(*prior.reported, *self.damping.fit.law.coefficient_names),
+            samples=samples,
+            correlation=correlation,
+        )
+
+    def _start(self, start: Start) -> StartHistory:
+        names = self.elastic.updated.forward.parametrisation.names
+        thetas = np.array([iterate.theta for iterate in start.history]).reshape(-1, len(names))
+        chosen = bool(start.history) and start.history is self.elastic.history
+        return StartHistory(dict(zip(names, thetas.T, strict=True)), start.cost, chosen, start.failure)
+
+    def _shapes(self) -> ModeShapes | None:
+        """Shapes at the measured points; None where the modes were typed in and there are no FRFs either."""
+        state, modes = self.elastic.updated, self.modes
+        forward = state.forward
+        if not forward.points:
+            return None
+        return ModeShapes(
+            points=tuple(forward.points),
+            places=forward.places,
+            measured=np.zeros((len(modes), 0), dtype=complex) if modes.shapes is None else modes.shapes,
+            updated=state.shapes,
+            frequency_hz=state.frequency_hz,
+            kinds=tuple(state.kinds),
+            pairs=self.elastic.pairing.pairs,
         )
 
     def _negative_damping(self) -> list[str]:

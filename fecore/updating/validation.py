@@ -19,6 +19,7 @@ from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic import ElasticResult
 from fecore.updating.result import FrfCorrelation, HeldOut
 
+_VALUES_AT_ONCE = 200_000  # of FRFs whose changes are held in memory, some twenty for each value
 _REACH = 1.959963984540054  # of the central 95 % of a Gaussian, in standard deviations
 
 
@@ -37,6 +38,26 @@ class Predictor:
         changes = self._changes(frfs, model, rate)
         variance = np.stack([np.sum(part**2, axis=0) for part in (changes.real, changes.imag)])
         return predicted, variance
+
+    def spread(self, frfs: FrfSet) -> tuple[FloatArray, FloatArray]:
+        """(N, L) standard deviations of ln|H| and of the phase in radians of predicted FRFs, noise not included.
+
+        To first order a small change of H is a change of ln|H| by the real part of δH/H and of the phase by the imaginary one.
+        """
+        model = self.elastic.updated.frf_model(frfs.responses, frfs.references)
+        predicted = self.damping.fit.synthesise(model, frfs.frequency_hz, frfs.quantity)
+        rate = self.damping.fit.rates(model.omega)
+        few = max(1, _VALUES_AT_ONCE // frfs.frequency_hz.size)
+        parts = []
+        for first in range(0, len(frfs.responses), few):
+            rows = list(range(first, min(first + few, len(frfs.responses))))
+            some = frfs.select(rows)
+            changes = self._changes(some, self.elastic.updated.frf_model(some.responses, some.references), rate)
+            with np.errstate(divide="ignore", invalid="ignore"):  # at a zero of H nothing is known of its logarithm
+                relative = changes / predicted[rows]
+            parts.append([np.sqrt(np.sum(part**2, axis=0)) for part in (relative.real, relative.imag)])
+        log_magnitude, phase = (np.nan_to_num(np.vstack(part), nan=np.inf) for part in zip(*parts, strict=True))
+        return log_magnitude, phase
 
     def _changes(self, frfs: FrfSet, model: ModalFrfModel, rate: FloatArray) -> ComplexArray:
         """(q, N, L) change of the FRFs by one standard deviation of each of q independent causes."""
@@ -64,7 +85,7 @@ class Predictor:
         by_theta = by_theta + np.einsum("nk,kp,kl->pnl", A, state.eigenvalue_jacobian, by_eigenvalue, optimize=True)
         by_law = np.einsum("nk,kp,kl->pnl", A, basis, by_rate, optimize=True)
         by_both = np.concatenate([by_theta, by_law])
-        joint = np.einsum("pq,pnl->qnl", _root(self._covariance()), by_both, optimize=True)
+        joint = np.einsum("pq,pnl->qnl", _root(self.covariance), by_both, optimize=True)
         shifted = self.damping.fit.nuisance.modes
         own = A[:, shifted].T[:, :, None]
         by_shift = (
@@ -75,7 +96,8 @@ class Predictor:
         by_deviation = own * (rate[shifted] * self.damping.discrepancy)[:, None, None] * by_rate[shifted, None]
         return np.concatenate([joint, by_shift, by_deviation])
 
-    def _covariance(self) -> FloatArray:
+    @property
+    def covariance(self) -> FloatArray:
         """(q+p, q+p) joint covariance of θ and a: a = â + (∂a/∂θ)(θ - θ̂) + its own noise."""
         by = np.vstack([np.eye(self.elastic.theta.size), self.damping.by_elastic])
         joint: FloatArray = by @ self.elastic.covariance @ by.T

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, cast
+from uuid import UUID
 
 import psycopg
 from sqlalchemy.exc import DBAPIError
@@ -61,6 +62,23 @@ def copy_rows(session: Session, table: str, columns: Mapping[str, str]) -> Itera
     ):
         copy.set_types(list(columns.values()))
         yield copy.write_row
+
+
+def read_slice(session: Session, table: str, column: str, key: UUID, start: int, count: int) -> bytes:
+    """Some bytes of a stored value, in binary; fewer where it ends before.
+
+    Args:
+        session: where.
+        table: of the row.
+        column: of bytes; one of `STORAGE EXTERNAL` is not read beyond the part.
+        key: of the row.
+        start: first byte, from 0.
+        count: how many.
+    """
+    command = f"SELECT substring({column} FROM %s FOR %s) FROM {table} WHERE id = %s"
+    with _translated(session, command), _connection(session).cursor(binary=True) as cursor:
+        row = cursor.execute(cast("Any", command), (start + 1, count, key)).fetchone()
+    return b"" if row is None else bytes(row[0])
 
 
 def _connection(session: Session) -> psycopg.Connection[Any]:

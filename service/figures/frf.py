@@ -28,6 +28,7 @@ from service.figures.look import (
 MOST_LINES = 3200
 """Lines that a figure draws: of more, the least and the greatest measured magnitude of each stretch."""
 Z_95 = 1.959964
+_ABOUT = 4.0  # how far the axis of the magnitude goes beyond what was measured
 UNITS = {"accelerance": "(m/s²)/N", "mobility": "(m/s)/N", "receptance": "m/N"}
 MODELS = {"initial": (INITIAL, "dot"), "updated": (UPDATED, "dash")}
 
@@ -86,7 +87,7 @@ def frf_figure(curves: FrfCurves) -> Figure:
     shown = layout(
         shown_name(curves.title),
         xaxis=axis("frequency [Hz]", anchor="y3" if with_coherence else "y2"),
-        yaxis=axis(f"|{curves.quantity}| [{unit}]", type="log", domain=list(domains[0]), exponentformat="power"),
+        yaxis=axis(f"|{curves.quantity}| [{unit}]", type="log", domain=list(domains[0]), **_range(curves)),
         yaxis2=axis("phase [°]", domain=list(domains[1]), range=[-190, 190])
         | {"tickvals": [-180, -90, 0, 90, 180], "ticktext": ["−180", "−90", "0", "90", "180"]},
         shapes=_regions(curves, 3 if with_coherence else 2),
@@ -128,6 +129,14 @@ def _responses(curves: FrfCurves, kept: IntArray, hz: list[float | None]) -> lis
         x, phase = _broken(curves.frequency_hz[kept], np.degrees(np.angle(values[kept])))
         traces.append(line(x, phase, name, color, dash, yaxis="y2", **common | {"showlegend": False}))
     return traces
+
+
+def _range(curves: FrfCurves) -> dict[str, Any]:
+    """Decades about what was measured: a model may fall far below its noise."""
+    seen = np.abs(curves.measured)
+    seen = seen[seen > 0]
+    ends = {} if seen.size == 0 else {"range": numbers(np.log10([seen.min() / _ABOUT, seen.max() * _ABOUT]), 4)}
+    return {"exponentformat": "power", **ends}
 
 
 def _broken(hz: FloatArray, phase: FloatArray) -> tuple[list[float | None], list[float | None]]:

@@ -95,11 +95,21 @@ def _dots(axes: Axes, marker: Mapping[str, Any], x: Any, y: Any) -> Any:
         if marker.get("showscale"):
             _color_bar(axes, drawn, marker["colorbar"]["title"]["text"])
         return drawn
-    faces = "none" if hollow else marker["color"]
+    shared = marker["color"] if isinstance(marker["color"], list) else None
+    color, alpha = (shared, 1.0) if shared is not None else color_of(marker["color"])
+    faces = "none" if hollow else color
     if symbol in ("x", "cross", "line-ns"):
-        return axes.scatter(x, y, s=size, marker=_SYMBOLS[symbol], c=marker["color"], linewidths=0.8, zorder=3)
+        return axes.scatter(x, y, s=size, marker=_SYMBOLS[symbol], c=color, linewidths=0.8, zorder=3)
     return axes.scatter(
-        x, y, s=size, marker=_SYMBOLS[symbol], facecolors=faces, edgecolors=marker["color"], linewidths=0.8, zorder=3
+        x,
+        y,
+        s=size,
+        marker=_SYMBOLS[symbol],
+        facecolors=faces,
+        edgecolors=color,
+        alpha=alpha,
+        linewidths=0.8 if alpha == 1 else 0,
+        zorder=3,
     )
 
 

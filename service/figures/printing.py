@@ -128,7 +128,7 @@ def _panels(sheet: Sheet, figure: Figure, height: float) -> Panels:
         beside = next((axes for (_, other), axes in panels.items() if _together(layout, y, other)), None)
         above = next((axes for (other, _), axes in panels.items() if _together(layout, x, other)), None)
         axes = sheet.add_axes(box, sharex=above, sharey=beside)
-        axes.set_facecolor(layout["plot_bgcolor"])
+        axes.set_facecolor("none" if "overlaying" in layout[_key(y)] else layout["plot_bgcolor"])
         panels[x, y] = axes
     for (x, y), axes in panels.items():
         _dress(panels, axes, layout, x, y)
@@ -137,8 +137,7 @@ def _panels(sheet: Sheet, figure: Figure, height: float) -> Panels:
 
 def _axis_pairs(layout: Mapping[str, Any]) -> list[tuple[str, str]]:
     """The panels that the axes themselves make: an empty one has axes too."""
-    names = [_name(key) for key in layout if key.startswith("yaxis")]
-    return [(y.replace("y", "x") if _key(y.replace("y", "x")) in layout else "x", y) for y in names]
+    return [(each.get("anchor", "x"), _name(key)) for key, each in layout.items() if key.startswith("yaxis")]
 
 
 def _together(layout: Mapping[str, Any], one: str, other: str) -> bool:
@@ -151,10 +150,13 @@ def _dress(panels: Panels, axes: Axes, layout: Mapping[str, Any], x: str, y: str
     below = [other.get_position().y0 for (name, _), other in panels.items() if name == x]
     lowest = axes.get_position().y0 <= min(below)
     axes.tick_params(labelbottom=lowest and along.get("showticklabels", True), colors=_ink(layout), which="both")
-    axes.tick_params(labelleft=up.get("showticklabels", True))
+    left = min(other.get_position().x0 for (_, name), other in panels.items() if name == y)
+    leftmost = axes.get_position().x0 <= left
+    axes.tick_params(labelleft=leftmost and up.get("showticklabels", True), left=up.get("showticklabels", True))
     if lowest:
         axes.set_xlabel(along["title"]["text"], color=_ink(layout))
-    axes.set_ylabel(up["title"]["text"], color=_ink(layout))
+    if leftmost:
+        axes.set_ylabel(up["title"]["text"], color=_ink(layout))
     for which, each in (("x", along), ("y", up)):
         if each.get("showgrid", True):
             axes.grid(visible=True, axis=which, color=each["gridcolor"], linewidth=0.5)  # type: ignore[arg-type]
@@ -164,6 +166,8 @@ def _dress(panels: Panels, axes: Axes, layout: Mapping[str, Any], x: str, y: str
             (axes.set_xscale if which == "x" else axes.set_yscale)("log")
             (axes.xaxis if which == "x" else axes.yaxis).set_major_formatter(_power_of_ten)
             (axes.xaxis if which == "x" else axes.yaxis).set_minor_formatter("")
+        if "nticks" in each:
+            axes.locator_params(axis=which, nbins=each["nticks"])  # type: ignore[arg-type]
         if each.get("visible") is False:
             (axes.xaxis if which == "x" else axes.yaxis).set_visible(False)
     for side in axes.spines.values():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import platform
 import time
 from collections.abc import Iterator
@@ -18,8 +17,8 @@ from fecore.modes import MeasuredModes
 from fecore.updating.measurement import Measurement
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
-from fecore.updating.result import Prediction
 from service.jobs.kinds import Report
+from service.updating.arrays import as_npz
 from service.updating.document import describe
 
 
@@ -46,7 +45,7 @@ class UpdateOutput:
 
     Attributes:
         document: the contract's result.
-        prediction: predicted FRFs as npz.
+        prediction: arrays as npz: predicted FRFs, shapes, samples.
         identified: modes that the job found itself, in the specimen's frame; None where it was given a mode set.
     """
 
@@ -68,7 +67,7 @@ def compute_update(inputs: UpdateInputs, report: Report) -> Iterator[UpdateOutpu
     }
     document = describe(result, inputs.warnings, provenance)
     identified = None if result.identification is None else result.identification.modes
-    yield UpdateOutput(document, _as_npz(result.prediction), identified)
+    yield UpdateOutput(document, as_npz(result), identified)
 
 
 class _Stopwatch:
@@ -94,22 +93,3 @@ class _Stopwatch:
         if self._stage and self._stage != "done":
             self._durations[self._stage] = self._durations.get(self._stage, 0.0) + now - self._since
         self._since = now
-
-
-def _as_npz(prediction: Prediction | None) -> bytes:
-    """Frequency lines, dofs, and the FRFs of the model before and after, in single precision; none of no prediction."""
-    buffer = io.BytesIO()
-    if prediction is None:
-        none = np.zeros((0, 2), dtype=np.int64)
-        empty = np.zeros((0, 0), dtype=np.complex64)
-        np.savez(buffer, frequency_hz=np.zeros(0), responses=none, references=none, initial=empty, updated=empty)
-        return buffer.getvalue()
-    np.savez(
-        buffer,
-        frequency_hz=prediction.frequency_hz,
-        responses=np.array([(dof.point, dof.direction) for dof in prediction.responses]),
-        references=np.array([(dof.point, dof.direction) for dof in prediction.references]),
-        initial=prediction.initial.astype(np.complex64),
-        updated=prediction.updated.astype(np.complex64),
-    )
-    return buffer.getvalue()

@@ -37,6 +37,8 @@ def describe(result: UpdateResult, warnings: Iterable[str], provenance: dict[str
                 "preferred": fit.preferred,
                 "missed": _numbers(fit.missed),
                 "standard_deviations": fit.standard_deviations,
+                "curve": {"frequency_hz": _short(fit.curve[0]), "damping_ratio": _short(fit.curve[1])},
+                "by_mechanism": fit.by_mechanism,
             }
             for fit in result.damping_models
         ],
@@ -48,6 +50,21 @@ def describe(result: UpdateResult, warnings: Iterable[str], provenance: dict[str
         "convergence": [
             {"parameters": step.parameters, "frequency_hz": _numbers(step.frequency_hz), "cost": step.cost}
             for step in result.convergence
+        ],
+        "starts": [
+            {
+                "chosen": start.chosen,
+                "failure": start.failure or None,
+                "cost": list(start.cost),
+                "parameters": {name: values.tolist() for name, values in start.parameters.items()},
+            }
+            for start in result.starts
+        ],
+        "model_modes": []
+        if result.shapes is None
+        else [
+            {"number": k + 1, "frequency_hz": float(hz), "kind": kind}
+            for k, (hz, kind) in enumerate(zip(result.shapes.frequency_hz, result.shapes.kinds, strict=True))
         ],
         "identifiability": {"null_directions": list(result.null_directions)},
         "discrepancy": {"frequency": result.frequency_discrepancy, "damping": result.damping_discrepancy},
@@ -69,16 +86,16 @@ def _parameter(parameter: ParameterEstimate) -> dict[str, Any]:
 
 
 def _posterior(posterior: PosteriorSummary) -> dict[str, Any]:
-    """The method, and for samples what the chains were like and how the parameters correlate."""
+    """The method, how the parameters correlate, and for samples what the chains were like."""
     described: dict[str, Any] = {"method": posterior.method}
+    if posterior.correlation is not None:
+        described |= {"names": list(posterior.names), "correlation": posterior.correlation.tolist()}
     if posterior.samples is not None:
         described |= {
             "samples": len(posterior.samples),
             "effective_samples": list(posterior.effective_samples),
             "autocorrelation_time": list(posterior.autocorrelation_time),
             "acceptance": list(posterior.acceptance),
-            "names": list(posterior.names),
-            "correlation": np.corrcoef(posterior.samples.T).tolist(),
         }
     return described
 
@@ -116,6 +133,11 @@ def _agreement(agreement: FrfCorrelation | None) -> dict[str, Any]:
         "csac_mean": float(np.nanmean(agreement.csac)),
         "csf_mean": float(np.nanmean(agreement.csf)),
     }
+
+
+def _short(values: FloatArray) -> list[float | None]:
+    """Numbers of a curve that is only drawn, to five digits."""
+    return [None if value is None else float(f"{value:.5g}") for value in _numbers(values)]
 
 
 def _numbers(values: FloatArray) -> list[float | None]:

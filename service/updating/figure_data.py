@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 import numpy as np
+from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import Dof
 from service.errors import Conflict
-from service.frfs.data import FrfTable
+from service.frfs.data import FrfTable, frequency_axis
 from service.frfs.operations import frfs_of
+from service.structures.operations import describe_version, version_of
 from service.updating.operations import result_document
 from service.updating.predictions import used_frfs
+from service.updating.stored_arrays import StoredArrays
 from service.updating.tables import UpdateJob, UpdateResult
 
 if TYPE_CHECKING:
@@ -46,15 +48,15 @@ class UpdateFigures:
         return result_document(self.session, self.job)
 
     @cached_property
-    def arrays(self) -> dict[str, Any]:
+    def arrays(self) -> StoredArrays:
         """Arrays that were stored beside the document: predicted FRFs and what belongs to them.
 
         Raises:
             Conflict: the job has no result, yet or ever.
         """
         result_document(self.session, self.job)
-        with np.load(io.BytesIO(self.session.get_one(UpdateResult, self.job.id).prediction)) as stored:
-            return dict(stored)
+        size = self.session.scalars(select(func.length(UpdateResult.prediction)).filter_by(id=self.job.id)).one()
+        return StoredArrays(self.session, self.job.id, size)
 
     def require_prediction(self) -> None:
         """Make sure that FRFs were predicted.
@@ -73,21 +75,35 @@ class UpdateFigures:
         pairs = zip(self.arrays["responses"].tolist(), self.arrays["references"].tolist(), strict=True)
         return [(Dof(*response), Dof(*reference)) for response, reference in pairs]
 
-    @cached_property
-    def rows(self) -> list[Frf]:
-        """The measured FRF that each prediction belongs to."""
+    def measured_frf(self, row: int) -> Frf:
+        """The measured FRF that a prediction belongs to."""
         ids = [UUID(frf["id"]) for frf in self.document["provenance"]["frfs"]]
-        return used_frfs(self.session, self.job, frfs_of(self.session, ids), self.dofs)
+        if len(ids) == len(self.dofs):
+            return frfs_of(self.session, [ids[row]])[0]
+        return used_frfs(self.session, self.job, frfs_of(self.session, ids), self.dofs)[row]
 
-    def measured(self, rows: list[int]) -> tuple[ComplexArray, list[FloatArray | None]]:
-        """(n, L) measured FRFs at these places, and the coherence of each, or None where none was stored."""
+    def measured(self, frf: Frf) -> tuple[ComplexArray, FloatArray | None]:
+        """(L,) measured values on the predicted lines, and the coherence, or None where none was stored."""
         frequency = self.arrays["frequency_hz"]
-        table = FrfTable(self.session, [self.rows[row] for row in rows], frequency, slice(None))
-        found = [(values, coherence) for _, values, coherence in table.both()]
-        return np.array([values for values, _ in found], dtype=complex), [coherence for _, coherence in found]
+        first = int(np.searchsorted(frequency_axis(self.session, frf), frequency[0] * (1 - 1e-9)))
+        ((_, values, coherence),) = FrfTable(
+            self.session, [frf], frequency, slice(first, first + frequency.size)
+        ).both()
+        return values.astype(complex), coherence
+
+    def moving_point(self, row: int) -> int:
+        """The point that distinguishes an FRF from the others: that of the side which moved; of both, the response's."""
+        response, reference = self.dofs[row]
+        return reference.point if self._responses_stay else response.point
+
+    @cached_property
+    def _responses_stay(self) -> bool:
+        responses, references = ({pair[side] for pair in self.dofs} for side in (0, 1))
+        return len(responses) < len(references)
 
     @property
-    def held_points(self) -> frozenset[int]:
-        """Points of FRFs that were held out of the fit."""
-        held = self.document["correlation"]["held_out"]["frfs"]
-        return frozenset() if held is None else frozenset(held["points"])
+    def plan(self) -> tuple[float, float]:
+        """Length and width of the specimen, m, as they were when the job was queued."""
+        geometry = describe_version(version_of(self.session, self.job.structure_version_id), "").geometry
+        assert geometry is not None, "a structure that was updated has a geometry"
+        return geometry.length_m, geometry.width_m

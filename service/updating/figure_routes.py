@@ -14,7 +14,8 @@ from service.access import CurrentUser, SessionDep
 from service.errors import Conflict, Invalid
 from service.figures.answers import RESPONSES, FormatQuery, ThemeQuery, figure_answer
 from service.updating.figure_data import UpdateFigures
-from service.updating.figures import FIGURES, Wanted, draw_figure
+from service.updating.figure_frf import Wanted
+from service.updating.figures import FIGURES, draw_figure
 from service.updating.operations import update_job_for
 from service.web import api_router
 from service.web.conditional import not_modified

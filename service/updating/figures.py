@@ -6,29 +6,22 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from fecore.correlation import auto_mac
 from service.errors import Conflict, NotFound
-from service.figures.frf import FrfCurves, frf_figure
+from service.figures.budget import budget_figure
+from service.figures.convergence import convergence_figure
+from service.figures.correlation import PointValues, agreement_figure, points_figure
+from service.figures.damping import damping_figure
 from service.figures.look import Figure
 from service.figures.matrices import mac_figure
 from service.figures.parameters import parameters_figure
-from service.frfs.data import Cut
+from service.figures.posterior import posterior_figure
+from service.figures.shapes import ShapePair, shapes_figure
+from service.figures.stabilisation import stabilisation_figure
 from service.updating.figure_data import UpdateFigures
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """What the query of a figure's route says.
-
-    Attributes:
-        point: grid point whose FRF is drawn; None for the first one.
-        reference: the other point of the FRF, where one point alone does not say which; or None.
-        fmin, fmax: lines that are drawn, Hz; None for all.
-    """
-
-    point: int | None = None
-    reference: int | None = None
-    fmin: float | None = None
-    fmax: float | None = None
+from service.updating.figure_frf import Wanted, update_frf_figure
 
 
 @dataclass(frozen=True)
@@ -61,51 +54,22 @@ def draw_figure(data: UpdateFigures, name: str, wanted: Wanted) -> Figure:
     return FIGURES[name].draw(data, wanted)
 
 
-def _frf(data: UpdateFigures, wanted: Wanted) -> Figure:
-    row = _row_at(data, wanted)
-    frequency = data.arrays["frequency_hz"]
-    lines = Cut(wanted.fmin, wanted.fmax).lines(frequency)
-    (measured,), (coherence,) = data.measured([row])
-    response, reference = data.dofs[row]
-    held = data.held_points & {response.point, reference.point}
-    of = f"FRF {_dof(response)} / {_dof(reference)}{', held out of the fit' if held else ''}"
-    recipe = data.document["provenance"]["recipe"]
-    curves = FrfCurves(
-        title=of,
-        quantity=data.rows[row].quantity,
-        frequency_hz=frequency[lines],
-        measured=measured[lines],
-        coherence=None if coherence is None else coherence[lines],
-        models={name: data.arrays[name][row, lines] for name in ("initial", "updated")},
-        band_hz=_pair(data.document["band_hz"]),
-        held_band_hz=_pair(recipe["hold_out"]["band_hz"]),
-    )
-    figure = frf_figure(curves)
-    figure["layout"]["meta"] = {"response": response.point, "reference": reference.point, "points": _points(data)}
-    return figure
+def _require_result(data: UpdateFigures) -> None:
+    assert data.document is not None, "asking for it raises where there is none"
 
 
-def _row_at(data: UpdateFigures, wanted: Wanted) -> int:
-    """Place of the FRF at a point: that between the two points where both are named."""
-    pairs = [(response.point, reference.point) for response, reference in data.dofs]
-    named = [point for point in (wanted.point, wanted.reference) if point is not None]
-    found = [row for row, pair in enumerate(pairs) if all(point in pair for point in named)]
-    if wanted.point is not None and wanted.point == wanted.reference:
-        found = [row for row in found if pairs[row][0] == pairs[row][1]]
-    if not found:
-        raise NotFound(f"FRF at point {' and '.join(map(str, named))} in this result; there are points {_listed(data)}")
-    # Of those that share a fixed point the one whose moving point is the wanted one.
-    moving = 1 if len({pair[1] for pair in pairs}) >= len({pair[0] for pair in pairs}) else 0
-    return next((row for row in found if pairs[row][moving] == wanted.point), found[0])
+def _require_arrays(*names: str) -> Callable[[UpdateFigures], None]:
+    """A check that arrays were kept, for figures of FRFs: of a job without a prediction, and of an earlier version's."""
+
+    def check(data: UpdateFigures) -> None:
+        data.require_prediction()
+        if any(name not in data.arrays for name in names):
+            raise Conflict(_OLDER)
+
+    return check
 
 
-def _points(data: UpdateFigures) -> list[int]:
-    return sorted({dof.point for pair in data.dofs for dof in pair})
-
-
-def _listed(data: UpdateFigures) -> str:
-    points = _points(data)
-    return ", ".join(map(str, points[:20])) + (" …" if len(points) > 20 else "")
+_OLDER = "this result was computed by an earlier version, which kept no data for this figure; run the update again"
 
 
 def _require_mac(data: UpdateFigures) -> None:
@@ -114,34 +78,178 @@ def _require_mac(data: UpdateFigures) -> None:
 
 
 def _mac(data: UpdateFigures, _: Wanted) -> Figure:
-    matrix = data.document["correlation"]["mac_matrix"]
-    modes = data.document["modes"]
-    rows = [f"{mode['number']}: {mode['measured_hz']:.4g} Hz" for mode in modes]
-    columns = [str(j + 1) for j in range(len(matrix[0]))]
-    return mac_figure(matrix, rows, columns, "MAC of measured and updated shapes", "mode of the updated model")
+    document = data.document
+    matrix = document["correlation"]["mac_matrix"]
+    across = document.get("model_modes") or [{"number": j + 1, "frequency_hz": None} for j in range(len(matrix[0]))]
+    columns = [_mode_name(mode["number"], mode["frequency_hz"]) for mode in across]
+    title = "MAC of measured and updated shapes"
+    return mac_figure(matrix, _measured_names(data), columns, title, "mode of the updated model")
+
+
+def _mode_name(number: int, hz: float | None) -> str:
+    return str(number) if hz is None else f"{number}: {hz:.4g} Hz"
+
+
+def _measured_names(data: UpdateFigures) -> list[str]:
+    return [_mode_name(mode["number"], mode["measured_hz"]) for mode in data.document["modes"]]
+
+
+def _require_measured_shapes(data: UpdateFigures) -> None:
+    _require_mac(data)
+    if "shapes_measured" not in data.arrays:
+        raise Conflict(_OLDER)
+
+
+def _automac(data: UpdateFigures, _: Wanted) -> Figure:
+    matrix = auto_mac(data.arrays["shapes_measured"].astype(complex)).tolist()
+    names = _measured_names(data)
+    title = "AutoMAC of the measured shapes: can the points keep the modes apart?"
+    return mac_figure(matrix, names, names, title, "measured mode")
+
+
+def _require_shapes(data: UpdateFigures) -> None:
+    _require_result(data)
+    if "shapes_updated" not in data.arrays:
+        has_points = bool(data.document["provenance"]["frfs"])
+        raise Conflict(
+            _OLDER if has_points else "there are no FRFs and the modes have no shapes, so there is nothing to draw"
+        )
+
+
+def _shapes(data: UpdateFigures, _: Wanted) -> Figure:
+    arrays, modes = data.arrays, data.document["modes"]
+    pairs = [
+        ShapePair(
+            number=modes[i]["number"],
+            measured_title=f"mode {modes[i]['number']}, measured: {modes[i]['measured_hz']:.4g} Hz",
+            updated_title=_updated_title(modes[i]),
+            measured=arrays["shapes_measured"][i].astype(complex),
+            updated=arrays["shapes_updated"][j].astype(float),
+        )
+        for i, j in arrays["shape_pairs"].tolist()
+    ]
+    return shapes_figure(pairs, arrays["shape_points"].tolist(), arrays["shape_places_m"])
+
+
+def _updated_title(mode: dict[str, Any]) -> str:
+    mac = "" if mode["mac"] is None else f", MAC {mode['mac']:.3f}"
+    return f"updated: {mode['updated_hz']:.4g} Hz, {mode['kind']}{mac}"
 
 
 def _parameters(data: UpdateFigures, _: Wanted) -> Figure:
     return parameters_figure(data.document["parameters"], "Parameters: prior and updated, 95 % intervals")
 
 
-def _dof(dof: Any) -> str:
-    return f"{dof.point}{'+' if dof.sign > 0 else '−'}{('X', 'Y', 'Z', 'RX', 'RY', 'RZ')[dof.axis - 1]}"
+def _require_posterior(data: UpdateFigures) -> None:
+    if data.document["posterior"].get("correlation") is None:
+        raise Conflict(_OLDER)
 
 
-def _pair(values: Any) -> tuple[float, float] | None:
-    return None if values is None else (float(values[0]), float(values[1]))
+def _posterior(data: UpdateFigures, _: Wanted) -> Figure:
+    described = data.document["posterior"]
+    rows = {row["name"]: row for row in data.document["parameters"]}
+    places = [i for i, name in enumerate(described["names"]) if name in rows]
+    chosen = [rows[described["names"][i]] for i in places]
+    correlation = np.array(described["correlation"], dtype=float)[np.ix_(places, places)]
+    samples = data.arrays["samples"][:, places].astype(float) if "samples" in data.arrays else None
+    return posterior_figure(chosen, correlation, samples)
 
 
-def _result(data: UpdateFigures) -> object:
-    return data.document
+def _require_budget(data: UpdateFigures) -> None:
+    if not any(row["budget"] for row in data.document["parameters"]):
+        raise Conflict("no parameter of this result has a budget of its variance")
 
 
-_FRF = UpdateFigures.require_prediction
+def _budget(data: UpdateFigures, _: Wanted) -> Figure:
+    return budget_figure(data.document["parameters"])
+
+
+def _agreement(name: str) -> Callable[[UpdateFigures, Wanted], Figure]:
+    def draw(data: UpdateFigures, wanted: Wanted) -> Figure:
+        hz = data.arrays["band_lines_hz"]
+        low, high = wanted.fmin or 0.0, np.inf if wanted.fmax is None else wanted.fmax
+        kept = (hz >= low) & (hz <= high)
+        if not kept.any():
+            raise NotFound(f"line of the fitted band, {hz[0]:g} to {hz[-1]:g} Hz, between {low:g} and {high:g} Hz")
+        initial, updated = data.arrays[name][:, kept].astype(float)
+        return agreement_figure(
+            name, hz[kept], initial, updated, [mode["measured_hz"] for mode in data.document["modes"]]
+        )
+
+    return draw
+
+
+def _sac(data: UpdateFigures, _: Wanted) -> Figure:
+    arrays, correlation = data.arrays, data.document["correlation"]
+    parts = [(arrays["fitted"].tolist(), correlation, False)]
+    if correlation["held_out"]["frfs"] is not None:
+        parts.append((arrays["held"].tolist(), correlation["held_out"]["frfs"], True))
+    rows = [row for places, _, _ in parts for row in places]
+    places = dict(zip(arrays["shape_points"].tolist(), arrays["shape_places_m"], strict=True))
+    labels = [data.moving_point(row) for row in rows]
+    at = np.array([places[label] for label in labels])
+    values = {
+        name: np.array([np.nan if v is None else v for _, found, _ in parts for v in found[name]], dtype=float)
+        for name in ("sac", "frac")
+    }
+    held = [is_held for places, _, is_held in parts for _ in places]
+    length, width = data.plan
+    return points_figure(PointValues(labels, at[:, 0], at[:, 1], values["sac"], values["frac"], held), length, width)
+
+
+def _convergence(data: UpdateFigures, _: Wanted) -> Figure:
+    document = data.document
+    steps = document["convergence"]
+    starts = document.get("starts") or [{"chosen": True, "failure": None, "cost": [step["cost"] for step in steps]}]
+    reported = {row["name"] for row in document["parameters"]}
+    names = [name for name in steps[0]["parameters"] if name in reported] if steps else []
+    constants = {name: [step["parameters"][name] for step in steps] for name in names}
+    history = np.array(document["damping_fit"]["history"], dtype=float)
+    laws = document["damping_models"]
+    coefficients = dict(zip(laws[0]["coefficients"], history.T.tolist(), strict=True)) if history.size else {}
+    return convergence_figure(starts, constants, coefficients)
+
+
+def _require_laws(data: UpdateFigures) -> None:
+    laws = data.document["damping_models"]
+    if not laws:
+        damping = next((o["message"] for o in data.document["outcomes"] if o["stage"] == "damping"), "")
+        raise Conflict(f"no damping law was fitted: {damping or 'no measured mode has a damping ratio'}")
+    if "curve" not in laws[0]:
+        raise Conflict(_OLDER)
+
+
+def _damping(data: UpdateFigures, _: Wanted) -> Figure:
+    return damping_figure(data.document["damping_models"], data.document["modes"])
+
+
+def _require_identification(data: UpdateFigures) -> None:
+    if data.document["identification"] is None:
+        raise Conflict("this update was given its modes and identified none, so there is no stabilisation diagram")
+
+
+def _stabilisation(data: UpdateFigures, _: Wanted) -> Figure:
+    found = data.document["identification"]
+    return stabilisation_figure(found["stabilisation"], found["modes"], found["doubtful"])
+
+
+_LINES = ("fmin", "fmax")
 
 FIGURES: dict[str, NamedFigure] = {
-    "frf": NamedFigure("FRF: measured, initial and updated", _frf, _FRF, ("point", "reference", "fmin", "fmax")),
+    "frf": NamedFigure(
+        "FRF: measured, initial and updated", update_frf_figure, _require_arrays(), ("point", "reference", *_LINES)
+    ),
+    "parameters": NamedFigure("Parameters: prior and updated with 95 % intervals", _parameters, _require_result),
+    "budget": NamedFigure("What the variance of each parameter is made of", _budget, _require_budget),
+    "posterior": NamedFigure("Posterior: densities and correlations", _posterior, _require_posterior),
+    "shapes": NamedFigure("Mode shapes, measured beside updated", _shapes, _require_shapes),
     "mac": NamedFigure("MAC of measured and updated shapes", _mac, _require_mac),
-    "parameters": NamedFigure("Parameters: prior and updated with 95 % intervals", _parameters, _result),
+    "automac": NamedFigure("AutoMAC of the measured shapes", _automac, _require_measured_shapes),
+    "csac": NamedFigure("CSAC: agreement in shape by line", _agreement("csac"), _require_arrays("csac"), _LINES),
+    "csf": NamedFigure("CSF: agreement in level by line", _agreement("csf"), _require_arrays("csf"), _LINES),
+    "sac": NamedFigure("SAC and FRAC by point on the specimen", _sac, _require_arrays("fitted", "shape_points")),
+    "damping": NamedFigure("Damping ratios and the laws", _damping, _require_laws),
+    "convergence": NamedFigure("Convergence of all starts", _convergence, _require_result),
+    "stabilisation": NamedFigure("Stabilisation diagram", _stabilisation, _require_identification),
 }
 """Every figure of an update, in the order in which a report shows them."""

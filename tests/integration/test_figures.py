@@ -18,7 +18,7 @@ import pytest
 
 from service.demo.laboratory import Laboratory
 from service.supervisor import LocalService
-from tests.support.rest import client_at, ok
+from tests.support.rest import client_at, finished, ok, result_of
 
 BEGINNINGS = {"plotly": b'{"data":', "svg": b"<?xml", "png": b"\x89PNG", "pdf": b"%PDF"}
 
@@ -60,7 +60,7 @@ def traces(figure: dict[str, Any], name: str) -> list[dict[str, Any]]:
 
 def test_every_figure_is_listed_and_drawn_as_json_in_print_and_in_both_themes(demo: Done) -> None:
     items = ok(demo.api.get(f"{demo.path}/figures"))["items"]
-    assert {"frf", "mac", "parameters"} <= {item["name"] for item in items}
+    assert [item["name"] for item in items if not item["available"]] == ["stabilisation"]  # its modes were typed in
     prints = cycle(["svg", "png", "pdf"])  # each figure in one of them: they are drawn alike
     for item in items:
         if not item["available"]:
@@ -126,6 +126,109 @@ def test_matrix_and_parameters_are_the_results(demo: Done) -> None:
         share = 100 / (row["initial"] or row["estimate"])
         expected = [row["estimate"] * share, row["interval_95"][0] * share, row["interval_95"][1] * share]
         np.testing.assert_allclose([place, place - low, place + high], expected, rtol=1e-5)
+
+
+def test_the_interval_lies_about_the_updated_frf_and_is_wide_where_it_is_not_sure(demo: Done) -> None:
+    figure = demo.figure("frf")
+    updated = np.array(traces(figure, "updated")[0]["y"])
+    (high,) = traces(figure, "updated, 95 %")
+    low = figure["data"][figure["data"].index(high) - 1]
+    below, above = updated / np.array(low["y"]), np.array(high["y"]) / updated
+    np.testing.assert_allclose(below, above, rtol=1e-3)  # a factor; four of five printed digits
+    assert (above >= 1).all()
+    hz = np.array(high["x"])
+    resonance = demo.result["modes"][4]["updated_hz"]
+    # A mode's frequency is sure to the discrepancy: next to its peak |H| is less sure than on the slope far below it.
+    near, far = (np.abs(hz - at).argmin() for at in (0.99 * resonance, 0.8 * resonance))
+    assert above[near] - 1 > 2 * (above[far] - 1)
+
+
+def test_correlation_by_line_and_by_point_is_the_results(demo: Done) -> None:
+    correlation = demo.result["correlation"]
+    for name in ("csac", "csf"):
+        initial, updated = demo.figure(name)["data"]
+        low, high = demo.result["band_hz"]
+        assert low <= updated["x"][0] < updated["x"][-1] <= high
+        assert np.mean(updated["y"]) == pytest.approx(correlation[f"{name}_mean"], abs=1e-4)
+        assert np.mean(initial["y"]) == pytest.approx(correlation["initial"][f"{name}_mean"], abs=1e-4)
+    data = demo.figure("sac")["data"]
+    drawn = {(t["yaxis"], t["marker"]["symbol"]): t for t in data}
+    for axis, name in (("y", "sac"), ("y2", "frac")):
+        assert drawn[axis, "circle"]["marker"]["color"] == pytest.approx(correlation[name], abs=1e-4)
+        held = correlation["held_out"]["frfs"]
+        assert drawn[axis, "diamond"]["marker"]["color"] == pytest.approx(held[name], abs=1e-4)
+        assert sorted(drawn[axis, "diamond"]["customdata"]) == held["points"]
+    provenance = demo.result["provenance"]
+    places = ok(demo.api.get(f"campaigns/{provenance['campaign']}/grid-points", params={"limit": 100}))["items"]
+    at = {point["label"]: (point["x_m"], point["y_m"]) for point in places}
+    circle = drawn["y", "circle"]
+    assert [at[label] for label in circle["customdata"]] == [
+        pytest.approx(place) for place in zip(circle["x"], circle["y"], strict=True)
+    ]
+
+
+def test_shapes_give_the_results_mac(demo: Done) -> None:
+    meta = demo.figure("shapes")["layout"]["meta"]
+    for mode, row in zip(meta["modes"], demo.result["modes"], strict=True):
+        pairs = [pair for pair in zip(mode["measured"], mode["updated"], strict=True) if pair[0] is not None]
+        measured, updated = np.array(pairs).T
+        assert max(np.abs(measured)) == pytest.approx(1)
+        mac = (measured @ updated) ** 2 / (measured @ measured) / (updated @ updated)
+        assert mac == pytest.approx(row["mac"], abs=2e-3)  # of the real part of the measured shape
+    (automac,) = demo.figure("automac")["data"]
+    assert np.diag(automac["z"]) == pytest.approx(1)
+    np.testing.assert_allclose(automac["z"], np.transpose(automac["z"]), atol=1e-6)
+
+
+def test_budget_posterior_damping_and_convergence_are_the_results(demo: Done) -> None:
+    budget = demo.figure("budget")["data"]
+    assert np.sum([bar["x"] for bar in budget], axis=0) == pytest.approx(100, abs=0.5)  # small shares are not listed
+    noise = next(bar for bar in budget if bar["name"] == "model discrepancy")
+    for name, share in zip(noise["customdata"], noise["x"], strict=True):
+        row = next(row for row in demo.result["parameters"] if row["name"] == name)
+        assert share == pytest.approx(
+            sum(100 * e["share"] for e in row["budget"] if e["source"] == "model discrepancy"), abs=0.01
+        )
+    corner = demo.figure("posterior")
+    density = traces(corner, "updated")[0]
+    area = np.trapezoid(density["y"], density["x"])
+    ex = demo.result["parameters"][0]
+    inside = (np.array(density["x"]) >= ex["interval_95"][0] / 1e9) & (
+        np.array(density["x"]) <= ex["interval_95"][1] / 1e9
+    )
+    assert area == pytest.approx(1, abs=0.01)
+    assert np.trapezoid(np.where(inside, density["y"], 0), density["x"]) == pytest.approx(
+        0.95, abs=0.03
+    )  # of 65 points
+    measured = next(t for t in demo.figure("damping")["data"] if t["name"].startswith("measured"))
+    assert measured["y"] == pytest.approx([100 * mode["measured_damping"] for mode in demo.result["modes"]])
+    law = demo.result["damping_models"][0]
+    curve = next(t for t in demo.figure("damping")["data"] if t["name"].startswith("rayleigh"))
+    omega = 2 * np.pi * np.array(curve["x"])
+    expected = 100 * (law["coefficients"]["a0"] / (2 * omega) + law["coefficients"]["a1"] * omega / 2)
+    np.testing.assert_allclose(curve["y"], expected, rtol=1e-4)
+    convergence = demo.figure("convergence")["data"]
+    chosen = next(t for t in convergence if t["name"].endswith("chosen"))
+    assert chosen["y"] == pytest.approx([step["cost"] for step in demo.result["convergence"]], rel=1e-6)
+
+
+def test_a_job_whose_damping_failed_draws_what_it_has_and_says_why_not_the_rest(demo: Done) -> None:
+    provenance = demo.result["provenance"]
+    # One mode in the band cannot fix the two coefficients of Rayleigh's law.
+    recipe = {"mode_set": provenance["mode_set"], "damping_models": ["rayleigh"], "band_hz": [2, 60]}
+    answer = demo.api.post(f"campaigns/{provenance['campaign']}/update-jobs", json=recipe)
+    assert finished(demo.api, answer.headers["Location"])["status"] == "succeeded"
+    failed = Done(demo.api, result_of(demo.api, answer.headers["Location"]))
+    assert {o["stage"]: o["status"] for o in failed.result["outcomes"]} == {"elastic": "succeeded", "damping": "failed"}
+    items = {item["name"]: item for item in ok(demo.api.get(f"{failed.path}/figures"))["items"]}
+    for name in ("parameters", "budget", "posterior", "shapes", "mac", "automac", "convergence"):
+        assert items[name]["available"], name
+        assert failed.figure(name)["data"]
+        assert demo.api.get(f"{failed.path}/figures/{name}", params={"format": "svg"}).is_success
+    for name in ("frf", "csac", "csf", "sac", "damping"):
+        refused = demo.api.get(f"{failed.path}/figures/{name}")
+        assert refused.status_code == 409
+        assert "cannot fix the 2 coefficients" in refused.json()["detail"]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,81 @@
+"""Arrays of a result that are kept beside its document, as one npz: what its figures and its predicted FRFs are made of."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.updating.result import FrfCorrelation, ModeShapes, Prediction, UpdateResult
+
+MOST_SAMPLES = 2000
+_LARGEST_HALF = 60_000.0  # that half precision holds
+
+
+def as_npz(result: UpdateResult) -> bytes:
+    """The arrays of a result.
+
+    Predicted FRFs (in single precision) and how sure they are (in half), CSAC and CSF of the lines of the band, shapes at the
+    measured points, samples of the posterior. What a result has not, its arrays have not either; without a prediction the FRFs'
+    arrays are there and empty.
+    """
+    samples = result.posterior.samples
+    arrays = {**_frfs(result.prediction), **_agreement(result), **_shapes(result.shapes)}
+    if samples is not None:
+        every = -(-len(samples) // MOST_SAMPLES)
+        arrays["samples"] = samples[::every].astype(np.float32)
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
+    return buffer.getvalue()
+
+
+def _frfs(prediction: Prediction | None) -> dict[str, Any]:
+    if prediction is None:
+        none = np.zeros((0, 2), dtype=np.int64)
+        empty = np.zeros((0, 0), dtype=np.complex64)
+        return {"frequency_hz": np.zeros(0), "responses": none, "references": none, "initial": empty, "updated": empty}
+    log_magnitude, phase = prediction.spread
+    return {
+        "frequency_hz": prediction.frequency_hz,
+        "responses": np.array([(dof.point, dof.direction) for dof in prediction.responses]),
+        "references": np.array([(dof.point, dof.direction) for dof in prediction.references]),
+        "initial": prediction.initial.astype(np.complex64),
+        "updated": prediction.updated.astype(np.complex64),
+        "log_magnitude_sd": _half(log_magnitude),
+        "phase_sd": _half(phase),
+        "fitted": np.array(prediction.fitted, dtype=np.int64),
+        "held": np.array(prediction.held, dtype=np.int64),
+    }
+
+
+def _half(values: FloatArray) -> Any:
+    return np.minimum(values, _LARGEST_HALF).astype(np.float16)
+
+
+def _agreement(result: UpdateResult) -> dict[str, Any]:
+    """CSAC and CSF, (2, L) of the lines of the band, before and after."""
+    seen, band = result.prediction, result.band_hz
+    found: tuple[FrfCorrelation | None, ...] = (result.correlation.initial, result.correlation.updated)
+    if seen is None or band is None or None in found:
+        return {}
+    hz = seen.frequency_hz
+    known = [each for each in found if each is not None]
+    return {
+        "band_lines_hz": hz[(hz >= band[0]) & (hz <= band[1])],
+        "csac": np.array([each.csac for each in known], dtype=np.float32),
+        "csf": np.array([each.csf for each in known], dtype=np.float32),
+    }
+
+
+def _shapes(shapes: ModeShapes | None) -> dict[str, Any]:
+    if shapes is None:
+        return {}
+    return {
+        "shape_points": np.array(shapes.points, dtype=np.int64),
+        "shape_places_m": shapes.places,
+        "shapes_measured": shapes.measured.astype(np.complex64),
+        "shapes_updated": shapes.updated.astype(np.float32),
+        "shape_pairs": np.array(shapes.pairs, dtype=np.int64).reshape(-1, 2),
+    }
