@@ -44,17 +44,15 @@ class Predictor:
 
         To first order a small change of H is a change of ln|H| by the real part of δH/H and of the phase by the imaginary one.
         """
-        model = self.elastic.updated.frf_model(frfs.responses, frfs.references)
-        predicted = self.damping.fit.synthesise(model, frfs.frequency_hz, frfs.quantity)
-        rate = self.damping.fit.rates(model.omega)
         few = max(1, _VALUES_AT_ONCE // frfs.frequency_hz.size)
         parts = []
         for first in range(0, len(frfs.responses), few):
-            rows = list(range(first, min(first + few, len(frfs.responses))))
-            some = frfs.select(rows)
-            changes = self._changes(some, self.elastic.updated.frf_model(some.responses, some.references), rate)
+            some = frfs.select(list(range(first, min(first + few, len(frfs.responses)))))
+            model = self.elastic.updated.frf_model(some.responses, some.references)
+            predicted = self.damping.fit.synthesise(model, some.frequency_hz, some.quantity)
+            changes = self._changes(some, model, self.damping.fit.rates(model))
             with np.errstate(divide="ignore", invalid="ignore"):  # at a zero of H nothing is known of its logarithm
-                relative = changes / predicted[rows]
+                relative = changes / predicted
             parts.append([np.sqrt(np.sum(part**2, axis=0)) for part in (relative.real, relative.imag)])
         log_magnitude, phase = (np.nan_to_num(np.vstack(part), nan=np.inf) for part in zip(*parts, strict=True))
         return log_magnitude, phase
