@@ -12,6 +12,7 @@ from __future__ import annotations
 import asyncio
 import json
 import time
+from collections import Counter
 from collections.abc import AsyncIterator, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -27,6 +28,7 @@ from fastapi.sse import KEEPALIVE_COMMENT, EventSourceResponse, format_sse_event
 from sqlalchemy import select
 from sqlalchemy.exc import SQLAlchemyError
 
+from service.access.dependencies import CurrentKey
 from service.db.engine import Sessions
 from service.errors import TooManyRequests
 from service.jobs.notices import Listener
@@ -93,6 +95,7 @@ class Changes:
         """
         self._limit, self._sessions = limit, sessions
         self._watched: dict[UUID, _Watched] = {}
+        self._open = Counter[str]()
         self._due: set[UUID] = set()
         self._wake = asyncio.Event()
         self._looking: asyncio.Task[None] | None = None
@@ -124,26 +127,35 @@ class Changes:
         for watched in self._watched.values():
             _wake(watched)
 
-    def admit(self) -> None:
+    def admit(self, caller: str) -> None:
         """Is there room for another stream?
 
+        Args:
+            caller: whose it is; one caller may have half of all.
+
         Raises:
-            TooManyRequests: as many as the operator allows are open.
+            TooManyRequests: as many as the operator allows are open, or this caller has its share.
         """
-        if sum(len(watched.streams) for watched in self._watched.values()) >= self._limit:
+        if self._open[caller] >= (share := max(1, self._limit // 2)):
+            raise TooManyRequests(
+                f"{share} streams of events of this key are open; poll the job instead", retry_after=10
+            )
+        if self._open.total() >= self._limit:
             raise TooManyRequests(
                 f"{self._limit} streams of events are open here; poll the job instead", retry_after=10
             )
 
     @contextmanager
-    def of(self, job_id: UUID, state: Shown) -> Iterator[tuple[_Watched, asyncio.Event]]:
+    def of(self, job_id: UUID, state: Shown, caller: str) -> Iterator[tuple[_Watched, asyncio.Event]]:
         """Watch a job: its state, kept up to date, and an event that is set whenever that has changed.
 
         Args:
             job_id: which one.
             state: as it was seen a moment ago.
+            caller: under which the stream is counted.
         """
         event = asyncio.Event()
+        self._open[caller] += 1
         watched = self._watched.setdefault(job_id, _Watched(state))
         watched.streams.add(event)
         self._due.add(job_id)  # it may have changed since
@@ -153,6 +165,8 @@ class Changes:
         try:
             yield watched, event
         finally:
+            self._open[caller] -= 1
+            self._open += Counter()  # forgets who has none
             watched.streams.discard(event)
             if not watched.streams:
                 self._watched.pop(job_id, None)
@@ -218,8 +232,10 @@ LastEventId = Annotated[str | None, Header(max_length=100, description="id of th
 class Events:
     """What a route needs to answer with a stream: `events: Annotated[Events, Depends()]`."""
 
-    def __init__(self, changes: Annotated[Changes, Depends(_changes)], last_event_id: LastEventId = None) -> None:
-        self._changes = changes
+    def __init__(
+        self, changes: Annotated[Changes, Depends(_changes)], key: CurrentKey, last_event_id: LastEventId = None
+    ) -> None:
+        self._changes, self._caller = changes, str(key.id)
         self._last = (
             int(last_event_id)
             if last_event_id is not None and last_event_id.isascii() and last_event_id.isdecimal()
@@ -236,13 +252,13 @@ class Events:
         """
         if job.state in ENDED and job.version == self._last:
             return Response(status_code=204)
-        self._changes.admit()
+        self._changes.admit(self._caller)
         headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
         return EventSourceResponse(self._stream(job.id, shown(job)), headers=headers)
 
     async def _stream(self, job_id: UUID, first: Shown) -> AsyncIterator[bytes]:
         sent = self._last
-        with self._changes.of(job_id, first) as (watched, changed):
+        with self._changes.of(job_id, first, self._caller) as (watched, changed):
             while not self._changes.closed and (state := watched.state) is not None:  # else deleted with its project
                 changed.clear()
                 if state.version != sent:

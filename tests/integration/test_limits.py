@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from uuid import uuid4
 
 import httpx
@@ -12,6 +13,8 @@ import pytest
 from service.settings import Settings
 from service.supervisor import LocalService
 from tests.support.crowd import at_once, statuses, with_crowd
+from tests.support.laboratory import BEAM
+from tests.support.rest import client_of, ok
 
 SLOTS, QUEUE = 4, 20
 
@@ -81,15 +84,16 @@ def test_many_streams_of_events_hold_nothing_up(service: LocalService, api: http
 
     async def crowd(client: httpx.AsyncClient) -> tuple[list[str], list[httpx.Response]]:
         opened = asyncio.Semaphore(0)
+        second = {"Authorization": f"Bearer {(await client.post('api-keys', json={'name': 'x'})).json()['key']}"}
         jobs = [(await client.post(f"campaigns/{campaign}/update-jobs", json={})).json()["id"] for _ in range(20)]
 
-        async def watch(job: str) -> str:
-            async with client.stream("GET", f"update-jobs/{job}/events") as answer:
+        async def watch(job: str, **headers: str) -> str:
+            async with client.stream("GET", f"update-jobs/{job}/events", headers=headers) as answer:
                 assert answer.status_code == 200, await answer.aread()
                 opened.release()
                 return (await answer.aread()).decode()
 
-        watching = [asyncio.ensure_future(watch(jobs[i % len(jobs)])) for i in range(400)]
+        watching = [asyncio.ensure_future(watch(jobs[i % len(jobs)], **(second if i % 2 else {}))) for i in range(400)]
         lists = await asyncio.gather(*[client.get("projects?limit=5") for _ in range(60)])
         health = await client.get(f"{service.url}/healthz")
         return await asyncio.gather(*watching), [*lists, health]
@@ -97,3 +101,29 @@ def test_many_streams_of_events_hold_nothing_up(service: LocalService, api: http
     stories, answers = asyncio.run(with_crowd(service, key, crowd))
     assert statuses(answers) == {200: 61}
     assert all('"status": "failed"' in story for story in stories)
+
+
+def test_one_key_has_half_of_the_streams_of_events(new_database: Callable[[], str]) -> None:
+    settings = Settings(database_url=new_database(), port=0, log_level="error", event_streams=4)
+    with LocalService(settings, worker=False) as here, ExitStack() as stack:
+        api = stack.enter_context(client_of(here, "ada"))
+        project = ok(api.post("projects", json={"name": "p"}))["id"]
+        structure = ok(api.post(f"projects/{project}/structures", json=BEAM))["id"]
+        campaign = ok(api.post(f"structures/{structure}/campaigns", json={"name": "c", "boundary": "free"}))["id"]
+        path = f"update-jobs/{ok(api.post(f'campaigns/{campaign}/update-jobs', json={}))['id']}/events"
+        other = {"Authorization": f"Bearer {ok(api.post('api-keys', json={'name': 'b'}))['key']}"}
+
+        reading: list[Iterator[bytes]] = []
+
+        def opened(**headers: str) -> httpx.Response:
+            answer = stack.enter_context(api.stream("GET", path, headers=headers))
+            if answer.is_success:
+                reading.append(answer.iter_bytes())  # to leave it would close the stream
+                next(reading[-1])  # it is counted from its first event
+            return answer
+
+        assert [opened().status_code for _ in range(3)] == [200, 200, 429]
+        assert [opened(**other).status_code for _ in range(3)] == [200, 200, 429]
+        refused = opened()
+        assert "2 streams of events of this key" in refused.read().decode()
+        assert int(refused.headers["Retry-After"]) >= 1
