@@ -44,7 +44,7 @@ read    viewer  GET /campaigns/{campaign_id}/identifications, GET /identificatio
 read    viewer  GET /update-jobs/{job_id}, GET /update-jobs/{job_id}/events, GET /update-jobs/{job_id}/result
 read    viewer  GET /update-jobs/{job_id}/frfs/data, GET /update-jobs/{job_id}/figures
 read    viewer  GET /update-jobs/{job_id}/figures/{name}, GET /projects/{project_id}/joint-updates
-jobs    editor  POST /joint-updates/{joint_id}/cancel
+jobs    editor  POST /joint-updates/{joint_id}/cancel, POST /structures/{structure_id}/plans
 read    viewer  GET /joint-updates/{joint_id}, GET /joint-updates/{joint_id}/events, GET /joint-updates/{joint_id}/result
 
 write   editor  POST /structures/{structure_id}/coupon-batches, POST /coupon-batches/{batch_id}/coupons
@@ -89,6 +89,7 @@ BODIES: dict[str, Any] = {
     "POST /campaigns/{campaign_id}/update-jobs": {},
     "POST /update-jobs": {"jobs": [{"campaign": "00000000-0000-0000-0000-000000000000"}]},
     "POST /structures/{structure_id}/monitors": MONITOR,
+    "POST /structures/{structure_id}/plans": {"tests": [{"boundary": "free", "highest_hz": 300}]},
     "PATCH /monitors/{monitor_id}": {"name": "m"},
     "POST /monitors/{monitor_id}/runs": {},
     "POST /alarms/{alarm_id}/acknowledge": {"note": "n"},

@@ -39,6 +39,7 @@ from service.updating.figure_routes import router as figures
 from service.updating.joint_operations import JOINT_UPDATE
 from service.updating.joint_routes import router as joint_updates
 from service.updating.operations import UPDATE
+from service.updating.plan_routes import router as plans
 from service.updating.prediction_routes import router as predictions
 from service.updating.routes import router as updating
 
@@ -57,6 +58,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     coupons,
     updating,
     joint_updates,
+    plans,
     predictions,
     cards,
     figures,

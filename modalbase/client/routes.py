@@ -346,6 +346,10 @@ ROUTES: dict[str, Route] = {
         "GET", "joint-updates/{joint_id}/result", (),
         "The material's constants from all campaigns, each campaign's part, and whether they agree.",
     ),
+    "plan": Route(
+        "POST", "structures/{structure_id}/plans", (),
+        "Rank tests by what they would add to what is known of the material. `{}` compares boundaries and an added mass.",
+    ),
     "get_predicted_frfs": Route(
         "GET", "update-jobs/{job_id}/frfs/data", ("model", "point", "direction", "reference", "fmin", "fmax", "stride", "format"),
         "FRFs that the model predicts where FRFs were measured, in the formats, coordinates and order of the measured ones.",

@@ -1,0 +1,92 @@
+"""Where to hit next: forecasts that come true, and points that keep what the whole tour would show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fecore.body.laminate import OrthotropicMaterial
+from fecore.body.oriented import OrientedSpecimen
+from fecore.body.supports import PointMass
+from fecore.errors import InputError
+from fecore.updating.campaigns.plans import PlannedTest, effective_independence, plan_tests
+from fecore.updating.campaigns.update import CampaignsRecipe, update_campaigns
+from fecore.updating.forward import ForwardModel
+from fecore.updating.parameters import parametrise
+from tests.support.strips import NOMINAL, STRIP, measured
+
+
+def tour(length: float, width: float) -> tuple[tuple[float, float], ...]:
+    return tuple((float(x), y) for x in np.linspace(length / 11, length, 11) for y in (-width / 2, 0.0, width / 2))
+
+
+def strip(angle: float, specimen: str, boundary: str = "free") -> PlannedTest:
+    body = OrientedSpecimen(*STRIP, NOMINAL, boundary, divisions=(16, 3), fibre_angle=float(np.radians(angle)))  # type: ignore[arg-type]
+    return PlannedTest(f"{specimen}, {boundary}", body, 4300.0, tour(*STRIP[:2]), 32, specimen=specimen)
+
+
+def test_what_a_test_will_show_is_foreseen() -> None:
+    """A strip is measured; the plan foresees what one more at 90° brings; it is measured, and the plan was right."""
+    random = np.random.default_rng(3)
+    first, second = measured(random, "strip 0", STRIP, 0.0), measured(random, "strip 90", STRIP, 90.0)
+    plan = plan_tests([strip(0, "strip 0"), strip(0, "strip 0", "cantilever"), strip(90, "strip 90")], [first])
+    best = plan.forecasts[0]
+    assert best.name == "strip 90, free"
+    same = {each.name: each for each in plan.forecasts}["strip 0, free"]
+    assert same.information < 0.2 * best.information
+    assert best.standard_deviations["Ey"] < 0.15 * plan.known["Ey"]
+    recipe = CampaignsRecipe(scatter=0)
+    alone, both = update_campaigns([first], recipe), update_campaigns([first, second], recipe)
+    for result, foreseen in ((alone, plan.known), (both, best.standard_deviations)):
+        for parameter in result.parameters:
+            # Of the estimate at another point, with the discrepancy marginalised: alike, not the same.
+            assert parameter.standard_deviation == pytest.approx(foreseen[parameter.name], rel=0.5), parameter.name
+
+
+def random_beam(random: np.random.Generator) -> PlannedTest:
+    """A beam of any laminate and boundary, loudly disturbed so that it matters where it is hit."""
+    length, thickness = random.uniform(0.3, 0.8), random.uniform(0.004, 0.012)
+    width = random.uniform(0.05, 0.2) * length
+    E, G = random.uniform(10e9, 120e9), random.uniform(3e9, 8e9)
+    material = OrthotropicMaterial(E, random.uniform(8e9, 12e9), G, G, 0.8 * G, 0.28, 1800.0)
+    boundary = random.choice(["cantilever", "free"])
+    body = OrientedSpecimen(length, width, thickness, material, boundary, divisions=(14, 2))  # type: ignore[arg-type]
+    first = np.sqrt(E / 1800.0) * thickness / length**2
+    return PlannedTest("beam", body, 12 * first, tour(length, width), 32, noise=0.3, damping_ratio=0.02)
+
+
+def test_eight_points_keep_the_whole_tour_and_beat_effective_independence() -> None:
+    random = np.random.default_rng(17)
+    near, better = [], []
+    for _ in range(12):
+        test = random_beam(random)
+        (whole,) = plan_tests([test]).forecasts
+        (chosen,) = plan_tests([test], count=8).forecasts
+        prior = parametrise(test.body)
+        forward = ForwardModel(test.body, prior, tuple(range(33)), np.array(test.points), 12)
+        shapes = forward.solve(prior.prior_mean).shapes[: whole.frequencies_hz.size]
+        kept = effective_independence(shapes, 8)
+        (theirs,) = plan_tests([replace(test, hit=kept)]).forecasts
+        near.append(whole.information - chosen.information < np.log(1.1))
+        better.append(chosen.information > theirs.information)
+        assert len(set(chosen.points)) == 8
+    assert np.mean(near) >= 0.8
+    assert np.mean(better) >= 0.7
+
+
+def test_an_added_mass_is_in_the_forecast() -> None:
+    plain = strip(0, "s", "cantilever")
+    heavy = replace(plain, name="heavy", body=replace(plain.body, masses=(PointMass(STRIP[0], 0.0, 0.02),)))
+    plan = {each.name: each for each in plan_tests([plain, heavy]).forecasts}
+    assert plan["heavy"].frequencies_hz[0] < 0.9 * plan[plain.name].frequencies_hz[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [({"sensor": 33}, "sensor"), ({"noise": 0.0}, "noise"), ({"highest_hz": 1.0}, "below the first mode")],
+)
+def test_senseless_tests_are_refused(change: dict[str, float], field: str) -> None:
+    with pytest.raises(InputError, match=field):
+        plan_tests([replace(strip(0, "s"), **change)])  # type: ignore[arg-type]
