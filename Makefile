@@ -8,7 +8,7 @@ READY  := $(VENV)/.ready
 # Small matrices on shared cores: threads of the linear algebra would wait for one another.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test unit integration acceptance check bench soak clean
+.PHONY: demo test unit integration acceptance check bench screens soak clean
 
 demo: $(SERVER)
 	$(BIN)/modalbase demo
@@ -29,6 +29,10 @@ check: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks
+
+# A picture of every page, in build/screens; needs the system's Chromium.
+screens: $(READY)
+	$(BIN)/python -m tools.screens
 
 # Long runs that print counts; the tests have each in a short form.
 soak: $(READY)

@@ -1,0 +1,157 @@
+"""Pictures of every page, for a person to look at: `make screens` leaves them in `build/screens`.
+
+A service of its own is filled with the demonstration's beam, a coupon batch and a monitor; each page is then taken at the
+width of a desk and of a phone, light and dark.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import httpx
+from playwright.sync_api import Browser, Page
+
+from service.settings import Settings
+from service.supervisor import LocalService
+from tests.support.browser import browser, watched_page
+from tests.support.laboratory import BEAM
+from tests.support.rest import client_at, finished, ok
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDER = ROOT / "build/screens"
+FILE = ROOT / "service/demo/paper_beam.uff"
+LOOKS = [
+    ("desk", 1440, 900, False),
+    ("desk-dark", 1440, 900, True),
+    ("phone", 390, 844, False),
+    ("phone-dark", 390, 844, True),
+]
+FREQUENCIES = (25.6, 160.9, 400.1, 445.7, 866.0)
+
+
+def filled(api: httpx.Client) -> dict[str, str]:
+    """Fill a service; the address of each page by its name."""
+    project = ok(api.post("projects", json={"name": "bridge deck", "description": "spans 1 to 4"}))["id"]
+    structure = ok(api.post(f"projects/{project}/structures", json=BEAM))["id"]
+    body = {"name": "March", "boundary": "cantilever", "performed_at": "2026-03-02T09:30:00Z", "temperature_c": 21.5}
+    campaign = ok(api.post(f"structures/{structure}/campaigns", json=body))["id"]
+    sent = api.post(f"campaigns/{campaign}/imports?filename=beam.uff", content=FILE.read_bytes())
+    read = finished(api, sent.headers["location"])
+    jobs = [_updated(api, campaign, recipe) for recipe in ({}, {"damping_models": ["rayleigh"], "seed": 1})]
+    failed = ok(api.post(f"structures/{structure}/campaigns", json={"name": "without data", "boundary": "free"}))["id"]
+    lost = _updated(api, failed, {})
+    batch = ok(api.post(f"structures/{structure}/coupon-batches", json={"name": "0°, D3039", "constants": ["Ex"]}))[
+        "id"
+    ]
+    coupons = [
+        {"specimen": f"A{i}", "E_Pa": e * 1e9, "nu": 0.16, "failure_code": "AGM"}
+        for i, e in enumerate((33.1, 32.6, 33.4))
+    ]
+    ok(api.post(f"coupon-batches/{batch}/coupons", json=coupons))
+    monitor = _watched(api, structure)
+    return {
+        "start": "ui/",
+        "projects": "ui/projects",
+        "project": f"ui/projects/{project}",
+        "new-test": "ui/new",
+        "structure": f"ui/structures/{structure}",
+        "campaign": f"ui/campaigns/{campaign}",
+        "import": f"ui/imports/{read['id']}",
+        "grid-points": f"ui/campaigns/{campaign}/grid-points",
+        "new-update": f"ui/campaigns/{campaign}/update?like={jobs[1]}",
+        "updates": "ui/update-jobs",
+        "result": f"ui/update-jobs/{jobs[0]}",
+        "failed": f"ui/update-jobs/{lost}",
+        "compare": f"ui/compare?job={jobs[0]}&job={jobs[1]}",
+        "batch": f"ui/coupon-batches/{batch}",
+        "monitors": "ui/monitors",
+        "monitor": f"ui/monitors/{monitor}",
+        "keys": "ui/keys",
+        "error": "ui/nowhere",
+        "docs": "docs",
+    }
+
+
+def _updated(api: httpx.Client, campaign: str, recipe: Mapping[str, Any]) -> str:
+    sent = api.post(f"campaigns/{campaign}/update-jobs", json=recipe)
+    return str(finished(api, sent.headers["location"])["id"])
+
+
+def _watched(api: httpx.Client, structure: str) -> str:
+    """A monitor of a structure that loses stiffness, judged."""
+    months = []
+    for month in range(1, 9):
+        body = {"name": f"month {month}", "boundary": "cantilever", "performed_at": f"2026-{month:02}-15T12:00:00Z"}
+        months.append(ok(api.post(f"structures/{structure}/campaigns", json=body))["id"])
+        loss = 1 - 0.01 * max(0, month - 5) + 0.0004 * (-1) ** month
+        modes = [{"frequency_hz": f * loss, "damping_ratio": 0.01} for f in FREQUENCIES]
+        ok(api.post(f"campaigns/{months[-1]}/mode-sets", json={"name": "typed in", "modes": modes}))
+    watch = {
+        "name": "stringer 1",
+        "modes": "given",
+        "baseline": {"campaigns": 4},
+        "runs_on": "hand",
+        "parameters": [{"name": "Ex"}],
+    }
+    monitor = str(ok(api.post(f"structures/{structure}/monitors", json=watch))["id"])
+    for run in ok(api.post(f"monitors/{monitor}/runs", json={}))["items"]:
+        if run["update_job_id"]:
+            finished(api, f"/api/v1/update-jobs/{run['update_job_id']}")
+    return monitor
+
+
+def take(running: Browser, url: str, key: str, pages: Mapping[str, str], wanted: set[str]) -> list[str]:
+    """A picture of each page in each look; what the browser complained of."""
+    complaints = []
+    for look, width, height, dark in LOOKS:
+        with watched_page(running, url, width=width, height=height, dark=dark) as seen:
+            seen.page.goto("sign-in")
+            _picture(seen.page, "sign-in", look)
+            seen.page.fill("#key", key)
+            seen.page.press("#key", "Enter")
+            seen.page.wait_for_url("**/ui/")
+            for name, path in pages.items():
+                if not wanted or name in wanted:
+                    seen.page.goto(path)
+                    _settle(seen.page)
+                    _picture(seen.page, name, look)
+            complaints += [c for c in seen.complaints if "404" not in c] + seen.strangers
+    return complaints
+
+
+def _settle(page: Page) -> None:
+    """Have every figure come into sight and wait until it is drawn."""
+    page.wait_for_load_state("networkidle")
+    plots = page.locator("figure[data-figure], [data-frf-viewer], [data-over-time] .draw")
+    for i in range(plots.count()):
+        plot = plots.nth(i)
+        plot.scroll_into_view_if_needed()
+        plot.locator(".main-svg, .wait:not(:text('Drawing …'))").first.wait_for(state="attached")
+    page.evaluate("scrollTo(0, 0)")
+
+
+def _picture(page: Page, name: str, look: str) -> None:
+    page.screenshot(path=FOLDER / f"{name}-{look}.png", full_page=True)
+
+
+def main() -> int:
+    """Take all pictures, or those of the pages that the command line names."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix="mb-") as data:
+        settings = Settings(data=Path(data), port=0, log_level="error")
+        with LocalService(settings) as service, browser() as running:
+            key = service.new_key("looker")
+            with client_at(service.url, key) as api:
+                pages = filled(api)
+            complaints = take(running, service.url, key, pages, set(sys.argv[1:]))
+    print(f"{len(list(FOLDER.glob('*.png')))} pictures in {FOLDER}")
+    print(*complaints, sep="\n")
+    return 1 if complaints else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
