@@ -15,11 +15,13 @@ from typing import Any
 import httpx
 from playwright.sync_api import Browser, Page
 
+from examples.monitoring import State, measured_frfs, post_campaign, structure_body
 from service.settings import Settings
 from service.supervisor import LocalService
 from tests.support.browser import browser, watched_page
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_at, finished, ok
+from tests.support.waiting import until
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "build/screens"
@@ -30,7 +32,6 @@ LOOKS = [
     ("phone", 390, 844, False),
     ("phone-dark", 390, 844, True),
 ]
-FREQUENCIES = (25.6, 160.9, 400.1, 445.7, 866.0)
 
 
 def filled(api: httpx.Client) -> dict[str, str]:
@@ -52,13 +53,14 @@ def filled(api: httpx.Client) -> dict[str, str]:
         for i, e in enumerate((33.1, 32.6, 33.4))
     ]
     ok(api.post(f"coupon-batches/{batch}/coupons", json=coupons))
-    monitor = _watched(api, structure)
+    watched = ok(api.post(f"projects/{project}/structures", json=structure_body()))["id"]
+    monitor = _watched(api, watched)
     return {
         "start": "ui/",
         "projects": "ui/projects",
         "project": f"ui/projects/{project}",
         "new-test": "ui/new",
-        "structure": f"ui/structures/{structure}",
+        "structure": f"ui/structures/{watched}",
         "campaign": f"ui/campaigns/{campaign}",
         "import": f"ui/imports/{read['id']}",
         "grid-points": f"ui/campaigns/{campaign}/grid-points",
@@ -82,25 +84,14 @@ def _updated(api: httpx.Client, campaign: str, recipe: Mapping[str, Any]) -> str
 
 
 def _watched(api: httpx.Client, structure: str) -> str:
-    """A monitor of a structure that loses stiffness, judged."""
-    months = []
-    for month in range(1, 9):
-        body = {"name": f"month {month}", "boundary": "cantilever", "performed_at": f"2026-{month:02}-15T12:00:00Z"}
-        months.append(ok(api.post(f"structures/{structure}/campaigns", json=body))["id"])
-        loss = 1 - 0.01 * max(0, month - 5) + 0.0004 * (-1) ** month
-        modes = [{"frequency_hz": f * loss, "damping_ratio": 0.01} for f in FREQUENCIES]
-        ok(api.post(f"campaigns/{months[-1]}/mode-sets", json={"name": "typed in", "modes": modes}))
-    watch = {
-        "name": "stringer 1",
-        "modes": "given",
-        "baseline": {"campaigns": 4},
-        "runs_on": "hand",
-        "parameters": [{"name": "Ex"}],
-    }
+    """A monitor of a structure that loses stiffness after five months, judged."""
+    recipe = {"damping_models": ["rayleigh"], "parameters": [{"name": "Ex"}, {"name": "Gxy", "tied_to": "Ex"}]}
+    watch = {"name": "stringer 1", "recipe": recipe, "parameters": [{"name": "Ex"}], "baseline": {"campaigns": 4}}
     monitor = str(ok(api.post(f"structures/{structure}/monitors", json=watch))["id"])
-    for run in ok(api.post(f"monitors/{monitor}/runs", json={}))["items"]:
-        if run["update_job_id"]:
-            finished(api, f"/api/v1/update-jobs/{run['update_job_id']}")
+    for month in range(1, 9):
+        body = {"name": f"month {month}", "performed_at": f"2026-{month:02}-15T12:00:00Z"}
+        post_campaign(api, structure, body, measured_frfs(State(stiffness=1 - 0.03 * max(0, month - 5)), month))
+    until(lambda: ok(api.get(f"monitors/{monitor}"))["state"] == "alarm", "the alarm of the monitor")
     return monitor
 
 

@@ -323,8 +323,8 @@ ROUTES: dict[str, Route] = {
         "The job's state now and whenever it changes, as server-sent events of the type `job`; ends when the job has.",
     ),
     "get_result": Route(
-        "GET", "update-jobs/{job_id}/result", (),
-        "Updated parameters, modes, correlation, convergence, warnings and where all of it came from.",
+        "GET", "update-jobs/{job_id}/result", ("include",),
+        "Verdict and warnings first, then parameters, modes, correlation, and where all of it came from.",
     ),
     "list_joint_updates": Route(
         "GET", "projects/{project_id}/joint-updates", ("cursor", "limit"),

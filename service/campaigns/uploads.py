@@ -19,13 +19,15 @@ UploadDep = Annotated[Upload, Depends(_receive)]
 """The body as a file. No transaction is open while it is received."""
 
 UPLOAD_CONTENT = {
-    "application/octet-stream": {"schema": {"type": "string", "format": "binary"}},
-    "multipart/form-data": {
+    "multipart/form-data": {  # first, since the documentation page sends the first, and this one keeps the file's name
         "schema": {
             "type": "object",
             "required": ["file"],
-            "properties": {"file": {"type": "string", "format": "binary"}},
+            "properties": {
+                "file": {"type": "string", "format": "binary", "description": "the file, with its name"},
+            },
         }
     },
+    "application/octet-stream": {"schema": {"type": "string", "format": "binary"}},
 }
 """Both forms in which a file may be uploaded, for the API's description."""

@@ -30,6 +30,7 @@ from service.monitoring.schemas import (
     RunsIn,
     State,
 )
+from service.monitoring.series_schemas import SeriesOut
 from service.monitoring.tables import Alarm, Monitor, MonitorRun, MonitorSeries
 from service.notifications.operations import deliveries_of_monitor
 from service.notifications.schemas import DeliveryOut
@@ -170,7 +171,7 @@ def list_runs(
     return Page(items=describe_runs(session, rows), next_cursor=following)
 
 
-@router.get("/monitors/{monitor_id}/series")
+@router.get("/monitors/{monitor_id}/series", response_model=None, responses={200: {"model": SeriesOut}})
 def get_series(monitor_id: UUID, session: SessionDep, user: CurrentUser, series: Version = None) -> dict[str, Any]:
     """The series: values with their uncertainty, baseline, limits, corrected and raw, alarms and campaigns as marks."""
     monitor = monitor_for(session, user, monitor_id)

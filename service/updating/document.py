@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -18,6 +18,21 @@ from fecore.updating.result import (
     UpdateResult,
 )
 from service.modes.identification_document import describe_identification
+
+LARGE_PARTS = {"stabilisation": ("identification", "stabilisation"), "convergence": ("convergence",)}
+"""Parts of a document that only a figure needs, and where they stand."""
+
+
+def slim(document: Mapping[str, Any], leave_out: Iterable[str]) -> dict[str, Any]:
+    """A document without some of its large parts; the one that is given stays as it is."""
+    left = dict(document)
+    for name in leave_out:
+        first, *deeper = LARGE_PARTS[name]
+        if deeper and isinstance(left.get(first), dict):
+            left[first] = {key: value for key, value in left[first].items() if key != deeper[0]}
+        elif not deeper:
+            left.pop(first, None)
+    return left
 
 
 def describe(result: UpdateResult, warnings: Iterable[str], provenance: dict[str, Any]) -> dict[str, Any]:

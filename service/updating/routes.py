@@ -10,12 +10,15 @@ from sqlalchemy import select
 
 from service.access import CurrentUser, SessionDep, project_for, projects_of
 from service.campaigns.operations import campaign_for, campaigns_in
+from service.errors import Invalid
 from service.jobs import Job
 from service.jobs.events import STREAM, Events
 from service.structures.operations import structure_for, structures_in
 from service.updating import operations
 from service.updating.batches import UpdateBatchIn, UpdateBatchOut, start_batch
+from service.updating.document import LARGE_PARTS, slim
 from service.updating.joint_operations import describe_joint, start_joint
+from service.updating.result_schemas import ResultOut
 from service.updating.schemas import RecipeIn, UpdateJobOut
 from service.updating.tables import UpdateJob
 from service.web import Cursor, Limit, Page, Text, api_router, paged
@@ -27,6 +30,10 @@ IdempotencyKey = Annotated[
     Text | None, Header(max_length=255, description="one of your own: the same again gives the same, no second one")
 ]
 Priority = Annotated[int, Query(ge=-100, le=100, description="of the project's waiting jobs the highest runs first")]
+
+Include = Annotated[
+    str | None, Query(max_length=100, description=f"parts to add, with commas between them: {', '.join(LARGE_PARTS)}")
+]
 
 
 @router.post("/campaigns/{campaign_id}/update-jobs", status_code=202)
@@ -128,7 +135,14 @@ def watch_update_job(
     return events.of(operations.job_of(session, row))
 
 
-@router.get("/update-jobs/{job_id}/result")
-def get_result(job_id: UUID, session: SessionDep, user: CurrentUser) -> dict[str, Any]:
-    """Updated parameters, modes, correlation, convergence, warnings and where all of it came from."""
-    return operations.result_document(session, operations.update_job_for(session, user, job_id))
+@router.get("/update-jobs/{job_id}/result", response_model=None, responses={200: {"model": ResultOut}})
+def get_result(job_id: UUID, session: SessionDep, user: CurrentUser, include: Include = None) -> dict[str, Any]:
+    """Verdict and warnings first, then parameters, modes, correlation, and where all of it came from.
+
+    What only a figure needs is left out unless `include` names it: the stabilisation diagram, the iterates.
+    """
+    named = set(filter(None, (include or "").split(",")))
+    if unknown := named - set(LARGE_PARTS):
+        raise Invalid("include", f"names {', '.join(sorted(unknown))}; there are {', '.join(LARGE_PARTS)}")
+    document = operations.result_document(session, operations.update_job_for(session, user, job_id))
+    return slim(document, leave_out=set(LARGE_PARTS) - named)

@@ -7,6 +7,8 @@ from typing import Any
 from fastapi import FastAPI
 from pydantic import BaseModel
 
+from service.web.openapi_document import complete
+
 _REFERENCE = {"$ref": "#/components/schemas/Problem"}
 
 RESPONSES: dict[int | str, dict[str, Any]] = {
@@ -27,9 +29,9 @@ _PROBLEM = {
     "type": "object",
     "required": ["type", "title", "status", "detail", "request_id"],
     "properties": {
-        "type": {"type": "string", "format": "uri-reference"},
+        "type": {"type": "string", "format": "uri-reference", "description": "Always about:blank."},
         "title": {"type": "string", "description": "The status in words."},
-        "status": {"type": "integer"},
+        "status": {"type": "integer", "description": "Of HTTP."},
         "detail": {"type": "string", "description": "What was found, what was expected, what to do."},
         "request_id": {"type": "string", "description": "Name of the request in the service's log."},
         "errors": {
@@ -43,7 +45,7 @@ _PROBLEM = {
                         "type": "string",
                         "description": "JSON pointer into the body, or name of the query parameter or header.",
                     },
-                    "detail": {"type": "string"},
+                    "detail": {"type": "string", "description": "What was found and what was expected."},
                 },
             },
         },
@@ -69,12 +71,13 @@ def schema_of(model: type[BaseModel]) -> dict[str, Any]:
 
 
 def describe_problems(app: FastAPI) -> None:
-    """Give the app's OpenAPI document the schema that `RESPONSES` refers to."""
+    """Complete the app's OpenAPI document: the schema that `RESPONSES` refers to, descriptions, errors, headings."""
     without = app.openapi
 
     def openapi() -> dict[str, Any]:
         document = without()
         document.setdefault("components", {}).setdefault("schemas", {})["Problem"] = _PROBLEM
+        complete(document)
         return document
 
     app.openapi = openapi  # type: ignore[method-assign]  # FastAPI's own way to extend the document

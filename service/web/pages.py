@@ -57,7 +57,13 @@ def _page(app: FastAPI) -> str:
         swagger_js_url=f"{ASSETS}/swagger-ui-bundle.js",
         swagger_css_url=f"{ASSETS}/swagger-ui.css",
         swagger_favicon_url=f"{ASSETS}/favicon.png",
-        swagger_ui_parameters={"validatorUrl": None},
+        swagger_ui_parameters={
+            "validatorUrl": None,
+            "persistAuthorization": True,  # the key is kept over a reload, in this browser
+            "docExpansion": "none",
+            "defaultModelsExpandDepth": 0,
+            "filter": True,
+        },
     )
     return bytes(answer.body).decode()
 

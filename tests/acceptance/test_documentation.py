@@ -10,6 +10,7 @@ import pytest
 
 from service.demo import paper
 from service.supervisor import LocalService
+from service.updating.result_schemas import ResultOut
 from tests.support.rest import finished
 
 
@@ -62,7 +63,16 @@ def test_a_stranger_runs_the_main_job_from_the_documentation_page(stranger: Stra
     stranger.wait("/imports/{import_id}")
     stranger.make("/campaigns/{campaign_id}/update-jobs", job_id="id")
     stranger.wait("/update-jobs/{job_id}")
-    assert stranger.send("GET", "/update-jobs/{job_id}/result")["parameters"]
+    result = stranger.send("GET", "/update-jobs/{job_id}/result")
+    assert ResultOut.model_validate(result).parameters  # it is what the page says that it is
+    assert list(result)[:2] == ["verdict", "warnings"]
+    assert "convergence" not in result
+    assert "stabilisation" not in result["identification"]
+    whole = stranger.send("GET", "/update-jobs/{job_id}/result?include=stabilisation,convergence")
+    assert ResultOut.model_validate(whole).convergence
+    assert whole["identification"]["stabilisation"]["order"]
+    wrong = stranger.api.get(f"update-jobs/{stranger.ids['job_id']}/result?include=all")
+    assert wrong.status_code == 422
 
 
 def test_every_other_proposal_works_too(stranger: Stranger) -> None:

@@ -8,7 +8,7 @@ import json
 import re
 import socket
 from base64 import b64encode
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import httpx
@@ -19,6 +19,7 @@ from sqlalchemy import make_url
 from service.app import create_app
 from service.settings import Settings
 from service.supervisor import LocalService
+from service.web.openapi_document import undescribed
 from tests.support.waiting import until
 
 JSON = {"Content-Type": "application/json"}
@@ -317,14 +318,39 @@ def test_a_float_of_integer_value_is_an_integer(api: httpx.Client, structure: st
     assert made.json()["instruments"]["sensor_point"] == 3
 
 
-def test_openapi_says_that_every_operation_may_answer_with_a_problem(service: LocalService) -> None:
+def test_openapi_describes_everything_and_lists_every_error(service: LocalService) -> None:
     document = httpx.get(f"{service.url}/openapi.json", trust_env=False, timeout=60).json()
+    assert undescribed(document) == []
     stated = {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}}
-    for path in document["paths"].values():
-        for operation in path.values():
-            assert operation["responses"]["4XX"]["content"] == stated
-            assert "422" not in operation["responses"]
-    assert "Problem" in document["components"]["schemas"]
+    for path, operations in document["paths"].items():
+        for method, operation in operations.items():
+            errors = {code: answer for code, answer in operation["responses"].items() if code[0] in "45"}
+            assert all(answer["content"] == stated for answer in errors.values()), path
+            if path.startswith("/api/"):
+                assert errors.keys() >= {"401", "403", "404", "422", "429", "503"}, path
+                assert ("415" in errors) == ("requestBody" in operation), (path, method)
+    assert [tag["name"] for tag in document["tags"]][:4] == ["projects", "structures", "campaigns", "grid points"]
+    result = document["paths"]["/api/v1/update-jobs/{job_id}/result"]["get"]["responses"]["200"]
+    (reference,) = result["content"]["application/json"]["schema"].values()
+    shown = document["components"]["schemas"][reference.rsplit("/", 1)[1]]["properties"]
+    assert list(shown)[:2] == ["verdict", "warnings"]
+
+
+def test_the_documentation_page_makes_up_no_names(service: LocalService) -> None:
+    """Swagger shows `additionalProp1` for every object whose members it does not know and that has no example."""
+
+    def open_ones(node: Any, place: str) -> Iterator[str]:
+        if isinstance(node, dict):
+            if node.get("additionalProperties") not in (None, False) and "examples" not in node:
+                yield place
+            for key, part in node.items():
+                yield from open_ones(part, f"{place}/{key}")
+        elif isinstance(node, list):
+            for i, part in enumerate(node):
+                yield from open_ones(part, f"{place}/{i}")
+
+    document = httpx.get(f"{service.url}/openapi.json", trust_env=False, timeout=60).json()
+    assert list(open_ones(document, "")) == []
 
 
 def test_openapi_names_every_format_and_defines_what_it_refers_to(service: LocalService) -> None:

@@ -24,6 +24,8 @@ function draw(place, figure) {
   const layout = { ...figure.layout, autosize: true };
   delete layout.width;
   layout.font = { ...layout.font, size: innerWidth < 640 ? 11 : 13 };
+  layout.legend = { ...layout.legend, orientation: "h", yref: "container", yanchor: "bottom", y: 0.005, x: 0.5, xanchor: "center" };
+  layout.margin = { t: 50, r: 20, ...layout.margin, b: 95 };
   if (layout.title?.text) layout.title = { ...layout.title, font: { size: innerWidth < 640 ? 12 : 14 } };
   return Plotly.newPlot(place, figure.data, layout, CONFIG);
 }
