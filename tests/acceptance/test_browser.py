@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from service.supervisor import LocalService
-from tests.support.browser import Watched, browser, chromium, drawn, watched_page
+from tests.support.browser import Watched, browser, chromium, drawn, hindrances, watched_page
 from tests.support.places import shared_file
 
 MOST_CLICKS = 8
@@ -72,8 +72,13 @@ def look_at_every_part(seen: Watched) -> None:
         figure = figures.nth(i)
         figure.scroll_into_view_if_needed()
         figure.locator(".main-svg").first.wait_for()
-    wide = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
-    assert wide == 0, f"the page is {wide} px wider than its window"
+    assert overflow(seen) == 0
+
+
+def overflow(seen: Watched) -> int:
+    """By how many pixels a page is wider than its window."""
+    wide: int = seen.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+    return wide
 
 
 def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
@@ -89,6 +94,8 @@ def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
         assert seen.complaints == []
         assert seen.strangers == []
         cookies = seen.page.context.cookies()
+        links = seen.page.locator(".crumbs a").evaluate_all("links => links.map(link => link.pathname.slice(1))")
+        around = [*links, f"{links[-1]}/update"]
     assert [(c["httpOnly"], c["sameSite"]) for c in cookies] == [(True, "Strict")]
     for width, height, dark in LOOKS:
         with watched_page(running, service.url, width=width, height=height, dark=dark) as seen:
@@ -97,6 +104,12 @@ def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
             seen.page.press("#key", "Enter")
             seen.page.wait_for_url(result)
             look_at_every_part(seen)
+            assert hindrances(seen.page) == [], (width, dark)
+            for path in ("ui/", "ui/new", "ui/update-jobs", "ui/keys", "ui/monitors", *around):
+                seen.page.goto(f"/{path}")
+                seen.page.wait_for_load_state("networkidle")
+                assert hindrances(seen.page) == [], (path, width, dark)
+                assert overflow(seen) == 0, (path, width)
             assert (seen.complaints, seen.strangers) == ([], []), (width, dark)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_playwright
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
@@ -101,6 +102,15 @@ def watched_page(
         yield seen
     finally:
         context.close()
+
+
+def hindrances(page: Page) -> list[str]:
+    """What axe-core finds on a page that seriously hinders people: rule, help, first element. Plotly's drawings have a table
+    or a caption beside them and are left out.
+    """
+    found = Axe().run(page, context={"exclude": [[".js-plotly-plot"]]}).response["violations"]
+    grave = [rule for rule in found if rule["impact"] in ("serious", "critical")]
+    return [f"{rule['id']}: {rule['help']}: {rule['nodes'][0]['html'][:200]} ({page.url})" for rule in grave]
 
 
 def drawn(page: Page, figure: str) -> None:
