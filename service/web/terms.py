@@ -167,6 +167,10 @@ TERMS: dict[str, str] = {
     "fibre_angle_sd_deg": "of the angle between fibre and specimen, degrees",
     "channel_delay_sd_s": "of the lag between the channels, s",
     "window_rate_sd_per_s": "of the window's rate, 1/s",
+    "inputs": "how well what was handed in is known: standard deviations, SI; default: a careful laboratory's",
+    "campaigns": "the campaigns, in the order in which they were named",
+    "joint": "the joint update; null where the jobs are separate",
+    "joint_id": "id of the joint update",
     "jobs": "the updates, in the order of the answer",
     # coupons
     "specimen": "what the laboratory calls the specimen",
