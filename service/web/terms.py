@@ -54,7 +54,7 @@ TERMS: dict[str, str] = {
     "archived": "whether the project is archived: readable, and refused every change",
     "role": "viewers read, editors also write and start jobs, owners also manage members",
     "member": "name or id of the user",
-    "prefix": "first characters of the key, which tell it from others",
+    "prefix": "first characters of the key, by which it is recognised",
     "key": "the key itself; shown this once",
     "scopes": "what the key may be used for",
     "last_used_at": "when the key was last used, UTC, to the minute",
