@@ -35,6 +35,7 @@ from fecore.least_squares import Stopping, minimise
 from fecore.updating.misfit import FrfMisfit, NormalEquations
 from fecore.updating.parameters import by_name
 
+_NEGLIGIBLE = 0.01  # gain, of a value's misfit by noise: the minimum is then within 0.14 standard deviations
 _ROUND_OFF = 1e-12  # of the weighted signal: noise-free data cannot be fitted better
 _LARGEST_SHIFT = 0.1  # a mode further off than this was not paired rightly
 _LARGEST_BELIEVED_SHIFT = 0.5  # of a mode that was not measured
@@ -153,7 +154,7 @@ def fit_law(
             best=best,
             history=(found.point.normal.cost,),
         )
-    if found.outcome != "converged":
+    if found.outcome != "converged" and not (found.outcome == "stuck" and problem.is_at_rest(found.point)):
         raise UpdatingError(
             f"the {law.name} fit did not converge; check the band, the modes and the geometry",
             best=best,
@@ -221,6 +222,11 @@ class _Problem:
         """The point that a step leads to, held to what is believable; None where a mode would be damped negatively."""
         x = self.within(point.x + step)
         return self.at(x) if self.is_allowed(x) else None
+
+    def is_at_rest(self, point: _Point) -> bool:
+        """Whether all that is left to gain is far below the noise: steps leave out what little of a delay is left."""
+        gain = float(point.descent @ np.linalg.solve(point.hessian, point.descent)) / 2
+        return gain < _NEGLIGIBLE * self.scale
 
     def stopping(self) -> Stopping:
         """Converged to the round-off of the weighted signal: noise-free data cannot be fitted better."""

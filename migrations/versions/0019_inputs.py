@@ -6,7 +6,7 @@ import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects.postgresql import JSONB
 
-revision = "0014_inputs"
+revision = "0019_inputs"
 down_revision = "0018_joint_updates"
 branch_labels = None
 depends_on = None
