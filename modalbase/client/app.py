@@ -10,6 +10,7 @@ import typer
 
 from modalbase.client.coupons import coupons
 from modalbase.client.exporting import cards, export
+from modalbase.client.hits import hits
 from modalbase.client.inventory import campaigns, projects, structures
 from modalbase.client.login import login
 from modalbase.client.measuring import frfs, import_files
@@ -18,7 +19,8 @@ from modalbase.client.updating import figure, result, update
 from modalbase.client.watching import alarms, jobs, monitors
 
 COMMANDS = (
-    login, projects, structures, campaigns, frfs, modes, coupons, update, jobs, result, figure, export, cards, monitors, alarms,
+    login, projects, structures, campaigns, hits, frfs, modes, coupons,
+    update, jobs, result, figure, export, cards, monitors, alarms,
 )  # fmt: skip
 
 

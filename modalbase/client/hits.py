@@ -1,0 +1,59 @@
+"""`modalbase hits`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from modalbase.client.errors import ClientError, Exit
+from modalbase.client.options import NAMED, AsJson, Url, json_file, names_of, say_next, service_at
+
+
+def hits(
+    files: Annotated[list[Path], typer.Argument(help="Time blocks: npz, .mat, CSV, wav", exists=True, dir_okay=False)],
+    campaign: Annotated[
+        str, typer.Option("--campaign", "-c", help=f"Campaign: {NAMED}", autocompletion=names_of("CAMPAIGN"))
+    ] = "latest",
+    mapping: Annotated[
+        Path | None, typer.Option(help="JSON that says which variable is what; without it one is proposed", exists=True)
+    ] = None,
+    process: Annotated[bool, typer.Option("--process", help="Make FRFs of the good hits then")] = False,
+    as_json: AsJson = False,
+    url: Url = None,
+) -> None:
+    """Send time blocks of hits, see how each hit is judged, and make FRFs of the good ones."""
+    from modalbase.client.display import print_json, print_table, transfer
+    from modalbase.client.finding import CAMPAIGN, find_id
+    from modalbase.client.jobs import require_success, wait_for
+
+    given = {"mapping": None if mapping is None else json.dumps(json_file(mapping))}
+    judged: list[dict[str, Any]] = []
+    with service_at(url) as service:
+        path = f"campaigns/{find_id(service, CAMPAIGN, campaign)}"
+        for file in files:
+            with transfer(file.name) as watch:
+                dry = str(mapping is None).lower()
+                answer = service.upload(f"{path}/records", file, watch, filename=file.name, dry_run=dry, **given)
+            if mapping is None:
+                print_json(answer)
+                raise ClientError(
+                    "nothing is stored: save `mapping` of this, corrected, and state it with --mapping", Exit.USAGE
+                )
+            judged += answer["hits"]
+        if process:
+            job = wait_for(service, f"processings/{service.post(f'{path}/processings', {})['id']}", "processing")
+            require_success(job, "processing")
+    if as_json:
+        print_json(judged)
+        return
+    rows = [[hit["point"], hit["hit"], hit["accepted"], _said(hit)] for hit in judged]
+    print_table("", ("point", "hit", "good", "why not"), rows)
+    say_next(f"modes {campaign} --identify" if process else f"hits FILE --campaign {campaign} --process")
+
+
+def _said(hit: dict[str, Any]) -> str | None:
+    """What failed of a hit."""
+    return "; ".join(finding["sentence"] for finding in hit["findings"] if finding["failed"]) or None

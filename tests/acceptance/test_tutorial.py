@@ -1,0 +1,84 @@
+"""The tutorial: its files are what its script makes, and its commands run in an empty folder and find the truth."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import httpx
+import pytest
+
+from examples import make_tutorial
+from modalbase.formats.uff import Frf, read_file
+from service.supervisor import LocalService
+from tests.support.command import COMMAND, environment
+from tests.support.places import ROOT
+from tests.support.waiting import PATIENCE
+
+PAGE = (ROOT / "docs" / "tutorial.md").read_text()
+FILES = ROOT / "examples" / "tutorial"
+TRUTH = {
+    **{name: getattr(make_tutorial.TRUTH, name) for name in ("Ex", "Ey", "Gxy", "Gxz")},
+    "a0": make_tutorial.A0,
+    "a1": make_tutorial.A1,
+}
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", PAGE, flags=re.DOTALL)
+
+
+@pytest.fixture
+def printed(service: LocalService, api: httpx.Client, tmp_path: Path) -> dict[str, str]:
+    """What each command of the page prints, in a folder with the shipped files alone."""
+    folder = tmp_path / "beam"
+    shutil.copytree(FILES, folder)
+    key = api.headers["authorization"].split()[1]
+    around = environment(MODALBASE_URL=service.url, MODALBASE_API_KEY=key, COLUMNS="200")
+    around["PATH"] = f"{COMMAND.parent}:{around['PATH']}"
+    found = {}
+    for line in "".join(blocks("sh")).splitlines():
+        done = subprocess.run(
+            line, shell=True, cwd=folder, env=around, capture_output=True, text=True, timeout=PATIENCE, check=False
+        )
+        assert done.returncode == 0, f"{line}: {done.stdout} {done.stderr}"
+        found[line.split("--")[0].removeprefix("modalbase ").strip()] = done.stdout
+    assert (folder / "frf.pdf").read_bytes().startswith(b"%PDF")
+    assert "*ELASTIC, TYPE=ENGINEERING CONSTANTS" in (folder / "beam.inp").read_text()
+    return found
+
+
+def test_the_commands_of_the_tutorial_find_the_truth(printed: dict[str, str]) -> None:
+    assert re.findall(r"^(\d+) +[\d.]+ ", printed["modes March"], flags=re.MULTILINE)[-1] == "5"
+    result = json.loads(printed["result"])
+    assert result["provenance"]["recipe"]["band_hz"] == [10.0, 1000.0]
+    for row in result["parameters"]:
+        if row["name"] in TRUTH:
+            low, high = row["interval_95"]
+            assert low <= TRUTH[row["name"]] <= high, row
+    assert not next(row for row in result["parameters"] if row["name"] == "Ey")["identifiable"]
+    assert len(re.findall(r"^C\d ", printed['coupons "0 degrees"'], flags=re.MULTILINE)) == 5
+    (bad,) = re.findall(r"^(\d+) +(\d) +no ", printed["hits hits.npz"], flags=re.MULTILINE)
+    assert bad == ("9", "2")
+    assert printed['frfs "March, hits"'].startswith("2 FRFs")
+
+
+def test_the_recipe_on_the_page_is_the_file() -> None:
+    (shown,) = blocks("json")
+    assert json.loads(shown) == json.loads((FILES / "recipe.json").read_text()) == make_tutorial.RECIPE
+
+
+def test_the_script_makes_the_files(tmp_path: Path) -> None:
+    """To the round-off of single precision: another machine's linear algebra differs in the last digits."""
+    make_tutorial.make(tmp_path)
+    assert sorted(one.name for one in tmp_path.iterdir()) == sorted(one.name for one in FILES.iterdir())
+    made, shipped = (
+        [item for item in read_file(one / "beam.uff") if isinstance(item, Frf)] for one in (tmp_path, FILES)
+    )
+    assert len(made) == len(shipped) == 16
+    for one, other in zip(made, shipped, strict=True):
+        assert one.values == pytest.approx(other.values, rel=1e-3, abs=1e-3 * abs(other.values).max())
+    assert (tmp_path / "C3.csv").read_text() == (FILES / "C3.csv").read_text()
