@@ -1,0 +1,77 @@
+"""The wheel and the source archive: what is in them, and that the wheel alone works from an empty folder."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from tests.support.command import environment
+from tests.support.places import ROOT
+from tests.support.waiting import PATIENCE
+
+LIGHT = {"httpx", "nanoarrow", "numpy", "platformdirs", "pyuff", "rich", "typer"}
+BUILD = (
+    "import sys, setuptools.build_meta as build; print(build.build_wheel(sys.argv[1])); print(build.build_sdist(sys.argv[1]))"
+)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """The wheel and the source archive of this tree."""
+    pytest.importorskip("setuptools", minversion="77", reason="this environment's setuptools is older than the build's")
+    copy, out = tmp_path_factory.mktemp("tree") / "modalbase", tmp_path_factory.mktemp("dist")
+    kept = subprocess.run(["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True, check=True)
+    for name in kept.stdout.splitlines():
+        if (ROOT / name).is_file():
+            (copy / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, copy / name)
+    subprocess.run([sys.executable, "-c", BUILD, str(out)], cwd=copy, check=True, capture_output=True)
+    (wheel,), (archive,) = out.glob("*.whl"), out.glob("*.tar.gz")
+    return wheel, archive
+
+
+def test_the_wheel_has_four_packages_and_nothing_else(built: tuple[Path, Path]) -> None:
+    with zipfile.ZipFile(built[0]) as wheel:
+        names = wheel.namelist()
+        metadata = wheel.read(next(name for name in names if name.endswith("METADATA"))).decode()
+    tops = {name.split("/")[0] for name in names if not name.split("/")[0].endswith(".dist-info")}
+    assert tops == {"fecore", "migrations", "modalbase", "service"}
+    assert "service/demo/paper_beam.uff" in names
+    assert any(name.endswith("licenses/LICENSE") for name in names)
+    required = [line.split(":")[1] for line in metadata.splitlines() if line.startswith("Requires-Dist") and "extra" not in line]
+    assert {line.split(">")[0].split("=")[0].split("<")[0].strip() for line in required} == LIGHT
+
+
+def test_the_source_archive_has_what_the_tests_and_documents_need(built: tuple[Path, Path]) -> None:
+    with tarfile.open(built[1]) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    assert {"pyproject.toml", "README.md", "LICENSE", "modalbase/__init__.py", "service/demo/paper_beam.uff"} <= names
+
+
+def test_the_wheel_alone_runs_from_an_empty_folder(built: tuple[Path, Path], tmp_path: Path) -> None:
+    """Unpacked in front of everything, so that no file of this tree is imported."""
+    place, empty = tmp_path / "site", tmp_path / "empty"
+    empty.mkdir()
+    with zipfile.ZipFile(built[0]) as wheel:
+        wheel.extractall(place)
+    code = "import modalbase, fecore, service, migrations; print(*(p.__file__ for p in (modalbase, fecore, service, migrations)))"
+    around = environment(PYTHONPATH=str(place), HOME=str(empty))
+    found = subprocess.run([sys.executable, "-c", code], cwd=empty, env=around, capture_output=True, text=True, check=True)
+    assert all(Path(file).is_relative_to(place) for file in found.stdout.split())
+    done = subprocess.run(
+        [sys.executable, "-m", "modalbase", "demo"],
+        cwd=empty,
+        env=around,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "updated parameters" in done.stdout
