@@ -19,8 +19,8 @@ def rest_page() -> str:
     openapi = document()
     lines = [
         "# REST, route by route", "", MADE, "",
-        "Paths are below `/api/v1`. The document with all fields is at `/openapi.json`, the page to try them at `/docs`; each route is a",
-        "method of [`lab.rest`](library.md) by the name in the last column.", "",
+        "Paths are below `/api/v1`. `/openapi.json` is the document with all fields, `/docs` the page to try them.",
+        "Each route is a method of [`lab.rest`](library.md) by the name in the last column.", "",
     ]  # fmt: skip
     by_tag: dict[str, list[Described]] = {}
     for route in described(openapi):
@@ -41,7 +41,14 @@ def _route(route: Described) -> str:
 def cli_page() -> str:
     """`docs/reference-cli.md`: every command with its arguments and options."""
     command: Any = typer.main.get_command(app)
-    lines = ["# The command, word by word", "", MADE, "", "[How to use it](command-line.md). `modalbase --install-completion` completes.", ""]
+    lines = [
+        "# The command, word by word",
+        "",
+        MADE,
+        "",
+        "[How to use it](command-line.md). `modalbase --install-completion` completes.",
+        "",
+    ]
     for words, one in _commands(command, "modalbase"):
         lines += [f"## {words}", "", _plain(one.help or ""), ""]
         given = [parameter for parameter in one.params if not getattr(parameter, "hidden", False)]
@@ -61,7 +68,11 @@ def _commands(command: Any, words: str) -> Iterator[tuple[str, Any]]:
 
 def _parameter(parameter: Any) -> str:
     names = parameter.opts + parameter.secondary_opts
-    shown = ", ".join(f"`{name}`" for name in names) if names[0].startswith("-") else f"`{parameter.name.strip('_').upper()}`"
+    shown = (
+        ", ".join(f"`{name}`" for name in names)
+        if names[0].startswith("-")
+        else f"`{parameter.name.strip('_').upper()}`"
+    )
     return f"| {shown} | {_plain(getattr(parameter, 'help', None) or '').replace('|', chr(92) + '|')} |"
 
 

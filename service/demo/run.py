@@ -33,7 +33,7 @@ The published a1 is 11 µs, and a beam with it would have 3.4 % of damping in it
 
 NEXT = """\
 next: modalbase up            a service of your own, which keeps what it is given
-      docs/command-line.md    from an empty database to a figure, each step one line
+      docs/tutorial.md        from your analyser's export to a report in ten minutes
       modalbase demo --keep   the same again, and the service stays up to look around"""
 
 
