@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from fecore.updating.recipe import HoldOut, Recipe
     from fecore.updating.result import UpdateResult
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOMES = {
     "body.laminate": ("OrthotropicMaterial", "Ply", "homogenise", "section"),

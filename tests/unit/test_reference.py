@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import tomllib
+
 import pytest
 
 from modalbase.client.connection import Connection
@@ -30,3 +33,15 @@ def test_every_route_of_the_openapi_document_is_a_method_of_the_client() -> None
             rest.list_projects(colour="red")
         with pytest.raises(AttributeError, match="no call 'nonsense'"):
             _ = rest.nonsense
+
+
+def test_every_library_that_is_installed_has_its_licence_listed() -> None:
+    project = tomllib.loads((reference.ROOT / "pyproject.toml").read_text())["project"]
+    wanted = [
+        *project["dependencies"],
+        *(one for name in ("server", "mat73") for one in project["optional-dependencies"][name]),
+    ]
+    page = (reference.ROOT / "docs" / "licences.md").read_text()
+    assert re.findall(r"^\| ([\w-]+) \| .+ \| `", page, flags=re.MULTILINE) == [
+        re.split(r"[^\w-]", one)[0] for one in wanted
+    ]
