@@ -16,7 +16,7 @@ from tests.support.places import ROOT
 from tests.support.waiting import PATIENCE
 
 LIGHT = {"httpx", "nanoarrow", "numpy", "platformdirs", "pyuff", "rich", "typer"}
-BUILD = "import sys, setuptools.build_meta as build; build.build_wheel(sys.argv[1]); build.build_sdist(sys.argv[1])"
+BUILD = "import setuptools.build_meta as build; build.build_wheel(%r); build.build_sdist(%r)"  # it rewrites sys.argv
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
         shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, copy / name)
-    subprocess.run([sys.executable, "-c", BUILD, str(out)], cwd=copy, check=True, capture_output=True)
+    subprocess.run([sys.executable, "-c", BUILD % (str(out), str(out))], cwd=copy, check=True, capture_output=True)
     (wheel,), (archive,) = out.glob("*.whl"), out.glob("*.tar.gz")
     return wheel, archive
 
