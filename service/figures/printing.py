@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import json
+import textwrap
 from collections.abc import Mapping
 from html import unescape
 from typing import TYPE_CHECKING, Any, Literal
@@ -99,7 +100,7 @@ def draw(figure: Figure) -> Sheet:
         _note(panels, note)
     for (x, y), axes in panels.items():
         _scale(axes, layout[_key(x)], layout[_key(y)])
-    sheet.suptitle(unescape(layout["title"]["text"]), fontsize=9, y=1 - 0.15 / height, color=_ink(layout), wrap=True)
+    sheet.suptitle(_folded(layout["title"]["text"], 110), fontsize=9, y=1 - 0.15 / height, color=_ink(layout))
     if handles:
         legend = sheet.legend(
             handles.values(), handles.keys(), loc="lower center", ncols=4, frameon=False, fontsize=7, markerscale=0.7
@@ -233,6 +234,11 @@ def _shape(panels: Panels, shape: Mapping[str, Any]) -> None:
         raise ValueError(f"a shape of type {shape['type']!r} cannot be printed")
 
 
+def _folded(text: str, columns: int) -> str:
+    """A text on lines of so many letters; matplotlib's own folding reads TeX even where it shall not."""
+    return textwrap.fill(unescape(text), columns)
+
+
 def _note(panels: Panels, note: Mapping[str, Any]) -> None:
     font = note.get("font", {})
     ends = {"left": "left", "center": "center", "right": "right"}
@@ -242,9 +248,8 @@ def _note(panels: Panels, note: Mapping[str, Any]) -> None:
         "fontsize": 0.55 * font.get("size", 15),
         "color": font.get("color", "#000000"),
         "rotation": -note.get("textangle", 0),
-        "wrap": True,
     }
-    text = unescape(note["text"]).replace("<br>", "\n")
+    text = "\n".join(_folded(line, 120) for line in note["text"].split("<br>"))
     if note["xref"] == "paper":
         axes = next(iter(panels.values()))
         boxes = [panel.get_position() for panel in panels.values()]
