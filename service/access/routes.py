@@ -29,7 +29,7 @@ from service.access.schemas import (
 )
 from service.access.tables import ApiKey, AuditEvent, Member, Project, User
 from service.db.clock import transaction_time
-from service.errors import Conflict, Invalid, NotFound
+from service.errors import Conflict, Invalid, NotFound, not_found_as
 from service.web import IF_MATCH, Page, api_router, etag_of, require_match
 from service.web.paging import Cursor, Limit, paged
 
@@ -164,7 +164,8 @@ def delete_member(project_id: UUID, member: str, session: SessionDep, user: Curr
     """Take a user out of the project: an owner anybody, every member themselves."""
     found = user if member in (user.name, str(user.id)) else None
     project = project_for(session, user, project_id, "viewer" if found else "owner", resting=found is not None)
-    found = found or _user(session, member)
+    with not_found_as("member", member):  # whether there is a user of that name is nobody's business
+        found = found or _user(session, member)
     row = session.get(Member, (project.id, found.id))
     if row is None:
         raise NotFound("member", member)

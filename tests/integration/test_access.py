@@ -53,7 +53,9 @@ def test_roles(new_client: NewClient) -> None:
     assert owner.delete(f"projects/{key}/members/{name}").status_code == 204
     assert guest.get(f"projects/{key}").status_code == 404
     assert guest.get(f"projects/{key}/members").status_code == 404
-    assert owner.delete(f"projects/{key}/members/{name}").status_code == 404
+    gone, nobody = (owner.delete(f"projects/{key}/members/{who}") for who in (name, "nobody"))
+    assert gone.status_code == nobody.status_code == 404
+    assert gone.json()["detail"].replace(name, "nobody") == nobody.json()["detail"]  # who exists is not said
 
 
 def test_the_last_owner_stays(new_client: NewClient) -> None:
