@@ -23,13 +23,13 @@ from service.supervisor import LocalService
 PLAIN_WIDTH = 120  # columns where the output is no terminal, so that no table is cut
 
 PURPOSE = """\
-The demonstration takes a cantilever of fibre reinforced plastic (Mondal and Chakraborty, 2015) from an empty database to an
-updated model: a UFF file of 33 FRFs, modes and coupon results go in by REST; constants and damping with their uncertainty
-come out. It starts a service of its own and leaves nothing behind."""
+The demonstration takes a cantilever of fibre reinforced plastic (Mondal and Chakraborty, 2015) from an empty
+database to an updated model: a UFF file of 33 FRFs, modes and coupon results go in by REST; constants and damping
+with their uncertainty come out. It starts a service of its own and leaves nothing behind."""
 
 LAW = """\
-The published a1 is 11 µs, and a beam with it would have 3.4 % of damping in its mode at 868 Hz, where the same paper measured
-1.26 %: the values above follow the paper's own measured damping, not its print (docs/errata.md)."""
+The published a1 is 11 µs, and a beam with it would have 3.4 % of damping in its mode at 868 Hz, where the same paper
+measured 1.26 %: the values above follow the paper's own measured damping, not its print (docs/errata.md)."""
 
 NEXT = """\
 next: modalbase up            a service of your own, which keeps what it is given
