@@ -8,7 +8,7 @@ from fecore.trend.assessment import Assessment, ParameterTrend, assess
 from fecore.trend.baseline import Baseline, Scores, fit_baseline, score
 from fecore.trend.change import ChangePoint, change_point
 from fecore.trend.charts import Chart, Limits
-from fecore.trend.rates import Rate, rate
+from fecore.trend.rates import Rate, rate, rate_since_onset
 from fecore.trend.run_length import alarm_probability, average_run_length, control_limits
 from fecore.trend.series import Series, in_time_order
 from fecore.trend.states import Condition, Event, State, step, worst
@@ -40,6 +40,7 @@ __all__ = [
     "fit_baseline",
     "in_time_order",
     "rate",
+    "rate_since_onset",
     "score",
     "step",
     "worst",

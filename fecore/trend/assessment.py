@@ -19,7 +19,7 @@ from fecore.errors import InputError
 from fecore.trend.baseline import Baseline, Scores, complete_campaigns, fit_baseline, score
 from fecore.trend.change import ChangePoint, change_point
 from fecore.trend.charts import Limits
-from fecore.trend.rates import Rate, rate
+from fecore.trend.rates import Rate, rate, rate_since_onset
 from fecore.trend.run_length import KNOWN, control_limits
 from fecore.trend.series import Series, days_since, in_time_order
 from fecore.trend.states import State, worst
@@ -160,6 +160,8 @@ def _parameter(
         speed, unknown = _speed(ordered, watch, baseline)
         if np.any(outside):
             change = _change(begin, watched, scores, baseline)
+            if change.pattern == "ramp" and speed is not None:  # else covariates run with time, and no rate is known
+                speed = rate_since_onset(change, baseline.mean)
     return ParameterTrend(
         name=series.name,
         direction=direction,

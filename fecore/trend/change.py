@@ -37,6 +37,9 @@ class ChangePoint:
             the interval begins at the date of the campaign before; the baseline's end where there is none.
         size: step: change of the parameter; ramp: change a year. In the parameter's unit.
         size_sd: its standard deviation, given the index.
+        mean, mean_sd: of the size over all indices by their probability, so that not knowing the onset is in it:
+            mean = Σ p_τ Δ_τ, variance Σ p_τ (s_τ² + Δ_τ²) − mean².
+        degrees_of_freedom: of both standard deviations.
     """
 
     pattern: Pattern
@@ -46,6 +49,9 @@ class ChangePoint:
     date_interval: tuple[datetime, datetime]
     size: float
     size_sd: float
+    mean: float
+    mean_sd: float
+    degrees_of_freedom: float
 
 
 def change_point(
@@ -91,7 +97,8 @@ def change_point(
     ranked = np.argsort(-posterior)
     held = ranked[: int(np.searchsorted(np.cumsum(posterior[ranked]), probability)) + 1]
     first, last = int(held.min()), int(held.max())
-    scale = (degrees_of_freedom + misfit[index]) / (degrees_of_freedom + m - 1)
+    variance = (degrees_of_freedom + misfit) / (degrees_of_freedom + m - 1) / size
+    mean = float(posterior @ amplitude)
     return ChangePoint(
         pattern=kind,
         index=index,
@@ -99,7 +106,10 @@ def change_point(
         date=dates[index + 1],
         date_interval=(dates[first], dates[last + 1]),
         size=float(amplitude[index]),
-        size_sd=float(np.sqrt(scale / size[index])),
+        size_sd=float(np.sqrt(variance[index])),
+        mean=mean,
+        mean_sd=float(np.sqrt(posterior @ (variance + (amplitude - mean) ** 2))),
+        degrees_of_freedom=degrees_of_freedom + m - 1,
     )
 
 

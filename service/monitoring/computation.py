@@ -269,6 +269,7 @@ def _rate(rate: Rate) -> dict[str, Any]:
         "interval_95": list(rate.interval_95),
         "relative_per_year": rate.relative_per_year,
         "relative_interval_95": list(rate.relative_interval_95),
+        "since": None if rate.since is None else rate.since.isoformat(),
     }
 
 

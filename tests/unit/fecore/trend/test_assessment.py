@@ -19,6 +19,7 @@ from fecore.trend import (
     assess,
     fit_baseline,
     in_time_order,
+    rate,
     score,
 )
 
@@ -51,6 +52,27 @@ def test_a_loss_raises_one_alarm_that_says_when_and_how_much() -> None:
     assert trend.change.size == pytest.approx(-0.05 * 32e9, rel=0.15)
     assert trend.rate is not None
     assert trend.rate.relative_interval_95[1] < 0
+
+
+def test_the_rate_of_a_loss_that_goes_on_is_the_one_since_its_onset() -> None:
+    """4.8 % a year from the twelfth of 26 campaigns on; a line through the baseline too has its interval elsewhere."""
+    n, truth, covered, over_all = 26, -0.048, [], []
+    years = np.array([(date - dates(n)[11]).days for date in dates(n)]) / 365.25
+    for seed in range(100):
+        series = stiffness(n, seed=seed)
+        series = replace(series, estimate=series.estimate * (1 + truth * np.maximum(0.0, years)))
+        trend = assess({"Ex": series}, replace(WATCH, baseline=12)).parameters["Ex"]
+        assert trend.change is not None
+        assert trend.rate is not None
+        if trend.change.pattern == "ramp":
+            assert trend.rate.since is not None
+            low, high = trend.rate.relative_interval_95
+            covered.append(low <= truth <= high)
+            line = rate(series, (), trend.baseline.mean)  # type: ignore[union-attr]
+            over_all.append(line.relative_interval_95[0] <= truth <= line.relative_interval_95[1])
+    assert len(covered) >= 95
+    assert np.mean(covered) >= 0.89  # 95 % of 100 draws less three standard deviations of that share
+    assert np.mean(over_all) < 0.1
 
 
 def test_an_unchanged_structure_is_normal_and_a_rise_is_no_fall() -> None:
