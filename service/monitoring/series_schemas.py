@@ -40,7 +40,9 @@ class SeriesParameterOut(_Part):
     limits: dict[str, float | None] | None = Field(description="of chart and single score, standard deviations")
     points: list[PointOut] = Field(description="in the order of time")
     change_point: dict[str, Any] | None = Field(description="when and how much it changed; null without a change")
-    rate: dict[str, Any] | None = Field(description="of change, per year, `since` its onset where it is a ramp; null where unknown")
+    rate: dict[str, Any] | None = Field(
+        description="of change, per year, `since` its onset where it is a ramp; null where unknown"
+    )
     timeline: list[dict[str, Any]] = Field(description="states as they came")
     notes: list[str] = Field(description="what is worth saying, in words")
 
