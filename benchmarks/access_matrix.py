@@ -200,7 +200,8 @@ class _Round:
                 self._same(name, caller, *answers, Things({"x": absent}), Things({"x": target}))
         schema = operation.get("requestBody", {}).get("content", {}).get("application/json", {}).get("schema", {})
         for place in _uuid_places(self.document, schema):
-            target, absent = self.foreign[_kind_of(str(place[-1]))], str(uuid4())
+            field = next(step for step in reversed(place) if isinstance(step, str))  # a list of ids ends in a number
+            target, absent = self.foreign[_kind_of(field)], str(uuid4())
             answers = [self._ask(name, caller, self.own, _with(body, place, v)) for v in (absent, target)]
             self._same(name, caller, *answers, Things({"x": absent}), Things({"x": target}))
 
@@ -296,7 +297,12 @@ def _is_uuid(schema: dict[str, Any]) -> bool:
 
 def _kind_of(name: str) -> str:
     """The kind of thing that a field names, as paths call it."""
-    known = {"prior_from_coupon_batch": "batch_id", "batch": "batch_id", "processing": "processing_id"}
+    known = {
+        "prior_from_coupon_batch": "batch_id",
+        "batch": "batch_id",
+        "coupon_batches": "batch_id",
+        "processing": "processing_id",
+    }
     return known.get(name, name if name.endswith("_id") else f"{name}_id")
 
 

@@ -20,7 +20,7 @@ def upgrade() -> None:
         sa.Column("project_id", sa.Uuid(), nullable=False),
         sa.Column("request", postgresql.JSONB(), nullable=False),
         sa.Column("campaigns", postgresql.JSONB(), nullable=False),
-        sa.Column("idempotency_key", sa.Text(), nullable=True),
+        sa.Column("idempotency_key", sa.String(), nullable=True),
         sa.Column("document", sa.JSON(), nullable=True),
         sa.ForeignKeyConstraint(["id"], ["jobs.id"], name=op.f("fk_joint_updates_id_jobs"), deferrable=True),
         sa.ForeignKeyConstraint(

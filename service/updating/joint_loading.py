@@ -177,18 +177,22 @@ def _campaign(
     modes = None
     if mode_set is not None:
         modes = modes_in_frame(load_modes(session, mode_set), frame_of(campaign_of(session, campaign.campaign_id)))
-    frfs = campaign.frf_sets[0].frfs if campaign.frf_sets else None
+    used = campaign.frf_sets[0] if campaign.frf_sets else None
+    frfs = None if used is None else used.frfs
+    window_rate = None if used is None else used.window_rate
+    inputs = recipe.inputs.or_as_stated(campaign.structure.inputs, campaign.inputs, window_rate)
     return JointCampaign(
         name=name,
         specimen=job.specimen or specimen,
         body=_body(plain, material, angle),
-        measurement=Measurement(frfs, campaign.points, modes, 0.0, recipe.inputs.to_core()),
+        measurement=Measurement(frfs, campaign.points, modes, 0.0, inputs.to_core()),
         recipe=recipe.to_core(),
         provenance={
             "campaign_id": str(campaign.campaign_id),
             "structure_version_id": str(campaign.structure_version_id),
             "mode_set": None if mode_set is None else str(mode_set),
             "angle_deg": angle,
+            "inputs": inputs.model_dump(mode="json"),
         },
         warnings=campaign.warnings,
     )

@@ -114,7 +114,9 @@ def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointM
             f"states no {', no '.join(lacking)}: an update needs them for its model; an identification does not",
         )
     if structure.laminate is not None:
-        material = homogenise(section([_ply(ply, density) for ply in structure.laminate.plies]))
+        # Shear stresses that balance bending ply by ply: for plies alike that is κ = 5/6, in a sandwich the core gives way.
+        plies = [_ply(ply, density) for ply in structure.laminate.plies]
+        material = homogenise(section(plies, shear="equilibrium"))
         # The structure's own thickness and density were measured on the whole; the plies' are nominal.
         material = replace(material, density=density)
         return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses)  # type: ignore[arg-type]

@@ -17,7 +17,6 @@ from fecore.body.oriented import OrientedSpecimen
 from fecore.body.supports import PointMass
 from fecore.updating.campaigns.layout import MATERIAL_PARAMETERS
 from fecore.updating.campaigns.plans import PlannedTest
-from fecore.updating.inputs import Inputs
 from service.access import User
 from service.campaigns.operations import campaign_for, campaign_of, frame_of
 from service.errors import Invalid
@@ -28,6 +27,7 @@ from service.structures.schemas import StructureIn
 from service.updating.joint_loading import material_of, of_its_material
 from service.updating.loading import modes_in_frame, nominal_specimen, specimen_of
 from service.updating.plan_computation import MadeTest, PlanOrder
+from service.updating.schemas import InputsIn
 from service.web import StrictModel, example
 
 Boundary = Literal["cantilever", "free", "simply_supported"]
@@ -200,5 +200,5 @@ def _made(session: Session, user: User, number: int, each: MadeTestIn, material:
         body=replace(body, masses=plain.masses),
         modes=modes,
         points=dict(loaded.points),
-        inputs=Inputs(),
+        inputs=InputsIn.model_validate({}).or_as_stated(loaded.structure.inputs, loaded.inputs, None).to_core(),
     )
