@@ -35,16 +35,7 @@ def print_result(
         (console or Console()).print("\n".join(said), highlight=False, markup=False, soft_wrap=True)
     print_table(title, *parameter_cells(document["parameters"], published), console)
     print_table("\nmodes", *mode_cells(document["modes"]), console)
-    correlation = document["correlation"]
-    held_out = correlation.get("held_out") or {}
-    compared = {
-        "initial": correlation["initial"],
-        "updated": correlation,
-        "updated, FRFs held out": held_out.get("frfs"),
-        "updated, lines held out": held_out.get("band"),
-    }
-    means = [[name, *_means(criteria)] for name, criteria in compared.items() if criteria and criteria["sac"]]
-    print_table("\ncorrelation, means", ("model", "SAC", "FRAC", "CSAC", "CSF"), means, console)
+    print_table("\ncorrelation, means", *correlation_cells(document["correlation"]), console)
     for warning in document["warnings"]:
         typer.echo(f"warning: {warning}", err=True)
 
@@ -79,6 +70,19 @@ def mode_cells(modes: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list
     """Columns and rows of a result's modes."""
     columns = ["mode", "kind", "measured Hz", "initial Hz", "updated Hz", "error %", "MAC", "measured ζ %", "law's ζ %"]
     return columns, [_mode(row) for row in modes]
+
+
+def correlation_cells(correlation: Mapping[str, Any]) -> tuple[list[str], list[list[Any]]]:
+    """Columns and rows of the means of the criteria, before and after and where something was held out."""
+    held_out = correlation.get("held_out") or {}
+    compared = {
+        "initial": correlation["initial"],
+        "updated": correlation,
+        "updated, FRFs held out": held_out.get("frfs"),
+        "updated, lines held out": held_out.get("band"),
+    }
+    means = [[name, *_means(criteria)] for name, criteria in compared.items() if criteria and criteria["sac"]]
+    return ["model", "SAC", "FRAC", "CSAC", "CSF"], means
 
 
 def _parameter(row: Mapping[str, Any]) -> list[Any]:

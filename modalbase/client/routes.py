@@ -366,6 +366,10 @@ ROUTES: dict[str, Route] = {
         "GET", "update-jobs/{job_id}/figures/{name}", ("point", "reference", "fmin", "fmax", "format", "theme"),
         "A figure of the result: Plotly JSON, or the same figure as SVG, PNG or PDF.",
     ),
+    "get_report": Route(
+        "GET", "update-jobs/{job_id}/report", ("format",),
+        "The report of a result: two pages for who ordered the test, the rest as annex for who checks it.",
+    ),
     "list_monitors_of_structure": Route(
         "GET", "structures/{structure_id}/monitors", ("cursor", "limit", "deleted"),
         "Monitors of a structure.",

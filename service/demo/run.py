@@ -66,10 +66,22 @@ def run_demo(*, as_json: bool, keep: bool) -> None:
         laboratory = Laboratory(client, {"start of database, API and worker": starting})
         document = laboratory.update_beam()
         _show(console, document, laboratory.durations)
+        console.print(
+            f"report: {_report(client, document['provenance']['update_job'])}", highlight=False, soft_wrap=True
+        )
         if as_json:
             typer.echo(json.dumps(document))
         if keep:
             _stay(console, service, key)
+
+
+def _report(client: httpx.Client, job: str) -> Path:
+    """Leave the result's report behind, in a file of its own among the temporary ones."""
+    answer = client.get(f"/api/v1/update-jobs/{job}/report", params={"format": "pdf"})
+    answer.raise_for_status()
+    with tempfile.NamedTemporaryFile(prefix="modalbase-demo-report-", suffix=".pdf", delete=False) as file:
+        file.write(answer.content)
+    return Path(file.name)
 
 
 def _settings(folder: Path) -> Settings:

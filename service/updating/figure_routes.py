@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hashlib import sha256
-from typing import Annotated
+from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from fastapi import Path, Query, Request, Response
@@ -13,14 +13,21 @@ from fecore import __version__
 from service.access import CurrentUser, SessionDep
 from service.errors import Conflict, Invalid
 from service.figures.answers import RESPONSES, FormatQuery, ThemeQuery, figure_answer
+from service.reports.as_html import POLICY, as_html
+from service.reports.as_pdf import as_pdf
 from service.updating.figure_data import UpdateFigures
 from service.updating.figure_frf import Wanted
 from service.updating.figures import FIGURES, draw_figure
 from service.updating.operations import update_job_for
+from service.updating.reporting import report_of
 from service.web import api_router
 from service.web.conditional import not_modified
 
 router = api_router(tags=["update jobs"])
+
+REPORTS: dict[int | str, dict[str, Any]] = {
+    200: {"description": "The report.", "content": {"text/html": {}, "application/pdf": {}}}
+}
 
 Hertz = Annotated[float | None, Query(ge=0, le=1e12, allow_inf_nan=False)]
 Point = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
@@ -79,6 +86,24 @@ def get_figure(
         return unchanged
     figure = draw_figure(data, name, Wanted(point, reference, fmin, fmax))
     return figure_answer(figure, file_format, name, theme, headers)
+
+
+@router.get("/update-jobs/{job_id}/report", response_class=Response, responses=REPORTS)
+def get_report(
+    job_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    file_format: Annotated[
+        Literal["html", "pdf"], Query(alias="format", description="a page that stands alone, or A4 for print")
+    ] = "html",
+) -> Response:
+    """The report of a result: two pages for who ordered the test, the rest as annex for who checks it."""
+    report = report_of(session, user, update_job_for(session, user, job_id))
+    write, kind = (as_html, "text/html; charset=utf-8") if file_format == "html" else (as_pdf, "application/pdf")
+    described = {"Content-Disposition": f'inline; filename="report-{job_id}.{file_format}"'}
+    if file_format == "html":  # it stands alone: no script, styles and pictures within
+        described["Content-Security-Policy"] = POLICY
+    return Response(write(report), media_type=kind, headers=described)
 
 
 def _described(data: UpdateFigures, name: str) -> FigureOut:

@@ -6,6 +6,7 @@ One job, the demonstration's, is shared by all.
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import cycle
@@ -51,7 +52,7 @@ def demo(service: LocalService) -> Iterator[Done]:
         httpx.Client(base_url=service.url, headers=headers, timeout=60, trust_env=False) as client,
         client_at(service.url, key) as api,
     ):
-        yield Done(api, Laboratory(client).update_beam(lambda *_: None))
+        yield Done(api, Laboratory(client).update_beam())
 
 
 def traces(figure: dict[str, Any], name: str) -> list[dict[str, Any]]:
@@ -225,10 +226,32 @@ def test_a_job_whose_damping_failed_draws_what_it_has_and_says_why_not_the_rest(
         assert items[name]["available"], name
         assert failed.figure(name)["data"]
         assert demo.api.get(f"{failed.path}/figures/{name}", params={"format": "svg"}).is_success
+    report = demo.api.get(f"{failed.path}/report").text
+    assert "No FRF is predicted, as the damping was not fitted" in report
     for name in ("frf", "csac", "csf", "sac", "damping"):
         refused = demo.api.get(f"{failed.path}/figures/{name}")
         assert refused.status_code == 409
         assert "cannot fix the 2 coefficients" in refused.json()["detail"]
+
+
+def test_the_report_says_what_the_result_says_and_stands_alone(demo: Done) -> None:
+    page = demo.api.get(f"{demo.path}/report")
+    assert page.headers["content-type"] == "text/html; charset=utf-8"
+    assert "unsafe" not in page.headers["content-security-policy"]
+    assert "<script" not in page.text
+    assert not re.findall(r'(?:src|href)="(?!data:)', page.text)
+    provenance = demo.result["provenance"]
+    said = [demo.result["verdict"]["sentence"], *demo.result["verdict"]["reasons"], *demo.result["warnings"]]
+    said += [provenance["update_job"], provenance["software"]["modalbase"], provenance["frfs"][-1]["sha256"]]
+    said += ["pultruded FRP beam", "Brüel &amp; Kjær", "cantilever", "checked by", "prior_from_coupon_batch", "31.7"]
+    for words in said:
+        assert words.replace("'", "&#x27;") in page.text, words
+    assert page.text.count("<img") == 12  # every figure but the stabilisation diagram
+    printed = demo.api.get(f"{demo.path}/report", params={"format": "pdf"})
+    assert printed.headers["content-type"] == "application/pdf"
+    assert printed.headers["content-disposition"].startswith("inline")
+    assert printed.content.startswith(b"%PDF")
+    assert len(re.findall(rb"/Type /Page\b", printed.content)) >= 6
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,45 @@
+"""The report of an update: its facts from the rooms that have them, its figures from the result."""
+
+from __future__ import annotations
+
+from sqlalchemy.orm import Session
+
+from service.access import User, project_for
+from service.campaigns.operations import campaign_of
+from service.campaigns.operations import describe as describe_campaign
+from service.errors import Conflict
+from service.figures.look import Figure
+from service.reports.blocks import Report
+from service.reports.update_report import UpdateFacts, update_report
+from service.structures.operations import describe_version, structure_of, version_of
+from service.updating.figure_data import UpdateFigures
+from service.updating.figure_frf import Wanted
+from service.updating.figures import draw_figure
+from service.updating.tables import UpdateJob
+
+
+def report_of(session: Session, user: User, job: UpdateJob) -> Report:
+    """The report of an update, with the structure as it was then.
+
+    Raises:
+        Conflict: the job has no result, yet or ever.
+    """
+    data = UpdateFigures(session, job)
+    campaign = campaign_of(session, job.campaign_id)
+    name = structure_of(session, campaign.structure_id).name
+    structure = describe_version(version_of(session, job.structure_version_id), name)
+    facts = UpdateFacts(
+        document=data.document,
+        project=project_for(session, user, job.project_id).name,
+        structure=structure.model_dump(mode="json"),
+        campaign=describe_campaign(campaign).model_dump(mode="json"),
+        frfs=len(data.document["provenance"]["frfs"]),
+    )
+
+    def draw(name: str) -> Figure | None:
+        try:
+            return draw_figure(data, name, Wanted())
+        except Conflict:  # this result has nothing for it, and the report says so elsewhere
+            return None
+
+    return update_report(facts, draw)
