@@ -39,6 +39,8 @@ from fecore.modes import MeasuredModes
 _BEYOND = np.array([1.02, 1.06, 1.12, 1.2, 1.35, 1.6])  # candidate frequencies above the band, in its end
 _BELOW = np.array([0.5, 0.8, 0.95])  # ... and below it, in its start
 _LOOK_BACK = 40
+_ALIKE_ON_LINES = 4.0  # stated noise over the scatter of lines from which most of it is alike on neighbouring lines
+_FEWEST_LEARNT = 4  # FRFs of which a relative error can be learnt beside the noise
 _WIDTHS = np.array([0.01, 0.03, 0.1])
 
 Report = Callable[[str, float], None]
@@ -87,6 +89,7 @@ def identify(
     arrangement, doubts = _doubt_variance(arrangement)
     arrangement, left_out = leakage(arrangement)
     scatter = line_scatter(arrangement.values, arrangement.measured, _first_line(arrangement))
+    arrangement = _of_lines(arrangement, scatter)
     noise = np.where(np.isfinite(arrangement.variance), arrangement.variance, scatter)
     notes += [*doubts, *left_out]
     clock.lap("screening")
@@ -201,6 +204,20 @@ def _doubt_variance(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
         " enlarged there"
     )
     return replace(arrangement, variance=variance), [note]
+
+
+def _of_lines(arrangement: Arrangement, scatter: FloatArray) -> Arrangement:
+    """The stated noise, no larger than what changes from line to line, where there are FRFs enough to learn other errors.
+
+    Hits beside the point scatter from hit to hit, but alike on all lines of a resonance: that is no noise of a line. The
+    residues take it up, and as noise it would hide one line and overrate the next. Its size is learnt with the relative error.
+    """
+    with np.errstate(invalid="ignore"):
+        over = arrangement.variance[arrangement.measured] / scatter[arrangement.measured]
+    over = over[np.isfinite(over)]
+    if len(arrangement.pairs) < _FEWEST_LEARNT or not over.size or np.median(over) < _ALIKE_ON_LINES:
+        return arrangement
+    return replace(arrangement, variance=np.minimum(arrangement.variance, scatter))  # NaN, not known, stays so
 
 
 def _noise_remarks(arrangement: Arrangement, fit: Fit) -> list[str]:

@@ -58,6 +58,7 @@ class Processed:
         corrects poles.
         delay: how much later the response is than the force, where resonances show it.
         excited_hz: highest frequency at which the hammer still has a tenth of its amplitude.
+        strong_hz: the same for half of its amplitude.
         warnings: what a user should know, in words.
     """
 
@@ -70,4 +71,5 @@ class Processed:
     rate_per_s: float
     delay: Delay | None
     excited_hz: float
+    strong_hz: float
     warnings: tuple[str, ...]

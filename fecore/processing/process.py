@@ -78,7 +78,9 @@ def _result(
     )
     delay = estimate_delay(frfs, spectra.rate)
     force = np.mean([p.excitation for p in points if p.used] or [np.ones(spectra.lines.size)], axis=0)
-    excited = float(spectra.frequency[np.flatnonzero(force >= 0.1 * force.max())[-1]])
+    excited, strong = (
+        float(spectra.frequency[np.flatnonzero(force >= share * force.max())[-1]]) for share in (0.1, 0.5)
+    )
     return Processed(
         frfs=frfs,
         coherence=np.array([r[2].coherence for r in rows]),
@@ -89,6 +91,7 @@ def _result(
         rate_per_s=spectra.rate,
         delay=delay,
         excited_hz=excited,
+        strong_hz=strong,
         warnings=_warnings(points, verdicts, delay, excited, float(spectra.frequency[-1])),
     )
 

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fecore.processing import Hit, Processed, Processing, process
 from service.records.hits import BlockRow, describe_verdict, hits_of
-
-if TYPE_CHECKING:
-    from service.jobs.kinds import Report
 
 
 @dataclass(frozen=True)
@@ -63,7 +60,7 @@ def _samples(point: PointFile) -> Iterator[np.ndarray[Any, Any]]:
         start = end
 
 
-def process_records(inputs: ProcessingInputs, report: Report) -> Iterator[ProcessingOutput]:
+def process_records(inputs: ProcessingInputs, report: Callable[[str, float], None]) -> Iterator[ProcessingOutput]:
     """The one output of a processing."""
     found = process(_Source(inputs.points), inputs.processing, lambda done: report("judging and averaging hits", done))
     yield ProcessingOutput(found, _document(found, inputs.points))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from uuid import UUID
 
 from sqlalchemy import Select, select
@@ -21,11 +22,23 @@ from service.records.tables import Processing
 
 
 def _load(session: Session, job_id: UUID, workspace: Path) -> ProcessingInputs:
-    """Put the samples on the worker's disk, a file a place, so that memory holds one block at a time."""
     row = session.get_one(Processing, job_id)
-    places = block_rows(session, row.campaign_id)
-    if not places:
+    inputs = load_records(session, row.campaign_id, workspace, ProcessingIn.model_validate(row.options))
+    if inputs is None:
         raise InputError("campaign", "has no time blocks; POST records first")
+    return inputs
+
+
+def load_records(
+    session: Session, campaign_id: UUID, workspace: Path, options: ProcessingIn
+) -> ProcessingInputs | None:
+    """A campaign's hits, ready to be processed; None where it has no time blocks.
+
+    The samples are put on the worker's disk, a file a place, so that memory holds one block at a time.
+    """
+    places = block_rows(session, campaign_id)
+    if not places:
+        return None
     points = []
     for number, rows in enumerate(places.values()):
         path = workspace / f"{number}.blocks"
@@ -33,19 +46,38 @@ def _load(session: Session, job_id: UUID, workspace: Path) -> ProcessingInputs:
             for samples in samples_of(session, rows):
                 file.write(samples.tobytes())
         points.append(PointFile(tuple(rows), path))
-    return ProcessingInputs(tuple(points), ProcessingIn.model_validate(row.options).processing())
+    return ProcessingInputs(tuple(points), options.processing())
 
 
 def _store(session: Session, job_id: UUID, items: Iterator[ProcessingOutput]) -> None:
     row = session.get_one(Processing, job_id)
     for output in items:
-        found = output.processed
-        hits = tuple(int(n) for n in found.hits)
-        new = ProcessedFrfs(found.frfs, found.coherence, hits, found.rate_per_s)
-        keys = store_processed(session, row.campaign_id, row.id, new)
-        for frf, key in zip(output.document["frfs"], keys, strict=True):
-            frf["id"] = str(key)
-        row.document = output.document
+        row.document = _store_frfs(session, row, output)
+
+
+def _store_frfs(session: Session, row: Processing, output: ProcessingOutput) -> dict[str, Any]:
+    """Store the FRFs, and give the document with their keys."""
+    found = output.processed
+    hits = tuple(int(n) for n in found.hits)
+    new = ProcessedFrfs(found.frfs, found.coherence, hits, found.rate_per_s)
+    keys = store_processed(session, row.campaign_id, row.id, new)
+    shown = [{**frf, "id": str(key)} for frf, key in zip(output.document["frfs"], keys, strict=True)]
+    return {**output.document, "frfs": shown}
+
+
+def keep_processing(
+    session: Session, job_id: UUID, campaign_id: UUID, options: ProcessingIn, output: ProcessingOutput
+) -> dict[str, Any]:
+    """Keep what a job of another kind processed on its way, as a processing of the same key with its FRFs.
+
+    Returns:
+        The processing's document.
+    """
+    row = Processing(id=job_id, campaign_id=campaign_id, options=options.model_dump(mode="json"))
+    session.add(row)
+    session.flush()
+    row.document = _store_frfs(session, row, output)
+    return row.document
 
 
 PROCESS = JobKind("processing", load=_load, compute=process_records, store=_store)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -14,12 +14,37 @@ import numpy as np
 import fecore
 from fecore.body.specimen import Specimen
 from fecore.modes import MeasuredModes
+from fecore.processing import Processed
+from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
+from service.campaigns.frame import Frame
 from service.jobs.kinds import Report
+from service.records.computing import ProcessingInputs, ProcessingOutput, process_records
 from service.updating.arrays import as_npz
 from service.updating.document import describe
+
+_OF_HITS = 0.05  # share of an update's progress that its hits take
+
+
+@dataclass(frozen=True)
+class Hits:
+    """Time blocks that become the measurement on the way.
+
+    Attributes:
+        records: the hits, and how to process them.
+        points: label to coordinates in the specimen's frame, m.
+        frame: of the file in which the hits' directions are.
+        roving_mass: of a sensor that moved with the response, kg.
+        inputs: how well the laboratory knows what else it hands in.
+    """
+
+    records: ProcessingInputs
+    points: Mapping[int, tuple[float, float, float]]
+    frame: Frame
+    roving_mass: float
+    inputs: Inputs
 
 
 @dataclass(frozen=True)
@@ -27,16 +52,18 @@ class UpdateInputs:
     """Everything that an update needs, and where it came from.
 
     Attributes:
-        measurement, specimen, recipe: for the core.
+        measurement, specimen, recipe: for the core; the measurement is None where hits become it.
+        hits: time blocks of a campaign that has no FRFs yet, or None.
         warnings: what was left out while loading.
         provenance: ids and digests of the inputs, and the recipe as sent.
     """
 
-    measurement: Measurement
+    measurement: Measurement | None
     specimen: Specimen
     recipe: Recipe
     warnings: tuple[str, ...]
     provenance: dict[str, Any]
+    hits: Hits | None = None
 
 
 @dataclass(frozen=True)
@@ -47,17 +74,26 @@ class UpdateOutput:
         document: the contract's result.
         prediction: arrays as npz: predicted FRFs, shapes, samples.
         identified: modes that the job found itself, in the specimen's frame; None where it was given a mode set.
+        processing: what became of the hits, where there were hits.
     """
 
     document: dict[str, Any]
     prediction: bytes
     identified: MeasuredModes | None
+    processing: ProcessingOutput | None = None
 
 
 def compute_update(inputs: UpdateInputs, report: Report) -> Iterator[UpdateOutput]:
     """Run the core and describe its result."""
-    stages = _Stopwatch(report)
-    result = update(inputs.measurement, inputs.specimen, inputs.recipe, stages.progress, report)
+    stages = _Stopwatch(report, 0.0 if inputs.hits is None else _OF_HITS)
+    measurement, recipe, processing, warnings = inputs.measurement, inputs.recipe, None, inputs.warnings
+    if inputs.hits is not None:
+        (processing,) = process_records(inputs.hits.records, lambda stage, share: report(stage, _OF_HITS * share))
+        measurement = _measured(inputs.hits, processing.processed)
+        recipe, band = _within_force(recipe, processing.processed)
+        warnings = (*warnings, *processing.processed.warnings, *band)
+    assert measurement is not None, "a measurement is loaded, or made of hits"
+    result = update(measurement, inputs.specimen, recipe, stages.progress, report)
     provenance = {
         **inputs.provenance,
         "software": {"modalbase": fecore.__version__, "numpy": np.__version__, "python": platform.python_version()},
@@ -65,16 +101,41 @@ def compute_update(inputs: UpdateInputs, report: Report) -> Iterator[UpdateOutpu
         "computed_at": datetime.now(UTC).isoformat(),
         "durations_s": stages.finish(),
     }
-    document = describe(result, inputs.warnings, provenance)
+    document = describe(result, warnings, provenance)
     identified = None if result.identification is None else result.identification.modes
-    yield UpdateOutput(document, as_npz(result), identified)
+    yield UpdateOutput(document, as_npz(result), identified, processing)
+
+
+def _within_force(recipe: Recipe, processed: Processed) -> tuple[Recipe, tuple[str, ...]]:
+    """The recipe with modes sought where the hammer has half of its force, unless it states a band; and a note of it."""
+    if recipe.identification.band_hz is not None:
+        return recipe, ()
+    band = float(processed.frfs.frequency_hz[0]), processed.strong_hz
+    note = (
+        f"modes were sought up to {band[1]:.0f} Hz, where the hammer has half of its largest force; identification.band_hz "
+        "states another band"
+    )
+    return replace(recipe, identification=replace(recipe.identification, band_hz=band)), (note,)
+
+
+def _measured(hits: Hits, processed: Processed) -> Measurement:
+    """The FRFs of the hits in the specimen's frame, with the window that they carry."""
+    frfs, inputs = processed.frfs, hits.inputs
+    moved = replace(
+        frfs,
+        responses=tuple(hits.frame.dof(dof) for dof in frfs.responses),
+        references=tuple(hits.frame.dof(dof) for dof in frfs.references),
+    )
+    if inputs.window_rate is None:
+        inputs = replace(inputs, window_rate=processed.rate_per_s)
+    return Measurement(moved, hits.points, None, hits.roving_mass, inputs)
 
 
 class _Stopwatch:
     """Passes progress on and notes how long each stage took."""
 
-    def __init__(self, report: Report) -> None:
-        self._report = report
+    def __init__(self, report: Report, first: float) -> None:
+        self._report, self._first = report, first
         self._stage, self._since = "", time.perf_counter()
         self._durations: dict[str, float] = {}
 
@@ -82,7 +143,7 @@ class _Stopwatch:
         if stage != self._stage:
             self._close()
             self._stage = stage
-        self._report(stage, share)
+        self._report(stage, self._first + (1 - self._first) * share)
 
     def finish(self) -> dict[str, float]:
         self._close()

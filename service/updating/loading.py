@@ -22,25 +22,34 @@ from service.campaigns.operations import campaign_of, frame_of
 from service.coupons.operations import batch_prior
 from service.frfs.measured_campaign import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
 from service.modes.operations import load_modes
+from service.records.computing import ProcessingInputs
+from service.records.processings import load_records
 from service.structures.operations import describe_version, version_of
 from service.structures.schemas import Ply as StoredPly
 from service.structures.schemas import StructureIn
-from service.updating.computation import UpdateInputs
+from service.updating.computation import Hits, UpdateInputs
 from service.updating.schemas import RecipeIn
 from service.updating.tables import UpdateJob
 
 
-def load_update(session: Session, job_id: UUID, _workspace: Path) -> UpdateInputs:
+def load_update(session: Session, job_id: UUID, workspace: Path) -> UpdateInputs:
     """Everything that a queued update needs.
 
     Raises:
-        InputError: the campaign has no FRFs, or its contents do not fit together.
+        InputError: the campaign has neither FRFs nor time blocks, or its contents do not fit together.
     """
     job = session.get_one(UpdateJob, job_id)
     recipe = RecipeIn.model_validate(job.recipe)
     campaign = _as_of(session, job, load_measured_campaign(session, job.campaign_id))
+    records = None
     if not campaign.frf_sets and recipe.mode_set is None:
-        raise InputError("campaign", "has no FRFs; import a UFF file first, or name a mode set in the recipe")
+        records = load_records(session, job.campaign_id, workspace, recipe.processing)
+        if records is None:
+            raise InputError(
+                "campaign",
+                "has no FRFs and no time blocks; import a UFF file or POST records first, or name a mode set in the recipe",
+            )
+        campaign = _with_sensor_of(campaign, records)
     frame = frame_of(campaign_of(session, job.campaign_id))
     modes = None if recipe.mode_set is None else modes_in_frame(load_modes(session, recipe.mode_set), frame)
     used = campaign.frf_sets[0] if campaign.frf_sets else None
@@ -49,9 +58,12 @@ def load_update(session: Session, job_id: UUID, _workspace: Path) -> UpdateInput
     specimen = specimen_of(campaign)
     window_rate = None if used is None else used.window_rate
     inputs = recipe.inputs.or_as_stated(campaign.structure.inputs, campaign.inputs, window_rate)
-    left_in = used.window_remark if used is not None and inputs.to_core().window_rate is None else []
+    core = inputs.to_core()
+    left_in = used.window_remark if used is not None and core.window_rate is None else []
+    measured = None if records else Measurement(frfs, campaign.points, modes, roving_mass(campaign), core)
     return UpdateInputs(
-        measurement=Measurement(frfs, campaign.points, modes, roving_mass(campaign), inputs.to_core()),
+        measurement=measured,
+        hits=None if records is None else Hits(records, campaign.points, frame, _roving_over(campaign), core),
         specimen=recipe.supported(specimen),
         recipe=replace(recipe.to_core(), parameters=parameters),
         warnings=(
@@ -69,6 +81,14 @@ def _as_of(session: Session, job: UpdateJob, campaign: MeasuredCampaign) -> Meas
     version = version_of(session, job.structure_version_id)
     described = describe_version(version, campaign.structure.name)
     return replace(campaign, structure=described, structure_version_id=version.id, structure_version=version.number)
+
+
+def _with_sensor_of(campaign: MeasuredCampaign, records: ProcessingInputs) -> MeasuredCampaign:
+    """The campaign with the sensor where all time blocks of responses were recorded, as it would have it of its FRFs."""
+    points = {row.point for file in records.points for row in file.rows if row.quantity != "force"}
+    if campaign.sensor_point is not None or len(points) != 1:
+        return campaign
+    return replace(campaign, sensor_point=points.pop())
 
 
 def specimen_of(campaign: MeasuredCampaign) -> Specimen:
@@ -89,6 +109,11 @@ def specimen_of(campaign: MeasuredCampaign) -> Specimen:
 def roving_mass(campaign: MeasuredCampaign) -> float:
     """Mass in kg of a sensor that moved with the response; 0 where it has none or sat at a point."""
     return campaign.sensor_mass_kg if campaign.frf_sets and _sensor_point(campaign) is None else 0.0
+
+
+def _roving_over(campaign: MeasuredCampaign) -> float:
+    """The same for a campaign of time blocks, whose sensor's point is known where it stood still."""
+    return campaign.sensor_mass_kg if campaign.sensor_point is None else 0.0
 
 
 def _sensor_point(campaign: MeasuredCampaign) -> int | None:

@@ -19,6 +19,7 @@ from service.frfs.operations import frf_extents
 from service.jobs import Job, JobKind, enqueue, job_state, one_at_a_time, request_cancel, retry
 from service.modes.identifications import keep_identified
 from service.modes.operations import mode_set_for
+from service.records.processings import keep_processing
 from service.structures.operations import present_structure
 from service.updating.computation import UpdateOutput, compute_update
 from service.updating.loading import load_update, nominal_specimen
@@ -32,6 +33,13 @@ if TYPE_CHECKING:
 def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> None:
     row = session.get_one(UpdateJob, job_id)
     for output in items:
+        if output.processing is not None and not frf_extents(session, row.campaign_id):
+            options = RecipeIn.model_validate(row.recipe).processing
+            done = keep_processing(session, job_id, row.campaign_id, options, output.processing)
+            output.document["provenance"]["processing"] = str(job_id)
+            output.document["provenance"]["frfs"] = [
+                {"id": frf["id"], "records": frf["records"]} for frf in done["frfs"]
+            ]
         if output.identified is not None:
             kept = keep_identified(
                 session, row.campaign_id, "identified by an update", output.identified, job_id=job_id

@@ -18,6 +18,7 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.misfit import Weighting
 from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
 from service.campaigns.schemas import CampaignInputs
+from service.records.schemas import ProcessingIn
 from service.structures.schemas import StructureInputs
 from service.web import Int64, Name, StrictModel, example
 
@@ -148,6 +149,10 @@ class RecipeIn(StrictModel):
     )
     prior_from_coupon_batch: UUID | None = Field(
         None, description="means and spreads of the constants that the batch gives, where the recipe states none"
+    )
+    processing: ProcessingIn = Field(
+        default_factory=lambda: ProcessingIn.model_validate({}),
+        description="how time blocks become FRFs, where the campaign has time blocks and no FRFs",
     )
     use_shapes: bool = Field(False, description="fit the mode shapes too, not the frequencies alone")
     damping_models: list[DampingModel] = Field(
