@@ -38,7 +38,7 @@ from service.supervisor import LocalService
 PREFIX = "/api/v1"
 RANK = {"viewer": 0, "editor": 1, "owner": 2}
 REFUSED = (401, 403, 404)
-OUTSIDE = {"project_id", "webhook_id", "delivery_id", "key_id"}  # what does not belong to a structure
+OUTSIDE = {"project_id", "webhook_id", "delivery_id", "key_id", "joint_id"}  # what does not belong to one structure
 _NAMES = re.compile(r"{(\w+)}")
 
 
