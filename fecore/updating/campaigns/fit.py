@@ -26,6 +26,7 @@ from fecore.updating.posterior import DISCREPANCY, Mixture
 _UNKNOWN_FREQUENCY_SD = 0.0002  # as in a single update: a typed-in frequency is taken to be this sure
 _TURNS, _STEPS = 25, 6
 _REST = 1e-3  # posterior standard deviations that an undamped step may still move
+_STILL = 1e-3  # of the misfit, that a turn's steps may lower it and be at rest: 1/22 of a standard deviation
 _SAME = 0.02  # relative change of s and τ that changes nothing
 
 
@@ -118,7 +119,9 @@ def fit_campaigns(
         mixture, scatters = linear.mixture(scatter_scale)
         fresh = float(np.sqrt(mixture.weight @ mixture.scale**2)), float(np.sqrt(mixture.weight @ scatters**2))
         same = all(abs(a - b) <= _SAME * b for a, b in zip(fresh, (spread, scatter), strict=True))
-        if same and _same(before, pairings) and found.outcome in ("converged", "stuck"):
+        # Where modes veer, steps zigzag about the minimum for ever, each by next to nothing.
+        rests = found.outcome in ("converged", "stuck") or first.cost - point.cost < _STILL
+        if same and rests and _same(before, pairings):
             progress(1.0)
             return Fitted(
                 layout, x, initial, states, initial_pairings, pairings, linear, _rows(pairings), mixture, scatters,
