@@ -210,7 +210,8 @@ def test_budget_posterior_damping_and_convergence_are_the_results(demo: Done) ->
     np.testing.assert_allclose(curve["y"], expected, rtol=1e-4)
     convergence = demo.figure("convergence")["data"]
     chosen = next(t for t in convergence if t["name"].endswith("chosen"))
-    assert chosen["y"] == pytest.approx([step["cost"] for step in demo.result["convergence"]], rel=1e-6)
+    whole = ok(demo.api.get(f"{demo.path}/result", params={"include": "convergence"}))
+    assert chosen["y"] == pytest.approx([step["cost"] for step in whole["convergence"]], rel=1e-6)
 
 
 def test_a_job_whose_damping_failed_draws_what_it_has_and_says_why_not_the_rest(demo: Done) -> None:

@@ -210,7 +210,9 @@ class _Problem:
         for place, value, sd in self.coupons:
             hessian[place, place] += sd**-2
             descent[place] += (value - x[place]) / sd**2
-        return LinearProblem(residual, noise, sensitivity, x, self.layout.sd, hessian, descent)
+        return LinearProblem(
+            residual, noise, sensitivity, x, sd=self.layout.sd, other_hessian=hessian, other_descent=descent
+        )
 
     def at(
         self,
@@ -231,9 +233,9 @@ class _Problem:
             linear,
             spread,
             scatter,
-            cost / 2,
-            linear.sensitivity.T @ weighted[:, -1] + linear.other_descent - precision * x,
-            linear.sensitivity.T @ weighted[:, :-1] + linear.other_hessian + np.diag(precision),
+            cost=cost / 2,
+            descent=linear.sensitivity.T @ weighted[:, -1] + linear.other_descent - precision * x,
+            hessian=linear.sensitivity.T @ weighted[:, :-1] + linear.other_hessian + np.diag(precision),
         )
 
 

@@ -70,9 +70,9 @@ class LinearProblem:
             self.noise[np.ix_(rows, rows)],
             self.sensitivity[rows],
             self.x,
-            self.sd,
-            self.other_hessian,
-            self.other_descent,
+            sd=self.sd,
+            other_hessian=self.other_hessian,
+            other_descent=self.other_descent,
         )
 
     def mixture(self, scatter_scale: float) -> tuple[Mixture, FloatArray]:
