@@ -38,7 +38,8 @@ from service.supervisor import LocalService
 PREFIX = "/api/v1"
 RANK = {"viewer": 0, "editor": 1, "owner": 2}
 REFUSED = (401, 403, 404)
-OUTSIDE = {"project_id", "webhook_id", "delivery_id", "key_id", "joint_id"}  # what does not belong to one structure
+OUTSIDE = {"project_id", "webhook_id", "delivery_id", "key_id", "joint_id"}
+"""What belongs to a project and to none of its structures; a joint update is of several."""
 _NAMES = re.compile(r"{(\w+)}")
 
 
@@ -232,6 +233,7 @@ class _Round:
             else:
                 content = answer.read().decode("utf-8", "replace")
             status = answer.status_code
+        self.line.cookies.clear()  # a session that was begun is nobody else's
         self.matrix.calls[name] += 1
         self.matrix.statuses[status] += 1
         sent = set(things.ids.values()) | set((query or {}).values())
