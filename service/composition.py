@@ -30,17 +30,17 @@ from service.modes.routes import router as mode_sets
 from service.monitoring.judgements import JUDGE
 from service.monitoring.routes import router as monitoring
 from service.notifications.routes import router as webhooks
+from service.plans.routes import router as plans
 from service.records.processings import PROCESS
 from service.records.routes import router as records
+from service.results.card_routes import router as cards
+from service.results.figure_routes import router as figures
+from service.results.prediction_routes import router as predictions
 from service.structures.operations import structure_for
 from service.structures.routes import router as structures
-from service.updating.card_routes import router as cards
-from service.updating.figure_routes import router as figures
 from service.updating.joint_operations import JOINT_UPDATE
 from service.updating.joint_routes import router as joint_updates
 from service.updating.operations import UPDATE
-from service.updating.plan_routes import router as plans
-from service.updating.prediction_routes import router as predictions
 from service.updating.routes import router as updating
 
 ROUTERS: tuple[APIRouter, ...] = (

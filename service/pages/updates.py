@@ -20,7 +20,7 @@ from service.pages.forms import fields_of
 from service.pages.look import Visit, VisitDep
 from service.pages.measurements import campaign_context
 from service.pages.names import name_jobs, over_time
-from service.updating import figure_routes
+from service.results import figure_routes
 from service.updating import routes as updating
 from service.updating.operations import result_document, update_job_for
 from service.updating.schemas import RecipeIn

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
-from sqlalchemy import select
+from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
@@ -24,6 +24,7 @@ from service.structures.operations import present_structure
 from service.updating.computation import UpdateOutput, compute_update
 from service.updating.loading import load_update, nominal_specimen
 from service.updating.schemas import RecipeIn, UpdateJobOut
+from service.updating.stored_arrays import StoredArrays
 from service.updating.tables import UpdateJob, UpdateResult
 
 if TYPE_CHECKING:
@@ -239,6 +240,17 @@ def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
         more = "; it is not done yet" if job.state in ("queued", "running") else f": {job.message or 'see its error'}"
         raise Conflict(f"update job {row.id} has no result: it is {job.state}{more}")
     return result.document
+
+
+def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
+    """The arrays that were stored beside a result: predicted FRFs and what belongs to them, each read when it is asked for.
+
+    Raises:
+        Conflict: the job has none, yet or ever; the message says which.
+    """
+    result_document(session, row)
+    size = session.scalars(select(func.length(UpdateResult.prediction)).filter_by(id=row.id)).one()
+    return StoredArrays(session, row.id, size)
 
 
 def result_documents(session: Session, keys: Sequence[UUID]) -> dict[UUID, dict[str, Any]]:

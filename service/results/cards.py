@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from hashlib import sha256
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 from uuid import UUID
 
 import numpy as np
@@ -23,7 +23,9 @@ from service.structures.operations import describe_version, version_of
 from service.updating.loading import nominal_specimen, recipe_parameters
 from service.updating.operations import result_document
 from service.updating.schemas import RecipeIn
-from service.updating.tables import UpdateJob
+
+if TYPE_CHECKING:
+    from service.updating.tables import UpdateJob
 
 Program = Literal["calculix", "abaqus", "nastran"]
 Element = Literal["solid", "shell"]

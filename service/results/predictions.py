@@ -6,13 +6,11 @@ Each is given the degrees of freedom of its measured FRF, in the file's coordina
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 from uuid import UUID
 
-import numpy as np
 from sqlalchemy.orm import Session
 
 from fecore.arrays import IntArray
@@ -22,11 +20,11 @@ from service.campaigns.operations import campaign_of, frame_of
 from service.errors import Conflict, NotFound
 from service.frfs.data import Cut, FrfTable, Values
 from service.frfs.operations import frfs_of, row_of_prediction
-from service.updating.operations import result_document
-from service.updating.tables import UpdateJob, UpdateResult
+from service.updating.operations import result_arrays, result_document
 
 if TYPE_CHECKING:
     from service.frfs.tables import Frf
+    from service.updating.tables import UpdateJob
 
 Model = Literal["updated", "initial"]
 
@@ -71,9 +69,9 @@ def predicted_table(session: Session, job: UpdateJob, model: Model, chosen: Chos
         Invalid: the cut leaves no line.
     """
     document = result_document(session, job)
-    with np.load(io.BytesIO(session.get_one(UpdateResult, job.id).prediction)) as arrays:
-        frequency, values = arrays["frequency_hz"], arrays[model]
-        dofs = list(zip(_dofs(arrays["responses"]), _dofs(arrays["references"]), strict=True))
+    arrays = result_arrays(session, job)
+    frequency, values = arrays["frequency_hz"], arrays[model]
+    dofs = list(zip(_dofs(arrays["responses"]), _dofs(arrays["references"]), strict=True))
     ids = [UUID(frf["id"]) for frf in document["provenance"]["frfs"]]
     measured = used_frfs(session, job, frfs_of(session, ids), dofs)
     wanted = [i for i, frf in enumerate(measured) if _is_chosen(frf, chosen)]

@@ -8,8 +8,8 @@ from anyio import from_thread
 
 from service.access import CurrentUser, SessionDep
 from service.jobs.aside import read_aside
-from service.updating.plan_computation import compute_plan
-from service.updating.plans import PlanIn, PlanOut, order_of
+from service.plans.computation import compute_plan
+from service.plans.orders import PlanIn, PlanOut, order_of
 from service.web import api_router
 
 router = api_router(tags=["update jobs"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from sqlalchemy.orm import Session
 
 from service.access import User, project_for
@@ -11,11 +13,13 @@ from service.errors import Conflict
 from service.figures.look import Figure
 from service.reports.blocks import Report
 from service.reports.update_report import UpdateFacts, update_report
+from service.results.figure_data import UpdateFigures
+from service.results.figure_frf import Wanted
+from service.results.figures import draw_figure
 from service.structures.operations import describe_version, structure_of, version_of
-from service.updating.figure_data import UpdateFigures
-from service.updating.figure_frf import Wanted
-from service.updating.figures import draw_figure
-from service.updating.tables import UpdateJob
+
+if TYPE_CHECKING:
+    from service.updating.tables import UpdateJob
 
 
 def report_of(session: Session, user: User, job: UpdateJob) -> Report:

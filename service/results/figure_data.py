@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 import numpy as np
-from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from fecore.arrays import ComplexArray, FloatArray
@@ -16,14 +15,14 @@ from fecore.frf import Dof
 from service.errors import Conflict
 from service.frfs.data import FrfTable, frequency_axis
 from service.frfs.operations import frfs_of
+from service.results.predictions import used_frfs
 from service.structures.operations import describe_version, version_of
-from service.updating.operations import result_document
-from service.updating.predictions import used_frfs
+from service.updating.operations import result_arrays, result_document
 from service.updating.stored_arrays import StoredArrays
-from service.updating.tables import UpdateJob, UpdateResult
 
 if TYPE_CHECKING:
     from service.frfs.tables import Frf
+    from service.updating.tables import UpdateJob
 
 
 @dataclass(frozen=True)
@@ -54,9 +53,7 @@ class UpdateFigures:
         Raises:
             Conflict: the job has no result, yet or ever.
         """
-        result_document(self.session, self.job)
-        size = self.session.scalars(select(func.length(UpdateResult.prediction)).filter_by(id=self.job.id)).one()
-        return StoredArrays(self.session, self.job.id, size)
+        return result_arrays(self.session, self.job)
 
     def require_prediction(self) -> None:
         """Make sure that FRFs were predicted.

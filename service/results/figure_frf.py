@@ -10,7 +10,7 @@ from service.errors import NotFound
 from service.figures.frf import FrfCurves, Spread, frf_figure
 from service.figures.look import Figure
 from service.frfs.data import Cut
-from service.updating.figure_data import UpdateFigures
+from service.results.figure_data import UpdateFigures
 
 
 @dataclass(frozen=True)

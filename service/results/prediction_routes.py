@@ -13,8 +13,8 @@ from service.access import CurrentUser, SessionDep
 from service.errors import Invalid
 from service.frfs.data import Cut
 from service.frfs.formats import FORMATS
+from service.results.predictions import Chosen, Model, predicted_table
 from service.updating.operations import update_job_for
-from service.updating.predictions import Chosen, Model, predicted_table
 from service.web import api_router
 from service.web.conditional import not_modified
 from service.web.downloads import spooled

@@ -20,8 +20,8 @@ from service.figures.parameters import parameters_figure
 from service.figures.posterior import posterior_figure
 from service.figures.shapes import ShapePair, shapes_figure
 from service.figures.stabilisation import stabilisation_figure
-from service.updating.figure_data import UpdateFigures
-from service.updating.figure_frf import Wanted, update_frf_figure
+from service.results.figure_data import UpdateFigures
+from service.results.figure_frf import Wanted, update_frf_figure
 
 
 @dataclass(frozen=True)

@@ -22,11 +22,11 @@ from service.campaigns.operations import campaign_for, campaign_of, frame_of
 from service.errors import Invalid
 from service.frfs.measured_campaign import load_measured_campaign
 from service.modes.operations import load_modes, mode_set_for
+from service.plans.computation import MadeTest, PlanOrder
 from service.structures.operations import present_structure, structure_for
 from service.structures.schemas import StructureIn
 from service.updating.joint_loading import material_of, of_its_material
 from service.updating.loading import modes_in_frame, nominal_specimen, specimen_of
-from service.updating.plan_computation import MadeTest, PlanOrder
 from service.updating.schemas import InputsIn
 from service.web import StrictModel, example
 

@@ -9,7 +9,7 @@ from fastapi import Query
 from fastapi.responses import PlainTextResponse
 
 from service.access import CurrentUser, SessionDep
-from service.updating.cards import SUFFIXES, Element, Program, written_deck
+from service.results.cards import SUFFIXES, Element, Program, written_deck
 from service.updating.operations import update_job_for
 from service.web import api_router
 

@@ -15,11 +15,11 @@ from service.errors import Conflict, Invalid
 from service.figures.answers import RESPONSES, FormatQuery, ThemeQuery, figure_answer
 from service.reports.as_html import POLICY, as_html
 from service.reports.as_pdf import as_pdf
-from service.updating.figure_data import UpdateFigures
-from service.updating.figure_frf import Wanted
-from service.updating.figures import FIGURES, draw_figure
+from service.results.figure_data import UpdateFigures
+from service.results.figure_frf import Wanted
+from service.results.figures import FIGURES, draw_figure
+from service.results.reporting import report_of
 from service.updating.operations import update_job_for
-from service.updating.reporting import report_of
 from service.web import api_router
 from service.web.conditional import not_modified
 
