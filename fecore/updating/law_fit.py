@@ -154,7 +154,7 @@ def fit_law(
             best=best,
             history=(found.point.normal.cost,),
         )
-    if found.outcome != "converged" and not (found.outcome == "stuck" and problem.is_at_rest(found.point)):
+    if found.outcome != "converged" and not problem.is_at_rest(found.point):
         raise UpdatingError(
             f"the {law.name} fit did not converge; check the band, the modes and the geometry",
             best=best,
@@ -226,7 +226,10 @@ class _Problem:
     def is_at_rest(self, point: _Point) -> bool:
         """Whether all that is left to gain is far below the noise: steps leave out what little of a delay is left."""
         gain = float(point.descent @ np.linalg.solve(point.hessian, point.descent)) / 2
-        return gain < _NEGLIGIBLE * self.scale
+        one_value = max(
+            self.scale, point.normal.cost / float(np.sum(self.misfit.counted))
+        )  # where the model misses, more
+        return gain < _NEGLIGIBLE * one_value
 
     def stopping(self) -> Stopping:
         """Converged to the round-off of the weighted signal: noise-free data cannot be fitted better."""

@@ -23,6 +23,8 @@ DOCUMENT = [
     "damping_models",
     "damping_fit",
     "convergence",
+    "starts",
+    "model_modes",
     "identifiability",
     "discrepancy",
     "band_hz",
