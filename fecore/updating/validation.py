@@ -17,10 +17,10 @@ from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.frf import Dof, FrfSet, convert
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic import ElasticResult
+from fecore.updating.excursions import REACH_95
 from fecore.updating.result import FrfCorrelation, HeldOut
 
 _VALUES_AT_ONCE = 200_000  # of FRFs whose changes are held in memory, some twenty for each value
-_REACH = 1.959963984540054  # of the central 95 % of a Gaussian, in standard deviations
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class Predictor:
         noise = np.where(np.isnan(stated), self._noise(predicted), stated)
         error = frfs.values - predicted
         inside = [
-            (np.abs(part) <= _REACH * np.sqrt(spread + noise / 2))[measured]
+            (np.abs(part) <= REACH_95 * np.sqrt(spread + noise / 2))[measured]
             for part, spread in zip((error.real, error.imag), variance, strict=True)
         ]
         return HeldOut(

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import FloatArray
-from service.figures.look import MEASURED, UPDATED, Figure, Trace, axis, layout, line, marks, numbers
+from service.figures.look import MEASURED, UPDATED, Z_95, Figure, Trace, axis, layout, line, marks, numbers
 from service.figures.palette import PALETTE
 
-Z_95 = 1.959964
 _ABOUT = 4.0  # how far the axis goes beyond the measured ratios
 
 

@@ -15,6 +15,7 @@ from service.figures.look import (
     MEASURED,
     OUTSIDE,
     UPDATED,
+    Z_95,
     Figure,
     Trace,
     axis,
@@ -27,7 +28,6 @@ from service.figures.look import (
 
 MOST_LINES = 3200
 """Lines that a figure draws: of more, the least and the greatest measured magnitude of each stretch."""
-Z_95 = 1.959964
 _ABOUT = 4.0  # how far the axis of the magnitude goes beyond what was measured
 UNITS = {"accelerance": "(m/s²)/N", "mobility": "(m/s)/N", "receptance": "m/N"}
 MODELS = {"initial": (INITIAL, "dot"), "updated": (UPDATED, "dash")}

@@ -20,6 +20,9 @@ OUTSIDE = "rgba(119,119,119,0.14)"
 GRID = "#dddddd"
 NOTHING = "rgba(0,0,0,0)"
 
+Z_95 = 1.959964
+"""Half of the central 95 % of a normal distribution, in standard deviations."""
+
 Theme = Literal["light", "dark"]
 Figure = dict[str, Any]
 """A Plotly figure: `{"data": [...], "layout": {...}}`, nothing but JSON."""

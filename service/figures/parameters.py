@@ -9,6 +9,7 @@ from service.figures.look import (
     INITIAL,
     QUIET,
     UPDATED,
+    Z_95,
     Figure,
     Trace,
     axis,
@@ -18,7 +19,6 @@ from service.figures.look import (
     numbers,
 )
 
-Z_95 = 1.959964
 SHOWN = {"Pa": (1e-9, "GPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1": (1.0, "–")}
 """Factor and unit in which values of an SI unit are drawn; others as they are."""
 MOST_SOURCES = 7

@@ -10,11 +10,10 @@ import numpy as np
 from scipy.special import ndtr
 
 from fecore.arrays import FloatArray
-from service.figures.look import INITIAL, UPDATED, Figure, Trace, axis, layout, line, marks, numbers
+from service.figures.look import INITIAL, UPDATED, Z_95, Figure, Trace, axis, layout, line, marks, numbers
 from service.figures.parameters import SHOWN
 
 MOST_PARAMETERS = 8
-Z_95 = 1.959964
 _RADII = (1.0, 2.4477)  # of what holds 39 % and 95 % of two Gaussian variables
 _SHOWN_SAMPLES = 600
 

@@ -10,10 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from service.figures.look import ALARM, BAND, INITIAL, MEASURED, QUIET, UPDATED, Figure, axis, layout, shown_name
+from service.figures.look import ALARM, BAND, INITIAL, MEASURED, QUIET, UPDATED, Z_95, Figure, axis, layout, shown_name
 from service.figures.parameters import SHOWN
 
-Z_95 = 1.959964
 SIGNS = {"fall": -1, "rise": 1}
 
 

@@ -17,6 +17,7 @@ from service.db.embedded import embedded_server, keep_running
 from service.db.opening import DataFolderError, open_database
 from service.db.postgres import Cluster, PostgresError, programs
 from service.settings import Settings
+from tests.support.waiting import until
 
 LONG = "a-folder-with-a-long-name" * 6
 ROOT = os.geteuid() == 0
@@ -72,12 +73,14 @@ def test_a_server_that_died_comes_back_where_it_was(folder: Path, cluster: Path)
     with embedded_server(data) as url:
         pid = int((data / "postgres" / "postmaster.pid").read_text().split()[0])
         subprocess.run(["kill", "-9", str(pid)], check=True)
-        while True:
+
+        def runs_again() -> bool:
             try:
-                if keep_running(data):
-                    break
-            except PostgresError:
-                pass  # its processes are still dying
+                return keep_running(data)
+            except PostgresError:  # its processes are still dying
+                return False
+
+        until(runs_again, "the server runs again")
         with psycopg.connect(url) as connection:
             assert connection.execute("SELECT 1").fetchone() == (1,)
     assert not socket_of(url).exists()
