@@ -40,6 +40,23 @@ class BlockRow:
         return self.force_point, self.force_direction
 
 
+def whole(rows: Sequence[BlockRow]) -> tuple[list[BlockRow], list[str]]:
+    """The blocks of one place that make whole hits, and a sentence for each hit that lacks its force or every response,
+    which is what deleting a block leaves.
+    """
+    found: dict[int, list[BlockRow]] = {}
+    for row in rows:
+        found.setdefault(row.hit, []).append(row)
+    lacking = {number: what for number, blocks in found.items() if (what := _lacks(blocks)) is not None}
+    sentences = [f"hit {n} of point {found[n][0].force_point} has no {lacking[n]}" for n in sorted(lacking)]
+    return [row for row in rows if row.hit not in lacking], sentences
+
+
+def _lacks(blocks: Sequence[BlockRow]) -> str | None:
+    forces = sum(row.quantity == "force" for row in blocks)
+    return "force" if forces == 0 else "response" if forces == len(blocks) else None
+
+
 def hits_of(rows: Sequence[BlockRow], samples: Iterable[FloatArray]) -> list[Hit]:
     """The hits of one place, from its blocks.
 

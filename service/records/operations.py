@@ -18,7 +18,7 @@ from service.campaigns.operations import campaign_for
 from service.db.bytea import stream_rows
 from service.errors import Conflict
 from service.frfs.spectra import Spectrum, decode, encode
-from service.records.hits import BlockRow, describe_verdict, hits_of
+from service.records.hits import BlockRow, describe_verdict, hits_of, whole
 from service.records.schemas import UNITS, RecordOut, StoredRecords
 from service.records.tables import Record
 
@@ -164,12 +164,17 @@ def samples_of(session: Session, rows: Sequence[BlockRow]) -> Iterator[FloatArra
 
 
 def judged(session: Session, campaign_id: UUID, stored: Sequence[Record]) -> StoredRecords:
-    """Blocks as clients see them, with the judgement of all hits of their points where these are not too many."""
-    answer = StoredRecords(items=[describe(row) for row in stored], hits=[], coherence={})
-    places = block_rows(session, campaign_id, {row.force_point for row in stored})
-    if sum(len(rows) for rows in places.values()) > MOST_LOOKED_AT:
+    """Blocks as clients see them, with the judgement of all hits of their points where these are not too many.
+
+    A hit of which a block was deleted is no reason to refuse later ones: it is named instead of judged.
+    """
+    answer = StoredRecords(items=[describe(row) for row in stored], hits=[], coherence={}, incomplete=[])
+    known = block_rows(session, campaign_id, {row.force_point for row in stored})
+    places = [whole(rows) for rows in known.values()]
+    answer.incomplete = [sentence for _, sentences in places for sentence in sentences]
+    if sum(len(rows) for rows, _ in places) > MOST_LOOKED_AT:
         return answer
-    found = look([hits_of(rows, samples_of(session, rows)) for rows in places.values()])
+    found = look([hits_of(rows, samples_of(session, rows)) for rows, _ in places if rows])
     answer.hits = [describe_verdict(verdict) for verdict in found.verdicts]
     answer.coherence = {str(dof.point): value for dof, value in found.coherence.items()}
     return answer

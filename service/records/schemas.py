@@ -71,6 +71,10 @@ class StoredRecords(StrictModel):
     coherence: dict[str, float] = Field(
         description="mean coherence of the good hits in the excited band, by force point"
     )
+    incomplete: list[str] = Field(
+        description="hits of these points that are not judged, since their force or every response was deleted; "
+        "delete what is left of them before a processing"
+    )
 
 
 class Proposal(StrictModel):

@@ -152,6 +152,10 @@ def test_a_record_is_deleted_and_a_hit_without_force_is_a_clear_failure(
     failed = finished(api, checked, campaign, {})
     assert failed["status"] == "failed"
     assert "has no force" in failed["message"]
+    later = checked(post(api, campaign, npz(hits[3:4])), 201)  # it does not keep later hits out
+    assert later["incomplete"] == [f"hit {force['hit']} of point {force['force_point']} has no force"]
+    assert force["hit"] not in {hit["hit"] for hit in later["hits"] if hit["point"] == force["force_point"]}
+    assert len(later["hits"]) == 3
 
 
 def test_what_cannot_be_right_is_refused_with_its_place(
