@@ -229,7 +229,7 @@ def describe_all(session: Session, rows: Sequence[UpdateJob]) -> list[UpdateJobO
 
 
 def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
-    """The result of an update as it was computed: the JSON document of `docs/updating.md`.
+    """The result of an update as it was computed: the JSON document of `docs/results.md`.
 
     Raises:
         Conflict: the job has none, yet or ever; the message says which.

@@ -1,4 +1,4 @@
-"""The guide names every field of a recipe and of a result document."""
+"""The pages of updating and of its result name every field of a recipe and of a result document."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from service.updating.schemas import HoldOutIn, ParameterIn, RecipeIn
 from tests.support.places import ROOT
 
 DOCS = ROOT / "docs"
-GUIDE = (DOCS / "updating.md").read_text()
+GUIDE = "".join((DOCS / name).read_text() for name in ("updating.md", "results.md"))
 DOCUMENT = [
     "verdict",
     "warnings",
