@@ -9,6 +9,7 @@ COPY pyproject.toml README.md LICENSE ./
 COPY fecore fecore
 COPY modalbase modalbase
 COPY service service
+COPY docs docs
 COPY migrations migrations
 RUN /opt/modalbase/bin/pip install --no-cache-dir --no-deps --no-build-isolation .
 

@@ -8,7 +8,7 @@ READY  := $(VENV)/.ready
 # Small matrices on shared cores: threads of the linear algebra would wait for one another.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test unit integration acceptance check bench screens soak clean
+.PHONY: demo test unit integration acceptance check bench screens guide soak clean
 
 demo: $(SERVER)
 	$(BIN)/modalbase demo
@@ -34,6 +34,10 @@ bench: $(READY)
 # A picture of every page, in build/screens; needs the system's Chromium.
 screens: $(READY)
 	$(BIN)/python -m tools.screens
+
+# The guide as files for a browser, in build/guide; a service has it at /guide.
+guide: $(SERVER)
+	$(BIN)/python -m tools.guide
 
 # Long runs that print counts; the tests have each in a short form.
 soak: $(READY)

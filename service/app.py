@@ -21,10 +21,12 @@ from service.composition import FINDERS, ROUTERS
 from service.db.engine import make_engine, make_sessions
 from service.db.schema import SchemaError, require_head
 from service.errors import Unavailable
+from service.guide import router as guide
 from service.jobs.events import Changes
 from service.jobs.metrics import JobMetrics
 from service.pages import PREFIX as PAGES
 from service.pages import PageErrors, add_pages
+from service.pages.assets import router as assets
 from service.settings import Settings
 from service.web.middleware import RequestMiddleware
 from service.web.openapi import RESPONSES, describe_problems
@@ -91,8 +93,11 @@ def create_app(settings: Settings) -> FastAPI:
 
     if settings.docs:
         add_documentation(app)
+        app.include_router(guide)
     if settings.pages:
         add_pages(app)
+    if settings.docs or settings.pages:
+        app.include_router(assets)
     if settings.metrics:
         _add_metrics(app)
     add_problem_handlers(app)

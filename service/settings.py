@@ -78,7 +78,7 @@ class Settings(BaseSettings):
 
     access_log: bool = Field(default=True, description="a line in the log for each request; `modalbase up`: none")
 
-    docs: bool = Field(default=True, description="serve the documentation page and the OpenAPI document")
+    docs: bool = Field(default=True, description="serve the guide, the documentation page and the OpenAPI document")
     pages: bool = Field(default=True, description="serve the pages for the browser, below `/ui/`")
     metrics: bool = Field(default=True, description="serve `/metrics`, which asks for no key")
 

@@ -39,6 +39,7 @@ def test_the_wheel_has_four_packages_and_nothing_else(built: tuple[Path, Path]) 
     tops = {name.split("/")[0] for name in names if not name.split("/")[0].endswith(".dist-info")}
     assert tops == {"fecore", "migrations", "modalbase", "service"}
     assert "service/demo/paper_beam.uff" in names
+    assert {"service/guide/pages/index.md", "service/guide/pages/decisions/queue.md"} <= set(names)
     assert any(name.endswith("licenses/LICENSE") for name in names)
     required = [
         line.split(":")[1] for line in metadata.splitlines() if line.startswith("Requires-Dist") and "extra" not in line

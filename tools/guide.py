@@ -1,0 +1,40 @@
+"""The guide as files that a browser opens without a service: `python -m tools.guide [FOLDER]`, `build/guide` by default."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+
+from service.guide.contents import PICTURES, addresses, files, whole_page
+from service.guide.routes import STYLES
+from service.pages.assets import FOLDER as STATIC
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def write(folder: Path) -> list[Path]:
+    """Write every page, picture and style sheet; the pages' files."""
+    for style in STYLES:
+        (folder / "static").mkdir(parents=True, exist_ok=True)
+        shutil.copy(STATIC / style, folder / "static" / style)
+    for name, file in files().items():
+        if file.suffix in PICTURES:
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(file, folder / name)
+    return [_write(folder, address) for address in addresses()]
+
+
+def _write(folder: Path, address: str) -> Path:
+    html = whole_page(address, "../" * address.count("/"), tuple(f"static/{style}" for style in STYLES), service=False)
+    if html is None:
+        raise LookupError(address)
+    path = folder / address
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(html, encoding="utf-8")
+    return path
+
+
+if __name__ == "__main__":
+    target = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "build/guide"
+    print(f"{len(write(target))} pages in {target}")
