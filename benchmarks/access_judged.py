@@ -41,18 +41,21 @@ jobs    editor  POST /identifications/{identification_id}/cancel, POST /campaign
 jobs    editor  POST /update-jobs/{job_id}/cancel, POST /update-jobs/{job_id}/retry
 read    viewer  GET /campaigns/{campaign_id}/processings, GET /processings/{processing_id}
 read    viewer  GET /campaigns/{campaign_id}/identifications, GET /identifications/{identification_id}
+read    viewer  GET /identifications/{identification_id}/figures/{name}, GET /campaigns/{campaign_id}/figures/{name}
 read    viewer  GET /update-jobs/{job_id}, GET /update-jobs/{job_id}/events, GET /update-jobs/{job_id}/result
 read    viewer  GET /update-jobs/{job_id}/frfs/data, GET /update-jobs/{job_id}/figures
 read    viewer  GET /update-jobs/{job_id}/cards, GET /update-jobs/{job_id}/report
 read    viewer  GET /update-jobs/{job_id}/figures/{name}, GET /projects/{project_id}/joint-updates
 jobs    editor  POST /joint-updates/{joint_id}/cancel, POST /structures/{structure_id}/plans
 read    viewer  GET /joint-updates/{joint_id}, GET /joint-updates/{joint_id}/events, GET /joint-updates/{joint_id}/result
+read    viewer  GET /joint-updates/{joint_id}/figures, GET /joint-updates/{joint_id}/figures/{name}
 
 write   editor  POST /structures/{structure_id}/coupon-batches, POST /coupon-batches/{batch_id}/coupons
 write   editor  PATCH /coupons/{coupon_id}
 read    viewer  GET /structures/{structure_id}/coupon-batches, GET /coupon-batches/{batch_id}
 read    viewer  GET /coupon-batches/{batch_id}/coupons, GET /coupon-batches/{batch_id}/summary, GET /coupons/{coupon_id}
 read    viewer  GET /coupons/{coupon_id}/curve, GET /coupons/{coupon_id}/curve/data, GET /coupons/{coupon_id}/curve/original
+read    viewer  GET /coupons/{coupon_id}/figures/{name}
 
 write   editor  POST /structures/{structure_id}/monitors, PATCH /monitors/{monitor_id}, DELETE /monitors/{monitor_id}
 write   editor  POST /monitors/{monitor_id}/restore, POST /alarms/{alarm_id}/acknowledge

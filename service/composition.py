@@ -35,6 +35,7 @@ from service.records.processings import PROCESS
 from service.records.routes import router as records
 from service.results.card_routes import router as cards
 from service.results.figure_routes import router as figures
+from service.results.joint_figure_routes import router as joint_figures
 from service.results.prediction_routes import router as predictions
 from service.structures.operations import structure_for
 from service.structures.routes import router as structures
@@ -62,6 +63,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     predictions,
     cards,
     figures,
+    joint_figures,
     monitoring,
     webhooks,
 )

@@ -5,6 +5,7 @@ estimators, process.
 from fecore.processing.blocks import Block, ChannelQuantity, Hit
 from fecore.processing.delay import Delay, estimate_delay
 from fecore.processing.document import Processed, Processing
+from fecore.processing.each_hit import EachHit, each_hit
 from fecore.processing.estimators import Estimate, Estimator, estimate
 from fecore.processing.judgement import Criterion, Finding, Limits, Verdict, overrule
 from fecore.processing.look import Look, look
@@ -17,6 +18,7 @@ __all__ = [
     "ChannelQuantity",
     "Criterion",
     "Delay",
+    "EachHit",
     "Estimate",
     "Estimator",
     "Finding",
@@ -29,6 +31,7 @@ __all__ = [
     "Verdict",
     "Windows",
     "by_point",
+    "each_hit",
     "estimate",
     "estimate_delay",
     "look",

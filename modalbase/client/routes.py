@@ -210,6 +210,10 @@ ROUTES: dict[str, Route] = {
         "GET", "records/{record_id}/data", ("format",),
         "Samples of a time block in SI with their time axis, as JSON, npz or CSV.",
     ),
+    "get_campaign_figure": Route(
+        "GET", "campaigns/{campaign_id}/figures/{name}", ("point", "direction", "response", "format", "theme"),
+        "The figure `hits` of a point: the good ones alike, each bad one in a colour of its own with what was found against it.",
+    ),
     "list_processings": Route(
         "GET", "campaigns/{campaign_id}/processings", ("cursor", "limit"),
         "Processings of a campaign, newest first.",
@@ -250,6 +254,10 @@ ROUTES: dict[str, Route] = {
         "GET", "identifications/{identification_id}", (),
         "How far an identification is, which modes it found, and how well the data support them.",
     ),
+    "get_identification_figure": Route(
+        "GET", "identifications/{identification_id}/figures/{name}", ("format", "theme"),
+        "The figure `stabilisation` of an identification; 409 while it has found nothing, or where it failed.",
+    ),
     "list_batches": Route(
         "GET", "structures/{structure_id}/coupon-batches", ("cursor", "limit"),
         "Coupon batches of a structure.",
@@ -289,6 +297,10 @@ ROUTES: dict[str, Route] = {
     "get_curve_data": Route(
         "GET", "coupons/{coupon_id}/curve/data", ("format",),
         "The raw curve in SI: force N, strains m/m, time s.",
+    ),
+    "get_coupon_figure": Route(
+        "GET", "coupons/{coupon_id}/figures/{name}", ("format", "theme"),
+        "The figure `curve`: raw curve, chord, bounds, strength; of D3518 the 0.2 % offset, of D3039 the transverse strain.",
     ),
     "get_coupons_curve_original": Route(
         "GET", "coupons/{coupon_id}/curve/original", (),
@@ -363,12 +375,20 @@ ROUTES: dict[str, Route] = {
         "Names of the figures, and which of them this result can be drawn as.",
     ),
     "get_figure": Route(
-        "GET", "update-jobs/{job_id}/figures/{name}", ("point", "reference", "fmin", "fmax", "format", "theme"),
+        "GET", "update-jobs/{job_id}/figures/{name}", ("point", "reference", "fmin", "fmax", "measured", "model", "format", "theme"),
         "A figure of the result: Plotly JSON, or the same figure as SVG, PNG or PDF.",
     ),
     "get_report": Route(
         "GET", "update-jobs/{job_id}/report", ("format",),
         "The report of a result: two pages for who ordered the test, the rest as annex for who checks it.",
+    ),
+    "list_joint_figures": Route(
+        "GET", "joint-updates/{joint_id}/figures", (),
+        "Names of the figures of a joint update, and which of them its result can be drawn as.",
+    ),
+    "get_joint_figure": Route(
+        "GET", "joint-updates/{joint_id}/figures/{name}", ("format", "theme"),
+        "A figure of a joint update: `parameters`, `campaigns`, `frequencies`, `budget` or `posterior`.",
     ),
     "list_monitors_of_structure": Route(
         "GET", "structures/{structure_id}/monitors", ("cursor", "limit", "deleted"),

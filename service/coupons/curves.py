@@ -18,6 +18,7 @@ from service.coupons.curve_schemas import CurveCouponIn, CurveFile, CurveOut
 from service.coupons.reduction import Reduced
 from service.coupons.tables import Coupon, CouponBatch, CouponCurve
 from service.errors import Conflict, NotFound, verified
+from service.figures.coupon import CurveShown
 
 UNLIKE_DIMENSION = 3.0
 """Ratio of a dimension to that of the batch's other specimens from which on it is thought to be a mistake."""
@@ -139,6 +140,24 @@ def as_json(curve: CouponCurve) -> dict[str, Any]:
             for name, row in series_of(curve).items()
         },
     }
+
+
+def curve_shown(coupon: Coupon, curve: CouponCurve) -> CurveShown:
+    """A curve as its figure needs it.
+
+    Raises:
+        Damaged: the bytes are not the ones that were stored.
+    """
+    series = series_of(curve)
+    strain = series["strain"]
+    return CurveShown(
+        title=f"{coupon.specimen}, {coupon.standard}",
+        shear=coupon.standard == "D3518",
+        strain=(strain + series["strain_back"]) / 2 if "strain_back" in series else strain,
+        force=series["force"],
+        transverse=series.get("transverse_strain"),
+        reduction=curve.reduction,
+    )
 
 
 def as_csv(curve: CouponCurve) -> str:

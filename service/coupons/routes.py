@@ -16,8 +16,19 @@ from service.coupons.bodies import CouponBody, RawCurve, documented
 from service.coupons.curve_schemas import CurveOut
 from service.coupons.schemas import BatchIn, BatchOut, CouponOut, ExclusionIn, Summary
 from service.coupons.tables import Coupon, CouponBatch
+from service.figures.answers import (
+    RESPONSES,
+    FigureName,
+    FormatQuery,
+    ThemeQuery,
+    figure_answer,
+    figure_headers,
+    require_figure,
+)
+from service.figures.coupon import coupon_figure
 from service.structures.operations import structure_for
 from service.web import IF_MATCH, Cursor, Limit, Page, api_router, etag_of, paged, require_match
+from service.web.conditional import not_modified
 
 router = api_router(tags=["coupons"])
 
@@ -123,6 +134,26 @@ def get_curve_data(
     if file_format == "npz":
         return Response(curves.as_npz(curve), media_type="application/x-npz", headers=headers)
     return JSONResponse(curves.as_json(curve), headers=headers)
+
+
+@router.get("/coupons/{coupon_id}/figures/{name}", response_class=Response, responses=RESPONSES)
+def get_coupon_figure(
+    coupon_id: UUID,
+    name: FigureName,
+    session: SessionDep,
+    user: CurrentUser,
+    request: Request,
+    file_format: FormatQuery = "plotly",
+    theme: ThemeQuery = "light",
+) -> Response:
+    """The figure `curve`: raw curve, chord, bounds, strength; of D3518 the 0.2 % offset, of D3039 the transverse strain."""
+    coupon = operations.coupon_for(session, user, coupon_id)
+    require_figure(name, "curve")
+    curve = curves.curve_of(session, coupon)
+    headers = figure_headers(request, curve.sha256.hex())
+    if (unchanged := not_modified(request, headers)) is not None:
+        return unchanged
+    return figure_answer(coupon_figure(curves.curve_shown(coupon, curve)), file_format, name, theme, headers)
 
 
 @router.get("/coupons/{coupon_id}/curve/original", response_class=Response, responses=ORIGINAL)

@@ -34,6 +34,7 @@ WIDTH_INCHES, HEIGHT_INCHES = 7.0, 5.0
 DPI = 200
 PIXELS_AN_INCH = 100.0
 """How many of a layout's pixels, of its height and margins, make an inch of paper."""
+_LEGEND_LETTERS = 128  # of a legend's line
 _RC: Any = {
     "font.size": 8,
     "text.parse_math": False,  # a $ in a name is a $
@@ -102,12 +103,28 @@ def draw(figure: Figure) -> Sheet:
         _scale(axes, layout[_key(x)], layout[_key(y)])
     sheet.suptitle(_folded(layout["title"]["text"], 110), fontsize=9, y=1 - 0.15 / height, color=_ink(layout))
     if handles:
+        columns = _columns(list(handles))
         legend = sheet.legend(
-            handles.values(), handles.keys(), loc="lower center", ncols=4, frameon=False, fontsize=7, markerscale=0.7
+            handles.values(),
+            handles.keys(),
+            loc="lower center",
+            ncols=columns,
+            frameon=False,
+            fontsize=7,
+            markerscale=0.7,
         )
         for text in legend.get_texts():
             text.set_color(_ink(layout))
     return sheet
+
+
+def _columns(names: list[str]) -> int:
+    """How many columns of a legend fit side by side: each is as wide as its longest name and the sample before it."""
+
+    def letters(columns: int) -> int:
+        return sum(max(map(len, column), default=0) + 9 for column in np.array_split(names, columns))
+
+    return next((columns for columns in (4, 3, 2) if letters(columns) <= _LEGEND_LETTERS), 1)
 
 
 def _panels(sheet: Sheet, figure: Figure, height: float) -> Panels:

@@ -87,7 +87,7 @@ def shapes_figure(pairs: Sequence[ShapePair], points: Sequence[int], places: Flo
     shown = layout(
         "Mode shapes, measured and updated",
         annotations=notes,
-        height=110 + 130 * count,
+        height=110 + max(130 * count, 260),
         meta=meta,
         margin={"l": 30},
         **axes,

@@ -4,15 +4,27 @@ from __future__ import annotations
 
 from uuid import UUID
 
-from fastapi import Response
+from fastapi import Request, Response
 from sqlalchemy import select
 
 from service.access import CurrentUser, SessionDep
 from service.campaigns.operations import campaign_for
+from service.errors import Conflict
+from service.figures.answers import (
+    RESPONSES,
+    FigureName,
+    FormatQuery,
+    ThemeQuery,
+    figure_answer,
+    figure_headers,
+    require_figure,
+)
+from service.figures.stabilisation import stabilisation_figure
 from service.modes import identifications
 from service.modes.identifications import IdentificationIn, IdentificationOut
 from service.modes.tables import Identification
 from service.web import Cursor, Limit, Page, api_router, paged
+from service.web.conditional import not_modified
 
 router = api_router(tags=["identifications"])
 
@@ -51,3 +63,31 @@ def get_identification(identification_id: UUID, session: SessionDep, user: Curre
     """How far an identification is, which modes it found, and how well the data support them."""
     row = identifications.identification_for(session, user, identification_id)
     return identifications.describe(session, row)
+
+
+@router.get("/identifications/{identification_id}/figures/{name}", response_class=Response, responses=RESPONSES)
+def get_identification_figure(
+    identification_id: UUID,
+    name: FigureName,
+    session: SessionDep,
+    user: CurrentUser,
+    request: Request,
+    file_format: FormatQuery = "plotly",
+    theme: ThemeQuery = "light",
+) -> Response:
+    """The figure `stabilisation` of an identification; 409 while it has found nothing, or where it failed."""
+    row = identifications.identification_for(session, user, identification_id)
+    require_figure(name, "stabilisation")
+    if row.document is None:
+        state = identifications.describe(session, row)
+        raise Conflict(f"identification {row.id} has no result: it is {state.status}{_because(state.message)}")
+    headers = figure_headers(request, str(row.id))  # what it found never changes
+    if (unchanged := not_modified(request, headers)) is not None:
+        return unchanged
+    found = row.document
+    figure = stabilisation_figure(found["stabilisation"], found["modes"], found["doubtful"])
+    return figure_answer(figure, file_format, name, theme, headers)
+
+
+def _because(message: str | None) -> str:
+    return "" if message is None else f", {message}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from fastapi import FastAPI
 
-from service.pages import coupons, measurements, monitors, start, updates
+from service.pages import coupons, joint, measurements, monitors, start, updates
 from service.pages.errors import PageErrors
 from service.pages.look import PREFIX
 
@@ -18,5 +18,5 @@ __all__ = ["PREFIX", "PageErrors", "add_pages"]
 def add_pages(app: FastAPI) -> None:
     """All pages; `/` leads to the first of them."""
     app.include_router(start.open_router)
-    for router in (start.router, measurements.router, updates.router, coupons.router, monitors.router):
+    for router in (start.router, measurements.router, updates.router, joint.router, coupons.router, monitors.router):
         app.include_router(router, prefix=PREFIX)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Annotated
 from uuid import UUID
 
@@ -26,9 +27,12 @@ from service.modes import identification_routes as identifications
 from service.modes import routes as modes
 from service.monitoring import routes as monitoring
 from service.pages.grid import draw_grid
+from service.pages.joint import joint_updates_of
 from service.pages.look import Visit, VisitDep
 from service.pages.names import NamedJob, name_jobs, over_time
 from service.records import routes as records
+from service.records.figures import AXES
+from service.records.schemas import RecordOut
 from service.structures import routes as structures
 from service.structures.schemas import StructureOut
 from service.updating import routes as updating
@@ -108,6 +112,9 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
     listed = frfs.list_frfs(campaign_id, FrfFilter(), visit.session, visit.user, limit=1000)
     points = specimen_points(visit.session, campaign_for(visit.session, visit.user, campaign_id))
     jobs = updating.list_update_jobs(visit.session, visit.user, campaign=campaign_id, limit=50).items
+    blocks = records.list_records(campaign_id, visit.session, visit.user, limit=MOST).items
+    processings = records.list_processings(campaign_id, visit.session, visit.user, limit=10).items
+    done = next((row.result for row in processings if row.result is not None), None)
     return visit.show(
         "campaign.html",
         project=project,
@@ -120,8 +127,12 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         imports=list(reversed(imports.list_imports(campaign_id, visit.session, visit.user, limit=50).items)),
         mode_sets=modes.list_mode_sets(campaign_id, visit.session, visit.user, limit=50).items,
         identifications=identifications.list_identifications(campaign_id, visit.session, visit.user, limit=10).items,
-        records=records.list_records(campaign_id, visit.session, visit.user, limit=MOST).items,
+        records=blocks,
+        hit_places=_hit_places(blocks),
+        processings=processings,
+        judged=[] if done is None else done["hits"],
         jobs=name_jobs(visit, jobs),
+        joint=joint_updates_of(visit, project.id, campaign_id),
     )
 
 
@@ -132,6 +143,35 @@ def _measured_points(rows: Sequence[FrfOut]) -> dict[int, int]:
         for point in {row.response_point, row.reference_point}:
             counts[point] = counts.get(point, 0) + 1
     return counts
+
+
+@dataclass(frozen=True)
+class HitPlace:
+    """Where was hit and where the sensor stood, for a list to choose from.
+
+    Attributes:
+        name: in the page's address.
+        words: for a person.
+        query: of the figure.
+    """
+
+    name: str
+    words: str
+    query: str
+
+
+def _hit_places(blocks: Sequence[RecordOut]) -> list[HitPlace]:
+    """Every pair of a hit's place and a sensor's, in the order in which they were first sent."""
+    responses = [row for row in blocks if row.quantity != "force"]
+    pairs = dict.fromkeys((row.force_point, row.force_direction, row.point) for row in responses)
+    return [
+        HitPlace(
+            name=f"{point}~{direction}~{response}",
+            words=f"{point}{'+' if direction > 0 else '−'}{AXES[abs(direction)]} / {response}",
+            query=f"point={point}&direction={direction}&response={response}",
+        )
+        for point, direction, response in pairs
+    ]
 
 
 @router.get("/campaigns/{campaign_id}/grid-points")

@@ -11,6 +11,7 @@ from starlette.responses import Response
 
 from service.access import routes as access
 from service.monitoring import routes as monitoring
+from service.pages.joint import joint_updates_of
 from service.pages.look import VisitDep, page
 from service.pages.names import name_jobs
 from service.structures import routes as structures
@@ -65,6 +66,7 @@ def get_project(project_id: UUID, visit: VisitDep, cursor: Cursor = None) -> HTM
         following=listed.next_cursor,
         members=members,
         jobs=name_jobs(visit, jobs),
+        joint=joint_updates_of(visit, project_id)[:10],
     )
 
 

@@ -93,14 +93,14 @@ def get_job(job_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = Fals
     """
     job = updating.get_update_job(job_id, visit.session, visit.user)
     if part:
-        answer = visit.show("job_progress.html", job=job, ended=job.status in ENDED)
+        answer = visit.show("job_progress.html", job=job, ended=job.status in ENDED, kind="update-jobs")
         if job.status in ENDED:
             answer.headers["HX-Refresh"] = "true"
         return answer
     campaign, structure, project = campaign_context(visit, job.campaign_id)
     common = {"job": job, "campaign": campaign, "structure": structure, "project": project}
     if job.status != "succeeded":
-        return visit.show("job.html", **common, ended=job.status in ENDED)
+        return visit.show("job.html", **common, ended=job.status in ENDED, kind="update-jobs")
     result = result_document(visit.session, update_job_for(visit.session, visit.user, job_id))
     figures = figure_routes.list_figures(job_id, visit.session, visit.user).items
     points = [] if campaign.deleted_at is not None else _points(visit, job.campaign_id, result)

@@ -7,17 +7,29 @@ from typing import Annotated, Literal
 from uuid import UUID
 
 import numpy as np
-from fastapi import Query, Response
+from fastapi import Query, Request, Response
 from fastapi.responses import JSONResponse
 
 from service.access import CurrentUser, SessionDep, SettingsDep
 from service.campaigns.operations import campaign_for
 from service.campaigns.uploads import UPLOAD_CONTENT, UploadDep
 from service.errors import Invalid
+from service.figures.answers import (
+    RESPONSES,
+    FigureName,
+    FormatQuery,
+    ThemeQuery,
+    figure_answer,
+    figure_headers,
+    require_figure,
+)
+from service.figures.hits import hits_figure
 from service.records import bodies, operations, processings
+from service.records.figures import Chosen, point_blocks, point_shown
 from service.records.schemas import UNITS, ProcessingIn, ProcessingOut, Proposal, RecordOut, StoredRecords
 from service.records.tables import Processing, Record
 from service.web import Cursor, Limit, Name, Page, api_router, paged
+from service.web.conditional import not_modified
 
 router = api_router(tags=["records"])
 
@@ -118,6 +130,32 @@ def get_record_data(
 def delete_record(record_id: UUID, session: SessionDep, user: CurrentUser) -> None:
     """Delete a time block. FRFs that were made of it stay."""
     operations.remove_record(session, user, record_id)
+
+
+@router.get("/campaigns/{campaign_id}/figures/{name}", response_class=Response, responses=RESPONSES)
+def get_campaign_figure(
+    campaign_id: UUID,
+    name: FigureName,
+    session: SessionDep,
+    user: CurrentUser,
+    request: Request,
+    point: Annotated[Whole, Query(description="where it was hit; default: the first place")] = None,
+    direction: Annotated[int | None, Query(ge=-6, le=6, description="signed direction of the hits")] = None,
+    response: Annotated[Whole, Query(description="where the sensor stood; default: the first one")] = None,
+    file_format: FormatQuery = "plotly",
+    theme: ThemeQuery = "light",
+) -> Response:
+    """The figure `hits` of a point: the good ones alike, each bad one in a colour of its own with what was found against it.
+
+    They are judged as the newest processing judged them; before one, among themselves.
+    """
+    campaign = campaign_for(session, user, campaign_id)
+    require_figure(name, "hits")
+    blocks = point_blocks(session, campaign.id, Chosen(point, direction, response))
+    headers = figure_headers(request, blocks.version)
+    if (unchanged := not_modified(request, headers)) is not None:
+        return unchanged
+    return figure_answer(hits_figure(point_shown(session, blocks)), file_format, name, theme, headers)
 
 
 @router.post("/campaigns/{campaign_id}/processings", status_code=202)

@@ -21,12 +21,15 @@ class Wanted:
         point: grid point whose FRF is drawn; None for the first one.
         reference: the other point of the FRF, where one point alone does not say which; or None.
         fmin, fmax: lines that are drawn, Hz; None for all.
+        measured, model: numbers from 1 of a measured mode and of one of the model, whose shapes are drawn; None for all pairs.
     """
 
     point: int | None = None
     reference: int | None = None
     fmin: float | None = None
     fmax: float | None = None
+    measured: int | None = None
+    model: int | None = None
 
 
 def update_frf_figure(data: UpdateFigures, wanted: Wanted) -> Figure:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from hashlib import sha256
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from fastapi import Path, Query, Request, Response
-from pydantic import BaseModel, Field
 
-from fecore import __version__
 from service.access import CurrentUser, SessionDep
 from service.errors import Conflict, Invalid
-from service.figures.answers import RESPONSES, FormatQuery, ThemeQuery, figure_answer
+from service.figures.answers import (
+    RESPONSES,
+    FigureOut,
+    FiguresOut,
+    FormatQuery,
+    ThemeQuery,
+    figure_answer,
+    figure_headers,
+)
 from service.reports.as_html import POLICY, as_html
 from service.reports.as_pdf import as_pdf
 from service.results.figure_data import UpdateFigures
@@ -30,24 +35,8 @@ REPORTS: dict[int | str, dict[str, Any]] = {
 }
 
 Hertz = Annotated[float | None, Query(ge=0, le=1e12, allow_inf_nan=False)]
+Mode = Annotated[int | None, Query(ge=1, le=10_000)]
 Point = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
-
-
-class FigureOut(BaseModel):
-    """A figure of an update."""
-
-    name: str = Field(description="in the address of the figure")
-    title: str = Field(description="what it shows")
-    href: str = Field(description="address of the figure; its default format is Plotly JSON")
-    available: bool = Field(description="whether this result has something to draw")
-    reason: str | None = Field(description="why not, in words; null where it is available")
-    query: list[str] = Field(description="parameters of the query that it heeds, besides `format` and `theme`")
-
-
-class FiguresOut(BaseModel):
-    """The figures of an update, in the order of a report."""
-
-    items: list[FigureOut] = Field(description="every figure that there is for an update")
 
 
 @router.get("/update-jobs/{job_id}/figures")
@@ -68,6 +57,12 @@ def get_figure(
     reference: Annotated[Point, Query(description="`frf`: the other point, where one alone does not say which")] = None,
     fmin: Annotated[Hertz, Query(description="`frf`, `csac`, `csf`: lines from here, Hz")] = None,
     fmax: Annotated[Hertz, Query(description="`frf`, `csac`, `csf`: lines up to here, Hz")] = None,
+    measured: Annotated[
+        Mode, Query(description="`shapes`: number of a measured mode, as rows of the MAC count them")
+    ] = None,
+    model: Annotated[
+        Mode, Query(description="`shapes`: number of a mode of the updated model, as its columns do")
+    ] = None,
     file_format: FormatQuery = "plotly",
     theme: ThemeQuery = "light",
 ) -> Response:
@@ -79,12 +74,10 @@ def get_figure(
         raise Invalid("fmin", f"is {fmin:g} Hz and above fmax, {fmax:g} Hz")
     job = update_job_for(session, user, job_id)
     data = UpdateFigures(session, job)
-    # A result never changes; the figure of a later version may.
-    key = sha256(f"{__version__} {name} {request.url.query}".encode()).hexdigest()[:16]
-    headers = {"ETag": f'"{job.id}-{key}"', "Cache-Control": "private, no-cache"}
+    headers = figure_headers(request, str(job.id))  # a result never changes
     if name in FIGURES and (unchanged := not_modified(request, headers)) is not None:
         return unchanged
-    figure = draw_figure(data, name, Wanted(point, reference, fmin, fmax))
+    figure = draw_figure(data, name, Wanted(point, reference, fmin, fmax, measured, model))
     return figure_answer(figure, file_format, name, theme, headers)
 
 

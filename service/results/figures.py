@@ -10,11 +10,12 @@ import numpy as np
 
 from fecore.correlation import auto_mac
 from service.errors import Conflict, NotFound
+from service.figures.answers import require_figure
 from service.figures.budget import budget_figure
 from service.figures.convergence import convergence_figure
 from service.figures.correlation import PointValues, agreement_figure, points_figure
 from service.figures.damping import damping_figure
-from service.figures.look import Figure
+from service.figures.look import Figure, words
 from service.figures.matrices import mac_figure
 from service.figures.parameters import parameters_figure
 from service.figures.posterior import posterior_figure
@@ -48,8 +49,7 @@ def draw_figure(data: UpdateFigures, name: str, wanted: Wanted) -> Figure:
         NotFound: there is no figure of that name, or no FRF at the point.
         Conflict: the job has no result, or its result has nothing to draw; the message says why.
     """
-    if name not in FIGURES:
-        raise NotFound(f"figure {name!r}; there are {', '.join(FIGURES)}")
+    require_figure(name, *FIGURES)
     FIGURES[name].check(data)
     return FIGURES[name].draw(data, wanted)
 
@@ -116,19 +116,44 @@ def _require_shapes(data: UpdateFigures) -> None:
         )
 
 
-def _shapes(data: UpdateFigures, _: Wanted) -> Figure:
+def _shapes(data: UpdateFigures, wanted: Wanted) -> Figure:
     arrays, modes = data.arrays, data.document["modes"]
+    found = _shape_pairs(data, wanted)
+    if not found:
+        return words("Mode shapes, measured and updated", "this mode has no partner; choose one of the other side too")
     pairs = [
         ShapePair(
             number=modes[i]["number"],
             measured_title=f"mode {modes[i]['number']}, measured: {modes[i]['measured_hz']:.4g} Hz",
-            updated_title=_updated_title(modes[i]),
+            updated_title=_updated_title(modes[i]) if wanted.model is None else _model_title(data, i, j),
             measured=arrays["shapes_measured"][i].astype(complex),
             updated=arrays["shapes_updated"][j].astype(float),
         )
-        for i, j in arrays["shape_pairs"].tolist()
+        for i, j in found
     ]
     return shapes_figure(pairs, arrays["shape_points"].tolist(), arrays["shape_places_m"])
+
+
+def _shape_pairs(data: UpdateFigures, wanted: Wanted) -> list[tuple[int, int]]:
+    """Places of the modes whose shapes are drawn: the pairs of the result, those of one measured mode, or any two."""
+    measured, model = len(data.document["modes"]), len(data.arrays["shapes_updated"])
+    for name, number, most in (("measured", wanted.measured, measured), ("model", wanted.model, model)):
+        if number is not None and number > most:
+            raise NotFound(f"{name} mode {number} in this result; there are 1 to {most}")
+    if wanted.measured is not None and wanted.model is not None:
+        return [(wanted.measured - 1, wanted.model - 1)]
+    return [
+        (i, j)
+        for i, j in data.arrays["shape_pairs"].tolist()
+        if wanted.measured in (None, i + 1) and wanted.model in (None, j + 1)
+    ]
+
+
+def _model_title(data: UpdateFigures, i: int, j: int) -> str:
+    """Of a pair that was asked for, which need not be one of the result."""
+    mode, matrix = data.document["model_modes"][j], data.document["correlation"]["mac_matrix"]
+    mac = "" if matrix is None or matrix[i][j] is None else f", MAC {matrix[i][j]:.3f}"
+    return f"updated model, mode {mode['number']}: {mode['frequency_hz']:.4g} Hz{mac}"
 
 
 def _updated_title(mode: dict[str, Any]) -> str:
@@ -242,7 +267,7 @@ FIGURES: dict[str, NamedFigure] = {
     "parameters": NamedFigure("Parameters: prior and updated with 95 % intervals", _parameters, _require_result),
     "budget": NamedFigure("What the variance of each parameter is made of", _budget, _require_budget),
     "posterior": NamedFigure("Posterior: densities and correlations", _posterior, _require_posterior),
-    "shapes": NamedFigure("Mode shapes, measured beside updated", _shapes, _require_shapes),
+    "shapes": NamedFigure("Mode shapes, measured beside updated", _shapes, _require_shapes, ("measured", "model")),
     "mac": NamedFigure("MAC of measured and updated shapes", _mac, _require_mac),
     "automac": NamedFigure("AutoMAC of the measured shapes", _automac, _require_measured_shapes),
     "csac": NamedFigure("CSAC: agreement in shape by line", _agreement("csac"), _require_arrays("csac"), _LINES),

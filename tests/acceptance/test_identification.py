@@ -40,6 +40,12 @@ def test_an_aeroplane_is_imported_and_identified_without_an_invented_geometry(ap
     kept = ok(api.get(f"mode-sets/{job['mode_set']}"))
     assert len(kept["modes"]) == len(job["result"]["modes"])
     assert all(len(mode["shape"]) == 74 for mode in kept["modes"])
+    figure = ok(api.get(f"identifications/{job['id']}/figures/stabilisation"))
+    orders = [order for trace in figure["data"][1:] for order in trace["y"]]
+    assert sorted(orders) == sorted(job["result"]["stabilisation"]["order"])
+    marked = [line["x0"] for line in figure["layout"]["shapes"] if line["line"]["dash"] == "solid"]
+    assert marked == pytest.approx([mode["frequency_hz"] for mode in job["result"]["modes"]])
+    assert api.get(f"identifications/{job['id']}/figures/stabilisation?format=png").content.startswith(b"\x89PNG")
     refused = api.post(f"campaigns/{campaign}/update-jobs", json={})
     assert refused.status_code == 422
     assert "geometry" in refused.text
@@ -57,6 +63,7 @@ def test_a_job_that_is_cancelled_half_way_ends(api: httpx.Client) -> None:
         return bool(state["progress"] > 0.1)
 
     until(half_way, "a search that is under way", lambda: ok(api.get(job)))
+    assert "has no result: it is running" in ok(api.get(f"{job}/figures/stabilisation"), 409)["detail"]
     ok(api.post(f"{job}/cancel"), 202)
     ended = finished(api, job)
     assert ended["status"] == "cancelled"

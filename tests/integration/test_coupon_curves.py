@@ -73,6 +73,18 @@ def test_a_curve_becomes_results_and_stays_with_them(
     assert coupon["strength_Pa"] == pytest.approx(380.0e6, rel=1e-9)
     assert coupon["ultimate_strain"] == pytest.approx(0.01, rel=1e-9)
     assert (coupon["failure_code"], coupon["has_curve"], coupon["warnings"]) == ("LGM", True, [])
+    address = f"coupons/{coupon['id']}/figures/curve"
+    figure = checked(api.get(address), 200)
+    drawn = {trace["name"]: trace for trace in figure["data"]}
+    area = np.mean(WIDTH) * np.mean(THICKNESS)
+    np.testing.assert_allclose(drawn["measured"]["y"], [force / area for _, force, _ in CURVE], rtol=1e-6)
+    chord, nu = drawn["chord, modulus E = 39.51 GPa"], drawn["Poisson's ratio ν = 0.249"]
+    assert np.diff(chord["y"]) / np.diff(chord["x"]) == pytest.approx(395.074, rel=1e-5)  # MPa per %
+    assert np.diff(nu["y"]) / np.diff(nu["x"]) == pytest.approx(-0.2493, abs=5e-5)
+    assert drawn["bounds, 990 and 3020 µε"]["x"] == pytest.approx([0.099, 0.302])
+    etag = api.get(address).headers["etag"]
+    assert api.get(address, headers={"If-None-Match": etag}).status_code == 304
+    assert api.get(address, params={"format": "svg"}).content.startswith(b"<?xml")
     curve = checked(api.get(f"coupons/{coupon['id']}/curve"), 200)
     file = curve["file"]
     assert (file["filename"], file["encoding"], file["delimiter"], file["decimal"]) == ("A1.csv", "cp1252", ";", ",")
@@ -116,6 +128,10 @@ def test_a_shear_curve(
     assert coupon["strength_Pa"] == pytest.approx(70e6, rel=1e-6)
     reduction = checked(api.get(f"coupons/{coupon['id']}/curve"), 200)["reduction"]
     assert reduction["offset_strength_pa"] == pytest.approx(39.6e6, rel=1e-6)
+    drawn = {t["name"]: t for t in checked(api.get(f"coupons/{coupon['id']}/figures/curve"), 200)["data"]}
+    assert drawn["measured"]["x"] == pytest.approx([gamma / 1e4 for gamma in SHEAR_GAMMA])
+    assert drawn["measured"]["y"] == pytest.approx(SHEAR_TAU)
+    assert drawn["0.2 % offset, 39.6 MPa"]["y"] == pytest.approx([39.6])
 
 
 def test_a_lost_gauge_is_empty_cells_and_null(

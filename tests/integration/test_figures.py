@@ -176,6 +176,15 @@ def test_shapes_give_the_results_mac(demo: Done) -> None:
         assert max(np.abs(measured)) == pytest.approx(1)
         mac = (measured @ updated) ** 2 / (measured @ measured) / (updated @ updated)
         assert mac == pytest.approx(row["mac"], abs=2e-3)  # of the real part of the measured shape
+    # A cell of the MAC is a pair of shapes, partners or not: its value is that of the shapes that are drawn.
+    (mac,) = demo.figure("mac")["data"]
+    for row, column in ((0, 0), (1, 2)):
+        number = dict(zip(("measured", "model"), mac["customdata"][row][column], strict=True))
+        (mode,) = demo.figure("shapes", **number)["layout"]["meta"]["modes"]
+        pairs = [pair for pair in zip(mode["measured"], mode["updated"], strict=True) if pair[0] is not None]
+        measured, updated = np.array(pairs).T
+        found = (measured @ updated) ** 2 / (measured @ measured) / (updated @ updated)
+        assert found == pytest.approx(mac["z"][row][column], abs=2e-3)
     (automac,) = demo.figure("automac")["data"]
     assert np.diag(automac["z"]) == pytest.approx(1)
     np.testing.assert_allclose(automac["z"], np.transpose(automac["z"]), atol=1e-6)
@@ -264,6 +273,7 @@ def test_the_report_says_what_the_result_says_and_stands_alone(demo: Done) -> No
         ("frf", {"fmin": 5000}, 422, "no line"),
         ("frf", {"fmin": 50, "fmax": 20}, 422, "above fmax"),
         ("mac", {"format": "gif"}, 422, "format"),
+        ("shapes", {"measured": 99}, 404, "measured mode 99"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused_in_words(

@@ -12,7 +12,8 @@ import pytest
 
 from examples.joint_update import paper_bar_over_rest
 from fecore.updating.campaigns.layout import Campaign
-from tests.support.rest import finished, ok
+from service.supervisor import LocalService
+from tests.support.rest import finished, ok, session_client
 from tests.support.strips import NOMINAL, STRIP, TRUTH, measured
 
 PLY = {
@@ -72,7 +73,11 @@ def jobs(api: httpx.Client, project: str) -> list[dict[str, Any]]:
 
 
 def test_strips_at_three_angles_are_one_material(
-    api: httpx.Client, jobs: list[dict[str, Any]], project: str, new_client: Callable[[], httpx.Client]
+    api: httpx.Client,
+    jobs: list[dict[str, Any]],
+    project: str,
+    new_client: Callable[[], httpx.Client],
+    service: LocalService,
 ) -> None:
     body = {"joint": True, "jobs": jobs}
     key = {"Idempotency-Key": str(uuid4())}
@@ -96,6 +101,27 @@ def test_strips_at_three_angles_are_one_material(
     assert [part["angle_deg"] for part in result["campaigns"]] == [0, 90, 45]
     assert all(part["predictive_p"] > 0.0025 for part in result["campaigns"])
     assert {own["name"] for own in result["campaigns"][2]["own"]} >= {"length", "thickness", "fibre_angle"}
+    # Every figure of it is drawn, and its page shows them with the numbers of a contradiction.
+    items = ok(api.get(api.base_url.join(f"{location}/figures")), 200)["items"]
+    assert [item["name"] for item in items if not item["available"]] == []
+    figures = {item["name"]: ok(api.get(api.base_url.join(item["href"])), 200) for item in items}
+    for item in items:
+        assert api.get(api.base_url.join(item["href"]), params={"format": "svg"}).content.startswith(b"<?xml")
+    single = [trace for trace in figures["campaigns"]["data"] if trace["name"] != "all together, 95 %"]
+    drawn = sorted(text for trace in single for text in trace["text"])
+    assert drawn == sorted(f"z {a['z']:+.2f}" for part in result["campaigns"] for a in part["alone"].values())
+    updated = [trace for trace in figures["frequencies"]["data"] if trace["marker"]["symbol"] == "circle"]
+    for trace, part in zip(updated, result["campaigns"], strict=True):
+        assert trace["y"] == pytest.approx([mode["error_percent"] for mode in part["modes"]], abs=1e-6)
+    with session_client(api, base=service.url) as browser:
+        page = browser.get(f"/ui/joint-updates/{answer['joint']['id']}").text
+        named = browser.get(f"/ui/projects/{project}").text
+        campaign = browser.get(f"/ui/campaigns/{jobs[0]['campaign_id']}").text
+    for words in (result["verdict"]["sentence"], "strip 45", f"ui/campaigns/{jobs[2]['campaign_id']}"):
+        assert words in page, words
+    assert page.count("data-figure=") == len(items)
+    assert f"ui/joint-updates/{answer['joint']['id']}" in named
+    assert f"ui/joint-updates/{answer['joint']['id']}" in campaign
     # It is listed for who may see the project, and for nobody else.
     listed = ok(api.get(f"projects/{project}/joint-updates"), 200)["items"]
     assert [row["id"] for row in listed] == [answer["joint"]["id"]]
@@ -112,7 +138,7 @@ def test_the_example_finds_one_modulus_and_the_clamp(api: httpx.Client) -> None:
 
 
 def test_what_cannot_be_taken_together_is_refused_with_its_place(
-    api: httpx.Client, campaign: str, new_campaign: Callable[..., str]
+    api: httpx.Client, campaign: str, new_campaign: Callable[..., str], service: LocalService
 ) -> None:
     def pointers(body: dict[str, Any]) -> set[str]:
         return {error["pointer"] for error in ok(api.post("update-jobs", json=body), 422)["errors"]}
@@ -134,4 +160,9 @@ def test_what_cannot_be_taken_together_is_refused_with_its_place(
     ended = finished(api, begun.headers["Location"])
     assert ended["status"] == "failed"
     assert "has no FRFs" in str(ended["error"])
-    ok(api.get(api.base_url.join(begun.headers["Location"] + "/result")), 409)
+    for path in ("/result", "/figures", "/figures/campaigns"):
+        ok(api.get(api.base_url.join(begun.headers["Location"] + path)), 409)
+    with session_client(api, base=service.url) as browser:
+        page = browser.get(f"/ui/joint-updates/{ended['id']}")
+    assert page.status_code == 200
+    assert "has no FRFs" in page.text

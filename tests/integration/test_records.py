@@ -95,6 +95,49 @@ def test_records_become_frfs_and_each_names_its_hits(
     assert result["processing"]["windows"]["force_length_s"] > 0
 
 
+def test_the_figure_of_a_point_shows_every_hit_and_what_is_wrong_with_it(
+    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+) -> None:
+    assert "no time blocks" in checked(api.get(f"campaigns/{campaign}/figures/hits"), 404)["detail"]
+    checked(post(api, campaign, npz(hits)), 201)
+    wrong = next(s for s in hits if s.fault not in (None, "off_place"))
+    point = wrong.hit.force.dof.point
+    mine = [s for s in hits if s.hit.force.dof.point == point]
+    answer = api.get(f"campaigns/{campaign}/figures/hits", params={"point": point})
+    figure = checked(answer, 200)
+    panels = [t for t in figure["data"] if t["yaxis"] == "y2"]  # the responses, one a hit
+    good = [t for t in panels if t["legendgroup"] == "good"]
+    bad = {t["legendgroup"]: t for t in figure["data"] if t.get("legendgroup", "good") != "good" and t["name"]}
+    assert len(panels) == len(mine)
+    assert f"hit {wrong.hit.number}" in bad
+    assert bad[f"hit {wrong.hit.number}"]["name"].startswith(f"hit {wrong.hit.number}: ")
+    assert len(good) + len(bad) == len(mine)
+    forces = [t for t in figure["data"] if t["yaxis"] == "y"]
+    drawn = [max(t["y"]) for t in forces]
+    np.testing.assert_allclose(drawn, [s.hit.force.samples.max() for s in mine], rtol=1e-4)
+    frfs = [t for t in figure["data"] if t["yaxis"] == "y3"]
+    first = mine[0].hit
+    # away from the windows' edges an FRF of one hit is the quotient of its spectra
+    line = len(frfs[0]["x"]) // 5
+    lines = np.fft.rfftfreq(first.samples, 1 / first.sample_rate_hz)
+    quotient = np.abs(np.fft.rfft(first.responses[0].samples) / np.fft.rfft(first.force.samples))
+    if mine[0].fault is None:
+        assert frfs[0]["y"][line] == pytest.approx(quotient[np.abs(lines - frfs[0]["x"][line]).argmin()], rel=0.2)
+    unchanged = {"If-None-Match": answer.headers["etag"]}
+    again = api.get(f"campaigns/{campaign}/figures/hits", params={"point": point}, headers=unchanged)
+    assert again.status_code == 304
+    assert api.get(f"campaigns/{campaign}/figures/hits", params={"format": "pdf"}).content.startswith(b"%PDF")
+    refused = checked(api.get(f"campaigns/{campaign}/figures/hits", params={"point": 77}), 404)
+    assert "there are hits at 1+z" in refused["detail"]
+    refused = checked(api.get(f"campaigns/{campaign}/figures/hits", params={"response": 77}), 404)
+    assert "there are 99" in refused["detail"]
+    # A processing that overrules a judgement is what the figure shows from then on.
+    decision = {"point": point, "hit": wrong.hit.number, "use": True}
+    assert finished(api, checked, campaign, {"overrules": [decision]})["status"] == "succeeded"
+    figure = checked(api.get(f"campaigns/{campaign}/figures/hits", params={"point": point}), 200)
+    assert f"hit {wrong.hit.number}" not in {t.get("legendgroup") for t in figure["data"]}
+
+
 def test_a_script_beside_the_hammer_knows_after_each_hit(
     api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
 ) -> None:

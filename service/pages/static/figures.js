@@ -29,17 +29,29 @@ function draw(place, figure) {
   if (layout.title?.text) layout.title = { ...layout.title, font: { size: innerWidth < 640 ? 12 : 14 } };
   return Plotly.newPlot(place, figure.data, layout, CONFIG);
 }
+/* What is shown stands in the address, so that a colleague who opens it sees the same. */
+const shown = new URLSearchParams(location.search);
+function keep(changes) {
+  for (const [key, value] of Object.entries(changes)) if (value === null) shown.delete(key); else shown.set(key, value);
+  const query = shown.toString();
+  history.replaceState(null, "", location.pathname + (query && "?" + query) + location.hash);
+}
 async function get(path) {
   const answer = await fetch(new URL(document.documentElement.dataset.root + "api/v1/" + path, location.href), { credentials: "same-origin", headers: { Accept: "application/json" } });
   const value = await answer.json();
   if (!answer.ok) throw new Error(value.detail);
   return value;
 }
+const address = (figure) => (figure.dataset.query ? withQuery(figure.dataset.figure, figure.dataset.query) : figure.dataset.figure);
 async function show(figure) {
   const place = figure.querySelector(".draw");
-  const path = withQuery(figure.dataset.figure + (figure.dataset.query ? (figure.dataset.figure.includes("?") ? "&" : "?") + figure.dataset.query : ""), { theme: dark.matches ? "dark" : "light" });
+  const asked = address(figure);
+  sight.unobserve(figure);
   try {
-    await draw(place, await get(path));
+    const found = await get(withQuery(asked, { theme: dark.matches ? "dark" : "light" }));
+    if (asked !== address(figure)) return; // something else was chosen in the meantime
+    await draw(place, found);
+    performance.mark("drawn " + asked);
     figure.classList.remove("quiet");
     figure.dispatchEvent(new CustomEvent("drawn"));
     files(figure);
@@ -54,7 +66,7 @@ async function show(figure) {
 function files(figure) {
   let list = figure.querySelector(".files");
   if (!list) { list = document.createElement("p"); list.className = "files"; figure.append(list); }
-  const path = figure.dataset.figure + (figure.dataset.query ? (figure.dataset.figure.includes("?") ? "&" : "?") + figure.dataset.query : "");
+  const path = address(figure);
   list.replaceChildren(...["svg", "png", "pdf"].map((format) => {
     const link = document.createElement("a");
     link.href = document.documentElement.dataset.root + "api/v1/" + withQuery(path, { format });
@@ -64,49 +76,71 @@ function files(figure) {
   }));
 }
 const figures = [...document.querySelectorAll("figure[data-figure]")];
-const sight = new IntersectionObserver((entries) => entries.forEach((e) => { if (e.isIntersecting) { sight.unobserve(e.target); show(e.target); } }), { rootMargin: "300px" });
-figures.forEach((figure) => sight.observe(figure));
+const sight = new IntersectionObserver((entries) => entries.forEach((e) => { if (e.isIntersecting) show(e.target); }), { rootMargin: "300px" });
+const figureOf = (name) => figures.find((figure) => figure.dataset.figure.endsWith("/figures/" + name));
+const goTo = (element, block = "start") => element.scrollIntoView({ behavior: still.matches ? "auto" : "smooth", block });
 dark.addEventListener("change", () => location.reload());
 
-/* The FRF of a result: chosen by point, zoomed by a mode; both stand in the address. */
-const choice = document.querySelector("[data-frf-choice]");
-const overlay = figures.find((figure) => /\/figures\/frf$/.test(figure.dataset.figure));
-function overlayQuery(more) {
-  const said = new URLSearchParams(choice?.value ?? "");
-  for (const [key, value] of Object.entries(more ?? {})) said.set(key, value);
-  return said.toString();
+/* A figure of which a part is drawn: chosen in a list, named in the address. */
+for (const list of document.querySelectorAll("select[data-part-of]")) {
+  const figure = figureOf(list.dataset.partOf);
+  const key = list.dataset.key;
+  const choose = () => { figure.dataset.query = list.selectedOptions[0]?.dataset.query ?? ""; };
+  const named = [...list.options].find((option) => option.value === shown.get(key));
+  if (named) list.value = named.value;
+  choose();
+  list.addEventListener("change", () => { choose(); keep({ [key]: list.value }); show(figure); });
 }
-function zoom(hz, damping) {
-  const half = Math.max(0.25 * hz, 12 * damping * hz);
-  overlay.dataset.query = overlayQuery({ fmin: Math.max(0, hz - half).toFixed(3), fmax: (hz + half).toFixed(3) });
-  history.replaceState(null, "", "#frfs=" + hz);
-  sight.unobserve(overlay);
-  show(overlay);
-  document.getElementById("frfs").scrollIntoView({ behavior: still.matches ? "auto" : "smooth" });
+
+/* The FRF of a result: chosen by point, zoomed by a mode. */
+const choice = document.querySelector("[data-frf-choice]");
+const overlay = choice && figureOf("frf");
+function frfQuery() {
+  const said = new URLSearchParams(choice.selectedOptions[0]?.dataset.query ?? "");
+  const [hz, half] = (shown.get("hz") ?? "").split("~").map(Number);
+  if (hz && half) { said.set("fmin", Math.max(0, hz - half).toFixed(3)); said.set("fmax", (hz + half).toFixed(3)); }
+  overlay.dataset.query = said.toString();
 }
 if (overlay) {
-  if (choice) {
-    overlay.dataset.query = overlayQuery();
-    choice.addEventListener("change", () => { overlay.dataset.query = overlayQuery(); show(overlay); });
-    document.querySelector("[data-unzoom]").addEventListener("click", () => { overlay.dataset.query = overlayQuery(); history.replaceState(null, "", "#frfs"); show(overlay); });
-  }
-  const links = [...document.querySelectorAll("[data-zoom]")];
-  links.forEach((link) => link.addEventListener("click", (event) => { event.preventDefault(); zoom(Number(link.dataset.zoom), Number(link.dataset.damping)); }));
-  const [, hz] = location.hash.match(/^#frfs=([\d.]+)$/) ?? [];
-  if (hz) zoom(Number(hz), Number(links.find((link) => link.dataset.zoom === hz)?.dataset.damping ?? 0.01));
-}
-/* A cell of the MAC opens that pair of shapes. */
-const mac = figures.find((figure) => /\/figures\/mac$/.test(figure.dataset.figure));
-const shapes = figures.find((figure) => /\/figures\/shapes$/.test(figure.dataset.figure));
-if (mac && shapes) mac.addEventListener("drawn", () => {
-  mac.querySelector(".js-plotly-plot").on("plotly_click", ({ points: [cell] }) => {
-    const index = (value, given) => (Array.isArray(cell.pointIndex) ? cell.pointIndex[given] : value);
-    shapes.dataset.query = new URLSearchParams({ measured: index(cell.y, 0) + 1, model: index(cell.x, 1) + 1 }).toString();
-    sight.unobserve(shapes);
-    show(shapes);
-    shapes.scrollIntoView({ behavior: still.matches ? "auto" : "smooth" });
+  const redraw = () => { frfQuery(); show(overlay); };
+  const named = [...choice.options].find((option) => option.value === shown.get("frf"));
+  if (named) choice.value = named.value;
+  frfQuery();
+  choice.addEventListener("change", () => { keep({ frf: choice.value }); redraw(); });
+  document.querySelector("[data-unzoom]").addEventListener("click", () => { keep({ hz: null }); redraw(); });
+  for (const row of document.querySelectorAll("[data-zoom]")) row.addEventListener("click", (event) => {
+    event.preventDefault();
+    const [hz, damping] = [Number(row.dataset.zoom), Number(row.dataset.damping)];
+    keep({ hz: `${Number(hz.toPrecision(7))}~${Number(Math.max(0.25 * hz, 12 * damping * hz).toPrecision(4))}` });
+    redraw();
+    goTo(document.getElementById("frfs"));
   });
-});
+  if (shown.has("hz")) goTo(document.getElementById("frfs"));
+}
+
+/* A pair of shapes: chosen in two lists, or by a cell of the MAC. */
+const shapes = figureOf("shapes");
+const [measured, model] = ["measured", "model"].map((side) => document.querySelector(`[data-shape-of=${side}]`));
+if (shapes && measured) {
+  const choose = (pair) => {
+    [measured.value, model.value] = pair ?? ["", ""];
+    shapes.dataset.query = pair ? new URLSearchParams({ measured: pair[0], model: pair[1] }).toString() : "";
+  };
+  const pair = (shown.get("shapes") ?? "").split("~");
+  if (pair.length === 2) { choose(pair); goTo(shapes, "center"); }
+  const chosen = (which) => { choose(which); keep({ shapes: which ? which.join("~") : null }); show(shapes); };
+  for (const list of [measured, model]) list.addEventListener("change", () => {
+    const other = list === measured ? model : measured;
+    if (list.value && !other.value) other.value = list.value;
+    chosen(list.value && other.value ? [measured.value, model.value] : null);
+  });
+  const mac = figureOf("mac");
+  mac?.addEventListener("drawn", () => mac.querySelector(".js-plotly-plot").on("plotly_click", ({ points: [cell] }) => {
+    chosen(cell.customdata.map(String));
+    goTo(shapes, "center");
+  }));
+}
+figures.forEach((figure) => sight.observe(figure));
 
 /* Measured FRFs of a campaign. */
 const select = document.getElementById("frf");
@@ -136,7 +170,7 @@ async function view(id) {
   await draw(place, { data, layout });
 }
 if (select && viewer) {
-  const choose = (id) => { select.value = id; history.replaceState(null, "", "#frf=" + id); view(id); };
+  const choose = (id) => { select.value = id; keep({ frf: id }); view(id); };
   select.addEventListener("change", () => choose(select.value));
   for (const point of document.querySelectorAll("[data-point]")) point.addEventListener("click", (event) => {
     event.preventDefault();
@@ -145,7 +179,7 @@ if (select && viewer) {
     const next = (mine.findIndex((o) => o.value === select.value) + 1) % mine.length;
     choose(mine[next].value);
   });
-  const [, named] = location.hash.match(/^#frf=([\w-]+)$/) ?? [];
+  const named = shown.get("frf");
   const first = [...select.options].find((o) => o.value === named || o.dataset.response === named) ?? select.options[0];
   select.value = first.value;
   const once = new IntersectionObserver((entries) => { if (entries.some((e) => e.isIntersecting)) { once.disconnect(); view(select.value); } }, { rootMargin: "300px" });
@@ -175,9 +209,13 @@ for (const box of document.querySelectorAll("[data-over-time]")) {
 }
 
 /* The raw curve of a coupon. */
-for (const button of document.querySelectorAll("[data-curve]")) button.addEventListener("click", async () => {
-  const view = document.querySelector("[data-curve-view]");
-  view.hidden = false;
-  try { await draw(view.querySelector(".draw"), await get(`coupons/${button.dataset.curve}/curve/figure?theme=${dark.matches ? "dark" : "light"}`)); } catch (error) { view.querySelector(".draw").textContent = error.message; }
-  view.scrollIntoView({ behavior: still.matches ? "auto" : "smooth", block: "nearest" });
-});
+const curve = document.querySelector("[data-curve-view]");
+async function showCurve(id) {
+  curve.hidden = false;
+  curve.dataset.figure = `coupons/${id}/figures/curve`;
+  await show(curve);
+  goTo(curve, "nearest");
+}
+const curves = [...document.querySelectorAll("[data-curve]")];
+for (const button of curves) button.addEventListener("click", () => { keep({ curve: button.dataset.curve }); showCurve(button.dataset.curve); });
+if (curves.some((button) => button.dataset.curve === shown.get("curve"))) showCurve(shown.get("curve"));

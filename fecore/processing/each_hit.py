@@ -1,0 +1,83 @@
+"""Hits of one point one by one: each hit's own FRF beside the average of the good ones, as a person compares them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.arrays import ComplexArray, FloatArray
+from fecore.frf import Dof
+from fecore.processing.blocks import ChannelQuantity, Hit
+from fecore.processing.document import Processing
+from fecore.processing.estimators import Estimate
+from fecore.processing.judgement import Verdict
+from fecore.processing.points import first_look, judge_points, second_look
+from fecore.processing.spectra import Spectra
+from fecore.processing.traits import Traits
+
+
+@dataclass(frozen=True)
+class EachHit:
+    """The hits of a point.
+
+    Attributes:
+        frequency_hz: (L,) lines of the FRFs.
+        responses: where the sensors stood.
+        quantity: what they measure.
+        frfs: (h, r, L) FRF of each hit alone, response over force; NaN where the force has nothing.
+        verdicts: of each hit, judged among the hits of the point.
+        accepted: which hits are averaged.
+        mean: their FRF for each response; empty where there are none.
+        pulse_s: begin of the first pulse and end of the last, s from the begin of the block; a second pulse that makes a double
+            hit belongs to its hit.
+    """
+
+    frequency_hz: FloatArray
+    responses: tuple[Dof, ...]
+    quantity: ChannelQuantity
+    frfs: ComplexArray
+    verdicts: tuple[Verdict, ...]
+    accepted: tuple[bool, ...]
+    mean: tuple[Estimate, ...]
+    pulse_s: tuple[float, float]
+
+
+def each_hit(hits: Sequence[Hit], accepted: Sequence[bool] | None = None) -> EachHit:
+    """Look at the hits of one point.
+
+    Args:
+        hits: of one place and one set of sensors.
+        accepted: which are averaged, as a processing of the whole campaign decided; None: by the verdicts among themselves.
+
+    Raises:
+        InputError: there are none, or they are unlike one another.
+    """
+    spectra = Spectra([hits], Processing())
+    point = first_look(spectra, hits)
+    verdicts = tuple(judge_points([point], spectra.processing)[0])
+    chosen = tuple(verdict.accepted for verdict in verdicts) if accepted is None else tuple(accepted)
+    good = tuple(i for i, is_good in enumerate(chosen) if is_good)
+    forces, responses = spectra.stack(hits, point.traits, range(len(hits)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        frfs = np.array([response / forces for response in responses]).swapaxes(0, 1)
+    return EachHit(
+        frequency_hz=spectra.frequency,
+        responses=point.responses,
+        quantity=spectra.kinds[0],
+        frfs=np.where(np.isfinite(frfs), frfs, np.nan),
+        verdicts=verdicts,
+        accepted=chosen,
+        mean=point.estimates if good == point.used else second_look(spectra, hits, good),
+        pulse_s=_pulse_s(point.traits, verdicts, spectra.sample_rate),
+    )
+
+
+def _pulse_s(traits: Sequence[Traits], verdicts: Sequence[Verdict], sample_rate_hz: float) -> tuple[float, float]:
+    begin = min(t.pulse.start for t in traits)
+    end = max(t.pulse.stop for t in traits)
+    for t, verdict in zip(traits, verdicts, strict=True):
+        if any(fault.criterion == "double" for fault in verdict.faults):
+            end = max(end, t.pulse.second_at + t.pulse.width)
+    return begin / sample_rate_hz, end / sample_rate_hz
