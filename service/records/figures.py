@@ -14,7 +14,7 @@ from fecore.processing import EachHit, Hit, by_point, each_hit
 from fecore.processing.blocks import FRF_QUANTITY
 from service.errors import NotFound
 from service.figures.hits import HitShown, PointShown
-from service.records.hits import BlockRow, describe_verdict, hits_of
+from service.records.hits import BlockRow, describe_verdict, hits_of, whole
 from service.records.operations import block_rows, samples_of
 from service.records.schemas import HitOut
 from service.records.tables import Processing
@@ -41,7 +41,7 @@ class Chosen:
 
 @dataclass(frozen=True)
 class PointBlocks:
-    """Blocks of the hits of one place, without their samples; and the processing that judged them last."""
+    """Blocks of the whole hits of one place, without their samples; and the processing that judged them last."""
 
     rows: list[BlockRow]
     judged: Processing | None
@@ -72,7 +72,10 @@ def point_blocks(session: Session, campaign_id: UUID, chosen: Chosen) -> PointBl
         raise NotFound(f"hit{_where(chosen)} in this campaign{there}")
     query = select(Processing).where(Processing.campaign_id == campaign_id, Processing.document.is_not(None))
     newest = session.scalars(query.order_by(Processing.id.desc()).limit(1)).one_or_none()
-    return PointBlocks(found[0][1], newest, chosen)
+    rows, lacking = whole(found[0][1])
+    if not rows:
+        raise NotFound(f"whole hit{_where(chosen)} in this campaign: {'; '.join(lacking)}")
+    return PointBlocks(rows, newest, chosen)
 
 
 def point_shown(session: Session, blocks: PointBlocks) -> PointShown:
@@ -82,7 +85,7 @@ def point_shown(session: Session, blocks: PointBlocks) -> PointShown:
 
     Raises:
         NotFound: no sensor stood at the response point.
-        InputError: a hit lacks its force or its response, or hits are unlike one another.
+        InputError: hits are unlike one another.
         Damaged: stored bytes are not the ones that were stored.
     """
     hits, channel = _of_sensor(hits_of(blocks.rows, samples_of(session, blocks.rows)), blocks.chosen.response)
