@@ -17,6 +17,9 @@ from fecore.errors import InputError
 
 Quantity = Literal["accelerance", "mobility", "receptance"]
 
+MAINS_HZ = (50.0, 60.0)
+"""Frequencies of the public supplies, at whose multiples cables hum, Hz."""
+
 _POWER_OF_I_OMEGA: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
 
 

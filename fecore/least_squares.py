@@ -1,4 +1,7 @@
-"""Levenberg and Marquardt's method for sums of squares: the one minimiser of the core.
+"""Levenberg and Marquardt's method for sums of squares: the minimiser of every fit of the core that is to come to rest.
+
+Poles are refined elsewhere (`identification.refinement`): there a few steps are enough, each is bounded by the width of its
+pole, and directions that the data do not know are left out of it.
 
 At a point x the misfit E is modelled by its descent g = -∂E/∂x and a positive semidefinite H ≈ ∂²E/∂x² (Gauss and Newton's),
 
@@ -22,7 +25,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 
-_FIRST_DAMPING = 1e-3
+_FIRST_DAMPING = 1e-3  # of the scaled matrix, whose diagonal is 1
 _LEAST_RELIEF = 0.1  # of the damping after a step as good as foretold
 _STUCK = 1e12  # damping beyond which no step will help
 

@@ -20,7 +20,7 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
 
-_TWIST_TOLERANCE = 1e-9
+_TWIST_TOLERANCE = 1e-9  # D16, D26 over D11 below which they are round-off
 SHEAR_CORRECTION = 5 / 6
 """κ of a homogeneous rectangular section (Reissner 1945)."""
 

@@ -21,8 +21,8 @@ from fecore.body.specimen import Specimen
 from fecore.body.supports import Spring, Supports
 from fecore.errors import InputError
 
-_ANGLE = 10  # rows of the constants that a `Specimen` has not
-_CLAMP = 11
+_ANGLE = 10  # one row of the constants that a `Specimen` has not
+_CLAMP = 11  # ... and the other
 
 
 @dataclass(frozen=True)

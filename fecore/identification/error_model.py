@@ -21,8 +21,8 @@ import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
 
-RELATIVE = 0.02
-DRIFT = 3e-4
+RELATIVE = 0.02  # prior of the errors that grow with the FRF, over it: where a hit lands, calibrations
+DRIFT = 3e-4  # prior of the relative drift of the frequencies during a test
 _STILL = 0.05  # correlation below which the sum ends
 _CAP = 3.0  # standard deviations
 _LONGEST = 200  # lines

@@ -22,7 +22,7 @@ from fecore.identification.linear import alike
 from fecore.identification.refinement import Fit
 from fecore.identification.residues import weights
 
-RESIDUAL_TERMS = (-2, -1, 0, 1, 2)
+RESIDUAL_TERMS = (-2, -1, 0, 1, 2)  # powers of iω that may stand for the modes outside the band
 _SURE = 5.0  # data of prior on the scale of the errors for each datum
 _PRIOR = 100.0  # ... and at least
 _ALONE = 1e-6  # share of a candidate's power that the model's own terms leave: below it nothing new is in it

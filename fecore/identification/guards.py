@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
+from fecore.frf import MAINS_HZ
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.basis import columns
 from fecore.identification.gains import in_band, loss, price
@@ -25,22 +26,21 @@ from fecore.identification.sifting import Need
 from fecore.identification.subsets import Again
 
 OVERDAMPED = 0.6  # a pole damped more than this is a trend of the record, not a resonance
-FIRST_LINES = 3.0
-VAGUE_FREQUENCY = 0.03
-VAGUE_DAMPING = 0.5
+FIRST_LINES = 3.0  # lines from 0 Hz where drift and rigid-body motion lie
+VAGUE_FREQUENCY = 0.03  # standard deviation of ln ω from which a pole has no place
+VAGUE_DAMPING = 0.5  # standard deviation of ζ, over ζ, from which a pole has no width
 _LARGE = 3.0  # misfit without the mode over the errors, below which it is within their reach
-_WEAK = 0.5  # share of any FRF (half as much of all together) at its own frequency below which a mode is doubtful
+WEAK = 0.5  # share of any FRF (half as much of all together) at its own frequency below which a mode is doubtful
 _WEAK_PRICE = 10.0  # ... unless the evidence is so many times its price
 _SURE = 5.0  # ... unless the evidence is so many times its price
 _SMALL = 0.14  # height of a mode over the largest one's, over all FRFs, below which what the large ones leave may look like it
 _CLEAR = 50.0  # ... unless it explains so many times the errors, or the evidence is so many times its price
-_CLEAR_PRICE = 20.0
+_CLEAR_PRICE = 20.0  # ... and the evidence so many times its price
 _ORDERS = 0.5  # share of the orders in which a pole comes back, below which it is not stable
 _COLLINEAR = 0.6  # modal phase collinearity below which a shape is hardly that of a mode
 _STRONG = 100.0  # ratio from which a complex shape is believed
-_FEW_POINTS = 4
+_FEW_POINTS = 4  # FRFs below which heights and shapes say little
 _NARROW = 1.0  # lines in the half-power bandwidth below which a mode is no wider than a tone
-_MAINS = (50.0, 60.0)  # Hz
 _EDGE = 0.5  # half bandwidths (and lines) from the end of the band
 
 
@@ -142,7 +142,7 @@ def _doubt(arrangement: Arrangement, fit: Fit, k: int, witnesses: Witnesses, hei
             f"what it explains is {need.ratio:.1f} times the errors of the FRFs on its lines: a misfit may look like it"
         )
     few = len(arrangement.pairs) < _FEW_POINTS
-    if (2 * share if few else min(largest, 2 * share)) < _WEAK and need.evidence < _WEAK_PRICE:
+    if (2 * share if few else min(largest, 2 * share)) < WEAK and need.evidence < _WEAK_PRICE:
         return f"it is weak, {100 * share:.0f} % of the FRFs at its own frequency"
     if not few and collinear < _COLLINEAR and need.ratio < _STRONG:
         return f"its shape is hardly that of a mode (modal phase collinearity {collinear:.2f})"
@@ -156,7 +156,7 @@ def _doubt(arrangement: Arrangement, fit: Fit, k: int, witnesses: Witnesses, hei
             " the FRFs: what the large ones leave by non-linearity or leakage may look like it (it comes back in"
             f" {100 * stable:.0f} % of the orders)"
         )
-    mains = [base * round(f / base) for base in _MAINS if round(f / base) and abs(f - base * round(f / base)) < line]
+    mains = [base * round(f / base) for base in MAINS_HZ if round(f / base) and abs(f - base * round(f / base)) < line]
     if mains and 2 * zeta * f < _NARROW * line:
         return f"it is as narrow as a tone and lies at {mains[0]:g} Hz, a multiple of the mains frequency"
     if min(f - low, high - f) < _EDGE * max(zeta * f, line) and need.evidence < _WEAK_PRICE:

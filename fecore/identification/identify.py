@@ -38,7 +38,7 @@ from fecore.modes import MeasuredModes
 
 _BEYOND = np.array([1.02, 1.06, 1.12, 1.2, 1.35, 1.6])  # candidate frequencies above the band, in its end
 _BELOW = np.array([0.5, 0.8, 0.95])  # ... and below it, in its start
-_LOOK_BACK = 40
+_LOOK_BACK = 40  # poles of lower frequency that a candidate is compared with
 _ALIKE_ON_LINES = 4.0  # stated noise over the scatter of lines from which most of it is alike on neighbouring lines
 _FEWEST_LEARNT = 4  # FRFs of which a relative error can be learnt beside the noise
 _WIDTHS = np.array([0.01, 0.03, 0.1])

@@ -23,7 +23,7 @@ from fecore.identification.search import Search
 _PRIOR_LINES = 5.0  # lines that the priors of ε² and σ² are worth
 _MOST_DRIFT = 2 * DRIFT  # what seems more is another misfit
 _CAP = 9.0  # times what is foretold: a line further off is capped
-_PASSES = 6
+_PASSES = 6  # of the errors and their weights in turn
 _LEAST_NOISE = 1e-3  # of the first estimate of the noise
 _MOST_NOISE, _MOST_ERROR = (
     2.0,

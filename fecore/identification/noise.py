@@ -15,8 +15,8 @@ import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
 
-_ITERATIONS = 8
-_POLISH = 8
+_ITERATIONS = 8  # of the scoring for the two parts of the noise
+_POLISH = 8  # steps more, by the likelihood itself
 _COLOURED = 6.0  # ratio of the most to the least noise of a record from which it is taken to follow frequency
 _NODES = 64  # frequencies at which the scatter of the lines is taken, by ratio
 _REACH = 0.3  # half the window over the number of its line

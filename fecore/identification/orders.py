@@ -18,10 +18,13 @@ from fecore.identification.search import Search
 from fecore.identification.stabilisation import Stabilisation
 
 _REACH_WIDTHS, _REACH_LINES = 8.0, 30  # half of a pole's own band: half bandwidths, and at least lines
-_HIGHEST = 24
-_FEWEST_LINES = 20
-_MOVED = 0.75  # half bandwidths (at least a line) up to which a pole of an order is this pole
-_BROADER = 2.5  # ... and ratio of their half bandwidths
+_HIGHEST = 24  # order of the local models
+_FEWEST_LINES = 20  # of a local band that a model is fitted to
+MOVED = 0.75
+"""Half bandwidths (of at least a line, of halves half a line) between two fits up to which a pole is the same."""
+
+BROADER = 2.5
+"""Ratio of the damping of two fits up to which a pole is the same."""
 
 
 def comes_back(search: Search, fit: Fit, diagram: Stabilisation) -> FloatArray:
@@ -74,6 +77,6 @@ def _share(
     """Share of the orders, both ends included, that have a pole like this one; bandwidth and line spacing are `widths`."""
     half, line = widths
     broader = np.abs(np.log(np.maximum(zeta * hz, line) / max(half, line)))
-    like = (np.abs(hz - f) < _MOVED * max(half, line)) & (broader < np.log(_BROADER))
+    like = (np.abs(hz - f) < MOVED * max(half, line)) & (broader < np.log(BROADER))
     seen = np.unique(order[like])
     return float(np.sum((seen >= orders[0]) & (seen <= orders[1])) / (orders[1] - orders[0] + 1))

@@ -13,8 +13,8 @@ from fecore.identification.screening import lines_in_words
 
 _FAR = 36.0  # |residual|²/variance; one in 10¹⁵ of Gaussian values is beyond
 _NEAR = 9.0  # ... of both neighbours, which are ordinary beside a true outlier
-_PASSES = 2
-_SHARED = 0.25
+_PASSES = 2  # as a large outlier hides a smaller one
+_SHARED = 0.25  # share of the FRFs that may have an outlier at one line; more of them show the structure's doing
 _MOST = 0.01  # share of a record that may be left out
 
 

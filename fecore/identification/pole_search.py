@@ -26,12 +26,12 @@ from fecore.identification.selection import grow, hold_vague
 from fecore.identification.sifting import Sifted, sift
 
 _CLEANER = 0.1  # errors over those supposed, from which more can be seen than was looked for
-_RELEARN = 3
+_RELEARN = 3  # rounds in which the errors are learnt anew
 _MANY = 64  # FRFs from which the poles of the combinations are taken for near enough
 _DROWNED = 0.3  # square of the jumps from line to line over the power: nothing but noise
 _RAISED = 10.0  # power at 0 Hz over that at the end of such lines, from which they are leakage
-_FEWEST = 3
-_ALIGN = 8
+_FEWEST = 3  # lines that leakage at 0 Hz takes at least
+_ALIGN = 8  # most turns of drift and poles
 _LAST = 2  # steps with all of many FRFs: their combinations have come near already
 _STILL = 0.05  # of the whole drift: what is left below it is at rest
 

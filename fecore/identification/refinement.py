@@ -34,8 +34,8 @@ _VAGUE = 1e-10  # eigenvalue of the scaled information below which a direction i
 _TOUCHED = 1e-4  # share of a null direction from which a parameter takes part in it; less is round-off
 _FEWEST_SESSIONS = 8  # from which their scatter is known well enough
 _HELD = 1e60  # information on a parameter that is held: its variance is nothing
-_STEPS = 40
-_DAMPING_RANGE = (1e-5, 0.95)
+_STEPS = 40  # most steps of one fit
+_DAMPING_RANGE = (1e-5, 0.95)  # of ζ: a pole beyond is no resonance
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,12 @@ from scipy.ndimage import uniform_filter1d
 
 from fecore.arrays import FloatArray
 from fecore.identification.arrangement import Arrangement
-from fecore.identification.guards import Verdict, shares
+from fecore.identification.guards import WEAK, Verdict, shares
 from fecore.identification.refinement import Fit
 from fecore.identification.shapes import Shapes, residue_matrix
 
 _FEW_LINES = 2.0  # lines in the half-power bandwidth below which the damping is not resolved
 _COMPLEX = 0.8  # modal phase collinearity below which a mode is called complex
-_WEAK = 0.5  # share of an FRF at its own frequency below which a mode is called weak
 _SECOND_SHAPE = 0.1  # second singular value of the residues over the first from which there are two modes
 _UNEXPLAINED = 4.0  # mean square of the residual over the noise, over five lines, that is worth saying
 _CLOSE = 1.5  # distance of two modes in their mean bandwidth from which their shapes mix little
@@ -34,7 +33,7 @@ def remarks(arrangement: Arrangement, fit: Fit, verdict: Verdict, shapes: Shapes
                 f"{name}: its half-power bandwidth covers {lines:.1f} lines, so its damping rests on the window and on"
                 " leakage; measure with a finer line spacing"
             )
-        if (share := shares(arrangement, fit, int(verdict.kept[k]))[0]) < _WEAK:
+        if (share := shares(arrangement, fit, int(verdict.kept[k]))[0]) < WEAK:
             notes.append(f"{name}: weak, at most {100 * share:.0f} % of any FRF at its own frequency")
         if shapes.collinearity[k] < _COMPLEX:
             notes.append(f"{name}: complex shape (modal phase collinearity {shapes.collinearity[k]:.2f})")

@@ -21,7 +21,7 @@ from fecore.identification.noise import residual_variance, rough_variance
 from fecore.identification.shapes import Shapes, shapes_from_residues
 from fecore.modes import MeasuredModes
 
-_WEIGHT_PASSES = 2
+_WEIGHT_PASSES = 2  # in which the noise is taken from the residual
 
 
 @dataclass(frozen=True)

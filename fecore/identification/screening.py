@@ -18,7 +18,7 @@ from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
 from fecore.identification.arrangement import Arrangement, arrange, pair_label
 
-_FEWEST_LINES = 16
+_FEWEST_LINES = 16  # that an FRF must have in the band
 _SPIKE = 400.0  # jump squared over the local median of jumps squared
 _JUMP = 30.0  # ... that is worth comparing between FRFs
 _SHARED = 0.25  # share of the FRFs that may show a spike at one line

@@ -32,7 +32,7 @@ _APART = 2.0  # ... and lie this many summed half bandwidths from each other
 _VAGUE_FREQUENCY = 0.05  # standard deviation of ln ω from which a pole is no longer moved
 _VAGUE_DAMPING = 0.7  # ... and of ln ζ
 _SCALES = (1, 5, 25)  # lines over which the residual is averaged to find its peaks
-_PEAKS = 6
+_PEAKS = 6  # of the residual that are tried in a round
 _BEYOND = 3  # most poles outside the band
 _SAME_SHAPE = 0.9  # MAC of the residues of two near poles from which they are one mode
 

@@ -15,7 +15,7 @@ import numpy as np
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.identification.arrangement import Arrangement
 
-_ITERATIONS = 60
+_ITERATIONS = 60  # of the rank-one fit, at most
 _SURE = 4.0  # standard deviations that a driving-point residue must be above zero to normalise by it
 
 

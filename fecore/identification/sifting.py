@@ -19,8 +19,8 @@ from fecore.identification.refinement import Fit, refine
 from fecore.identification.search import Search
 from fecore.identification.selection import without_pole
 
-_STEPS = 6
-_SETTLE = 12
+_STEPS = 6  # of a trial without one pole
+_SETTLE = 12  # steps of the fit that is left
 _ENOUGH = 0.05  # of a pole's price: what a step of a trial must gain to be taken
 _NEED = 2.0  # misfit without a pole over the errors: a pole beside another needs more, or it is a part of it
 _SURE = 1.5  # ... and evidence in units of its price

@@ -13,8 +13,8 @@ from fecore.identification.lscf import lscf
 from fecore.identification.noise import rough_variance
 from fecore.identification.residues import known_or
 
-FREQUENCY_TOLERANCE = 0.01
-DAMPING_TOLERANCE = 0.05
+FREQUENCY_TOLERANCE = 0.01  # relative, between orders: the usual 1 % of stabilisation diagrams
+DAMPING_TOLERANCE = 0.05  # relative, between orders: the usual 5 %
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,12 @@ from fecore.arrays import BoolArray, FloatArray
 from fecore.identification.compression import compress
 from fecore.identification.error_model import ErrorModel
 from fecore.identification.gains import in_band
+from fecore.identification.orders import BROADER, MOVED
 from fecore.identification.refinement import Fit, refine
 from fecore.identification.search import Search
 
 _FEWEST = 4  # FRFs that are parted; of fewer, the lines are
-_STEPS = 6
-_MOVED = 0.75  # half bandwidths (at least half a line) between halves up to which a pole is the same
-_BROADER = 2.5  # ratio of the damping ratios of the halves
+_STEPS = 6  # of the fit to a half
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,7 @@ def halves(search: Search, fit: Fit) -> Again:
     f = np.array([p.terms.frequency_hz for p in parts])
     zeta = np.array([p.terms.damping_ratio for p in parts])
     width = np.maximum((f * zeta).mean(axis=0), search.arrangement.spacing_hz / 2)
-    same = (np.abs(f[0] - f[1]) < _MOVED * width) & (zeta.max(axis=0) < _BROADER * zeta.min(axis=0))
+    same = (np.abs(f[0] - f[1]) < MOVED * width) & (zeta.max(axis=0) < BROADER * zeta.min(axis=0))
     inside = np.all(in_band(search.arrangement, f), axis=0)
     words = "halves of the lines" if len(search.small.source.pairs) < _FEWEST else "halves of the FRFs"
     return Again(words, f, zeta, np.asarray(same & inside))

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.frf import MAINS_HZ
 from fecore.processing.blocks import Hit
 from fecore.processing.traits import Traits
 from fecore.processing.windows import Windows
@@ -24,10 +25,9 @@ FORCE_WIDTHS = 10
 """Length of the force window in widths of the pulse."""
 
 _SHOWN = 1e-4  # of the strongest line's power: 40 dB
-_ABOVE_NOISE = 10.0
-_MAINS_HZ = (50.0, 60.0)
-_STEADY = 0.2
-_FIRST_LINE = 5
+_ABOVE_NOISE = 10.0  # power of a peak over the noise's from which it counts
+_STEADY = 0.2  # logarithm of the fall between the halves below which a peak does not decay
+_FIRST_LINE = 5  # below which drift lies
 
 
 def choose_windows(sample: Sequence[tuple[Hit, Traits]]) -> Windows:
@@ -66,7 +66,7 @@ def _slowest(first: FloatArray, second: FloatArray, half_s: float) -> float:
     lines = lines[(lines >= _FIRST_LINE) & (second[lines] > _ABOVE_NOISE * noise)]
     fall = np.log(first[lines] / second[lines]) / 2
     off = np.min(
-        [np.abs(lines / half_s / mains - np.round(lines / half_s / mains)) * mains for mains in _MAINS_HZ], axis=0
+        [np.abs(lines / half_s / mains - np.round(lines / half_s / mains)) * mains for mains in MAINS_HZ], axis=0
     )
     fall = fall[(off > 1.5 / half_s) | (fall > _STEADY)]  # what stands still at the mains' harmonics is hum
     return float(fall.min()) / half_s if fall.size else np.inf

@@ -17,13 +17,13 @@ import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 
-BANDS = 32
+BANDS = 32  # of an FRF, compared one by one
 FEWEST = 3
 """Hits of one point below which nobody can say which is wrong."""
 
-MOST_LINES = 2048
-_TRIM = 0.8
-_FEW = 3.0
+MOST_LINES = 2048  # that are compared; of more, every k-th
+_TRIM = 0.8  # share of the hits, the best alike, that say what is usual
+_FEW = 3.0  # by which the unit grows, over the number of hits
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,9 @@ from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import FrfSet, convert
 
 _NARROWEST, _WIDEST = 3, 100
-_FEWEST_PEAKS = 6
-_LARGEST_S = 3e-4
-_GOOD_FIT = 0.03
+_FEWEST_PEAKS = 6  # that the phase is read at
+_LARGEST_S = 3e-4  # s, beyond which it is no delay between channels of one analyser
+_GOOD_FIT = 0.03  # of the largest value, that a one-mode fit may miss
 
 
 @dataclass(frozen=True)

@@ -35,8 +35,8 @@ from fecore.errors import InputError
 
 Estimator = Literal["H1", "H2", "Hv"]
 
-_PRIOR = 4.0
-_NEIGHBOURS = 9
+_PRIOR = 4.0  # degrees of freedom that the expected variance of a line is worth
+_NEIGHBOURS = 9  # lines, over which a variance is averaged
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from fecore.processing.comparison import Comparison
 from fecore.processing.pulse import SMALLEST_SECOND
 from fecore.processing.traits import Top, Traits
 
-_STOP_BAND_SCATTER = 3.0
+_STOP_BAND_SCATTER = 3.0  # ratio that the noise between channels may scatter by
 
 Criterion = Literal["double", "overload", "quiet", "late", "early", "place", "polarity"]
 

@@ -13,9 +13,9 @@ from fecore.frf import Dof
 from fecore.processing.blocks import Block, ChannelQuantity, Hit
 from fecore.processing.pulse import Pulse, find_pulse, smallest_gap
 
-_NEAR_TOP = 0.97
-_EQUAL = 1e-4
-_SHARE_AT_TOP = 0.6
+_NEAR_TOP = 0.97  # share of the largest value from which a sample is near it
+_EQUAL = 1e-4  # of the largest value, within which two samples are the same
+_SHARE_AT_TOP = 0.6  # of the samples near the top that are the same where a channel is cut off
 _STOP_BAND = 0.475  # of the sampling rate: above it every anti-alias filter cuts
 _STOP_SAMPLES, _STOP_LEAD = 256, 32
 _FILTER_REACH = 64  # samples before the pulse that the ringing of a linear-phase filter may reach

@@ -23,7 +23,7 @@ from fecore.trend.change import ChangePoint
 from fecore.trend.regression import fit_with_scatter
 from fecore.trend.series import Series, select
 
-DAYS_A_YEAR = 365.25
+DAYS_A_YEAR = 365.25  # Julian year
 
 
 @dataclass(frozen=True)

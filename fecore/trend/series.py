@@ -12,7 +12,7 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
 
-SECONDS_A_DAY = 86400.0
+SECONDS_A_DAY = 86400.0  # by definition
 
 
 @dataclass(frozen=True)

@@ -38,11 +38,11 @@ _UNMEASURED_SHIFT = 0.01  # prior standard deviation of the shift of an unmeasur
 _UNMEASURED_DEVIATION = 2.0  # and of the logarithm of its damping over the law's: nobody measured it
 _GAIN_SD = 0.01  # prior standard deviation of a mode's own gain: where a sensor stands, say
 _COMMON_GAIN_SD = 0.05  # of the gain of all modes: calibrations, and the model's mass
-_FIRST_NOISE = 1e-3
+_FIRST_NOISE = 1e-3  # of the signal, before it is estimated
 _SAME_OPTIMUM = 1e-3  # relative distance of coefficients that counts as one point
 _SAME_TO_NOISE = 0.3  # and their distance in standard deviations by noise alone
 _RIVAL = 10.0  # difference of negative log posteriors below which a second optimum is worth a warning
-_SPREAD_OF_STARTS = 5.0
+_SPREAD_OF_STARTS = 5.0  # factor between the starts
 _LARGE_TURN = 0.02  # rad, of a delay at the highest line: beyond, the data are turned back and the fit begins anew
 
 

@@ -21,12 +21,12 @@ DISCRETISATION = 2e-4
 """Largest relative error of a natural frequency by the mesh."""
 
 _PER_WAVE = 6.0  # elements a bending wave's length to begin with
-_FEWEST = (8, 2)
+_FEWEST = (8, 2)  # elements along and across
 _EDGE_LAYER = 2.0  # thicknesses that an element may be wide, to begin with, …
 _MOST_ACROSS = 16  # … but not beyond so many elements: on a wide plate the layer weighs little
 _MOST = 1500  # elements: a job with more would take minutes
 _SAFETY = 1.3  # on the number of elements that the fourth power asks for
-_ROUNDS = 3
+_ROUNDS = 3  # of solving, estimating and refining
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ from fecore.updating.posterior import (
 SHAPE_DISCREPANCY = 0.01
 """Standard deviation of a measured shape about the model's at a point, as a share of the shape's largest entry."""
 
-_UNKNOWN_FREQUENCY_SD = 0.0002  # a typed-in frequency is taken to be this sure, as a share of it
+UNKNOWN_FREQUENCY_SD = 0.0002  # a typed-in frequency is taken to be this sure, as a share of it
 _TURNS, _STEPS = 30, 6  # pairings and discrepancies that are tried, and steps with each
 _SWINGING = 12  # turns after which a fit that is not at rest swings
 _REST = 1e-4  # posterior standard deviations that an undamped step may still move
@@ -238,7 +238,7 @@ class _Fit:
     def noise(self, rows: list[int]) -> FloatArray:
         """(n, n) covariance of the logarithms of the paired measured frequencies by noise."""
         if self.modes.covariance is None:
-            return np.eye(len(rows)) * _UNKNOWN_FREQUENCY_SD**2
+            return np.eye(len(rows)) * UNKNOWN_FREQUENCY_SD**2
         hz = self.modes.frequency_hz[rows]
         return self.modes.covariance[np.ix_(rows, rows)] / np.outer(hz, hz)
 

@@ -11,8 +11,8 @@ from fecore.updating.verdict import Finding, notes
 SAME_SHAPE = 0.8
 """MAC below which two shapes are not taken to be those of one mode."""
 
-_FAR = 2.0  # prior standard deviations from the prior mean that are worth a warning
-_USUAL_MISS = 0.01  # of frequencies, root mean square: five times what plate theory misses of a body and its supports
+FAR = 2.0  # prior standard deviations from the prior mean that are worth a warning
+USUAL_MISS = 0.01  # of frequencies, root mean square: five times what plate theory misses of a body and its supports
 HOPELESS_MISS = 0.03
 """The same, from which model and measurement do not belong together."""
 
@@ -59,7 +59,7 @@ def _unlike_shapes(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding
 
 
 def _missed_frequencies(elastic: ElasticResult) -> list[Finding]:
-    if elastic.misfit < _USUAL_MISS:
+    if elastic.misfit < USUAL_MISS:
         return []
     text = (
         f"the updated model misses the measured frequencies by {100 * elastic.misfit:.1f} % (rms), far more than plate theory "
@@ -76,7 +76,7 @@ def _far_from_prior(elastic: ElasticResult) -> list[Finding]:
         f"{prior.names[i]} ended {abs(away[i]):.1f} prior standard deviations {'above' if away[i] > 0 else 'below'} its "
         f"prior mean ({theta[i]:.3g} against {prior.prior_mean[i]:.3g}): the prior or the model is wrong, and its interval "
         "supposes neither"
-        for i in np.flatnonzero(np.abs(away) > _FAR)
+        for i in np.flatnonzero(np.abs(away) > FAR)
     ]
     return notes(texts, "with_care", 20)
 

@@ -26,7 +26,7 @@ from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF
 _DOUBTFUL = 5.0  # misfit over the discrepancy's prior from which a result is doubted
 _FAR = 1.5  # and prior standard deviations that a parameter has moved
 _DRAWS, _REACH = 64, 2.0  # from the prior, within so many of its standard deviations
-_STARTS = 4
+_STARTS = 4  # that are gone on with
 
 
 def update_from_several_starts(

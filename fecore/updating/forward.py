@@ -37,6 +37,9 @@ from fecore.updating.parameters import Coefficients, Parametrisation
 OUT_OF_PLANE = 3
 """Direction code of z, which a bending model predicts."""
 
+EXTRA_MODES = 3
+"""Modes beyond the measured ones, at least, so that neighbours can be paired."""
+
 _SHARE_STEP = 1e-5  # relative, of differences of the parts of the section's coefficients, which are nearly linear
 
 

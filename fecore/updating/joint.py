@@ -35,12 +35,12 @@ from fecore.updating.law_fit import DampingFit, Nuisance, fit_law
 from fecore.updating.misfit import FrfMisfit, Weighting
 from fecore.updating.parameters import by_name
 
-_DRAWS = 512
+_DRAWS = 512  # of the search
 _DRAWN_SD = 1.0  # draws cover so many of the prior's standard deviations to either side
-_COARSE_LINES = 150
+_COARSE_LINES = 150  # of an FRF that the search looks at
 _RATIOS = (0.01, 0.03, 0.08)  # damping ratios that the search tries
-_STARTS = 3
-_TURNS = 12
+_STARTS = 3  # that are gone on with
+_TURNS = 12  # of the search for constants and law, at most
 _STILL = 0.01  # posterior standard deviations that the constants may move in the last turn
 _SHIFT_SD = 0.05  # prior standard deviation of a shift, while the model is not right yet
 _OTHERS_SHIFT_SD = 0.02  # the same for modes above the band

@@ -28,7 +28,7 @@ from fecore.updating.elastic import ElasticResult
 from fecore.updating.elastic_findings import HOPELESS_MISS
 from fecore.updating.elastic_starts import update_from_several_starts
 from fecore.updating.excursions import excursions, fixed_points
-from fecore.updating.forward import ForwardModel, modes_to_cover
+from fecore.updating.forward import EXTRA_MODES, ForwardModel, modes_to_cover
 from fecore.updating.inputs import CONSTANT_INPUTS, Inputs
 from fecore.updating.joint import update_jointly
 from fecore.updating.law_ranking import LawRanking, identifiable_laws, rank_laws
@@ -47,7 +47,6 @@ Progress = Callable[[str, float], None]
 """Called with the stage in words and the share of the whole job that is done; raise from it to cancel."""
 
 _ELASTIC = "updating the elastic constants"
-_EXTRA_MODES = 3  # beyond the measured ones, at least, so that neighbours can be paired
 _TYPED_RATIO_SD = 0.02  # relative, of a damping ratio that was typed in without one
 
 
@@ -302,7 +301,7 @@ def _forward(
     measured = 0 if data.modes is None else len(data.modes)
     highest = [float(each) for each in (() if data.frfs is None else data.frfs.frequency_hz[-1:])]
     highest += [] if data.modes is None else [float(data.modes.frequency_hz[-1])]
-    count = modes_to_cover(parametrisation, highest[0], measured + _EXTRA_MODES)
+    count = modes_to_cover(parametrisation, highest[0], measured + EXTRA_MODES)
     # Under a roving sensor a basis would have to hold the static deflections of every point: the full model is quicker.
     mass = measurement.roving_mass
     return ForwardModel(specimen, parametrisation, points, places, count, reduced=not mass, roving_mass=mass)

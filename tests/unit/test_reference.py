@@ -10,12 +10,18 @@ import pytest
 from modalbase.client.connection import Connection
 from modalbase.client.rest import Rest
 from modalbase.client.routes import ROUTES
-from tools import reference, routes
+from tools import reference, routes, tolerances
 
 
 @pytest.mark.parametrize("name", list(reference.MADE))
 def test_what_is_made_from_code_is_up_to_date(name: str) -> None:
     assert (reference.ROOT / name).read_text() == reference.MADE[name](), "run python -m tools.reference"
+
+
+def test_every_number_that_the_core_decides_by_has_its_meaning_beside_it() -> None:
+    found = tolerances.constants()
+    assert len(found) > 300
+    assert [f"{one.module}.{one.name}" for one in found if not one.meaning] == []
 
 
 def test_every_route_of_the_openapi_document_is_a_method_of_the_client() -> None:

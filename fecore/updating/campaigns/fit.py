@@ -20,10 +20,10 @@ from fecore.errors import InputError, UpdatingError
 from fecore.least_squares import Stopping, minimise
 from fecore.updating.campaigns.layout import Campaign, Layout
 from fecore.updating.campaigns.posterior import LinearProblem
+from fecore.updating.elastic import UNKNOWN_FREQUENCY_SD
 from fecore.updating.forward import ForwardState
 from fecore.updating.posterior import DISCREPANCY, Mixture
 
-_UNKNOWN_FREQUENCY_SD = 0.0002  # as in a single update: a typed-in frequency is taken to be this sure
 _TURNS, _STEPS = 25, 6
 _REST = 1e-3  # posterior standard deviations that an undamped step may still move
 _STILL = 1e-3  # of the misfit, that a turn's steps may lower it and be at rest: 1/22 of a standard deviation
@@ -243,7 +243,7 @@ def noise_of(campaign: Campaign, measured: list[int]) -> FloatArray:
     """(n, n) covariance of the logarithms of some of a campaign's measured frequencies by noise."""
     modes = campaign.modes
     if modes.covariance is None:
-        return np.eye(len(measured)) * _UNKNOWN_FREQUENCY_SD**2
+        return np.eye(len(measured)) * UNKNOWN_FREQUENCY_SD**2
     hz = modes.frequency_hz[measured]
     covariance: FloatArray = modes.covariance[np.ix_(measured, measured)] / np.outer(hz, hz)
     return covariance

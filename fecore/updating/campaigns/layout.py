@@ -23,7 +23,7 @@ from fecore.body.oriented import OrientedSpecimen
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.updating.coordinates import Coordinates
-from fecore.updating.forward import ForwardModel, modes_to_cover
+from fecore.updating.forward import EXTRA_MODES, ForwardModel, modes_to_cover
 from fecore.updating.inputs import Inputs
 from fecore.updating.parameters import Parameter, parametrise
 
@@ -40,8 +40,7 @@ MATERIAL_PARAMETERS = (*(Parameter(name) for name in MATERIAL[:-1]), Parameter("
 """What several campaigns update together by default: all constants of the material, each by itself."""
 
 _CLAMP_LOG_SD = 1.2  # of a clamp's compliance: its logarithm covers a half-normal's mass from a tenth to five scales
-_HALF_NORMAL_MEDIAN = 0.6745
-_EXTRA_MODES = 3
+_HALF_NORMAL_MEDIAN = 0.6745  # of |z|, z ~ N(0, 1)
 
 
 @dataclass(frozen=True)
@@ -216,7 +215,7 @@ def _forward(campaign: Campaign, parameters: Sequence[Parameter]) -> ForwardMode
     dofs = campaign.modes.dofs if campaign.modes.shapes is not None else ()
     points = tuple(dict.fromkeys([*(dof.point for dof in dofs), *campaign.fixed_points]))
     places = np.array([campaign.points[point][:2] for point in points]).reshape(-1, 2)
-    count = modes_to_cover(parametrisation, float(campaign.modes.frequency_hz[-1]), len(campaign.modes) + _EXTRA_MODES)
+    count = modes_to_cover(parametrisation, float(campaign.modes.frequency_hz[-1]), len(campaign.modes) + EXTRA_MODES)
     return ForwardModel(body, parametrisation, points, places, count)
 
 

@@ -17,7 +17,7 @@ from fecore.updating.campaigns.layout import is_scatter
 from fecore.updating.excursions import Excursion, excursions
 from fecore.updating.inputs import Inputs
 
-_SMALLEST_SHARE = 1e-3
+_SMALLEST_SHARE = 1e-3  # of the variance that is worth a line of the budget
 _LINES = 12  # of a budget
 
 

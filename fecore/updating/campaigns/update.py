@@ -22,13 +22,11 @@ from fecore.updating.campaigns.layout import (
 from fecore.updating.campaigns.posterior import SCATTER
 from fecore.updating.campaigns.spread import Spread, spreads
 from fecore.updating.discretisation import discretise
+from fecore.updating.elastic_findings import FAR, USUAL_MISS
 from fecore.updating.parameters import Parameter
 from fecore.updating.posterior import identifiability
 from fecore.updating.result import BudgetEntry, Comparable, ParameterEstimate, Verdict
 from fecore.updating.verdict import Finding, judge, notes, warnings
-
-_FAR = 2.0  # prior standard deviations from its prior mean that are worth a warning
-_LARGE_MISS = 0.01  # of frequencies, root mean square of one campaign
 
 
 @dataclass(frozen=True)
@@ -330,7 +328,7 @@ def _findings(fitted: Fitted, parts: Sequence[CampaignPart]) -> list[Finding]:
                 30,
             )
         miss = float(np.sqrt(np.mean(fitted.problem.residual[at] ** 2)))
-        if miss > _LARGE_MISS:
+        if miss > USUAL_MISS:
             found += notes(
                 [
                     f"campaign {part.name}: the material of all campaigns misses its frequencies by {100 * miss:.1f} % (rms)"
@@ -342,6 +340,6 @@ def _findings(fitted: Fitted, parts: Sequence[CampaignPart]) -> list[Finding]:
     texts = [
         f"{layout.labels[place]} ended {abs(away[place]):.1f} prior standard deviations from its prior mean: the prior is "
         "wrong, or it has taken up something else"
-        for place in np.flatnonzero(np.abs(away) > _FAR)
+        for place in np.flatnonzero(np.abs(away) > FAR)
     ]
     return [*found, *notes(texts, "with_care", 20)]
