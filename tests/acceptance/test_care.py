@@ -68,11 +68,11 @@ def test_backup_and_restore_of_a_service_that_runs(short_folder: Path, empty_dat
     assert (again.returncode, len(again.stderr.splitlines())) == (1, 1)
     assert "the database is not empty" in again.stderr
     assert modalbase("restore", str(file), MODALBASE_DATABASE_URL=empty_database).returncode == 0
-    for where, around in ((copy, {}), (None, {"MODALBASE_DATABASE_URL": empty_database})):
-        with up(where, HOME=str(short_folder), **around) as (_, url, made), client(url, key) as api:
-            assert made == ""
-            after = api.get(f"campaigns/{campaign}/frfs/data?format=npz").raise_for_status().content
-            assert same(before, after)
+    assert modalbase("verify", MODALBASE_DATABASE_URL=empty_database).returncode == 0  # every spectrum by its SHA-256
+    with up(copy, HOME=str(short_folder)) as (_, url, made), client(url, key) as api:
+        assert made == ""
+        after = api.get(f"campaigns/{campaign}/frfs/data?format=npz").raise_for_status().content
+        assert same(before, after)
 
 
 def same(one: bytes, other: bytes) -> bool:
