@@ -15,7 +15,8 @@ write   anyone  POST /projects
 jobs    anyone  POST /update-jobs
 admin   anyone  POST /api-keys, DELETE /api-keys/{key_id}
 
-read    viewer  GET /projects/{project_id}, GET /projects/{project_id}/members, GET /projects/{project_id}/structures
+read    viewer  GET /projects/{project_id}, GET /projects/{project_id}/storage, GET /projects/{project_id}/members
+read    viewer  GET /projects/{project_id}/structures
 write   owner   PATCH /projects/{project_id}, POST /projects/{project_id}/restore
 admin   owner   DELETE /projects/{project_id}, POST /projects/{project_id}/purge
 admin   owner   PUT /projects/{project_id}/members/{member}, DELETE /projects/{project_id}/members/{member}

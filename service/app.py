@@ -85,7 +85,8 @@ def create_app(settings: Settings) -> FastAPI:
         docs_url=None,
         redoc_url=None,
     )
-    app.state.settings, app.state.engine, app.state.sessions = settings, engine, make_sessions(engine)
+    app.state.settings, app.state.engine = settings, engine
+    app.state.sessions = make_sessions(engine, project_quota_bytes=settings.project_quota_bytes)
     app.state.changes = Changes(settings.database_url, app.state.sessions, settings.event_streams)
     for router in ROUTERS:
         app.include_router(router, prefix=PREFIX)

@@ -37,6 +37,7 @@ from service.results.card_routes import router as cards
 from service.results.figure_routes import router as figures
 from service.results.joint_figure_routes import router as joint_figures
 from service.results.prediction_routes import router as predictions
+from service.storage.routes import router as storage
 from service.structures.operations import structure_for
 from service.structures.routes import router as structures
 from service.updating.joint_operations import JOINT_UPDATE
@@ -47,6 +48,7 @@ from service.updating.routes import router as updating
 ROUTERS: tuple[APIRouter, ...] = (
     access,
     sessions,
+    storage,
     structures,
     campaigns,
     imports,

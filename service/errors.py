@@ -7,6 +7,7 @@
     ├── Conflict               contradicts what is stored
     ├── Invalid                the input is wrong; lists every fault with its JSON pointer
     ├── PayloadTooLarge        more bytes than the operator allows
+    │   └── QuotaExceeded      more bytes than the project may store
     ├── UnsupportedMediaType   a body of a kind that is not read
     ├── NotAcceptable          an answer of a kind that is not written
     ├── PreconditionFailed     If-Match names an older version
@@ -103,6 +104,21 @@ def _invalid(faults: list[Fault], count: int) -> Invalid:
 
 class PayloadTooLarge(ServiceError):
     """The body has more bytes than the operator allows."""
+
+
+class QuotaExceeded(PayloadTooLarge):
+    """The project would store more bytes than the operator allows it."""
+
+    def __init__(self, used: int, allowed: int, size: int) -> None:
+        super().__init__(
+            f"the project stores {used} of the {allowed} bytes that it may, and this needs {size} more; purge what nobody "
+            "needs, or have the operator raise MODALBASE_PROJECT_QUOTA_BYTES"
+        )
+        self.used, self.allowed, self.size = used, allowed, size
+
+    def __reduce__(self) -> tuple[type[QuotaExceeded], tuple[int, int, int]]:
+        """Survive pickling."""
+        return type(self), (self.used, self.allowed, self.size)
 
 
 class UnsupportedMediaType(ServiceError):

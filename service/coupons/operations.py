@@ -30,6 +30,7 @@ from service.coupons.schemas import (
 )
 from service.coupons.tables import Coupon, CouponBatch
 from service.errors import Conflict, Fault, Invalid
+from service.storage import StorageOwner, book
 from service.structures.operations import structure_for
 
 PROPERTY_OF: dict[Constant, str] = {"Ex": "E_Pa", "Ey": "E_Pa", "Gxy": "G_Pa", "nu_xy": "nu"}
@@ -126,12 +127,16 @@ def add_measured_coupon(session: Session, user: User, batch: CouponBatch, sent: 
 
     Raises:
         Conflict: the batch has this run of this file already.
+        QuotaExceeded: the project has no room for the curve.
         Invalid, Conflict: as `add_coupons`.
     """
     reduced = sent.reduced
     reduced.reduction["warnings"] += unlike_the_batch(session, batch, sent.data, reduced)
     (row,) = add_coupons(session, user, batch, [reduced.coupon])
-    session.add(new_curve(row, sent, reduced))
+    curve = new_curve(row, sent, reduced)
+    owner = StorageOwner(batch_for.project_of(session, batch), structure_id=batch.structure_id)
+    book(session, owner, "curves", len(curve.file) + len(curve.data))
+    session.add(curve)
     session.flush()
     session.refresh(row)
     return row

@@ -7,6 +7,8 @@ from sqlalchemy.exc import ArgumentError
 from sqlalchemy.orm import Session, sessionmaker
 
 Sessions = sessionmaker[Session]
+QUOTA = "project_quota_bytes"
+"""Name in `Session.info` of the bytes that one project may store."""
 
 
 class DatabaseUrlError(ValueError):
@@ -68,8 +70,12 @@ def make_engine(url: str, *, pool_size: int = 5, overflow: int | None = None, na
     )
 
 
-def make_sessions(engine: Engine) -> Sessions:
+def make_sessions(engine: Engine, *, project_quota_bytes: int | None = None) -> Sessions:
     """Makes sessions on an engine. Their objects stay readable after commit, so that a route can describe what it has
     stored.
+
+    Args:
+        engine: on the database.
+        project_quota_bytes: that one project may store through these sessions; no limit by default.
     """
-    return sessionmaker(engine, expire_on_commit=False)
+    return sessionmaker(engine, expire_on_commit=False, info={QUOTA: project_quota_bytes})

@@ -20,12 +20,13 @@ from fecore.arrays import FloatArray
 from fecore.frf import FrfSet, Quantity
 from modalbase.formats.frfs.table import DOFS
 from service.access import Lookup, User, audit
-from service.campaigns.operations import campaign_for
+from service.campaigns.operations import campaign_for, campaign_of
 from service.db.bytea import copy_rows
 from service.frfs.bodies import COLUMNS, coherence_columns
 from service.frfs.schemas import UNITS, FrfOut
 from service.frfs.spectra import encode, encode_axis
 from service.frfs.tables import Frf
+from service.storage import StorageOwner, book
 
 if TYPE_CHECKING:
     from service.campaigns.tables import Campaign
@@ -125,13 +126,17 @@ def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -
 
     Returns:
         The rows, in the order given.
+
+    Raises:
+        QuotaExceeded: the project has no room for them.
     """
+    project_id = campaign_for.project_of(session, campaign)
+    book(session, StorageOwner(project_id, campaign.id), "frfs", new.path.stat().st_size)
     keys = session.scalars(text("SELECT uuidv7() FROM generate_series(1, :count)"), {"count": new.count}).all()
     columns = {"id": "uuid", "campaign_id": "uuid", **COLUMNS}
     with new.path.open("rb") as file, copy_rows(session, Frf.__tablename__, columns) as write:
         for key in keys:
             write([key, campaign.id, *pickle.load(file)])
-    project_id = campaign_for.project_of(session, campaign)
     audit(session, user, "frf.create", "campaign", campaign.id, project_id, count=new.count)
     return frfs_of(session, keys)
 
@@ -164,7 +169,14 @@ def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, ne
 
     Returns:
         Their keys, in order.
+
+    Raises:
+        QuotaExceeded: the project has no room for them.
     """
+    campaign = campaign_of(session, campaign_id)
+    kept = (new.frfs.values, new.coherence, new.frfs.variance)
+    size = sum(values.nbytes for values in kept if values is not None)
+    book(session, StorageOwner(campaign_for.project_of(session, campaign), campaign.id), "frfs", size)
     axis = encode_axis(new.frfs.frequency_hz).columns()
     rows = []
     for i, (response, force) in enumerate(zip(new.frfs.responses, new.frfs.references, strict=True)):

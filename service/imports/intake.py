@@ -13,11 +13,13 @@ from sqlalchemy.orm import Session
 
 from modalbase.formats.uff import DatasetReport, Function, GridPoint, ModeShape
 from service.campaigns.grid_points import add_points, stored_points
+from service.campaigns.operations import campaign_for, campaign_of
 from service.errors import Conflict, Invalid
 from service.frfs.operations import add_coherence, writing_frfs
 from service.imports.reading import EncodedFrf, Kept
 from service.imports.tables import Import
 from service.modes.operations import store_read_modes
+from service.storage import StorageOwner, book
 
 SAME_POINT_M = 1e-6
 """Coordinates of one point in two files may differ by this: a file may have them in single precision."""
@@ -31,6 +33,7 @@ def store_import(session: Session, job_id: UUID, items: Iterator[Kept]) -> None:
 
     Raises:
         Conflict: a grid point of the file lies elsewhere than the campaign has it.
+        QuotaExceeded: the project has no room for what is in the file.
         Invalid: nothing at all of the file could be read.
     """
     row = session.get_one(Import, job_id)
@@ -56,6 +59,7 @@ class _Intake:
         self.coherences: list[tuple[int, Pair, Function]] = []
         self.modes: list[ModeShape] = []
         self.counts = {"frfs": 0, "grid_points": 0, "modes": 0}
+        self.frf_bytes = 0
         self.named: set[int] = set()
         self.seen: set[int] = set()
 
@@ -78,6 +82,9 @@ class _Intake:
         self._write_points()
         self._write_coherences()
         self._write_modes()
+        campaign = campaign_of(self.session, self.row.campaign_id)
+        owner = StorageOwner(campaign_for.project_of(self.session, campaign), campaign.id)
+        book(self.session, owner, "frfs", self.frf_bytes)
         if not any(self.counts.values()) and not self.row.dry_run:
             self._refuse_nothing()
         self.row.counts = self.counts
@@ -107,6 +114,7 @@ class _Intake:
         if self.row.dry_run:
             return
         keys = {"campaign_id": self.row.campaign_id, "import_id": self.row.id}
+        self.frf_bytes += len(frf.spectrum.data) + len(frf.axis.lines or b"")
         write({**vars(frf), **keys, **frf.axis.columns(), **frf.spectrum.columns()})
 
     def _write_points(self) -> None:
@@ -122,6 +130,7 @@ class _Intake:
             if frf is None:
                 orphans[dataset] = "is a coherence of two points between which the file has no FRF on as many lines"
             elif not self.row.dry_run:
+                self.frf_bytes += function.values.real.nbytes
                 add_coherence(self.session, self.row.id, frf, function.values.real)
         self.reports = [
             replace(r, outcome="ignored", reason=orphans[r.number]) if r.number in orphans else r for r in self.reports

@@ -21,6 +21,7 @@ from service.imports.reading import ReadingInputs, read_upload
 from service.imports.schemas import Counts, DatasetOutcome, ImportOut
 from service.imports.tables import Import, Original
 from service.jobs import Job, JobKind, enqueue, job_state
+from service.storage import StorageOwner, book
 from service.web.uploads import Spooled
 
 if TYPE_CHECKING:
@@ -72,12 +73,15 @@ def start_import(session: Session, user: User, campaign_id: UUID, wanted: Import
     Raises:
         NotFound: there is no such campaign, or it is other people's.
         Forbidden: the user's role is too low.
+        QuotaExceeded: the project has no room for the file.
     """
     campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
     if not wanted.dry_run and (known := _same_bytes(session, campaign, wanted.file.sha256)) is not None:
         return known, False
-    keep_original(session, wanted.file)
     project_id = campaign_for.project_of(session, campaign)
+    if not _has_file(session, campaign, wanted.file.sha256):
+        book(session, StorageOwner(project_id, campaign.id), "files", wanted.file.size)
+    keep_original(session, wanted.file)
     job = enqueue(session, kind=IMPORT, project_id=project_id)
     row = Import(
         id=job.id,
@@ -136,6 +140,12 @@ def _described(row: Import, job: Job, size: int) -> ImportOut:
         datasets=[DatasetOutcome.model_validate(d) for d in row.datasets or []],
         warnings=row.warnings or [],
     )
+
+
+def _has_file(session: Session, campaign: Campaign, sha256: bytes) -> bool:
+    """Whether an import into the campaign has brought this file already, be it a dry run or one that failed."""
+    query = select(Import.id).where(Import.campaign_id == campaign.id, Import.sha256 == sha256)
+    return session.scalars(query.limit(1)).first() is not None
 
 
 def _same_bytes(session: Session, campaign: Campaign, sha256: bytes) -> Import | None:

@@ -63,7 +63,8 @@ def run_worker(
         require_head(engine)
         prepare_children(kinds, settings.job_threads)
         with worker_folder() as folder:
-            worker = _Worker(settings, kinds, make_sessions(engine), folder)
+            sessions = make_sessions(engine, project_quota_bytes=settings.project_quota_bytes)
+            worker = _Worker(settings, kinds, sessions, folder)
             asyncio.run(worker.run(list(queues) if queues else None, ready))
     finally:
         dismiss_children()

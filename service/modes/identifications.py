@@ -24,6 +24,7 @@ from service.jobs.kinds import Report
 from service.modes.identification_document import describe_identification
 from service.modes.operations import store_identified
 from service.modes.tables import Identification, ModeSet
+from service.storage import require_room
 from service.web import Name, StrictModel, example
 
 Frequency = Annotated[float, Field(ge=0, le=1e7, description="Hz")]
@@ -148,10 +149,12 @@ def start_identification(session: Session, user: User, campaign_id: UUID, body: 
         InputError: the band is empty.
         NotFound: there is no such campaign, or it is other people's.
         Forbidden: the user's role is too low.
+        QuotaExceeded: the project has no room for modes.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
     body.options()  # a wrong band is refused before it is queued
     project_id = campaign_for.project_of(session, campaign)
+    require_room(session, project_id)
     job = enqueue(session, kind=IDENTIFY, project_id=project_id)
     row = Identification(id=job.id, campaign_id=campaign.id, options=body.model_dump(mode="json"))
     session.add(row)

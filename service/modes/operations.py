@@ -21,6 +21,7 @@ from service.access import Lookup, User, audit
 from service.campaigns.operations import campaign_for
 from service.modes.schemas import ModeIn, ModeOut, ModeSetIn, ModeSetOut, ShapeValue
 from service.modes.tables import Mode, ModeSet
+from service.storage import StorageOwner, book
 
 if TYPE_CHECKING:
     from service.campaigns.tables import Campaign
@@ -37,7 +38,12 @@ def create_mode_set(session: Session, user: User, campaign: Campaign, body: Mode
         user: who asks, for the audit trail.
         campaign: whose modes.
         body: name, and for each mode frequency in Hz, damping ratio, perhaps standard deviations and a shape.
+
+    Raises:
+        QuotaExceeded: the project has no room for them.
     """
+    project_id = campaign_for.project_of(session, campaign)
+    book(session, StorageOwner(project_id, campaign.id), "modes", len(body.model_dump_json()))
     mode_set = ModeSet(campaign_id=campaign.id, name=body.name, origin="typed", details={})
     session.add(mode_set)
     session.flush()
@@ -50,7 +56,7 @@ def create_mode_set(session: Session, user: User, campaign: Campaign, body: Mode
         "mode_set.create",
         "mode_set",
         mode_set.id,
-        campaign_for.project_of(session, campaign),
+        project_id,
         name=body.name,
     )
     return mode_set

@@ -14,6 +14,7 @@ from service.monitoring import routes as monitoring
 from service.pages.joint import joint_updates_of
 from service.pages.look import VisitDep, page
 from service.pages.names import name_jobs
+from service.storage import routes as storage
 from service.structures import routes as structures
 from service.updating import routes as updating
 
@@ -57,6 +58,7 @@ def get_project(project_id: UUID, visit: VisitDep, cursor: Cursor = None) -> HTM
     """A project: its structures, members and newest updates."""
     project = access.get_project(project_id, visit.session, visit.user, Response())
     listed = structures.list_structures(project_id, visit.session, visit.user, cursor=cursor, limit=MOST)
+    stored = storage.get_storage(project_id, visit.session, visit.user, visit.request.app.state.settings)
     members = access.list_members(project_id, visit.session, visit.user, limit=MOST).items
     jobs = updating.list_update_jobs(visit.session, visit.user, project=project_id, limit=10).items
     return visit.show(
@@ -65,6 +67,7 @@ def get_project(project_id: UUID, visit: VisitDep, cursor: Cursor = None) -> HTM
         structures=listed.items,
         following=listed.next_cursor,
         members=members,
+        stored=stored,
         jobs=name_jobs(visit, jobs),
         joint=joint_updates_of(visit, project_id)[:10],
     )

@@ -21,6 +21,7 @@ from service.frfs.spectra import Spectrum, decode, encode
 from service.records.hits import BlockRow, describe_verdict, hits_of, whole
 from service.records.schemas import UNITS, RecordOut, StoredRecords
 from service.records.tables import Record
+from service.storage import StorageOwner, book
 
 MOST_LOOKED_AT = 64
 """Blocks of the points concerned above which an answer does not judge their hits; a processing does."""
@@ -48,6 +49,7 @@ def store_records(
         Conflict: the campaign has a hit of that number there already.
         NotFound: there is no such campaign, or it is other people's.
         Forbidden: the user's role is too low.
+        QuotaExceeded: the project has no room for them.
     """
     campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
     last = _last_hits(session, campaign.id)
@@ -58,8 +60,9 @@ def store_records(
         rows.append(_columns(campaign.id, filename, block, number))
     if not counted:
         _refuse_known(session, campaign.id, rows)
-    stored = list(session.scalars(insert(Record).returning(Record, sort_by_parameter_order=True), rows))
     project = campaign_for.project_of(session, campaign)
+    book(session, StorageOwner(project, campaign.id), "records", sum(len(row["data"]) for row in rows))
+    stored = list(session.scalars(insert(Record).returning(Record, sort_by_parameter_order=True), rows))
     audit(session, user, "record.create", "campaign", campaign.id, project, count=len(rows), filename=filename)
     return stored
 
@@ -118,7 +121,8 @@ def remove_record(session: Session, user: User, record_id: UUID) -> None:
     campaign = campaign_for(session, user, row.campaign_id, "editor")
     project = campaign_for.project_of(session, campaign)
     audit(session, user, "record.delete", "record", row.id, project, sha256=row.sha256.hex(), hit=row.hit)
-    session.execute(delete(Record).where(Record.id == row.id))
+    (size,) = session.execute(delete(Record).where(Record.id == row.id).returning(func.octet_length(Record.data))).one()
+    book(session, StorageOwner(project, campaign.id), "records", -size)
 
 
 def query_of(campaign_id: UUID, point: int | None = None, hit: int | None = None) -> Select[Record]:

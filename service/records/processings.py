@@ -19,6 +19,7 @@ from service.records.computing import PointFile, ProcessingInputs, ProcessingOut
 from service.records.operations import block_rows, samples_of
 from service.records.schemas import ProcessingIn, ProcessingOut
 from service.records.tables import Processing
+from service.storage import require_room
 
 
 def _load(session: Session, job_id: UUID, workspace: Path) -> ProcessingInputs:
@@ -96,10 +97,12 @@ def start_processing(session: Session, user: User, campaign_id: UUID, body: Proc
         InputError: the band is empty.
         NotFound: there is no such campaign, or it is other people's.
         Forbidden: the user's role is too low.
+        QuotaExceeded: the project has no room for FRFs.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
     body.processing()  # a wrong choice is refused before it is queued
     project_id = campaign_for.project_of(session, campaign)
+    require_room(session, project_id)
     job = enqueue(session, kind=PROCESS, project_id=project_id)
     row = Processing(id=job.id, campaign_id=campaign.id, options=body.model_dump(mode="json"))
     session.add(row)

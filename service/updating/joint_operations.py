@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -19,6 +20,7 @@ from service.coupons.operations import batch_for
 from service.errors import Conflict, Fault, Invalid, NotFound
 from service.jobs import Job, JobKind, enqueue, job_state, one_at_a_time, request_cancel
 from service.modes.operations import mode_set_for
+from service.storage import StorageOwner, book, require_room
 from service.structures.operations import present_structure
 from service.updating.batches import UpdateBatchIn
 from service.updating.joint_computation import compute_joint
@@ -33,6 +35,7 @@ from service.web.json_body import pointer
 def _store(session: Session, job_id: UUID, items: Iterator[dict[str, Any]]) -> None:
     row = session.get_one(JointUpdate, job_id)
     for document in items:
+        book(session, StorageOwner(row.project_id), "results", len(json.dumps(document)))
         row.document = document
 
 
@@ -80,6 +83,7 @@ def start_joint(
             if UpdateBatchIn.model_validate(known.request).model_dump(mode="json") != sent:
                 raise Invalid("Idempotency-Key", "was used for another request; use a new key for a new job")
             return known
+    require_room(session, project_id)
     queued = enqueue(session, kind=JOINT_UPDATE, project_id=project_id, priority=priority)
     row = JointUpdate(
         id=queued.id, project_id=project_id, request=sent, campaigns=campaigns, idempotency_key=idempotency_key

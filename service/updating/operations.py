@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
@@ -20,6 +21,7 @@ from service.jobs import Job, JobKind, enqueue, job_state, one_at_a_time, reques
 from service.modes.identifications import keep_identified
 from service.modes.operations import mode_set_for
 from service.records.processings import keep_processing
+from service.storage import StorageOwner, book, require_room
 from service.structures.operations import present_structure
 from service.updating.computation import UpdateOutput, compute_update
 from service.updating.loading import load_update, nominal_specimen
@@ -46,6 +48,8 @@ def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> Non
                 session, row.campaign_id, "identified by an update", output.identified, job_id=job_id
             )
             output.document["provenance"]["mode_set"] = str(kept.id)
+        size = len(output.prediction) + len(json.dumps(output.document))
+        book(session, StorageOwner(row.project_id, row.campaign_id), "results", size)
         session.add(UpdateResult(id=job_id, document=output.document, prediction=output.prediction))
 
 
@@ -76,6 +80,7 @@ def start_update(
         InputError: the core does not take the recipe's parameters or band.
         NotFound: there is no such campaign, or it is other people's.
         Forbidden: the user's role is too low.
+        QuotaExceeded: the project has no room for a result.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
     project_id = campaign_for.project_of(session, campaign)
@@ -96,6 +101,7 @@ def start_update(
     _check(session, user, campaign, recipe)
     _check_parameters(recipe, structure, campaign)
     _check_data(session, recipe, campaign)
+    require_room(session, project_id)
     job = enqueue(session, kind=UPDATE, project_id=project_id, priority=priority)
     row = UpdateJob(
         id=job.id,
