@@ -15,6 +15,10 @@ write   anyone  POST /projects
 jobs    anyone  POST /update-jobs
 admin   anyone  POST /api-keys, DELETE /api-keys/{key_id}
 
+admin   administrator  GET /users, GET /users/{user_id}, POST /users/{user_id}/disable, POST /users/{user_id}/enable
+admin   administrator  GET /users/{user_id}/api-keys, PATCH /users/{user_id}/api-keys/{key_id}
+admin   administrator  DELETE /users/{user_id}/api-keys/{key_id}
+
 read    viewer  GET /projects/{project_id}, GET /projects/{project_id}/storage, GET /projects/{project_id}/members
 read    viewer  GET /projects/{project_id}/structures
 write   owner   PATCH /projects/{project_id}, POST /projects/{project_id}/restore
@@ -71,12 +75,13 @@ admin   editor  POST /webhooks/{webhook_id}/test
 read    viewer  GET /webhooks/{webhook_id}/deliveries
 write   editor  POST /deliveries/{delivery_id}/replay
 """
-"""Scope of the key, role in the project of what the path names, operations."""
+"""Scope of the key, role in the project of what the path names (or `administrator`, whatever the role), operations."""
 
 BODIES: dict[str, Any] = {
     "POST /projects": {"name": "p"},
     "PATCH /projects/{project_id}": {"name": "p"},
     "PUT /projects/{project_id}/members/{member}": {"role": "viewer"},
+    "PATCH /users/{user_id}/api-keys/{key_id}": {"expires_at": "2999-01-01T00:00:00Z"},
     "POST /api-keys": {"name": "k", "scopes": ["admin"]},
     "POST /projects/{project_id}/structures": paper.STRUCTURE,
     "PATCH /structures/{structure_id}": {"name": "s"},

@@ -45,12 +45,15 @@ _NAMES = re.compile(r"{(\w+)}")
 
 @dataclass(frozen=True)
 class Caller:
-    """Somebody with a key, or without: `role` in the own project, `scopes` of the key; None for a key that is none."""
+    """Somebody with a key, or without: `role` in the own project, `scopes` of the key; None for a key that is none; and
+    whether they look after other users.
+    """
 
     name: str
     role: str | None
     scopes: tuple[str, ...]
     key: str
+    administrator: bool = False
 
 
 @dataclass
@@ -88,13 +91,17 @@ class _Round:
         self.stranger = self._client(service.new_key("stranger"))
         self.foreign = furnish(self.stranger, sessions, self.mark)
         self.own = furnish(self.owner, sessions, "own")
-        for name, role in (("viewer", "viewer"), ("editor", "editor"), ("guest", "viewer")):
+        for name, role in (("viewer", "viewer"), ("editor", "editor"), ("guest", "viewer"), ("chief", "viewer")):
             with sessions.begin() as session:
                 user_named(session, name)
             self._join(name, role)
         self.random = Things({name: str(uuid4()) for name in self.own.ids} | {"number": "1", "name": "parameters"})
         for things in (self.own, self.foreign, self.random):
             things.ids["member"] = "guest"
+        with sessions.begin() as session:
+            user_named(session, "chief").administrator = True
+            self.own.ids["user_id"] = str(user_named(session, "guest").id)
+        self.random.ids["user_id"] = str(uuid4())
         self.secrets = {value for name, value in self.foreign.ids.items() if name.endswith("_id")}
 
     def _client(self, key: str) -> httpx.Client:
@@ -117,6 +124,11 @@ class _Round:
                 for scope in SCOPES if long or role == "owner" else ():
                     key = create_key(session, user, scope, [scope])[1]
                     made.append(Caller(f"{role}, {scope} alone", role, (scope,), key))
+            chief, some = user_named(session, "chief"), ("read", "write", "jobs")
+            made.append(Caller("administrator", "viewer", SCOPES, create_key(session, chief, "all")[1], True))
+            made.append(
+                Caller("administrator, no admin", "viewer", some, create_key(session, chief, "s", some)[1], True)
+            )
             owner, yesterday = user_named(session, "owner"), datetime.now(UTC) - timedelta(days=1)
             revoked = create_key(session, owner, "revoked")
             session.execute(update(ApiKey).where(ApiKey.id == revoked[0].id).values(revoked_at=yesterday))
@@ -172,6 +184,9 @@ class _Round:
         if scope not in caller.scopes:
             self._expect(name, caller, "own", self._ask(name, caller, self.own, body), {403})
             return
+        if role == "administrator":
+            self._ask_administrator(name, caller, body)
+            return
         random = self._ask(name, caller, self.random, body)
         named = "{" in name
         if named:
@@ -183,13 +198,28 @@ class _Round:
             self._expect(name, caller, "own", self._ask(name, caller, self.own, body), {403})
             return
         if named:
-            things = self._with_own_key(caller) if "{key_id}" in name else self.own
+            things = (
+                self._with_own_key("chief" if caller.administrator else str(caller.role))
+                if "{key_id}" in name
+                else self.own
+            )
             own = self._ask(name, caller, things, body)
             if own[0] in REFUSED and _anonymous(own[1], things) == _anonymous(random[1], self.random):
                 self._leak(name, caller, "own", own, "should be let in")
             self._repair(name, own[0])
         if len(caller.scopes) > 1:
             self._references(name, operation, caller, body)
+
+    def _ask_administrator(self, name: str, caller: Caller, body: Any) -> None:
+        """Users belong to no project: an administrator is let in to all, anybody else learns not even who there is."""
+        things = self._with_own_key("guest") if "{key_id}" in name else self.own
+        own, random = self._ask(name, caller, things, body), self._ask(name, caller, self.random, body)
+        if caller.administrator:
+            self._expect(name, caller, "own", own, {200, 204})
+            self._expect(name, caller, "random", random, {404} if "{" in name else {200})
+        else:
+            self._expect(name, caller, "own", own, {403})
+            self._same(name, caller, random, own, self.random, things)
 
     def _references(self, name: str, operation: dict[str, Any], caller: Caller, body: Any) -> None:
         """Ids in the query and in the body: a foreign one is like one that there is not."""
@@ -206,9 +236,9 @@ class _Round:
             answers = [self._ask(name, caller, self.own, _with(body, place, v)) for v in (absent, target)]
             self._same(name, caller, *answers, Things({"x": absent}), Things({"x": target}))
 
-    def _with_own_key(self, caller: Caller) -> Things:
+    def _with_own_key(self, name: str) -> Things:
         with self.sessions() as session:
-            user = user_named(session, str(caller.role))
+            user = user_named(session, name)
             key = create_key(session, user, "spare")[0].id
             session.commit()
         return Things({**self.own.ids, "key_id": str(key)})

@@ -11,9 +11,11 @@ from functools import partial
 from fastapi import APIRouter
 
 from service.access.door import Finder
+from service.access.member_routes import router as members
 from service.access.projects import project_for
 from service.access.routes import router as access
 from service.access.session_routes import router as sessions
+from service.access.user_routes import router as users
 from service.campaigns.grid_point_routes import router as grid_points
 from service.campaigns.operations import campaign_for
 from service.campaigns.routes import router as campaigns
@@ -47,7 +49,9 @@ from service.updating.routes import router as updating
 
 ROUTERS: tuple[APIRouter, ...] = (
     access,
+    members,
     sessions,
+    users,
     storage,
     structures,
     campaigns,

@@ -105,10 +105,12 @@ class LocalService:
     ) -> None:
         self._stack.close()
 
-    def new_key(self, name: str) -> str:
-        """A new API key of the user of that name, who is made when absent."""
+    def new_key(self, name: str, *, administrator: bool = False) -> str:
+        """A new API key of the user of that name, who is made when absent, and made an administrator where wanted."""
         with make_sessions(self._engine).begin() as session:
-            return create_key(session, user_named(session, name), name)[1]
+            user = user_named(session, name)
+            user.administrator |= administrator
+            return create_key(session, user, name)[1]
 
     def has_keys(self) -> bool:
         """Is there any API key that opens something?"""

@@ -46,18 +46,6 @@ ROUTES: dict[str, Route] = {
         "POST", "projects/{project_id}/restore", (),
         "Bring a deleted project back.",
     ),
-    "list_members": Route(
-        "GET", "projects/{project_id}/members", ("cursor", "limit"),
-        "Who is in a project, and in which role.",
-    ),
-    "put_member": Route(
-        "PUT", "projects/{project_id}/members/{member}", (),
-        "Give a user, by name or id, a role in the project.",
-    ),
-    "delete_member": Route(
-        "DELETE", "projects/{project_id}/members/{member}", (),
-        "Take a user out of the project: an owner anybody, every member themselves.",
-    ),
     "list_api_keys": Route(
         "GET", "api-keys", ("cursor", "limit"),
         "One's own keys, without their secrets.",
@@ -74,6 +62,18 @@ ROUTES: dict[str, Route] = {
         "GET", "audit-events", ("project", "cursor", "limit"),
         "What was done in one's projects and by oneself, newest first.",
     ),
+    "list_members": Route(
+        "GET", "projects/{project_id}/members", ("cursor", "limit"),
+        "Who is in a project, and in which role.",
+    ),
+    "put_member": Route(
+        "PUT", "projects/{project_id}/members/{member}", (),
+        "Give a user, by name or id, a role in the project.",
+    ),
+    "delete_member": Route(
+        "DELETE", "projects/{project_id}/members/{member}", (),
+        "Take a user out of the project: an owner anybody, every member themselves.",
+    ),
     "sign_in": Route(
         "POST", "session", (),
         "Begin a browser's session with the key of this request; the answer sets its cookie.",
@@ -81,6 +81,38 @@ ROUTES: dict[str, Route] = {
     "sign_out": Route(
         "DELETE", "session", (),
         "End the session of this request's cookie, here and for whoever has its cookie.",
+    ),
+    "list_users": Route(
+        "GET", "users", ("name", "cursor", "limit"),
+        "All users; for administrators, with a key of the scope `admin`.",
+    ),
+    "get_user": Route(
+        "GET", "users/{user_id}", (),
+        "One user; for administrators.",
+    ),
+    "disable_user": Route(
+        "POST", "users/{user_id}/disable", (),
+        "Disable a user: from now on none of their keys opens anything; for administrators.",
+    ),
+    "enable_user": Route(
+        "POST", "users/{user_id}/enable", (),
+        "Enable a user who was disabled; for administrators.",
+    ),
+    "list_keys_of_user": Route(
+        "GET", "users/{user_id}/api-keys", ("cursor", "limit"),
+        "A user's keys, without their secrets; for administrators.",
+    ),
+    "end_key_of_user": Route(
+        "PATCH", "users/{user_id}/api-keys/{key_id}", (),
+        "Have a user's key expire, never later than it does already; for administrators.",
+    ),
+    "revoke_key_of_user": Route(
+        "DELETE", "users/{user_id}/api-keys/{key_id}", (),
+        "Revoke a user's key: from now on it opens nothing; for administrators.",
+    ),
+    "get_storage": Route(
+        "GET", "projects/{project_id}/storage", (),
+        "How many bytes a project stores, and how many it may.",
     ),
     "list_structures": Route(
         "GET", "projects/{project_id}/structures", ("cursor", "limit", "deleted"),

@@ -1,15 +1,12 @@
-"""Routes of projects, members, API keys and the audit trail."""
+"""Routes of projects, one's own API keys and the audit trail."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from contextlib import suppress
 from typing import Annotated
 from uuid import UUID
 
 from fastapi import Query, Request, Response
-from sqlalchemy import ColumnElement, or_, select
-from sqlalchemy.dialects.postgresql import insert
+from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
 
 from service.access.audit import audit
@@ -20,16 +17,15 @@ from service.access.schemas import (
     AuditEventOut,
     KeyIn,
     KeyOut,
-    MemberIn,
-    MemberOut,
     NewKeyOut,
     ProjectIn,
     ProjectOut,
     ProjectPatch,
 )
 from service.access.tables import ApiKey, AuditEvent, Member, Project, User
+from service.access.users import names_of
 from service.db.clock import transaction_time
-from service.errors import Conflict, Invalid, NotFound, not_found_as
+from service.errors import Conflict, Invalid, NotFound
 from service.web import IF_MATCH, Page, api_router, etag_of, require_match
 from service.web.paging import Cursor, Limit, paged
 
@@ -127,73 +123,6 @@ def _shown(project: Project, response: Response) -> ProjectOut:
     return shown
 
 
-@router.get("/projects/{project_id}/members")
-def list_members(
-    project_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
-) -> Page[MemberOut]:
-    """Who is in a project, and in which role."""
-    project = project_for(session, user, project_id)
-    query = select(Member).where(Member.project_id == project.id)
-    rows, following = paged(session, query, Member.user_id, cursor, limit)
-    names = _names(session, {row.user_id for row in rows})
-    items = [
-        MemberOut(project_id=project.id, user_id=row.user_id, user=names[row.user_id], role=row.role)  # type: ignore[arg-type]  # the column holds roles
-        for row in rows
-    ]
-    return Page(items=items, next_cursor=following)
-
-
-@router.put("/projects/{project_id}/members/{member}")
-def put_member(project_id: UUID, member: str, body: MemberIn, session: SessionDep, user: CurrentUser) -> MemberOut:
-    """Give a user, by name or id, a role in the project."""
-    project = project_for(session, user, project_id, "owner")
-    found = _user(session, member)
-    if body.role != "owner":
-        _keep_an_owner(session, project_id, found)
-    session.execute(
-        insert(Member)
-        .values(project_id=project.id, user_id=found.id, role=body.role)
-        .on_conflict_do_update(index_elements=["project_id", "user_id"], set_={"role": body.role})
-    )
-    audit(session, user, "member.put", "user", found.id, project.id, role=body.role)
-    return MemberOut(project_id=project.id, user_id=found.id, user=found.name, role=body.role)
-
-
-@router.delete("/projects/{project_id}/members/{member}", status_code=204)
-def delete_member(project_id: UUID, member: str, session: SessionDep, user: CurrentUser) -> None:
-    """Take a user out of the project: an owner anybody, every member themselves."""
-    found = user if member in (user.name, str(user.id)) else None
-    project = project_for(session, user, project_id, "viewer" if found else "owner", resting=found is not None)
-    with not_found_as("member", member):  # whether there is a user of that name is nobody's business
-        found = found or _user(session, member)
-    row = session.get(Member, (project.id, found.id))
-    if row is None:
-        raise NotFound("member", member)
-    _keep_an_owner(session, project_id, found)
-    session.delete(row)
-    audit(session, user, "member.delete", "user", found.id, project.id)
-
-
-def _user(session: Session, name_or_id: str) -> User:
-    """A user by name or id; `NotFound` where there is none."""
-    wanted: ColumnElement[bool] = User.name == name_or_id
-    with suppress(ValueError):  # not an id, so a name
-        wanted = or_(wanted, User.id == UUID(name_or_id))
-    found = session.scalars(select(User).where(wanted)).first() if "\0" not in name_or_id else None
-    if found is None:
-        raise NotFound("user", name_or_id)
-    return found
-
-
-def _keep_an_owner(session: Session, project_id: UUID, leaving: User) -> None:
-    """Refuse to take the last owner's role away."""
-    owners = session.scalars(
-        select(Member.user_id).where(Member.project_id == project_id, Member.role == "owner").with_for_update()
-    ).all()
-    if list(owners) == [leaving.id]:
-        raise Conflict(f"{leaving.name} is the project's last owner; make another member an owner first")
-
-
 @router.post("/api-keys", status_code=201)
 def create_api_key(body: KeyIn, session: SessionDep, user: CurrentUser, own: CurrentKey) -> NewKeyOut:
     """Make another key of one's own, with no more rights than the one that makes it; the answer alone shows it."""
@@ -242,10 +171,6 @@ def list_audit_events(
     if project is not None:
         query = query.where(AuditEvent.project_id == project_for(session, user, project).id)
     rows, following = paged(session, query, AuditEvent.id, cursor, limit, newest_first=True)
-    names = _names(session, {row.user_id for row in rows})
+    names = names_of(session, {row.user_id for row in rows})
     items = [AuditEventOut(**row.__dict__, user=names.get(row.user_id)) for row in rows]
     return Page(items=items, next_cursor=following)
-
-
-def _names(session: Session, user_ids: Iterable[UUID | None]) -> dict[UUID | None, str]:
-    return {user.id: user.name for user in session.scalars(select(User).where(User.id.in_(user_ids)))}

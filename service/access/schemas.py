@@ -96,6 +96,25 @@ class KeyOut(_Out):
     revoked_at: datetime | None
 
 
+class KeyEnd(StrictModel):
+    """When a key is to expire."""
+
+    model_config = example(expires_at="2027-01-01T00:00:00Z")
+
+    expires_at: Time = Field(description="not later than the key expires already")
+
+
+class UserOut(_Out):
+    """A user, as administrators see them."""
+
+    id: UUID
+    created_at: datetime = Field(description="when the user, or the first membership under this name, was entered")
+    name: str
+    disabled_at: datetime | None = Field(description="since when no key of theirs opens anything")
+    administrator: bool = Field(description="whether they may look after other users")
+    valid_keys: int = Field(description="keys that are neither revoked nor expired; 0 of who waits for a first one")
+
+
 class NewKeyOut(KeyOut):
     """A key just made; `key` is shown this once."""
 

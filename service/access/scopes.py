@@ -19,6 +19,8 @@ _JOBS = ("update-jobs", "identifications", "runs", "cancel", "retry", "plans", "
 def scope_of(method: str, path: str) -> Scope:
     """The scope that a route needs, by its method and its path with the ids' names in braces."""
     steps = [step for step in path.split("/") if not step.startswith("{")]
+    if "users" in steps:
+        return "admin"
     if method in ("GET", "HEAD") or steps[-1] == "session":  # whoever may read may do so in a browser
         return "read"
     if any(step in _ADMIN for step in steps) or (method == "DELETE" and steps[-1] == "projects"):

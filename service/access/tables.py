@@ -19,6 +19,7 @@ class User(Identified, Base):
 
     name: Mapped[str] = mapped_column(unique=True)
     disabled_at: Mapped[datetime | None]
+    administrator: Mapped[bool] = mapped_column(default=False, server_default=text("false"))
 
 
 class ApiKey(Identified, Base):

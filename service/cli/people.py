@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from sqlalchemy.orm import Session
 
+    from service.access import User
+
 keys = typer.Typer(help="API keys.", no_args_is_help=True)
 users = typer.Typer(help="Users.", no_args_is_help=True)
 
@@ -113,14 +115,15 @@ def revoke(prefix: Annotated[str, typer.Argument(help="As `keys list` shows it")
 
 @users.command("list")
 def list_users(data: Data = None) -> None:
-    """List all users, one a line: name and state."""
+    """List all users, one a line: name, state, and `administrator` of who is one."""
     from sqlalchemy import select
 
     from service.access import User
 
     with _transaction(data) as session:
         for user in session.scalars(select(User).order_by(User.name)):
-            typer.echo(f"{user.name}\t{'enabled' if user.disabled_at is None else 'disabled'}")
+            words = [user.name, "enabled" if user.disabled_at is None else "disabled"]
+            typer.echo("\t".join([*words, "administrator"] if user.administrator else words))
 
 
 @users.command("disable")
@@ -135,14 +138,45 @@ def enable(name: str, data: Data = None) -> None:
     _set_disabled(name, data, disabled=False)
 
 
-def _set_disabled(name: str, data: Path | None, *, disabled: bool) -> None:
-    from sqlalchemy import func, select
-
-    from service.access import User, audit
+@users.command("promote")
+def promote(name: str, data: Data = None) -> None:
+    """Make a user an administrator, who may list users and disable them and end their keys by REST."""
+    from service.access import audit
 
     with _transaction(data) as session:
-        user = session.scalars(select(User).where(User.name == name)).one_or_none()
-        if user is None:
-            stop_with(f"there is no user {name!r}; `modalbase users list` shows all")
+        user = _user(session, name)
+        user.administrator = True
+        audit(session, None, "user.promote", "user", user.id)
+
+
+@users.command("demote")
+def demote(name: str, data: Data = None) -> None:
+    """Take an administrator's right to look after other users away."""
+    from service.access import audit
+
+    with _transaction(data) as session:
+        user = _user(session, name)
+        user.administrator = False
+        audit(session, None, "user.demote", "user", user.id)
+
+
+def _set_disabled(name: str, data: Path | None, *, disabled: bool) -> None:
+    from sqlalchemy import func
+
+    from service.access import audit
+
+    with _transaction(data) as session:
+        user = _user(session, name)
         user.disabled_at = func.now() if disabled else None
         audit(session, None, "user.disable" if disabled else "user.enable", "user", user.id)
+
+
+def _user(session: Session, name: str) -> User:
+    from sqlalchemy import select
+
+    from service.access import User
+
+    user = session.scalars(select(User).where(User.name == name)).one_or_none()
+    if user is None:
+        stop_with(f"there is no user {name!r}; `modalbase users list` shows all")
+    return user

@@ -60,7 +60,7 @@ def _welcome(service: LocalService, embedded: Path | None) -> None:
     if service.has_keys():
         typer.echo("API key: those made before still work; one more: modalbase keys create --name NAME")
     else:
-        key = service.new_key("operator")
+        key = service.new_key("operator", administrator=True)
         if embedded is not None:  # who reads this folder has the database anyway
             write_private(embedded / KEY_FILE, key + "\n")
         typer.echo(f"API key: {key}  (shown this once; one more: modalbase keys create --name NAME)")

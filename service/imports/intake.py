@@ -82,11 +82,12 @@ class _Intake:
         self._write_points()
         self._write_coherences()
         self._write_modes()
-        campaign = campaign_of(self.session, self.row.campaign_id)
-        owner = StorageOwner(campaign_for.project_of(self.session, campaign), campaign.id)
-        book(self.session, owner, "frfs", self.frf_bytes)
         if not any(self.counts.values()) and not self.row.dry_run:
             self._refuse_nothing()
+        if self.frf_bytes:
+            campaign = campaign_of(self.session, self.row.campaign_id)
+            owner = StorageOwner(campaign_for.project_of(self.session, campaign), campaign.id)
+            book(self.session, owner, "frfs", self.frf_bytes)
         self.row.counts = self.counts
         self.row.datasets = [_report(report) for report in self.reports]
         self.row.warnings = self._warnings()

@@ -9,6 +9,7 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 from starlette.responses import Response
 
+from service.access import member_routes as members
 from service.access import routes as access
 from service.monitoring import routes as monitoring
 from service.pages.joint import joint_updates_of
@@ -59,14 +60,14 @@ def get_project(project_id: UUID, visit: VisitDep, cursor: Cursor = None) -> HTM
     project = access.get_project(project_id, visit.session, visit.user, Response())
     listed = structures.list_structures(project_id, visit.session, visit.user, cursor=cursor, limit=MOST)
     stored = storage.get_storage(project_id, visit.session, visit.user, visit.request.app.state.settings)
-    members = access.list_members(project_id, visit.session, visit.user, limit=MOST).items
+    people = members.list_members(project_id, visit.session, visit.user, limit=MOST).items
     jobs = updating.list_update_jobs(visit.session, visit.user, project=project_id, limit=10).items
     return visit.show(
         "project.html",
         project=project,
         structures=listed.items,
         following=listed.next_cursor,
-        members=members,
+        members=people,
         stored=stored,
         jobs=name_jobs(visit, jobs),
         joint=joint_updates_of(visit, project_id)[:10],

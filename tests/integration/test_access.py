@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from uuid import UUID
+from typing import Any
+from uuid import UUID, uuid4
 
 import httpx
 import pytest
@@ -15,7 +16,9 @@ from service.access.keys import create_key, user_named, user_of_key
 from service.access.tables import ApiKey
 from service.db.engine import Sessions
 from service.errors import PreconditionFailed, PreconditionRequired, Unauthorized
+from service.supervisor import LocalService
 from service.web import etag_of, require_match
+from tests.support.rest import client_of
 
 NewClient = Callable[[], httpx.Client]
 
@@ -49,13 +52,39 @@ def test_roles(new_client: NewClient) -> None:
     members = guest.get(f"projects/{key}/members").json()["items"]
     assert {(m["user"], m["role"]) for m in members} == {(name_of(owner), "owner"), (name, "viewer")}
     assert owner.put(f"projects/{key}/members/{name}", json={"role": "king"}).status_code == 422
-    assert owner.put(f"projects/{key}/members/nobody", json={}).status_code == 404
+    assert owner.put(f"projects/{key}/members/{uuid4()}", json={}).status_code == 404  # no name, so an id
     assert owner.delete(f"projects/{key}/members/{name}").status_code == 204
     assert guest.get(f"projects/{key}").status_code == 404
     assert guest.get(f"projects/{key}/members").status_code == 404
     gone, nobody = (owner.delete(f"projects/{key}/members/{who}") for who in (name, "nobody"))
     assert gone.status_code == nobody.status_code == 404
     assert gone.json()["detail"].replace(name, "nobody") == nobody.json()["detail"]  # who exists is not said
+
+
+def test_who_adds_members_does_not_learn_which_users_there_are(
+    new_client: NewClient, service: LocalService, rows: Callable[..., list[dict[str, Any]]]
+) -> None:
+    """A name that nobody has is a member like any other, and is one indeed as soon as it gets a key."""
+    owner, guest = new_client(), new_client()
+    key, old, new = project(owner), name_of(guest), f"tester-{uuid4().hex}"
+    answers = [owner.put(f"projects/{key}/members/{name}", json={"role": "viewer"}) for name in (old, new)]
+    assert [answer.status_code for answer in answers] == [200, 200]
+    shown = [{**answer.json(), "user": "", "user_id": UUID(answer.json()["user_id"]).version} for answer in answers]
+    assert shown[0] == shown[1]
+    listed = {m["user"]: m for m in owner.get(f"projects/{key}/members").json()["items"]}
+    assert listed.keys() == {name_of(owner), old, new}
+    assert listed[new].keys() == listed[old].keys()
+    moment = "SELECT uuid_extract_timestamp(%s::uuid) < now() - interval '1 ms' AS past"
+    first = "SELECT uuid_extract_timestamp(%s::uuid) >= min(created_at) - interval '1 ms' AS after FROM users"
+    assert rows(moment, listed[new]["user_id"]) == [{"past": True}]  # the id does not say that it was made just now
+    assert rows(first, listed[new]["user_id"]) == [{"after": True}]
+    with client_of(service, new) as late:
+        assert late.get(f"projects/{key}").status_code == 200
+        assert late.patch(f"projects/{key}", json={"name": "x"}).status_code == 403
+    again = owner.put(f"projects/{key}/members/{new}", json={"role": "editor"}).json()
+    assert (again["user_id"], again["role"]) == (listed[new]["user_id"], "editor")
+    for strange in ("%00", "%20", "x" * 201):
+        assert owner.put(f"projects/{key}/members/{strange}", json={}).status_code == 404
 
 
 def test_the_last_owner_stays(new_client: NewClient) -> None:
@@ -113,7 +142,7 @@ def test_acts_are_audited_with_their_request(new_client: NewClient) -> None:
 def test_what_fails_leaves_no_trace(api: httpx.Client) -> None:
     key = project(api)
     before = api.get("audit-events").json()
-    assert api.put(f"projects/{key}/members/nobody", json={}).status_code == 404
+    assert api.put(f"projects/{key}/members/{uuid4()}", json={}).status_code == 404
     assert api.get("audit-events").json() == before
 
 

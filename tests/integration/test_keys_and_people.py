@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import Any
+from unittest.mock import ANY
+from uuid import uuid4
 
 import httpx
 import pytest
@@ -15,6 +17,7 @@ from service.access import User
 from service.access.scopes import scope_of
 from service.db.engine import Sessions, make_engine, make_sessions
 from service.supervisor import LocalService
+from tests.support.rest import client_at, ok
 
 NewClient = Callable[[], httpx.Client]
 
@@ -58,6 +61,7 @@ def test_a_scope_narrows_what_a_key_may_do(api: httpx.Client, project: str) -> N
         ("DELETE", "/projects/{project_id}", "admin"),
         ("DELETE", "/projects/{project_id}/members/{member}", "admin"),
         ("POST", "/webhooks/{webhook_id}/test", "admin"),
+        ("GET", "/users", "admin"),
     ],
 )
 def test_scopes_of_routes(method: str, path: str, scope: str) -> None:
@@ -97,6 +101,45 @@ def test_keys_expire_and_users_are_disabled(api: httpx.Client, service: LocalSer
         session.execute(update(User).where(User.name == name).values(disabled_at=datetime.now(UTC)))
     assert api.get("projects").status_code == 401
     engine.dispose()
+
+
+def test_administrators_look_after_users_and_their_keys(service: LocalService, new_client: NewClient) -> None:
+    """And nobody else, whatever their key; they make no keys and see no projects."""
+    ann, guest = f"ann-{uuid4().hex}", new_client()
+    with client_at(service.url, service.new_key(ann, administrator=True)) as chief:
+        name = guest.get("api-keys").json()["items"][0]["name"]
+        (user,) = ok(chief.get("users", params={"name": name}), 200)["items"]
+        assert (user["valid_keys"], user["disabled_at"], user["administrator"]) == (1, None, False)
+        place = f"users/{user['id']}"
+        assert ok(guest.get(place), 403) | {"request_id": ANY} == ok(guest.get(f"users/{uuid4()}"), 403) | {
+            "request_id": ANY
+        }
+        assert ok(guest.get("users"), 403)["detail"].startswith("this is for administrators")
+        reader = with_key(ok(chief.post("api-keys", json={"name": "r", "scopes": ["read"]}), 201))
+        assert "scope admin" in ok(chief.get("users", headers=reader), 403)["detail"]
+
+        spare = ok(guest.post("api-keys", json={"name": "s"}), 201)
+        soon, later = ((datetime.now(UTC) + timedelta(hours=h)).isoformat() for h in (1, 2))
+        ended = ok(chief.patch(f"{place}/api-keys/{spare['id']}", json={"expires_at": soon}), 200)
+        assert datetime.fromisoformat(ended["expires_at"]) == datetime.fromisoformat(soon)
+        for wrong in (later, "2020-01-01T00:00:00Z"):
+            ok(chief.patch(f"{place}/api-keys/{spare['id']}", json={"expires_at": wrong}), 422)
+        own = ok(chief.get("api-keys"), 200)["items"][0]["id"]
+        ok(chief.delete(f"{place}/api-keys/{own}"), 404)  # a key of another user
+        ok(chief.delete(f"{place}/api-keys/{spare['id']}"), 204)
+        assert guest.get("projects", headers=with_key(spare)).status_code == 401
+        ok(chief.patch(f"{place}/api-keys/{spare['id']}", json={"expires_at": soon}), 409)
+        assert [k["revoked_at"] is None for k in ok(chief.get(f"{place}/api-keys"), 200)["items"]] == [True, False]
+        assert "mb_" not in chief.get(f"{place}/api-keys").text
+
+        assert ok(chief.post(f"{place}/disable"), 200)["disabled_at"] is not None
+        assert guest.get("projects").status_code == 401
+        assert ok(chief.post(f"{place}/enable"), 200)["disabled_at"] is None
+        myself = ok(chief.get("users", params={"name": ann}), 200)["items"][0]["id"]
+        assert "themselves" in ok(chief.post(f"users/{myself}/disable"), 409)["detail"]
+        acts = [event["action"] for event in ok(chief.get("audit-events"), 200)["items"]]
+        assert acts[:4] == ["user.enable", "user.disable", "api_key.revoke", "api_key.expire"]
+        assert ok(chief.get("projects"), 200)["items"] == []
 
 
 def test_the_audit_trail_is_not_changed(sessions: Sessions, key_of: Callable[[str], str]) -> None:

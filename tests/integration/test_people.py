@@ -61,6 +61,10 @@ def test_keys_are_listed_and_revoked_and_users_disabled(service: LocalService, m
     assert "grace\tenabled" in command("users", "list")
     assert status(other) == 200
     assert "users list" in command("users", "disable", "nobody", code=1)
+    command("users", "promote", "grace")
+    assert "grace\tenabled\tadministrator" in command("users", "list")
+    command("users", "demote", "grace")
+    assert "grace\tenabled" in command("users", "list").splitlines()
     assert "there is read, write, jobs, admin" in command("keys", "create", "--name", "x", "--scope", "all", code=2)
 
 

@@ -1,0 +1,108 @@
+"""Users: found by name or key, entered under a name before they have a key, disabled."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+from uuid import UUID
+
+from sqlalchemy import ColumnElement, func, or_, select, text
+from sqlalchemy.dialects.postgresql import insert
+from sqlalchemy.orm import Session
+
+from service.access.audit import audit
+from service.access.tables import ApiKey, User
+from service.db.clock import transaction_time
+from service.errors import Conflict, Forbidden, NotFound
+
+_SOME_TIME_AGO = text("uuidv7(-random() * (now() - coalesce((SELECT min(created_at) FROM users), now())))")
+"""A key like that of a user who came at any time since the first one: one made now would show that the user is new."""
+
+
+def find_user(session: Session, name_or_id: str) -> User:
+    """A user by name or id.
+
+    Raises:
+        NotFound: there is none.
+    """
+    wanted: ColumnElement[bool] = User.name == name_or_id
+    with suppress(ValueError):  # not an id, so a name
+        wanted = or_(wanted, User.id == UUID(name_or_id))
+    found = session.scalars(select(User).where(wanted)).first() if "\0" not in name_or_id else None
+    if found is None:
+        raise NotFound("user", name_or_id)
+    return found
+
+
+def expected_user(session: Session, name_or_id: str) -> User:
+    """A user by name or id; under a name that nobody has, one is entered who waits for a first key.
+
+    So who adds members does not learn which users there are.
+
+    Raises:
+        NotFound: it is an id, and nobody has it.
+    """
+    with suppress(ValueError):
+        UUID(name_or_id)
+        return find_user(session, name_or_id)
+    session.execute(insert(User).values(name=name_or_id, id=_SOME_TIME_AGO).on_conflict_do_nothing())
+    return session.scalars(select(User).where(User.name == name_or_id)).one()
+
+
+def names_of(session: Session, user_ids: Iterable[UUID | None]) -> dict[UUID | None, str]:
+    """Names of users by key."""
+    query = select(User.id, User.name).where(User.id.in_(user_ids))
+    return dict(session.execute(query).tuples().all())
+
+
+def require_administrator(user: User) -> None:
+    """Refuse who may not look after other users.
+
+    Raises:
+        Forbidden: the user is no administrator.
+    """
+    if not user.administrator:
+        raise Forbidden("this is for administrators; the operator makes one: `modalbase users promote NAME`")
+
+
+def set_disabled(session: Session, by: User, user: User, *, disabled: bool) -> None:
+    """Disable a user, whose keys then open nothing, or enable them again.
+
+    Args:
+        session: the request's transaction.
+        by: the administrator.
+        user: whom, locked.
+        disabled: which of the two.
+
+    Raises:
+        Conflict: administrators would disable themselves.
+    """
+    if disabled and by.id == user.id:
+        raise Conflict("administrators cannot disable themselves; another administrator or the operator can")
+    if (user.disabled_at is not None) == disabled:
+        return
+    user.disabled_at = transaction_time(session) if disabled else None
+    audit(session, by, "user.disable" if disabled else "user.enable", "user", user.id, name=user.name)
+
+
+def locked_user(session: Session, user_id: UUID) -> User:
+    """A user by key, whom nobody else edits until the transaction ends.
+
+    Raises:
+        NotFound: there is none.
+    """
+    found = session.get(User, user_id, with_for_update={"key_share": True})
+    if found is None:
+        raise NotFound("user", user_id)
+    return found
+
+
+def valid_key_counts(session: Session, user_ids: Iterable[UUID]) -> dict[UUID, int]:
+    """How many keys of each user are neither revoked nor expired; users without any are left out."""
+    query = (
+        select(ApiKey.user_id, func.count())
+        .where(ApiKey.user_id.in_(user_ids), ApiKey.revoked_at.is_(None))
+        .where(or_(ApiKey.expires_at.is_(None), ApiKey.expires_at > func.now()))
+        .group_by(ApiKey.user_id)
+    )
+    return dict(session.execute(query).tuples().all())
