@@ -261,7 +261,7 @@ def _kill_fork_server(worker: int) -> bool:
 
 
 def _kill(house: _House, tally: Tally, kills: int, rng: random.Random, check: Callable[[], None]) -> None:
-    kinds = ("worker", "fork server", "API", "fork server", "worker", "PostgreSQL")
+    kinds = ("worker", "fork server", "API", "PostgreSQL", "fork server", "worker")
     for number in range(kills):
         ended = tally.ended
 
