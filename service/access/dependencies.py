@@ -1,13 +1,19 @@
-"""What a route asks for: the transaction, the user, the settings."""
+"""What a route asks for: the transaction, the user, the settings.
+
+Those that wait for nothing are coroutines: the framework sends any other through a thread, and each way there and back costs
+a turn of the interpreter's lock while other requests compute.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import AsyncIterator
 from typing import Annotated
 
+from anyio import CancelScope
 from fastapi import Depends, Request
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from sqlalchemy.orm import Session
+from starlette.concurrency import run_in_threadpool
 
 from service.access.keys import found_key
 from service.access.scopes import require_scope
@@ -16,15 +22,25 @@ from service.errors import Unauthorized
 from service.settings import Settings
 
 
-def _settings(request: Request) -> Settings:
+async def _settings(request: Request) -> Settings:
     settings: Settings = request.app.state.settings
     return settings
 
 
-def _session(request: Request) -> Iterator[Session]:
-    """One transaction a request: committed before the answer is sent, rolled back on any error."""
-    with request.app.state.sessions.begin() as session:
+async def _session(request: Request) -> AsyncIterator[Session]:
+    """One transaction a request: committed before the answer is sent, rolled back on any error.
+
+    To begin one asks the database nothing; to end it does, and happens in a thread whatever becomes of the request.
+    """
+    transaction = request.app.state.sessions.begin()
+    session = transaction.__enter__()
+    try:
         yield session
+    except BaseException as error:
+        with CancelScope(shield=True):
+            await run_in_threadpool(transaction.__exit__, type(error), error, error.__traceback__)
+        raise
+    await run_in_threadpool(transaction.__exit__, None, None, None)
 
 
 SettingsDep = Annotated[Settings, Depends(_settings)]
@@ -45,11 +61,11 @@ def _current_key(
     return key, user
 
 
-def _key(found: Annotated[tuple[ApiKey, User], Depends(_current_key)]) -> ApiKey:
+async def _key(found: Annotated[tuple[ApiKey, User], Depends(_current_key)]) -> ApiKey:
     return found[0]
 
 
-def _user(found: Annotated[tuple[ApiKey, User], Depends(_current_key)]) -> User:
+async def _user(found: Annotated[tuple[ApiKey, User], Depends(_current_key)]) -> User:
     return found[1]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -14,16 +15,23 @@ from sqlalchemy.orm import Session
 from modalbase.formats.uff import DatasetReport, Function, GridPoint, ModeShape
 from service.campaigns.grid_points import add_points, stored_points
 from service.campaigns.operations import campaign_for, campaign_of
-from service.errors import Conflict, Invalid
+from service.errors import Conflict, Invalid, PayloadTooLarge
 from service.frfs.operations import add_coherence, writing_frfs
 from service.imports.reading import EncodedFrf, Kept
-from service.imports.tables import Import
+from service.imports.tables import Import, Original
 from service.modes.operations import store_read_modes
 from service.storage import StorageOwner, book
 
 SAME_POINT_M = 1e-6
 """Coordinates of one point in two files may differ by this: a file may have them in single precision."""
 MOST_NAMED = 10
+MOST_POINTS = 1_000_000  # of a campaign, as many as PUT grid-points takes
+RATIO, FREE_BYTES = 8, 64 * 1024 * 1024
+"""Spectra may take so many times the file's size, or so much whatever its size. The densest text that is read makes 4."""
+HELD_BYTES = 1024 * 1024 * 1024
+"""Coherences and mode shapes of one file that the worker holds until their FRFs and points are known."""
+LISTED = 20_000
+"""Datasets of one file that are reported one by one; of more, their number is."""
 
 Pair = tuple[int, int, int, int, int]
 
@@ -34,6 +42,7 @@ def store_import(session: Session, job_id: UUID, items: Iterator[Kept]) -> None:
     Raises:
         Conflict: a grid point of the file lies elsewhere than the campaign has it.
         QuotaExceeded: the project has no room for what is in the file.
+        PayloadTooLarge: more is in the file than one import may bring.
         Invalid: nothing at all of the file could be read.
     """
     row = session.get_one(Import, job_id)
@@ -59,7 +68,8 @@ class _Intake:
         self.coherences: list[tuple[int, Pair, Function]] = []
         self.modes: list[ModeShape] = []
         self.counts = {"frfs": 0, "grid_points": 0, "modes": 0}
-        self.frf_bytes = 0
+        self.file_bytes = session.scalars(select(Original.size).where(Original.sha256 == row.sha256)).one()
+        self.frf_bytes = self.held_bytes = 0
         self.named: set[int] = set()
         self.seen: set[int] = set()
 
@@ -70,12 +80,21 @@ class _Intake:
         elif isinstance(item, EncodedFrf):
             self._take_frf(item, write_frf)
         elif isinstance(item, Function):
+            self._hold(item.values.nbytes)
             self.coherences.append((item.dataset, _pair(item), item))
         elif isinstance(item, ModeShape):
+            self._hold(item.values.nbytes + item.points.nbytes)
             self.modes.append(item)
             self.counts["modes"] += 1
         else:
             self.reports.append(item)
+
+    def _hold(self, size: int) -> None:
+        self.held_bytes += size
+        if self.held_bytes > HELD_BYTES:
+            raise PayloadTooLarge(
+                f"the file's coherences and mode shapes take more than {HELD_BYTES} bytes; import it in parts"
+            )
 
     def finish(self) -> None:
         """What can only be stored once the whole file was seen."""
@@ -84,12 +103,12 @@ class _Intake:
         self._write_modes()
         if not any(self.counts.values()) and not self.row.dry_run:
             self._refuse_nothing()
-        if self.frf_bytes:
+        if self.frf_bytes and not self.row.dry_run:
             campaign = campaign_of(self.session, self.row.campaign_id)
             owner = StorageOwner(campaign_for.project_of(self.session, campaign), campaign.id)
             book(self.session, owner, "frfs", self.frf_bytes)
         self.row.counts = self.counts
-        self.row.datasets = [_report(report) for report in self.reports]
+        self.row.datasets = [_report(report) for report in self.reports[:LISTED]]
         self.row.warnings = self._warnings()
         self.session.flush()
 
@@ -105,17 +124,23 @@ class _Intake:
                     "campaign, or it is in the file twice; correct the one that is wrong (PUT grid-points), or import "
                     "into a campaign of its own"
                 )
+        if len(self.points) > MOST_POINTS:
+            raise PayloadTooLarge(f"the campaign would have more than {MOST_POINTS} grid points")
         self.seen |= {point.number for point in points}
         self.counts["grid_points"] = len(self.seen)
 
     def _take_frf(self, frf: EncodedFrf, write: Callable[[Mapping[str, Any]], None]) -> None:
         self.counts["frfs"] += 1
+        self.frf_bytes += len(frf.spectrum.data) + len(frf.axis.lines or b"")
+        if self.frf_bytes > max(FREE_BYTES, RATIO * self.file_bytes):
+            raise PayloadTooLarge(
+                f"the file has {self.file_bytes} bytes and unpacks to more than {RATIO} times that; import it in parts"
+            )
         self.pairs[_pair(frf)] = frf.dataset
         self.named |= {frf.response_point, frf.reference_point}
         if self.row.dry_run:
             return
         keys = {"campaign_id": self.row.campaign_id, "import_id": self.row.id}
-        self.frf_bytes += len(frf.spectrum.data) + len(frf.axis.lines or b"")
         write({**vars(frf), **keys, **frf.axis.columns(), **frf.spectrum.columns()})
 
     def _write_points(self) -> None:
@@ -152,6 +177,9 @@ class _Intake:
         refused = sum(r.outcome == "refused" for r in self.reports)
         if refused:
             warnings.append(f"{refused} of {len(self.reports)} datasets were refused; see datasets for the reasons")
+        if more := Counter(report.outcome for report in self.reports[LISTED:]):
+            shown = ", ".join(f"{count} {outcome}" for outcome, count in sorted(more.items()))
+            warnings.append(f"{more.total()} datasets after the first {LISTED} are not listed: {shown}")
         unknown = sorted(self.named - self.points.keys())
         if unknown:
             shown = ", ".join(map(str, unknown[:MOST_NAMED])) + (" …" if len(unknown) > MOST_NAMED else "")

@@ -7,7 +7,7 @@ from uuid import UUID
 
 from fastapi import Query, Request, Response
 from fastapi.responses import FileResponse
-from sqlalchemy import select
+from sqlalchemy import func, select
 
 from fecore.frf import Quantity
 from service.access import CurrentUser, SessionDep
@@ -65,10 +65,10 @@ def start_import(
 def list_imports(
     campaign_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
 ) -> Page[ImportOut]:
-    """Imports into a campaign, oldest first."""
+    """Imports into a campaign, oldest first. A page is shorter where reports on many datasets would make it heavy."""
     campaign = campaign_for(session, user, campaign_id)
     query = select(Import).where(Import.campaign_id == campaign.id)
-    rows, following = paged(session, query, Import.id, cursor, limit)
+    rows, following = paged(session, query, Import.id, cursor, limit, weight=func.pg_column_size(Import.datasets))
     return Page(items=operations.describe_all(session, rows), next_cursor=following)
 
 

@@ -37,7 +37,7 @@ async def read_aside(function: Callable[..., Any], *arguments: Any) -> Any:
 
 def _read(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
     preload([function.__module__], threads=1)
-    order = Order(_call, (function, arguments), None, MEMORY_BYTES)
+    order = Order(_call, (function, arguments), None, MEMORY_BYTES, niceness=0)  # a request waits for it
     try:
         child = Child(order)
     except (EOFError, OSError):  # the server that it is forked from was killed; another one is started

@@ -26,6 +26,8 @@ from service.jobs.kinds import Report
 PR_SET_PDEATHSIG = 1
 REPORT_SECONDS = 0.05
 CHECKPOINT_BYTES = 64 * 1024 * 1024
+NICENESS = 10
+"""By how much a job gives way to whoever answers requests on the same machine: about a tenth of a core while both want it."""
 ORPHANED = 86  # exit status of a child whose worker is gone
 
 
@@ -111,12 +113,14 @@ class Order:
         inputs: what the kind's `load` gave.
         restored: the checkpoint of an earlier attempt.
         memory_bytes: memory beyond that of an idle child.
+        niceness: how far it gives way to other processes.
     """
 
     compute: Compute
     inputs: Any
     restored: bytes | None
     memory_bytes: int
+    niceness: int = NICENESS
 
 
 def run_child(channel: Connection, lifeline: Connection, order: Order) -> None:
@@ -124,6 +128,7 @@ def run_child(channel: Connection, lifeline: Connection, order: Order) -> None:
     _die_with_worker(lifeline)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the worker, which decides about its children
     _limit_memory(order.memory_bytes)
+    os.nice(order.niceness)
     last: Message = Done()
     try:
         for value in order.compute(order.inputs, _Reporter(channel, order.restored)):

@@ -12,9 +12,11 @@ import numpy as np
 import psutil
 import pytest
 
+from service.demo import paper
 from service.settings import Settings
 from service.supervisor import LocalService
 from tests.support.crowd import statuses
+from tests.support.laboratory import BEAM
 
 MIB = 1024 * 1024
 
@@ -155,3 +157,45 @@ def test_requests_and_bytes_of_a_key_are_limited(new_database: Callable[[], str]
             counted = statuses([client.get("projects") for _ in range(30)])
             assert counted[429] > 0
             assert set(counted) == {200, 429}
+
+
+POINT, VALUE = b'{"label":1,"x_m":0,"y_m":0}', b'{"point":1,"direction":3,"real":1}'
+MEASURED = {
+    "grid-points": ("put", b'{"items":[%b]}', POINT, b'{"items":[{"label":1,"x_m":%b,"y_m":0}]}', "/items/0/x_m"),
+    "mode-sets": (
+        "post",
+        b'{"name":"m","modes":[{"frequency_hz":1,"shape":[%b]}]}',
+        VALUE,
+        b'{"name":%b,"modes":[{"frequency_hz":1}]}',
+        "/name",
+    ),
+}
+"""Measured values in JSON: how they are sent, a list of many, one of it, and a place for something else."""
+
+
+@pytest.mark.parametrize("kind", MEASURED)
+def test_measured_values_in_json_are_held_to_elements_depth_and_text(alone: LocalService, kind: str) -> None:
+    """Elements are counted before anything is made of them; depth and text stop at what a body may have."""
+    method, many, one, place, pointer = MEASURED[kind]
+    with httpx.Client(base_url=f"{alone.url}/api/v1/", trust_env=False, timeout=120) as client:
+        client.headers = {"Authorization": f"Bearer {alone.new_key('k')}", "Content-Type": "application/json"}
+        project = client.post("projects", json={"name": "p"}).json()["id"]
+        structure = client.post(f"projects/{project}/structures", json=BEAM).json()["id"]
+        campaign = client.post(f"structures/{structure}/campaigns", json=paper.CAMPAIGN).json()["id"]
+
+        def faults(body: bytes) -> list[dict[str, str]]:
+            answer = client.request(method, f"campaigns/{campaign}/{kind}", content=body)
+            assert answer.status_code == 422, answer.text[:500]
+            found: list[dict[str, str]] = answer.json()["errors"]
+            return found
+
+        client.get(f"campaigns/{campaign}")
+        before = memory(alone)
+        assert "more than 2000000 values" in faults(many % (b"[]," * 2_000_001 + one))[0]["detail"]
+        assert memory(alone) - before < 50 * MIB
+        (fault,) = faults(place % (b"[" * 80 + b"]" * 80))
+        assert "nested more than 64 deep" in fault["detail"]
+        (fault,) = faults(place % (b'"' + b"y" * 100_001 + b'"'))
+        assert (fault["pointer"], "at most 100000 are read" in fault["detail"]) == (pointer, True)
+        (fault,) = faults(many % b",".join([b"0"] * 20_000))  # 20,000 faults once were 2 MB of answer
+        assert len(str(fault)) < 300
