@@ -168,7 +168,7 @@ ROUTES: dict[str, Route] = {
     ),
     "list_imports": Route(
         "GET", "campaigns/{campaign_id}/imports", ("cursor", "limit"),
-        "Imports into a campaign, oldest first.",
+        "Imports into a campaign, oldest first. A page is shorter where reports on many datasets would make it heavy.",
     ),
     "start_import": Route(
         "POST", "campaigns/{campaign_id}/imports", ("filename", "dry_run", "quantity"),

@@ -86,6 +86,23 @@ def test_every_row_comes_back_from_every_schema(source: Engine, target: Engine, 
     assert find_damage_of(target) == []
 
 
+def test_the_file_of_the_release_before_is_restored(target: Engine) -> None:
+    """`release-0.2.0.modalbase` was written by that release's own code: a row in each of its tables."""
+    file = Path(__file__).parent / "files" / "release-0.2.0.modalbase"
+    manifest = restore_backup(target, file)
+    assert (manifest.software, manifest.revision, manifest.damaged) == ("0.2.0", "0019_inputs", [])
+    require_head(target)
+    restored = rows_of(target)
+    assert {table.name: len(restored[table.name]) for table in manifest.tables} == {
+        table.name: table.rows for table in manifest.tables
+    }
+    assert sum(table.rows for table in manifest.tables) >= 30
+    assert find_damage_of(target) == []
+    (frf,) = restored["frfs"]
+    assert (frf["data"], frf["label"], frf["step_hz"]) == (b"\x00\xff", "µε, °", 0.5)
+    assert {row["kind"] for row in restored["stored_bytes"]} >= {"files", "frfs"}  # what the upgrade enters
+
+
 def stat_mode(path: Path) -> int:
     return path.stat().st_mode & 0o777
 
