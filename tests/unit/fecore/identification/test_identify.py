@@ -344,10 +344,15 @@ def test_a_single_frf_is_enough() -> None:
 
 
 @pytest.mark.parametrize(
-    ("a0", "a1", "highest_hz", "noise"),
-    [(10.0, 5e-6, 1200, 1e-8), (30.0, 1e-5, 1000, 0.0), (30.0, 1e-5, 1600, 1e-4), (60.0, 2e-5, 1600, 1e-4)],
+    ("a0", "a1", "highest_hz", "noise", "every"),
+    [
+        (10.0, 5e-6, 1200, 1e-8, 1),
+        (10.0, 5e-6, 1200, 1e-8, 8),
+        (30.0, 1e-5, 1000, 0.0, 8),
+        (30.0, 1e-5, 1600, 1e-4, 1),
+        (60.0, 2e-5, 1600, 1e-4, 8),
+    ],
 )
-@pytest.mark.parametrize("every", [1, 8])
 def test_nearly_no_noise_is_no_harm(
     a0: float, a1: float, highest_hz: int, noise: float, every: int, monkeypatch
 ) -> None:
