@@ -1,10 +1,11 @@
 """Trends: whether a structure has changed, judged campaign after campaign with a stated false-alarm rate.
 
 `assess` is the one entry point: series of dated estimates and a `Watch` in, an `Assessment` out. The rooms in the order in
-which data flows: series, regression, baseline, charts, run_length, timeline (states), change, rates, assessment.
+which data flows: series, regression, autocorrelation, baseline, charts, run_length, timeline (states), change, rates, assessment.
 """
 
 from fecore.trend.assessment import Assessment, ParameterTrend, assess
+from fecore.trend.autocorrelation import Autocorrelation
 from fecore.trend.baseline import Baseline, Scores, fit_baseline, score
 from fecore.trend.change import ChangePoint, change_point
 from fecore.trend.charts import Chart, Limits
@@ -18,6 +19,7 @@ from fecore.trend.watch import Direction, Watch
 __all__ = [
     "Acknowledgement",
     "Assessment",
+    "Autocorrelation",
     "Baseline",
     "ChangePoint",
     "Chart",

@@ -16,6 +16,7 @@ import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.errors import InputError
+from fecore.trend.autocorrelation import widened
 from fecore.trend.baseline import Baseline, Scores, complete_campaigns, fit_baseline, score
 from fecore.trend.change import ChangePoint, change_point
 from fecore.trend.charts import Limits
@@ -27,6 +28,7 @@ from fecore.trend.timeline import Acknowledgement, Moment, timeline
 from fecore.trend.watch import SIDES, Direction, Watch
 
 _FEWEST_FOR_RATE = 3  # watched campaigns
+_NOTICED = 1.15  # factor of the limits from which a note says why they are wide
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,7 @@ class ParameterTrend:
         scores: of the watched campaigns.
         statistic: chart values S of the watched campaigns, by direction (`fall`, `rise`).
         limits: h of the charts' values and c of single scores.
+        widened_by: factor by which these are wider than for independent campaigns; None without a baseline.
         outside: (m,) whether a campaign is outside in any direction.
         timeline: states as they followed each other.
         change: where the change began, if any campaign is outside.
@@ -56,6 +59,7 @@ class ParameterTrend:
     scores: Scores | None
     statistic: Mapping[str, FloatArray]
     limits: Limits | None
+    widened_by: float | None
     outside: BoolArray
     timeline: tuple[Moment, ...]
     change: ChangePoint | None
@@ -130,6 +134,7 @@ def _parameter(
             scores=None,
             statistic={},
             limits=None,
+            widened_by=None,
             outside=np.zeros(0, bool),
             timeline=(),
             change=None,
@@ -137,7 +142,7 @@ def _parameter(
             notes=(*said, short),
         )
     baseline, watched, left_out = fit_baseline(ordered, watch.baseline, watch.covariates)
-    limits = _limits(baseline, watch)
+    limits, wider = _limits(baseline, watch)
     scores = None if watched is None else score(baseline, watched)
     z = np.zeros(0) if scores is None else scores.score
     judged = {side: watch.chart.outside(sign * z, limits) for side, sign in SIDES[direction].items()}
@@ -171,11 +176,12 @@ def _parameter(
         scores=scores,
         statistic=statistic,
         limits=limits,
+        widened_by=wider,
         outside=outside,
         timeline=moments,
         change=change,
         rate=speed,
-        notes=(*said, *left_out, *_cautions(watched, scores, baseline), *unknown),
+        notes=(*said, *left_out, *_alike(baseline, wider), *_cautions(watched, scores, baseline), *unknown),
     )
 
 
@@ -187,18 +193,43 @@ def _speed(ordered: Series, watch: Watch, baseline: Baseline) -> tuple[Rate | No
         return None, (f"no rate of change: {error}",)
 
 
-def _limits(baseline: Baseline, watch: Watch) -> Limits:
-    """The charts' limits; what they depend on is rounded, to the safe side, so that limits are found once."""
+def _limits(baseline: Baseline, watch: Watch) -> tuple[Limits, float]:
+    """The charts' limits, and the factor by which they are wider as campaigns resemble their neighbours.
+
+    What they depend on is rounded, to the safe side, so that limits are found once.
+    """
     nu = baseline.fit.degrees_of_freedom
     rounded = float(np.floor(nu)) if nu < 20 else 20.0 * np.floor(nu / 20) if nu < 200 else KNOWN
     shared = float(np.ceil(50 * baseline.shared) / 50)
-    return control_limits(watch.chart, watch.side_probability, watch.horizon, watch.pending, shared, max(rounded, 1.0))
+    known = max(rounded, 1.0)
+    limits = control_limits(watch.chart, watch.side_probability, watch.horizon, watch.pending, shared, known)
+    return widened(
+        limits,
+        watch.chart,
+        baseline.autocorrelation,
+        baseline=watch.baseline,
+        covariates=len(watch.covariates),
+        campaigns=watch.horizon,
+        pending=watch.pending,
+    )
 
 
 def _change(begin: datetime, watched: Series, scores: Scores, baseline: Baseline) -> ChangePoint:
     dates = (begin, *watched.dates)
     return change_point(
         dates, days_since(begin, dates), scores.residual, scores.covariance, baseline.fit.degrees_of_freedom
+    )
+
+
+def _alike(baseline: Baseline, wider: float) -> tuple[str, ...]:
+    """What is said where the limits are wider by more than nobody would notice."""
+    if wider < _NOTICED:
+        return ()
+    found = baseline.autocorrelation
+    low, high = found.interval_95
+    return (
+        f"campaigns of the baseline resemble their neighbours (lag-1 autocorrelation {found.mean:.2f}, 95 % from {low:g} to "
+        f"{high:g}): the limits are {100 * (wider - 1):.0f} % wider than for independent campaigns",
     )
 
 

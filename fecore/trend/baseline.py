@@ -20,12 +20,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.errors import InputError
+from fecore.trend.autocorrelation import Autocorrelation, diagnose
+from fecore.trend.deviates import normal_score
 from fecore.trend.regression import RegressionFit, fit_with_scatter
-from fecore.trend.series import Series, select
+from fecore.trend.series import Series, days_since, select
 
 _CONSISTENT = 0.01  # p-value below which the stated standard deviations are called too large
 
@@ -40,6 +41,7 @@ class Baseline:
         centre, low, high, variance: (k,) mean, range and variance of each covariate in the baseline.
         fit: β (value at the mean covariates, then the slopes), its covariance, τ and ν.
         leverage_mean, leverage_max: of the baseline's own campaigns, xᵀ V_β x.
+        autocorrelation: how much its campaigns resemble their neighbours.
     """
 
     labels: tuple[str, ...]
@@ -51,6 +53,7 @@ class Baseline:
     fit: RegressionFit
     leverage_mean: float
     leverage_max: float
+    autocorrelation: Autocorrelation
 
     @property
     def mean(self) -> float:
@@ -143,6 +146,12 @@ def fit_baseline(
         fit=fit,
         leverage_mean=float(leverage.mean()),
         leverage_max=float(leverage.max()),
+        autocorrelation=diagnose(
+            X,
+            base.estimate,
+            np.sqrt(base.standard_deviation**2 + fit.between_sd**2),
+            days_since(base.dates[0], base.dates),
+        ),
     )
     watched = select(series, range(last + 1, len(series))) if last + 1 < len(series) else None
     return baseline, watched, tuple(notes)
@@ -175,9 +184,3 @@ def score(baseline: Baseline, series: Series) -> Scores:
         missing=np.any(absent, axis=1),
         covariance=covariance,
     )
-
-
-def normal_score(t: FloatArray, degrees_of_freedom: float) -> FloatArray:
-    """Φ⁻¹(T_ν(t)), from the nearer tail so that a large deviate keeps its digits."""
-    tail = np.maximum(special.stdtr(degrees_of_freedom, -np.abs(t)), 1e-300)
-    return np.asarray(-np.sign(t) * special.ndtri(tail))
