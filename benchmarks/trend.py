@@ -7,6 +7,7 @@ a rise; 0.01 false alarms a campaign for both together. The peers:
 Shewhart, our scores   Shewhart's limits on the scores of our other charts: covariates, uncertainty, short baseline seen to
 Shewhart, raw values   as a laboratory draws it: baseline's mean ± L of its standard deviations, L from the normal distribution
 naive threshold        the same, L from 4000 simulated unchanged structures with seasons, so that it calls as often as stated
+EWMA, independent      our EWMA with limits for campaigns that do not resemble their neighbours
 known-scatter band     the baseline's mean ± a percentage that knows those 4000 structures; no laboratory has that
 
 `python -m benchmarks.trend 2000` takes that many series of each kind in place of 200, and another seed with a second number.
@@ -23,7 +24,7 @@ import numpy as np
 from scipy import stats
 
 from fecore.arrays import FloatArray
-from fecore.trend import Chart, Series, State, Watch, assess
+from fecore.trend import Chart, Limits, Series, State, Watch, assess
 
 SETS, BASELINE, HORIZON, CHANGE, RATE = 200, 12, 24, 6, 0.01
 OWN, BETWEEN, MEAN = {"Ex": 0.003, "zeta_1": 0.05}, {"Ex": 0.004, "zeta_1": 0.06}, {"Ex": 32e9, "zeta_1": 0.012}
@@ -38,13 +39,16 @@ Factor = Callable[
 
 @dataclass(frozen=True)
 class Scenario:
-    """A kind of series: amplitude of the seasons, K, what changes, and how much of the usual scatter campaigns have."""
+    """A kind of series: amplitude of the seasons, K, what changes, how much of the usual scatter campaigns have, and the lag-1
+    autocorrelation of what is left after the temperature.
+    """
 
     name: str
     swing: float
     factors: dict[str, Factor]
     baseline: int = BASELINE
     between: float = 1.0
+    alike: float = 0.0
 
 
 SCENARIOS = (
@@ -52,6 +56,8 @@ SCENARIOS = (
     Scenario("no change, seasons ±15 K", 15, {}),
     Scenario("no change, ±15 K, 6 in baseline", 15, {}, baseline=6),
     Scenario("no change, ±15 K, scatter as stated", 15, {}, between=0.0),
+    Scenario("no change, 20 ± 3 °C, alike 0.5", 0, {}, alike=0.5),
+    Scenario("no change, ±15 K, alike 0.5", 15, {}, alike=0.5),
     Scenario("3 % stiffness loss", 15, {"Ex": lambda t: np.where(t >= 0, 0.97, 1.0)}),
     Scenario("0.2 % a month stiffness loss", 15, {"Ex": lambda t: 1 - 0.002 * np.maximum(0, t + 1)}),
     Scenario("20 % damping rise", 15, {"zeta_1": lambda t: np.where(t >= 0, 1.2, 1.0)}),
@@ -74,12 +80,34 @@ def simulate(scenario: Scenario, rng: np.random.Generator) -> dict[str, Series]:
     dates = tuple(START + timedelta(days=30.4375 * i) for i in range(n))
     series = {}
     for name, mean in MEAN.items():
-        y = 1 + OWN[name] * rng.standard_normal(n) + scenario.between * BETWEEN[name] * rng.standard_normal(n)
+        own, between = (_alike(rng.standard_normal(n), scenario.alike) for _ in range(2))
+        y = 1 + OWN[name] * own + scenario.between * BETWEEN[name] * between
         if name == "Ex":
             y = y + PER_KELVIN * (temperature - 20)
         y = y * scenario.factors.get(name, np.ones_like)((months - scenario.baseline - CHANGE).astype(float))
         series[name] = Series(name, dates, mean * y, np.full(n, OWN[name] * mean), {"temperature_c": temperature})
     return series
+
+
+def _alike(e: FloatArray, phi: float) -> FloatArray:
+    """An autoregression of unit variance made of independent values."""
+    for i in range(1, e.size):
+        e[i] = phi * e[i - 1] + np.sqrt(1 - phi**2) * e[i]
+    return e
+
+
+def first_outside_independent(series: dict[str, Series], baseline: int) -> int | None:
+    """Watched campaign of the first call of an EWMA whose limits take campaigns as independent."""
+    watch = Watch(DIRECTIONS, baseline, ("temperature_c",), RATE, HORIZON, 1, Chart("ewma"))  # type: ignore[arg-type]
+    found = []
+    for trend in assess(series, watch).parameters.values():
+        assert trend.limits is not None
+        assert trend.widened_by is not None
+        assert trend.scores is not None
+        sign = 1 if trend.direction == "rise" else -1
+        limits = Limits(trend.limits.chart / trend.widened_by, trend.limits.score / trend.widened_by)
+        found += np.flatnonzero(Chart("ewma").outside(sign * trend.scores.score, limits)[1])[:1].tolist()
+    return min(found, default=None)
 
 
 def first_alarm(series: dict[str, Series], chart: Chart, pending: int, baseline: int) -> int | None:
@@ -154,6 +182,8 @@ def main(sets: int = SETS, seed: int = 100) -> None:
         for label, (chart, pending) in CHARTS.items():
             firsts = [first_alarm(s, chart, pending, scenario.baseline) for s in drawn]
             report(label, firsts, bool(scenario.factors))
+        independent = [first_outside_independent(s, scenario.baseline) for s in drawn]
+        report("EWMA, independent", independent, bool(scenario.factors))
         for label, (known, band) in bands.items():
             beyond = [np.flatnonzero((excess(s, scenario.baseline, known) > band).any(axis=0)) for s in drawn]
             report(label, [int(b[0]) if b.size else None for b in beyond], bool(scenario.factors))

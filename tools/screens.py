@@ -6,6 +6,8 @@ width of a desk and of a phone, light and dark.
 
 from __future__ import annotations
 
+import io
+import json
 import sys
 import tempfile
 from collections.abc import Mapping
@@ -13,8 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 from playwright.sync_api import Browser, Page
 
+from benchmarks.hammer import campaign as simulated
+from examples.joint_update import paper_bar_over_rest
 from examples.monitoring import State, measured_frfs, post_campaign, structure_body
 from service.settings import Settings
 from service.supervisor import LocalService
@@ -53,6 +58,14 @@ def filled(api: httpx.Client) -> dict[str, str]:
         for i, e in enumerate((33.1, 32.6, 33.4))
     ]
     ok(api.post(f"coupon-batches/{batch}/coupons", json=coupons))
+    curve = _pulled(api, batch)
+    hit = ok(api.post(f"structures/{structure}/campaigns", json={"name": "time blocks", "boundary": "cantilever"}))[
+        "id"
+    ]
+    _hit(api, hit)
+    bar = paper_bar_over_rest(api)["campaigns"][0]["campaign_id"]
+    owner = ok(api.get(f"structures/{ok(api.get(f'campaigns/{bar}'))['structure_id']}"))["project_id"]
+    joint = ok(api.get(f"projects/{owner}/joint-updates"))["items"][0]["id"]
     watched = ok(api.post(f"projects/{project}/structures", json=structure_body()))["id"]
     monitor = _watched(api, watched)
     return {
@@ -69,7 +82,10 @@ def filled(api: httpx.Client) -> dict[str, str]:
         "result": f"ui/update-jobs/{jobs[0]}",
         "failed": f"ui/update-jobs/{lost}",
         "compare": f"ui/compare?job={jobs[0]}&job={jobs[1]}",
-        "batch": f"ui/coupon-batches/{batch}",
+        "batch": f"ui/coupon-batches/{batch}?curve={curve}",
+        "hits": f"ui/campaigns/{hit}",
+        "joint": f"ui/joint-updates/{joint}",
+        "pair": f"ui/update-jobs/{jobs[0]}?hz=161.9~40&shapes=1~2",
         "monitors": "ui/monitors",
         "monitor": f"ui/monitors/{monitor}",
         "keys": "ui/keys",
@@ -81,6 +97,49 @@ def filled(api: httpx.Client) -> dict[str, str]:
 def _updated(api: httpx.Client, campaign: str, recipe: Mapping[str, Any]) -> str:
     sent = api.post(f"campaigns/{campaign}/update-jobs", json=recipe)
     return str(finished(api, sent.headers["location"])["id"])
+
+
+def _pulled(api: httpx.Client, batch: str) -> str:
+    """A coupon with a raw curve; its id."""
+    coupon = {
+        "specimen": "A4",
+        "dimensions": {"unit": "mm", "width": [25.0, 25.1], "thickness": [2.0, 2.01]},
+        "columns": {
+            name: {"header": name, "unit": unit}
+            for name, unit in (("force", "N"), ("strain", "µε"), ("transverse_strain", "µε"))
+        },
+        "failure_code": "LGM",
+    }
+    rows = [f"{e},{1.66 * e * (1 - 3e-6 * e):.1f},{-0.16 * e:.1f}" for e in range(0, 11500, 50)]
+    text = "\n".join(["strain,force,transverse_strain", *rows, "11500,30,-1800"])
+    sent = {"files": {"file": ("a4.csv", text.encode())}, "data": {"coupon": json.dumps(coupon)}}
+    return str(ok(api.post(f"coupon-batches/{batch}/coupons", **sent))["items"][0]["id"])
+
+
+def _hit(api: httpx.Client, campaign: str) -> None:
+    """Hits of three points, good and bad, as time blocks, processed."""
+    hits = [each.hit for each in simulated(np.random.default_rng(16), "clamped", 3, 5, 0.25, 0.0)[2]]
+    file = io.BytesIO()
+    np.savez(
+        file,
+        force=np.array([hit.force.samples for hit in hits]),
+        acceleration=np.array([hit.responses[0].samples for hit in hits]),
+        point=np.array([hit.force.dof.point for hit in hits]),
+        hit=np.array([hit.number for hit in hits]),
+        fs=np.array(hits[0].sample_rate_hz),
+    )
+    mapping = {
+        "sample_rate_hz": {"variable": "fs"},
+        "hit": {"variable": "hit"},
+        "channels": [
+            {"variable": "force", "quantity": "force", "point": {"variable": "point"}},
+            {"variable": "acceleration", "quantity": "acceleration", "point": 99},
+        ],
+    }
+    query = {"filename": "hits.npz", "mapping": json.dumps(mapping)}
+    headers = {"Content-Type": "application/octet-stream"}
+    ok(api.post(f"campaigns/{campaign}/records", content=file.getvalue(), params=query, headers=headers))
+    finished(api, api.post(f"campaigns/{campaign}/processings", json={}).headers["location"])
 
 
 def _watched(api: httpx.Client, structure: str) -> str:

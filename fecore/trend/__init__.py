@@ -1,7 +1,8 @@
 """Trends: whether a structure has changed, judged campaign after campaign with a stated false-alarm rate.
 
 `assess` is the one entry point: series of dated estimates and a `Watch` in, an `Assessment` out. The rooms in the order in
-which data flows: series, regression, autocorrelation, baseline, charts, run_length, timeline (states), change, rates, assessment.
+which data flows: series, regression, charts, autocorrelation, baseline, run_length, timeline (states), change, rates,
+assessment, document.
 """
 
 from fecore.trend.assessment import Assessment, ParameterTrend, assess

@@ -207,8 +207,6 @@ def _limits(baseline: Baseline, watch: Watch) -> tuple[Limits, float]:
         limits,
         watch.chart,
         baseline.autocorrelation,
-        baseline=watch.baseline,
-        covariates=len(watch.covariates),
         campaigns=watch.horizon,
         pending=watch.pending,
     )

@@ -70,6 +70,18 @@ def render(figure: Figure, file_format: Format, dpi: int = DPI) -> bytes:
     return buffer.getvalue()
 
 
+def pixels(figure: Figure, dpi: int = DPI) -> Any:
+    """A figure as (height, width, 3) bytes of red, green and blue, for a program that stores pictures itself."""
+    from matplotlib import rc_context
+
+    with rc_context(_RC):
+        sheet = draw(figure)
+        sheet.set_dpi(dpi)
+        canvas: Any = sheet.canvas
+        canvas.draw()
+        return np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])
+
+
 def draw(figure: Figure) -> Sheet:
     """A Plotly figure on a sheet of matplotlib, with the traces, axes and colours that the figure states.
 

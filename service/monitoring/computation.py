@@ -13,23 +13,9 @@ from datetime import datetime
 from typing import Any
 
 import numpy as np
-from scipy import special
 
-from fecore.arrays import FloatArray
-from fecore.trend import (
-    Acknowledgement,
-    Baseline,
-    ChangePoint,
-    Moment,
-    ParameterTrend,
-    Rate,
-    Series,
-    State,
-    Watch,
-    assess,
-    score,
-    worst,
-)
+from fecore.trend import Acknowledgement, Moment, ParameterTrend, Series, State, Watch, assess, worst
+from fecore.trend.document import describe_change, describe_judged, describe_rate, describe_trend
 from service.jobs.kinds import Report
 
 SAME_MODE = 0.15
@@ -115,7 +101,7 @@ def judge(inputs: JudgementInputs, report: Report) -> Iterator[Judgement]:
     states = [trend.state for trend in trends.values()]
     states += [State.NO_DATA] * (len(inputs.watch.directions) - len(trends))
     state = worst(tuple(states)).value
-    document = {"state": state, "notes": notes, "parameters": [_parameter(trend) for trend in trends.values()]}
+    document = {"state": state, "notes": notes, "parameters": [describe_trend(trend) for trend in trends.values()]}
     yield Judgement(document, tuple(e for trend in trends.values() for e in _episodes(trend)), state)
 
 
@@ -176,103 +162,6 @@ def _same_mode(number: int, observation: Observation, everyone: Sequence[Observa
     return nearest if rival[0] == wanted and abs(nearest[0] / wanted - 1) <= SAME_MODE else None
 
 
-def _parameter(trend: ParameterTrend) -> dict[str, Any]:
-    return {
-        "name": trend.name,
-        "direction": trend.direction,
-        "state": trend.state.value,
-        "baseline": None if trend.baseline is None else _baseline(trend.baseline),
-        "limits": None if trend.limits is None else {"chart": trend.limits.chart, "score": _finite(trend.limits.score)},
-        "points": _points(trend),
-        "change_point": None if trend.change is None else _change(trend.change),
-        "rate": None if trend.rate is None else _rate(trend.rate),
-        "timeline": [
-            {"date": m.date.isoformat(), "event": m.event.value, "campaign_id": m.label, "state": m.state.value}
-            for m in trend.timeline
-        ],
-        "notes": list(trend.notes),
-    }
-
-
-def _baseline(baseline: Baseline) -> dict[str, Any]:
-    fit = baseline.fit
-    return {
-        "campaign_ids": list(baseline.labels),
-        "mean": baseline.mean,
-        "mean_sd": baseline.mean_sd,
-        "between_campaigns_sd": fit.between_sd,
-        "degrees_of_freedom": fit.degrees_of_freedom,
-        "covariates": [
-            {
-                "name": name,
-                "centre": float(baseline.centre[k]),
-                "low": float(baseline.low[k]),
-                "high": float(baseline.high[k]),
-                "slope": float(fit.coefficients[k + 1]),
-                "slope_sd": float(np.sqrt(fit.covariance[k + 1, k + 1])),
-            }
-            for k, name in enumerate(baseline.covariates)
-        ],
-    }
-
-
-def _points(trend: ParameterTrend) -> list[dict[str, Any]]:
-    series = trend.series
-    corrected: FloatArray = (
-        np.full(len(series), np.nan) if trend.baseline is None else score(trend.baseline, series).corrected
-    )
-    later = {} if trend.watched is None else {label: i for i, label in enumerate(trend.watched.labels)}
-    return [
-        {
-            "campaign_id": label,
-            "performed_at": series.dates[i].isoformat(),
-            "raw": float(series.estimate[i]),
-            "standard_deviation": float(series.standard_deviation[i]),
-            "corrected": _finite(corrected[i]),
-            "in_baseline": trend.baseline is not None and label in trend.baseline.labels,
-            "judged": None if label not in later else _judged(trend, later[label]),
-        }
-        for i, label in enumerate(series.labels)
-    ]
-
-
-def _judged(trend: ParameterTrend, i: int) -> dict[str, Any]:
-    assert trend.scores is not None
-    assert trend.baseline is not None
-    assert trend.limits is not None
-    t = -special.stdtrit(trend.baseline.fit.degrees_of_freedom, special.ndtr(-trend.limits.score))
-    return {
-        "residual_limit": _finite(t * trend.scores.residual_sd[i]),
-        "residual": float(trend.scores.residual[i]),
-        "residual_sd": float(trend.scores.residual_sd[i]),
-        "score": float(trend.scores.score[i]),
-        "chart": {side: float(values[i]) for side, values in trend.statistic.items()},
-        "outside": bool(trend.outside[i]),
-        "extrapolated": bool(trend.scores.extrapolated[i]),
-        "covariate_missing": bool(trend.scores.missing[i]),
-    }
-
-
-def _change(change: ChangePoint) -> dict[str, Any]:
-    return {
-        "pattern": change.pattern,
-        "date": change.date.isoformat(),
-        "date_interval": [date.isoformat() for date in change.date_interval],
-        "size": change.size,
-        "size_sd": change.size_sd,
-    }
-
-
-def _rate(rate: Rate) -> dict[str, Any]:
-    return {
-        "per_year": rate.per_year,
-        "interval_95": list(rate.interval_95),
-        "relative_per_year": rate.relative_per_year,
-        "relative_interval_95": list(rate.relative_interval_95),
-        "since": None if rate.since is None else rate.since.isoformat(),
-    }
-
-
 def _episodes(trend: ParameterTrend) -> Iterator[Episode]:
     """Stretches of the timeline from an alarm to the next normal state."""
     raised: str | None = None
@@ -299,12 +188,8 @@ def _episode(trend: ParameterTrend, campaign: str, state: str) -> Episode:
         "standard_deviation": float(trend.watched.standard_deviation[i]),
         "baseline": trend.baseline.mean,
         "baseline_sd": trend.baseline.mean_sd,
-        **_judged(trend, i),
-        "change_point": None if trend.change is None else _change(trend.change),
-        "rate": None if trend.rate is None else _rate(trend.rate),
+        **describe_judged(trend, i),
+        "change_point": None if trend.change is None else describe_change(trend.change),
+        "rate": None if trend.rate is None else describe_rate(trend.rate),
     }
     return Episode(trend.name, campaign, state, details)
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

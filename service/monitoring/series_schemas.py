@@ -38,6 +38,10 @@ class SeriesParameterOut(_Part):
     state: str = Field(description="no data, normal, pending, alarm or acknowledged")
     baseline: dict[str, Any] | None = Field(description="mean, its sd, scatter, slopes; null until it is full")
     limits: dict[str, float | None] | None = Field(description="of chart and single score, standard deviations")
+    autocorrelation: dict[str, Any] | None = Field(
+        None,
+        description="`lag_1` of the baseline with `interval_95`, and the factor `limits_widened_by` for it; null without one",
+    )
     points: list[PointOut] = Field(description="in the order of time")
     change_point: dict[str, Any] | None = Field(description="when and how much it changed; null without a change")
     rate: dict[str, Any] | None = Field(

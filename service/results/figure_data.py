@@ -17,7 +17,7 @@ from service.frfs.data import FrfTable, frequency_axis
 from service.frfs.operations import frfs_of
 from service.results.predictions import used_frfs
 from service.structures.operations import describe_version, version_of
-from service.updating.operations import result_arrays, result_document
+from service.updating.operations import result_arrays, result_document, result_parts
 from service.updating.stored_arrays import StoredArrays
 
 if TYPE_CHECKING:
@@ -47,6 +47,16 @@ class UpdateFigures:
         return result_document(self.session, self.job)
 
     @cached_property
+    def light(self) -> dict[str, Any]:
+        """Band, and where the result came from: the members that a figure of FRFs needs, without reading the others.
+
+        Raises:
+            Conflict: the job has no result, yet or ever.
+        """
+        found = result_parts(self.session, [self.job.id], ("band_hz", "provenance"))
+        return found[self.job.id] if found else self.document
+
+    @cached_property
     def arrays(self) -> StoredArrays:
         """Arrays that were stored beside the document: predicted FRFs and what belongs to them.
 
@@ -74,7 +84,7 @@ class UpdateFigures:
 
     def measured_frf(self, row: int) -> Frf:
         """The measured FRF that a prediction belongs to."""
-        ids = [UUID(frf["id"]) for frf in self.document["provenance"]["frfs"]]
+        ids = [UUID(frf["id"]) for frf in self.light["provenance"]["frfs"]]
         if len(ids) == len(self.dofs):
             return frfs_of(self.session, [ids[row]])[0]
         return used_frfs(self.session, self.job, frfs_of(self.session, ids), self.dofs)[row]

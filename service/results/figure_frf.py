@@ -58,8 +58,8 @@ def update_frf_figure(data: UpdateFigures, wanted: Wanted) -> Figure:
         coherence=None if coherence is None else coherence[lines],
         models={name: data.arrays.row(name, row)[lines] for name in ("initial", "updated")},
         spread=spread,
-        band_hz=_pair(data.document["band_hz"]),
-        held_band_hz=_pair(data.document["provenance"]["recipe"]["hold_out"]["band_hz"]),
+        band_hz=_pair(data.light["band_hz"]),
+        held_band_hz=_pair(data.light["provenance"]["recipe"]["hold_out"]["band_hz"]),
     )
     figure = frf_figure(curves)
     figure["layout"]["meta"] = {"response": response.point, "reference": reference.point, "points": _points(data)}

@@ -242,10 +242,14 @@ def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
     """
     result = session.get(UpdateResult, row.id)
     if result is None:
-        job = job_of(session, row)
-        more = "; it is not done yet" if job.state in ("queued", "running") else f": {job.message or 'see its error'}"
-        raise Conflict(f"update job {row.id} has no result: it is {job.state}{more}")
+        raise Conflict(_no_result(session, row))
     return result.document
+
+
+def _no_result(session: Session, row: UpdateJob) -> str:
+    job = job_of(session, row)
+    more = "; it is not done yet" if job.state in ("queued", "running") else f": {job.message or 'see its error'}"
+    return f"update job {row.id} has no result: it is {job.state}{more}"
 
 
 def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
@@ -254,8 +258,9 @@ def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
     Raises:
         Conflict: the job has none, yet or ever; the message says which.
     """
-    result_document(session, row)
-    size = session.scalars(select(func.length(UpdateResult.prediction)).filter_by(id=row.id)).one()
+    size = session.scalars(select(func.length(UpdateResult.prediction)).filter_by(id=row.id)).one_or_none()
+    if size is None:
+        raise Conflict(_no_result(session, row))
     return StoredArrays(session, row.id, size)
 
 

@@ -15,6 +15,8 @@ from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_pla
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 PATIENCE_MS = 120_000.0
+OWN_SCHEMES = ("data", "blob", "about", "chrome", "chrome-extension")
+"""Of what a browser asks itself for: its viewer of PDF is an extension that it brings."""
 
 
 def chromium() -> Path:
@@ -92,7 +94,7 @@ def watched_page(
 
     def on_request(request: Request) -> None:
         asked = urlsplit(request.url)
-        if asked.scheme not in ("data", "blob", "about") and asked.netloc != seen.host:
+        if asked.scheme not in OWN_SCHEMES and asked.netloc != seen.host:
             seen.strangers.append(request.url)
 
     page.on("console", on_console)

@@ -79,6 +79,7 @@ const figures = [...document.querySelectorAll("figure[data-figure]")];
 const sight = new IntersectionObserver((entries) => entries.forEach((e) => { if (e.isIntersecting) show(e.target); }), { rootMargin: "300px" });
 const figureOf = (name) => figures.find((figure) => figure.dataset.figure.endsWith("/figures/" + name));
 const goTo = (element, block = "start") => element.scrollIntoView({ behavior: still.matches ? "auto" : "smooth", block });
+figures.forEach((figure) => sight.observe(figure));
 dark.addEventListener("change", () => location.reload());
 
 /* A figure of which a part is drawn: chosen in a list, named in the address. */
@@ -115,7 +116,7 @@ if (overlay) {
     redraw();
     goTo(document.getElementById("frfs"));
   });
-  if (shown.has("hz")) goTo(document.getElementById("frfs"));
+  if (shown.has("hz")) { show(overlay); goTo(document.getElementById("frfs")); }
 }
 
 /* A pair of shapes: chosen in two lists, or by a cell of the MAC. */
@@ -127,7 +128,7 @@ if (shapes && measured) {
     shapes.dataset.query = pair ? new URLSearchParams({ measured: pair[0], model: pair[1] }).toString() : "";
   };
   const pair = (shown.get("shapes") ?? "").split("~");
-  if (pair.length === 2) { choose(pair); goTo(shapes, "center"); }
+  if (pair.length === 2) { choose(pair); show(shapes); goTo(shapes, "center"); }
   const chosen = (which) => { choose(which); keep({ shapes: which ? which.join("~") : null }); show(shapes); };
   for (const list of [measured, model]) list.addEventListener("change", () => {
     const other = list === measured ? model : measured;
@@ -140,8 +141,6 @@ if (shapes && measured) {
     goTo(shapes, "center");
   }));
 }
-figures.forEach((figure) => sight.observe(figure));
-
 /* Measured FRFs of a campaign. */
 const select = document.getElementById("frf");
 const viewer = document.querySelector("[data-frf-viewer]");
