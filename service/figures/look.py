@@ -29,6 +29,7 @@ Figure = dict[str, Any]
 Trace = dict[str, Any]
 
 LONGEST_NAME = 50
+_NOTHING_LEFT = 1e-290  # magnitude below which a number is drawn as 0: the power of ten that rounds it would overflow
 FONT = "system-ui, sans-serif"
 _DARK = {
     MEASURED: "#f2f2f2",
@@ -87,10 +88,11 @@ def numbers(values: ArrayLike, digits: int = 7) -> list[float | None]:
     """Numbers for JSON, to as many significant digits as a figure can show; what is not finite is None, a gap."""
     found = np.asarray(values, dtype=float).ravel()
     finite = np.isfinite(found)
-    some = finite & (found != 0)
+    some = finite & (np.abs(found) > _NOTHING_LEFT)
     decimals = digits - 1 - np.floor(np.log10(np.abs(found, where=some, out=np.ones_like(found))))
     scale = 10.0 ** np.abs(decimals)  # an exact power, so that a rounded number prints short
-    up, down = np.round(found * scale) / scale, np.round(found / scale) * scale
+    with np.errstate(over="ignore", invalid="ignore"):  # of the two the one is taken that does not overflow
+        up, down = np.round(found * scale) / scale, np.round(found / scale) * scale
     rounded = np.where(some, np.where(decimals >= 0, up, down), 0.0).tolist()
     return rounded if finite.all() else [value if here else None for value, here in zip(rounded, finite, strict=True)]
 
