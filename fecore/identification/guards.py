@@ -10,10 +10,12 @@ spacing, and how near to the end of the band.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement
 
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
+from fecore.correlation import mac
 from fecore.frf import MAINS_HZ
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.basis import columns
@@ -41,6 +43,8 @@ _COLLINEAR = 0.6  # modal phase collinearity below which a shape is hardly that 
 _STRONG = 100.0  # ratio from which a complex shape is believed
 _FEW_POINTS = 4  # FRFs below which heights and shapes say little
 _NARROW = 1.0  # lines in the half-power bandwidth below which a mode is no wider than a tone
+_PRODUCT = 0.8  # MAC with the product of two shapes from which a pole at their sum is their distortion
+_FEWEST_OF_A_PRODUCT = 6  # FRFs in which shapes and their products are distinguished
 _EDGE = 0.5  # half bandwidths (and lines) from the end of the band
 
 
@@ -96,7 +100,10 @@ def judge(arrangement: Arrangement, fit: Fit, search: Search, witnesses: Witness
             spoilt += _lines_about(arrangement, f)
         if reason is None:
             kept.append(int(k))
-            doubts.append(_doubt(arrangement, fit, int(k), witnesses, float(high[k])))
+            doubts.append(
+                _doubt(arrangement, fit, int(k), witnesses, float(high[k]))
+                or _distortion(arrangement, fit, int(k), high)
+            )
         else:
             refused.append(RefusedPole(f, zeta, reason))
     return Verdict(
@@ -161,6 +168,27 @@ def _doubt(arrangement: Arrangement, fit: Fit, k: int, witnesses: Witnesses, hei
         return f"it is as narrow as a tone and lies at {mains[0]:g} Hz, a multiple of the mains frequency"
     if min(f - low, high - f) < _EDGE * max(zeta * f, line) and need.evidence < _WEAK_PRICE:
         return "it lies at the end of the band, where half of its resonance is missing"
+    return None
+
+
+def _distortion(arrangement: Arrangement, fit: Fit, k: int, high: FloatArray) -> str | None:
+    """Whether a pole is what a weak quadratic non-linearity makes of two higher modes, in words, or None.
+
+    Joints and bearings that work answer modes i and j at f_i + f_j with the product of their shapes (Worden, Tomlinson 2001).
+    """
+    if len(arrangement.pairs) < _FEWEST_OF_A_PRODUCT:
+        return None
+    f, zeta = fit.terms.frequency_hz, fit.terms.damping_ratio
+    pairs = fit.linear.coefficients[:, : 2 * fit.terms.pairs]
+    residues = pairs[:, 0::2] + 1j * pairs[:, 1::2]
+    above = np.flatnonzero(in_band(arrangement, f) & (high > high[k]) & (f < f[k]))
+    for i, j in combinations_with_replacement(map(int, above), 2):
+        near = abs(f[k] - f[i] - f[j]) < max(zeta[k] * f[k], arrangement.spacing_hz)
+        if near and mac(residues[:, k], residues[:, i] * residues[:, j])[0, 0] > _PRODUCT:
+            return (
+                f"it lies at the sum of {f[i]:.2f} and {f[j]:.2f} Hz with the product of their shapes, as a weak non-linearity"
+                " makes of them"
+            )
     return None
 
 

@@ -100,10 +100,10 @@ def identify(
     most = min(options.most_modes, int(arrangement.measured.sum(axis=1).min()) // 4)
     searched = search_poles(arrangement, noise, _candidates(arrangement, diagram), most, report)
     clock.lap("search")
-    arrangement, fit, drift, said = final_fit(arrangement, searched, report)
+    final = final_fit(arrangement, searched, report)
+    arrangement, fit, sifted = final.arrangement, final.fit, final.sifted
     clock.lap("refinement")
     report("judging the modes", 0.9)
-    sifted = searched.sifted
     stable = comes_back(searched.search, sifted.fit, diagram)
     witnesses = Witnesses(sifted.needs, halves(searched.search, sifted.fit), stable)
     verdict = judge(arrangement, fit, searched.search, witnesses)
@@ -112,14 +112,21 @@ def identify(
         raise IdentificationError(_nothing(arrangement, diagram, refused))
     shapes = _shapes(arrangement, fit, verdict)
     notes += [f"no mode at {p.frequency_hz:.2f} Hz: {p.reason}" for p in refused]
-    notes += [*searched.said, *said, *remarks(arrangement, fit, verdict, shapes), *_noise_remarks(arrangement, fit)]
+    notes += [
+        *searched.said,
+        *final.said,
+        *remarks(arrangement, fit, verdict, shapes),
+        *_noise_remarks(arrangement, fit),
+    ]
     notes += unexplained(arrangement, fit, variance)
     clock.lap("shapes")
     report("done", 1.0)
     spoilt = np.isin(np.arange(arrangement.frequency_hz.size), verdict.spoilt)
     errors = searched.search.errors
     return Identification(
-        found=Found(_modes(arrangement, fit, verdict, shapes, drift), shapes, verdict.significance, verdict.doubt),
+        found=Found(
+            _modes(arrangement, fit, verdict, shapes, final.drift), shapes, verdict.significance, verdict.doubt
+        ),
         terms=fit.terms,
         stabilisation=diagram,
         used=tuple(arrangement.label(r) for r in range(len(arrangement.pairs))),
@@ -134,7 +141,7 @@ def identify(
         noise_variance=fit.variance,
         noise_ratio=fit.chi_squared / fit.freedom,
         model_error=errors.relative,
-        drift=0.0 if drift is None else drift.sd,
+        drift=0.0 if final.drift is None else final.drift.sd,
         memory_lines=fit.memory,
         seconds=clock.laps,
     )

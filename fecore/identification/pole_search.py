@@ -23,7 +23,7 @@ from fecore.identification.residues import known_or
 from fecore.identification.screening import lines_in_words
 from fecore.identification.search import Search
 from fecore.identification.selection import grow, hold_vague
-from fecore.identification.sifting import Sifted, sift
+from fecore.identification.sifting import Sifted, sift, without_twins
 
 _CLEANER = 0.1  # errors over those supposed, from which more can be seen than was looked for
 _RELEARN = 3  # rounds in which the errors are learnt anew
@@ -119,11 +119,38 @@ def search_poles(
     return Searched(search, sifted, tuple(said))
 
 
-def final_fit(
-    arrangement: Arrangement, searched: Searched, report: Report
-) -> tuple[Arrangement, Fit, Drift | None, list[str]]:
+@dataclass(frozen=True)
+class Final:
+    """The series fitted to all FRFs.
+
+    Attributes:
+        sifted: its poles; two that came together, when the drift was taken out, are one.
+        arrangement: the FRFs without drift and outlying values.
+        fit: the fit.
+        drift: None where there is none.
+        said: what was seen, in words.
+    """
+
+    sifted: Sifted
+    arrangement: Arrangement
+    fit: Fit
+    drift: Drift | None
+    said: tuple[str, ...]
+
+
+def final_fit(arrangement: Arrangement, searched: Searched, report: Report) -> Final:
     """The needed poles, fitted to all FRFs by maximum likelihood, without their drift and without single outlying values."""
-    search, found = searched.search, searched.sifted.fit
+    final = _fit_all(arrangement, searched.search, searched.sifted, report)
+    while True:
+        drift = 0.0 if final.drift is None else final.drift.sd
+        left = without_twins(searched.search, final.sifted, final.arrangement, final.fit, drift)
+        if left is None:
+            return final
+        final = _fit_all(arrangement, searched.search, left, report)
+
+
+def _fit_all(arrangement: Arrangement, search: Search, sifted: Sifted, report: Report) -> Final:
+    found = sifted.fit
     measured = arrangement.measured & search.arrangement.measured.any(axis=0)
     arrangement = replace(arrangement, measured=measured, values=np.where(measured, arrangement.values, 0))
     report("refining with all FRFs", 0.75)
@@ -149,7 +176,8 @@ def final_fit(
     else:
         fit = refine(arrangement, fit.terms, fit.variance, steps=_LAST)
     tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
-    return arrangement, replace(fit, memory=tau, sessions=session_of(arrangement)), drift, said
+    fit = replace(fit, memory=tau, sessions=session_of(arrangement))
+    return Final(sifted, arrangement, fit, drift, tuple(said))
 
 
 def _without_drift(arrangement: Arrangement, fit: Fit) -> tuple[Arrangement, Fit, Drift | None]:

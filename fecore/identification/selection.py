@@ -160,9 +160,9 @@ def _unique(search: Search, fit: Fit) -> tuple[Fit, list[tuple[float, float]]]:
     """
     arrangement = search.arrangement
     shut: list[tuple[float, float]] = []
-    if _same_pole(arrangement, fit) is not None:  # near poles share their residues until they have come to rest
+    if same_pole(arrangement, fit) is not None:  # near poles share their residues until they have come to rest
         fit = refine(arrangement, fit.terms, fit.variance)
-    while (pair := _same_pole(arrangement, fit)) is not None:
+    while (pair := same_pole(arrangement, fit)) is not None:
         k, keep = pair
         narrower = min(fit.terms.damping_ratio[i] * fit.terms.frequency_hz[i] for i in pair)
         width = 0.5 * max(narrower, arrangement.spacing_hz)
@@ -171,7 +171,7 @@ def _unique(search: Search, fit: Fit) -> tuple[Fit, list[tuple[float, float]]]:
     return fit, shut
 
 
-def _same_pole(arrangement: Arrangement, fit: Fit) -> tuple[int, int] | None:
+def same_pole(arrangement: Arrangement, fit: Fit) -> tuple[int, int] | None:
     """(pole to drop, pole to keep) of the first two that are one mode, or None."""
     terms, line = fit.terms, arrangement.spacing_hz
     value = loss(fit)[0]

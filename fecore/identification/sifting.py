@@ -10,14 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
+from fecore.arrays import ComplexArray
+from fecore.identification.arrangement import Arrangement
+from fecore.identification.drift import session_of
 from fecore.identification.error_model import memory
 from fecore.identification.gains import Worth, evidence, in_band, pole_power, price
 from fecore.identification.refinement import Fit, refine
 from fecore.identification.search import Search
-from fecore.identification.selection import without_pole
+from fecore.identification.selection import same_pole, without_pole
 
 _STEPS = 6  # of a trial without one pole
 _SETTLE = 12  # steps of the fit that is left
@@ -27,6 +31,8 @@ _SURE = 1.5  # ... and evidence in units of its price
 _NEAR = 1.5  # summed half bandwidths within which two poles may be one mode
 _NARROWER = 4.0  # ... which lie no further apart than so many half bandwidths of the narrower one (and a line)
 _PLACE = 0.25  # of the distance between two poles: one that comes so near to where the other was has taken its place
+_OWN_SHAPE = 0.8  # MAC of two poles within the sessions below which one is no split of the other
+_FEW = 4  # FRFs of which the residues of two near poles cannot be distinguished
 _REACH = 5.0  # ... and within which a dropped pole changes what the others are worth
 
 
@@ -122,9 +128,86 @@ def _fails(search: Search, fit: Fit, k: int, need_of: Need) -> str | None:
     off = abs(fit.terms.frequency_hz[k] - fit.terms.frequency_hz[nearest])
     if off > _NARROWER * min(width[k], width[nearest]) + search.arrangement.spacing_hz:
         return None
-    if apart[nearest] < _NEAR and (need_of.ratio < _NEED or need_of.evidence < _SURE):
-        other = fit.terms.frequency_hz[nearest]
-        return f"it is a part of the mode at {other:.2f} Hz, split by drift or scatter between the FRFs: merged with it"
+    weak = need_of.ratio < _NEED or need_of.evidence < _SURE
+    if apart[nearest] < _NEAR and weak and not _is_another(search, fit, k, nearest):
+        return _merged(float(fit.terms.frequency_hz[nearest]))
+    return None
+
+
+def _is_another(search: Search, fit: Fit, k: int, other: int) -> bool:
+    """`has_own_shape` of two poles of a series that is fitted to combinations of the FRFs."""
+    residues = _residues(fit, (k, other))
+    whole = search.small.expand(residues.real.astype(complex)) + 1j * search.small.expand(residues.imag.astype(complex))
+    return has_own_shape(search.small.source, whole)
+
+
+def _merged(other_hz: float) -> str:
+    return f"it is a part of the mode at {other_hz:.2f} Hz, split by drift or scatter between the FRFs: merged with it"
+
+
+def _residues(fit: Fit, poles: tuple[int, ...]) -> ComplexArray:
+    """(r, k) coefficients of some poles of a fit, as complex numbers."""
+    at = 2 * np.array(poles)
+    return np.asarray(fit.linear.coefficients[:, at] + 1j * fit.linear.coefficients[:, at + 1])
+
+
+def has_own_shape(arrangement: Arrangement, residues: ComplexArray) -> bool:
+    """Whether two near poles, with residues (N, 2), move the sensors of a session in different ratios.
+
+    What drifts between sessions scales and turns the residues of a whole session alike: a half that splits off keeps the ratios
+    within the session, u, so its residues (sessions, sensors) are c uᵀ with the mode's own u. Another mode has its own.
+    """
+    groups = session_of(arrangement)
+    columns = np.zeros(groups.size, dtype=np.int64)
+    for session in range(int(groups.max()) + 1):
+        at = np.flatnonzero(groups == session)
+        columns[at] = np.arange(at.size)
+    if columns.max() == 0:
+        return False
+    shapes = []
+    for own in residues.T:
+        table = np.zeros((int(groups.max()) + 1, int(columns.max()) + 1), dtype=complex)
+        table[groups, columns] = own
+        shapes.append(np.linalg.svd(table, full_matrices=False)[2][0])
+    return bool(np.abs(np.vdot(shapes[0], shapes[1])) ** 2 < _OWN_SHAPE)
+
+
+def without_twins(search: Search, sifted: Sifted, arrangement: Arrangement, fit: Fit, drift: float) -> Sifted | None:
+    """What is left where two poles have come together in the fit to all FRFs, as one mode without its drift does; else None.
+
+    Args:
+        search: combinations of the FRFs.
+        sifted: the series that was fitted.
+        arrangement: all FRFs.
+        fit: the series fitted to them.
+        drift: standard deviation of the sessions' relative drifts, 0 where there is none.
+    """
+    if len(arrangement.pairs) < _FEW:
+        return None
+    pair = same_pole(arrangement, fit) or _within_drift(arrangement, fit, drift)
+    if pair is None:
+        return None
+    gone, kept = pair
+    terms = sifted.fit.terms
+    why = _merged(float(fit.terms.frequency_hz[kept]))
+    merged = refine(search.arrangement, without_pole(terms, gone), search.variance(sifted.fit), steps=_SETTLE)
+    needs = {k - (k > gone): each for k, each in sifted.needs.items() if k not in pair}
+    kept -= kept > gone
+    needs[kept] = need(search, merged, kept)
+    dropped = (float(terms.frequency_hz[gone]), float(terms.damping_ratio[gone]), why)
+    return Sifted(merged, needs, (*sifted.dropped, dropped))
+
+
+def _within_drift(arrangement: Arrangement, fit: Fit, drift: float) -> tuple[int, int] | None:
+    """(pole to drop, pole to keep) nearer to each other than the sessions drift, with the same shape within the sessions."""
+    hz = fit.terms.frequency_hz
+    order = np.argsort(hz)
+    for low, high in pairwise(map(int, order)):
+        if in_band(arrangement, hz[[low, high]]).all() and hz[high] - hz[low] < drift * hz[low]:
+            residues = _residues(fit, (low, high))
+            if not has_own_shape(arrangement, residues):
+                size = np.linalg.norm(residues, axis=0)
+                return (low, high) if size[0] < size[1] else (high, low)
     return None
 
 

@@ -23,6 +23,7 @@ from fecore.identification.lscf import lscf
 from fecore.identification.noise import line_scatter, rough_variance
 from fecore.identification.pole_search import leakage
 from fecore.identification.refinement import evaluate, refine
+from fecore.identification.sifting import has_own_shape
 from tests.support.beams import ABOVE_HZ, ABOVE_ZETA, PAPER_HZ, PAPER_ZETA, paper_frfs
 from tests.support.places import shared_file
 
@@ -71,6 +72,28 @@ def test_open_sets_with_the_faults_of_measured_ones(kind: str) -> None:
 def test_draws_of_our_own(kind: str) -> None:
     draw = KINDS[kind](7)
     assert_found(identify(draw.frfs).found, draw)
+
+
+def test_what_a_weak_non_linearity_makes_of_modes_is_doubtful() -> None:
+    draw = KINDS["jointed"](1002)
+    found = identify(draw.frfs).found
+    assert_found(found, draw)
+    said = " ".join(why or "" for why in found.doubt)
+    assert "the product of their shapes" in said
+
+
+def test_a_half_that_drift_splits_off_has_its_modes_own_sensor_ratios() -> None:
+    rng = np.random.default_rng(5)
+    pairs = [(Dof(100 + sensor, 3), Dof(1 + hit, 3)) for hit in range(20) for sensor in range(3)]
+    values = np.zeros((60, 40), dtype=complex)
+    frfs = FrfSet(np.arange(1.0, 41.0), values, tuple(a for a, _ in pairs), tuple(b for _, b in pairs), "accelerance")
+    arrangement = arrange([frfs])
+    mode, half, other = rng.standard_normal((3, 20))
+    sensors, others = np.array([1.0, 0.4, -0.7]), np.array([0.2, 1.0, 0.5])
+    split = np.stack([np.outer(half, sensors).ravel(), np.outer(mode, sensors).ravel()], axis=1).astype(complex)
+    apart = np.stack([np.outer(other, others).ravel(), np.outer(mode, sensors).ravel()], axis=1).astype(complex)
+    assert not has_own_shape(arrangement, split)
+    assert has_own_shape(arrangement, apart)
 
 
 def test_the_bridge_that_somebody_measured() -> None:
