@@ -4,8 +4,9 @@
     reference = fit_reference(data)                                   noise, delay, and a ratio of its own for every mode
     result = fit_damping(data, reference, law)                        the law, and what its spread is made of
 
-A law is never exact: each mode's damping is off it by a share ε ~ N(0, s²), whose prior scale is 2 % as in no body damping
-follows a law better; s is the root of its posterior mean, and enters estimate and interval alike.
+A law is never exact: each mode's damping is off it by a share ε ~ N(0, s²). The prior of s has a root mean square of 2 %, as in
+no body damping follows a law better, and s is learnt from how far the modes are off (`posterior.scale_of_deviations`): the root
+of its posterior mean square enters the estimate, all of its posterior the intervals.
 """
 
 from __future__ import annotations
@@ -23,16 +24,17 @@ from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, convert
 from fecore.identification.noise import residual_variance
 from fecore.modes import MeasuredModes
+from fecore.updating.disagreement import disagreement
 from fecore.updating.elastic import ElasticResult
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import UNSTATED_WINDOW, Inputs
 from fecore.updating.law_fit import DampingFit, Nuisance, fit_law
 from fecore.updating.misfit import FrfMisfit, Weighting
 from fecore.updating.mode_roles import ModeRoles, assign_roles
-from fecore.updating.posterior import discrepancy
+from fecore.updating.posterior import ScaleMixture, scale_of_deviations
 
 DAMPING_DISCREPANCY = 0.02
-"""Prior standard deviation of a damping ratio about its law, as a share of it."""
+"""Prior standard deviation of a damping ratio about its law, as a share of it: root mean square of the prior of s."""
 
 _UNMEASURED_SHIFT = 0.01  # prior standard deviation of the shift of an unmeasured mode, the constants given
 _UNMEASURED_DEVIATION = 2.0  # and of the logarithm of its damping over the law's: nobody measured it
@@ -61,7 +63,7 @@ class DampingResult:
         pulls: (p, e) change of the coefficients by one standard deviation of each of stage 1's excursions.
         window: (p,) change of the coefficients by an exponential window of one standard deviation of its rate.
         by_elastic: (p, q) derivative of the estimate by stage 1's parameters.
-        discrepancy: estimated relative deviation of a damping ratio from the law.
+        deviations: what is known of the scale of the relative deviations of damping ratios from the law.
     """
 
     fit: DampingFit
@@ -73,7 +75,12 @@ class DampingResult:
     pulls: FloatArray
     window: FloatArray
     by_elastic: FloatArray
-    discrepancy: float
+    deviations: ScaleMixture
+
+    @property
+    def discrepancy(self) -> float:
+        """Estimated relative deviation of a damping ratio from the law."""
+        return self.deviations.rms
 
     @property
     def covariance(self) -> FloatArray:
@@ -88,7 +95,9 @@ class DampingResult:
         return own
 
 
-_OWN_SOURCES = ("measurement noise of FRFs", "discrepancy of the law", "modes not measured")
+OF_LAW = "discrepancy of the law"
+AGAINST_MODES = "FRFs against modes"
+_OWN_SOURCES = ("measurement noise of FRFs", OF_LAW, "modes not measured", AGAINST_MODES)
 
 
 @dataclass(frozen=True)
@@ -298,8 +307,13 @@ def fit_damping(
         UpdatingError: no start converged.
     """
     start, ratios = data.start(law), reference.ratios
-    missed = np.log(law_ratio(law, ratios) / ratios.ratio)
-    spread = discrepancy(missed, len(law.coefficient_names), DAMPING_DISCREPANCY)
+    scale = scale_of_deviations(
+        np.log(law_ratio(law, ratios) / ratios.ratio),
+        ratios.relative_covariance,
+        ratios.basis(law) / ratios.ratio[:, None],
+        DAMPING_DISCREPANCY,
+    )
+    spread = scale.rms
     starts = _starts(law, start, ratios) if many_starts else [start]
     fits: list[DampingFit] = []
     for done, first in enumerate(starts):
@@ -322,12 +336,13 @@ def fit_damping(
         reference=reference,
         sources={
             **_own_sources(data, best, spread),
+            AGAINST_MODES: np.diag(_against_modes(ratios, best, spread)),
             **{n: by_coordinates @ part for n, part in elastic.sources.items()},
         },
         pulls=by_coordinates @ elastic.pulls,
         window=-law_of_window(law, ratios) * data.window_sd(),
         by_elastic=by_elastic,
-        discrepancy=spread,
+        deviations=scale,
     )
 
 
@@ -400,7 +415,13 @@ def _own_sources(data: DampingData, fit: DampingFit, relative: float) -> dict[st
         by[:, m + moved] * fit.law_rate[moved] * relative,
         by_shift,
     )
-    return dict(zip(_OWN_SOURCES, parts, strict=True))
+    return dict(zip(_OWN_SOURCES[:3], parts, strict=True))
+
+
+def _against_modes(ratios: MeasuredRatios, fit: DampingFit, spread: float) -> FloatArray:
+    """(p,) by what the FRFs say of the law and the identified modes do not."""
+    basis = ratios.basis(fit.law) / ratios.ratio[:, None]
+    return disagreement(basis, ratios.relative_covariance, spread, fit.coefficients, fit.noise_covariance)
 
 
 def _by_elastic(data: DampingData, misfit: FrfMisfit, fit: DampingFit) -> FloatArray:

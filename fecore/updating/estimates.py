@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.updating.damping_stage import DampingResult
+from fecore.updating.damping_stage import AGAINST_MODES, OF_LAW, DampingResult
 from fecore.updating.elastic import ElasticResult
 from fecore.updating.excursions import REACH_95, Excursion
 from fecore.updating.held_inputs import hold_inputs
@@ -89,7 +89,8 @@ def coefficient_estimates(
         variance = {source: float(part[i] @ part[i]) for source, part in damping.sources.items()}
         sd = float(np.sqrt(sum(variance.values())))
         samples = None if sampled is None else sampled.damping[:, i] - fit.coefficients[i]
-        core = _sampled_or(samples, sd, REACH_95 * sd, REACH_95 * sd)
+        reach = damping.deviations.reach(sd**2 - variance[OF_LAW], variance[OF_LAW])
+        core = _sampled_or(samples, sd, reach, reach)
         spread = _with_excursions(*core, variance, excursions, pulls[i])
         value = float(fit.coefficients[i])
         found.append(
@@ -212,8 +213,9 @@ def _provenance(elastic: ElasticResult, inputs: Inputs, damping: DampingResult |
         words[each.name] = f"{each.amount}, {'stated' if each.stated else _ASSUMED}"
     if damping is not None:
         words["measurement noise of FRFs"] = "noise of the FRFs, measured or from their residual"
-        words["discrepancy of the law"] = (
-            f"{100 * damping.discrepancy:.2g} % of a damping ratio, from the modes and its prior"
+        words[OF_LAW] = f"{100 * damping.discrepancy:.2g} % of a damping ratio, from the modes and its prior"
+        words[AGAINST_MODES] = (
+            "law from the FRFs against that of the identified modes: errors of the model's shapes, delay"
         )
         words["modes not measured"] = "tails of modes that nobody measured"
         words["window"] = "stated" if inputs.window_rate is not None else f"no window was stated, {_ASSUMED}"

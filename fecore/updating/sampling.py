@@ -24,11 +24,11 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.errors import UpdatingError
 from fecore.updating.coordinates import Coordinates
-from fecore.updating.damping_stage import DampingResult
+from fecore.updating.damping_stage import DAMPING_DISCREPANCY, DampingResult
 from fecore.updating.elastic import ElasticResult
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import Parametrisation, by_name
-from fecore.updating.posterior import log_likelihood
+from fecore.updating.posterior import log_likelihood, log_likelihood_of_deviations
 
 if TYPE_CHECKING:
     import emcee
@@ -271,17 +271,17 @@ def _with_inputs(elastic: ElasticResult, xi: FloatArray, random: np.random.Gener
 
 
 def _damping_density(damping: DampingResult) -> tuple[LogProbability, FloatArray]:
-    """Log posterior of a: logarithms of the damping ratios, with noise and the law's discrepancy; and its covariance."""
+    """Log posterior of a, the law's discrepancy marginalised, from the damping ratios' logarithms; and its covariance."""
     law, ratios = damping.fit.law, damping.reference.own_ratios
     basis = ratios.basis(law)
+    likelihood = log_likelihood_of_deviations(ratios.relative_covariance, DAMPING_DISCREPANCY)
     weight = np.linalg.inv(ratios.relative_covariance + damping.discrepancy**2 * np.eye(ratios.ratio.size))
 
     def density(a: FloatArray) -> FloatArray:
         ratio = a @ basis.T
         positive = np.all(ratio > 0, axis=1)
         residual = np.log(np.where(ratio > 0, ratio, 1.0) / ratios.ratio)
-        value = -np.einsum("wi,ij,wj->w", residual, weight, residual) / 2
-        return np.where(positive, value, -np.inf)
+        return np.where(positive, likelihood(residual), -np.inf)
 
     slope = basis / ratios.ratio[:, None]
     return density, np.linalg.inv(slope.T @ weight @ slope)
