@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.correlation import Pairing, pair_modes
+from fecore.correlation import Pairing
 from fecore.errors import InputError, UpdatingError
 from fecore.identification import turn_real
 from fecore.least_squares import Stopping, minimise
@@ -27,6 +27,7 @@ from fecore.modes import MeasuredModes
 from fecore.updating.coordinates import Coordinates
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.updating.pairing import pair_with
 from fecore.updating.parameters import by_name
 from fecore.updating.posterior import (
     DISCREPANCY,
@@ -73,6 +74,24 @@ class Start:
 
 
 @dataclass(frozen=True)
+class Rival:
+    """Another pairing of the modes, at the best point that a start with it came to.
+
+    Attributes:
+        theta: (p,) its parameters.
+        pairs: its partners, (measured index, model index).
+        frequency_hz, kinds: of its model's modes.
+        evidence: logarithm of how much more the chosen point is supported.
+    """
+
+    theta: FloatArray
+    pairs: tuple[tuple[int, int], ...]
+    frequency_hz: FloatArray
+    kinds: tuple[str, ...]
+    evidence: float
+
+
+@dataclass(frozen=True)
 class ElasticResult:
     """Updated elastic parameters θ, the laboratory's inputs among them.
 
@@ -95,6 +114,7 @@ class ElasticResult:
         residual: (n,) ln f_measured - ln f_model of the paired modes.
         history: iterates, first to last.
         starts: every start that was tried, this one among them; empty where there was no choice of starts.
+        rival: the best point with other partners that a start came to; None where there is none.
     """
 
     theta: FloatArray
@@ -118,6 +138,7 @@ class ElasticResult:
     residual: FloatArray
     history: tuple[ElasticIterate, ...]
     starts: tuple[Start, ...] = ()
+    rival: Rival | None = None
 
     @property
     def misfit(self) -> float:
@@ -225,8 +246,7 @@ class _Fit:
         return Coordinates(self.forward.parametrisation)
 
     def pair(self, state: ForwardState) -> Pairing:
-        model_shapes = None if self.modes.shapes is None else state.shapes[:, : len(self.modes.dofs)]
-        pairing = pair_modes(self.modes.shapes, model_shapes, self.modes.frequency_hz, state.frequency_hz)
+        pairing = pair_with(self.modes, state)
         if not pairing.pairs:
             raise UpdatingError(
                 "no measured mode is like any mode of the model; check the boundary, the grid points and the frame",

@@ -11,6 +11,7 @@ from fecore.updating.verdict import Finding, notes
 SAME_SHAPE = 0.8
 """MAC below which two shapes are not taken to be those of one mode."""
 
+_REFUTED = 5.0  # log evidence by which a pairing must be behind to be ruled out
 FAR = 2.0  # prior standard deviations from the prior mean that are worth a warning
 USUAL_MISS = 0.01  # of frequencies, root mean square: five times what plate theory misses of a body and its supports
 HOPELESS_MISS = 0.03
@@ -33,11 +34,29 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
         found.append(Finding(f"{alone} of {len(modes)} measured modes have no partner in the model", "with_care", 6))
     return [
         *found,
+        *_rival_pairing(elastic),
         *_unlike_shapes(elastic, modes),
         *_missed_frequencies(elastic),
         *_far_from_prior(elastic),
         *_confounded(elastic),
     ]
+
+
+def _rival_pairing(elastic: ElasticResult) -> list[Finding]:
+    """Other partners that the data hardly refute, and that would give another material."""
+    rival, names = elastic.rival, elastic.updated.forward.parametrisation.reported
+    if rival is None or rival.evidence > _REFUTED:
+        return []
+    coordinates = elastic.coordinates
+    apart = (coordinates.of(rival.theta) - coordinates.of(elastic.theta)) / np.sqrt(np.diag(elastic.mixture.total))
+    other = ", ".join(f"{name} {rival.theta[i]:.3g}" for i, name in enumerate(names) if abs(apart[i]) > FAR)
+    if not other:
+        return []
+    text = (
+        f"the modes may be others than those they were paired with: other partners, with {other}, are only "
+        f"{rival.evidence:.1f} in log evidence behind; shapes at more points would decide"
+    )
+    return [Finding(text, "with_care", 40)]
 
 
 def _unlike_shapes(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:

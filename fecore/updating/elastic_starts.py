@@ -1,32 +1,35 @@
 """Stage 1 from several starts, where one may end with modes paired wrongly.
 
 Where a prior is far off, modes that lie close together in the model stand in another order than in the body, and an update that
-pairs them in the wrong order ends in a point of its own. So where the first result looks doubtful, draws from the prior are
-paired with the measured modes, and the update starts again from the best draw of each different pairing.
+pairs them in the wrong order ends in a point of its own. So where the first result looks doubtful, and always where there are
+no shapes to say so, draws from the prior are paired with the measured modes, and the update starts again from the best draw of
+each different pairing. The best of the points with other partners stands in the result as its rival.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.correlation import pair_modes
 from fecore.errors import UpdatingError
 from fecore.modes import MeasuredModes
 from fecore.updating.coordinates import Coordinates
 from fecore.updating.draws import even_draws
-from fecore.updating.elastic import ElasticResult, Start, update_elastic
+from fecore.updating.elastic import ElasticResult, Rival, Start, update_elastic
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.updating.pairing import FEWEST_DOFS, missed_cost, pair_with, probability_seen
 from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF
 
 _DOUBTFUL = 5.0  # misfit over the discrepancy's prior from which a result is doubted
 _FAR = 1.5  # and prior standard deviations that a parameter has moved
 _DRAWS, _REACH = 64, 2.0  # from the prior, within so many of its standard deviations
-_STARTS = 4  # that are gone on with
+_STARTS, _VERIFIED = 6, 2  # pairings from which the fit starts anew; results that are fitted anew on a verified basis
+_PRICE_ALONE = 8.0  # in log evidence, of a measured mode without a partner, beside another pairing
 
 
 def update_from_several_starts(
@@ -40,45 +43,74 @@ def update_from_several_starts(
 ) -> ElasticResult:
     """`update_elastic`, from the prior means and, where that is doubtful, from draws that pair the modes otherwise.
 
+    The draws and the fits from them use the reduced basis unverified; the best two with different partners are fitted anew.
+
     Raises:
         UpdatingError: no start converged.
     """
 
-    def run(start: FloatArray | None, first: float, last: float) -> ElasticResult:
-        def shown(share: float) -> None:
-            progress(first + (last - first) * share)
-
-        return update_elastic(
-            forward, modes, shown, use_shapes=use_shapes, start=start, seek_excursions=seek_excursions
-        )
-
-    found: list[ElasticResult] = []
-    tried: list[Start] = []
-    failure: UpdatingError | None = None
-    try:
-        found.append(run(None, 0.0, 0.5))
-        tried.append(_converged(found[0]))
-    except UpdatingError as error:
-        failure = error
-        tried.append(Start((), error.history, error.message))
-    if found and not is_doubtful(found[0]):
-        return replace(found[0], starts=tuple(tried))
-    starts = _other_starts(forward, modes, seed)
-    for number, start in enumerate(starts):
+    def run(model: ForwardModel, start: FloatArray | None, first: float, last: float) -> ElasticResult | UpdatingError:
+        seek = seek_excursions if model.verified else (lambda _: ())
         try:
-            found.append(run(start, 0.5 + 0.5 * number / len(starts), 0.5 + 0.5 * (number + 1) / len(starts)))
-            tried.append(_converged(found[-1]))
+            return update_elastic(
+                model,
+                modes,
+                lambda share: progress(first + (last - first) * share),
+                use_shapes=use_shapes,
+                start=start,
+                seek_excursions=seek,
+            )
         except UpdatingError as error:
-            failure = failure or error
-            tried.append(Start((), error.history, error.message))
-    if not found:
-        assert failure is not None, "every start failed"
-        raise failure
-    return replace(min(found, key=evidence), starts=tuple(tried))
+            return error
+
+    found = [run(forward, None, 0.0, 0.5)]
+    done = not isinstance(found[0], UpdatingError) and not is_doubtful(found[0]) and len(modes.dofs) >= FEWEST_DOFS
+    if not done:
+        loose = forward.unverified()
+        starts = _other_starts(loose, modes, seed)
+        steps = np.linspace(0.5, 0.8, len(starts) + 1)
+        searched = [run(loose, start, *between) for start, between in zip(starts, pairwise(steps), strict=True)]
+        worth = _worth_verifying([each for each in [*found, *searched] if isinstance(each, ElasticResult)], modes)
+        found += [each for each in searched if not any(each is chosen for chosen in worth)]
+        found += [run(forward, each.theta, 0.8 + 0.1 * place, 0.9 + 0.1 * place) for place, each in enumerate(worth)]
+    tried = tuple(_as_start(each) for each in found)
+    verified = [each for each in found if isinstance(each, ElasticResult) and each.updated.forward.verified]
+    if not verified:
+        raise next(each for each in found if isinstance(each, UpdatingError))
+    best = min(verified, key=lambda result: evidence(result, modes))
+    return replace(best, starts=tried, rival=_rival(best, found, modes))
 
 
-def _converged(result: ElasticResult) -> Start:
-    return Start(result.history, tuple(iterate.cost for iterate in result.history))
+def _worth_verifying(found: list[ElasticResult], modes: MeasuredModes) -> list[ElasticResult]:
+    """Those that are better than every verified result, or the best two where there is none; one of each pairing."""
+    ranked = sorted(found, key=lambda result: evidence(result, modes))
+    best: dict[tuple[tuple[int, int, str], ...], ElasticResult] = {}
+    for result in ranked:
+        if result.updated.forward.verified:
+            break
+        best.setdefault(_partners(result), result)
+    return list(best.values())[:_VERIFIED]
+
+
+def _as_start(found: ElasticResult | UpdatingError) -> Start:
+    if isinstance(found, UpdatingError):
+        return Start((), found.history, found.message)
+    return Start(found.history, tuple(iterate.cost for iterate in found.history))
+
+
+def _rival(best: ElasticResult, found: list[ElasticResult | UpdatingError], modes: MeasuredModes) -> Rival | None:
+    """The best point with other partners than the chosen one's; numbers and kinds of model modes make a partner."""
+    others = [each for each in found if isinstance(each, ElasticResult) and _partners(each) != _partners(best)]
+    if not others:
+        return None
+    other = min(others, key=lambda result: evidence(result, modes))
+    state, chosen, rival = other.updated, evidence(best, modes), evidence(other, modes)
+    alone = _PRICE_ALONE * (rival[0] - chosen[0])
+    return Rival(other.theta, other.pairing.pairs, state.frequency_hz, tuple(state.kinds), rival[1] - chosen[1] + alone)
+
+
+def _partners(result: ElasticResult) -> tuple[tuple[int, int, str], ...]:
+    return tuple((row, column, result.updated.kinds[column]) for row, column in result.pairing.pairs)
 
 
 def is_doubtful(result: ElasticResult) -> bool:
@@ -90,12 +122,18 @@ def is_doubtful(result: ElasticResult) -> bool:
     )
 
 
-def evidence(result: ElasticResult) -> tuple[int, float]:
-    """What less is better of: modes without a partner; then the misfit of residuals and prior, the discrepancy marginalised."""
+def evidence(result: ElasticResult, modes: MeasuredModes) -> tuple[int, float]:
+    """What less is better of: modes without a partner; then the misfit of residuals and prior, the discrepancy marginalised.
+
+    Where there are no shapes, modes of the model that were not seen count too.
+    """
     coordinates, n = result.coordinates, result.residual.size
     away = (coordinates.of(result.theta) - coordinates.mean) / coordinates.sd
     squares = DISCREPANCY_DOF + float(result.residual @ result.residual) / DISCREPANCY**2
-    return len(result.pairing.unpaired_measured), (DISCREPANCY_DOF + n) / 2 * np.log(squares) + float(away @ away) / 2
+    misfit = (DISCREPANCY_DOF + n) / 2 * np.log(squares) + float(away @ away) / 2
+    if len(modes.dofs) >= FEWEST_DOFS:
+        return len(result.pairing.unpaired_measured), misfit
+    return 0, misfit + missed_cost(result.pairing, probability_seen(modes, result.updated), result.updated.frequency_hz)
 
 
 def _other_starts(forward: ForwardModel, modes: MeasuredModes, seed: int) -> list[FloatArray]:
@@ -110,8 +148,7 @@ def _other_starts(forward: ForwardModel, modes: MeasuredModes, seed: int) -> lis
         if not coordinates.are_believable(xi[None])[0]:
             continue
         state = forward.solve(coordinates.values(xi))
-        shapes = None if modes.shapes is None else state.shapes[:, : len(modes.dofs)]
-        pairing = pair_modes(modes.shapes, shapes, modes.frequency_hz, state.frequency_hz)
+        pairing = pair_with(modes, state)
         if not pairing.pairs:
             continue
         rows, columns = (list(side) for side in zip(*pairing.pairs, strict=True))

@@ -55,6 +55,7 @@ class ForwardModel:
         count: how many modes to solve for.
         reduced: solve on a reduced basis (frequencies within 1e-6 of the full model), or the full model each time.
         roving_mass: of a sensor that sits at the response point of each FRF, kg. The modes are those without it.
+        verified: check the reduced basis and let it grow; without, far from where it was made it is some per cent off.
     """
 
     specimen: Body
@@ -64,6 +65,7 @@ class ForwardModel:
     count: int
     reduced: bool = True
     roving_mass: float = 0.0
+    verified: bool = True
 
     @cached_property
     def observation(self) -> sparse.csr_array:
@@ -78,6 +80,13 @@ class ForwardModel:
         reach = np.minimum(prior.prior_sd, np.where(prior.signed, 0.5, np.abs(prior.prior_mean) / 2))
         changes = start.stiffness_by * reach, start.mass_by * reach
         return ReducedModel(self.specimen.model, start.stiffness, start.mass, self.count, changes=changes)
+
+    def unverified(self) -> ForwardModel:
+        """The same on the basis as it is now, for a search that is verified afterwards."""
+        loose = replace(self, verified=False)
+        if self.reduced:
+            loose.__dict__["basis"] = self.basis  # the cached property
+        return loose
 
     @cached_property
     def _covered(self) -> set[int]:
@@ -106,8 +115,12 @@ class ForwardModel:
         """
         model, c = self.specimen.model, self.parametrisation.coefficients(theta)
         if self.reduced:
-            modes = self.basis.modes(c.stiffness, c.mass)
             reduced = self.basis.system
+            if self.verified:
+                modes = self.basis.modes(c.stiffness, c.mass)
+                reduced = self.basis.system  # as it has grown
+            else:
+                modes = reduced.modes(c.stiffness, c.mass, self.count)
             terms = _Terms(list(reduced.stiffness), list(reduced.mass))
             return ForwardState(self, theta, c, modes, terms, reduced.basis)
         mass, stiffness = model.mass.at(c.mass), model.stiffness.at(c.stiffness)

@@ -191,7 +191,7 @@ class ScaleMixture:
         return float(brentq(lambda x: float(self.weight @ ndtr(x / sd)) - tail, 0.0, 40 * sd.max()))
 
 
-_LAW_FREEDOM = 3.0
+_LAW_FREEDOM = 3.0  # degrees of freedom of the prior of the scale of deviations
 _LAW_GRID = np.exp(np.linspace(np.log(0.01), np.log(30.0), 49))  # s over the prior's scale
 
 

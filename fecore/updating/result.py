@@ -240,6 +240,46 @@ class StartHistory:
 
 
 @dataclass(frozen=True)
+class Partner:
+    """A measured mode and its partner among the model's, numbered from 1, with the latter's frequency and kind of motion."""
+
+    measured: int
+    model: int
+    frequency_hz: float
+    kind: str
+
+
+@dataclass(frozen=True)
+class RivalPairing:
+    """Other partners at the best point that a start of stage 1 came to with them.
+
+    Attributes:
+        partners: of the measured modes.
+        parameters: at that point, by name, SI.
+        log_evidence: logarithm of how much more the chosen pairing is supported.
+    """
+
+    partners: tuple[Partner, ...]
+    parameters: dict[str, float]
+    log_evidence: float
+
+
+@dataclass(frozen=True)
+class PairingSummary:
+    """Which mode is which.
+
+    Attributes:
+        by: what decided: `shapes` (MAC), or `order` where fewer than three dofs, or none, say nothing of shapes.
+        partners: of the measured modes; one that is not named has none.
+        rival: the next best pairing that was found; None where there was no other, or none was looked for.
+    """
+
+    by: Literal["shapes", "order"]
+    partners: tuple[Partner, ...]
+    rival: RivalPairing | None
+
+
+@dataclass(frozen=True)
 class ConvergenceStep:
     """One iterate of stage 1: parameters by name, frequencies of the measured modes, cost."""
 
@@ -284,6 +324,7 @@ class UpdateResult:
     damping_history: FloatArray
     convergence: tuple[ConvergenceStep, ...]
     starts: tuple[StartHistory, ...]
+    pairing: PairingSummary
     shapes: ModeShapes | None
     channel_delay_s: float | None
     null_directions: tuple[dict[str, float], ...]

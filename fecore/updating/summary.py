@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -26,9 +27,12 @@ from fecore.updating.result import (
     HeldOut,
     ModeComparison,
     ModeShapes,
+    PairingSummary,
     ParameterEstimate,
+    Partner,
     PosteriorSummary,
     Prediction,
+    RivalPairing,
     StageOutcome,
     StartHistory,
     UpdateResult,
@@ -90,6 +94,7 @@ class Summary:
                 for step in self.elastic.history
             ),
             starts=tuple(self._start(start) for start in self.elastic.starts),
+            pairing=self._pairing(),
             shapes=self._shapes(),
             channel_delay_s=None if damping is None else damping.reference.delay,
             null_directions=tuple(by_name(names, direction) for direction in self.elastic.null_directions),
@@ -284,6 +289,16 @@ class Summary:
         chosen = bool(start.history) and start.history is self.elastic.history
         return StartHistory(dict(zip(names, thetas.T, strict=True)), start.cost, chosen, start.failure)
 
+    def _pairing(self) -> PairingSummary:
+        elastic, rival = self.elastic, self.elastic.rival
+        state, names = elastic.updated, elastic.updated.forward.parametrisation.reported
+        other = None
+        if rival is not None:
+            partners = _partners(rival.pairs, rival.frequency_hz, rival.kinds)
+            other = RivalPairing(partners, by_name(names, rival.theta[: len(names)]), rival.evidence)
+        by: Literal["shapes", "order"] = "order" if elastic.pairing.mac is None else "shapes"
+        return PairingSummary(by, _partners(elastic.pairing.pairs, state.frequency_hz, tuple(state.kinds)), other)
+
     def _shapes(self) -> ModeShapes | None:
         """Shapes at the measured points; None where the modes were typed in and there are no FRFs either."""
         state, modes = self.elastic.updated, self.modes
@@ -331,3 +346,7 @@ class Summary:
         ]
         name = self.damping.fit.law.name
         return [f"the {name} fit has {len(points)} optima, of which the first is reported: {'; '.join(points)}"]
+
+
+def _partners(pairs: tuple[tuple[int, int], ...], hz: FloatArray, kinds: tuple[str, ...]) -> tuple[Partner, ...]:
+    return tuple(Partner(row + 1, column + 1, float(hz[column]), kinds[column]) for row, column in pairs)

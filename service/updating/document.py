@@ -75,6 +75,7 @@ def describe(result: UpdateResult, warnings: Iterable[str], provenance: dict[str
             }
             for start in result.starts
         ],
+        "pairing": asdict(result.pairing),
         "model_modes": []
         if result.shapes is None
         else [

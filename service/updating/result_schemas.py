@@ -128,6 +128,31 @@ class ConvergenceStepOut(_Part):
     cost: float = Field(description="of the fit, without unit")
 
 
+class PartnerOut(_Part):
+    """A measured mode and its partner among the model's."""
+
+    measured: int = Field(description="number of the measured mode, from 1")
+    model: int = Field(description="number of the model's elastic mode, from 1")
+    frequency_hz: float = Field(description="of the model's mode, Hz")
+    kind: str = Field(description="its motion: bending or torsion")
+
+
+class RivalPairingOut(_Part):
+    """Other partners, at the best point that a start came to with them."""
+
+    partners: list[PartnerOut] = Field(description="of the measured modes")
+    parameters: dict[str, float] = Field(description="at that point, by name, SI")
+    log_evidence: float = Field(description="logarithm of how much more the chosen pairing is supported")
+
+
+class PairingOut(_Part):
+    """Which measured mode is which of the model's."""
+
+    by: Literal["shapes", "order"] = Field(description="what decided: `order` with fewer than three dofs, or no shapes")
+    partners: list[PartnerOut] = Field(description="of the measured modes; one that is not named has none")
+    rival: RivalPairingOut | None = Field(description="the next best pairing that was found; null: none")
+
+
 class ResultOut(_Part):
     """A result: the verdict and the warnings first."""
 
@@ -141,6 +166,9 @@ class ResultOut(_Part):
     damping_fit: dict[str, Any] = Field(description="starts, optima and history of stage 2")
     convergence: list[ConvergenceStepOut] | None = Field(
         None, description="iterates of stage 1; with `?include=convergence` only"
+    )
+    pairing: PairingOut | None = Field(
+        None, description="which measured mode is which of the model's, and the rival pairing"
     )
     identifiability: dict[str, Any] = Field(description="directions that the data do not see")
     discrepancy: dict[str, Any] = Field(description="relative standard deviation of what the model cannot say")

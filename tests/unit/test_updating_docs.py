@@ -24,6 +24,7 @@ DOCUMENT = [
     "damping_fit",
     "convergence",
     "starts",
+    "pairing",
     "model_modes",
     "identifiability",
     "discrepancy",

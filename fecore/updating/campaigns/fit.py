@@ -15,13 +15,14 @@ from itertools import pairwise
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.correlation import Pairing, pair_modes
+from fecore.correlation import Pairing
 from fecore.errors import InputError, UpdatingError
 from fecore.least_squares import Stopping, minimise
 from fecore.updating.campaigns.layout import Campaign, Layout
 from fecore.updating.campaigns.posterior import LinearProblem
 from fecore.updating.elastic import UNKNOWN_FREQUENCY_SD
 from fecore.updating.forward import ForwardState
+from fecore.updating.pairing import pair_with
 from fecore.updating.posterior import DISCREPANCY, Mixture
 
 _TURNS, _STEPS = 25, 6
@@ -180,8 +181,7 @@ class _Problem:
         found = []
         for campaign, state in zip(self.layout.campaigns, states, strict=True):
             modes = campaign.modes
-            shapes = None if modes.shapes is None else state.shapes[:, : len(modes.dofs)]
-            pairing = pair_modes(modes.shapes, shapes, modes.frequency_hz, state.frequency_hz)
+            pairing = pair_with(modes, state)
             if not pairing.pairs:
                 raise UpdatingError(
                     f"no measured mode of campaign {campaign.name} is like any mode of its model; check its boundary, angle, "

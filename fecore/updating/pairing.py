@@ -1,0 +1,118 @@
+"""Which measured mode is which of the model's: by shape, or where shapes say nothing by order.
+
+With fewer than three dofs the MAC of any two shapes is 1 or nearly so, and frequencies are all there is. Modes keep their order
+when all frequencies of a model are off by a common factor, so measured and model modes are laid side by side in their order, as
+sequences are aligned (Needleman and Wunsch 1970): the factor e^c, which mode of the model was missed and which measured mode
+has no partner are those of the least
+
+    Σ_pairs (½ (ln f_e - ln f_n - c)²/σ² - ln p_k) - Σ_missed ln(1 - p_k) + ½ c²/σ_c² + L · (measured modes alone),
+
+p_k the probability that mode k is seen, which is small where the FRFs' points lie near its nodes. Kinds of modes that swap
+their order as constants move are a matter for several starts (`elastic_starts`): each constant moves its own kind.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.correlation import Pairing, pair_modes
+from fecore.modes import MeasuredModes
+from fecore.updating.forward import ForwardState
+
+FEWEST_DOFS = 3
+"""Dofs from which shapes distinguish modes."""
+
+_SCATTER = 0.06  # σ: of kinds of modes about the common factor, as the constants' ratios are off
+_FACTOR_SD, _FACTORS = 0.15, np.linspace(-0.5, 0.5, 41)  # σ_c, and the c that are tried
+_ALONE = 8.0  # L: a measured mode without a partner is what an offset of four σ would cost
+_NEAR_NODE = 0.1  # amplitude over the largest mode's at which a mode is as often missed as seen
+_LEAST, _MOST = 0.05, 0.95  # p_k: nothing is sure
+_SAME = 1e-9  # relative distance of frequencies that is round-off
+
+
+def pair_with(modes: MeasuredModes, state: ForwardState) -> Pairing:
+    """Measured modes with those of a solved model, whose first points are those of the shapes."""
+    dofs = len(modes.dofs)
+    if modes.shapes is not None and dofs >= FEWEST_DOFS:
+        return pair_modes(modes.shapes, state.shapes[:, :dofs], modes.frequency_hz, state.frequency_hz)
+    return pair_in_order(modes.frequency_hz, state.frequency_hz, probability_seen(modes, state))
+
+
+def probability_seen(modes: MeasuredModes, state: ForwardState) -> FloatArray:
+    """(m,) p_k of the model's modes: by their amplitude at the shapes' points times that at the points that stood still."""
+    dofs, points = len(modes.dofs), len(state.forward.points)
+    amplitude = np.abs(state.shapes)
+    if not dofs or not points:
+        return np.full(state.frequency_hz.size, _MOST)
+    height = amplitude[:, :dofs].max(axis=1) * np.prod(amplitude[:, dofs : min(points, dofs + 2)], axis=1)
+    share = (height / max(float(height.max()), 1e-300) / _NEAR_NODE) ** 2
+    return np.asarray(np.clip(share / (1 + share), _LEAST, _MOST))
+
+
+def pair_in_order(measured_hz: FloatArray, model_hz: FloatArray, seen: FloatArray) -> Pairing:
+    """Align ascending measured with ascending model frequencies (module docstring); `seen` are the (m,) p_k."""
+    n, m = measured_hz.size, model_hz.size
+    order = np.argsort(model_hz, kind="stable")
+    pair, miss = -np.log(seen[order]), -np.log(1 - seen[order])
+    off = np.log(measured_hz[:, None] / np.maximum(model_hz[order], 1e-9)[None, :])
+    best = np.full((n + 1, m + 1, _FACTORS.size), np.inf)
+    came = np.zeros((n + 1, m + 1, _FACTORS.size), dtype=np.int8)
+    best[0] = np.concatenate([[0.0], np.cumsum(miss)])[:, None]
+    for i in range(1, n + 1):
+        best[i, 0] = i * _ALONE
+        came[i, 0] = 1
+        for j in range(1, m + 1):
+            together = best[i - 1, j - 1] + pair[j - 1] + ((off[i - 1, j - 1] - _FACTORS) / _SCATTER) ** 2 / 2
+            missed = best[i, j - 1] + miss[j - 1]
+            alone = best[i - 1, j] + _ALONE
+            choice = np.stack([together, alone, missed])
+            came[i, j] = choice.argmin(axis=0)
+            best[i, j] = choice.min(axis=0)
+    total = best[n].min(axis=0) + (_FACTORS / _FACTOR_SD) ** 2 / 2  # modes above the last measured one cost nothing
+    c = int(total.argmin())
+    i, j = n, int(best[n, :, c].argmin())
+    pairs: list[tuple[int, int]] = []
+    while i > 0:
+        step = came[i, j, c] if j else 1
+        if step == 0:
+            pairs.append((i - 1, int(order[j - 1])))
+        i, j = i - (step != 2), j - (step != 1)
+    pairs.reverse()
+    return _described(tuple(pairs), measured_hz, model_hz, seen)
+
+
+def missed_cost(pairing: Pairing, seen: FloatArray, model_hz: FloatArray) -> float:
+    """What a pairing in order says against itself, frequencies apart: modes that were missed, and seen near their nodes."""
+    if not pairing.pairs:
+        return float("inf")
+    paired = np.array([column for _, column in pairing.pairs])
+    below = np.setdiff1d(np.flatnonzero(model_hz < model_hz[paired].max() * (1 + _SAME)), paired)
+    alone = _ALONE * len(pairing.unpaired_measured)
+    return float(-np.log(seen[paired]).sum() - np.log(1 - seen[below]).sum()) + alone
+
+
+def _described(
+    pairs: tuple[tuple[int, int], ...], measured_hz: FloatArray, model_hz: FloatArray, seen: FloatArray
+) -> Pairing:
+    """The pairing with who stays alone; ambiguous where the next mode that may be seen is nearly as near."""
+    taken = {j for _, j in pairs}
+    rows = {i for i, _ in pairs}
+    distance = np.abs(np.log(np.maximum(model_hz, 1e-9)[None, :] / measured_hz[:, None]))
+    ambiguous = []
+    for i, j in pairs:
+        others = [k for k in range(model_hz.size) if k not in taken and seen[k] > 0.5 and distance[i, k] < _SCATTER]
+        if others:
+            k = min(others, key=lambda k: float(distance[i, k]))
+            if distance[i, k] < distance[i, j] + _SCATTER / 4:
+                ambiguous.append((i, j, k))
+    top = float(measured_hz.max())
+    return Pairing(
+        pairs=pairs,
+        mac=None,
+        unpaired_measured=tuple(i for i in range(measured_hz.size) if i not in rows),
+        unpaired_model=tuple(
+            j for j in range(model_hz.size) if j not in taken and model_hz[j] <= top and seen[j] > 0.5
+        ),
+        ambiguous=tuple(ambiguous),
+    )

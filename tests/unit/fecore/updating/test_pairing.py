@@ -1,0 +1,68 @@
+"""Which mode is which where there are no shapes: by order, from several starts, with the rival in the result."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fecore.body.laminate import OrthotropicMaterial
+from fecore.body.specimen import Specimen
+from fecore.frf import Dof
+from fecore.modes import MeasuredModes
+from fecore.updating.forward import ForwardModel
+from fecore.updating.inputs import Inputs
+from fecore.updating.measurement import Measurement
+from fecore.updating.pairing import pair_in_order
+from fecore.updating.parameters import parametrise
+from fecore.updating.pipeline import update
+
+HZ = np.array([24.1, 61.0, 66.5, 118.0, 160.2, 171.0, 240.5])
+SPRUCE = OrthotropicMaterial(Ex=12e9, Ey=0.9e9, Gxy=0.75e9, Gxz=0.7e9, Gyz=0.06e9, nu_xy=0.37, density=420.0)
+SEEN = 0.05  # of the largest amplitude at the FRF's point
+
+
+def test_a_common_factor_does_not_move_modes_to_their_neighbours() -> None:
+    pairing = pair_in_order(1.16 * HZ, HZ, np.full(HZ.size, 0.95))  # moduli 34 % higher
+    assert pairing.pairs == tuple((k, k) for k in range(HZ.size))
+
+
+def test_modes_with_a_node_at_the_point_are_passed_over() -> None:
+    seen = np.array([0.95, 0.05, 0.95, 0.95, 0.05, 0.95, 0.95])
+    pairing = pair_in_order(0.86 * HZ[seen > 0.5], HZ, seen)
+    assert [column for _, column in pairing.pairs] == list(np.flatnonzero(seen > 0.5))
+    assert pairing.unpaired_model == ()
+
+
+def test_a_measured_mode_that_the_model_has_not_stays_alone() -> None:
+    measured = np.sort(np.append(HZ, 90.0))
+    pairing = pair_in_order(measured, HZ, np.full(HZ.size, 0.95))
+    assert pairing.unpaired_measured == (3,)
+    assert len(pairing.pairs) == HZ.size
+
+
+def test_one_frf_and_priors_a_third_off() -> None:
+    """A free plate hit near a corner: every modulus of the prior is 34 % off, and the modes come back with their partners."""
+    body = Specimen(0.4, 0.25, 0.003, SPRUCE, "free", divisions=(8, 6))
+    known = parametrise(body)
+    place = np.array([[0.015, -0.11]])
+    state = ForwardModel(body, known, (7,), place, 12, reduced=False).solve(known.prior_mean)
+    height = np.abs(state.shapes[:8, 0])
+    visible = np.flatnonzero(height > SEEN * height.max())
+    hz = state.frequency_hz[visible] * (1 + 0.001 * np.random.default_rng(3).standard_normal(visible.size))
+    shapes = state.shapes[visible].astype(complex)
+    modes = MeasuredModes(hz, np.full(hz.size, 0.006), shapes, (Dof(7, 3),))
+    off = {name: getattr(SPRUCE, name) / 1.34 for name in ("Ex", "Ey", "Gxy", "Gxz", "Gyz")}
+    stated = replace(body, material=replace(SPRUCE, **off))
+    measurement = Measurement(None, {7: (0.015, -0.11, 0.0)}, modes, inputs=Inputs.exact())
+    result = update(measurement, stated)
+    assert result.pairing.by == "order"
+    assert [partner.model - 1 for partner in result.pairing.partners] == list(visible)
+    assert all(mode.mac is None for mode in result.modes)
+    found = {p.name: p.estimate for p in result.parameters}
+    for name in ("Ex", "Ey", "Gxy"):  # the frequencies are off by 0.1 %
+        assert found[name] == pytest.approx(getattr(SPRUCE, name), rel=0.02)
+    if result.pairing.rival is not None:
+        assert result.pairing.rival.log_evidence > 0
+        assert result.pairing.rival.partners != result.pairing.partners
