@@ -9,7 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fecore.correlation import _FREQUENCY_SCALE as FREQUENCY_SCALE
 from fecore.correlation import (
+    Pairing,
     auto_mac,
     comac,
     csac,
@@ -203,3 +205,82 @@ def test_a_mode_far_off_in_frequency_is_no_partner() -> None:
     pairing = pair_modes(np.eye(2), np.eye(2), [10, 20], [10, 200])
     assert pairing.pairs == ((0, 0),)
     assert pairing.unpaired_measured == (1,)
+
+
+def test_messages_count_modes_from_one() -> None:
+    pairing = Pairing(((0, 1),), None, (1,), (0,), ((0, 1, 2),))
+    assert pairing.messages([10, 35], [9, 10.5, 11]) == (
+        "measured mode 2 (35.00 Hz) has no partner in the model",
+        "model mode 1 (9.00 Hz) was not measured",
+        "measured mode 1 (10.00 Hz) is paired with model mode 2 (10.50 Hz), but model mode 3 (11.00 Hz) fits nearly as well",
+    )
+
+
+@pytest.mark.parametrize(
+    ("measured", "model"),
+    [
+        ([0.0], [1.0]),
+        ([-1.0], [1.0]),
+        ([np.nan], [1.0]),
+        ([1.0], [np.inf]),
+        ([[1.0]], [1.0]),
+        ([1.0], [[1.0]]),
+        ([], [1.0]),
+    ],
+)
+def test_frequencies_that_are_none_are_refused_by_name(measured: list[float], model: list[float]) -> None:
+    with pytest.raises(InputError) as refused:
+        pair_modes(None, None, measured, model)
+    assert refused.value.field == "measured_hz"
+
+
+def test_what_does_not_fit_is_refused_by_name() -> None:
+    one, two = np.ones((1, 3)), np.ones((2, 3))
+    for field, act in [
+        ("frfs", lambda: frac(one, two)),
+        ("frfs", lambda: sac(one, two)),
+        ("frfs", lambda: csac(one, two)),
+        ("frfs", lambda: csf(one, two)),
+        ("shapes", lambda: comac(one, two)),
+        ("shapes", lambda: mac(one, np.ones((1, 2)))),
+        ("a", lambda: mac([[np.nan]], [[1]])),
+        ("b", lambda: mac([[1]], [[np.nan]])),
+        ("predicted_hz", lambda: frequency_error([1], [1, 2])),
+        ("measured_hz", lambda: frequency_error([0], [1])),
+        ("predicted_ratio", lambda: damping_error([0.1], [0.1, 0.2])),
+        ("measured_shapes", lambda: pair_modes(one, two, [1, 2], [1])),
+    ]:
+        with pytest.raises(InputError) as refused:
+            act()
+        assert refused.value.field == field
+
+
+def test_slow_modes_are_paired_and_a_factor_of_three_is_the_furthest() -> None:
+    assert pair_modes(None, None, [0.4], [0.5]).pairs == ((0, 0),)
+    assert frequency_error([0.4], [0.5]) == pytest.approx([0.25])
+    assert pair_modes(np.eye(1), np.eye(1), [10], [29.9]).pairs == ((0, 0),)
+    assert pair_modes(np.eye(1), np.eye(1), [10], [30.1]).pairs == ()
+
+
+def test_shapes_of_one_side_alone_are_not_used() -> None:
+    assert pair_modes(np.eye(2)[::-1], None, [10, 20], [10, 20]).pairs == ((0, 0), (1, 1))
+
+
+def test_a_rival_is_near_in_frequency_and_the_one_most_alike() -> None:
+    model = np.array([[1, 0, 0], [1, 0.1, 0], [1, 0.05, 0]])
+    assert pair_modes([[1, 0, 0]], model, [100], [100, 140, 145]).ambiguous == ((0, 0, 2),)
+    assert pair_modes([[1, 0, 0]], model, [100], [100, 151, 160]).ambiguous == ()
+
+
+def test_a_model_mode_a_little_outside_of_the_measured_ones_was_not_measured() -> None:
+    within = 1 - 0.9 * FREQUENCY_SCALE, 1 + 0.9 * FREQUENCY_SCALE
+    beyond = 1 - 1.1 * FREQUENCY_SCALE, 1 + 1.1 * FREQUENCY_SCALE
+    for share, expected in ((within, (0, 2)), (beyond, ())):
+        pairing = pair_modes(np.eye(3)[[1]], np.eye(3), [100], [100 * share[0], 100, 100 * share[1]])
+        assert pairing.pairs == ((0, 1),)
+        assert pairing.unpaired_model == expected
+
+
+def test_shapes_of_any_size_are_compared() -> None:
+    shapes = np.array([[1e-200, 0], [3e200, 3e200]])
+    assert mac(shapes, shapes) == pytest.approx(np.array([[1, 0.5], [0.5, 1]]))
