@@ -149,21 +149,21 @@ class Frfs(files.Frfs):
         ]  # fmt: skip
 
     def to_sdypy(self) -> dict[str, Any]:
-        """What sdypy's `EMA.Model` takes: `Model(**frfs.to_sdypy())`; (N, L) values and (L,) frequencies in Hz."""
-        return {"frf": self.values, "freq": self.frequency_hz, "frf_type": self.quantity}
+        """What `Model` of sdypy-EMA 0.31 takes: `EMA.Model(**frfs.to_sdypy())`; (N, L) values, (L,) Hz."""
+        return {"frf": self.values, "freq": self.frequency_hz, "frf_form": self.quantity}
 
     @classmethod
     def from_sdypy(
         cls, model: Any, *, response: Sequence[tuple[int, int]], reference: Sequence[tuple[int, int]]
     ) -> Self:
-        """The FRFs of an `EMA.Model` of sdypy, as receptances, which it keeps.
+        """The FRFs of an `EMA.Model` of sdypy, in the quantity that it was given.
 
         Args:
-            model: the model; its `frf` (N, L) and `freq` (L,).
+            model: the model; its `frf` (N, L), `freq` (L,) in Hz and `frf_form`.
             response: N responses as (point, signed direction).
             reference: N references alike.
         """
-        return cls.from_arrays(model.freq, model.frf, response=response, reference=reference, quantity="receptance")
+        return cls.from_arrays(model.freq, model.frf, response=response, reference=reference, quantity=model.frf_form)
 
     def to_xarray(self) -> Any:
         """An `xarray.DataArray` with the dimensions `frf` and `frequency_hz`, and points and directions as coordinates.

@@ -1,0 +1,246 @@
+"""Every block of the documents runs as it stands: Python, the shell, JSON against the service's schemas.
+
+All pages share one service. The page of the command line goes first, as its commands make the project, structure and campaign
+that the others name. A block marked `text` is one that nothing can run here: a drawing, a table of requests, a command that
+installs, never ends, or needs a server of containers.
+"""
+
+from __future__ import annotations
+
+import configparser
+import json
+import re
+import shutil
+import subprocess
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import numpy as np
+import pytest
+
+import modalbase
+from service.coupons.curve_schemas import CurveCouponIn
+from service.demo.paper import uff_file
+from service.supervisor import LocalService
+from service.updating.schemas import RecipeIn
+from tests.support.blocks import AT_HAND, PAGES, Block, blocks
+from tests.support.command import COMMAND, environment
+from tests.support.places import ROOT
+from tests.support.rest import client_of, ok
+from tests.support.waiting import PATIENCE
+
+BLOCKS = blocks()
+FIRST = "docs/command-line.md"
+ELSEWHERE = {"README.md": "test_readme_script.py", "docs/tutorial.md": "test_tutorial.py"}
+"""Pages whose blocks another test runs, as it looks at what they print."""
+
+NEEDS = {"xarray": "to_xarray", "pandas": "import pandas", "sdypy": "from sdypy"}
+STRICT = 'curl() { command curl --fail-with-body -sS "$@"; }\n'
+LANGUAGES = {"python", "sh", "json", "ini", "text"}
+
+
+def of(*languages: str) -> list[Block]:
+    return [block for block in BLOCKS if block.language in languages and block.page not in ELSEWHERE]
+
+
+class Reader:
+    """Somebody with a key of their own, a folder with files of a laboratory, and a shell."""
+
+    def __init__(self, service: LocalService, folder: Path) -> None:
+        self.folder, self.api = folder, client_of(service, f"reader-{uuid4().hex}")
+        key = self.api.headers["authorization"].split()[1]
+        shutil.copytree(ROOT / "examples" / "tutorial", folder, dirs_exist_ok=True)
+        (folder / "beam.uff").write_bytes(uff_file())
+        (folder / "A1.csv").write_bytes(AT_HAND["docs/coupons.md"]()["data"])
+        self.url = service.url
+        self.variables = {
+            "MODALBASE_URL": service.url,
+            "MODALBASE_API_KEY": key,
+            "MODALBASE_DATABASE_URL": service.settings.database_url or "",
+            "URL": service.url,
+            "KEY": key,
+        }
+
+    def shell(self, block: Block) -> str:
+        around = environment(**self.variables)
+        around["PATH"] = f"{COMMAND.parent}:{around['PATH']}"
+        done = subprocess.run(
+            ["bash", "-euo", "pipefail", "-c", STRICT + block.text],
+            cwd=self.folder,
+            env=around,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+            check=False,
+        )
+        assert done.returncode == 0, f"{block}: {done.stdout} {done.stderr}"
+        return done.stdout
+
+
+@pytest.fixture(scope="module")
+def reader(service: LocalService, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
+    """With what the page of the command line makes, and what the shell's variables name."""
+    found = Reader(service, tmp_path_factory.mktemp("reader"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COLUMNS", "200")
+        for block in of("sh"):
+            if block.page == FIRST:
+                found.shell(block)
+    (project,) = ok(found.api.get("projects"))["items"]
+    (structure,) = ok(found.api.get(f"projects/{project['id']}/structures"))["items"]
+    campaign = ok(
+        found.api.post(f"structures/{structure['id']}/campaigns", json={"name": "hits", "boundary": "cantilever"})
+    )
+    batch = ok(found.api.post(f"structures/{structure['id']}/coupon-batches", json={"name": "0", "constants": ["Ex"]}))
+    spare = ok(found.api.post("api-keys", json={"name": "spare"}))
+    found.variables |= {
+        "STRUCTURE": structure["id"],
+        "CAMPAIGN": campaign["id"],
+        "BATCH": batch["id"],
+        "PREFIX": spare["key"].split("_")[1],
+        "NAME": f"reader-{uuid4().hex}",
+    }
+    client_of(service, found.variables["NAME"]).close()
+    yield found
+    found.api.close()
+
+
+def test_every_block_says_what_it_is_and_few_are_not_run() -> None:
+    counts = Counter(block.language for block in BLOCKS)
+    assert set(counts) <= LANGUAGES, [str(block) for block in BLOCKS if block.language not in LANGUAGES]
+    assert counts["text"] <= 13, [str(block) for block in BLOCKS if block.language == "text"]
+    assert counts.total() - counts["text"] >= 40
+    command = re.compile(r"^    (modalbase|curl|make) ", re.MULTILINE)
+    indented = [page.name for page in PAGES if command.search(page.read_text())]
+    assert indented == []  # a command in no fence is one that no test sees
+
+
+@pytest.mark.parametrize("block", [block for block in of("sh") if block.page != FIRST], ids=str)
+def test_commands_run(block: Block, reader: Reader) -> None:
+    if "curl" in block.text and shutil.which("curl") is None:
+        pytest.skip("curl is not installed")
+    reader.shell(block)
+
+
+@pytest.mark.parametrize("page", sorted({block.page for block in of("python")}))
+def test_python_runs(page: str, reader: Reader, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in reader.variables.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.chdir(reader.folder)
+    with modalbase.connect() as lab:
+        names: dict[str, Any] = {
+            **AT_HAND.get(page, dict)(),
+            "api": reader.api,
+            "structure": reader.variables["STRUCTURE"],
+        }
+        if page == "docs/library.md":
+            names |= of_the_library(lab)
+        left_out = []
+        for block in of("python"):
+            if block.page == page:
+                if missing := [name for name, word in NEEDS.items() if word in block.text and not installed(name)]:
+                    left_out += missing
+                else:
+                    code = "\n" * (block.line - 1) + block.text
+                    exec(compile(code, str(ROOT / page), "exec"), names)
+    LOOKED_AT.get(page, dict.copy)(names)
+    if made := names.get("lab"):
+        made.connection.close()
+    if left_out:
+        pytest.skip(f"the other blocks ran; not installed: {', '.join(left_out)}")
+
+
+def installed(name: str) -> bool:
+    try:
+        __import__(name)
+    except ModuleNotFoundError:
+        return False
+    return True
+
+
+def of_the_library(lab: modalbase.Laboratory) -> dict[str, Any]:
+    beam = lab.structure("beam")
+    f = np.linspace(10.0, 100.0, 91)
+    return {
+        "beam": beam,
+        "campaign": lab.campaign("March"),
+        "other": beam.new_campaign("other", "cantilever"),
+        "f": f,
+        "H": np.ones((1, f.size), dtype=complex),
+    }
+
+
+def looked_at_coupons(names: dict[str, Any]) -> None:
+    assert names["result"].modulus_pa == pytest.approx(40e9, rel=1e-9)
+
+
+def looked_at_identification(names: dict[str, Any]) -> None:
+    assert names["found"].modes.frequency_hz == pytest.approx(names["f_hz"], rel=1e-3)
+
+
+def looked_at_jobs(names: dict[str, Any]) -> None:
+    said: list[float] = []
+
+    class Report:
+        restored = None
+
+        def __call__(self, _: str, share: float) -> None:
+            said.append(share)
+
+    assert list(names["compute"](None, Report())) == [3]
+    assert said[-1] == 1
+
+
+def looked_at_monitoring(names: dict[str, Any]) -> None:
+    assert names["monitor"]["name"] == "stringer 1"
+
+
+LOOKED_AT: dict[str, Callable[[dict[str, Any]], Any]] = {
+    "docs/coupons.md": looked_at_coupons,
+    "docs/identification.md": looked_at_identification,
+    "docs/jobs.md": looked_at_jobs,
+    "docs/monitoring.md": looked_at_monitoring,
+    "docs/monitoring-charts.md": lambda names: names["found"].parameters["Ex"],
+    "docs/forward-model.md": lambda names: names["H"].shape == (1, 3200),
+}
+
+
+def test_json_is_what_the_service_takes(reader: Reader) -> None:
+    """Recipes and coupons by their schemas; what names things is sent, and only the things are missing."""
+    shown = {block.page: json.loads(block.text.replace('"…"', f'"{uuid4()}"')) for block in of("json")}
+    assert set(shown) == {"docs/updating.md", "docs/command-line.md", "docs/campaigns-together.md"}
+    RecipeIn.model_validate(shown["docs/updating.md"])
+    about = shown["docs/command-line.md"]
+    for one in about.pop("specimens").values():
+        CurveCouponIn.model_validate({"specimen": "A3", **about, **one})
+    refused = reader.api.post("update-jobs", json=shown["docs/campaigns-together.md"])
+    assert refused.status_code in (404, 422)
+    assert {error["pointer"] for error in refused.json().get("errors", [])} <= {
+        "/jobs/0/campaign_id",
+        "/jobs/1/campaign_id",
+    }
+
+
+def test_units_of_systemd_are_read() -> None:
+    for block in of("ini"):
+        parser = configparser.ConfigParser()
+        parser.read_string(block.text)
+        assert parser["Service"]["ExecStart"].split()[1] == "up"
+
+
+def test_a_reader_of_the_guide_finds_every_command_that_exists() -> None:
+    """Blocks that nothing runs name commands and options that are there."""
+    from typer.main import get_command
+
+    from service.cli.command import app
+
+    commands: dict[str, Any] = get_command(app).commands  # type: ignore[attr-defined]
+    for block in BLOCKS:
+        if block.language == "text":
+            for line in re.findall(r"(?:^|/)modalbase +(.+?)(?: *#.*)?$", block.text, re.MULTILINE):
+                words = line.split()
+                options = {name for option in commands[words[0]].params for name in option.opts}
+                assert {word for word in words if word.startswith("--")} <= options, f"{block}: {line}"

@@ -1,0 +1,145 @@
+"""Blocks of code of the documents, and what a reader of each page has at hand before its blocks run."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.support.places import ROOT
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+_BLOCK = re.compile(r"^```(?P<language>\w*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block.
+
+    Attributes:
+        page: its file, relative to the project.
+        line: of its first line, from 1.
+        language: what stands behind the fence; `text` is what nothing runs.
+        text: what is in it.
+    """
+
+    page: str
+    line: int
+    language: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.page}:{self.line}"
+
+
+def blocks() -> list[Block]:
+    """All blocks of all pages, in order."""
+    return [
+        Block(str(page.relative_to(ROOT)), text.count("\n", 0, found.start()) + 2, found["language"], found["text"])
+        for page in PAGES
+        for text in [page.read_text(encoding="utf-8")]
+        for found in _BLOCK.finditer(text)
+    ]
+
+
+def _coupon() -> dict[str, Any]:
+    strain = np.linspace(0, 6e-3, 61)
+    curve = "Time,Load,Strain 1\ns,kN,%\n" + "".join(f"{i},{0.04 * i:.3f},{0.02 * i:.3f}\n" for i in range(61))
+    return {"force_n": 40e9 * strain * 50e-6, "strain": strain, "lateral": -0.15 * strain, "data": curve.encode()}
+
+
+def _measured() -> dict[str, Any]:
+    from tests.support.beams import PAPER_HZ, PAPER_ZETA, paper_frfs
+
+    return {"frfs": paper_frfs(0.01, lines=400), "f_hz": PAPER_HZ, "zeta": PAPER_ZETA}
+
+
+def _hits() -> dict[str, Any]:
+    from benchmarks.hammer import campaign
+
+    _, _, simulated = campaign(np.random.default_rng(3), "cantilever", 2, 3, 0.0)
+    return {"hits": [one.hit for one in simulated]}
+
+
+def _months() -> dict[str, Any]:
+    rng, start = np.random.default_rng(5), datetime(2026, 1, 15, tzinfo=UTC)
+    dates = [start + timedelta(days=30.4 * i) for i in range(20)]
+    t = 20 + 3 * rng.standard_normal(20)
+    return {
+        "dates": dates,
+        "labels": [f"{date:%B %Y}" for date in dates],
+        "now": dates[-1],
+        "t": t,
+        "ex": 31e9 * (1 + 0.004 * rng.standard_normal(20)),
+        "ex_sd": np.full(20, 1e8),
+        "zeta": 0.02 * (1 + 0.05 * rng.standard_normal(20)),
+        "zeta_sd": np.full(20, 1e-3),
+    }
+
+
+class _Chain:
+    """A computation of three steps, for the block that shows how a long one is written."""
+
+    def __init__(self, step: int) -> None:
+        self.step, self.steps = step, 3
+
+    @classmethod
+    def start(cls, _: Any) -> _Chain:
+        return cls(0)
+
+    def advance(self) -> None:
+        self.step += 1
+
+    def result(self) -> int:
+        return self.step
+
+
+def _long() -> dict[str, Any]:
+    return {"Inputs": Any, "Report": Any, "Output": Any, "Chain": _Chain}
+
+
+def _contributor() -> dict[str, Any]:
+    import tempfile
+    from uuid import UUID
+
+    from fastapi import APIRouter
+
+    import modalbase
+    from fecore.body.mesh import rectangle
+    from fecore.body.model import plate
+    from fecore.body.supports import Supports
+    from service.access import CurrentUser, SessionDep
+    from service.records import operations
+    from service.records.schemas import RecordOut
+    from tests.support.plates import paper_section
+
+    model = plate(rectangle(0.5, 0.04, 8, 2), Supports())
+    f = np.linspace(1.0, 2.0, 3)
+    return {
+        "router": APIRouter(),
+        "UUID": UUID,
+        "SessionDep": SessionDep,
+        "CurrentUser": CurrentUser,
+        "RecordOut": RecordOut,
+        "operations": operations,
+        "K": model.stiffness.at(model.stiffness_coefficients(paper_section())),
+        "rigid": model.rigid_modes,
+        "path": Path(tempfile.mkdtemp()) / "frfs.npz",
+        "frfs": modalbase.Frfs.from_arrays(f, np.ones((1, 3), dtype=complex), response=[(1, 3)], reference=[(2, 3)]),
+    }
+
+
+AT_HAND: dict[str, Callable[[], dict[str, Any]]] = {
+    "CONTRIBUTING.md": _contributor,
+    "docs/coupons.md": _coupon,
+    "docs/hammer.md": _hits,
+    "docs/identification.md": _measured,
+    "docs/jobs.md": _long,
+    "docs/monitoring-charts.md": _months,
+}
+"""Names that a page's Python takes as given, such as the arrays of a reader's own measurement."""
