@@ -16,6 +16,7 @@ from typing import Any, Generic, TypeVar
 from uuid import UUID
 
 from sqlalchemy import delete, text
+from sqlalchemy.exc import InvalidRequestError
 from sqlalchemy.orm import Session
 
 from service.access.audit import audit
@@ -87,7 +88,10 @@ class Lookup(Generic[Row]):
             else:
                 self._owner(session, user, owner_key, role, deleted=self._deleted_owner)
         if lock:
-            session.refresh(row, with_for_update={"key_share": True, "of": self._table})
+            try:
+                session.refresh(row, with_for_update={"key_share": True, "of": self._table})
+            except InvalidRequestError:  # it was removed since it was found
+                raise NotFound(self._kind, key) from None
         if not deleted and getattr(row, "deleted_at", None) is not None:
             raise NotFound(self._kind, key)
         found: Row = row

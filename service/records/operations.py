@@ -117,7 +117,7 @@ def remove_record(session: Session, user: User, record_id: UUID) -> None:
         NotFound: there is none, or it is other people's.
         Forbidden: the user's role is too low.
     """
-    row = record_for(session, user, record_id, "editor")
+    row = record_for(session, user, record_id, "editor", lock=True)  # of two at once, one deletes
     campaign = campaign_for(session, user, row.campaign_id, "editor")
     project = campaign_for.project_of(session, campaign)
     audit(session, user, "record.delete", "record", row.id, project, sha256=row.sha256.hex(), hit=row.hit)

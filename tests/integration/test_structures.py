@@ -9,8 +9,13 @@ from uuid import uuid4
 import httpx
 import psycopg
 import pytest
+from sqlalchemy import delete
 
-from service.db.engine import psycopg_url
+from service.access import Member, Project, User
+from service.db.engine import Sessions, psycopg_url
+from service.errors import NotFound
+from service.structures.operations import structure_for
+from service.structures.tables import Structure
 from service.supervisor import LocalService
 from tests.support.rest import pointers
 
@@ -222,3 +227,21 @@ def test_structures_are_listed_in_pages(
         if cursor is None:
             break
     assert seen == made
+
+
+def test_what_was_removed_since_it_was_found_is_not_found(sessions: Sessions) -> None:
+    """A purge between the look and the lock of another request, which once would have been an error of the service."""
+    with sessions.begin() as session:
+        user, project = User(name="ada"), Project(name="p")
+        session.add_all([user, project])
+        session.flush()
+        structure = Structure(project_id=project.id, name="s")
+        session.add_all([Member(project_id=project.id, user_id=user.id, role="owner"), structure])
+    with sessions() as session:
+        assert structure_for(session, user, structure.id, "editor", lock=True).name == "s"
+        session.rollback()
+        session.get_one(Structure, structure.id)
+        with sessions.begin() as other:
+            other.execute(delete(Structure))
+        with pytest.raises(NotFound):
+            structure_for(session, user, structure.id, "editor", lock=True)
