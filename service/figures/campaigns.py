@@ -25,6 +25,7 @@ from service.figures.look import (
     shown_name,
 )
 
+_LONGEST = 22  # letters of a campaign's name beside a row
 FAR_Z = 2.0
 """|z| from which on a campaign's own estimate is drawn as one that differs."""
 
@@ -42,17 +43,22 @@ def alone_figure(parameters: Sequence[Mapping[str, Any]], campaigns: Sequence[Ma
         for part in campaigns
         if part["alone"].get(parameter["name"]) is not None
     ]
-    names = [f"{parameter['name']}  {shown_name(part['name'])}" for parameter, part in rows]
+    names = [f"{parameter['name']}  {_short(part['name'])}" for parameter, part in rows]
     data = [*_joint(rows), *_alone(rows)]
     said = ", ".join(f"{shown_name(part['name'])}: p {_probability(part['predictive_p'])}" for part in campaigns)
     shown = layout(
         f"Each campaign alone, beside all together ({said})",
         xaxis=axis("share of the joint estimate [%]"),
         yaxis=axis("", range=[len(rows) - 0.4, -0.6], **named_ticks(names)),
-        margin={"l": 190},
+        margin={"l": 40 + 7 * max((len(name) for name in names), default=0)},
         height=200 + 24 * max(len(rows), 6),
     )
     return {"data": data, "layout": shown}
+
+
+def _short(name: str) -> str:
+    """A campaign's name as the label of a row."""
+    return shown_name(name if len(name) <= _LONGEST else name[: _LONGEST - 1] + "…")
 
 
 def _probability(value: float | None) -> str:

@@ -26,6 +26,7 @@ function draw(place, figure) {
   layout.font = { ...layout.font, size: innerWidth < 640 ? 11 : 13 };
   layout.legend = { ...layout.legend, orientation: "h", yref: "container", yanchor: "bottom", y: 0.005, x: 0.5, xanchor: "center" };
   layout.margin = { t: 50, r: 20, ...layout.margin, b: 95 };
+  for (const [key, axis] of Object.entries(layout)) if (/^xaxis/.test(key) && axis.title?.text) layout[key] = { ...axis, title: { ...axis.title, standoff: 8 } };
   if (layout.title?.text) layout.title = { ...layout.title, font: { size: innerWidth < 640 ? 12 : 14 } };
   return Plotly.newPlot(place, figure.data, layout, CONFIG);
 }
