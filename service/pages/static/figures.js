@@ -25,15 +25,16 @@ function draw(place, figure) {
   delete layout.width;
   layout.font = { ...layout.font, size: innerWidth < 640 ? 11 : 13 };
   layout.legend = { ...layout.legend, orientation: "h", yref: "container", yanchor: "bottom", y: 0.005, x: 0.5, xanchor: "center" };
-  /* On a phone a name of the legend takes a line, and a title more than one. */
-  const narrow = innerWidth < 640;
+  /* In a narrow place a name of the legend takes a line, and a title more than one. */
+  const narrow = place.clientWidth < 640;
   const names = figure.data.filter((trace) => trace.showlegend !== false && trace.name).length;
   const below = Math.max(95, 70 + 17 * (narrow ? names : Math.ceil(names / 4)));
   const title = narrow ? layout.title?.text?.replace(/(.{30,42})\s/g, "$1<br>") : layout.title?.text;
   const above = 50 + 15 * ((title ?? "").split("<br>").length - 1);
   layout.margin = { r: 20, ...layout.margin, t: above, b: below };
   if (layout.height) layout.height += below - 95 + above - 50;
-  for (const [key, axis] of Object.entries(layout)) if (/^xaxis/.test(key) && axis.title?.text) layout[key] = { ...axis, title: { ...axis.title, standoff: 8 } };
+  const across = Object.entries(layout).filter(([key, axis]) => /^xaxis/.test(key) && axis.title?.text);
+  if (across.length < 4) for (const [key, axis] of across) layout[key] = { ...axis, title: { ...axis.title, standoff: 8 } };
   if (title) layout.title = { ...layout.title, text: title, font: { size: narrow ? 12 : 14 } };
   return Plotly.newPlot(place, figure.data, layout, CONFIG);
 }
