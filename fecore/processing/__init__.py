@@ -3,6 +3,7 @@ estimators, process.
 """
 
 from fecore.processing.blocks import Block, ChannelQuantity, Hit
+from fecore.processing.coupling import Coupling
 from fecore.processing.delay import Delay, estimate_delay
 from fecore.processing.document import Processed, Processing
 from fecore.processing.each_hit import EachHit, each_hit
@@ -16,6 +17,7 @@ from fecore.processing.windows import Windows, remove_window
 __all__ = [
     "Block",
     "ChannelQuantity",
+    "Coupling",
     "Criterion",
     "Delay",
     "EachHit",

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from fecore.arrays import FloatArray, IntArray
 from fecore.errors import InputError
 from fecore.frf import Dof, FrfSet
+from fecore.processing.coupling import Coupling
 from fecore.processing.delay import Delay
 from fecore.processing.estimators import Estimator, check_estimator
 from fecore.processing.judgement import Limits, Verdict
@@ -56,6 +57,7 @@ class Processed:
         processing: the choices, with those that were made here filled in.
         rate_per_s: rate of the exponential window that the FRFs carry, with the analyser's own; `remove_window`
         corrects poles.
+        coupling: the tail of the AC coupled force channel that stands behind the force window; None for none.
         delay: how much later the response is than the force, where resonances show it.
         excited_hz: highest frequency at which the hammer still has a tenth of its amplitude.
         strong_hz: the same for half of its amplitude.
@@ -69,6 +71,7 @@ class Processed:
     verdicts: tuple[Verdict, ...]
     processing: Processing
     rate_per_s: float
+    coupling: Coupling | None
     delay: Delay | None
     excited_hz: float
     strong_hz: float

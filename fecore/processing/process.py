@@ -89,6 +89,7 @@ def _result(
         verdicts=tuple(v for judged in verdicts for v in judged),
         processing=spectra.processing,
         rate_per_s=spectra.rate,
+        coupling=spectra.coupling,
         delay=delay,
         excited_hz=excited,
         strong_hz=strong,

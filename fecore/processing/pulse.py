@@ -104,7 +104,7 @@ def _peak(raw: FloatArray, window: FloatArray | None) -> int:
 
 def _another(raw: FloatArray, window: FloatArray | None, baseline: float, height: float, start: int, stop: int) -> bool:
     """Whether any sample outside the first pulse and its ringing is worth a look: one pass, for nearly all hits the last."""
-    guard = _guard(start, stop)
+    guard = ringing(start, stop)
     for cut in (slice(0, max(start - guard, 0)), slice(stop + guard, raw.size)):
         part = raw[cut]
         if not part.size:
@@ -120,7 +120,7 @@ def _another(raw: FloatArray, window: FloatArray | None, baseline: float, height
     return False
 
 
-def _guard(start: int, stop: int) -> int:
+def ringing(start: int, stop: int) -> int:
     """Samples on either side of a pulse that the ringing of the anti-alias filter may reach."""
     return 3 * (stop - start) + 4
 
@@ -163,7 +163,7 @@ def _second(
     width = max((stop - start) // 2, 1)
     width += width % 2  # an even mean is blind at half the sampling rate, where filters ring
     wide = 12 * width
-    guard = _guard(start, stop)
+    guard = ringing(start, stop)
     sum_ = np.concatenate(([0.0], np.cumsum(x)))
     if x.size < 2 * wide:
         return 0.0, 0.0, peak

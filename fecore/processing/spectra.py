@@ -9,11 +9,12 @@ from typing import Protocol
 import numpy as np
 from scipy import fft
 
-from fecore.arrays import ComplexArray, IntArray
+from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.errors import InputError
 from fecore.processing.blocks import Hit
 from fecore.processing.choice import choose_windows
 from fecore.processing.comparison import compare_lines
+from fecore.processing.coupling import find_coupling, impulse
 from fecore.processing.document import Processing
 from fecore.processing.traits import Traits, find_traits
 from fecore.processing.windows import keep_pulse, total_rate, windowed
@@ -25,6 +26,7 @@ EXCITED = 0.01
 """Hits are compared where the force's power is at least this share of its largest (-20 dB)."""
 
 _LOOKED_AT = 12  # hits from which windows are chosen
+_COUPLED = 36  # and the force channel's coupling
 
 
 class Source(Protocol):
@@ -64,11 +66,15 @@ class Spectra:
         self.lines = np.arange(self.lines[0], self.lines[-1] + 1)
         self.frequency = frequency[self.lines]
         self.delay = np.exp(2j * np.pi * self.frequency * processing.delay_s) if processing.delay_s else None
-        looked = []
+        looked, more = [], []
         step = max(1, len(source) // _LOOKED_AT)
-        for number in range(0, len(source), step):
-            looked += [(hit, find_traits(hit)) for hit in source[number][:1]]
-        self.windows = processing.windows or choose_windows(looked[:_LOOKED_AT])
+        for number in range(0, len(source), step)[:_LOOKED_AT]:
+            first_hit, *others = ((hit, find_traits(hit)) for hit in source[number][: _COUPLED // _LOOKED_AT])
+            looked.append(first_hit)
+            more += others
+        self.windows = processing.windows or choose_windows(looked)
+        self.coupling = None if self.windows.force_length_s is None else find_coupling([*looked, *more])
+        self._time = np.arange(self.samples) / self.sample_rate
         self.processing = replace(
             processing, windows=self.windows, band_hz=(float(self.frequency[0]), float(self.frequency[-1]))
         )
@@ -118,7 +124,8 @@ class Spectra:
         """Spectra of force and responses on the kept lines."""
         force = windowed(hit.force, traits.pulse.baseline, self.sample_rate, self.rate)
         if self.windows.force_length_s is not None:
-            keep_pulse(force, traits.pulse, round(self.windows.force_length_s * self.sample_rate))
+            kept = keep_pulse(force, traits.pulse, round(self.windows.force_length_s * self.sample_rate))
+            self._keep_tail(force, hit, traits, kept)
         cut = slice(self.lines[0], self.lines[-1] + 1)
         responses = [
             fft.rfft(windowed(block, before.offset, self.sample_rate, self.rate))[cut]
@@ -127,6 +134,17 @@ class Spectra:
         if self.delay is not None:
             responses = [r * self.delay for r in responses]
         return fft.rfft(force)[cut], responses
+
+    def _keep_tail(self, force: FloatArray, hit: Hit, traits: Traits, kept: FloatArray) -> None:
+        """Put the coupling's tail in place of the noise that the force window has taken away."""
+        if self.coupling is None:
+            return
+        behind = traits.pulse.stop
+        time = self._time[behind:] - self._time[traits.pulse.peak]
+        tail = self.coupling.tail(impulse(hit, traits.pulse), time)
+        if self.rate:
+            tail *= np.exp(-self.rate * self._time[behind:])
+        force[behind:] += (1 - kept[behind:]) * tail
 
     def stack(
         self, hits: Sequence[Hit], traits: Sequence[Traits], chosen: Sequence[int]

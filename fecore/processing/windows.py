@@ -76,19 +76,25 @@ def windowed(block: Block, baseline: float, sample_rate_hz: float, rate_per_s: f
     return values
 
 
-def keep_pulse(force: FloatArray, pulse: Pulse, length: int) -> None:
-    """Set all but `length` samples about the pulse to zero, in place, with raised cosines at both ends."""
+def keep_pulse(force: FloatArray, pulse: Pulse, length: int) -> FloatArray:
+    """Set all but `length` samples about the pulse to zero, in place, with raised cosines at both ends.
+
+    Returns:
+        (n,) the weights.
+    """
     length = max(length, pulse.width + 4)
     start = pulse.peak - max(int(_FORCE_BEFORE * length), pulse.peak - pulse.start + 2)
     taper = max(int(_TAPER * length), 2)
     ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(taper) + 0.5) / taper)
     stop = start + length
-    force[: max(start, 0)] = 0
-    force[max(stop, 0) :] = 0
+    kept: FloatArray = np.zeros(force.size)
+    kept[max(start, 0) : max(stop, 0)] = 1
     if start >= 0:
-        force[start : start + taper] *= ramp
+        kept[start : start + taper] *= ramp
     if stop <= force.size:
-        force[stop - taper : stop] *= ramp[::-1]
+        kept[stop - taper : stop] *= ramp[::-1]
+    force *= kept
+    return kept
 
 
 def remove_window(

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fecore.arrays import FloatArray
+from fecore.arrays import FloatArray, IntArray
 from fecore.dynamics.damping_laws import DampingLaw, ModalDamping, fit_ratios
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.dynamics.synthesis import ModalFrfModel
@@ -154,8 +154,12 @@ class DampingData:
         shares = None if strain is None else strain[at]
         return nearest_positive(law, omega, self.roles.first_ratio, self.model.omega[others], shares)
 
-    def nuisance(self, deviation_sd: float) -> Nuisance:
+    def nuisance(self, deviation_sd: float, scale: float = 1.0) -> Nuisance:
         """Measured modes shift freely and deviate from the law a little, the others do both as far as priors let them.
+
+        Where the misfit is `scale` times what noise alone makes of it, the model's residues are wrong: a peak that is too
+        high passes for less damping. The modes' ratios were identified with residues of their own and do not suffer from
+        that, so they are data too, with the share 1 - 1/scale of their information that the FRFs do not carry then.
 
         Suspended ones have rates of their own, which may lie as far from the lowest elastic mode's as nobody knows. How far
         an unmeasured mode may shift includes the constants' own uncertainty.
@@ -167,6 +171,9 @@ class DampingData:
         modes = np.concatenate([roles.shifted, roles.unmeasured])
         deviation = np.concatenate([np.full(measured, deviation_sd), np.full(others, _UNMEASURED_DEVIATION)])
         lowest = 2 * roles.first_ratio[0] * 2 * np.pi * self.modes.frequency_hz[roles.rows[0]]
+        seen, seen_rate, seen_sd = self._seen()
+        if scale <= 1:
+            seen, seen_rate, seen_sd = seen[:0], seen_rate[:0], seen_sd[:0]
         return Nuisance(
             modes=modes,
             first_shift=np.concatenate([roles.first_shift, np.zeros(others)]),
@@ -175,7 +182,19 @@ class DampingData:
             suspended=roles.suspended,
             suspended_rate=np.full(roles.suspended.size, lowest),
             window_rate=2 * (self.inputs.window_rate or 0.0),
+            seen=seen,
+            seen_rate=seen_rate,
+            seen_sd=seen_sd / np.sqrt(max(1 - 1 / scale, 1e-300)),
         )
+
+    def _seen(self) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Numbers, rates in 1/s and relative standard deviations of the lawful modes whose ratios were identified."""
+        ratios = _measured_ratios(self)
+        if ratios is None:
+            return np.arange(0), np.zeros(0), np.zeros(0)
+        sd = np.sqrt(np.diag(ratios.relative_covariance))
+        known = np.isfinite(sd) & (sd > 0)
+        return self.roles.lawful[known], (2 * ratios.ratio * ratios.omega)[known], sd[known]
 
     def misfit(self, frfs: FrfSet, weighting: Weighting, variance: FloatArray) -> FrfMisfit:
         """The misfit of some FRFs; only `noise` weights give gains and a delay a unit."""
@@ -268,8 +287,11 @@ def fit_reference(data: DampingData) -> ReferenceFit:
         if abs(left) * frfs.omega[-1] < _LARGE_TURN:
             break
         frfs = _turned_back(frfs, left)
+    scale = fit.cost / float(np.sum(misfit.counted))
+    if data.weighting == "noise":
+        scale = max(scale, 1.0)
+        fit = fit_law(misfit, data.modal_law, fit.coefficients, data.nuisance(0, scale), scale)
     own = _modal_ratios(data, fit)
-    scale = 1.0 if data.weighting == "noise" else fit.cost / float(np.sum(misfit.counted))
     return ReferenceFit(misfit, fit, scale, _measured_ratios(data) or own, own, delay)
 
 
@@ -319,7 +341,7 @@ def fit_damping(
     for done, first in enumerate(starts):
         progress(done / len(starts))
         try:
-            fits.append(fit_law(reference.misfit, law, first, data.nuisance(spread), reference.scale))
+            fits.append(fit_law(reference.misfit, law, first, data.nuisance(spread, reference.scale), reference.scale))
         except UpdatingError:
             if not fits and done == len(starts) - 1:
                 raise
@@ -412,7 +434,7 @@ def _own_sources(data: DampingData, fit: DampingFit, relative: float) -> dict[st
     value, turn = np.linalg.eigh(fit.noise_covariance / np.outer(safe, safe))
     parts = (
         safe[:, None] * turn * np.sqrt(np.maximum(value, 0)),
-        by[:, m + moved] * fit.law_rate[moved] * relative,
+        (by[:, m + moved] * fit.law_rate[moved] + fit.seen[:, moved]) * relative,
         by_shift,
     )
     return dict(zip(_OWN_SOURCES[:3], parts, strict=True))

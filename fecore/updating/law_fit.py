@@ -58,6 +58,7 @@ class DampingFit:
         noise_covariance: (p, p) covariance of the coefficients by measurement noise alone.
         response: (p, 2m) derivative of the estimate by the misfit's gradient in (λ, c): how a wrong model moves it.
         tie: (p, m) the same by the logarithm of the law's rate of each mode with a rate of its own, 0 of the others.
+        seen: (p, m) the same by the logarithm of the rate known beside the misfit of each mode, 0 of the others.
         normal: normal equations at the estimate.
         history: (iterations, p) coefficients, first to last.
     """
@@ -74,6 +75,7 @@ class DampingFit:
     noise_covariance: FloatArray
     response: FloatArray
     tie: FloatArray
+    seen: FloatArray
     normal: NormalEquations
     history: FloatArray
 
@@ -101,6 +103,8 @@ class Nuisance:
         suspended: (r,) numbers of the modes that the law does not damp, with a rate of their own.
         suspended_rate: (r,) about which these are expected, within a factor of some seven, 1/s.
         window_rate: 2/τ of an exponential window on the data, which every mode's rate has on top, 1/s.
+        seen: (n,) numbers of the modes whose rate is known beside the misfit, from fits with residues of their own.
+        seen_rate: (n,) these rates, 1/s, without the window's; seen_sd: (n,) their standard deviations, relative.
     """
 
     modes: IntArray
@@ -110,6 +114,9 @@ class Nuisance:
     suspended: IntArray = field(default_factory=lambda: np.arange(0))
     suspended_rate: FloatArray = field(default_factory=lambda: np.zeros(0))
     window_rate: float = 0.0
+    seen: IntArray = field(default_factory=lambda: np.arange(0))
+    seen_rate: FloatArray = field(default_factory=lambda: np.zeros(0))
+    seen_sd: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def of_exact_law(cls, modes: IntArray, first_shift: FloatArray) -> Nuisance:
@@ -262,7 +269,7 @@ class _Problem:
         return omega**2, rate + self.nuisance.window_rate
 
     def prior(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Prior residuals ρ, in standard deviations, and their Jacobian by x: shifts, then deviations."""
+        """Prior residuals ρ, in standard deviations, and their Jacobian by x: shifts, deviations, rates known beside."""
         a, shift, own = self.split(x)
         omega = self.omega(shift)[self.tied]
         basis = self.basis(omega, self.tied)
@@ -281,7 +288,15 @@ class _Problem:
         base = self.misfit.model.omega[self.tied]
         jacobian[tied, moved] = -weight / law_rate * (self.slope(omega, self.tied) @ a) * base
         jacobian[s:, first:] = np.diag(off_weight)
-        return residual, jacobian
+        known, by_known = self.known(x)
+        return np.concatenate([residual, known]), np.vstack([jacobian, by_known])
+
+    def known(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distance of the rates from those known beside the misfit, in their standard deviations, and the Jacobian."""
+        seen, T, m = self.nuisance.seen, self.chain(x), self.misfit.model.omega.size
+        rate = self.modes(x)[1][seen] - self.nuisance.window_rate
+        weight = 1 / self.nuisance.seen_sd
+        return weight * np.log(rate / self.nuisance.seen_rate), (weight / rate)[:, None] * T[m + seen]
 
     def penalty(self, x: FloatArray) -> float:
         residual, _ = self.prior(x)
@@ -342,6 +357,10 @@ class _Problem:
         # Circular noise of variance v: cov(2 Re Jᴴ W n) = 2 Re Jᴴ W² V J, which is the hessian with weights w²v.
         moved = normal.reduction @ T
         spread = moved.T @ jacobian.hessian(self.misfit.scatter(weight)) @ moved
+        if self.misfit.weighting == "noise":  # a misfit above the noise is the model's error, which scatters likewise
+            spread = self.scale * spread
+        known = self.known(x)[1]
+        spread = spread + self.scale**2 * known.T @ known
         covariance = inverse @ spread @ inverse
         at = np.arange(len(covariance))
         covariance[at, at] = np.maximum(covariance[at, at], 0)  # where the noise is next to nothing, round-off is not
@@ -350,6 +369,8 @@ class _Problem:
         rows = shift.size + np.arange(self.tied.size)
         weight_of_tie = 1 / self.nuisance.deviation_sd[self.nuisance.deviation_sd > 0]
         tie = np.zeros((self.count, eigenvalue.size))
+        seen = np.zeros_like(tie)
+        seen[:, self.nuisance.seen] = (inverse @ known.T)[: self.count] / self.nuisance.seen_sd * self.scale
         tie[:, self.tied] = (inverse @ by_prior[rows].T)[: self.count] * weight_of_tie * self.scale
         return DampingFit(
             law=self.law,
@@ -364,6 +385,7 @@ class _Problem:
             noise_covariance=covariance[: self.count, : self.count],
             response=(inverse @ T.T)[: self.count],
             tie=tie,
+            seen=seen,
             normal=normal,
             history=history,
         )

@@ -12,7 +12,8 @@ import numpy as np
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from modalbase.formats.uff import DatasetReport, Function, GridPoint, ModeShape
+from modalbase.formats.records import TimeBlock
+from modalbase.formats.uff import DatasetReport, Function, GridPoint, ModeShape, TimeResponse
 from service.campaigns.grid_points import add_points, stored_points
 from service.campaigns.operations import campaign_for, campaign_of
 from service.errors import Conflict, Invalid, PayloadTooLarge
@@ -20,6 +21,7 @@ from service.frfs.operations import add_coherence, writing_frfs
 from service.imports.reading import EncodedFrf, Kept
 from service.imports.tables import Import, Original
 from service.modes.operations import store_read_modes
+from service.records.intake import RecordIntake
 from service.storage import StorageOwner, book
 
 SAME_POINT_M = 1e-6
@@ -67,7 +69,10 @@ class _Intake:
         self.pairs: dict[Pair, int] = {}
         self.coherences: list[tuple[int, Pair, Function]] = []
         self.modes: list[ModeShape] = []
-        self.counts = {"frfs": 0, "grid_points": 0, "modes": 0}
+        self.counts = {"frfs": 0, "grid_points": 0, "modes": 0, "records": 0}
+        self.records = RecordIntake()
+        self.blocks: set[int] = set()
+        self.unused: dict[int, str] = {}
         self.file_bytes = session.scalars(select(Original.size).where(Original.sha256 == row.sha256)).one()
         self.frf_bytes = self.held_bytes = 0
         self.named: set[int] = set()
@@ -79,6 +84,8 @@ class _Intake:
             self._take_points(item)
         elif isinstance(item, EncodedFrf):
             self._take_frf(item, write_frf)
+        elif isinstance(item, TimeResponse):
+            self._take_block(item)
         elif isinstance(item, Function):
             self._hold(item.values.nbytes)
             self.coherences.append((item.dataset, _pair(item), item))
@@ -98,9 +105,17 @@ class _Intake:
 
     def finish(self) -> None:
         """What can only be stored once the whole file was seen."""
+        self.unused |= self.records.finish()
+        if self.blocks and not self.row.dry_run:
+            self.records.store(self.session, self.row.campaign_id, self.row.filename, set(self.unused))
+        self.counts["records"] = len(self.blocks - self.unused.keys())
         self._write_points()
         self._write_coherences()
         self._write_modes()
+        self.reports = [
+            replace(r, outcome="ignored", reason=self.unused[r.number]) if r.number in self.unused else r
+            for r in sorted(self.reports, key=lambda r: r.number)
+        ]
         if not any(self.counts.values()) and not self.row.dry_run:
             self._refuse_nothing()
         if self.frf_bytes and not self.row.dry_run:
@@ -128,6 +143,25 @@ class _Intake:
             raise PayloadTooLarge(f"the campaign would have more than {MOST_POINTS} grid points")
         self.seen |= {point.number for point in points}
         self.counts["grid_points"] = len(self.seen)
+
+    def _take_block(self, block: TimeResponse) -> None:
+        self.blocks.add(block.dataset)
+        reason = self.records.take(
+            block.dataset,
+            TimeBlock(
+                block.quantity,
+                block.response_point,
+                block.response_direction,
+                block.reference_point,
+                block.reference_direction,
+                1,
+                block.sample_rate_hz,
+                block.samples,
+                label=block.label,
+            ),
+        )
+        if reason is not None:
+            self.unused[block.dataset] = reason
 
     def _take_frf(self, frf: EncodedFrf, write: Callable[[Mapping[str, Any]], None]) -> None:
         self.counts["frfs"] += 1

@@ -23,10 +23,13 @@ from modalbase.formats.uff import (
     GridPoint,
     Limits,
     ModeShape,
+    PowerSpectrum,
+    TimeResponse,
     TraceLine,
     UffError,
     read_file,
 )
+from modalbase.formats.uff.spectra import Spectra
 from service.frfs.spectra import Axis, Spectrum, encode, encode_axis
 
 if TYPE_CHECKING:
@@ -60,8 +63,8 @@ class EncodedFrf:
     spectrum: Spectrum
 
 
-Kept = list[GridPoint] | EncodedFrf | Function | ModeShape | DatasetReport
-"""What goes to the database; of functions that are not FRFs, only ordinary coherences."""
+Kept = list[GridPoint] | EncodedFrf | Function | TimeResponse | ModeShape | DatasetReport
+"""What goes to the database; of functions that are not FRFs, ordinary coherences and time blocks."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +93,7 @@ def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
         items = read_file(inputs.path, Limits(quantity=inputs.quantity))
         points: list[GridPoint] = []
         unused: str | None = None
+        spectra = Spectra()
         for item in items:
             if isinstance(item, GridPoint) and len(points) < POINTS_AT_ONCE:
                 points.append(item)
@@ -97,7 +101,11 @@ def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
             if points:
                 yield points
                 points = []
-            if isinstance(item, DatasetReport):
+            if isinstance(item, PowerSpectrum):
+                spectra.take(item)
+            elif isinstance(item, DatasetReport) and spectra.holds(item):
+                continue
+            elif isinstance(item, DatasetReport):
                 if time.monotonic() >= report_at:  # each report is a commit, which waits for all that is being stored
                     report("reading datasets", min(1.0, item.offset / size))
                     report_at = time.monotonic() + REPORT_SECONDS
@@ -108,9 +116,12 @@ def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
             elif (reason := _why_unused(item)) is not None:
                 unused = reason
             elif isinstance(item, Frf):
+                spectra.note(item)
                 yield _encoded(item)
-            elif isinstance(item, Function | ModeShape):
+            elif isinstance(item, Function | TimeResponse | ModeShape):
                 yield item
+        for found in spectra.finish():
+            yield _encoded(found) if isinstance(found, Frf) else found
     except UffError as error:
         raise InputError("file", f"{error.reason} (byte {error.offset})") from error
 
@@ -134,7 +145,7 @@ def _encoded(frf: Frf) -> EncodedFrf:
 def _why_unused(item: Content) -> str | None:
     """Why a sound content is not stored; None where it is, or where it only serves to read the rest."""
     if isinstance(item, Function) and item.function_type != COHERENCE:
-        return f"is a {item.name}; of functions, FRFs and coherences are stored"
+        return f"is a {item.name}; of functions, FRFs, coherences, time blocks and power spectra of force and motion are stored"
     if isinstance(item, TraceLine):
         return "is a trace line of the drawing; it stays in the original file"
     if isinstance(item, Element):

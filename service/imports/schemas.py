@@ -29,6 +29,7 @@ class Counts(StrictModel):
     frfs: int
     grid_points: int
     modes: int
+    records: int = Field(0, description="time blocks of hammer hits")
 
 
 class ImportOut(StrictModel):

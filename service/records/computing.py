@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +23,11 @@ class PointFile:
 
 @dataclass(frozen=True)
 class ProcessingInputs:
-    """Records by place, and how to process them."""
+    """Records by place, how to process them, and in words what was left out."""
 
     points: tuple[PointFile, ...]
     processing: Processing
+    left_out: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,7 @@ def _samples(point: PointFile) -> Iterator[np.ndarray[Any, Any]]:
 def process_records(inputs: ProcessingInputs, report: Callable[[str, float], None]) -> Iterator[ProcessingOutput]:
     """The one output of a processing."""
     found = process(_Source(inputs.points), inputs.processing, lambda done: report("judging and averaging hits", done))
+    found = replace(found, warnings=(*inputs.left_out, *found.warnings))
     yield ProcessingOutput(found, _document(found, inputs.points))
 
 
@@ -83,6 +85,8 @@ def _document(found: Processed, points: Sequence[PointFile]) -> dict[str, Any]:
             "band_hz": found.processing.band_hz,
             "delay_s": found.processing.delay_s,
         },
+        "force_coupling": found.coupling
+        and {"amplitude_per_s": found.coupling.amplitude_per_s, "rate_per_s": found.coupling.rate_per_s},
         "window_rate_per_s": found.rate_per_s,
         "delay": delay and {"seconds": delay.seconds, "sd": delay.sd, "peaks": delay.peaks},
         "excited_hz": found.excited_hz,

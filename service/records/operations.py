@@ -52,12 +52,12 @@ def store_records(
         QuotaExceeded: the project has no room for them.
     """
     campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
-    last = _last_hits(session, campaign.id)
+    last = last_hits(session, campaign.id)
     rows = []
     for block in blocks:
         place = (block.force_point, block.force_direction)
         number = block.hit + (last.get(place, 0) if counted else 0)
-        rows.append(_columns(campaign.id, filename, block, number))
+        rows.append(columns_of(campaign.id, filename, block, number))
     if not counted:
         _refuse_known(session, campaign.id, rows)
     project = campaign_for.project_of(session, campaign)
@@ -67,7 +67,8 @@ def store_records(
     return stored
 
 
-def _columns(campaign_id: UUID, filename: str, block: TimeBlock, number: int) -> dict[str, Any]:
+def columns_of(campaign_id: UUID, filename: str, block: TimeBlock, number: int) -> dict[str, Any]:
+    """A block's row."""
     samples = encode(block.samples)
     names = ("label", "quantity", "point", "direction", "force_point", "force_direction")
     more = ("sample_rate_hz", "sensitivity", "window_rate_per_s", "full_scale")
@@ -83,7 +84,8 @@ def _columns(campaign_id: UUID, filename: str, block: TimeBlock, number: int) ->
     }
 
 
-def _last_hits(session: Session, campaign_id: UUID) -> dict[Place, int]:
+def last_hits(session: Session, campaign_id: UUID) -> dict[Place, int]:
+    """The highest hit number of each place."""
     query = (
         select(Record.force_point, Record.force_direction, func.max(Record.hit))
         .where(Record.campaign_id == campaign_id)
@@ -134,7 +136,9 @@ def query_of(campaign_id: UUID, point: int | None = None, hit: int | None = None
 
 
 def block_rows(session: Session, campaign_id: UUID, points: set[int] | None = None) -> dict[Place, list[BlockRow]]:
-    """What is said of a campaign's blocks, by place, in the order in which places were first hit."""
+    """What is said of a campaign's blocks, by place, in the order in which places were first hit; also of blocks whose
+    hit is not `whole`.
+    """
     names = BlockRow.__dataclass_fields__
     query = select(*(getattr(Record, name) for name in names)).where(Record.campaign_id == campaign_id)
     if points is not None:

@@ -16,6 +16,7 @@ from service.campaigns.operations import campaign_for
 from service.frfs.operations import ProcessedFrfs, store_processed
 from service.jobs import Job, JobKind, enqueue, job_state
 from service.records.computing import PointFile, ProcessingInputs, ProcessingOutput, process_records
+from service.records.hits import whole
 from service.records.operations import block_rows, samples_of
 from service.records.schemas import ProcessingIn, ProcessingOut
 from service.records.tables import Processing
@@ -37,17 +38,19 @@ def load_records(
 
     The samples are put on the worker's disk, a file a place, so that memory holds one block at a time.
     """
-    places = block_rows(session, campaign_id)
+    known = [whole(rows) for rows in block_rows(session, campaign_id).values()]
+    places = [rows for rows, _ in known if rows]
     if not places:
         return None
+    left = [f"{sentence}; it was left out" for _, sentences in known for sentence in sentences]
     points = []
-    for number, rows in enumerate(places.values()):
+    for number, rows in enumerate(places):
         path = workspace / f"{number}.blocks"
         with path.open("wb") as file:
             for samples in samples_of(session, rows):
                 file.write(samples.tobytes())
         points.append(PointFile(tuple(rows), path))
-    return ProcessingInputs(tuple(points), options.processing())
+    return ProcessingInputs(tuple(points), options.processing(), tuple(left))
 
 
 def _store(session: Session, job_id: UUID, items: Iterator[ProcessingOutput]) -> None:

@@ -14,11 +14,7 @@ from tests.support.laboratory import MATERIAL
 from tests.support.places import shared_file
 from tests.support.rest import finished, ok, posted, result_of
 
-WITHIN = {"Ex": 0.01, "Gxy": 0.02, "a1": 0.03}
-A0 = {
-    "hits-cantilever": 0.04,
-    "hits-free-window": 0.10,
-}  # measured -2.7 and +8.2 %, outside their intervals: docs/hammer.md
+WITHIN = {"Ex": 0.01, "Gxy": 0.02, "a0": 0.02, "a1": 0.03}
 
 
 def campaign_of_hits(api: httpx.Client, folder: Path, truth: dict[str, Any]) -> str:
@@ -83,7 +79,6 @@ def test_time_blocks_become_parameters_in_one_job(api: httpx.Client, name: str) 
         low, high = found[parameter]["interval_95"]
         assert abs(found[parameter]["estimate"] / true - 1) < share, parameter
         assert low <= true <= high, parameter
-    assert abs(found["a0"]["estimate"] / truth["config"]["a0"] - 1) < A0[name]
     frfs = ok(api.get(f"campaigns/{campaign}/frfs"))["items"]
     assert {f["id"] for f in frfs} == {f["id"] for f in result["provenance"]["frfs"]}
     rates = {f["window_rate_per_s"] for f in frfs}

@@ -15,6 +15,7 @@ from scipy.io import savemat
 
 from benchmarks.hammer import Simulated
 from benchmarks.hammer import campaign as simulated_campaign
+from tests.support.uff import axis, set_58
 from tests.support.waiting import until
 
 Checked = Callable[[httpx.Response, int], Any]
@@ -185,20 +186,57 @@ def test_the_same_hit_twice_is_a_conflict_and_stores_nothing(
     assert len(checked(api.get(f"campaigns/{campaign}/records"), 200)["items"]) == 4
 
 
-def test_a_record_is_deleted_and_a_hit_without_force_is_a_clear_failure(
+def test_the_rest_of_a_hit_whose_force_is_deleted_is_left_out(
     api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
 ) -> None:
     rows = checked(post(api, campaign, npz(hits[:3])), 201)["items"]
     force = next(r for r in rows if r["quantity"] == "force")
     assert api.delete(f"records/{force['id']}").status_code == 204
     checked(api.get(f"records/{force['id']}"), 404)
-    failed = finished(api, checked, campaign, {})
-    assert failed["status"] == "failed"
-    assert "has no force" in failed["message"]
     later = checked(post(api, campaign, npz(hits[3:4])), 201)  # it does not keep later hits out
     assert later["incomplete"] == [f"hit {force['hit']} of point {force['force_point']} has no force"]
-    assert force["hit"] not in {hit["hit"] for hit in later["hits"] if hit["point"] == force["force_point"]}
     assert len(later["hits"]) == 3
+    done = finished(api, checked, campaign, {})
+    assert done["status"] == "succeeded", done
+    assert f"hit {force['hit']} of point {force['point']} has no force; it was left out" in done["result"]["warnings"]
+    assert (force["point"], force["hit"]) not in {(h["point"], h["hit"]) for h in done["result"]["hits"]}
+
+
+def test_a_uff_file_of_time_blocks_becomes_records(
+    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+) -> None:
+    def block(samples: np.ndarray[Any, Any], kind: int, unit: str, point: int, force: int) -> bytes:
+        rows = ["".join(f"{v:20.12e}" for v in samples[i : i + 4]) for i in range(0, samples.size, 4)]
+        header = {"kind": 4, "points": samples.size, "function": 1, "step": f"{1 / hits[0].hit.sample_rate_hz:13.5e}"}
+        place = {"response": (point, 3), "reference": (force, 3)}
+        return set_58(*rows, abscissa=axis(17, "s"), ordinate=axis(kind, unit), **header, **place)
+
+    data = b""
+    for one in hits[:2]:
+        at = one.hit.force.dof.point
+        data += block(one.hit.force.samples, 13, "N", at, at) + block(one.hit.responses[0].samples, 12, "m/s2", 99, at)
+    lonely = block(hits[2].hit.responses[0].samples, 12, "m/s2", 99, hits[2].hit.force.dof.point)
+    sent = api.post(f"campaigns/{campaign}/imports", files={"file": ("hits.uff", data + lonely)})
+    job = checked(sent, 202)["id"]
+
+    def ended() -> dict[str, Any] | None:
+        row: dict[str, Any] = checked(api.get(f"imports/{job}"), 200)
+        return row if row["status"] not in ("queued", "running") else None
+
+    done = until(ended, "the import")
+    assert done is not None
+    assert done["counts"] == {"frfs": 0, "grid_points": 0, "modes": 0, "records": 4}
+    assert [d["outcome"] for d in done["datasets"]] == ["read"] * 4 + ["ignored"]
+    assert "has no force block" in done["datasets"][4]["reason"]
+    rows = checked(api.get(f"campaigns/{campaign}/records"), 200)["items"]
+    assert [(r["quantity"], r["point"], r["force_point"], r["hit"]) for r in rows] == [
+        row
+        for s in hits[:2]
+        for at, number in [(s.hit.force.dof.point, s.hit.number)]
+        for row in (("force", at, at, number), ("acceleration", 99, at, number))
+    ]
+    samples = checked(api.get(f"records/{rows[1]['id']}/data"), 200)["samples"]
+    np.testing.assert_allclose(samples, hits[0].hit.responses[0].samples, rtol=1e-11, atol=1e-12)
 
 
 def test_what_cannot_be_right_is_refused_with_its_place(

@@ -16,6 +16,7 @@ from modalbase.formats.types import ComplexArray, FloatArray, IntArray, Quantity
 
 Samples = NDArray[np.float32] | NDArray[np.float64] | NDArray[np.complex64] | NDArray[np.complex128]
 Outcome = Literal["read", "ignored", "refused"]
+ChannelQuantity = Literal["force", "acceleration", "velocity", "displacement"]
 
 COHERENCE = 6
 """Function type of an ordinary coherence γ²."""
@@ -237,6 +238,54 @@ class Function:
 
 
 @dataclass(frozen=True, eq=False)
+class TimeResponse:
+    """A time block of set 58 or 58b (function type 1), in SI units: the hammer's force, or what a sensor recorded.
+
+    Attributes:
+        quantity: what the samples are, by unit label or data type.
+        response_point, response_direction: where the channel sits; axes of the global system.
+        reference_point, reference_direction: where the hammer hit, 0 where the file states none.
+        sample_rate_hz: samples a second.
+        samples: (n,) float32 or float64, N, m/s², m/s or m.
+    """
+
+    dataset: int
+    label: str
+    quantity: ChannelQuantity
+    response_point: int
+    response_direction: int
+    reference_point: int
+    reference_direction: int
+    sample_rate_hz: float
+    samples: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class PowerSpectrum:
+    """An auto or cross spectrum of set 58 or 58b (function types 2 and 3), as an analyser writes them beside FRFs.
+
+    Attributes:
+        kind: "auto" or "cross".
+        quantity: of an auto spectrum's channel; None for a cross spectrum.
+        factor: multiply the channel's amplitude by it for SI; 1 for a cross spectrum, which takes those of its channels.
+        frequency: lines, Hz.
+        values: (L,) complex128, in the file's units.
+    """
+
+    dataset: int
+    label: str
+    kind: Literal["auto", "cross"]
+    quantity: ChannelQuantity | None
+    factor: float
+    response_point: int
+    response_direction: int
+    reference_point: int
+    reference_direction: int
+    frequency: Axis
+    values: ComplexArray
+
+
+@dataclass(frozen=True, eq=False)
 class ModeShape:
     """A mode of set 55 or 2414.
 
@@ -280,7 +329,19 @@ class Element:
     points: tuple[int, ...]
 
 
-Content = Units | FileHeader | CoordinateSystem | GridPoint | Frf | Function | ModeShape | TraceLine | Element
+Content = (
+    Units
+    | FileHeader
+    | CoordinateSystem
+    | GridPoint
+    | Frf
+    | Function
+    | TimeResponse
+    | PowerSpectrum
+    | ModeShape
+    | TraceLine
+    | Element
+)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,11 @@ _PER_ROW = 8
 
 
 def read_82(body: bytes, dataset: int) -> Parsed:
-    """Set 82: `count` grid points; rows may be filled up with zeros."""
+    """Set 82: `count` grid points; rows may be filled up with zeros.
+
+    Some programs count the strokes or leave the pen's lifts out of the count: then the set holds more entries than it declares,
+    each of them a label or 0. All are kept, for they are the whole line.
+    """
     cursor = Cursor(body)
     number, count, _ = cursor.integers(cursor.next("the trace line"), ["trace line", "number of points", ""])
     label = decoded(cursor.next("the ID line"))
@@ -21,8 +25,12 @@ def read_82(body: bytes, dataset: int) -> Parsed:
             if not token.isdigit():
                 raise cursor.refuse(f"a point is {shown(token)}, expected a label or 0")
             points.append(int(token))
-    if count < 1 or len(points) < count or any(points[count:]):
+    held = len(points) - next((i for i, point in enumerate(reversed(points)) if point), len(points))
+    if count < 1 or len(points) < count:
         raise Refusal(f"declares {count} points and holds {len(points)}", 0)
+    if held > count:
+        note = f"declares {count} points and holds {held}; all {held} were kept"
+        return Parsed([TraceLine(dataset, number, label, tuple(points[:held]))], [note])
     claims: dict[str, object] = {"trace_num": number, "n_nodes": count, "nodes": points}
     return Parsed([TraceLine(dataset, number, label, tuple(points[:count]))], [], claims)
 

@@ -69,7 +69,7 @@ def frf_of(
     notes: list[str] = []
     if raw.values.dtype.kind != "c":
         raise Refusal("is an FRF with real ordinates: without phase it is of no use")
-    frequency = _frequency(raw, notes)
+    frequency = frequency_of(raw, notes)
     quantity, factor = _quantity_and_factor(raw, units, limits, notes)
     response, reference = (
         geometry.global_direction(point, direction, name, notes)
@@ -100,11 +100,11 @@ def frf_of(
     return frf, notes
 
 
-def _frequency(raw: RawFunction, notes: list[str]) -> Axis:
+def frequency_of(raw: RawFunction, notes: list[str]) -> Axis:
     """The abscissa in Hz."""
     described = raw.abscissa
     if described.data_type not in _FREQUENCY_TYPES:
-        raise Refusal(f"is an FRF over an abscissa of type {described.data_type}, expected 18 (frequency)", 7)
+        raise Refusal(f"is over an abscissa of type {described.data_type}, expected 18 (frequency)", 7)
     text = described.unit.lower().replace(" ", "")
     if text in ("hz", "1/s", "cycles/s", "cps") or (text in NO_LABEL and described.data_type == 18):
         factor = 1.0

@@ -18,6 +18,7 @@ _REAL_SINGLE, _REAL_DOUBLE, _COMPLEX_SINGLE, _COMPLEX_DOUBLE = 2, 4, 5, 6
 _E13, _E20 = 13, 20
 _ABSURD_DECADES = 24.0
 _ENOUGH_POINTS = 16
+_NO_REFERENCE = "the reference point is -1, read as 0: the file states none"
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class RawFunction:
     """Set 58 as the file states it, in the file's units.
 
     Attributes:
+        unstated_reference: its reference point is -1, which stands for none.
         free_form: its rows are not in the standard columns, or its abscissa is of another precision than its ordinates.
     """
 
@@ -54,6 +56,7 @@ class RawFunction:
     values: Samples
     ordinate_type: int
     notes: tuple[str, ...]
+    unstated_reference: bool
     free_form: bool
 
 
@@ -110,6 +113,7 @@ def read_58(frame: Frame, body: bytes) -> RawFunction:
         values,
         shape.ordinate_type,
         (*notes, *filter(None, [note]), *more),
+        _NO_REFERENCE in notes,
         bool(note),
     )
 
@@ -151,6 +155,9 @@ def _degrees_of_freedom(cursor: Cursor) -> tuple[tuple[int, int, int, int, int, 
     for name, direction in (("response", response_direction), ("reference", reference_direction)):
         if abs(direction) > 6:
             raise cursor.refuse(f"the {name} direction is {direction}, expected -6 to 6")
+    if reference_point == -1:
+        reference_point = 0
+        notes.append(_NO_REFERENCE)
     if response_point < 0 or reference_point < 0:
         raise cursor.refuse(f"the grid points are {response_point} and {reference_point}, expected positive labels")
     return (kind, load_case, response_point, response_direction, reference_point, reference_direction), notes

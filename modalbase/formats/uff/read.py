@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from modalbase.formats.uff.channels import AUTO_SPECTRUM, CROSS_SPECTRUM, TIME_RESPONSE, spectrum_of, time_of
 from modalbase.formats.uff.content import Content, CoordinateSystem, DatasetReport, GridPoint, Limits, UffError, Units
 from modalbase.formats.uff.drawing import read_82, read_151, read_2412
 from modalbase.formats.uff.frf import FRF_TYPE, frf_of, function_of
@@ -196,14 +197,22 @@ class _Reading:
         return readers[kind](body, frame.number)
 
     def _function(self, frame: Frame, body: bytes) -> Parsed:
-        """Set 58 or 58b: an FRF in SI, or another function as it is."""
+        """Set 58 or 58b: an FRF, a time block or a power spectrum in SI, or another function as it is."""
         raw = read_58(frame, body)
         content: Content
         if raw.function_type == FRF_TYPE:
             content, notes = frf_of(raw, frame.number, self._units_for(frame), self._geometry, self._limits)
         else:
-            content, notes = function_of(raw, frame.number), []
+            content, notes = self._channels(raw, frame) or (function_of(raw, frame.number), [])
         return Parsed([content], [*raw.notes, *notes], _claims(raw), raw.free_form)
+
+    def _channels(self, raw: RawFunction, frame: Frame) -> tuple[Content, list[str]] | None:
+        """A time block or a power spectrum of force or motion; None where it is another function."""
+        if raw.function_type == TIME_RESPONSE:
+            return time_of(raw, frame.number, self._units_for(frame), self._geometry)
+        if raw.function_type in (AUTO_SPECTRUM, CROSS_SPECTRUM):
+            return spectrum_of(raw, frame.number, self._units_for(frame), self._geometry)
+        return None
 
 
 def _claims(raw: RawFunction) -> dict[str, object]:
@@ -215,7 +224,7 @@ def _claims(raw: RawFunction) -> dict[str, object]:
         "num_pts": raw.axis.count,
         "rsp_node": raw.response_point,
         "rsp_dir": raw.response_direction,
-        "ref_node": raw.reference_point,
+        "ref_node": -1 if raw.unstated_reference else raw.reference_point,
         "ref_dir": raw.reference_direction,
         **({"ordinate_axis_units_lab": raw.ordinate.unit} if plain else {}),
         "x": raw.axis.points(),

@@ -1,8 +1,9 @@
 """The framing of a UFF file, checked in one streaming pass before anything in it is parsed.
 
 A file is a chain of datasets. Each opens with a delimiter line (-1 in columns 5 and 6), then a line with its type in
-columns 1 to 6, and closes with another delimiter. Nothing but blank lines may stand between two datasets. In a binary
-set 58b the length of the data is declared in the type line, and the closing delimiter must stand right behind it.
+columns 1 to 6, and closes with another delimiter. Between two datasets may stand blank lines, and words that can be no data
+(some programs write the name of the part there). In a binary set 58b the length of the data is declared in the type line, and
+the closing delimiter must stand right behind it; some programs count the line ends about the data too.
 
 A delimiter that is lost, added or moved shifts the roles of all that follow, so it always ends at a line that cannot be
 what its place demands, and the whole file is refused.
@@ -11,7 +12,7 @@ what its place demands, and the whole file is refused.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -20,6 +21,9 @@ from modalbase.formats.uff.text import shown
 
 SMALL_CHUNK, LARGE_CHUNK = 1 << 13, 1 << 20
 ODD_DELIMITERS = 1000
+_WORDS_BETWEEN = 4
+_WORDS = re.compile(rb"[A-Za-z][A-Za-z _.,:;()-]*")
+_COUNTED_ENDS = 16  # bytes by which a binary set's count may exceed its data: line ends, and blanks after them
 _DELIMITER_LINE = re.compile(rb"\n([ \t]*)-1[ \t]*\r?(?=\n|\Z)")
 _TYPE_LINE = re.compile(rb"( {0,5}[0-9]{1,6})([bB].*|[ \t]*)")
 _ASCII_LINES_58B = 11
@@ -70,10 +74,17 @@ def scan(path: Path, limits: Limits) -> list[Frame]:
     frames: list[Frame] = []
     with path.open("rb") as file:
         position = 3 if file.read(3) == b"\xef\xbb\xbf" else 0
-        while (opening := _opening(file, position, size, limits, first=not frames)) is not None:
+        words: list[bytes] = []
+        while (opening := _opening(file, position, size, limits, first=not frames, words=words)) is not None:
             if len(frames) == limits.datasets:
                 raise UffError(f"the file holds more than {limits.datasets} datasets", opening[0])
             frame, position = _dataset(file, len(frames) + 1, *opening, size, limits)
+            if words:
+                said = (
+                    f"before it stands the text {', '.join(map(shown, words))}, which is no dataset and was passed over"
+                )
+                frame = replace(frame, note="; ".join(filter(None, [frame.note, said])))
+                words.clear()
             frames.append(frame)
     if not frames:
         raise UffError("the file holds nothing but blank lines, expected a Universal File Format file")
@@ -89,15 +100,22 @@ def _line(file: BinaryIO, position: int, limits: Limits) -> bytes:
     return line
 
 
-def _opening(file: BinaryIO, position: int, size: int, limits: Limits, *, first: bool) -> tuple[int, int] | None:
-    """Offset of the next opening delimiter and of the line after it; None where only blanks are left."""
+def _opening(
+    file: BinaryIO, position: int, size: int, limits: Limits, *, first: bool, words: list[bytes] | None = None
+) -> tuple[int, int] | None:
+    """Offset of the next opening delimiter and of the line after it; None where only blanks are left.
+
+    Lines of words alone are passed over and put into `words`: they hold no digit, so they are neither data nor a type line.
+    """
     blanks_from = position
     while position < size:
         line = _line(file, position, limits)
         content = line.strip(b" \t\r\n")
         if content == b"-1":
             return position, position + len(line)
-        if content.strip(b"\x1a"):
+        if words is not None and not first and len(words) < _WORDS_BETWEEN and _WORDS.fullmatch(content):
+            words.append(content)
+        elif content.strip(b"\x1a"):
             what = "not a UFF file: it opens with" if first else "between two datasets stands"
             raise UffError(
                 f"{what} {shown(content)}, expected a delimiter line '    -1'"
@@ -227,10 +245,22 @@ def _binary_end(
             raise UffError(f"the file ends inside the header of dataset {number}", position)
         record_7 = text if index == 6 else record_7
         position += len(text)
+    sizes = _bytes_by_record_7(record_7)
+    for actual in dict.fromkeys(actual for _, actual in sizes):
+        if (
+            0 < header.data_bytes - actual <= _COUNTED_ENDS
+            and (after := _delimiter_after(file, position + actual)) is not None
+        ):
+            return (
+                position + actual,
+                after,
+                f"its header declares {header.data_bytes} bytes of data, line ends included; the {actual} bytes that its type"
+                " and number of points make were read, for its delimiter stands behind them",
+            )
     if (after := _delimiter_after(file, position + header.data_bytes)) is not None:
         return position + header.data_bytes, after, ""
     # pyuff writes 8 (or 4) bytes a point into the header even where a point takes 16 or 24.
-    for declared, actual in _bytes_by_record_7(record_7):
+    for declared, actual in sizes:
         if declared == header.data_bytes and (after := _delimiter_after(file, position + actual)) is not None:
             return (
                 position + actual,
@@ -257,7 +287,7 @@ def _bytes_by_record_7(record_7: bytes) -> list[tuple[int, int]]:
 
 
 def _delimiter_after(file: BinaryIO, position: int) -> int | None:
-    """Byte after the delimiter line that begins at `position`, or on the next line; None where there is none."""
+    """Byte after the delimiter line that begins at `position`, or behind one or two line ends; None where there is none."""
     file.seek(position)
-    match = re.match(rb"(?:\r?\n)?    -1[ \t]*(?:\r?\n|\Z)", file.read(160))
+    match = re.match(rb"(?:[ \t\x00]{0,8}\r{0,2}\n){0,2}    -1[ \t]*(?:\r?\n|\Z)", file.read(160))
     return None if match is None else position + match.end()

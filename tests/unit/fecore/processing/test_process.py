@@ -153,6 +153,24 @@ def test_an_analysers_window_on_one_channel_is_completed_on_the_other() -> None:
     np.testing.assert_allclose(by_analyser.frfs.values, here.frfs.values, rtol=1e-9)
 
 
+@pytest.mark.parametrize("rate", [0.0, 3.0])
+def test_an_ac_coupled_hammer_leaves_no_phase_behind(rate: float) -> None:
+    rng = np.random.default_rng(5)
+    body, laboratory = random_body(rng, "clamped"), replace(random_laboratory(rng, rate), high_pass=True)
+    bench = Bench(body, laboratory, (0.96 * body.length_m, 0.45 * body.width_m), rng)
+    place = (0.8 * body.length_m, 0.3 * body.width_m)
+    hits = [bench.hit(1, place, n).hit for n in range(1, 7)]
+    found = process(by_point(hits), Processing(windows=Windows(0.01)))
+    coupling = found.coupling
+    assert coupling is not None
+    assert coupling.amplitude_per_s == pytest.approx(2 * np.pi * 0.5, rel=0.15)  # the coupling's corner is at 0.5 Hz
+    s = 2j * np.pi * found.frfs.frequency_hz
+    exact = bench.body.accelerance((s + rate) / 2j / np.pi, bench.sensor, bench.body.shapes(place))
+    low = np.abs(found.frfs.frequency_hz / body.frequency_hz.min() - 1) < 0.1
+    phase = np.angle(np.vdot(exact[low], found.frfs.values[0][low]))
+    assert abs(phase) < 0.15 * 0.5 / body.frequency_hz.min()  # without the tail it is the whole of this
+
+
 def test_a_delay_between_the_channels_is_told_and_can_be_taken_out() -> None:
     rng = np.random.default_rng(11)
     body = random_body(rng, "free")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import pyuff
 
-from modalbase.formats.uff import Frf, Function, Limits, UffError
+from modalbase.formats.uff import Frf, Function, Limits, TimeResponse, UffError
 from tests.support.uff import Reading, axis, dataset, header_58, set_58
 
 Read = Callable[..., Reading]
@@ -233,7 +233,7 @@ def test_what_is_no_frf(read: Read) -> None:
     real = read(set_58("   1.00000000000e+00   2.00000000000e+00", kind=4))
     assert "an FRF with real ordinates" in real.reasons
     over_time = read(set_58(PLAIN, abscissa=axis(17, "s")))
-    assert "an FRF over an abscissa of type 17" in over_time.reasons
+    assert "is over an abscissa of type 17" in over_time.reasons
     over_acceleration = read(set_58(PLAIN, denominator=axis(12, "m/s^2")))
     assert "its denominator is of type 12, not a force" in over_acceleration.reasons
 
@@ -242,8 +242,8 @@ def test_coherence_and_time_history_are_read(read: Read) -> None:
     row = "   5.00000000000e-01   1.00000000000e+00"
     (function,) = read(set_58(row, kind=4, function=6, ordinate=axis(0))).of(Function)
     assert (function.name, function.response_point, function.values.tolist()) == ("coherence", 7, [0.5, 1.0])
-    (function,) = read(set_58(row, kind=4, function=1, abscissa=axis(17, "s"))).of(Function)
-    assert (function.name, function.unit, function.abscissa_unit) == ("time response", "m/s^2", "s")
+    (block,) = read(set_58(row, kind=4, function=1, abscissa=axis(17, "s"))).of(TimeResponse)
+    assert (block.quantity, block.sample_rate_hz, block.samples.tolist()) == ("acceleration", 1.0, [0.5, 1.0])
 
 
 def test_the_second_reader_can_be_switched_off_and_changes_nothing(read: Read) -> None:

@@ -1,0 +1,105 @@
+"""Time blocks that come one by one from a file that is read as a stream: kept on disk until the hits are known to be whole."""
+
+from __future__ import annotations
+
+import pickle
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+from uuid import UUID
+
+from sqlalchemy import insert
+from sqlalchemy.orm import Session
+
+from modalbase.formats.records import TimeBlock
+from service.campaigns.operations import campaign_for, campaign_of
+from service.records.operations import Place, columns_of, last_hits
+from service.records.tables import Record
+from service.storage import StorageOwner, book
+
+Channel = tuple[str, int, int, int, int]
+Form = tuple[float, int]
+"""Sampling rate and length."""
+_AT_ONCE = 16
+
+
+class RecordIntake:
+    """The way of a file's time blocks into a campaign.
+
+    The n-th force block of a place is its n-th hit, and the n-th block of each sensor belongs to it; a block that states no
+    place of the force belongs to the force block last seen. Hits go on behind those that the campaign has.
+    """
+
+    def __init__(self) -> None:
+        self._spool = tempfile.TemporaryFile(prefix="modalbase-records-")  # noqa: SIM115 - closed with the intake
+        self._seen: Counter[Channel] = Counter()
+        self._place: Place | None = None
+        self._forces: dict[tuple[Place, int], tuple[int, Form]] = {}
+        self._others: dict[int, tuple[Place, int, Form]] = {}
+
+    def take(self, dataset: int, block: TimeBlock) -> str | None:
+        """One block of a file; returns why it is of no use, or None."""
+        if not (block.point and block.direction):
+            return "is a time block without a point and direction"
+        if block.quantity == "force":
+            self._place = block.point, block.direction
+        if block.quantity == "force" or not (block.force_point and block.force_direction):
+            if self._place is None:
+                return "is a time block that names no force and comes before any force block"
+            block = replace(block, force_point=self._place[0], force_direction=self._place[1])
+        place = block.force_point, block.force_direction
+        channel = (block.quantity, block.point, block.direction, *place)
+        self._seen[channel] += 1
+        hit, form = self._seen[channel], (block.sample_rate_hz, block.samples.size)
+        if block.quantity == "force":
+            self._forces[place, hit] = dataset, form
+        else:
+            self._others[dataset] = place, hit, form
+        pickle.dump((dataset, replace(block, hit=hit)), self._spool)
+        return None
+
+    def finish(self) -> dict[int, str]:
+        """Why a block makes no whole hit, by dataset."""
+        refused: dict[int, str] = {}
+        answered: set[tuple[Place, int]] = set()
+        for dataset, (place, hit, form) in self._others.items():
+            _, force = self._forces.get((place, hit), (0, None))
+            if force is None:
+                refused[dataset] = (
+                    f"is a response to hit {hit} at point {place[0]}, of which the file has no force block"
+                )
+            elif force != form:
+                refused[dataset] = (
+                    f"has {form[1]} samples at {form[0]:g} Hz, the force of its hit {force[1]} at {force[0]:g} Hz"
+                )
+            else:
+                answered.add((place, hit))
+        for (place, hit), (dataset, _) in self._forces.items():
+            if (place, hit) not in answered:
+                refused[dataset] = f"is the force of hit {hit} at point {place[0]}, of which the file has no response"
+        return refused
+
+    def store(self, session: Session, campaign_id: UUID, filename: str, refused: set[int]) -> None:
+        """Write the blocks that were not refused, some at a time."""
+        last, rows, size = last_hits(session, campaign_id), list[dict[str, Any]](), 0
+        for dataset, block in self._read():
+            if dataset in refused:
+                continue
+            number = block.hit + last.get((block.force_point, block.force_direction), 0)
+            rows.append(columns_of(campaign_id, filename, block, number))
+            size += len(rows[-1]["data"])
+            if len(rows) == _AT_ONCE:
+                session.execute(insert(Record), rows)
+                rows = []
+        if rows:
+            session.execute(insert(Record), rows)
+        project = campaign_for.project_of(session, campaign_of(session, campaign_id))
+        book(session, StorageOwner(project, campaign_id), "records", size)
+
+    def _read(self) -> Iterator[tuple[int, TimeBlock]]:
+        self._spool.seek(0)
+        for _ in range(len(self._forces) + len(self._others)):
+            yield pickle.load(self._spool)
+        self._spool.close()

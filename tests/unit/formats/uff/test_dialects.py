@@ -1,0 +1,125 @@
+"""What other programs write beside the standard goes in as far as it can be proven right, with a note that says so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from modalbase.formats.uff import Frf, Function, PowerSpectrum, TimeResponse, TraceLine, UffError, read_file
+from modalbase.formats.uff.spectra import Spectra
+from tests.support.uff import Reading, axis, dataset, header_58, set_58, set_164
+
+POINTS = dataset("15", "         1         0         0         1  1.00000E+00  2.00000E+00  3.00000E+00")
+FRF = set_58("   1.00000000000e+00   2.00000000000e+00   3.00000000000e+00   4.00000000000e+00")
+Read = Callable[..., Reading]
+SECONDS = axis(17, "s")
+
+
+def rows(values: np.ndarray) -> list[str]:
+    """Lines of 4E20.12."""
+    flat = np.ravel(np.column_stack((values.real, values.imag)) if np.iscomplexobj(values) else values)
+    return ["".join(f"{v:20.12e}" for v in flat[i : i + 4]) for i in range(0, flat.size, 4)]
+
+
+def function(number: int, values: np.ndarray, **header: object) -> bytes:
+    kind = 6 if np.iscomplexobj(values) else 4
+    return set_58(*rows(values), kind=kind, points=values.size, function=number, **header)
+
+
+def test_words_between_datasets_are_passed_over(read: Read) -> None:
+    found = read(POINTS + b"Workpiece\n" + FRF)
+    assert found.outcomes == ["read", "read"]
+    assert "the text 'Workpiece', which is no dataset" in found.notes
+    assert len(found.of(Frf)) == 1
+
+
+@pytest.mark.parametrize("text", [b"Workpiece 1", b"  1.0 2.0", b"a\nb\nc\nd\ne", b"    15"])
+def test_what_may_be_data_between_datasets_is_not(tmp_path: Path, text: bytes) -> None:
+    path = tmp_path / "file.uff"
+    path.write_bytes(POINTS + text + b"\n" + FRF)
+    with pytest.raises(UffError, match="between two datasets stands"):
+        read_file(path)
+
+
+@pytest.mark.parametrize(("counted", "ends"), [(32, b"\n"), (33, b"\n"), (34, b"\r\n"), (36, b"\r\n\r\n")])
+def test_a_binary_count_may_hold_the_line_ends(read: Read, counted: int, ends: bytes) -> None:
+    values = np.array([1.0, 2.0, 3.0, 4.0])
+    head = b"\n".join(line.encode() if isinstance(line, str) else line for line in header_58()) + b"\n"
+    type_line = f"    58b     1     2          11{counted:12d}     0     0           0           0\n".encode()
+    found = read(b"    -1\n" + type_line + head + values.tobytes() + ends + b"    -1\n" + FRF)
+    assert found.outcomes == ["read", "read"]
+    np.testing.assert_array_equal(found.of(Frf)[0].values, [1 + 2j, 3 + 4j])
+    assert ("line ends included" in found.notes) == (counted != 32)
+
+
+def test_a_trace_line_may_hold_more_than_it_declares(read: Read) -> None:
+    found = read(dataset("82", f"{1:10d}{3:10d}{0:10d}", "line", "".join(f"{p:10d}" for p in (1, 2, 0, 3, 4, 0, 0, 0))))
+    assert found.of(TraceLine)[0].points == (1, 2, 0, 3, 4)
+    assert "declares 3 points and holds 5" in found.notes
+
+
+def test_a_reference_of_minus_one_is_none(read: Read) -> None:
+    found = read(
+        set_58("   1.00000000000e+00   2.00000000000e+00   3.00000000000e+00   4.00000000000e+00", reference=(-1, 0))
+    )
+    assert found.outcomes == ["read"]
+    assert found.of(Frf)[0].reference_point == 0
+    assert "-1, read as 0" in found.notes
+
+
+def test_time_blocks_are_read_in_si(read: Read) -> None:
+    samples = np.sin(np.arange(64.0))
+    force = function(1, samples, abscissa=SECONDS, ordinate=axis(13, "lbf"), step="1.00000e-03", reference=(7, 3))
+    metric = function(1, samples, abscissa=SECONDS, ordinate=axis(12, "NONE"), step="1.00000e-03", reference=(7, 3))
+    pressure = function(1, samples, abscissa=SECONDS, ordinate=axis(15, "Pa"), step="1.00000e-03")
+    found = read(set_164(length=1000.0) + force + metric + pressure)
+    hammer, sensor = found.of(TimeResponse)
+    np.testing.assert_allclose(hammer.samples, 4.4482216152605 * samples, rtol=1e-12)
+    np.testing.assert_allclose(sensor.samples, samples / 1000, rtol=1e-12)  # by set 164: the file is in mm
+    assert (hammer.quantity, sensor.quantity) == ("force", "acceleration")
+    assert hammer.sample_rate_hz == 1000.0
+    assert found.of(Function)[0].name == "time response"  # a pressure stays what it was
+
+
+def test_a_time_block_without_a_rate_or_of_two_minds_is_refused(read: Read) -> None:
+    samples = np.sin(np.arange(64.0))
+    lost = function(1, samples, abscissa=SECONDS, ordinate=axis(13, "N"), step="0.00000e+00")
+    torn = function(1, samples, abscissa=SECONDS, ordinate=axis(13, "m/s^2"), step="1.00000e-03")
+    found = read(lost + torn)
+    assert found.outcomes == ["refused", "refused"]
+    assert "increment" in found.reasons
+    assert "its data type says force, its unit 'm/s^2' says acceleration" in found.reasons
+
+
+@pytest.mark.parametrize("conjugated", [False, True])
+def test_power_spectra_make_the_frf_whichever_channel_is_conjugated(read: Read, conjugated: bool) -> None:
+    hz = np.arange(0.0, 256.0)
+    omega = 2 * np.pi * hz
+    exact = -(omega**2) * sum(a / (w**2 - omega**2 + 2j * 0.02 * w * omega) for a, w in ((1.0, 300.0), (-0.6, 900.0)))
+    force = 4.0 / (1 + (hz / 200) ** 2)
+    noise = 0.01 * np.abs(exact).max() ** 2 * force
+    motion = np.abs(exact) ** 2 * force + noise
+    cross = exact * force
+    ends = {"response": (7, 3), "reference": (1, 3)}
+    found = read(
+        function(2, force, response=(1, 3), reference=(1, 3), ordinate=axis(13, "N^2"))
+        + function(2, 1e6 * motion, response=(7, 3), reference=(7, 3), ordinate=axis(12, "mm/s^2"))
+        + function(3, 1e3 * (cross.conj() if conjugated else cross), **ends)
+    )
+    spectra = Spectra()
+    for item in found.of(PowerSpectrum):
+        spectra.take(item)
+    for report in found.reports:
+        assert spectra.holds(report)
+    frf, coherence, *reports = spectra.finish()
+    assert isinstance(frf, Frf)
+    assert isinstance(coherence, Function)
+    np.testing.assert_allclose(frf.values, exact, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        coherence.values, np.abs(exact) ** 2 * force / np.maximum(motion, 1e-300), rtol=1e-9, atol=1e-9
+    )
+    assert (frf.quantity, frf.response_point, frf.reference_point) == ("accelerance", 7, 1)
+    assert [r.outcome for r in reports] == ["read", "read", "read"]  # type: ignore[union-attr]
