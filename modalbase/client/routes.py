@@ -207,8 +207,8 @@ ROUTES: dict[str, Route] = {
         "FRFs of a campaign, without their spectra.",
     ),
     "create_frfs": Route(
-        "POST", "campaigns/{campaign_id}/frfs", ("quantity",),
-        "Send FRFs of a script as npz, JSON or CSV, as `GET …/frfs/data` writes them; all are stored, or none.",
+        "POST", "campaigns/{campaign_id}/frfs", ("quantity", "mapping"),
+        "Send FRFs of a script as npz, JSON or CSV, as `GET …/frfs/data` writes them, or an analyser's .mat with a mapping.",
     ),
     "get_campaign_data": Route(
         "GET", "campaigns/{campaign_id}/frfs/data", ("stride", "format", "point", "direction", "reference", "quantity", "import_id", "fmin", "fmax"),

@@ -17,7 +17,7 @@ from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.frf import Dof, FrfSet, Quantity
 from modalbase.formats.errors import FormatError
-from modalbase.formats.frfs import FrfRow, Frfs, read_csv, read_npz
+from modalbase.formats.frfs import FrfRow, Frfs, read_csv, read_mat, read_npz
 from modalbase.formats.frfs.table import DOFS
 from service.errors import Fault, Invalid
 from service.frfs.schemas import FrfsIn
@@ -55,15 +55,17 @@ class Sent:
 
     Attributes:
         path: where it lies.
-        kind: `json`, `npz` or `csv`.
-        quantity: what a CSV holds.
+        kind: `json`, `npz`, `csv` or `mat`.
+        quantity: what a CSV or a .mat holds.
         limit_bytes: the most that it may unpack to.
+        mapping: which variable of a .mat is what, as JSON.
     """
 
     path: Path
-    kind: Literal["json", "npz", "csv"]
+    kind: Literal["json", "npz", "csv", "mat"]
     quantity: Quantity
     limit_bytes: int
+    mapping: str | None = None
 
 
 def write_rows(sent: Sent, target: Path) -> int:
@@ -79,6 +81,8 @@ def write_rows(sent: Sent, target: Path) -> int:
         frfs = from_json(sent.path.read_bytes())
     elif sent.kind == "csv":
         frfs = from_csv(sent.path, sent.quantity)
+    elif sent.kind == "mat":
+        frfs = from_mat(sent)
     else:
         frfs = from_npz(sent.path, min(sent.limit_bytes, max(FREE_BYTES, RATIO * sent.path.stat().st_size)))
     if len(frfs.frfs) > MOST_FRFS:
@@ -132,6 +136,19 @@ def from_csv(path: Path, quantity: Quantity) -> Frfs:
         return _consistent(read_csv(path, quantity))
     except FormatError as error:
         raise Invalid([Fault(*fault) for fault in error.faults]) from None
+
+
+def from_mat(sent: Sent) -> Frfs:
+    """FRFs of a .mat file; see `modalbase.formats.frfs.read_mat`.
+
+    Raises:
+        Invalid: it cannot be read, its mapping is missing or does not fit, or the FRFs do not hold together.
+    """
+    document = None if sent.mapping is None else parse_json(sent.mapping.encode())
+    try:
+        return _consistent(read_mat(sent.path, document, sent.quantity, sent.limit_bytes))
+    except FormatError as error:
+        raise Invalid([Fault(pointer(name.split(".") if name else []), why) for name, why in error.faults]) from None
 
 
 def from_json(body: bytes) -> Frfs:

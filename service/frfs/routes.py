@@ -35,12 +35,13 @@ from service.web.openapi import schema_of
 router = api_router(tags=["FRFs"])
 
 MEDIA_TYPES = {name: form.media_type for name, form in FORMATS.items()}
-KINDS: dict[str, Literal["json", "npz", "csv"]] = {
+KINDS: dict[str, Literal["json", "npz", "csv", "mat"]] = {
     "application/json": "json",
     "application/x-npz": "npz",
     "application/octet-stream": "npz",
     "application/zip": "npz",
     "text/csv": "csv",
+    "application/x-matlab-data": "mat",
 }
 """Media types of bodies that are read."""
 BODY = {
@@ -50,6 +51,7 @@ BODY = {
             "application/json": {"schema": schema_of(FrfsIn)},
             "application/x-npz": {"schema": {"type": "string", "format": "binary"}},
             "text/csv": {"schema": {"type": "string"}},
+            "application/x-matlab-data": {"schema": {"type": "string", "format": "binary"}},
         },
     }
 }
@@ -109,7 +111,10 @@ async def _read(
     request: Request,
     upload: UploadDep,
     settings: SettingsDep,
-    quantity: Annotated[Quantity | None, Query(description="what a CSV holds, in SI units")] = None,
+    quantity: Annotated[Quantity | None, Query(description="what a CSV or a .mat holds, in SI units")] = None,
+    mapping: Annotated[
+        str | None, Query(description="which variable of a .mat is what, as JSON", max_length=20_000)
+    ] = None,
 ) -> AsyncIterator[operations.NewFrfs]:
     """The body's FRFs, read in a child process; the request has neither slot nor transaction meanwhile."""
     if upload.file.size == 0:
@@ -118,11 +123,11 @@ async def _read(
     if kind is None:
         raise UnsupportedMediaType(
             f"the body is {upload.content_type or 'of no stated type'}, "
-            "expected application/x-npz, application/json or text/csv"
+            "expected application/x-npz, application/json, text/csv or application/x-matlab-data"
         )
-    if kind == "csv" and quantity is None:
-        raise Invalid("quantity", "is missing: a CSV does not say what it holds, so ?quantity= must")
-    sent = bodies.Sent(upload.file.path, kind, quantity or "accelerance", settings.upload_limit_bytes)
+    if kind in ("csv", "mat") and quantity is None:
+        raise Invalid("quantity", f"is missing: a {kind} does not say what it holds, so ?quantity= must")
+    sent = bodies.Sent(upload.file.path, kind, quantity or "accelerance", settings.upload_limit_bytes, mapping)
     with tempfile.NamedTemporaryFile(prefix="modalbase-rows-") as rows:
         path = Path(rows.name)
         async with without_slot(request.scope):
@@ -137,7 +142,9 @@ def create_frfs(
     session: SessionDep,
     user: CurrentUser,
 ) -> Page[FrfOut]:
-    """Send FRFs of a script as npz, JSON or CSV, as `GET …/frfs/data` writes them; all are stored, or none.
+    """Send FRFs of a script as npz, JSON or CSV, as `GET …/frfs/data` writes them, or an analyser's .mat with a mapping.
+
+    All are stored, or none.
 
     At most 10,000 at a time. An npz may unpack to 64 MiB, or to 100 times its own size.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 import psycopg
 import pytest
 import pyuff
+from scipy.io import savemat
 
 from fecore.frf import Dof
 from service.db.engine import make_engine, make_sessions, psycopg_url
@@ -110,6 +112,26 @@ def test_csv_has_a_line_a_value(api: httpx.Client, campaign: str, checked: Check
     got = [complex(float(row[5]), float(row[6])) for row in rows[1:]]
     np.testing.assert_array_equal(got, sent["values"][0])
     assert len(api.get(f"campaigns/{campaign}/frfs/data", params={"format": "csv"}).text.splitlines()) == 1 + 2 * 3
+
+
+def test_an_analysers_mat_goes_in_by_its_mapping(api: httpx.Client, campaign: str, checked: Checked) -> None:
+    file, hz, values = io.BytesIO(), np.arange(1.0, 9.0), np.arange(16).reshape(2, 8) * (1 + 2j)
+    savemat(file, {"f": hz, "H": values, "coh": np.full((2, 8), 0.9)})
+    mapping = {"frequency_hz": {"variable": "f"}, "frf": {"variable": "H"}, "coherence": {"variable": "coh"}}
+    whole = {**mapping, "response_point": 33, "reference_point": [4, 5]}
+    headers = {"Content-Type": "application/x-matlab-data"}
+
+    def send(**params: str) -> httpx.Response:
+        return api.post(f"campaigns/{campaign}/frfs", content=file.getvalue(), headers=headers, params=params)
+
+    assert "the file suggests" in checked(send(quantity="mobility"), 422)["errors"][0]["message"]
+    checked(send(mapping=json.dumps(whole)), 422)
+    checked(send(quantity="mobility", mapping=json.dumps(mapping)), 422)
+    items = checked(send(quantity="mobility", mapping=json.dumps(whole)), 201)["items"]
+    assert [(f["reference_point"], f["quantity"], f["has_coherence"]) for f in items] == [
+        (4, "mobility", True),
+        (5, "mobility", True),
+    ]
 
 
 def test_a_band_and_a_stride(api: httpx.Client, campaign: str, checked: Checked) -> None:
@@ -345,7 +367,9 @@ def test_uff_goes_out_and_comes_back_in_bit_for_bit(
     assert answer.headers["content-type"] == "application/x-uff"
     other = new_campaign(name="copy")
     done = imported(other, answer.content)
-    assert (done["status"], done["counts"]) == ("succeeded", {"frfs": 8, "grid_points": 5, "modes": 0}), done
+    assert (done["status"], done["counts"]) == ("succeeded", {"frfs": 8, "grid_points": 5, "modes": 0, "records": 0}), (
+        done
+    )
     assert checked(api.get(f"campaigns/{other}/grid-points"), 200) == {"items": points}
     was, now = (checked(api.get(f"campaigns/{c}/frfs"), 200)["items"] for c in (campaign, other))
     same = ("response_point", "response_direction", "reference_point", "reference_direction", "quantity", "sha256")

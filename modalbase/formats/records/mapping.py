@@ -187,6 +187,8 @@ def _table(variables: Variables, channel: ChannelMapping) -> FloatArray:
         values = values[np.newaxis]
     if values.ndim != 2:
         raise FormatError(channel.variable, f"has shape {values.shape}, expected one block or a table of them")
+    if values.dtype.kind == "c":
+        raise FormatError(channel.variable, "holds complex numbers: it is no time block; FRFs go to POST frfs")
     if values.shape[0] > values.shape[1]:
         values = values.T
     if values.shape[1] < _FEWEST_SAMPLES:

@@ -17,6 +17,7 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 
+_DEEPEST = 8
 Variables = dict[str, np.ndarray[Any, Any]]
 
 SAMPLE_RATE = "sample_rate_hz"
@@ -46,7 +47,7 @@ def read_variables(path: Path, suffix: str | None = None, limit_bytes: int | Non
         raise
     except (OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError, zipfile.BadZipFile) as error:
         raise FormatError("", f"cannot be read as {kind}: {error}") from None
-    numbers = {name: array for name, array in found.items() if array.dtype.kind in "fiu" and array.size}
+    numbers = {name: array for name, array in found.items() if array.dtype.kind in "fiuc" and array.size}
     if not numbers:
         raise FormatError("", "holds no numeric array")
     return numbers
@@ -85,11 +86,23 @@ def _mat(path: Path, limit_bytes: int | None) -> Variables:
             found = reader.loadmat(path, squeeze_me=False)
         except Exception as error:  # noqa: BLE001 - on damaged files scipy raises errors of a dozen kinds
             raise FormatError("", f"cannot be read as .mat: {error}") from None
-    arrays = {
-        name: value for name, value in found.items() if not name.startswith("__") and isinstance(value, np.ndarray)
-    }
+    arrays: Variables = {}
+    for name, value in found.items():
+        if not name.startswith("__") and isinstance(value, np.ndarray):
+            _flatten(name, value, arrays)
     _within(sum(array.nbytes for array in arrays.values()), limit_bytes, "")
     return arrays
+
+
+def _flatten(name: str, value: np.ndarray[Any, Any], into: Variables, depth: int = 0) -> None:
+    """The arrays of a structure by their path, `measurement.frf`; of lists of structures, none."""
+    if value.dtype.names is None:
+        into[name] = value
+    elif value.size == 1 and depth < _DEEPEST:
+        for field in value.dtype.names:
+            inner = value.reshape(-1)[0][field]
+            if isinstance(inner, np.ndarray):
+                _flatten(f"{name}.{field}", inner, into, depth + 1)
 
 
 def _mat73(path: Path, limit_bytes: int | None) -> Variables:
@@ -101,9 +114,13 @@ def _mat73(path: Path, limit_bytes: int | None) -> Variables:
     with h5py.File(path, "r") as file:
 
         def take(name: str, item: object) -> None:
-            if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu" and not name.startswith("#"):
+            if not isinstance(item, h5py.Dataset) or name.startswith("#"):
+                return
+            whole = item.dtype.names == ("real", "imag")  # as MATLAB stores complex numbers
+            if item.dtype.kind in "fiu" or whole:
                 _within(item.size * item.dtype.itemsize, limit_bytes, name)
-                arrays[name.replace("/", ".")] = np.asarray(item[()]).T  # MATLAB stores columns first
+                values = np.asarray(item[()]).T  # MATLAB stores columns first
+                arrays[name.replace("/", ".")] = values["real"] + 1j * values["imag"] if whole else values
 
         file.visititems(take)
     return arrays
