@@ -23,11 +23,11 @@ from fecore.processing.blocks import Hit
 from fecore.processing.pulse import SMALLEST_SECOND, Pulse, ringing
 from fecore.processing.traits import Traits
 
-_CORNERS_HZ = np.geomspace(0.02, 10.0, 55)
+_CORNERS_HZ = np.geomspace(0.02, 10.0, 55)  # that are tried
 _PART = 32  # samples that are averaged before the fit: a tail is slow
-_FEWEST_PARTS = 16
+_FEWEST_PARTS = 16  # below which a block is too short to show a tail
 _CLEAR = 4.0  # standard deviations that A must differ from zero by
-_CLEAR_PULSE = 20.0
+_CLEAR_PULSE = 20.0  # standard deviations of the noise that a pulse must reach to be asked
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""FRFs of one quantity on one frequency axis as npz, CSV (both ways), .mat (in) and Arrow (out): the files that the service takes and
+"""FRFs of one quantity on one frequency axis as npz, CSV (both ways), .mat (in), Arrow (out): the files that the service takes and
 gives, for scripts that make or use them without it.
 """
 
