@@ -1,5 +1,5 @@
-"""FRFs of one quantity on one frequency axis as npz, CSV (both ways), .mat (in), Arrow (out): the files that the service takes and
-gives, for scripts that make or use them without it.
+"""FRFs of one quantity on one frequency axis as npz, CSV (both ways), .mat (in), Arrow (out): the files that the service
+takes and gives, for scripts that make or use them without it.
 """
 
 from modalbase.formats.frfs.arrow import write_arrow
