@@ -149,14 +149,14 @@ class _Intake:
         reason = self.records.take(
             block.dataset,
             TimeBlock(
-                block.quantity,
-                block.response_point,
-                block.response_direction,
-                block.reference_point,
-                block.reference_direction,
-                1,
-                block.sample_rate_hz,
-                block.samples,
+                quantity=block.quantity,
+                point=block.response_point,
+                direction=block.response_direction,
+                force_point=block.reference_point,
+                force_direction=block.reference_direction,
+                hit=1,
+                sample_rate_hz=block.sample_rate_hz,
+                samples=block.samples,
                 label=block.label,
             ),
         )
