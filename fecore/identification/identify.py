@@ -253,7 +253,7 @@ def _nothing(arrangement: Arrangement, diagram: Stabilisation, refused: tuple[Re
         + (f"Poles seen and refused: {'; '.join(seen)}. " if seen else "No pole lowers the misfit by what it costs. ")
         + (again if stable.size else "")
         + "Try a band around a resonance, more averages, or a higher order; check that responses and forces are not"
-        " swapped."
+        " swapped, and that the imaginary part has the sign of exp(+iωt)."
     )
 
 

@@ -142,6 +142,11 @@ def _unusable(arrangement: Arrangement) -> dict[int, str]:
             found[row] = f"has only {lines} measured lines in the band, at least {_FEWEST_LINES} are needed"
         elif np.ptp(arrangement.values[row, arrangement.measured[row]]) == 0:
             found[row] = "is the same number at all lines: not a measurement"
+        elif not np.any(arrangement.values[row].imag) or not np.any(arrangement.values[row].real):
+            part, other = ("imaginary", "real") if not np.any(arrangement.values[row].imag) else ("real", "imaginary")
+            found[row] = (
+                f"has no {part} part at any line: only its {other} part, or a magnitude, was exported; export both"
+            )
     return found
 
 

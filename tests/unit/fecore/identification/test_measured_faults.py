@@ -74,6 +74,14 @@ def test_draws_of_our_own(kind: str) -> None:
     assert_found(identify(draw.frfs).found, draw)
 
 
+@pytest.mark.parametrize(("part", "said"), [("real", "no imaginary part"), ("imag", "no real part")])
+def test_half_of_the_numbers_is_refused_by_name(part: str, said: str) -> None:
+    frfs = paper_frfs(0.01, 3)
+    only = getattr(frfs.values, part) * (1 if part == "real" else 1j)
+    with pytest.raises(IdentificationError, match=said):
+        identify(replace(frfs, values=only.astype(complex)))
+
+
 def test_what_a_weak_non_linearity_makes_of_modes_is_doubtful() -> None:
     draw = KINDS["jointed"](1002)
     found = identify(draw.frfs).found
