@@ -8,6 +8,7 @@ entry alone: a dead channel must not hide the others.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -176,6 +177,8 @@ def pair_modes(
     minimum_mac: float = 0.5,
     margin: float = 0.1,
     maximum_frequency_ratio: float = 3.0,
+    *,
+    hidden: Sequence[int] = (),
 ) -> Pairing:
     """Pair measured with model modes as one assignment problem, never one by one.
 
@@ -193,6 +196,7 @@ def pair_modes(
         margin: a pair is ambiguous when another model mode within a factor 1.5 in frequency of the measured one comes
             within this much MAC (without shapes: when another is nearly as near in frequency).
         maximum_frequency_ratio: furthest ratio of frequencies of a pair.
+        hidden: numbers of model modes that no sensor of this test can see: in-plane ones.
 
     Raises:
         InputError: shapes and frequencies that do not fit together.
@@ -213,6 +217,7 @@ def pair_modes(
                 "measured_shapes", f"and model_shapes give {matrix.shape} pairs, frequencies {distance.shape}"
             )
     allowed = distance <= np.log(maximum_frequency_ratio)
+    allowed[:, list(hidden)] = False
     if matrix is None:
         score = np.exp(-distance / _FREQUENCY_SCALE)
     else:
@@ -222,7 +227,7 @@ def pair_modes(
         score = -np.log(1 + _UNLIKENESS - likeness) - _FREQUENCY_WEIGHT * far
     pairs = _assign(score, allowed)
     ambiguous = _ambiguous(pairs, score if matrix is None else np.nan_to_num(matrix), distance, margin)
-    taken = {j for _, j in pairs}
+    taken = {j for _, j in pairs} | set(hidden)
     low, high = measured.min() * (1 - _FREQUENCY_SCALE), measured.max() * (1 + _FREQUENCY_SCALE)
     return Pairing(
         pairs,

@@ -104,6 +104,7 @@ class BeamModel:
         stiffness: K(c), c as `section_stiffness`; mass: M(m), m as `section_inertia`.
         free_dofs: numbers of the free dofs among all.
         rigid_modes: (dofs, r) exact zero-energy motions.
+        has_membrane: whether there are in-plane modes among the model's.
     """
 
     length: float
@@ -112,6 +113,7 @@ class BeamModel:
     mass: AffineMatrix
     free_dofs: IntArray
     rigid_modes: FloatArray
+    has_membrane: bool = False
 
     @property
     def start_motions(self) -> FloatArray:
@@ -191,6 +193,7 @@ def beam(
         mass=pattern.affine(beam3.mass_terms(step)[:, None], beam3.MASS_TERMS, alone(4), carried),
         free_dofs=free,
         rigid_modes=rigid_motions(_motions(np.linspace(0, length, nodes)), free, []),
+        has_membrane=in_plane,
     )
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -213,24 +214,39 @@ def equilibrium_shear(plies: Sequence[Ply], A: FloatArray, B: FloatArray, D: Flo
     make S (Whitney, J. Appl. Mech. 40, 1973; Rohwer 1988). For one ply it is 5/6 C̄ t. Cylindrical bending in the two
     directions is taken one at a time, as is usual.
     """
-    flexibility = np.linalg.inv(np.block([[A, B], [B, D]]))[:, 3:]  # (ε, κ) by M
+    flexibility = np.linalg.inv(np.block([[A, B], [B, D]]))[:, 3:]
+    thicknesses = np.array([ply.thickness for ply in plies])
+    levels = np.concatenate([[0.0], np.cumsum(thicknesses)]) - thicknesses.sum() / 2
+    Q = np.array([ply.plane_stress() for ply in plies])
+    return balanced_shear(Q, np.array([ply.transverse_shear() for ply in plies]), levels, flexibility)
+
+
+def balanced_shear(Q: FloatArray, C: FloatArray, levels: FloatArray, flexibility: FloatArray) -> FloatArray:
+    """(…, 2, 2) transverse shear stiffness of n plies, as `equilibrium_shear`; complex values too.
+
+    Args:
+        Q: (n, …, 3, 3) plane-stress stiffness of each ply in the specimen's axes.
+        C: (n, …, 2, 2) transverse shear stiffness of each ply.
+        levels: (n + 1, …) heights z of the plies' faces, bottom to top.
+        flexibility: (…, 6, 3) strains and curvatures by the moments.
+    """
     points, weights = np.polynomial.legendre.leggauss(3)  # τ is a parabola in a ply, its energy a quartic
-    compliance = np.zeros((2, 2))
-    low = -sum(ply.thickness for ply in plies) / 2
-    below = np.zeros((2, 2))
-    for ply in plies:
-        Q, C = ply.plane_stress(), np.linalg.inv(ply.transverse_shear())
+    compliance = np.zeros_like(C[0])
+    below = np.zeros_like(C[0])
 
-        def stress(z: float, Q: FloatArray = Q, low: float = low) -> FloatArray:
-            """∫ from the ply's bottom to z of (σx by Mx,x, σy by My,y; the shears by the same)."""
-            first, second = z - low, (z**2 - low**2) / 2
-            by_moment = Q @ (flexibility[:3] * first + flexibility[3:] * second)
-            return np.array([[by_moment[0, 0], by_moment[2, 1]], [by_moment[2, 0], by_moment[1, 1]]])
+    def stress(ply: int, z: FloatArray) -> FloatArray:
+        """∫ from the ply's bottom to z of (σx by Mx,x, σy by My,y; the shears by the same)."""
+        low = levels[ply]
+        first, second = (z - low)[..., None, None], ((z**2 - low**2) / 2)[..., None, None]
+        by_moment = Q[ply] @ (flexibility[..., :3, :] * first + flexibility[..., 3:, :] * second)
+        return by_moment[..., [0, 2, 2, 1], [0, 1, 0, 1]].reshape(below.shape)
 
+    for ply, (low, high) in enumerate(pairwise(levels)):
+        give = np.linalg.inv(C[ply])
         for x, w in zip(points, weights, strict=True):
-            shear = below + stress(low + ply.thickness * (1 + x) / 2)
-            compliance += w * ply.thickness / 2 * (shear.T @ C @ shear)
-        below = below + stress(low + ply.thickness)
-        low += ply.thickness
+            shear = below + stress(ply, low + (high - low) * (1 + x) / 2)
+            energy = np.swapaxes(shear, -1, -2) @ give @ shear
+            compliance = compliance + (w * (high - low) / 2)[..., None, None] * energy
+        below = below + stress(ply, high)
     stiffness: FloatArray = np.linalg.inv(compliance)
     return stiffness

@@ -55,6 +55,11 @@ class Model(Protocol):
         """(dofs, 3) rigid heave, roll about x and pitch about the edge x = 0, as if nothing held the body."""
         ...
 
+    @property
+    def has_membrane(self) -> bool:
+        """Whether there are in-plane modes among the model's."""
+        ...
+
     def observation(self, points: FloatArray, directions: IntArray) -> sparse.csr_array:
         """(p, dofs) displacement at (p, 2) points along (p,) directions 1 … 6."""
         ...
@@ -85,6 +90,11 @@ class PlateModel:
     springs: tuple[Spring, ...]
     free_dofs: IntArray
     rigid_modes: FloatArray
+
+    @property
+    def has_membrane(self) -> bool:
+        """Whether there are in-plane modes among the model's."""
+        return self.element.membrane
 
     @property
     def start_motions(self) -> FloatArray:
@@ -208,16 +218,18 @@ def _free_dofs(mesh: RectangleMesh, element: Shell8, supports: Supports) -> IntA
     names = element.displacements
     held: BoolArray = np.zeros((len(mesh.nodes), len(names)), dtype=bool)
     # A simple support on an edge along y keeps w constant along it, so it holds θx = ∂w/∂y too; and v.
-    along_y, along_x = {"w", "rx", "v"}, {"w", "ry", "u"}
+    along_y, along_x = {"w", "rx"}, {"w", "ry"}
+    in_plane = {"simply_supported": ("v", "u"), "simply_supported_normal": ("u", "v")}
     edges = (
-        (supports.start, mesh.nodes_at_x(0), along_y),
-        (supports.end, mesh.nodes_at_x(mesh.length), along_y),
-        (supports.lower, mesh.nodes_at_y(-mesh.width / 2), along_x),
-        (supports.upper, mesh.nodes_at_y(mesh.width / 2), along_x),
+        (supports.start, mesh.nodes_at_x(0), along_y, 0),
+        (supports.end, mesh.nodes_at_x(mesh.length), along_y, 0),
+        (supports.lower, mesh.nodes_at_y(-mesh.width / 2), along_x, 1),
+        (supports.upper, mesh.nodes_at_y(mesh.width / 2), along_x, 1),
     )
-    for support, nodes, tangential in edges:
+    for support, nodes, bending, side in edges:
         if support != "free":
-            kept = [i for i, name in enumerate(names) if support == "clamped" or name in tangential]
+            stays = set(names) if support == "clamped" else bending | {in_plane[support][side]}
+            kept = [i for i, name in enumerate(names) if name in stays]
             held[nodes[:, None], kept] = True
     return np.flatnonzero(~held.ravel())
 

@@ -6,6 +6,7 @@ K(c), M(m). That is all that updating asks of it (`Body`), so a plate and a beam
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -28,18 +29,25 @@ BEAM_CONSTANTS = ("E", "nu", "density", "width", "thickness", "length")
 
 UNITS = {
     **dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz", "E"), "Pa"),
-    **dict.fromkeys(("nu_xy", "nu"), "1"),
+    **dict.fromkeys(("E1", "E2", "G12", "G13", "G23"), "Pa"),
+    **dict.fromkeys(("nu_xy", "nu", "nu12"), "1"),
     "density": "kg/m³",
     **dict.fromkeys(("length", "width", "thickness"), "m"),
     "fibre_angle": "rad",
+    "angle": "rad",
     "clamp_compliance": "1",
 }
-"""SI unit of each constant."""
+"""SI unit of each constant, without a number at its end."""
 
 _DIMENSIONS = ("thickness", "length", "width")
 
-SIGNED = frozenset({"nu_xy", "nu", "fibre_angle"})
-"""Constants that may be negative: Poisson's ratios and angles."""
+SIGNED = frozenset({"nu_xy", "nu", "nu12", "fibre_angle", "angle"})
+"""Constants that may be negative, without a number at their end: Poisson's ratios and angles."""
+
+
+def kind_of(constant: str) -> str:
+    """A constant's name without the number of its material or ply: E1 of E1_2, angle of angle_3."""
+    return re.sub(r"_\d+$", "", constant)
 
 
 class Body(Protocol):
@@ -147,7 +155,7 @@ class Specimen:
         Ex, Ey, Gxy, Gxz, Gyz, nu, _, t, length, width = constants
         bending, shear, rest = t**3 / 12, SHEAR_CORRECTION * t, Ex - nu**2 * Ey
         Q11, Q22 = Ex**2 / rest, Ex * Ey / rest
-        turned = _turned(Q11, nu * Q22, Q22, Gxy, angle)
+        turned = turned_stiffness(Q11, nu * Q22, Q22, Gxy, angle)
         c, s = np.cos(angle), np.sin(angle)
         a, b = length / self.length, width / self.width
         powers = (b / a**3, 1 / (a * b), a / b**3, 1 / (a * b), 1 / a**2, 1 / b**2)
@@ -240,7 +248,7 @@ class BeamSpecimen:
         return physical
 
 
-def _turned(
+def turned_stiffness(
     Q11: FloatArray, Q12: FloatArray, Q22: FloatArray, Q66: FloatArray, angle: float | FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Q̄11, Q̄12, Q̄22, Q̄66, Q̄16 and Q̄26 of a material turned by an angle (Reddy, Eq. 2.4.8)."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from fecore.errors import InputError
 
-EdgeSupport = Literal["free", "clamped", "simply_supported"]
+EdgeSupport = Literal["free", "clamped", "simply_supported", "simply_supported_normal"]
 Boundary = Literal["cantilever", "free", "simply_supported"]
 Edge = Literal["start", "end", "lower", "upper"]
 
@@ -19,7 +19,8 @@ class Supports:
     """How each edge of the rectangle is held: `start` is x = 0, `end` x = L, `lower` and `upper` y = ∓b/2.
 
     A simply supported edge holds w and the displacement and rotation along the edge's own direction ("hard" support,
-    free to move across the edge in the plane).
+    free to move across the edge in the plane: SS-1 in the literature). One that is `simply_supported_normal` lets the edge
+    move along its own direction and holds it across (SS-2), as the closed forms of antisymmetric angle-ply plates have it.
     """
 
     start: EdgeSupport = "free"

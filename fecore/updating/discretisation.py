@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.body.layered import LayeredSpecimen
 from fecore.body.specimen import Specimen
 from fecore.dynamics.eigen import modes_below, normal_modes
 
@@ -44,7 +45,7 @@ class Discretisation:
     by_side: FloatArray
 
 
-def discretise(specimen: Specimen, highest_hz: float) -> Discretisation:
+def discretise(specimen: Specimen | LayeredSpecimen, highest_hz: float) -> Discretisation:
     """Choose a specimen's mesh for its modes up to a frequency, at its nominal constants.
 
     Where the tolerance would take more elements than `_MOST`, the finest mesh allowed stands with what it misses.
@@ -60,7 +61,7 @@ def discretise(specimen: Specimen, highest_hz: float) -> Discretisation:
     return found
 
 
-def _estimate(specimen: Specimen, divisions: tuple[int, int], highest_hz: float) -> Discretisation:
+def _estimate(specimen: Specimen | LayeredSpecimen, divisions: tuple[int, int], highest_hz: float) -> Discretisation:
     """What a mesh misses, by meshes half as fine along one side each."""
     fine = _frequencies(specimen, divisions, highest_hz)
     errors = []
@@ -78,10 +79,10 @@ def _within(divisions: tuple[int, int]) -> tuple[int, int]:
     return max(2, int(divisions[0] * share)), max(2, int(divisions[1] * share))
 
 
-def _first(specimen: Specimen, highest_hz: float) -> tuple[int, int]:
+def _first(specimen: Specimen | LayeredSpecimen, highest_hz: float) -> tuple[int, int]:
     """By the length of bending waves at the highest frequency, k⁴ = ρtω²/D, along x and across."""
     section = specimen.section
-    mass, omega = specimen.material.density * specimen.thickness, 2 * np.pi * highest_hz
+    mass, omega = section.inertia[0], 2 * np.pi * highest_hz
     waves = [2 * np.pi * (section.D[i, i] / (mass * omega**2)) ** 0.25 for i in (0, 1)]
     sides = zip((specimen.length, specimen.width), waves, _FEWEST, strict=True)
     nx, ny = (max(fewest, int(np.ceil(_PER_WAVE * side / wave))) for side, wave, fewest in sides)
@@ -89,7 +90,9 @@ def _first(specimen: Specimen, highest_hz: float) -> tuple[int, int]:
     return nx, max(ny, min(layered, _MOST_ACROSS))
 
 
-def _frequencies(specimen: Specimen, divisions: tuple[int, int], highest_hz: float, count: int = 0) -> FloatArray:
+def _frequencies(
+    specimen: Specimen | LayeredSpecimen, divisions: tuple[int, int], highest_hz: float, count: int = 0
+) -> FloatArray:
     """(n,) elastic natural frequencies up to the highest, or as many as are asked for, Hz."""
     meshed = replace(specimen, divisions=divisions)
     constants = np.array(list(meshed.nominal.values()))

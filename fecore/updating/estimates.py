@@ -17,7 +17,7 @@ from fecore.updating.damping_stage import AGAINST_MODES, OF_LAW, DampingResult
 from fecore.updating.elastic import ElasticResult
 from fecore.updating.excursions import REACH_95, Excursion
 from fecore.updating.held_inputs import hold_inputs
-from fecore.updating.inputs import CONSTANT_INPUTS, Inputs
+from fecore.updating.inputs import Inputs, tolerance_of
 from fecore.updating.law_ranking import RankedLaw
 from fecore.updating.result import BudgetEntry, Comparable, ParameterEstimate
 from fecore.updating.sampling import Posterior
@@ -208,7 +208,8 @@ def _provenance(elastic: ElasticResult, inputs: Inputs, damping: DampingResult |
         if name in prior.reported:
             words[f"prior of {name}"] = sd
         else:
-            words[name] = f"{sd}, {'stated' if inputs.is_stated(CONSTANT_INPUTS[name]) else _ASSUMED}"
+            stated = inputs.is_stated(tolerance_of(name) or name)
+            words[name] = f"{sd}, {'stated' if stated else _ASSUMED}"
     for each in elastic.excursions:
         words[each.name] = f"{each.amount}, {'stated' if each.stated else _ASSUMED}"
     if damping is not None:

@@ -18,6 +18,7 @@ from typing import Literal
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.body.layered import LayeredSpecimen
 from fecore.body.specimen import BeamSpecimen, Specimen
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import UNSTATED_SENSOR, Inputs
@@ -78,13 +79,21 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
     """Rotation of the clamp, and its translation and roll: EI/kL and (t/L)² of it."""
     body = state.forward.specimen
     sd = inputs.standard_deviation("clamp_compliance")
-    if not isinstance(body, Specimen | BeamSpecimen) or body.boundary != "cantilever" or body.springs or not sd:
+    if (
+        not isinstance(body, Specimen | LayeredSpecimen | BeamSpecimen)
+        or body.boundary != "cantilever"
+        or body.springs
+        or not sd
+    ):
         return []
-    if isinstance(body, Specimen) and body.supports is not None:
+    if isinstance(body, Specimen | LayeredSpecimen) and body.supports is not None:
         return []
     constants = dict(zip(state.forward.parametrisation.constant_names, state.constants, strict=True))
     t, L, b = constants["thickness"], constants["length"], constants["width"]
-    EI = constants["Ex" if "Ex" in constants else "E"] * b * t**3 / 12
+    if isinstance(body, LayeredSpecimen):
+        EI = body.bending_stiffness(state.constants)
+    else:
+        EI = constants["Ex" if "Ex" in constants else "E"] * b * t**3 / 12
     heave, roll, pitch = state.participation(body.model.start_motions)
     value = state.modes.eigenvalue[state.modes.rigid :]
     across = sd * (t / L) ** 2 * L**3 / EI
@@ -122,7 +131,7 @@ def _fibres(state: ForwardState, inputs: Inputs) -> list[Excursion]:
     """Fibres askew by one standard deviation, to one side and to the other."""
     forward, body = state.forward, state.forward.specimen
     sd = inputs.standard_deviation("fibre_angle")
-    if not isinstance(body, Specimen) or not sd:
+    if not isinstance(body, Specimen | LayeredSpecimen) or not sd:
         return []
     shifts = []
     for angle in (body.fibre_angle + sd, body.fibre_angle - sd):

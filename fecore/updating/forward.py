@@ -221,6 +221,13 @@ class ForwardState:
         return self.forward.specimen.model.kinds(self.full_shapes)
 
     @cached_property
+    def hidden(self) -> tuple[int, ...]:
+        """Elastic modes that move in the plane, which nothing measured out of plane shows."""
+        if not self.forward.specimen.model.has_membrane:
+            return ()
+        return tuple(number for number, kind in enumerate(self.kinds) if kind == "in-plane")
+
+    @cached_property
     def on_springs(self) -> BoolArray:
         """(n,) elastic modes that are motions of a nearly rigid body: most of their strain energy is in the springs."""
         modes, count = self.modes, len(self.forward.specimen.springs)

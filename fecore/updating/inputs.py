@@ -12,6 +12,7 @@ standard deviation that is not stated is that of a careful laboratory:
 | density | 1.5 % | weight over volume, of which the thickness is a part |
 | Poisson's ratio | 0.05 | a handbook's value |
 | fibre angle | 1° | hand lay-up and sawing |
+| angle of each ply of a stack about the others | 1° | hand lay-up |
 | clamp, EI/kL | 0.0075, one-sided | a vice on a bench: the source paper's own was 0.012 |
 | sensor not stated | 1 g, one-sided | a small accelerometer that nobody wrote down |
 | sensor stated | 5 % | its cable and wax |
@@ -27,6 +28,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from fecore.body.specimen import kind_of
 from fecore.errors import InputError
 
 
@@ -39,6 +41,7 @@ class Inputs:
         density_sd: kg/m³.
         nu_xy_sd: of Poisson's ratio.
         fibre_angle_sd: rad, about the stated angle.
+        ply_angle_sd: rad, of each ply of a stack about its stated angle, independent of the others'.
         clamp_compliance_sd: of EI/kL of a clamped edge, k its rotational stiffness: the scale of a half-normal prior.
         sensor_mass_sd: kg; where no sensor is stated, the scale of a half-normal prior.
         delay_sd: of the delay between response and force channel, s.
@@ -56,6 +59,7 @@ class Inputs:
     density_sd: float | None = None
     nu_xy_sd: float | None = None
     fibre_angle_sd: float | None = None
+    ply_angle_sd: float | None = None
     clamp_compliance_sd: float | None = None
     sensor_mass_sd: float | None = None
     delay_sd: float | None = None
@@ -94,6 +98,7 @@ TOLERANCES: dict[str, tuple[float, bool]] = {
     "density": (0.015, True),
     "nu_xy": (0.05, False),
     "fibre_angle": (float(np.radians(1.0)), False),
+    "ply_angle": (float(np.radians(1.0)), False),
     "clamp_compliance": (0.0075, False),
     "sensor_mass": (0.05, True),
     "delay": (30e-6, False),
@@ -114,5 +119,12 @@ CONSTANT_INPUTS = {
     "density": "density",
     "nu_xy": "nu_xy",
     "nu": "nu_xy",
+    "nu12": "nu_xy",
+    "angle": "ply_angle",
 }
-"""Constants of a specimen that are inputs, and the name of each tolerance."""
+"""Constants of a specimen that are inputs, without a number at their end, and the name of each tolerance."""
+
+
+def tolerance_of(constant: str) -> str | None:
+    """The name of the tolerance of a constant that is an input; None of one that is not."""
+    return CONSTANT_INPUTS.get(kind_of(constant))

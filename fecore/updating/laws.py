@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fecore.body.mechanisms import SUPPORTS, mechanism_names
-from fecore.body.specimen import Body
+from fecore.body.specimen import Body, kind_of
 from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, DampingLaw, GeneralisedProportional, ModalDamping
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.errors import InputError
@@ -43,9 +43,9 @@ def mechanism_laws(body: Body) -> dict[str, MechanismDamping]:
 
     two = (("E", columns("E")), ("G", columns("G")))
     elastic = columns("E", "G")
-    transverse = tuple(place for place in elastic if names[place] in ("Gxz", "Gyz"))
+    transverse = tuple(place for place in elastic if kind_of(names[place]) in ("Gxz", "Gyz", "G13", "G23"))
     single = tuple((names[place], (place,)) for place in elastic if place not in transverse)
-    each = (*single, ("Gxz", transverse)) if transverse else single
+    each = (*single, (names[transverse[0]], transverse)) if transverse else single
     laws = [
         MechanismDamping("mechanism", two),
         MechanismDamping("mechanism_viscous", two, viscous=True),

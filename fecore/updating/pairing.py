@@ -13,9 +13,11 @@ their order as constants move are a matter for several starts (`elastic_starts`)
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from fecore.arrays import FloatArray
+from fecore.arrays import FloatArray, IntArray
 from fecore.correlation import Pairing, pair_modes
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardState
@@ -35,8 +37,25 @@ def pair_with(modes: MeasuredModes, state: ForwardState) -> Pairing:
     """Measured modes with those of a solved model, whose first points are those of the shapes."""
     dofs = len(modes.dofs)
     if modes.shapes is not None and dofs >= FEWEST_DOFS:
-        return pair_modes(modes.shapes, state.shapes[:, :dofs], modes.frequency_hz, state.frequency_hz)
-    return pair_in_order(modes.frequency_hz, state.frequency_hz, probability_seen(modes, state))
+        return pair_modes(
+            modes.shapes, state.shapes[:, :dofs], modes.frequency_hz, state.frequency_hz, hidden=state.hidden
+        )
+    seen = probability_seen(modes, state)
+    if not state.hidden:
+        return pair_in_order(modes.frequency_hz, state.frequency_hz, seen)
+    shown = np.setdiff1d(np.arange(state.frequency_hz.size), state.hidden)
+    return _among(shown, pair_in_order(modes.frequency_hz, state.frequency_hz[shown], seen[shown]))
+
+
+def _among(shown: IntArray, pairing: Pairing) -> Pairing:
+    """A pairing with some of the model's modes, by these modes' numbers among all."""
+    at = [int(number) for number in shown]
+    return replace(
+        pairing,
+        pairs=tuple((i, at[j]) for i, j in pairing.pairs),
+        unpaired_model=tuple(at[j] for j in pairing.unpaired_model),
+        ambiguous=tuple((i, at[j], at[k]) for i, j, k in pairing.ambiguous),
+    )
 
 
 def probability_seen(modes: MeasuredModes, state: ForwardState) -> FloatArray:

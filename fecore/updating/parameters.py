@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
-from fecore.body.specimen import SIGNED, UNITS, Body
+from fecore.body.specimen import SIGNED, UNITS, Body, kind_of
 from fecore.errors import InputError
 
 DEFAULT_RELATIVE_SD = 0.30
@@ -51,6 +51,15 @@ DEFAULT_PARAMETERS = (
     Parameter("Gyz", tied_to="Gxz"),
 )
 """What is updated when a recipe names nothing: the contract's default."""
+
+PLY_PARAMETERS = (
+    Parameter("E1"),
+    Parameter("E2"),
+    Parameter("G12"),
+    Parameter("G13"),
+    Parameter("G23", tied_to="G13"),
+)
+"""What is updated of a specimen of plies when a recipe names nothing."""
 
 
 @dataclass(frozen=True)
@@ -104,12 +113,12 @@ class Parametrisation:
     @property
     def units(self) -> tuple[str, ...]:
         """SI units of the constants."""
-        return (*(UNITS[name] for name in self.body.nominal), *(spring.unit for spring in self.body.springs))
+        return (*(UNITS[kind_of(name)] for name in self.body.nominal), *(spring.unit for spring in self.body.springs))
 
     @property
     def signed(self) -> BoolArray:
         """(p,) parameters that may be negative."""
-        return np.array([name in SIGNED for name in self.names])
+        return np.array([name in self.body.nominal and kind_of(name) in SIGNED for name in self.names])
 
     def constants(self, theta: FloatArray) -> FloatArray:
         """(c + s,) constants in the order of `constant_names`."""
@@ -185,6 +194,11 @@ class Coefficients:
         return self.parametrisation.split(self.parametrisation.constants(self.theta))
 
 
+def default_parameters(body: Body) -> tuple[Parameter, ...]:
+    """What is updated of a body when a recipe names nothing."""
+    return PLY_PARAMETERS if "E1" in body.nominal else DEFAULT_PARAMETERS
+
+
 def parametrise(specimen: Body, parameters: Sequence[Parameter] = DEFAULT_PARAMETERS) -> Parametrisation:
     """Check a recipe's parameters against a specimen and lay out θ.
 
@@ -237,7 +251,9 @@ def _check(parameters: Sequence[Parameter], known: tuple[str, ...]) -> None:
             raise InputError(f"{where}.name", f"is {p.name!r}, expected one of {', '.join(known)}")
         if p.name in {before.name for before in parameters[:index]}:
             raise InputError(f"{where}.name", f"{p.name} is named twice")
-        if p.prior_mean is not None and not (np.isfinite(p.prior_mean) and (p.prior_mean > 0 or p.name in SIGNED)):
+        if p.prior_mean is not None and not (
+            np.isfinite(p.prior_mean) and (p.prior_mean > 0 or kind_of(p.name) in SIGNED)
+        ):
             raise InputError(f"{where}.prior_mean", f"is {p.prior_mean}, expected a positive number")
         if p.prior_sd is not None and not (np.isfinite(p.prior_sd) and p.prior_sd > 0):
             raise InputError(f"{where}.prior_sd", f"is {p.prior_sd}, expected a positive number; to fix it, say fixed")

@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from fecore.body.layered import LayeredSpecimen
 from fecore.body.specimen import Body, Specimen
 from fecore.dynamics.damping_laws import DampingLaw, ModalDamping
 from fecore.errors import FecoreError, InputError, UpdatingError
@@ -29,7 +30,7 @@ from fecore.updating.elastic_findings import HOPELESS_MISS
 from fecore.updating.elastic_starts import update_from_several_starts
 from fecore.updating.excursions import excursions, fixed_points
 from fecore.updating.forward import EXTRA_MODES, ForwardModel, modes_to_cover
-from fecore.updating.inputs import CONSTANT_INPUTS, Inputs
+from fecore.updating.inputs import Inputs, tolerance_of
 from fecore.updating.joint import update_jointly
 from fecore.updating.law_ranking import LawRanking, identifiable_laws, rank_laws
 from fecore.updating.laws import laws_of
@@ -120,7 +121,7 @@ def update(
 def _with_inputs(parametrisation: Parametrisation, inputs: Inputs) -> Parametrisation:
     """The recipe's parameters, and the inputs that the body's own constants are."""
     nominal = parametrisation.body.nominal
-    known = {name: tolerance for name, tolerance in CONSTANT_INPUTS.items() if name in nominal}
+    known = {name: tolerance for name in nominal if (tolerance := tolerance_of(name)) is not None}
     return parametrisation.with_inputs(
         {name: inputs.standard_deviation(tolerance, nominal[name]) for name, tolerance in known.items()}
     )
@@ -128,7 +129,7 @@ def _with_inputs(parametrisation: Parametrisation, inputs: Inputs) -> Parametris
 
 def _meshed(specimen: Body, data: Prepared) -> tuple[Body, list[str]]:
     """The specimen with a mesh for its modes, where none was asked for; what is wrong with it, in words."""
-    if not isinstance(specimen, Specimen) or specimen.divisions is not None:
+    if not isinstance(specimen, Specimen | LayeredSpecimen) or specimen.divisions is not None:
         return specimen, []
     found = discretise(specimen, _highest_hz(data))
     worst = float(found.error.max(initial=0.0))

@@ -83,8 +83,10 @@ class Shell8:
 
     @property
     def mass_terms_names(self) -> tuple[str, ...]:
-        """Section inertias in the order of the mass terms; in bending alone I2 is one for each rotation, rx and ry."""
-        return ("I0", "I1", "I2") if self.membrane else ("I0", "I2rx", "I2ry")
+        """Section inertias in the order of the mass terms, one for each dof, so that dofs can be scaled each by itself; in
+        bending alone I0 is that of w.
+        """
+        return ("I0u", "I0v", "I0", "I1u", "I1v", "I2rx", "I2ry") if self.membrane else ("I0", "I2rx", "I2ry")
 
     @property
     def blocks(self) -> tuple[IntArray, ...]:
@@ -102,7 +104,9 @@ class Shell8:
     @property
     def mass_blocks(self) -> tuple[IntArray, ...]:
         """Where the inertias stand in the mass: I0 and I2, coupled by I1 with membrane dofs."""
-        return (np.array([[0, 1], [1, 2]]),) if self.membrane else tuple(np.array([[k]]) for k in range(3))
+        if not self.membrane:
+            return tuple(np.array([[k]]) for k in range(3))
+        return np.array([[0, 3], [3, 6]]), np.array([[1, 4], [4, 5]]), np.array([[2]])
 
     def _pairs(self, name: str) -> list[tuple[int, int]]:
         """Rows of the strain matrix that a coefficient couples."""
@@ -178,18 +182,19 @@ class Shell8:
         plain = (N.T * (determinant * weights)[:, None, :]) @ N
         at = {name: place for place, name in enumerate(self.displacements)}
         coupled = {
-            "I0": [("u", "u", 1), ("v", "v", 1), ("w", "w", 1)],
+            "I0u": [("u", "u", 1)],
+            "I0v": [("v", "v", 1)],
+            "I0": [("w", "w", 1)],
+            "I1u": [("u", "ry", 1), ("ry", "u", 1)],
+            "I1v": [("v", "rx", -1), ("rx", "v", -1)],
             "I2rx": [("rx", "rx", 1)],
             "I2ry": [("ry", "ry", 1)],
         }
-        coupled["I2"] = [*coupled["I2rx"], *coupled["I2ry"]]
-        coupled["I1"] = [("u", "ry", 1), ("ry", "u", 1), ("v", "rx", -1), ("rx", "v", -1)]
         d = len(at)
         terms = np.zeros((len(self.mass_terms_names), len(coordinates), 8, d, 8, d))
         for term, name in zip(terms, self.mass_terms_names, strict=True):
             for left, right, sign in coupled[name]:
-                if left in at and right in at:
-                    term[:, :, at[left], :, at[right]] = sign * plain
+                term[:, :, at[left], :, at[right]] = sign * plain
         return terms.reshape(*terms.shape[:2], 8 * d, 8 * d)
 
 

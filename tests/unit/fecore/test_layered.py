@@ -1,0 +1,126 @@
+"""Specimens of plies: their sections, a sandwich against a closed form, and ply constants recovered from modes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fecore.body.laminate import OrthotropicMaterial, Ply, section
+from fecore.body.layered import LayeredSpecimen
+from fecore.body.supports import Supports
+from fecore.dynamics.eigen import normal_modes
+from fecore.errors import InputError
+from fecore.updating.inputs import Inputs
+from fecore.updating.measurement import Measurement
+from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.pipeline import update
+from fecore.updating.recipe import Recipe
+from tests.support.layups import CARBON, measured_plate
+
+PLY_TRUTH = {"E1": 122e9, "E2": 9.8e9, "G12": 4.5e9, "G13": 4.4e9, "G23": 3.08e9}
+
+
+def stack(*angles: float, size: tuple[float, float, float] = (0.3, 0.2, 0.004)) -> LayeredSpecimen:
+    plies = tuple(Ply(CARBON, size[2] / len(angles), angle) for angle in angles)
+    return LayeredSpecimen(*size, plies, CARBON.density, "free", divisions=(8, 6))
+
+
+def constants(body: LayeredSpecimen) -> np.ndarray:
+    return np.array(list(body.nominal.values()))
+
+
+def hz(body: LayeredSpecimen, values: np.ndarray, count: int = 8) -> np.ndarray:
+    model = body.model
+    rigid = model.rigid_modes.shape[1]
+    K, M = model.stiffness.at(body.stiffness_coefficients(values)), model.mass.at(body.mass_coefficients(values))
+    return normal_modes(K, M, count + rigid, model.rigid_modes).frequency_hz[rigid:]
+
+
+@pytest.mark.parametrize("angles", [(45, -45), (0, 90), (30, -30, -30, 30), (0, 30, 45, 90)])
+def test_coefficients_are_those_of_the_section(angles) -> None:
+    body = stack(*angles)
+    assert body.model.has_membrane == body.section.is_coupled
+    q = constants(body)
+    expected = body.model.stiffness_coefficients(section(body.plies, shear="equilibrium"))
+    # 1e-9 of the largest coefficient of its kind: entries that are zero by symmetry are sums of round-off.
+    np.testing.assert_allclose(
+        body.stiffness_coefficients(q), expected, rtol=1e-12, atol=1e-9 * expected.min(where=expected > 1, initial=1e9)
+    )
+    np.testing.assert_allclose(body.mass_coefficients(q), body.model.mass_coefficients(body.section), rtol=1e-12)
+
+
+@pytest.mark.parametrize("angles", [(45, -45), (30, -30, -30, 30)])
+def test_other_dimensions_and_angles_are_those_of_a_body_built_with_them(angles) -> None:
+    body = stack(*angles)
+    size = (0.31, 0.19, 0.0042)
+    turned = tuple(Ply(CARBON, size[2] / len(angles), angle + 2) for angle in angles)
+    built = replace(body, length=size[0], width=size[1], thickness=size[2], plies=turned)
+    q = dict(body.nominal) | dict(zip(("length", "width", "thickness"), size, strict=True))
+    q |= {f"angle_{k}": np.radians(ply.angle_deg) for k, ply in enumerate(turned, start=1)}
+    # 1e-8: two solves of an eigenproblem each to round-off; the closed forms are the same.
+    np.testing.assert_allclose(hz(body, np.array(list(q.values()))), hz(built, constants(built)), rtol=1e-8)
+
+
+def test_a_sandwich_vibrates_as_allens_closed_form() -> None:
+    """Simply supported, thin faces: ω² = D k⁴ / (m (1 + D k²/S)) with D = E t d²/2(1 - ν²), S = G d²/c (Allen 1969, ch. 5)."""
+    E, nu, G, t, c, side = 68.9e9, 0.33, 80e6, 0.0004, 0.02, 1.0
+    face = OrthotropicMaterial(E, E, E / 2 / (1 + nu), E / 2 / (1 + nu), E / 2 / (1 + nu), nu, 2768.0)
+    core = OrthotropicMaterial(1e5, 1e5, 4e4, G, G, 0.0, 60.0)
+    plies = (Ply(face, t), Ply(core, c), Ply(face, t))
+    mass, d = 2 * t * 2768 + c * 60, c + t
+    body = LayeredSpecimen(
+        side,
+        side,
+        c + 2 * t,
+        plies,
+        mass / (c + 2 * t),
+        divisions=(10, 10),
+        supports=Supports(*["simply_supported"] * 4),
+    )
+    assert "G13_2" in body.nominal
+    k2 = np.pi**2 * np.array([2.0, 5.0, 5.0, 8.0]) / side**2
+    D, S = E * t * d**2 / 2 / (1 - nu**2), G * d**2 / c
+    allen = np.sqrt(D * k2**2 / mass / (1 + D * k2 / S)) / 2 / np.pi
+    # Allen has no rotary inertia and no bending of the faces about themselves: 1 %, as asked for.
+    np.testing.assert_allclose(hz(body, constants(body), 4), allen, rtol=0.01)
+
+
+@pytest.mark.parametrize("angles", [(45, -45, 45, -45), (30, -30, -30, 30), (0, 45, 90, -45)])
+def test_ply_constants_are_recovered_from_a_simulated_plate(angles) -> None:
+    """Angle-ply, antisymmetric and general stacks, from modes with 0.01 % noise on a finer mesh than the one that updates."""
+    body = replace(stack(*angles), divisions=(16, 10))
+    modes, points = measured_plate(body, PLY_TRUTH, np.random.default_rng(1), noise=1e-4)
+    free = (Parameter("E1"), Parameter("E2"), Parameter("G12"), Parameter("G13"), Parameter("G23", tied_to="G13"))
+    found = update(Measurement(None, points, modes, 0.0, Inputs.exact()), body, Recipe(parameters=free))
+    for parameter in found.parameters:
+        if parameter.name in ("E1", "E2", "G12"):
+            assert parameter.estimate == pytest.approx(PLY_TRUTH[parameter.name], rel=0.02)
+            assert parameter.identifiable
+    by_mechanism = next(law for law in found.damping_models if law.name == "mechanism")
+    assert set(by_mechanism.coefficients) == {"a0", "eta_E", "eta_G"}
+
+
+def test_angles_are_inputs_with_a_stated_deviation() -> None:
+    body = replace(stack(0, 45, 90, -45), divisions=(12, 8))
+    modes, points = measured_plate(body, PLY_TRUTH, np.random.default_rng(2), noise=3e-4)
+    free = (Parameter("E1"), Parameter("E2"), Parameter("G12"))
+
+    def deviations(inputs: Inputs) -> dict[str, float]:
+        found = update(Measurement(None, points, modes, 0.0, inputs), body, Recipe(parameters=free))
+        assert ("angle_1" in {entry.source for entry in found.parameters[0].budget}) == bool(inputs.ply_angle_sd)
+        return {p.name: p.standard_deviation / p.estimate for p in found.parameters}
+
+    known = deviations(Inputs.exact())
+    unsure = deviations(replace(Inputs.exact(), ply_angle_sd=float(np.radians(1.0))))
+    assert all(unsure[name] > 2 * known[name] for name in ("E1", "G12"))
+
+
+def test_impossible_stacks_are_refused_by_field() -> None:
+    with pytest.raises(InputError, match=r"laminate\.plies"):
+        LayeredSpecimen(0.3, 0.2, 0.004, (), 1600.0)
+    with pytest.raises(InputError, match="density"):
+        replace(stack(0, 90), density=0.0)
+    with pytest.raises(InputError, match=r"parameters\.0\.name"):
+        parametrise(stack(0, 90), (Parameter("Ex"),))
