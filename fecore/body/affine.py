@@ -132,7 +132,7 @@ class AffineMatrix:
 
     def project(self, left: FloatArray, right: FloatArray) -> FloatArray:
         """(k, l, r) leftᵀ A_k right of (size, l) and (size, r) vectors."""
-        return np.array([left.T @ (self.term(k) @ right) for k in range(len(self.names))])
+        return np.array([left.T @ (term @ right) for term in self._compact])
 
     @cached_property
     def _terms(self) -> tuple[FloatArray, ...]:
@@ -141,6 +141,14 @@ class AffineMatrix:
         for row, (places, values) in zip(alone, self.whole, strict=True):
             row[places] = values
         return (*(self.pattern.assemble(term) for term in self.elements), *alone)
+
+    @cached_property
+    def _compact(self) -> tuple[sparse.csc_array, ...]:
+        """The terms without the pattern's places that they leave empty: most of it, where there are membrane dofs."""
+        compact = tuple(self._matrix(values).copy() for values in self._terms)
+        for term in compact:
+            term.eliminate_zeros()
+        return compact
 
     def _matrix(self, data: FloatArray) -> sparse.csc_array:
         pattern = self.pattern

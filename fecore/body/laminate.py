@@ -239,7 +239,8 @@ def balanced_shear(Q: FloatArray, C: FloatArray, levels: FloatArray, flexibility
         low = levels[ply]
         first, second = (z - low)[..., None, None], ((z**2 - low**2) / 2)[..., None, None]
         by_moment = Q[ply] @ (flexibility[..., :3, :] * first + flexibility[..., 3:, :] * second)
-        return by_moment[..., [0, 2, 2, 1], [0, 1, 0, 1]].reshape(below.shape)
+        integral: FloatArray = by_moment[..., [0, 2, 2, 1], [0, 1, 0, 1]].reshape(below.shape)
+        return integral
 
     for ply, (low, high) in enumerate(pairwise(levels)):
         give = np.linalg.inv(C[ply])

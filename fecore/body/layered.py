@@ -131,8 +131,8 @@ class LayeredSpecimen:
         A, B, D, S = self._stiffness(constants)
         _, _, length, width = self._dimensions(constants)
         a, b = length / self.length, width / self.width
-        places = ((0, 0, b / a**3), (0, 1, 1 / (a * b)), (1, 1, a / b**3), (2, 2, 1 / (a * b)))
-        places = (*places, (0, 2, 1 / a**2), (1, 2, 1 / b**2))
+        mixed = 1 / (a * b)
+        places = ((0, 0, b / a**3), (0, 1, mixed), (1, 1, a / b**3), (2, 2, mixed), (0, 2, 1 / a**2), (1, 2, 1 / b**2))
         if self.section.is_coupled:
             rows = [each[..., i, j] * power for each in (A, B, D) for i, j, power in places]
         else:

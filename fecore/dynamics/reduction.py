@@ -39,7 +39,8 @@ _SAFETY = 3.0  # … falls below a third of its mean once in 10⁵
 _KEPT = 3e-4  # energy norm below which a direction is left out of the basis, for vectors of unit energy …
 _MENDED = 0.1  # … and of those that are to mend an error, as a share of what would make the tolerance
 _REACH = 0.5  # relative change of a coefficient, where no changes are given
-_LARGEST = 160  # vectors; a basis that has grown beyond is begun anew at the coefficients then asked for
+_LARGEST = 160  # vectors; a basis that has grown beyond is begun anew at the coefficients then asked for …
+_GROWTH = 3  # … unless it began nearly as large, with many changes to come: then it may grow by so many times its modes
 _CLOSE = 0.1  # relative distance in μ below which modes are pooled
 
 
@@ -94,6 +95,13 @@ class ReducedSystem:
         return energy
 
 
+def _bordered(known: FloatArray, fresh: FloatArray) -> FloatArray:
+    """(k, r, r) symmetric matrices of which the first columns are known and (k, r, f) the last ones are given."""
+    size = known.shape[1]
+    top = np.concatenate([known, fresh[:, :size]], axis=2)
+    return np.concatenate([top, np.swapaxes(fresh, 1, 2)], axis=1)
+
+
 def _sum(weights: FloatArray, matrices: FloatArray) -> FloatArray:
     """Σ_k weights_k matrices_k."""
     total: FloatArray = weights @ matrices.reshape(len(matrices), -1)
@@ -135,6 +143,8 @@ class ReducedModel:
         """A fresh basis about given coefficients: modes, their derivative vectors, static deflections and theirs."""
         model = self._model
         self._start = stiffness, mass
+        self._known: ReducedSystem | None = None  # what is projected already: the basis only grows
+        self.__dict__.pop("system", None)
         self._ratio = CoefficientRatio(model.stiffness, stiffness), CoefficientRatio(model.mass, mass)
         K, M = model.stiffness.at(stiffness), model.mass.at(mass)
         modes = self._solve_full(stiffness, mass)
@@ -146,6 +156,7 @@ class ReducedModel:
         self._vectors = rigid / np.sqrt(-modes.shift) if modes.rigid else rigid
         self._add(self._with_derivatives(modes.shapes[:, modes.rigid :]))
         self._hold_static(self._loads, self._factor, mass)
+        self._begun = self._vectors.shape[1]
 
     @property
     def basis(self) -> FloatArray:
@@ -155,16 +166,31 @@ class ReducedModel:
     @cached_property
     def system(self) -> ReducedSystem:
         """The projected model on the basis as it is now."""
-        V, model = self._vectors, self._model
-        return ReducedSystem(
+        V, model, known = self._vectors, self._model, self._known
+        fresh = V[:, 0 if known is None else known.basis.shape[1] :]
+        stiffness, stiffness_sketch = self._projected(model.stiffness, fresh)
+        mass, mass_sketch = self._projected(model.mass, fresh)
+        if known is not None:
+            stiffness, mass = _bordered(known.stiffness, stiffness), _bordered(known.mass, mass)
+            stiffness_sketch = np.concatenate([known.stiffness_sketch, stiffness_sketch], axis=2)
+            mass_sketch = np.concatenate([known.mass_sketch, mass_sketch], axis=2)
+        system = ReducedSystem(
             basis=V,
             rigid=self._rigid,
             shift=self._shift,
-            stiffness=model.stiffness.project(V, V),
-            mass=model.mass.project(V, V),
-            stiffness_sketch=model.stiffness.project(self._probe, V),
-            mass_sketch=model.mass.project(self._probe, V),
+            stiffness=stiffness,
+            mass=mass,
+            stiffness_sketch=stiffness_sketch,
+            mass_sketch=mass_sketch,
         )
+        self._known = system
+        return system
+
+    def _projected(self, matrix: AffineMatrix, fresh: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(k, r, f) and (k, s, f) VᵀA_k and probeᵀA_k of some (dofs, f) columns of the basis."""
+        both = matrix.project(np.hstack([self._vectors, self._probe]), fresh)
+        count = self._vectors.shape[1]
+        return both[:, :count], both[:, count:]
 
     def modes(self, stiffness: FloatArray, mass: FloatArray) -> NormalModes:
         """Modes at (k,) and (j,) coefficients, enriched first where the error estimate asks for it.
@@ -178,7 +204,7 @@ class ReducedModel:
         modes = self.system.modes(stiffness, mass, self._count)
         if self.frequency_error(stiffness, mass, modes).max() <= self._tolerance:
             return modes
-        if self.basis.shape[1] > _LARGEST:
+        if self.basis.shape[1] > max(_LARGEST, self._begun + _GROWTH * self._count):
             self._begin(stiffness, mass)
             return self.system.modes(stiffness, mass, self._count)
         full = self._solve_full(stiffness, mass)

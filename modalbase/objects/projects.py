@@ -15,7 +15,15 @@ if TYPE_CHECKING:
     from modalbase.objects.thing import Thing
 
 GEOMETRY = ("length_m", "width_m", "thickness_m")
-STRUCTURE_INPUTS = ("length_sd_m", "width_sd_m", "thickness_sd_m", "density_sd_kg_m3", "nu_xy_sd", "fibre_angle_sd_deg")
+STRUCTURE_INPUTS = (
+    "length_sd_m",
+    "width_sd_m",
+    "thickness_sd_m",
+    "density_sd_kg_m3",
+    "nu_xy_sd",
+    "fibre_angle_sd_deg",
+    "ply_angle_sd_deg",
+)
 CAMPAIGN_INPUTS = (
     "clamp_compliance_sd",
     "sensor_mass_sd_kg",

@@ -27,7 +27,7 @@ from service.monitoring.schemas import CONSTANT, BaselineIn, ChartIn, MonitorIn,
 from service.monitoring.tables import AT_WORK, Alarm, CampaignCompletion, Monitor, MonitorRun, MonitorSeries
 from service.settings import Settings
 from service.structures.operations import current_version, describe_version, structure_for, structures_in, structures_of
-from service.updating.loading import nominal_specimen
+from service.updating.bodies import body_of
 from service.updating.operations import check_prior_batch
 
 if TYPE_CHECKING:
@@ -98,8 +98,8 @@ def _check_recipe(session: Session, user: User, structure: Structure, body: Moni
             "/recipe/mode_set", "a mode set is of one campaign; say with `modes` where each run takes its from"
         )
     check_prior_batch(session, user, recipe, structure.id, "/recipe/prior_from_coupon_batch")
-    specimen = nominal_specimen(described, body.boundary or "cantilever")
-    free = parametrise(specimen, recipe.to_core().parameters).names
+    specimen = body_of(described, body.boundary or "cantilever", recipe)
+    free = parametrise(specimen, recipe.parameters_of(specimen)).names
     for i, watched in enumerate(body.parameters):
         if CONSTANT.fullmatch(watched.name) and watched.name not in free:
             raise Invalid(

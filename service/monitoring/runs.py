@@ -28,7 +28,7 @@ from service.monitoring.campaigns import Seen, seen_campaigns
 from service.monitoring.tables import Monitor, MonitorRun, MonitorSeries
 from service.monitoring.values import watched_values
 from service.structures.operations import describe_version, structure_of, version_of
-from service.updating.loading import nominal_specimen
+from service.updating.bodies import body_of
 from service.updating.operations import result_documents, start_update
 from service.updating.schemas import ParameterIn, RecipeIn
 
@@ -248,8 +248,8 @@ def _with_priors(session: Session, monitor: Monitor, recipe: RecipeIn, values: d
     """The recipe with the last estimates as prior means; widths stay, so that a prior never narrows down on the past."""
     version = version_of(session, monitor.structure_version_id)
     structure = structure_of(session, monitor.structure_id)
-    specimen = nominal_specimen(describe_version(version, structure.name), monitor.boundary or "cantilever")
-    core = recipe.to_core().parameters
+    specimen = body_of(describe_version(version, structure.name), monitor.boundary or "cantilever", recipe)
+    core = recipe.parameters_of(specimen)
     free = parametrise(specimen, core)
     widths = dict(zip(free.names, free.prior_sd.tolist(), strict=True))
     carried = []

@@ -21,7 +21,7 @@ Direction = Literal["fall", "rise", "both"]
 State = Literal["no data", "normal", "pending", "alarm", "acknowledged"]
 Covariate = Literal["temperature_c", "humidity_percent"]
 
-CONSTANT = re.compile(r"Ex|Ey|Gxy|Gxz|Gyz|nu_xy|density|thickness")
+CONSTANT = re.compile(r"Ex|Ey|Gxy|Gxz|Gyz|nu_xy|density|thickness|(E1|E2|G12|G13|G23|nu12)(_\d+)?")
 COEFFICIENT = re.compile(r"[a-z]\w{0,40}")
 OF_A_MODE = re.compile(r"(frequency|damping_ratio)_([1-9]\d?)")
 MAIL = re.compile(r"[^@\s,;<>]+@[^@\s,;<>]+\.[^@\s,;<>]+")

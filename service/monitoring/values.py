@@ -10,7 +10,7 @@ from uuid import UUID
 
 from sqlalchemy.orm import Session
 
-from fecore.body.specimen import UNITS
+from fecore.body.specimen import UNITS, kind_of
 from fecore.dynamics.damping_laws import CaugheySeries
 from service.modes.operations import modes_of
 
@@ -53,8 +53,8 @@ def _comparable(row: dict[str, Any]) -> list[float]:
 
 def unit_of(parameter: str) -> str | None:
     """SI unit of a watched value; None of a spring's stiffness, whose name is the recipe's."""
-    if parameter in UNITS:
-        return UNITS[parameter]
+    if kind_of(parameter) in UNITS:
+        return UNITS[kind_of(parameter)]
     if parameter.startswith("frequency_"):
         return "Hz"
     if re.fullmatch(r"damping_ratio_\d+|zeta\d+", parameter):

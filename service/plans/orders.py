@@ -25,8 +25,9 @@ from service.modes.operations import load_modes, mode_set_for
 from service.plans.computation import MadeTest, PlanOrder
 from service.structures.operations import present_structure, structure_for
 from service.structures.schemas import StructureIn
+from service.updating.bodies import nominal_specimen
 from service.updating.joint_loading import material_of, of_its_material
-from service.updating.loading import modes_in_frame, nominal_specimen, specimen_of
+from service.updating.loading import modes_in_frame, specimen_of
 from service.updating.schemas import InputsIn
 from service.web import StrictModel, example
 

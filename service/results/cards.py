@@ -12,6 +12,7 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from fecore import __version__
+from fecore.body.layered import LayeredSpecimen
 from fecore.updating.parameters import parametrise
 from modalbase.formats.decks import Deck, Mass, write_nastran, write_shells, write_solids
 from service.campaigns.operations import campaign_of
@@ -20,7 +21,8 @@ from service.errors import Conflict, Invalid
 from service.frfs.measured_campaign import specimen_points
 from service.frfs.operations import frfs_of
 from service.structures.operations import describe_version, version_of
-from service.updating.loading import nominal_specimen, recipe_parameters
+from service.updating.bodies import body_of
+from service.updating.loading import recipe_parameters
 from service.updating.operations import result_document
 from service.updating.schemas import RecipeIn
 
@@ -70,9 +72,11 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
         raise Conflict(f"the recipe has elastic supports ({names}), which no deck is written with; add them by hand")
     campaign = campaign_of(session, job.campaign_id)
     structure = describe_version(version_of(session, job.structure_version_id), "")
-    specimen = nominal_specimen(structure, campaign.boundary)
+    specimen = body_of(structure, campaign.boundary, recipe)
+    if isinstance(specimen, LayeredSpecimen):
+        raise Conflict("the result has constants of plies; a deck is written of one homogenised layer alone")
     estimates = {row["name"]: row["estimate"] for row in document["parameters"]}
-    parametrisation = parametrise(specimen, recipe_parameters(session, recipe)[0])
+    parametrisation = parametrise(specimen, recipe_parameters(session, recipe, specimen)[0])
     if lacking := [name for name in parametrisation.names if estimates.get(name) is None]:
         raise Conflict(f"the result has no {', '.join(lacking)}: no elastic constants were estimated")
     theta = np.array([estimates[name] for name in parametrisation.names])

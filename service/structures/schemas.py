@@ -106,6 +106,9 @@ class StructureInputs(StrictModel):
     density_sd_kg_m3: Deviation = None
     nu_xy_sd: Deviation = None
     fibre_angle_sd_deg: Deviation = Field(None, description="of the fibres' direction about the stated one")
+    ply_angle_sd_deg: Deviation = Field(
+        None, description="of each ply's angle about the stated one, where constants of plies are updated"
+    )
 
 
 class StructureIn(StrictModel):

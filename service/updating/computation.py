@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import fecore
+from fecore.body.layered import LayeredSpecimen
 from fecore.body.specimen import Specimen
 from fecore.modes import MeasuredModes
 from fecore.processing import Processed
@@ -59,7 +60,7 @@ class UpdateInputs:
     """
 
     measurement: Measurement | None
-    specimen: Specimen
+    specimen: Specimen | LayeredSpecimen
     recipe: Recipe
     warnings: tuple[str, ...]
     provenance: dict[str, Any]

@@ -27,8 +27,9 @@ from service.modes.operations import load_modes
 from service.structures.operations import describe_version, version_of
 from service.structures.schemas import Laminate, Material, StructureIn
 from service.updating.batches import BatchJobIn, UpdateBatchIn
+from service.updating.bodies import nominal_specimen
 from service.updating.joint_computation import JointCampaign, JointInputs
-from service.updating.loading import modes_in_frame, nominal_specimen, roving_mass, specimen_of
+from service.updating.loading import modes_in_frame, roving_mass, specimen_of
 from service.updating.schemas import RecipeIn
 from service.updating.tables import JointUpdate
 

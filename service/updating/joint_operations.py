@@ -23,10 +23,10 @@ from service.modes.operations import mode_set_for
 from service.storage import StorageOwner, book, require_room
 from service.structures.operations import present_structure
 from service.updating.batches import UpdateBatchIn
+from service.updating.bodies import nominal_specimen
 from service.updating.joint_computation import compute_joint
 from service.updating.joint_loading import load_joint, of_its_material, parameters_of
 from service.updating.joint_schemas import JointUpdateOut
-from service.updating.loading import nominal_specimen
 from service.updating.schemas import RecipeIn
 from service.updating.tables import JointUpdate
 from service.web.json_body import pointer

@@ -10,9 +10,8 @@ from uuid import UUID
 
 from sqlalchemy.orm import Session
 
-from fecore.body.laminate import OrthotropicMaterial, Ply, homogenise, section
 from fecore.body.model import PointMass
-from fecore.body.specimen import Specimen
+from fecore.body.specimen import Body, Specimen
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.updating.measurement import Measurement
@@ -25,8 +24,7 @@ from service.modes.operations import load_modes
 from service.records.computing import ProcessingInputs
 from service.records.processings import load_records
 from service.structures.operations import describe_version, version_of
-from service.structures.schemas import Ply as StoredPly
-from service.structures.schemas import StructureIn
+from service.updating.bodies import body_of, nominal_specimen
 from service.updating.computation import Hits, UpdateInputs
 from service.updating.schemas import RecipeIn
 from service.updating.tables import UpdateJob
@@ -54,8 +52,8 @@ def load_update(session: Session, job_id: UUID, workspace: Path) -> UpdateInputs
     modes = None if recipe.mode_set is None else modes_in_frame(load_modes(session, recipe.mode_set), frame)
     used = campaign.frf_sets[0] if campaign.frf_sets else None
     frfs = None if used is None else used.frfs
-    parameters, prior_warnings = recipe_parameters(session, recipe)
-    specimen = specimen_of(campaign)
+    specimen = body_of(campaign.structure, campaign.boundary, recipe, carried_masses(campaign))
+    parameters, prior_warnings = recipe_parameters(session, recipe, specimen)
     window_rate = None if used is None else used.window_rate
     inputs = recipe.inputs.or_as_stated(campaign.structure.inputs, campaign.inputs, window_rate)
     core = inputs.to_core()
@@ -64,7 +62,7 @@ def load_update(session: Session, job_id: UUID, workspace: Path) -> UpdateInputs
     return UpdateInputs(
         measurement=measured,
         hits=None if records is None else Hits(records, campaign.points, frame, _roving_over(campaign), core),
-        specimen=recipe.supported(specimen),
+        specimen=specimen,
         recipe=replace(recipe.to_core(), parameters=parameters),
         warnings=(
             *campaign.warnings,
@@ -91,19 +89,28 @@ def _with_sensor_of(campaign: MeasuredCampaign, records: ProcessingInputs) -> Me
     return replace(campaign, sensor_point=points.pop())
 
 
-def specimen_of(campaign: MeasuredCampaign) -> Specimen:
-    """The specimen that was measured, with its sensor where one sat at a point.
+def carried_masses(campaign: MeasuredCampaign) -> tuple[PointMass, ...]:
+    """What the specimen carried: its sensor where one sat at a point.
 
     Raises:
         InputError: the sensor's point is not a grid point.
     """
     point = _sensor_point(campaign)
     if not campaign.sensor_mass_kg or point is None:
-        return nominal_specimen(campaign.structure, campaign.boundary)
+        return ()
     if point not in campaign.points:
         raise InputError("instruments.sensor_point", f"{point} is not a grid point of the campaign")
     x, y, _ = campaign.points[point]
-    return nominal_specimen(campaign.structure, campaign.boundary, (PointMass(x, y, campaign.sensor_mass_kg),))
+    return (PointMass(x, y, campaign.sensor_mass_kg),)
+
+
+def specimen_of(campaign: MeasuredCampaign) -> Specimen:
+    """The specimen that was measured, of one homogenised layer, with what it carried.
+
+    Raises:
+        InputError: the sensor's point is not a grid point, or the structure has no equivalent single layer.
+    """
+    return nominal_specimen(campaign.structure, campaign.boundary, carried_masses(campaign))
 
 
 def roving_mass(campaign: MeasuredCampaign) -> float:
@@ -124,57 +131,14 @@ def _sensor_point(campaign: MeasuredCampaign) -> int | None:
     return points.pop() if len(points) == 1 else None
 
 
-def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointMass, ...] = ()) -> Specimen:
-    """A structure as the core's specimen, with nominal constants.
-
-    Raises:
-        InputError: the structure lacks what a model needs, or is a laminate without an equivalent single layer.
-    """
-    g, density = structure.geometry, structure.density_kg_m3
-    lacking = [name for name, value in (("geometry", g), ("density_kg_m3", density)) if value is None]
-    lacking += ["laminate or material"] if structure.laminate is None and structure.material is None else []
-    if g is None or density is None or lacking:
-        raise InputError(
-            "structure",
-            f"states no {', no '.join(lacking)}: an update needs them for its model; an identification does not",
-        )
-    if structure.laminate is not None:
-        # Shear stresses that balance bending ply by ply: for plies alike that is κ = 5/6, in a sandwich the core gives way.
-        plies = [_ply(ply, density) for ply in structure.laminate.plies]
-        material = homogenise(section(plies, shear="equilibrium"))
-        # The structure's own thickness and density were measured on the whole; the plies' are nominal.
-        material = replace(material, density=density)
-        return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses)  # type: ignore[arg-type]
-    m = structure.material
-    assert m is not None, "a structure has a laminate or a material"
-    material = OrthotropicMaterial(
-        Ex=m.Ex_Pa, Ey=m.Ey_Pa, Gxy=m.Gxy_Pa, Gxz=m.Gxz_Pa, Gyz=m.Gyz_Pa, nu_xy=m.nu_xy, density=density
-    )
-    return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses)  # type: ignore[arg-type]
-
-
-def _ply(ply: StoredPly, density: float) -> Ply:
-    """A stored ply as the core's."""
-    material = OrthotropicMaterial(
-        Ex=ply.E1_Pa,
-        Ey=ply.E2_Pa,
-        Gxy=ply.G12_Pa,
-        Gxz=ply.G13_Pa,
-        Gyz=ply.G23_Pa,
-        nu_xy=ply.nu_12,
-        density=ply.density_kg_m3 or density,
-    )
-    return Ply(material, ply.thickness_m, ply.angle_deg)
-
-
 def modes_in_frame(modes: MeasuredModes, frame: Frame) -> MeasuredModes:
     """Modes of a file with the directions of their shapes in the specimen's frame."""
     return replace(modes, dofs=tuple(frame.dof(dof) for dof in modes.dofs))
 
 
-def recipe_parameters(session: Session, recipe: RecipeIn) -> tuple[tuple[Parameter, ...], list[str]]:
+def recipe_parameters(session: Session, recipe: RecipeIn, body: Body) -> tuple[tuple[Parameter, ...], list[str]]:
     """The recipe's parameters, with a coupon batch's mean and scatter where the recipe states none, and warnings."""
-    parameters: Sequence[Parameter] = recipe.to_core().parameters
+    parameters: Sequence[Parameter] = recipe.parameters_of(body)
     if recipe.prior_from_coupon_batch is None:
         return tuple(parameters), []
     summary = batch_prior(session, recipe.prior_from_coupon_batch)

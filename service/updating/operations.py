@@ -23,8 +23,9 @@ from service.modes.operations import mode_set_for
 from service.records.processings import keep_processing
 from service.storage import StorageOwner, book, require_room
 from service.structures.operations import present_structure
+from service.updating.bodies import body_of
 from service.updating.computation import UpdateOutput, compute_update
-from service.updating.loading import load_update, nominal_specimen
+from service.updating.loading import load_update
 from service.updating.schemas import RecipeIn, UpdateJobOut
 from service.updating.stored_arrays import StoredArrays
 from service.updating.tables import UpdateJob, UpdateResult
@@ -140,9 +141,8 @@ def check_prior_batch(session: Session, user: User, recipe: RecipeIn, structure_
 
 def _check_parameters(recipe: RecipeIn, structure: Any, campaign: Campaign) -> None:
     """A recipe that contradicts itself is refused before it is queued, with the core's message."""
-    core = recipe.to_core()
-    specimen = nominal_specimen(structure, campaign.boundary)
-    parametrise(recipe.supported(specimen), core.parameters)
+    body = body_of(structure, campaign.boundary, recipe)
+    parametrise(body, recipe.parameters_of(body))
     if recipe.band_hz is not None and not recipe.band_hz[0] < recipe.band_hz[1]:
         raise InputError("band_hz", "expected its low end below its high end")
     band = recipe.identification.band_hz

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from datetime import datetime
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from pydantic import Field
 
-from fecore.body.specimen import CONSTANTS, Specimen
+from fecore.body.layered import PLY_CONSTANTS
+from fecore.body.specimen import CONSTANTS, Body
 from fecore.body.supports import Edge, Spring
 from fecore.identification import Options
 from fecore.updating import recipe as core
 from fecore.updating.inputs import Inputs
 from fecore.updating.misfit import Weighting
-from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
+from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter, default_parameters
 from service.campaigns.schemas import CampaignInputs
 from service.records.schemas import ProcessingIn
 from service.structures.schemas import StructureInputs
@@ -41,7 +41,10 @@ Band = tuple[Frequency, Frequency]
 class ParameterIn(StrictModel):
     """A constant to update; SI. Without a mean the structure's nominal value, without a spread 30 % of the mean."""
 
-    name: Name = Field(description=f"{', '.join(CONSTANTS)}, or the name of one of the recipe's springs")
+    name: Name = Field(
+        description=f"{', '.join(CONSTANTS)}; of a laminate also its plies' {', '.join(PLY_CONSTANTS)} (E1_2 and so on of the "
+        "second ply material from the bottom) and angle_1, angle_2, … in rad; or the name of one of the recipe's springs"
+    )
     prior_mean: float | None = None
     prior_sd: float | None = None
     fixed: bool = False
@@ -111,6 +114,7 @@ class InputsIn(CampaignInputs, StructureInputs):
             density_sd=self.density_sd_kg_m3,
             nu_xy_sd=self.nu_xy_sd,
             fibre_angle_sd=None if angle is None else math.radians(angle),
+            ply_angle_sd=None if self.ply_angle_sd_deg is None else math.radians(self.ply_angle_sd_deg),
             clamp_compliance_sd=self.clamp_compliance_sd,
             sensor_mass_sd=self.sensor_mass_sd_kg,
             delay_sd=self.channel_delay_sd_s,
@@ -145,7 +149,10 @@ class RecipeIn(StrictModel):
     )
     springs: list[SpringIn] = Field(default_factory=list, max_length=20, description="elastic supports of the specimen")
     parameters: list[ParameterIn] | None = Field(
-        None, max_length=20, description="default: Ex, Ey, Gxy, Gxz, and Gyz tied to Gxz, nominal ± 30 %"
+        None,
+        max_length=20,
+        description="default: Ex, Ey, Gxy, Gxz, and Gyz tied to Gxz, nominal ± 30 %; of a laminate that couples bending with "
+        "twisting or membrane forces: E1, E2, G12, G13, and G23 tied to G13",
     )
     prior_from_coupon_batch: UUID | None = Field(
         None, description="means and spreads of the constants that the batch gives, where the recipe states none"
@@ -172,9 +179,9 @@ class RecipeIn(StrictModel):
     posterior: Literal["laplace", "mcmc"] = Field("laplace", description="Gaussian, or sampled with emcee")
     seed: int = Field(0, ge=0, le=2**32 - 1)
 
-    def supported(self, specimen: Specimen) -> Specimen:
-        """The specimen with the recipe's elastic supports."""
-        return replace(specimen, springs=tuple(spring.to_core() for spring in self.springs))
+    def parameters_of(self, body: Body) -> tuple[Parameter, ...]:
+        """The recipe's parameters, or what is updated of such a body when a recipe names none."""
+        return default_parameters(body) if self.parameters is None else self.to_core().parameters
 
     def to_core(self) -> core.Recipe:
         """The recipe as the core takes it; priors of a coupon batch are put in by who loads the batch."""

@@ -165,6 +165,7 @@ TERMS: dict[str, str] = {
     "density_sd_kg_m3": "of the density, kg/m³",
     "nu_xy_sd": "of Poisson's ratio, without unit",
     "fibre_angle_sd_deg": "of the angle between fibre and specimen, degrees",
+    "ply_angle_sd_deg": "of each ply's angle in the stack, degrees",
     "channel_delay_sd_s": "of the lag between the channels, s",
     "window_rate_sd_per_s": "of the window's rate, 1/s",
     "inputs": "how well what was handed in is known: standard deviations, SI; default: a careful laboratory's",

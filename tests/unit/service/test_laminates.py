@@ -9,7 +9,7 @@ from fecore.body.laminate import SHEAR_CORRECTION
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import Parameter, parametrise
 from service.structures.schemas import StructureIn
-from service.updating.loading import nominal_specimen
+from service.updating.bodies import nominal_specimen
 
 FACE = {
     "E1_Pa": 70e9,
