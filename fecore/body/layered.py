@@ -24,6 +24,7 @@ from fecore.arrays import BoolArray, FloatArray
 from fecore.body.laminate import OrthotropicMaterial, Ply, Section, balanced_shear, section
 from fecore.body.mesh import rectangle
 from fecore.body.model import PlateModel, plate
+from fecore.body.profile import Piece, profile_of
 from fecore.body.specimen import turned_stiffness
 from fecore.body.supports import Boundary, PointMass, Spring, Supports
 from fecore.errors import InputError
@@ -52,6 +53,7 @@ class LayeredSpecimen:
         springs: elastic supports.
         supports: held edges, where they are not those of the boundary's name.
         fibre_angle: of the whole stack about z, beside the plies' angles, rad.
+        pieces: steps and tapers of thickness along x, of all plies alike; the thickness is that where no piece lies.
     """
 
     length: float
@@ -65,6 +67,7 @@ class LayeredSpecimen:
     springs: tuple[Spring, ...] = ()
     supports: Supports | None = None
     fibre_angle: float = 0.0
+    pieces: tuple[Piece, ...] = ()
 
     def __post_init__(self) -> None:
         for name, unit in (("thickness", "metres"), ("density", "kg/m³")):
@@ -119,8 +122,9 @@ class LayeredSpecimen:
             InputError: the geometry, or the place of a mass or a spring, is wrong.
         """
         held = Supports.of(self.boundary) if self.supports is None else self.supports
-        mesh = rectangle(self.length, self.width, *(self.divisions or (40, 4)))
-        return plate(mesh, held, self.masses, self.springs, membrane=self.section.is_coupled)
+        profile = profile_of(self.length, self.thickness, self.pieces)
+        mesh = rectangle(self.length, self.width, *(self.divisions or (40, 4)), profile.breaks if profile else ())
+        return plate(mesh, held, self.masses, self.springs, membrane=self.section.is_coupled, profile=profile)
 
     def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
         """(k, …) as `PlateModel.stiffness_coefficients` orders them, for the mesh with its own dimensions.

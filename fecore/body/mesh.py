@@ -6,6 +6,7 @@ numbered corners first, counter-clockwise from (-1, -1), then mid-sides from the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -25,6 +26,7 @@ class RectangleMesh:
     Attributes:
         length, width: m.
         nx, ny: number of elements along x and y.
+        lines: (nx + 1,) x of the lines between columns of elements, m; equally spaced unless breaks were asked for.
         nodes: (n, 2) node coordinates, m.
         elements: (nx·ny, 8) node numbers of each element; element j·nx + i is column i of row j.
     """
@@ -35,6 +37,7 @@ class RectangleMesh:
     ny: int
     nodes: FloatArray
     elements: IntArray
+    lines: FloatArray
 
     def locate(self, points: FloatArray) -> tuple[IntArray, FloatArray]:
         """Element in which each point lies, and its natural coordinates there.
@@ -61,6 +64,7 @@ class RectangleMesh:
             )
         counts = np.array([self.nx, self.ny])
         scaled = (np.clip(points, low, high) - low) / (high - low) * counts
+        scaled[:, 0] = np.interp(np.clip(points[:, 0], *self.lines[[0, -1]]), self.lines, np.arange(self.nx + 1))
         cell = np.minimum(scaled.astype(np.int64), counts - 1)
         return cell[:, 1] * self.nx + cell[:, 0], 2 * (scaled - cell) - 1
 
@@ -68,10 +72,10 @@ class RectangleMesh:
         """(p, 2) Gauss points along the edge `start`, `end`, `lower` or `upper`, and their (p,) weights in m."""
         x, w = np.polynomial.legendre.leggauss(3)
         along_y = edge in ("start", "end")
-        count, size = (self.ny, self.width) if along_y else (self.nx, self.length)
-        step = size / count
-        places = (step * (np.arange(count)[:, None] + (x + 1) / 2)).ravel()
-        weights = np.tile(w * step / 2, count)
+        lines = np.linspace(0, self.width, self.ny + 1) if along_y else self.lines
+        size, steps = lines[-1], np.diff(lines)
+        places = (lines[:-1, None] + steps[:, None] * (x + 1) / 2).ravel()
+        weights = (steps[:, None] * w / 2).ravel()
         if along_y:
             return np.column_stack([np.full_like(places, self.length * (edge == "end")), places - size / 2]), weights
         return np.column_stack([places, np.full_like(places, self.width * ((edge == "upper") - 0.5))]), weights
@@ -85,8 +89,9 @@ class RectangleMesh:
         return np.flatnonzero(np.abs(self.nodes[:, 1] - y) < 1e-9 * self.length)
 
 
-def rectangle(length: float, width: float, nx: int = 40, ny: int = 4) -> RectangleMesh:
-    """Mesh a rectangle with nx × ny equal 8-node elements.
+def rectangle(length: float, width: float, nx: int = 40, ny: int = 4, breaks: Sequence[float] = ()) -> RectangleMesh:
+    """Mesh a rectangle with nx × ny equal 8-node elements; with lines between elements at some x where `breaks` are given,
+    which then are as equal as these allow, and at least nx.
 
     Raises:
         InputError: a dimension or a number of elements is not positive.
@@ -97,14 +102,27 @@ def rectangle(length: float, width: float, nx: int = 40, ny: int = 4) -> Rectang
     for name, divisions in (("nx", nx), ("ny", ny)):
         if divisions < 1:
             raise InputError(f"mesh.{name}", f"is {divisions}, expected at least one element")
+    lines = _lines(length, nx, breaks)
+    nx = lines.size - 1
+    halves = np.interp(np.arange(2 * nx + 1) / 2, np.arange(nx + 1), lines)
     column, row = np.meshgrid(np.arange(2 * nx + 1), np.arange(2 * ny + 1))
     real = (column % 2 == 0) | (row % 2 == 0)  # the serendipity element has no centre node
     # Numbered along the side with fewer elements first, which keeps the matrices' band narrow.
     order: Literal["F", "C"] = "F" if ny <= nx else "C"
     number = np.where(real, np.cumsum(real.ravel(order)).reshape(real.shape, order=order) - 1, -1)
     nodes = np.empty((int(real.sum()), 2))
-    nodes[number[real]] = np.column_stack([column[real] * length / (2 * nx), row[real] * width / (2 * ny) - width / 2])
+    nodes[number[real]] = np.column_stack([halves[column[real]], row[real] * width / (2 * ny) - width / 2])
     first_column, first_row = (start.ravel() for start in np.meshgrid(2 * np.arange(nx), 2 * np.arange(ny)))
     corners_and_sides = ((0, 0), (0, 2), (2, 2), (2, 0), (0, 1), (1, 2), (2, 1), (1, 0))
     elements = np.column_stack([number[first_row + dy, first_column + dx] for dy, dx in corners_and_sides])
-    return RectangleMesh(length, width, nx, ny, nodes, elements)
+    return RectangleMesh(length, width, nx, ny, nodes, elements, lines)
+
+
+def _lines(length: float, nx: int, breaks: Sequence[float]) -> FloatArray:
+    """(n + 1,) x of the lines between columns of elements."""
+    if not breaks:
+        return np.linspace(0, length, nx + 1)
+    ends = np.array([0.0, *breaks, length])
+    counts = np.ceil(np.diff(ends) / length * nx - 1e-9).astype(np.int64)
+    parts = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(ends[:-1], ends[1:], counts, strict=True)]
+    return np.concatenate([*parts, [length]])

@@ -22,6 +22,7 @@ from fecore.body.elements import shell8
 from fecore.body.elements.shell8 import Shell8
 from fecore.body.laminate import Section
 from fecore.body.mesh import RectangleMesh
+from fecore.body.profile import Profile
 from fecore.body.supports import Boundary, PointMass, Spring, Supports
 from fecore.errors import InputError
 
@@ -171,6 +172,7 @@ def plate(
     springs: Sequence[Spring] = (),
     *,
     membrane: bool = False,
+    profile: Profile | None = None,
 ) -> PlateModel:
     """Assemble the affine model of a rectangular specimen.
 
@@ -180,6 +182,7 @@ def plate(
         masses: point masses.
         springs: elastic supports.
         membrane: give the nodes u and v too, for in-plane modes and for laminates with B ≠ 0.
+        profile: steps and tapers of thickness; the section is that where the relative thickness is 1.
 
     Raises:
         InputError: a point mass or a spring lies off the specimen, or a spring acts on nothing that can move.
@@ -190,11 +193,14 @@ def plate(
     pattern = Pattern.of(mesh.elements, len(mesh.nodes), len(element.displacements), free)
     elastic = _spring_matrices(mesh, element, springs, free)
     carried = {"point_masses": _point_mass_matrix(mesh, element, masses)}
+    ratio = None if profile is None else profile.ratio
     return PlateModel(
         mesh=mesh,
         element=element,
-        stiffness=pattern.affine(element.stiffness_terms(coordinates), element.terms, element.blocks, elastic),
-        mass=pattern.affine(element.mass_terms(coordinates), element.mass_terms_names, element.mass_blocks, carried),
+        stiffness=pattern.affine(element.stiffness_terms(coordinates, ratio), element.terms, element.blocks, elastic),
+        mass=pattern.affine(
+            element.mass_terms(coordinates, ratio), element.mass_terms_names, element.mass_blocks, carried
+        ),
         springs=tuple(springs),
         free_dofs=free,
         rigid_modes=rigid_motions(_motions(mesh, element), free, list(elastic.values())),

@@ -17,6 +17,7 @@ import numpy as np
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.mesh import rectangle
 from fecore.body.model import PlateModel, plate
+from fecore.body.profile import profile_of
 from fecore.body.specimen import Specimen
 from fecore.body.supports import Spring, Supports
 from fecore.errors import InputError
@@ -59,10 +60,12 @@ class OrientedSpecimen(Specimen):
         Raises:
             InputError: the geometry, or the place of a mass, is wrong.
         """
-        mesh = rectangle(self.length, self.width, *(self.divisions or (40, 4)))
+        profile = profile_of(self.length, self.thickness, self.pieces)
+        mesh = rectangle(self.length, self.width, *(self.divisions or (40, 4)), profile.breaks if profile else ())
         if not self.clamp_compliance:
-            return plate(mesh, Supports.of(self.boundary), self.masses, ())
-        return plate(mesh, Supports(start="simply_supported"), self.masses, (Spring("clamp", 1.0, 5, edge="start"),))
+            return plate(mesh, Supports.of(self.boundary), self.masses, profile=profile)
+        hinged, clamp = Supports(start="simply_supported"), (Spring("clamp", 1.0, 5, edge="start"),)
+        return plate(mesh, hinged, self.masses, clamp, profile=profile)
 
     @property
     def bending_modulus(self) -> float:

@@ -18,6 +18,7 @@ from fecore.body import beam
 from fecore.body.laminate import SHEAR_CORRECTION, OrthotropicMaterial, Ply, Section, section
 from fecore.body.mesh import rectangle
 from fecore.body.model import Model, PlateModel, plate
+from fecore.body.profile import Piece, profile_of
 from fecore.body.supports import Boundary, PointMass, Spring, Supports
 from fecore.errors import InputError
 
@@ -97,6 +98,7 @@ class Specimen:
         springs: elastic supports; their stiffnesses can be updating parameters, by their names.
         supports: held edges, where they are not those of the boundary's name.
         fibre_angle: of the material's x axis about z from the specimen's, rad.
+        pieces: steps and tapers of thickness along x; the thickness is that where no piece lies.
     """
 
     length: float
@@ -109,6 +111,7 @@ class Specimen:
     springs: tuple[Spring, ...] = ()
     supports: Supports | None = None
     fibre_angle: float = 0.0
+    pieces: tuple[Piece, ...] = ()
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.thickness) and self.thickness > 0):
@@ -138,7 +141,9 @@ class Specimen:
             InputError: the geometry, or the place of a mass or a spring, is wrong.
         """
         held = Supports.of(self.boundary) if self.supports is None else self.supports
-        return plate(rectangle(self.length, self.width, *(self.divisions or (40, 4))), held, self.masses, self.springs)
+        profile = profile_of(self.length, self.thickness, self.pieces)
+        mesh = rectangle(self.length, self.width, *(self.divisions or (40, 4)), profile.breaks if profile else ())
+        return plate(mesh, held, self.masses, self.springs, profile=profile)
 
     def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
         """(9, …) as `PlateModel.stiffness_coefficients` orders them. With Q = Ex / (Ex - ν² Ey) they are

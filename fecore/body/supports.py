@@ -53,12 +53,16 @@ class Supports:
 
 @dataclass(frozen=True)
 class PointMass:
-    """A mass in kg at (x, y) in m, with a rotary inertia in kg·m² about x and y: an accelerometer, say."""
+    """A mass in kg at (x, y) in m, with a rotary inertia in kg·m² about x and y: an accelerometer, say.
+
+    One that is `weighed` was put on to be known, with no error that matters; that of a sensor has the error of its cable.
+    """
 
     x: float
     y: float
     mass: float
     rotary_inertia: float = 0.0
+    weighed: bool = False
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass >= 0):

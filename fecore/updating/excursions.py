@@ -19,6 +19,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.body.layered import LayeredSpecimen
+from fecore.body.profile import profile_of
 from fecore.body.specimen import BeamSpecimen, Specimen
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import UNSTATED_SENSOR, Inputs
@@ -94,6 +95,10 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
         EI = body.bending_stiffness(state.constants)
     else:
         EI = constants["Ex" if "Ex" in constants else "E"] * b * t**3 / 12
+    if isinstance(body, Specimen | LayeredSpecimen) and (
+        profile := profile_of(body.length, body.thickness, body.pieces)
+    ):
+        EI *= float(profile.ratio(np.zeros(1))[0]) ** 3
     heave, roll, pitch = state.participation(body.model.start_motions)
     value = state.modes.eigenvalue[state.modes.rigid :]
     across = sd * (t / L) ** 2 * L**3 / EI
@@ -109,7 +114,7 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
 def _sensor(state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]) -> list[Excursion]:
     """The stated sensor's mass, or that of one that nobody stated."""
     forward, body = state.forward, state.forward.specimen
-    masses = getattr(body, "masses", ())
+    masses = [each for each in getattr(body, "masses", ()) if not each.weighed]
     stated = inputs.is_stated("sensor_mass")
     if masses:
         sds = np.array([inputs.standard_deviation("sensor_mass", each.mass) for each in masses])

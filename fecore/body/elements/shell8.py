@@ -15,6 +15,7 @@ derivative of the element stiffness by that coefficient.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
@@ -154,32 +155,38 @@ class Shell8:
             B = B[:, :, 3:, :, 2:]
         return B.reshape(*B.shape[:3], -1), determinant
 
-    def stiffness_terms(self, coordinates: FloatArray) -> FloatArray:
+    def stiffness_terms(self, coordinates: FloatArray, ratio: Ratio | None = None) -> FloatArray:
         """(k, e, d, d) element stiffness by each section coefficient of `terms`, for (e, 8, 2) node coordinates.
 
-        Where all elements are congruent one stands for all: (k, 1, d, d). The same holds for `mass_terms`.
+        Where all elements are congruent one stands for all: (k, 1, d, d). The same holds for `mass_terms`. With a relative
+        thickness r(x) the coefficients are those where r = 1 (`fecore.body.profile`).
         """
         natural, weights = gauss(2)
-        coordinates = _distinct(coordinates)
+        coordinates = _distinct(coordinates) if ratio is None else coordinates
         B, determinant = self.strain_matrix(coordinates, natural)
-        scaled = B * (determinant * weights)[:, :, None, None]
-        # (e, strain, strain, d, d) by matrix products over the Gauss points
-        left, right = scaled.transpose(0, 2, 3, 1), B.transpose(0, 2, 1, 3)
+        r = _ratios(coordinates, natural, ratio)
+        right = B.transpose(0, 2, 1, 3)
+        # (e, strain, d, p) for A and S, B, D: as many powers of r
+        lefts = {
+            power: (B * (determinant * weights * r**power)[:, :, None, None]).transpose(0, 2, 3, 1)
+            for power in set(_POWERS.values())
+        }
         terms = np.empty((len(self.terms), len(coordinates), B.shape[3], B.shape[3]))
         for k, name in enumerate(self.terms):
-            pairs = self._pairs(name)
+            pairs, left = self._pairs(name), lefts[_POWERS[name[0]]]
             half = np.sum([left[:, i] @ right[:, j] for i, j in pairs], axis=0)
             alike = all(i == j for i, j in pairs)
             terms[k] = half if alike else half + half.transpose(0, 2, 1)
         return terms
 
-    def mass_terms(self, coordinates: FloatArray) -> FloatArray:
+    def mass_terms(self, coordinates: FloatArray, ratio: Ratio | None = None) -> FloatArray:
         """(j, e, d, d) consistent element mass by each inertia of `mass_terms_names`, rotary inertia included."""
         natural, weights = gauss(3)
-        coordinates = _distinct(coordinates)
+        coordinates = _distinct(coordinates) if ratio is None else coordinates
         _, determinant = _jacobians(coordinates, natural)
         N = shape_functions(natural)
-        plain = (N.T * (determinant * weights)[:, None, :]) @ N
+        r = _ratios(coordinates, natural, ratio)
+        plain = {power: (N.T * (determinant * weights * r**power)[:, None, :]) @ N for power in (1, 2, 3)}
         at = {name: place for place, name in enumerate(self.displacements)}
         coupled = {
             "I0u": [("u", "u", 1)],
@@ -194,8 +201,22 @@ class Shell8:
         terms = np.zeros((len(self.mass_terms_names), len(coordinates), 8, d, 8, d))
         for term, name in zip(terms, self.mass_terms_names, strict=True):
             for left, right, sign in coupled[name]:
-                term[:, :, at[left], :, at[right]] = sign * plain
+                term[:, :, at[left], :, at[right]] = sign * plain[int(name[1]) + 1]
         return terms.reshape(*terms.shape[:2], 8 * d, 8 * d)
+
+
+Ratio = Callable[[FloatArray], FloatArray]
+"""The relative thickness r at places x, m."""
+
+_POWERS = {"A": 1, "S": 1, "B": 2, "D": 3}
+"""Of the relative thickness, by the first letter of a section coefficient."""
+
+
+def _ratios(coordinates: FloatArray, natural: FloatArray, ratio: Ratio | None) -> FloatArray:
+    """(e, p) relative thickness at the natural points of each element; (1, 1) of 1 without any."""
+    if ratio is None:
+        return np.ones((1, 1))
+    return ratio(coordinates[:, :, 0] @ shape_functions(natural).T)
 
 
 _SYMMETRIC = (("11", "12", "16"), ("12", "22", "26"), ("16", "26", "66"))
