@@ -52,6 +52,15 @@ class FrameIn(StrictModel):
         return self
 
 
+class AddedMass(StrictModel):
+    """A mass that was put on the specimen to be known, such as a nut glued to its tip."""
+
+    x_m: Coordinate = Field(description="m, on the specimen, from its end x = 0")
+    y_m: Coordinate = Field(0.0, description="m, from its centre line")
+    mass_kg: float = Field(gt=0, le=1000)
+    rotary_inertia_kg_m2: float = Field(0.0, ge=0, le=1000, description="about x and y through its place; 0: a point")
+
+
 class Instruments(StrictModel):
     """What was measured with. A sensor of a mass but no point stood where all responses are, or moved with them."""
 
@@ -63,6 +72,9 @@ class Instruments(StrictModel):
     )
     sensor_point: Point | None = Field(
         default=None, description="grid point where the sensor sits; none where it moves with the response"
+    )
+    added_masses: list[AddedMass] = Field(
+        default_factory=list, max_length=100, description="what the specimen carried besides the sensor, weighed"
     )
 
 

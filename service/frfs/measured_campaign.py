@@ -15,7 +15,7 @@ from fecore.frf import Dof, FrfSet
 from service.campaigns.frame import Frame
 from service.campaigns.grid_points import stored_points
 from service.campaigns.operations import campaign_of, frame_of
-from service.campaigns.schemas import CampaignInputs, Instruments
+from service.campaigns.schemas import AddedMass, CampaignInputs, Instruments
 from service.frfs.data import Cut, FrfTable, make_tables
 from service.frfs.tables import Frf
 from service.structures.operations import present_structure
@@ -71,6 +71,7 @@ class MeasuredCampaign:
         boundary: cantilever, free or simply_supported.
         sensor_mass_kg: mass of the sensor, 0 where none is stated.
         sensor_point: grid point where the sensor sits; None where it roves or is not stated.
+        added_masses: what the specimen carried besides the sensor.
         inputs: how well is known what the test was done with.
         points: label to coordinates in the specimen's frame, m.
         frf_sets: one per quantity and frequency axis, the largest first.
@@ -84,6 +85,7 @@ class MeasuredCampaign:
     boundary: str
     sensor_mass_kg: float
     sensor_point: int | None
+    added_masses: tuple[AddedMass, ...]
     inputs: CampaignInputs
     points: dict[int, tuple[float, float, float]]
     frf_sets: tuple[MeasuredFrfs, ...]
@@ -109,6 +111,7 @@ def load_measured_campaign(session: Session, campaign_id: UUID) -> MeasuredCampa
         boundary=campaign.boundary,
         sensor_mass_kg=instruments.sensor_mass_kg or 0.0,
         sensor_point=instruments.sensor_point,
+        added_masses=tuple(instruments.added_masses),
         inputs=CampaignInputs.model_validate(campaign.inputs or {}),
         points=specimen_points(session, campaign),
         frf_sets=tuple(_frf_sets(session, campaign, frame, warnings)),

@@ -145,7 +145,9 @@ def _oriented(structure: StructureIn, number: int, boundary: str, material: Orth
     plain = nominal_specimen(of_its_material(structure, number), boundary)
     angle = math.radians(material_of(structure, number)[1])
     own = replace(material, density=plain.material.density)
-    return OrientedSpecimen(plain.length, plain.width, plain.thickness, own, plain.boundary, fibre_angle=angle)
+    return OrientedSpecimen(
+        plain.length, plain.width, plain.thickness, own, plain.boundary, fibre_angle=angle, pieces=plain.pieces
+    )
 
 
 def _test(

@@ -73,17 +73,23 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
     campaign = campaign_of(session, job.campaign_id)
     structure = describe_version(version_of(session, job.structure_version_id), "")
     specimen = body_of(structure, campaign.boundary, recipe)
-    if isinstance(specimen, LayeredSpecimen):
-        raise Conflict("the result has constants of plies; a deck is written of one homogenised layer alone")
+    if isinstance(specimen, LayeredSpecimen) or specimen.pieces:
+        raise Conflict(
+            "a deck is written of one homogenised layer of one thickness; this has constants of plies, or pieces"
+        )
     estimates = {row["name"]: row["estimate"] for row in document["parameters"]}
     parametrisation = parametrise(specimen, recipe_parameters(session, recipe, specimen)[0])
     if lacking := [name for name in parametrisation.names if estimates.get(name) is None]:
         raise Conflict(f"the result has no {', '.join(lacking)}: no elastic constants were estimated")
     theta = np.array([estimates[name] for name in parametrisation.names])
     c = dict(zip(parametrisation.constant_names, map(float, parametrisation.constants(theta)), strict=True))
-    masses, remark = _sensor(session, job, document)
+    sensor, remark = _sensor(session, job, document)
+    added = Instruments.model_validate(campaign.instruments).added_masses
+    masses = (*sensor, *(Mass(each.x_m, each.y_m, each.mass_kg) for each in added))
     rayleigh = _rayleigh(document)
     remarks = [*_origin(job, document), *([] if remark is None else [remark])]
+    if any(each.rotary_inertia_kg_m2 for each in added):
+        remarks.append("the added masses are points here: the deck has no rotary inertia of them")
     if rayleigh is None:
         remarks.append("no Rayleigh damping: the result has another law, or none")
     return Deck(

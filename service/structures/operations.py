@@ -17,6 +17,7 @@ from service.structures.schemas import (
     Geometry,
     Laminate,
     Material,
+    Piece,
     StructureIn,
     StructureInputs,
     StructureOut,
@@ -84,7 +85,7 @@ def change_structure(session: Session, user: User, structure: Structure, patch: 
     before = describe(session, structure)
     after = _patched(before, patch)
     structure.name = after.name
-    physical = ("geometry", "density_kg_m3", "laminate", "material", "inputs")
+    physical = ("geometry", "density_kg_m3", "laminate", "material", "inputs", "pieces")
     if any(getattr(after, field) != getattr(before, field) for field in physical):
         structure.version += 1
         _add_version(session, structure, after)
@@ -137,6 +138,7 @@ def describe_version(version: StructureVersion, name: str) -> StructureIn:
 
 
 def _physical(version: StructureVersion) -> dict[str, Any]:
+    pieces = None if version.pieces is None else [Piece.model_validate(piece) for piece in version.pieces]
     sizes = {"length_m": version.length_m, "width_m": version.width_m, "thickness_m": version.thickness_m}
     return {
         "geometry": None if None in sizes.values() else Geometry.model_validate(sizes),
@@ -144,6 +146,7 @@ def _physical(version: StructureVersion) -> dict[str, Any]:
         "laminate": version.laminate and Laminate.model_validate(version.laminate),
         "material": version.material and Material.model_validate(version.material),
         "inputs": version.inputs and StructureInputs.model_validate(version.inputs),
+        "pieces": pieces,
     }
 
 
@@ -173,6 +176,7 @@ def _add_version(session: Session, structure: Structure, body: StructureIn) -> N
             laminate=body.laminate and body.laminate.model_dump(),
             material=body.material and body.material.model_dump(),
             inputs=body.inputs and body.inputs.model_dump(),
+            pieces=[piece.model_dump() for piece in body.pieces] if body.pieces else None,
         )
     )
     session.flush()

@@ -13,6 +13,8 @@ from uuid import UUID
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
+from fecore.body import profile as core
+from fecore.errors import InputError
 from service.web import Name, StrictModel, example
 
 Length = Annotated[float, Field(gt=0, le=1000, description="m")]
@@ -97,6 +99,32 @@ class Laminate(StrictModel):
     plies: list[Ply] = Field(min_length=1, max_length=1000)
 
 
+class Piece(StrictModel):
+    """A stretch along x where the strip is thicker or thinner than the geometry says, on both faces alike."""
+
+    from_m: float = Field(ge=0, le=1000, description="x of its beginning")
+    to_m: Length
+    thickness_m: Length = Field(description="m, at its beginning")
+    end_thickness_m: Length | None = Field(
+        None, description="m, at its end; default: as at its beginning. Between them a taper"
+    )
+
+    def to_core(self) -> core.Piece:
+        """The core's piece."""
+        last = self.thickness_m if self.end_thickness_m is None else self.end_thickness_m
+        return core.Piece(self.from_m, self.to_m, self.thickness_m, last)
+
+
+Pieces = Annotated[
+    list[Piece],
+    Field(
+        max_length=50,
+        description="steps and tapers of thickness along x, in the order of x; the geometry's thickness holds elsewhere; "
+        "[]: one thickness",
+    ),
+]
+
+
 class StructureInputs(StrictModel):
     """How well a structure's own values are known: standard deviations. null: a careful laboratory's; 0: exactly known."""
 
@@ -135,6 +163,19 @@ class StructureIn(StrictModel):
     inputs: StructureInputs | None = Field(
         None, description="how well geometry, density and section are known, for updates"
     )
+    pieces: Pieces | None = None
+
+    @model_validator(mode="after")
+    def _pieces_on_it(self) -> Self:
+        if self.pieces:
+            if self.geometry is None:
+                raise PydanticCustomError("pieces_of_nothing", "pieces belong to a geometry; state it too")
+            try:
+                pieces = tuple(piece.to_core() for piece in self.pieces)
+                core.Profile(self.geometry.length_m, self.geometry.thickness_m, pieces)
+            except InputError as error:
+                raise PydanticCustomError("pieces_do_not_fit", "{why}", {"why": str(error)}) from None
+        return self
 
     @model_validator(mode="after")
     def _one_section(self) -> Self:
@@ -162,6 +203,7 @@ class StructurePatch(StrictModel):
     laminate: Laminate | None = None
     material: Material | None = None
     inputs: StructureInputs | None = Field(None, description="takes the place of the former; {} clears it")
+    pieces: Pieces | None = None
 
 
 class StructureOut(StrictModel):
@@ -178,5 +220,6 @@ class StructureOut(StrictModel):
     laminate: Laminate | None
     material: Material | None
     inputs: StructureInputs | None
+    pieces: Pieces | None
     created_at: datetime
     updated_at: datetime

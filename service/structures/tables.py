@@ -45,5 +45,6 @@ class StructureVersion(Identified, Base):
     laminate: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     material: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     inputs: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+    pieces: Mapped[list[dict[str, Any]] | None] = mapped_column(JSONB(none_as_null=True))
 
     structure: Mapped[Structure] = relationship(back_populates="versions")

@@ -49,19 +49,20 @@ def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointM
         InputError: the structure lacks what a model needs, or is a laminate without an equivalent single layer.
     """
     g, density = _known(structure)
+    pieces = tuple(piece.to_core() for piece in structure.pieces or ())
     if structure.laminate is not None:
         # Shear stresses that balance bending ply by ply: for plies alike that is κ = 5/6, in a sandwich the core gives way.
         plies = [_ply(ply, density) for ply in structure.laminate.plies]
         material = homogenise(section(plies, shear="equilibrium"))
         # The structure's own thickness and density were measured on the whole; the plies' are nominal.
         material = replace(material, density=density)
-        return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses)  # type: ignore[arg-type]
+        return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses, pieces=pieces)  # type: ignore[arg-type]
     m = structure.material
     assert m is not None, "a structure has a laminate or a material"
     material = OrthotropicMaterial(
         Ex=m.Ex_Pa, Ey=m.Ey_Pa, Gxy=m.Gxy_Pa, Gxz=m.Gxz_Pa, Gyz=m.Gyz_Pa, nu_xy=m.nu_xy, density=density
     )
-    return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses)  # type: ignore[arg-type]
+    return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses, pieces=pieces)  # type: ignore[arg-type]
 
 
 def _ply(ply: StoredPly, density: float) -> Ply:
@@ -88,7 +89,9 @@ def layered_specimen(structure: StructureIn, boundary: str, masses: tuple[PointM
     if structure.laminate is None:
         raise InputError("structure", "states no laminate: constants of plies need one")
     plies = tuple(_ply(ply, density) for ply in structure.laminate.plies)
-    return LayeredSpecimen(g.length_m, g.width_m, g.thickness_m, plies, density, boundary, masses)  # type: ignore[arg-type]
+    pieces = tuple(piece.to_core() for piece in structure.pieces or ())
+    size = g.length_m, g.width_m, g.thickness_m
+    return LayeredSpecimen(*size, plies, density, boundary, masses, pieces=pieces)  # type: ignore[arg-type]
 
 
 def _known(structure: StructureIn) -> tuple[Geometry, float]:

@@ -105,6 +105,7 @@ def _describe(
         "posterior": {"names": list(result.free), "correlation": result.correlation.tolist()},
         "campaigns": [_part(part) | source for part, source in parts],
         "odd_one_out": result.odd_one_out,
+        "damping_models": [asdict(law) | {"bic": law.bic if np.isfinite(law.bic) else None} for law in result.damping],
         "discrepancy": {"frequency": result.discrepancy, "scatter": result.scatter},
         "provenance": provenance,
     }

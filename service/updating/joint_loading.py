@@ -208,6 +208,7 @@ def _body(plain: Specimen, material: OrthotropicMaterial, angle_deg: float) -> O
         replace(material, density=plain.material.density),
         plain.boundary,
         masses=plain.masses,
+        pieces=plain.pieces,
         fibre_angle=math.radians(angle_deg),
     )
 

@@ -90,18 +90,22 @@ def _with_sensor_of(campaign: MeasuredCampaign, records: ProcessingInputs) -> Me
 
 
 def carried_masses(campaign: MeasuredCampaign) -> tuple[PointMass, ...]:
-    """What the specimen carried: its sensor where one sat at a point.
+    """What the specimen carried: masses that were added, and its sensor where one sat at a point.
 
     Raises:
         InputError: the sensor's point is not a grid point.
     """
     point = _sensor_point(campaign)
+    added = tuple(
+        PointMass(each.x_m, each.y_m, each.mass_kg, each.rotary_inertia_kg_m2, weighed=True)
+        for each in campaign.added_masses
+    )
     if not campaign.sensor_mass_kg or point is None:
-        return ()
+        return added
     if point not in campaign.points:
         raise InputError("instruments.sensor_point", f"{point} is not a grid point of the campaign")
     x, y, _ = campaign.points[point]
-    return (PointMass(x, y, campaign.sensor_mass_kg),)
+    return (PointMass(x, y, campaign.sensor_mass_kg), *added)
 
 
 def specimen_of(campaign: MeasuredCampaign) -> Specimen:

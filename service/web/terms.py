@@ -182,6 +182,7 @@ TERMS: dict[str, str] = {
     "shrinks_most": "what the test would make most certain",
     "added_masses": "masses that are fixed to the specimen for the test",
     "sensor_mass_kg": "mass of the sensor, kg",
+    "pieces": "steps and tapers of thickness along x",
     "line_spacing_hz": "distance of the frequency lines, Hz",
     "jobs": "the updates, in the order of the answer",
     # coupons

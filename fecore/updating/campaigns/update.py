@@ -11,6 +11,7 @@ from fecore.arrays import FloatArray
 from fecore.body.oriented import OrientedSpecimen
 from fecore.errors import InputError
 from fecore.updating.campaigns.contradictions import CONTRADICTS, Agreement, agreements, odd_one_out
+from fecore.updating.campaigns.damping import CommonLaw, common_damping
 from fecore.updating.campaigns.fit import Coupon, Fitted, fit_campaigns
 from fecore.updating.campaigns.layout import (
     MATERIAL_PARAMETERS,
@@ -93,6 +94,7 @@ class CampaignsResult:
         discrepancy: relative model error of a frequency.
         scatter: relative deviation of a modulus between specimens, root of its posterior mean; None where it is not modelled.
         warnings: what a user must know.
+        damping: laws with one set of coefficients for all campaigns, ranked; none where no mode has a damping ratio.
     """
 
     verdict: Verdict
@@ -104,6 +106,7 @@ class CampaignsResult:
     discrepancy: float
     scatter: float | None
     warnings: tuple[str, ...]
+    damping: tuple[CommonLaw, ...] = ()
 
 
 def update_campaigns(
@@ -154,6 +157,7 @@ def update_campaigns(
         discrepancy=fitted.spread,
         scatter=fitted.scatter if scatter else None,
         warnings=warnings(findings),
+        damping=common_damping(fitted),
     )
 
 
