@@ -83,14 +83,21 @@ class Pattern:
         names: tuple[str, ...],
         blocks: tuple[IntArray, ...],
         extra: Mapping[str, sparse.csc_array],
+        zone: IntArray | None = None,
     ) -> AffineMatrix:
         """Σ_k c_k A_k of (k, e, d, d) element matrices, or (k, 1, d, d) alike for all elements.
 
-        Whole matrices over all dofs are appended as terms of their own.
+        Whole matrices over all dofs are appended as terms of their own. With the (e,) number of each element's zone every zone
+        has coefficients of its own, one zone's after the other's.
         """
-        alone = tuple(np.array([[len(names) + i]]) for i in range(len(extra)))
+        count, zones = len(names), 1 if zone is None else int(zone.max()) + 1
+        alone = tuple(np.array([[count * zones + i]]) for i in range(len(extra)))
         whole = tuple(self.find(matrix) for matrix in extra.values())
-        return AffineMatrix(self, terms.reshape(*terms.shape[:2], -1), whole, (*names, *extra), (*blocks, *alone))
+        if zones > 1:
+            names = tuple(f"{name} in zone {z + 1}" for z in range(zones) for name in names)
+            blocks = tuple(block + z * count for z in range(zones) for block in blocks)
+        elements = terms.reshape(*terms.shape[:2], -1)
+        return AffineMatrix(self, elements, whole, (*names, *extra), (*blocks, *alone), zone if zones > 1 else None)
 
 
 @dataclass(frozen=True)
@@ -104,6 +111,7 @@ class AffineMatrix:
         names: the k + l coefficients' names.
         blocks: index matrices into the coefficients: each is a symmetric matrix C of coefficients, such as
             [[D11, D12], [D12, D22]], whose part of the sum is ∫BᵀCB. So K(c) ≥ α K(c₀) where every C(c) ≥ α C(c₀).
+        zone: (e,) zone of each element, where zones have coefficients of their own; None else.
     """
 
     pattern: Pattern
@@ -111,6 +119,7 @@ class AffineMatrix:
     whole: tuple[tuple[IntArray, FloatArray], ...]
     names: tuple[str, ...]
     blocks: tuple[IntArray, ...]
+    zone: IntArray | None = None
 
     @property
     def size(self) -> int:
@@ -119,12 +128,22 @@ class AffineMatrix:
 
     def at(self, coefficients: FloatArray) -> sparse.csc_array:
         """The matrix at (k + l,) coefficients."""
-        count, e, entries = self.elements.shape
-        summed = coefficients[:count] @ self.elements.reshape(count, -1)
-        data = self.pattern.assemble(summed.reshape(e, entries))
-        for coefficient, (places, values) in zip(coefficients[count:], self.whole, strict=True):
+        own = len(self.names) - len(self.whole)
+        data = self.pattern.assemble(self._summed(coefficients[:own]))
+        for coefficient, (places, values) in zip(coefficients[own:], self.whole, strict=True):
             data[places] += coefficient * values
         return self._matrix(data)
+
+    def _summed(self, coefficients: FloatArray) -> FloatArray:
+        """(e, d·d) element matrices at the coefficients of the elements, or (1, d·d) alike for all."""
+        count, e, entries = self.elements.shape
+        if self.zone is None:
+            summed: FloatArray = (coefficients @ self.elements.reshape(count, -1)).reshape(e, entries)
+            return summed
+        of_element = coefficients.reshape(-1, count)[self.zone]
+        if e == 1:
+            return np.asarray(of_element @ self.elements[:, 0])
+        return np.asarray(np.einsum("ek,ked->ed", of_element, self.elements))
 
     def term(self, k: int) -> sparse.csc_array:
         """A_k, the derivative of the matrix by its k-th coefficient."""
@@ -140,7 +159,13 @@ class AffineMatrix:
         alone = np.zeros((len(self.whole), self.pattern.indices.size))
         for row, (places, values) in zip(alone, self.whole, strict=True):
             row[places] = values
-        return (*(self.pattern.assemble(term) for term in self.elements), *alone)
+        if self.zone is None:
+            return (*(self.pattern.assemble(term) for term in self.elements), *alone)
+        inside = [(self.zone == z)[:, None] for z in range(int(self.zone.max()) + 1)]
+        return (
+            *(self.pattern.assemble(np.where(part, term, 0.0)) for part in inside for term in self.elements),
+            *alone,
+        )
 
     @cached_property
     def _compact(self) -> tuple[sparse.csc_array, ...]:

@@ -25,7 +25,7 @@ from fecore.body.laminate import OrthotropicMaterial, Ply, Section, balanced_she
 from fecore.body.mesh import rectangle
 from fecore.body.model import PlateModel, plate
 from fecore.body.profile import Piece, profile_of
-from fecore.body.specimen import turned_stiffness
+from fecore.body.specimen import check_zones, in_zones, turned_stiffness, zone_factors
 from fecore.body.supports import Boundary, PointMass, Spring, Supports
 from fecore.errors import InputError
 
@@ -54,6 +54,7 @@ class LayeredSpecimen:
         supports: held edges, where they are not those of the boundary's name.
         fibre_angle: of the whole stack about z, beside the plies' angles, rad.
         pieces: steps and tapers of thickness along x, of all plies alike; the thickness is that where no piece lies.
+        zones: as of `Specimen`.
     """
 
     length: float
@@ -68,8 +69,10 @@ class LayeredSpecimen:
     supports: Supports | None = None
     fibre_angle: float = 0.0
     pieces: tuple[Piece, ...] = ()
+    zones: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
+        check_zones(self.zones, self.length)
         for name, unit in (("thickness", "metres"), ("density", "kg/m³")):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
@@ -112,7 +115,7 @@ class LayeredSpecimen:
         found |= {name: float(getattr(self, name)) for name in _WHOLE}
         if len(self.plies) <= MOST_ANGLES:
             found |= {f"angle_{k}": float(np.radians(ply.angle_deg)) for k, ply in enumerate(self.plies, start=1)}
-        return found
+        return found | zone_factors(self.zones)
 
     @cached_property
     def model(self) -> PlateModel:
@@ -123,8 +126,10 @@ class LayeredSpecimen:
         """
         held = Supports.of(self.boundary) if self.supports is None else self.supports
         profile = profile_of(self.length, self.thickness, self.pieces)
-        mesh = rectangle(self.length, self.width, *(self.divisions or (40, 4)), profile.breaks if profile else ())
-        return plate(mesh, held, self.masses, self.springs, membrane=self.section.is_coupled, profile=profile)
+        breaks = sorted({*self.zones, *(profile.breaks if profile else ())})
+        mesh = rectangle(self.length, self.width, *(self.divisions or (40, 4)), breaks)
+        coupled = self.section.is_coupled
+        return plate(mesh, held, self.masses, self.springs, membrane=coupled, profile=profile, zones=self.zones)
 
     def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
         """(k, …) as `PlateModel.stiffness_coefficients` orders them, for the mesh with its own dimensions.
@@ -142,7 +147,8 @@ class LayeredSpecimen:
         else:
             reduced = D - B @ np.linalg.inv(A) @ B
             rows = [reduced[..., i, j] * power for i, j, power in places]
-        return np.stack([*rows, S[..., 0, 0] * b / a, S[..., 1, 1] * a / b, S[..., 0, 1]])
+        whole = np.stack([*rows, S[..., 0, 0] * b / a, S[..., 1, 1] * a / b, S[..., 0, 1]])
+        return in_zones(whole, self._factors(constants))
 
     def mass_coefficients(self, constants: FloatArray) -> FloatArray:
         """(j, …) as `PlateModel.mass_coefficients` orders them."""
@@ -161,7 +167,8 @@ class LayeredSpecimen:
         moduli = constants[:count].reshape(len(self.materials), len(PLY_CONSTANTS), *constants.shape[1:])
         E1, E2, nu = moduli[:, 0], moduli[:, 1], moduli[:, 5]
         stable = np.all(moduli[:, :5] > 0, axis=(0, 1)) & np.all(nu**2 * E2 < 0.99 * E1, axis=0)
-        physical: BoolArray = stable & np.all(constants[count : count + len(_WHOLE)] > 0, axis=0)
+        zoned = np.all(self._factors(constants) > 0, axis=0)
+        physical: BoolArray = stable & zoned & np.all(constants[count : count + len(_WHOLE)] > 0, axis=0)
         return physical
 
     def bending_stiffness(self, constants: FloatArray) -> float:
@@ -174,6 +181,11 @@ class LayeredSpecimen:
         """(4, …) density, thickness, length and width."""
         first = len(PLY_CONSTANTS) * len(self.materials)
         return constants[first : first + len(_WHOLE)]
+
+    def _factors(self, constants: FloatArray) -> FloatArray:
+        """(z, …) factors of the zones; none where there are no zones."""
+        count = len(self.zones) + 1 if self.zones else 0
+        return constants[len(constants) - count :]
 
     def _stiffness(self, constants: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """(…, 3, 3) A, B, D and (…, 2, 2) S."""

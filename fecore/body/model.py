@@ -173,6 +173,7 @@ def plate(
     *,
     membrane: bool = False,
     profile: Profile | None = None,
+    zones: Sequence[float] = (),
 ) -> PlateModel:
     """Assemble the affine model of a rectangular specimen.
 
@@ -183,6 +184,7 @@ def plate(
         springs: elastic supports.
         membrane: give the nodes u and v too, for in-plane modes and for laminates with B ≠ 0.
         profile: steps and tapers of thickness; the section is that where the relative thickness is 1.
+        zones: x of the lines between zones whose stiffness has coefficients of its own.
 
     Raises:
         InputError: a point mass or a spring lies off the specimen, or a spring acts on nothing that can move.
@@ -194,10 +196,14 @@ def plate(
     elastic = _spring_matrices(mesh, element, springs, free)
     carried = {"point_masses": _point_mass_matrix(mesh, element, masses)}
     ratio = None if profile is None else profile.ratio
+    middle = coordinates[:, :, 0].mean(axis=1)
+    zone = np.searchsorted(np.array(zones), middle) if len(zones) else None
     return PlateModel(
         mesh=mesh,
         element=element,
-        stiffness=pattern.affine(element.stiffness_terms(coordinates, ratio), element.terms, element.blocks, elastic),
+        stiffness=pattern.affine(
+            element.stiffness_terms(coordinates, ratio), element.terms, element.blocks, elastic, zone
+        ),
         mass=pattern.affine(
             element.mass_terms(coordinates, ratio), element.mass_terms_names, element.mass_blocks, carried
         ),

@@ -42,6 +42,8 @@ class OrientedSpecimen(Specimen):
             raise InputError("clamp_compliance", f"is {self.clamp_compliance}, expected EI/kL, not negative")
         if self.clamp_compliance and self.boundary != "cantilever":
             raise InputError("clamp_compliance", f"belongs to a clamp; the boundary is {self.boundary}")
+        if self.zones:
+            raise InputError("zones_m", "are of a single update; an oriented specimen has none")
         if self.springs or self.supports is not None:
             raise InputError("springs", "and supports of an oriented specimen are those of its boundary and clamp")
 

@@ -36,6 +36,7 @@ UNITS = {
     **dict.fromkeys(("length", "width", "thickness"), "m"),
     "fibre_angle": "rad",
     "angle": "rad",
+    "zone": "1",
     "clamp_compliance": "1",
 }
 """SI unit of each constant, without a number at its end."""
@@ -99,6 +100,7 @@ class Specimen:
         supports: held edges, where they are not those of the boundary's name.
         fibre_angle: of the material's x axis about z from the specimen's, rad.
         pieces: steps and tapers of thickness along x; the thickness is that where no piece lies.
+        zones: x in m of the lines between zones, each with a factor of its stiffness among the constants: `zone_1` and so on.
     """
 
     length: float
@@ -112,10 +114,12 @@ class Specimen:
     supports: Supports | None = None
     fibre_angle: float = 0.0
     pieces: tuple[Piece, ...] = ()
+    zones: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.thickness) and self.thickness > 0):
             raise InputError("geometry.thickness_m", f"is {self.thickness}, expected a positive number of metres")
+        check_zones(self.zones, self.length)
 
     @property
     def section(self) -> Section:
@@ -125,7 +129,8 @@ class Specimen:
     @property
     def nominal(self) -> dict[str, float]:
         """The material's constants and the dimensions."""
-        return {name: float(getattr(self if name in _DIMENSIONS else self.material, name)) for name in CONSTANTS}
+        own = {name: float(getattr(self if name in _DIMENSIONS else self.material, name)) for name in CONSTANTS}
+        return own | zone_factors(self.zones)
 
     def with_constants(self, constants: FloatArray) -> Specimen:
         """The specimen with other constants, in the order of `CONSTANTS`."""
@@ -142,18 +147,20 @@ class Specimen:
         """
         held = Supports.of(self.boundary) if self.supports is None else self.supports
         profile = profile_of(self.length, self.thickness, self.pieces)
-        mesh = rectangle(self.length, self.width, *(self.divisions or (40, 4)), profile.breaks if profile else ())
-        return plate(mesh, held, self.masses, self.springs, profile=profile)
+        breaks = sorted({*self.zones, *(profile.breaks if profile else ())})
+        mesh = rectangle(self.length, self.width, *(self.divisions or (40, 4)), breaks)
+        return plate(mesh, held, self.masses, self.springs, profile=profile, zones=self.zones)
 
     def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
-        """(9, …) as `PlateModel.stiffness_coefficients` orders them. With Q = Ex / (Ex - ν² Ey) they are
+        """(9, …) as `PlateModel.stiffness_coefficients` orders them, once for each zone. With Q = Ex / (Ex - ν² Ey) they are
 
         D11 = Ex Q t³/12,  D22 = Ey Q t³/12,  D12 = ν D22,  D66 = Gxy t³/12,  S55 = κ Gxz t,  S44 = κ Gyz t,
 
         turned by the fibres' angle. The mesh keeps its dimensions: with x = αx', y = βy' and rotations θx' = βθx, θy' = αθy
         the strains of a body α times as long and β times as wide are those of the mesh times powers of α and β.
         """
-        return self.stiffness_at(constants, self.fibre_angle)
+        count = len(CONSTANTS)
+        return in_zones(self.stiffness_at(constants[:count], self.fibre_angle), constants[count:])
 
     def stiffness_at(self, constants: FloatArray, angle: float | FloatArray) -> FloatArray:
         """(9, …) the same where the material's axes are turned by an angle (…) about z, rad."""
@@ -180,7 +187,8 @@ class Specimen:
     def are_physical(self, constants: FloatArray) -> BoolArray:
         """(…) all but ν positive, and the plane-stress stiffness positive definite: ν² Ey < Ex."""
         Ex, Ey, nu = constants[0], constants[1], constants[5]
-        physical: BoolArray = _positive(CONSTANTS, constants) & (nu**2 * Ey < 0.99 * Ex)
+        zoned = np.all(constants[len(CONSTANTS) :] > 0, axis=0)
+        physical: BoolArray = _positive(CONSTANTS, constants) & (nu**2 * Ey < 0.99 * Ex) & zoned
         return physical
 
 
@@ -251,6 +259,27 @@ class BeamSpecimen:
         """(…) all but ν positive, and -1 < ν < ½."""
         physical: BoolArray = _positive(BEAM_CONSTANTS, constants) & (constants[1] > -1) & (constants[1] < 0.5)
         return physical
+
+
+def check_zones(zones: tuple[float, ...], length: float) -> None:
+    """Refuse lines between zones that are not inside the specimen, one beyond the other.
+
+    Raises:
+        InputError: as said.
+    """
+    ends = np.array([0.0, *zones, length])
+    if not np.all(np.isfinite(ends)) or np.any(np.diff(ends) <= 1e-6 * length):
+        raise InputError("zones_m", f"are at {list(zones)}, expected rising places between 0 and {length:g} m")
+
+
+def zone_factors(zones: tuple[float, ...]) -> dict[str, float]:
+    """The constants of the zones between such lines, nominally 1; none where there is no line."""
+    return {f"zone_{number}": 1.0 for number in range(1, len(zones) + 2)} if zones else {}
+
+
+def in_zones(coefficients: FloatArray, factors: FloatArray) -> FloatArray:
+    """(z·k, …) coefficients of each of z zones, by (k, …) of the section and (z, …) factors; as they are without any."""
+    return np.concatenate([coefficients * factor for factor in factors]) if len(factors) else coefficients
 
 
 def turned_stiffness(

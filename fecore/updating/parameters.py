@@ -196,7 +196,8 @@ class Coefficients:
 
 def default_parameters(body: Body) -> tuple[Parameter, ...]:
     """What is updated of a body when a recipe names nothing."""
-    return PLY_PARAMETERS if "E1" in body.nominal else DEFAULT_PARAMETERS
+    own = PLY_PARAMETERS if "E1" in body.nominal else DEFAULT_PARAMETERS
+    return (*own, *(Parameter(name) for name in body.nominal if kind_of(name) == "zone"))
 
 
 def parametrise(specimen: Body, parameters: Sequence[Parameter] = DEFAULT_PARAMETERS) -> Parametrisation:

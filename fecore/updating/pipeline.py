@@ -25,7 +25,7 @@ from fecore.updating.damping_stage import (
     fit_reference,
 )
 from fecore.updating.discretisation import DISCRETISATION, discretise
-from fecore.updating.elastic import ElasticResult
+from fecore.updating.elastic import ElasticResult, update_elastic
 from fecore.updating.elastic_findings import HOPELESS_MISS
 from fecore.updating.elastic_starts import update_from_several_starts
 from fecore.updating.excursions import excursions, fixed_points
@@ -40,6 +40,7 @@ from fecore.updating.plausibility import examine
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import StageOutcome, UpdateResult
 from fecore.updating.sampling import Checkpoint, Posterior, sample_posterior
+from fecore.updating.sparse import sparse_zones
 from fecore.updating.summary import Summary
 from fecore.updating.verdict import Finding, notes
 from fecore.updating.window import unstated_window
@@ -186,7 +187,12 @@ def _elastic(
         found = update_from_several_starts(
             forward, data.modes, progress, use_shapes=recipe.use_shapes, seek_excursions=seek, seed=recipe.seed
         )
-        return found, data.modes
+        modes = data.modes
+
+        def refit(model: ForwardModel, former: ElasticResult) -> ElasticResult:
+            return update_elastic(model, modes, use_shapes=recipe.use_shapes, start=former.theta, seek_excursions=seek)
+
+        return sparse_zones(found, refit), data.modes
     if data.fitted is None:
         raise InputError("frfs", "the joint update needs FRFs; this campaign has modes alone")
     frfs = data.fitted if recipe.band_hz is None else data.fitted.band(*recipe.band_hz)

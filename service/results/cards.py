@@ -70,6 +70,8 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
     if recipe.springs:
         names = ", ".join(spring.name for spring in recipe.springs)
         raise Conflict(f"the recipe has elastic supports ({names}), which no deck is written with; add them by hand")
+    if recipe.zones_m:
+        raise Conflict("the recipe has zones of other stiffness, which no deck is written with")
     campaign = campaign_of(session, job.campaign_id)
     structure = describe_version(version_of(session, job.structure_version_id), "")
     specimen = body_of(structure, campaign.boundary, recipe)

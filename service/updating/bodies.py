@@ -27,19 +27,19 @@ def body_of(
     """
     springs = tuple(spring.to_core() for spring in recipe.springs)
     if structure.laminate is None:
-        return replace(nominal_specimen(structure, boundary, masses), springs=springs)
+        return replace(nominal_specimen(structure, boundary, masses), springs=springs, zones=tuple(recipe.zones_m))
     names = [parameter.name for parameter in recipe.parameters or ()]
     if any(kind_of(name) in (*PLY_CONSTANTS, "angle") for name in names):
-        return replace(layered_specimen(structure, boundary, masses), springs=springs)
+        return replace(layered_specimen(structure, boundary, masses), springs=springs, zones=tuple(recipe.zones_m))
     try:
-        return replace(nominal_specimen(structure, boundary, masses), springs=springs)
+        return replace(nominal_specimen(structure, boundary, masses), springs=springs, zones=tuple(recipe.zones_m))
     except InputError as error:
         if error.field != "laminate":
             raise
         if recipe.parameters is not None:
             hint = "name constants of its plies as parameters: " + ", ".join(PLY_CONSTANTS)
             raise InputError("laminate", f"{error.message}; {hint}") from None
-        return replace(layered_specimen(structure, boundary, masses), springs=springs)
+        return replace(layered_specimen(structure, boundary, masses), springs=springs, zones=tuple(recipe.zones_m))
 
 
 def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointMass, ...] = ()) -> Specimen:

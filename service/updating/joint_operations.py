@@ -41,7 +41,7 @@ def _store(session: Session, job_id: UUID, items: Iterator[dict[str, Any]]) -> N
 
 JOINT_UPDATE = JobKind("joint_update", load=load_joint, compute=compute_joint, store=_store)
 
-_SINGLE_ONLY = ("springs", "damping_models", "hold_out", "posterior", "prior_from_coupon_batch", "method")
+_SINGLE_ONLY = ("springs", "zones_m", "damping_models", "hold_out", "posterior", "prior_from_coupon_batch", "method")
 """Members of a recipe that a joint update has no use for: they must be left at their defaults."""
 
 

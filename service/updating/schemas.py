@@ -148,6 +148,12 @@ class RecipeIn(StrictModel):
         band_hz=None, highest_order=40, most_modes=40, include_doubtful=False
     )
     springs: list[SpringIn] = Field(default_factory=list, max_length=20, description="elastic supports of the specimen")
+    zones_m: list[float] = Field(
+        default_factory=list,
+        max_length=12,
+        description="x in m of lines between zones whose stiffness may have changed by a factor each: the parameters zone_1, "
+        "zone_2, …, nearly all expected to be 1",
+    )
     parameters: list[ParameterIn] | None = Field(
         None,
         max_length=20,

@@ -122,7 +122,9 @@ def test_a_stepped_strip_with_a_tip_mass_is_updated_as_it_stood(api: httpx.Clien
     rows = [{"frequency_hz": float(each), "frequency_sd_hz": 1e-4 * float(each)} for each in hz]
     mode_set = ok(api.post(f"campaigns/{campaign['id']}/mode-sets", json={"name": "typed", "modes": rows}), 201)["id"]
     recipe = {"mode_set": mode_set, "parameters": [{"name": "Ex"}]}
-    begun = api.post(f"campaigns/{campaign['id']}/update-jobs", json=recipe)
+    jobs = f"campaigns/{campaign['id']}/update-jobs"
+    assert ok(api.post(jobs, json={**recipe, "zones_m": [0.5]}), 422)["errors"][0]["pointer"] == "/zones_m"
+    begun = api.post(jobs, json={**recipe, "zones_m": [0.2]})
     ok(begun, 202)
     assert finished(api, begun.headers["Location"])["status"] == "succeeded"
     result = ok(api.get(api.base_url.join(begun.headers["Location"] + "/result")), 200)

@@ -1,0 +1,55 @@
+"""Where a body has lost stiffness: factors of zones, with a prior that expects nearly all of them to be 1.
+
+Damage sits in one place or two. A factor of its own for every zone, each with the same wide prior, would spread one zone's loss
+over its neighbours. So each factor's prior standard deviation is itself estimated, by the evidence (MacKay, Neural Comput. 4,
+1992; Tipping, J. Mach. Learn. Res. 1, 2001): with ξ = ln of the factor, σ² its posterior and s² its prior variance,
+
+    γ = 1 - σ²/s²,     s² ← ξ²/γ,
+
+where γ is the share of what is known of the factor that the data supply. A factor that the data do not move is held ever more
+firmly at 1; one that they move keeps its room, up to the standard deviation that the recipe states.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from fecore.body.specimen import kind_of
+from fecore.updating.elastic import ElasticResult
+from fecore.updating.forward import ForwardModel
+
+_ROUNDS = 8
+_LEAST = 0.003  # relative: a factor that is held more firmly is 1
+_KNOWN_AT_LEAST = 0.02  # of γ, so that one round changes a standard deviation by no more than sevenfold its share
+_SAME = 0.1  # relative change of every standard deviation that changes nothing
+
+
+def sparse_zones(first: ElasticResult, refit: Callable[[ForwardModel, ElasticResult], ElasticResult]) -> ElasticResult:
+    """The elastic update with sparse factors of zones; as it is where no zone's factor is updated.
+
+    Args:
+        first: the update with the recipe's priors.
+        refit: the update anew with other priors, from a former result.
+    """
+    forward = first.updated.forward
+    prior = forward.parametrisation
+    zones = [c for c, name in enumerate(prior.names) if name in prior.body.nominal and kind_of(name) == "zone"]
+    if not zones:
+        return first
+    largest, result = prior.prior_sd[zones], first
+    for _ in range(_ROUNDS):
+        coordinates = result.coordinates
+        now = coordinates.sd[zones]
+        away = (coordinates.of(result.theta) - coordinates.mean)[zones]
+        variance = sum(np.sum(part[zones] ** 2, axis=1) for part in result.sources.values())
+        known = np.clip(1 - variance / now**2, _KNOWN_AT_LEAST, 1.0)
+        wanted = np.clip(np.sqrt(away**2 / known), _LEAST, largest)
+        if np.all(np.abs(np.log(wanted / now)) < _SAME):
+            break
+        sds = prior.prior_sd.copy()
+        sds[zones] = wanted
+        result = refit(replace(forward, parametrisation=replace(prior, prior_sd=sds)), result)
+    return replace(result, starts=first.starts)
