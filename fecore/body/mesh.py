@@ -115,7 +115,7 @@ def rectangle(length: float, width: float, nx: int = 40, ny: int = 4, breaks: Se
     first_column, first_row = (start.ravel() for start in np.meshgrid(2 * np.arange(nx), 2 * np.arange(ny)))
     corners_and_sides = ((0, 0), (0, 2), (2, 2), (2, 0), (0, 1), (1, 2), (2, 1), (1, 0))
     elements = np.column_stack([number[first_row + dy, first_column + dx] for dy, dx in corners_and_sides])
-    return RectangleMesh(length, width, nx, ny, nodes, elements, lines)
+    return RectangleMesh(length, width, nx, ny, nodes, elements, lines=lines)
 
 
 def _lines(length: float, nx: int, breaks: Sequence[float]) -> FloatArray:
