@@ -35,13 +35,14 @@ _E3, _NU13, _NU23 = 10e9, 0.28, 0.35  # what a plate does not show
 
 def coverage(draws: int, seed: int) -> None:
     """Truths by our own plates."""
-    _judge((panel(np.random.default_rng([seed, number]), modes=MODES) for number in range(draws)), timed=True)
+    sets = (panel(np.random.default_rng([seed, number]), modes=MODES) for number in range(draws))
+    _judge(([_meshed_freely(each) for each in campaigns] for campaigns in sets), timed=True)
 
 
 def solids(draws: int, seed: int) -> None:
     """Truths by CalculiX."""
     _judge(
-        [solid_campaign(np.random.default_rng([seed, number, k]), *cut) for k, cut in enumerate(CUTS)]
+        [_meshed_freely(solid_campaign(np.random.default_rng([seed, number, k]), *cut)) for k, cut in enumerate(CUTS)]
         for number in range(draws)
     )
 
@@ -59,6 +60,11 @@ def plans(beams: int, seed: int) -> None:
         near.append(whole.information - chosen.information < np.log(1.1))
         better.append(chosen.information > theirs.information)
     print(f"{beams} beams: within 10 % of the tour on {sum(near)}, better than effective independence on {sum(better)}")
+
+
+def _meshed_freely(campaign: Campaign) -> Campaign:
+    """The campaign with a mesh as the update chooses it, not the tests' coarse one, by which Gyz comes out 10 to 15 % low."""
+    return replace(campaign, body=replace(campaign.body, divisions=None))
 
 
 def _judge(sets, *, timed: bool = False) -> None:  # type: ignore[no-untyped-def]
