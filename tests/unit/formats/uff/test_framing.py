@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from modalbase.formats.uff import Frf, GridPoint, Limits, UffError, read_file
+from modalbase.formats.uff.scan import _bytes_by_record_7
+from modalbase.formats.uff.text import Refusal, real_block
 from tests.support.uff import Reading, dataset, set_58
 
 POINT = "         1         0         0         1  1.00000E+00  2.00000E+00  3.00000E+00"
@@ -117,3 +119,29 @@ def test_reports_name_type_offset_and_place(read: Read) -> None:
     assert found.reports[2].offset == len(POINTS) + len(dataset("734", "1"))
     place = (POINTS + dataset("734", "1") + bad).index(b"   1.00000000000e+00")
     assert f"line 12 (byte {place}): '2.000000*0000e+00' is not a number" in found.reasons
+
+
+@pytest.mark.parametrize(
+    ("kind", "even", "expected"),
+    [
+        (2, 1, {(40, 40), (40, 80)}),
+        (4, 1, {(80, 80)}),
+        (5, 1, {(40, 80), (40, 160)}),
+        (6, 1, {(80, 160)}),
+        (2, 0, {(40, 80), (40, 160)}),
+        (5, 0, {(40, 120), (40, 240)}),
+        (6, 0, {(80, 240)}),
+    ],
+)
+def test_bytes_that_ten_points_of_a_type_may_take(kind: int, even: int, expected: set[tuple[int, int]]) -> None:
+    assert set(_bytes_by_record_7(f"{kind:10d}{10:10d}{even:10d}  1.0\n".encode())) == expected
+    assert _bytes_by_record_7(f"{kind:10d}{'x':>10}{even:10d}".encode()) == []
+
+
+def test_a_refused_row_is_named_by_its_line() -> None:
+    good = b"1.0 2.0 \n3.0 4.0 \n"
+    for body, count, line in ((b"1.0 2.0 \n3.0 abc \n", 4, 21), (good + b"5.0 6.0 \n", 4, 22), (good, 6, 22)):
+        with pytest.raises(Refusal) as refused:
+            real_block(body, (4, 4), count, 20)
+        assert refused.value.line == line
+    assert real_block(good, (4, 4), 4, 20)[0].tolist() == [1, 2, 3, 4]
