@@ -1,11 +1,16 @@
 """How far a hit's FRF lies from those of the other hits of its point.
 
-The hits of a point, H_i = A_i/F_i, are compared with their median H (real and imaginary parts apart). A hit beside its
-point changes every mode by another share, so |H_i - H|² is summed in bands, and each band is measured by what it
-usually is over all hits of the campaign: the scatter of good hits, about as large in every band, is then near 1, and a
-hit several times farther away than the others stands out in one number,
+A hit at x + δ beside its point x excites mode k with φ_k(x) + ∇φ_k(x)·δ in place of φ_k(x): the poles stay, each mode's share
+changes by another amount. So a misplaced hit differs from a noisy one by deviations in many bands at once, and from a strong or
+a weak one by bands that change unlike one another. Each hit i is held against the median H̄_i of the point's other hits (real
+and imaginary parts apart; a median with the hit itself would follow it half-way where hits are few), and |H_i - H̄_i|² is summed
+in bands b. A band is measured by what it usually is over all hits of the campaign, U_b; a point where shapes are steep scatters
+more than others, so the other hits of the point count too, with the campaign's word worth ten hits:
 
-    distance = √(mean over bands of |H_i - H|² / usual |H_j - H|²)   in units of its median over the campaign.
+    distance_i = mean over b of √(E_ib / V_b),    V_b = (10 U_b + Σ_j E_jb) / (10 + n),
+
+over the point's n other hits but the farthest, in units of its median over the campaign. The mean of roots lets no single band,
+such as one line of hum, speak for all.
 """
 
 from __future__ import annotations
@@ -22,6 +27,7 @@ FEWEST = 3
 """Hits of one point below which nobody can say which is wrong."""
 
 MOST_LINES = 2048  # that are compared; of more, every k-th
+_CAMPAIGN = 10.0  # hits of its own point that what is usual in the campaign is worth
 _TRIM = 0.8  # share of the hits, the best alike, that say what is usual
 _FEW = 3.0  # by which the unit grows, over the number of hits
 
@@ -32,7 +38,7 @@ class Deviation:
 
     Attributes:
         likeness: correlation of its FRF with the median, -1 to 1; negative is the opposite sign.
-        energy: (BANDS,) sum of |H_i - H|² in each band.
+        energy: (BANDS,) sum of |H_i - H̄_i|² in each band, times (h - 1)/h.
     """
 
     likeness: float
@@ -60,14 +66,20 @@ def deviations(forces: ComplexArray, responses: ComplexArray) -> list[Deviation]
         responses: (h, L) spectra of one response.
     """
     frf = responses / np.where(forces == 0, 1e-300, forces)
-    usual: ComplexArray = np.median(frf.real, axis=0) + 1j * np.median(frf.imag, axis=0)
+    usual = _median(frf)
     edges = np.linspace(0, usual.size, BANDS + 1).astype(int)[:-1]
     scale = np.add.reduceat(np.abs(usual) ** 2, edges)
     weight = 1 / np.repeat(np.maximum(scale, 1e-300), np.diff(np.append(edges, usual.size)))
-    energy = np.add.reduceat(np.abs(frf - usual) ** 2, edges, axis=1)
+    others = np.array([_median(np.delete(frf, i, axis=0)) for i in range(len(frf))])
+    energy = np.add.reduceat(np.abs(frf - others) ** 2, edges, axis=1) * (len(frf) - 1) / len(frf)
     norm = np.sqrt(np.sum(weight * np.abs(frf) ** 2, axis=1) * np.sum(weight * np.abs(usual) ** 2))
     likeness = np.sum(weight * (frf * usual.conj()).real, axis=1) / np.maximum(norm, 1e-300)
     return [Deviation(float(a), e) for a, e in zip(likeness, energy, strict=True)]
+
+
+def _median(frf: ComplexArray) -> ComplexArray:
+    middle: ComplexArray = np.median(frf.real, axis=0) + 1j * np.median(frf.imag, axis=0)
+    return middle
 
 
 def compare(found: Sequence[Sequence[Deviation | None]]) -> list[list[Comparison | None]]:
@@ -82,9 +94,26 @@ def compare(found: Sequence[Sequence[Deviation | None]]) -> list[list[Comparison
     energies = np.sort(np.array([d.energy for d in known]), axis=0)
     usual = energies[: max(int(_TRIM * len(known)), 2)].mean(axis=0)
     usual = np.maximum(usual, 1e-12 * max(float(usual.max()), 1e-300))
-    unit = float(np.median([np.sqrt(np.mean(d.energy / usual)) for d in known])) * (1 + _FEW / len(known))
+    far = [_roots([None if d is None else d.energy / usual for d in point]) for point in found]
+    middle = [
+        f for point, ds in zip(far, found, strict=True) for f, d in zip(point, ds, strict=True) if d and d.likeness > 0
+    ]
+    unit = float(np.median(middle)) * (1 + _FEW / len(known))
+    return [
+        [
+            None if d is None else Comparison(d.likeness, f / unit if unit > 0 else 0.0)
+            for d, f in zip(ds, point, strict=True)
+        ]
+        for ds, point in zip(found, far, strict=True)
+    ]
 
-    def distance(d: Deviation) -> float:
-        return float(np.sqrt(np.mean(d.energy / usual))) / unit if unit > 0 else 0.0
 
-    return [[None if d is None else Comparison(d.likeness, distance(d)) for d in point] for point in found]
+def _roots(shares: Sequence[FloatArray | None]) -> list[float]:
+    """The distance of each hit of a point, of its energies as shares of the campaign's; 0 where it was not compared."""
+    found = []
+    for i, own in enumerate(shares):
+        others = sorted((s for j, s in enumerate(shares) if s is not None and j != i), key=lambda s: float(s.mean()))
+        near = np.array(others[: max(len(others) - 1, 1)]).reshape(-1, BANDS)
+        scale = (_CAMPAIGN + near.sum(axis=0)) / (_CAMPAIGN + len(near))
+        found.append(0.0 if own is None else float(np.mean(np.sqrt(own / scale))))
+    return found

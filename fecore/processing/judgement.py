@@ -53,7 +53,7 @@ class Limits:
     lead: float = 0.5
     before_noise: float = 2.5
     before_response: float = 0.02
-    place: float = 4.5
+    place: float = 3.0
     likeness: float = -0.5
     cut_top: float = 0.06
 
