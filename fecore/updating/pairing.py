@@ -93,7 +93,7 @@ def pair_in_order(measured_hz: FloatArray, model_hz: FloatArray, seen: FloatArra
     i, j = n, int(best[n, :, c].argmin())
     pairs: list[tuple[int, int]] = []
     while i > 0:
-        step = came[i, j, c] if j else 1
+        step = int(came[i, j, c]) if j else 1
         if step == 0:
             pairs.append((i - 1, int(order[j - 1])))
         i, j = i - (step != 2), j - (step != 1)
