@@ -34,6 +34,7 @@ WIDTH_INCHES, HEIGHT_INCHES = 7.0, 5.0
 DPI = 200
 PIXELS_AN_INCH = 100.0
 """How many of a layout's pixels, of its height and margins, make an inch of paper."""
+_LETTERS_ACROSS = 80  # of names below an axis, from which they lean
 _LEGEND_LETTERS = 128  # of a legend's line
 _RC: Any = {
     "font.size": 8,
@@ -219,6 +220,9 @@ def _scale(axes: Axes, along: Mapping[str, Any], up: Mapping[str, Any]) -> None:
         if "tickvals" in each:
             ticks.set_ticks(each["tickvals"], [unescape(str(text)) for text in each["ticktext"]])
             ticks.set_tick_params(length=0)
+            if which == "x" and sum(len(str(text)) + 2 for text in each["ticktext"]) > _LETTERS_ACROSS:
+                for label in axes.get_xticklabels():
+                    label.set(rotation=30, ha="right", rotation_mode="anchor")
         if "range" in each:
             low, high = (10.0**end if each.get("type") == "log" else end for end in each["range"])
             (axes.set_xlim if which == "x" else axes.set_ylim)(low, high)

@@ -167,7 +167,7 @@ def _table(table: Table) -> Any:
 def _widths(table: Table) -> list[float]:
     """By the longest text of each column, within limits, so that one long cell does not squeeze the others."""
     rows = ([table.columns] if table.columns else []) + list(table.rows)
-    lengths = [min(max(max(len(row[k]) for row in rows), 4), 48) for k in range(len(table.numeric))]
+    lengths = [min(max(max(len(row[k]) for row in rows), 6), 48) for k in range(len(table.numeric))]
     total = sum(lengths)
     return [WIDTH * length / total for length in lengths]
 
