@@ -23,7 +23,8 @@ from fecore.dynamics.damping_laws import RAYLEIGH
 from fecore.frf import FrfSet
 from fecore.identification import identify
 from fecore.modes import MeasuredModes
-from fecore.updating.damping_stage import DampingResult, damping_data, fit_damping, fit_reference
+from fecore.updating.damping_data import damping_data
+from fecore.updating.damping_stage import DampingResult, fit_damping, fit_reference
 from fecore.updating.elastic import ElasticResult, update_elastic
 from fecore.updating.forward import ForwardModel
 from fecore.updating.law_fit import fit_law

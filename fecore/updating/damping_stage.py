@@ -16,30 +16,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fecore.arrays import FloatArray, IntArray
-from fecore.dynamics.damping_laws import DampingLaw, ModalDamping, fit_ratios
+from fecore.arrays import FloatArray
+from fecore.dynamics.damping_laws import DampingLaw
 from fecore.dynamics.mechanism_laws import MechanismDamping
-from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, convert
 from fecore.identification.noise import residual_variance
-from fecore.modes import MeasuredModes
+from fecore.updating.damping_data import DampingData, lawful_strain, measured_ratios
 from fecore.updating.disagreement import disagreement
-from fecore.updating.elastic import ElasticResult
 from fecore.updating.forward import ForwardState
-from fecore.updating.inputs import UNSTATED_WINDOW, Inputs
-from fecore.updating.law_fit import DampingFit, Nuisance, fit_law
-from fecore.updating.misfit import FrfMisfit, Weighting
-from fecore.updating.mode_roles import ModeRoles, assign_roles
+from fecore.updating.law_fit import DampingFit, fit_law
+from fecore.updating.measured_ratios import MeasuredRatios, law_of_window, law_ratio
+from fecore.updating.misfit import FrfMisfit
 from fecore.updating.posterior import ScaleMixture, scale_of_deviations
 
 DAMPING_DISCREPANCY = 0.02
 """Prior standard deviation of a damping ratio about its law, as a share of it: root mean square of the prior of s."""
 
-_UNMEASURED_SHIFT = 0.01  # prior standard deviation of the shift of an unmeasured mode, the constants given
-_UNMEASURED_DEVIATION = 2.0  # and of the logarithm of its damping over the law's: nobody measured it
-_GAIN_SD = 0.01  # prior standard deviation of a mode's own gain: where a sensor stands, say
-_COMMON_GAIN_SD = 0.05  # of the gain of all modes: calibrations, and the model's mass
 _FIRST_NOISE = 1e-3  # of the signal, before it is estimated
 _SAME_OPTIMUM = 1e-3  # relative distance of coefficients that counts as one point
 _SAME_TO_NOISE = 0.3  # and their distance in standard deviations by noise alone
@@ -101,130 +94,6 @@ _OWN_SOURCES = ("measurement noise of FRFs", OF_LAW, "modes not measured", AGAIN
 
 
 @dataclass(frozen=True)
-class MeasuredRatios:
-    """Damping ratios of the paired modes that the law has to explain.
-
-    Attributes:
-        omega: (n,) circular frequencies, rad/s.
-        ratio: (n,) damping ratios.
-        relative_covariance: (n, n) covariance of their noise, relative.
-        strain: (n, q) shares of the modes' strain energy by mechanism; None where the modes belong to no model.
-    """
-
-    omega: FloatArray
-    ratio: FloatArray
-    relative_covariance: FloatArray
-    strain: FloatArray | None = None
-
-    def basis(self, law: DampingLaw) -> FloatArray:
-        """(n, p) derivative of the ratios by a law's coefficients."""
-        by: FloatArray = law.basis(self.omega, self.strain) / (2 * self.omega)[:, None]
-        return by
-
-
-@dataclass(frozen=True)
-class DampingData:
-    """What stage 2 starts from.
-
-    Attributes:
-        frfs: FRFs on the fitted lines.
-        elastic: stage 1's result.
-        modes: measured modes, an exponential window's rate subtracted from their damping.
-        weighting: of the residuals.
-        inputs: what the laboratory says of window and delay.
-        model: the updated elastic model between the measured dofs.
-        roles: which part each mode takes.
-        modal_law: a damping ratio of its own for every measured mode that the law damps.
-    """
-
-    frfs: FrfSet
-    elastic: ElasticResult
-    modes: MeasuredModes
-    weighting: Weighting
-    inputs: Inputs
-    model: ModalFrfModel
-    roles: ModeRoles
-    modal_law: ModalDamping
-
-    def start(self, law: DampingLaw) -> FloatArray:
-        """(p,) coefficients that come nearest to the measured damping ratios (2 % where none was measured)."""
-        omega = 2 * np.pi * self.modes.frequency_hz[self.roles.rows]
-        others, strain = self.roles.unmeasured, self.model.strain
-        at = np.concatenate([self.roles.lawful, others])
-        shares = None if strain is None else strain[at]
-        return nearest_positive(law, omega, self.roles.first_ratio, self.model.omega[others], shares)
-
-    def nuisance(self, deviation_sd: float, scale: float = 1.0) -> Nuisance:
-        """Measured modes shift freely and deviate from the law a little, the others do both as far as priors let them.
-
-        Where the misfit is `scale` times what noise alone makes of it, the model's residues are wrong: a peak that is too
-        high passes for less damping. The modes' ratios were identified with residues of their own and do not suffer from
-        that, so they are data too, with the share 1 - 1/scale of their information that the FRFs do not carry then.
-
-        Suspended ones have rates of their own, which may lie as far from the lowest elastic mode's as nobody knows. How far
-        an unmeasured mode may shift includes the constants' own uncertainty.
-        """
-        roles, state = self.roles, self.elastic.updated
-        others, measured = roles.unmeasured.size, len(roles.pairs)
-        by = state.eigenvalue_jacobian[roles.unmeasured] / (2 * state.modes.eigenvalue[roles.unmeasured, None])
-        variance = np.einsum("kp,pq,kq->k", by, self.elastic.covariance, by)
-        modes = np.concatenate([roles.shifted, roles.unmeasured])
-        deviation = np.concatenate([np.full(measured, deviation_sd), np.full(others, _UNMEASURED_DEVIATION)])
-        lowest = 2 * roles.first_ratio[0] * 2 * np.pi * self.modes.frequency_hz[roles.rows[0]]
-        seen, seen_rate, seen_sd = self._seen()
-        if scale <= 1:
-            seen, seen_rate, seen_sd = seen[:0], seen_rate[:0], seen_sd[:0]
-        return Nuisance(
-            modes=modes,
-            first_shift=np.concatenate([roles.first_shift, np.zeros(others)]),
-            shift_sd=np.concatenate([np.full(measured, np.inf), np.sqrt(_UNMEASURED_SHIFT**2 + variance)]),
-            deviation_sd=np.where(np.isin(modes, roles.suspended), 0.0, deviation),
-            suspended=roles.suspended,
-            suspended_rate=np.full(roles.suspended.size, lowest),
-            window_rate=2 * (self.inputs.window_rate or 0.0),
-            seen=seen,
-            seen_rate=seen_rate,
-            seen_sd=seen_sd / np.sqrt(max(1 - 1 / scale, 1e-300)),
-        )
-
-    def _seen(self) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Numbers, rates in 1/s and relative standard deviations of the lawful modes whose ratios were identified."""
-        ratios = _measured_ratios(self)
-        if ratios is None:
-            return np.arange(0), np.zeros(0), np.zeros(0)
-        sd = np.sqrt(np.diag(ratios.relative_covariance))
-        known = np.isfinite(sd) & (sd > 0)
-        return self.roles.lawful[known], (2 * ratios.ratio * ratios.omega)[known], sd[known]
-
-    def misfit(self, frfs: FrfSet, weighting: Weighting, variance: FloatArray) -> FrfMisfit:
-        """The misfit of some FRFs; only `noise` weights give gains and a delay a unit."""
-        if weighting != "noise":
-            return FrfMisfit(frfs, self.model, weighting, variance)
-        gain = np.where(np.isin(np.arange(self.model.omega.size), self.roles.lawful), _GAIN_SD, 0.0)
-        delay = self.inputs.standard_deviation("delay")
-        return FrfMisfit(
-            frfs=frfs,
-            model=self.model,
-            weighting=weighting,
-            variance=variance,
-            gain_sd=gain,
-            common_gain_sd=_COMMON_GAIN_SD,
-            delay_sd=delay,
-        )
-
-    def window_sd(self) -> float:
-        """Standard deviation of an exponential window's rate 1/τ, 1/s; where none was stated it is one-sided.
-
-        A window that nobody stated cannot decay faster than the slowest mode was seen to.
-        """
-        if self.inputs.window_rate is not None:
-            return self.inputs.window_rate_sd
-        seen = self.roles.first_ratio * 2 * np.pi * self.modes.frequency_hz[self.roles.rows]
-        spacing = float(np.median(np.diff(self.frfs.frequency_hz))) if self.frfs.frequency_hz.size > 1 else 0.0
-        return min(UNSTATED_WINDOW * spacing, float(seen.min()))
-
-
-@dataclass(frozen=True)
 class ReferenceFit:
     """A ratio of its own for every measured mode: the reference of every law.
 
@@ -244,30 +113,6 @@ class ReferenceFit:
     ratios: MeasuredRatios
     own_ratios: MeasuredRatios
     delay: float
-
-
-def damping_data(
-    frfs: FrfSet, elastic: ElasticResult, modes: MeasuredModes, weighting: Weighting, inputs: Inputs | None = None
-) -> DampingData:
-    """Assign the modes their parts in stage 2.
-
-    Raises:
-        UpdatingError: no measured mode in the band strains the specimen.
-    """
-    roles = assign_roles(frfs, elastic, modes)
-    model = elastic.updated.frf_model(frfs.responses, frfs.references)
-    shift = roles.first_shift[~np.isin(roles.shifted, roles.suspended)]
-    modal_law = ModalDamping(tuple(np.sort(model.omega[roles.lawful] * (1 + shift))))
-    return DampingData(
-        frfs=frfs,
-        elastic=elastic,
-        modes=modes,
-        weighting=weighting,
-        inputs=inputs or Inputs.exact(),
-        model=model,
-        roles=roles,
-        modal_law=modal_law,
-    )
 
 
 def fit_reference(data: DampingData) -> ReferenceFit:
@@ -292,7 +137,7 @@ def fit_reference(data: DampingData) -> ReferenceFit:
         scale = max(scale, 1.0)
         fit = fit_law(misfit, data.modal_law, fit.coefficients, data.nuisance(0, scale), scale)
     own = _modal_ratios(data, fit)
-    return ReferenceFit(misfit, fit, scale, _measured_ratios(data) or own, own, delay)
+    return ReferenceFit(misfit, fit, scale, measured_ratios(data) or own, own, delay)
 
 
 def _first_delay(data: DampingData) -> float:
@@ -385,20 +230,6 @@ def _unit(misfit: FrfMisfit) -> float:
     return 1.0 if misfit.weighting == "noise" else _FIRST_NOISE * misfit.signal() / misfit.frfs.values.size
 
 
-def _measured_ratios(data: DampingData) -> MeasuredRatios | None:
-    """Damping ratios that the law has to explain as they were measured; None where one of them was not."""
-    rows = data.roles.rows
-    measured = data.modes.damping_ratio[rows]
-    if not np.all(np.nan_to_num(measured) > 0):
-        return None
-    covariance = np.zeros((len(rows), len(rows)))
-    if data.modes.covariance is not None:
-        places = len(data.modes) + np.array(rows)
-        covariance = data.modes.covariance[np.ix_(places, places)]
-    omega = 2 * np.pi * data.modes.frequency_hz[rows]
-    return MeasuredRatios(omega, measured, covariance / np.outer(measured, measured), _lawful_strain(data))
-
-
 def _modal_ratios(data: DampingData, modal: DampingFit) -> MeasuredRatios:
     """The same in the modal fit."""
     lawful = data.roles.lawful
@@ -407,12 +238,7 @@ def _modal_ratios(data: DampingData, modal: DampingFit) -> MeasuredRatios:
     order = np.argsort(data.model.omega[lawful])  # the modal law's coefficients ascend with their knots
     covariance = np.empty((ratio.size, ratio.size))
     covariance[np.ix_(order, order)] = modal.noise_covariance
-    return MeasuredRatios(omega, ratio, covariance / np.outer(ratio, ratio), _lawful_strain(data))
-
-
-def _lawful_strain(data: DampingData) -> FloatArray | None:
-    """(n, q) shares of strain energy of the modes that the law damps."""
-    return None if data.model.strain is None else data.model.strain[data.roles.lawful]
+    return MeasuredRatios(omega, ratio, covariance / np.outer(ratio, ratio), lawful_strain(data))
 
 
 def _starts(law: DampingLaw, start: FloatArray, ratios: MeasuredRatios) -> list[FloatArray]:
@@ -477,51 +303,6 @@ def _by_shares(state: ForwardState, fit: DampingFit, law: MechanismDamping) -> F
     relative = rate[own] / fit.law_rate[own, None]
     moved: FloatArray = fit.tie[:, own] @ relative - by_rate[:, ~own] @ rate[~own]
     return moved
-
-
-def law_of_window(law: DampingLaw, ratios: MeasuredRatios) -> FloatArray:
-    """(p,) change of a law's coefficients per rate 1/τ of an exponential window: every modal rate grows by 2/τ."""
-    basis = ratios.basis(law) / ratios.ratio[:, None]
-    scale = np.linalg.norm(basis, axis=0)
-    scale[scale == 0] = 1.0
-    share = 1 / (ratios.omega * ratios.ratio)
-    grown: FloatArray = np.linalg.lstsq(basis / scale, share, rcond=None)[0] / scale
-    return grown
-
-
-def law_ratio(law: DampingLaw, ratios: MeasuredRatios) -> FloatArray:
-    """(n,) ratios of the law that comes nearest to measured ones."""
-    near: FloatArray = ratios.basis(law) @ nearest_positive(law, ratios.omega, ratios.ratio, strain=ratios.strain)
-    return near
-
-
-def nearest_positive(
-    law: DampingLaw,
-    omega: FloatArray,
-    ratio: FloatArray,
-    others: FloatArray | tuple[()] = (),
-    strain: FloatArray | None = None,
-) -> FloatArray:
-    """Coefficients nearest to given ratios; where those would damp one of these or other modes negatively, to their median.
-
-    A law by mechanism needs the shares of strain energy of all these modes, the others' last.
-
-    Raises:
-        UpdatingError: there are fewer modes than coefficients.
-    """
-    if omega.size < len(law.coefficient_names):
-        raise UpdatingError(
-            f"{omega.size} measured {'mode' if omega.size == 1 else 'modes'} cannot fix the {len(law.coefficient_names)} "
-            f"coefficients of the {law.name} law; measure a wider band, or put `modal` first in damping_models",
-            best={},
-            history=(),
-        )
-    own = None if strain is None else strain[: omega.size]
-    everywhere = law.basis(np.concatenate([omega, others]), strain)
-    coefficients = fit_ratios(law, omega, ratio, own)
-    if np.all(everywhere @ coefficients > 0):
-        return coefficients
-    return fit_ratios(law, omega, np.full_like(ratio, float(np.median(ratio))), own)
 
 
 def _different(points: list[FloatArray], apart: FloatArray) -> tuple[FloatArray, ...]:

@@ -26,12 +26,12 @@ from fecore.errors import UpdatingError
 from fecore.frf import Dof, FrfSet
 from fecore.identification.noise import residual_variance
 from fecore.modes import MeasuredModes
-from fecore.updating.damping_stage import nearest_positive
 from fecore.updating.draws import even_draws
 from fecore.updating.elastic import ElasticResult, update_elastic
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import OUT_OF_PLANE, ForwardModel, ForwardState
 from fecore.updating.law_fit import DampingFit, Nuisance, fit_law
+from fecore.updating.measured_ratios import nearest_positive
 from fecore.updating.misfit import FrfMisfit, Weighting
 from fecore.updating.parameters import by_name
 

@@ -20,7 +20,8 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.dynamics.damping_laws import DampingLaw
 from fecore.dynamics.mechanism_laws import MechanismDamping
-from fecore.updating.damping_stage import DAMPING_DISCREPANCY, MeasuredRatios
+from fecore.updating.damping_stage import DAMPING_DISCREPANCY
+from fecore.updating.measured_ratios import MeasuredRatios
 
 STRONG_EVIDENCE = 10.0
 """Difference of two BICs above which the worse law is called inadequate."""

@@ -17,13 +17,8 @@ from fecore.dynamics.damping_laws import DampingLaw, ModalDamping
 from fecore.errors import FecoreError, InputError, UpdatingError
 from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
-from fecore.updating.damping_stage import (
-    DampingResult,
-    MeasuredRatios,
-    damping_data,
-    fit_damping,
-    fit_reference,
-)
+from fecore.updating.damping_data import damping_data
+from fecore.updating.damping_stage import DampingResult, fit_damping, fit_reference
 from fecore.updating.discretisation import DISCRETISATION, discretise
 from fecore.updating.elastic import ElasticResult, update_elastic
 from fecore.updating.elastic_findings import HOPELESS_MISS
@@ -34,6 +29,7 @@ from fecore.updating.inputs import Inputs, tolerance_of
 from fecore.updating.joint import update_jointly
 from fecore.updating.law_ranking import LawRanking, identifiable_laws, rank_laws
 from fecore.updating.laws import laws_of
+from fecore.updating.measured_ratios import MeasuredRatios
 from fecore.updating.measurement import Measurement, Prepared, prepare
 from fecore.updating.parameters import Parametrisation, parametrise
 from fecore.updating.plausibility import examine

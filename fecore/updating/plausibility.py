@@ -19,7 +19,7 @@ import numpy as np
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.errors import UpdatingError
 from fecore.identification.arrangement import pair_label
-from fecore.updating.damping_stage import DampingData
+from fecore.updating.damping_data import DampingData
 from fecore.updating.parameters import by_name
 from fecore.updating.verdict import Finding, notes
 

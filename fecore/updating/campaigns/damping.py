@@ -19,9 +19,9 @@ from scipy.linalg import block_diag
 
 from fecore.arrays import FloatArray
 from fecore.updating.campaigns.fit import Fitted
-from fecore.updating.damping_stage import MeasuredRatios
 from fecore.updating.law_ranking import identifiable_laws, rank_laws
 from fecore.updating.laws import FREQUENCY_LAWS, mechanism_laws
+from fecore.updating.measured_ratios import MeasuredRatios
 
 TYPED_RATIO_SD = 0.02
 """Relative standard deviation of a damping ratio that came without one."""

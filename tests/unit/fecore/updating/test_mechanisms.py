@@ -17,12 +17,12 @@ from fecore.body.supports import Spring
 from fecore.dynamics.damping_laws import RAYLEIGH, ModalDamping, beyond, damping_rate
 from fecore.errors import InputError
 from fecore.frf import FrfSet
-from fecore.updating.damping_stage import MeasuredRatios
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import Inputs
 from fecore.updating.law_fit import DampingFit, Nuisance, fit_law
 from fecore.updating.law_ranking import LawRanking, rank_laws
 from fecore.updating.laws import laws_of, mechanism_laws
+from fecore.updating.measured_ratios import MeasuredRatios
 from fecore.updating.measurement import Measurement
 from fecore.updating.misfit import FrfMisfit
 from fecore.updating.parameters import Parameter, parametrise

@@ -1,0 +1,78 @@
+"""Measured damping ratios, and what a law has to do with them before any FRF is looked at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.dynamics.damping_laws import DampingLaw, fit_ratios
+from fecore.errors import UpdatingError
+
+
+@dataclass(frozen=True)
+class MeasuredRatios:
+    """Damping ratios of the paired modes that the law has to explain.
+
+    Attributes:
+        omega: (n,) circular frequencies, rad/s.
+        ratio: (n,) damping ratios.
+        relative_covariance: (n, n) covariance of their noise, relative.
+        strain: (n, q) shares of the modes' strain energy by mechanism; None where the modes belong to no model.
+    """
+
+    omega: FloatArray
+    ratio: FloatArray
+    relative_covariance: FloatArray
+    strain: FloatArray | None = None
+
+    def basis(self, law: DampingLaw) -> FloatArray:
+        """(n, p) derivative of the ratios by a law's coefficients."""
+        by: FloatArray = law.basis(self.omega, self.strain) / (2 * self.omega)[:, None]
+        return by
+
+
+def law_of_window(law: DampingLaw, ratios: MeasuredRatios) -> FloatArray:
+    """(p,) change of a law's coefficients per rate 1/τ of an exponential window: every modal rate grows by 2/τ."""
+    basis = ratios.basis(law) / ratios.ratio[:, None]
+    scale = np.linalg.norm(basis, axis=0)
+    scale[scale == 0] = 1.0
+    share = 1 / (ratios.omega * ratios.ratio)
+    grown: FloatArray = np.linalg.lstsq(basis / scale, share, rcond=None)[0] / scale
+    return grown
+
+
+def law_ratio(law: DampingLaw, ratios: MeasuredRatios) -> FloatArray:
+    """(n,) ratios of the law that comes nearest to measured ones."""
+    near: FloatArray = ratios.basis(law) @ nearest_positive(law, ratios.omega, ratios.ratio, strain=ratios.strain)
+    return near
+
+
+def nearest_positive(
+    law: DampingLaw,
+    omega: FloatArray,
+    ratio: FloatArray,
+    others: FloatArray | tuple[()] = (),
+    strain: FloatArray | None = None,
+) -> FloatArray:
+    """Coefficients nearest to given ratios; where those would damp one of these or other modes negatively, to their median.
+
+    A law by mechanism needs the shares of strain energy of all these modes, the others' last.
+
+    Raises:
+        UpdatingError: there are fewer modes than coefficients.
+    """
+    if omega.size < len(law.coefficient_names):
+        raise UpdatingError(
+            f"{omega.size} measured {'mode' if omega.size == 1 else 'modes'} cannot fix the {len(law.coefficient_names)} "
+            f"coefficients of the {law.name} law; measure a wider band, or put `modal` first in damping_models",
+            best={},
+            history=(),
+        )
+    own = None if strain is None else strain[: omega.size]
+    everywhere = law.basis(np.concatenate([omega, others]), strain)
+    coefficients = fit_ratios(law, omega, ratio, own)
+    if np.all(everywhere @ coefficients > 0):
+        return coefficients
+    return fit_ratios(law, omega, np.full_like(ratio, float(np.median(ratio))), own)
