@@ -50,17 +50,18 @@ def store_import(session: Session, job_id: UUID, items: Iterator[Kept]) -> None:
     row = session.get_one(Import, job_id)
     # Imports into one campaign are stored one after the other, so that each sees the points of the one before.
     session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(str(row.campaign_id), 0))))
-    intake = _Intake(session, row)
-    with writing_frfs(session) as write_frf:
-        for item in items:
-            intake.take(item, write_frf)
-    intake.finish()
+    with RecordIntake() as records:
+        intake = _Intake(session, row, records)
+        with writing_frfs(session) as write_frf:
+            for item in items:
+                intake.take(item, write_frf)
+        intake.finish()
 
 
 class _Intake:
     """One import's way into the tables: FRFs stream in as they come, the rest follows when the whole file was seen."""
 
-    def __init__(self, session: Session, row: Import) -> None:
+    def __init__(self, session: Session, row: Import, records: RecordIntake) -> None:
         self.session = session
         self.row = row
         self.reports: list[DatasetReport] = []
@@ -70,7 +71,7 @@ class _Intake:
         self.coherences: list[tuple[int, Pair, Function]] = []
         self.modes: list[ModeShape] = []
         self.counts = {"frfs": 0, "grid_points": 0, "modes": 0, "records": 0}
-        self.records = RecordIntake()
+        self.records = records
         self.blocks: set[int] = set()
         self.unused: dict[int, str] = {}
         self.file_bytes = session.scalars(select(Original.size).where(Original.sha256 == row.sha256)).one()

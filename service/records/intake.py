@@ -29,15 +29,22 @@ class RecordIntake:
     """The way of a file's time blocks into a campaign.
 
     The n-th force block of a place is its n-th hit, and the n-th block of each sensor belongs to it; a block that states no
-    place of the force belongs to the force block last seen. Hits go on behind those that the campaign has.
+    place of the force belongs to the force block last seen. Hits go on behind those that the campaign has. A context manager,
+    which removes what lies on disk.
     """
 
     def __init__(self) -> None:
-        self._spool = tempfile.TemporaryFile(prefix="modalbase-records-")  # noqa: SIM115 - closed with the intake
+        self._spool = tempfile.TemporaryFile(prefix="modalbase-records-")  # noqa: SIM115 - closed by `__exit__`
         self._seen: Counter[Channel] = Counter()
         self._place: Place | None = None
         self._forces: dict[tuple[Place, int], tuple[int, Form]] = {}
         self._others: dict[int, tuple[Place, int, Form]] = {}
+
+    def __enter__(self) -> RecordIntake:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._spool.close()
 
     def take(self, dataset: int, block: TimeBlock) -> str | None:
         """One block of a file; returns why it is of no use, or None."""
@@ -102,4 +109,3 @@ class RecordIntake:
         self._spool.seek(0)
         for _ in range(len(self._forces) + len(self._others)):
             yield pickle.load(self._spool)
-        self._spool.close()

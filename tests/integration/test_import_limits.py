@@ -72,7 +72,7 @@ def test_a_file_that_unpacks_to_too_much_is_refused(
 
 def test_what_is_within_the_limits_is_stored(stored: Callable[[list[Kept]], Import]) -> None:
     row = stored([[GridPoint(n, (0.0, 0.0, 0.0)) for n in range(10, 50)], *(frf(n, 100) for n in range(20)), shape(20)])
-    assert row.counts == {"frfs": 20, "grid_points": 40, "modes": 1}
+    assert row.counts == {"frfs": 20, "grid_points": 40, "modes": 1, "records": 0}
 
 
 def test_reports_on_very_many_datasets_are_counted(stored: Callable[[list[Kept]], Import]) -> None:
