@@ -22,8 +22,11 @@ import numpy as np
 import pytest
 
 import modalbase
+from modalbase.formats.frfs.mat import frfs_of
+from service.campaigns.schemas import CampaignIn
 from service.coupons.curve_schemas import CurveCouponIn
 from service.demo.paper import uff_file
+from service.structures.schemas import StructureIn
 from service.supervisor import LocalService
 from service.updating.schemas import RecipeIn
 from tests.support.blocks import AT_HAND, PAGES, Block, blocks
@@ -210,18 +213,29 @@ LOOKED_AT: dict[str, Callable[[dict[str, Any]], Any]] = {
 
 def test_json_is_what_the_service_takes(reader: Reader) -> None:
     """Recipes and coupons by their schemas; what names things is sent, and only the things are missing."""
-    shown = {block.page: json.loads(block.text.replace('"…"', f'"{uuid4()}"')) for block in of("json")}
-    assert set(shown) == {"docs/updating.md", "docs/command-line.md", "docs/campaigns-together.md"}
-    RecipeIn.model_validate(shown["docs/updating.md"])
-    about = shown["docs/command-line.md"]
+    shown: dict[str, list[Any]] = {}
+    for block in of("json"):
+        shown.setdefault(block.page, []).append(json.loads(block.text.replace('"…"', f'"{uuid4()}"')))
+    (mapping,) = shown.pop("docs/hammer.md")
+    table = np.ones((3, 8))
+    exported = {"m.f": np.arange(8.0), "m.H": table + 1j, "m.coh": table, "m.points": np.arange(1, 4)}
+    assert len(frfs_of(exported, mapping, "accelerance").values) == 3
+    plate, recipe, pieces, added, zones = shown.pop("docs/plies.md")
+    for structure in (plate, {**plate, **pieces}):
+        StructureIn.model_validate(structure)
+    CampaignIn.model_validate({"name": "x", "boundary": "free", **added})
+    for one in (recipe, zones, *shown.pop("docs/updating.md")):
+        RecipeIn.model_validate(one)
+    (about,) = shown.pop("docs/command-line.md")
     for one in about.pop("specimens").values():
         CurveCouponIn.model_validate({"specimen": "A3", **about, **one})
-    refused = reader.api.post("update-jobs", json=shown["docs/campaigns-together.md"])
+    refused = reader.api.post("update-jobs", json=shown.pop("docs/campaigns-together.md")[0])
     assert refused.status_code in (404, 422)
     assert {error["pointer"] for error in refused.json().get("errors", [])} <= {
         "/jobs/0/campaign_id",
         "/jobs/1/campaign_id",
     }
+    assert not shown, "a page whose JSON nothing reads"
 
 
 def test_units_of_systemd_are_read() -> None:

@@ -88,7 +88,7 @@ def test_every_other_proposal_works_too(stranger: Stranger) -> None:
     stranger.make("/structures/{structure_id}/monitors", monitor_id="id")
     stranger.make("/monitors/{monitor_id}/runs")
     for path, operations in stranger.document["paths"].items():
-        if "patch" in operations:
+        if "patch" in operations and "/users/" not in path:  # an administrator's, who ends keys earlier and never later
             stated = {parameter["name"] for parameter in operations["patch"]["parameters"]}
             assert "If-Match" in stated, path
             route = path.removeprefix("/api/v1")
