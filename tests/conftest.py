@@ -30,7 +30,7 @@ from tests.support.places import shared_folder
 from tests.support.rest import client_of
 
 TEMPLATE = "test_template"
-pytest_plugins = ["tests.support.laboratory", "tests.support.working"]
+pytest_plugins = ["tests.support.laboratory", "tests.support.wheel", "tests.support.working"]
 
 
 def _on(server: str, database: str) -> str:

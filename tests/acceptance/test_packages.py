@@ -2,34 +2,16 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
 import tarfile
 import zipfile
 from pathlib import Path
 
-import pytest
-
 from tests.support.command import environment
-from tests.support.places import ROOT
 from tests.support.waiting import PATIENCE
 
 LIGHT = {"httpx", "nanoarrow", "numpy", "platformdirs", "pyuff", "rich", "typer"}
-BUILD = "import setuptools.build_meta as build; build.build_wheel(%r); build.build_sdist(%r)"  # it rewrites sys.argv
-
-
-@pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """The wheel and the source archive of this tree."""
-    copy, out = tmp_path_factory.mktemp("tree") / "modalbase", tmp_path_factory.mktemp("dist")
-    for name in ("fecore", "migrations", "modalbase", "service"):
-        shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, copy / name)
-    subprocess.run([sys.executable, "-c", BUILD % (str(out), str(out))], cwd=copy, check=True, capture_output=True)
-    (wheel,), (archive,) = out.glob("*.whl"), out.glob("*.tar.gz")
-    return wheel, archive
 
 
 def test_the_wheel_has_four_packages_and_nothing_else(built: tuple[Path, Path]) -> None:
@@ -53,12 +35,9 @@ def test_the_source_archive_builds_the_same_packages(built: tuple[Path, Path]) -
     assert {"pyproject.toml", "README.md", "LICENSE", "modalbase/__init__.py", "service/demo/paper_beam.uff"} <= names
 
 
-def test_the_wheel_alone_runs_from_an_empty_folder(built: tuple[Path, Path], tmp_path: Path) -> None:
-    """Unpacked in front of everything, so that no file of this tree is imported."""
-    place, empty = tmp_path / "site", tmp_path / "empty"
+def test_the_wheel_alone_runs_from_an_empty_folder(unpacked: Path, tmp_path: Path) -> None:
+    place, empty = unpacked, tmp_path / "empty"
     empty.mkdir()
-    with zipfile.ZipFile(built[0]) as wheel:
-        wheel.extractall(place)
     names = ("modalbase", "fecore", "service", "migrations")
     code = f"import {', '.join(names)}; print(*(p.__file__ for p in ({', '.join(names)})))"
     around = environment(PYTHONPATH=str(place), HOME=str(empty))

@@ -1,4 +1,4 @@
-"""The tutorial: its files are what its script makes, and its commands run in an empty folder and find the truth."""
+"""The tutorial: its files are what its script makes; from the wheel alone, in an empty folder, its commands find the truth."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def blocks(language: str) -> list[str]:
 
 
 @pytest.fixture
-def printed(service: LocalService, api: httpx.Client, tmp_path: Path) -> dict[str, str]:
+def printed(service: LocalService, api: httpx.Client, unpacked: Path, tmp_path: Path) -> dict[str, str]:
     """What each command of the page prints, in a folder with the shipped files alone."""
     folder = tmp_path / "beam"
     shutil.copytree(FILES, folder)
     key = api.headers["authorization"].split()[1]
-    around = environment(MODALBASE_URL=service.url, MODALBASE_API_KEY=key, COLUMNS="200")
+    around = environment(MODALBASE_URL=service.url, MODALBASE_API_KEY=key, COLUMNS="200", PYTHONPATH=str(unpacked))
     around["PATH"] = f"{COMMAND.parent}:{around['PATH']}"
     found = {}
     for line in "".join(blocks("sh")).splitlines():
