@@ -1,4 +1,4 @@
-"""The judgement of a hit: seven criteria, each with a number, a limit and a sentence.
+"""The judgement of a hit: eight criteria, each with a number, a limit and a sentence.
 
 Limits rest on what each number can be for a good hit, not on a set of data. A second pulse must stand out of its
 neighbourhood by more than noise does once in a million blocks and weigh more than the after-ringing of hammers; an
@@ -21,9 +21,11 @@ from fecore.processing.comparison import Comparison
 from fecore.processing.pulse import SMALLEST_SECOND
 from fecore.processing.traits import Top, Traits
 
+_SWAPPED = 4.0  # times that a force may last as long as a response of it, which contains the pulse and what follows
+_REBOUND = 0.5  # of its largest value, that a force may swing back: a pulse behind AC coupling comes to a fifth
 _STOP_BAND_SCATTER = 3.0  # ratio that the noise between channels may scatter by
 
-Criterion = Literal["double", "overload", "quiet", "late", "early", "place", "polarity"]
+Criterion = Literal["double", "overload", "quiet", "late", "early", "place", "polarity", "swapped"]
 
 
 @dataclass(frozen=True)
@@ -153,9 +155,25 @@ def judge(traits: Traits, others: Usual, comparison: Comparison | None, limits: 
     if traits.pulse.height * others.polarity < 0 and not any(f.failed for f in findings[:2]):
         sentence = "The hammer's pulse points the other way than those of the other hits; was the direction turned?"
         findings.append(Finding("polarity", -1.0, limits.likeness, True, sentence))
+    if not any(f.failed for f in findings[:2]):
+        findings += _swapped(traits)
     if comparison is not None:
         findings += _compared(comparison, limits)
     return Verdict(traits.force, traits.number, tuple(findings))
+
+
+def _swapped(traits: Traits) -> list[Finding]:
+    force, *responses = traits.lasting
+    if force == 0 or not (held := [value for value in responses if value > 0]):
+        return []
+    ratio = force / min(held)
+    if ratio > _SWAPPED and traits.rebound > _REBOUND:
+        text = (
+            f"The force rings on for some {force:.0f} samples while a response is a pulse of {min(held):.0f}: the channels "
+            f"seem swapped."
+        )
+        return [Finding("swapped", ratio, _SWAPPED, True, text)]
+    return [Finding("swapped", ratio, _SWAPPED, False, "The force is a pulse, and the responses last longer than it.")]
 
 
 def overrule(verdict: Verdict, accepted: bool | None) -> Verdict:

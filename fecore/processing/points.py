@@ -17,7 +17,7 @@ from fecore.processing.judgement import Verdict, judge, overrule, usual
 from fecore.processing.spectra import Spectra
 from fecore.processing.traits import Traits, find_traits
 
-_AT_FAULT_ALONE = ("late", "double", "overload", "polarity", "quiet")
+_AT_FAULT_ALONE = ("late", "double", "overload", "polarity", "quiet", "swapped")
 
 
 @dataclass(frozen=True)

@@ -89,6 +89,8 @@ class Traits:
         pulse: the hammer's pulse.
         tops: of each channel, how its largest samples lie.
         before: of each response, what lay before the pulse.
+        lasting: of each channel, how many samples it lasts, (Σx²)²/Σx⁴ about its mean; 0 where it holds nothing.
+        rebound: the force's largest value against the sign of its largest one, as a share of that.
     """
 
     number: int
@@ -98,6 +100,8 @@ class Traits:
     pulse: Pulse
     tops: tuple[Top, ...]
     before: tuple[Before, ...]
+    lasting: tuple[float, ...]
+    rebound: float
 
     @property
     def force(self) -> Dof:
@@ -122,7 +126,23 @@ def find_traits(hit: Hit) -> Traits:
         pulse=pulse,
         tops=tuple(_top(block, pulse, rate) for block in blocks),
         before=tuple(_before(block, pulse, rate) for block in hit.responses),
+        lasting=tuple(_lasting(block.samples) for block in blocks),
+        rebound=_rebound(hit.force.samples),
     )
+
+
+def _lasting(samples: FloatArray) -> float:
+    largest = float(np.abs(samples).max())
+    if largest == 0:
+        return 0.0
+    power = ((samples - samples.mean()) / largest) ** 2
+    fourth = float(power @ power)
+    return float(power.sum()) ** 2 / fourth if fourth > 0 else 0.0
+
+
+def _rebound(samples: FloatArray) -> float:
+    sides = abs(float(samples.max())), abs(float(samples.min()))
+    return min(sides) / max(sides) if max(sides) > 0 else 0.0
 
 
 def _top(block: Block, pulse: Pulse, sample_rate_hz: float) -> Top:

@@ -210,6 +210,20 @@ def test_a_single_hit_has_an_frf_without_variance_and_says_so() -> None:
     assert any("no variance" in w for w in found.warnings)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_force_and_response_that_are_swapped_are_named(seed: int) -> None:
+    hits = _hits(_bench(seed, ("free", "clamped", "plate", "free")[seed - 1]))
+    assert all(verdict.accepted for verdict in process(by_point(hits)).verdicts)
+
+    def swap(hit: Hit) -> Hit:
+        (response,) = hit.responses
+        other = replace(response, samples=hit.force.samples)
+        return replace(hit, force=replace(hit.force, samples=response.samples, full_scale=None), responses=(other,))
+
+    with pytest.raises(InputError, match="swapped"):
+        process(by_point([swap(hit) for hit in hits]))
+
+
 def _flat(samples: np.ndarray, quantity: str = "force") -> Block:
     return Block(Dof(1, 3), quantity, samples)  # type: ignore[arg-type]  # a literal
 
