@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.forward_peers import ccx
+from benchmarks.independent import solid_grid
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns.layout import Campaign
@@ -118,7 +119,7 @@ def _solid_modes(
     angle: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """(n,) natural frequencies, Hz, and (n, p) deflections of the out-of-plane modes of a free solid, by CalculiX."""
-    number, places, bricks = _bricks((*elements, 2), size)
+    number, places, bricks = solid_grid((*elements, 2), size)
     nodes = [int(number[i, j, 2]) for i, j in seen]
     c, s = np.cos(angle), np.sin(angle)
     lines = ["*NODE, NSET=ALL", *(f"{n},{x:.12g},{y:.12g},{z:.12g}" for n, (x, y, z) in enumerate(places, start=1))]
@@ -145,25 +146,6 @@ def _solid_modes(
             kept.append(mode)
             shapes.append(motion[:, 2])
     return hz[kept], np.array(shapes)
-
-
-def _bricks(
-    counts: tuple[int, int, int], size: tuple[float, float, float]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Node numbers on a grid of half elements (0: none there), coordinates, and the 20 nodes of each element."""
-    shape = tuple(2 * n + 1 for n in counts)
-    i, j, k = np.indices(shape)
-    real = (i % 2) + (j % 2) + (k % 2) < 2  # corners and mid-sides
-    number = np.where(real, np.cumsum(real.ravel()).reshape(shape), 0)
-    step = np.array(size) / (2 * np.array(counts))
-    places = np.column_stack([i[real], j[real], k[real]]) * step - [0, size[1] / 2, size[2] / 2]
-    corner = np.indices(counts).reshape(3, -1).T * 2
-    below = ((0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0))
-    above = tuple((x, y, 2) for x, y, _ in below)
-    flat, top = ((1, 0, 0), (2, 1, 0), (1, 2, 0), (0, 1, 0)), ((1, 0, 2), (2, 1, 2), (1, 2, 2), (0, 1, 2))
-    upright = tuple((x, y, 1) for x, y, _ in below)
-    at = corner[:, None] + np.array((*below, *above, *flat, *top, *upright))
-    return number, places, number[at[..., 0], at[..., 1], at[..., 2]]
 
 
 def main() -> None:

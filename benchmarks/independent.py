@@ -75,7 +75,7 @@ def grid(beam: Beam) -> dict[int, tuple[float, float, float]]:
 def solid_modes(beam: Beam) -> tuple[np.ndarray, np.ndarray]:
     """(n,) eigenvalues ω² and (n, 33) mass-normalised deflections at the points, by CalculiX."""
     nx = 5 * (ROWS - (beam.boundary == "free"))  # so that the points are nodes
-    number, places, bricks = _bricks(nx, beam.length)
+    number, places, bricks = solid_grid((nx, NY, NZ), (beam.length, WIDTH, THICKNESS))
     points = np.array(list(grid(beam).values()))
     seen = [int(number[round(x / beam.length * 2 * nx), round((y / WIDTH + 0.5) * 2 * NY), NZ]) for x, y, _ in points]
     c = beam.constants
@@ -114,15 +114,17 @@ def _number(text: str) -> float:
     return float(re.sub(r"(?<=\d)([-+]\d{3})$", r"E\1", text))
 
 
-def _bricks(nx: int, length: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def solid_grid(
+    counts: tuple[int, int, int], size: tuple[float, float, float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Node numbers on a grid of half elements (0: none there), coordinates, and the 20 nodes of each element."""
-    shape = (2 * nx + 1, 2 * NY + 1, 2 * NZ + 1)
+    shape = tuple(2 * n + 1 for n in counts)
     i, j, k = np.indices(shape)
     real = (i % 2) + (j % 2) + (k % 2) < 2  # corners and mid-sides
     number = np.where(real, np.cumsum(real.ravel()).reshape(shape), 0)
-    step = np.array([length / (2 * nx), WIDTH / (2 * NY), THICKNESS / (2 * NZ)])
-    places = np.column_stack([i[real], j[real], k[real]]) * step - [0, WIDTH / 2, THICKNESS / 2]
-    corner = np.indices((nx, NY, NZ)).reshape(3, -1).T * 2
+    step = np.array(size) / (2 * np.array(counts))
+    places = np.column_stack([i[real], j[real], k[real]]) * step - [0, size[1] / 2, size[2] / 2]
+    corner = np.indices(counts).reshape(3, -1).T * 2
     below = ((0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0))
     above = tuple((x, y, 2) for x, y, _ in below)
     flat, top = ((1, 0, 0), (2, 1, 0), (1, 2, 0), (0, 1, 0)), ((1, 0, 2), (2, 1, 2), (1, 2, 2), (0, 1, 2))

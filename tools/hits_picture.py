@@ -1,7 +1,7 @@
 """The picture of good and bad hits in `docs/hammer.md`: `python -m tools.hits_picture` draws it anew.
 
-Five simulated hits of one point (`benchmarks.hammer`, a fixed seed): three good ones, one double, one that came before the
-hit before it had rung out. They are judged and drawn as the service does it.
+Five simulated hits of one point (`benchmarks.hammer`, a fixed seed): three good ones, one double, one that came while
+the body still rang. They are judged and drawn as the service does it.
 """
 
 from __future__ import annotations

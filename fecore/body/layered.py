@@ -22,10 +22,9 @@ import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.laminate import OrthotropicMaterial, Ply, Section, balanced_shear, section
-from fecore.body.mesh import rectangle
 from fecore.body.model import PlateModel, plate
 from fecore.body.profile import Piece, profile_of
-from fecore.body.specimen import check_zones, in_zones, turned_stiffness, zone_factors
+from fecore.body.specimen import check_zones, in_zones, strip_mesh, turned_stiffness, zone_factors
 from fecore.body.supports import Boundary, PointMass, Spring, Supports
 from fecore.errors import InputError
 
@@ -126,8 +125,7 @@ class LayeredSpecimen:
         """
         held = Supports.of(self.boundary) if self.supports is None else self.supports
         profile = profile_of(self.length, self.thickness, self.pieces)
-        breaks = sorted({*self.zones, *(profile.breaks if profile else ())})
-        mesh = rectangle(self.length, self.width, *(self.divisions or (40, 4)), breaks)
+        mesh = strip_mesh((self.length, self.width), self.divisions, profile, self.zones)
         coupled = self.section.is_coupled
         return plate(mesh, held, self.masses, self.springs, membrane=coupled, profile=profile, zones=self.zones)
 

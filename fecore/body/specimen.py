@@ -16,9 +16,9 @@ import numpy as np
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body import beam
 from fecore.body.laminate import SHEAR_CORRECTION, OrthotropicMaterial, Ply, Section, section
-from fecore.body.mesh import rectangle
+from fecore.body.mesh import RectangleMesh, rectangle
 from fecore.body.model import Model, PlateModel, plate
-from fecore.body.profile import Piece, profile_of
+from fecore.body.profile import Piece, Profile, profile_of
 from fecore.body.supports import Boundary, PointMass, Spring, Supports
 from fecore.errors import InputError
 
@@ -147,8 +147,7 @@ class Specimen:
         """
         held = Supports.of(self.boundary) if self.supports is None else self.supports
         profile = profile_of(self.length, self.thickness, self.pieces)
-        breaks = sorted({*self.zones, *(profile.breaks if profile else ())})
-        mesh = rectangle(self.length, self.width, *(self.divisions or (40, 4)), breaks)
+        mesh = strip_mesh((self.length, self.width), self.divisions, profile, self.zones)
         return plate(mesh, held, self.masses, self.springs, profile=profile, zones=self.zones)
 
     def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
@@ -259,6 +258,18 @@ class BeamSpecimen:
         """(…) all but ν positive, and -1 < ν < ½."""
         physical: BoolArray = _positive(BEAM_CONSTANTS, constants) & (constants[1] > -1) & (constants[1] < 0.5)
         return physical
+
+
+def strip_mesh(
+    size: tuple[float, float], divisions: tuple[int, int] | None, profile: Profile | None, zones: tuple[float, ...]
+) -> RectangleMesh:
+    """The mesh of a specimen's length and width, with lines where its thickness or its zones change.
+
+    Raises:
+        InputError: the geometry is wrong.
+    """
+    breaks = sorted({*zones, *(profile.breaks if profile else ())})
+    return rectangle(*size, *(divisions or (40, 4)), breaks)
 
 
 def check_zones(zones: tuple[float, ...], length: float) -> None:

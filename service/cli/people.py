@@ -141,23 +141,22 @@ def enable(name: str, data: Data = None) -> None:
 @users.command("promote")
 def promote(name: str, data: Data = None) -> None:
     """Make a user an administrator, who may list users and disable them and end their keys by REST."""
-    from service.access import audit
-
-    with _transaction(data) as session:
-        user = _user(session, name)
-        user.administrator = True
-        audit(session, None, "user.promote", "user", user.id)
+    _set_administrator(name, data, administrator=True)
 
 
 @users.command("demote")
 def demote(name: str, data: Data = None) -> None:
     """Take an administrator's right to look after other users away."""
+    _set_administrator(name, data, administrator=False)
+
+
+def _set_administrator(name: str, data: Path | None, *, administrator: bool) -> None:
     from service.access import audit
 
     with _transaction(data) as session:
         user = _user(session, name)
-        user.administrator = False
-        audit(session, None, "user.demote", "user", user.id)
+        user.administrator = administrator
+        audit(session, None, "user.promote" if administrator else "user.demote", "user", user.id)
 
 
 def _set_disabled(name: str, data: Path | None, *, disabled: bool) -> None:

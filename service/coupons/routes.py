@@ -21,14 +21,13 @@ from service.figures.answers import (
     FigureName,
     FormatQuery,
     ThemeQuery,
-    figure_answer,
-    figure_headers,
     require_figure,
+    unless_known,
 )
 from service.figures.coupon import coupon_figure
+from service.figures.look import Figure
 from service.structures.operations import structure_for
 from service.web import IF_MATCH, Cursor, Limit, Page, api_router, etag_of, paged, require_match
-from service.web.conditional import not_modified
 
 router = api_router(tags=["coupons"])
 
@@ -150,10 +149,11 @@ def get_coupon_figure(
     coupon = operations.coupon_for(session, user, coupon_id)
     require_figure(name, "curve")
     curve = curves.curve_of(session, coupon)
-    headers = figure_headers(request, curve.sha256.hex())
-    if (unchanged := not_modified(request, headers)) is not None:
-        return unchanged
-    return figure_answer(coupon_figure(curves.curve_shown(coupon, curve)), file_format, name, theme, headers)
+
+    def draw() -> Figure:
+        return coupon_figure(curves.curve_shown(coupon, curve))
+
+    return unless_known(request, curve.sha256.hex(), draw, file_format, name, theme)
 
 
 @router.get("/coupons/{coupon_id}/curve/original", response_class=Response, responses=ORIGINAL)

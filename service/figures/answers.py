@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from hashlib import sha256
 from typing import Annotated, Any, get_args
 
@@ -13,6 +13,7 @@ from fecore import __version__
 from service.errors import NotFound
 from service.figures.look import Figure, Theme, themed
 from service.figures.printing import MEDIA_TYPES, Format, render
+from service.web.conditional import not_modified
 
 FormatQuery = Annotated[
     Format, Query(alias="format", description="Plotly JSON for a page or a notebook; a print as SVG, PNG or PDF")
@@ -57,7 +58,7 @@ class FiguresOut(BaseModel):
     items: list[FigureOut] = Field(description="every figure that there is for such a result")
 
 
-def figure_headers(request: Request, of: str) -> dict[str, str]:
+def _headers(request: Request, of: str) -> dict[str, str]:
     """Headers of a figure, by which a browser keeps it while it stays as it is.
 
     Args:
@@ -66,6 +67,25 @@ def figure_headers(request: Request, of: str) -> dict[str, str]:
     """
     key = sha256(f"{__version__} {request.url.path} {request.url.query} {of}".encode()).hexdigest()[:32]
     return {"ETag": f'"{key}"', "Cache-Control": "private, no-cache"}
+
+
+def unless_known(
+    request: Request, of: str, draw: Callable[[], Figure], file_format: Format, name: str, theme: Theme
+) -> Response:
+    """A figure that is drawn only where the client has not kept it as it is now.
+
+    Args:
+        request: its path and query name the figure.
+        of: what changes whenever the data that are drawn change.
+        draw: makes the figure, for a light page.
+        file_format: JSON or a print.
+        name: of the file, as of `figure_answer`.
+        theme: of the page.
+    """
+    headers = _headers(request, of)
+    if (unchanged := not_modified(request, headers)) is not None:
+        return unchanged
+    return figure_answer(draw(), file_format, name, theme, headers)
 
 
 def require_figure(name: str, *known: str) -> None:

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
 from fecore import __version__
 from service.guide.markdown import Rendered, render
+from service.web.templates import templates_in
 
 FOLDER = Path(__file__).parent / "pages"
 """The Markdown; in a checkout a link to `docs`, in the wheel the files themselves."""
@@ -18,13 +17,7 @@ FOLDER = Path(__file__).parent / "pages"
 PICTURES = {".svg": "image/svg+xml", ".png": "image/png"}
 INDEX = "index.html"
 _ENTRY = re.compile(r"^(?:## (?P<part>.+)|- \[(?P<title>[^\]]+)\]\((?P<page>[^)]+)\.md\))", re.MULTILINE)
-_templates = Environment(
-    loader=FileSystemLoader(Path(__file__).parent / "templates"),
-    autoescape=True,
-    undefined=StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
+_templates = templates_in(Path(__file__).parent / "templates")
 
 
 @dataclass(frozen=True)

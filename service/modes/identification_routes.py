@@ -15,16 +15,15 @@ from service.figures.answers import (
     FigureName,
     FormatQuery,
     ThemeQuery,
-    figure_answer,
-    figure_headers,
     require_figure,
+    unless_known,
 )
+from service.figures.look import Figure
 from service.figures.stabilisation import stabilisation_figure
 from service.modes import identifications
 from service.modes.identifications import IdentificationIn, IdentificationOut
 from service.modes.tables import Identification
 from service.web import Cursor, Limit, Page, api_router, paged
-from service.web.conditional import not_modified
 
 router = api_router(tags=["identifications"])
 
@@ -81,12 +80,12 @@ def get_identification_figure(
     if row.document is None:
         state = identifications.describe(session, row)
         raise Conflict(f"identification {row.id} has no result: it is {state.status}{_because(state.message)}")
-    headers = figure_headers(request, str(row.id))  # what it found never changes
-    if (unchanged := not_modified(request, headers)) is not None:
-        return unchanged
     found = row.document
-    figure = stabilisation_figure(found["stabilisation"], found["modes"], found["doubtful"])
-    return figure_answer(figure, file_format, name, theme, headers)
+
+    def draw() -> Figure:
+        return stabilisation_figure(found["stabilisation"], found["modes"], found["doubtful"])
+
+    return unless_known(request, str(row.id), draw, file_format, name, theme)  # what it found never changes
 
 
 def _because(message: str | None) -> str:

@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 from fastapi import Depends, Request
 from fastapi.responses import HTMLResponse
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from sqlalchemy.orm import Session
 
 from fecore import __version__
@@ -16,6 +15,7 @@ from service.access import CurrentUser, SessionDep, User
 from service.access.sessions import COOKIE, request_token
 from service.pages import numbers
 from service.pages.assets import address
+from service.web.templates import templates_in
 
 PREFIX = "/ui"
 EMPTY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
@@ -27,13 +27,7 @@ POLICY = (
 )
 HEADERS = {"Content-Security-Policy": POLICY, "Cache-Control": "no-store"}
 
-_templates = Environment(
-    loader=FileSystemLoader(Path(__file__).parent / "templates"),
-    autoescape=True,
-    undefined=StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
+_templates = templates_in(Path(__file__).parent / "templates")
 _templates.filters.update(numbers.FILTERS)
 _templates.globals.update(asset=address, version=__version__)
 

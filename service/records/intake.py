@@ -23,6 +23,7 @@ Channel = tuple[str, int, int, int, int]
 Form = tuple[float, int]
 """Sampling rate and length."""
 _AT_ONCE = 16
+_IN_MEMORY = 1 << 20  # bytes of blocks before a file is made: most imports hold none
 
 
 class RecordIntake:
@@ -34,7 +35,7 @@ class RecordIntake:
     """
 
     def __init__(self) -> None:
-        self._spool = tempfile.TemporaryFile(prefix="modalbase-records-")  # noqa: SIM115 - closed by `__exit__`
+        self._spool = tempfile.SpooledTemporaryFile(_IN_MEMORY, prefix="modalbase-records-")  # noqa: SIM115 - closed by `__exit__`
         self._seen: Counter[Channel] = Counter()
         self._place: Place | None = None
         self._forces: dict[tuple[Place, int], tuple[int, Form]] = {}

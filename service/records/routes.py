@@ -19,17 +19,16 @@ from service.figures.answers import (
     FigureName,
     FormatQuery,
     ThemeQuery,
-    figure_answer,
-    figure_headers,
     require_figure,
+    unless_known,
 )
 from service.figures.hits import hits_figure
+from service.figures.look import Figure
 from service.records import bodies, operations, processings
 from service.records.figures import Chosen, point_blocks, point_shown
 from service.records.schemas import UNITS, ProcessingIn, ProcessingOut, Proposal, RecordOut, StoredRecords
 from service.records.tables import Processing, Record
 from service.web import Cursor, Limit, Name, Page, api_router, paged
-from service.web.conditional import not_modified
 
 router = api_router(tags=["records"])
 
@@ -152,10 +151,11 @@ def get_campaign_figure(
     campaign = campaign_for(session, user, campaign_id)
     require_figure(name, "hits")
     blocks = point_blocks(session, campaign.id, Chosen(point, direction, response))
-    headers = figure_headers(request, blocks.version)
-    if (unchanged := not_modified(request, headers)) is not None:
-        return unchanged
-    return figure_answer(hits_figure(point_shown(session, blocks)), file_format, name, theme, headers)
+
+    def draw() -> Figure:
+        return hits_figure(point_shown(session, blocks))
+
+    return unless_known(request, blocks.version, draw, file_format, name, theme)
 
 
 @router.post("/campaigns/{campaign_id}/processings", status_code=202)

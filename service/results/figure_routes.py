@@ -15,9 +15,10 @@ from service.figures.answers import (
     FiguresOut,
     FormatQuery,
     ThemeQuery,
-    figure_answer,
-    figure_headers,
+    require_figure,
+    unless_known,
 )
+from service.figures.look import Figure
 from service.reports.as_html import POLICY, as_html
 from service.reports.as_pdf import as_pdf
 from service.results.figure_data import UpdateFigures
@@ -26,7 +27,6 @@ from service.results.figures import FIGURES, draw_figure
 from service.results.reporting import report_of
 from service.updating.operations import update_job_for
 from service.web import api_router
-from service.web.conditional import not_modified
 
 router = api_router(tags=["update jobs"])
 
@@ -74,11 +74,12 @@ def get_figure(
         raise Invalid("fmin", f"is {fmin:g} Hz and above fmax, {fmax:g} Hz")
     job = update_job_for(session, user, job_id)
     data = UpdateFigures(session, job)
-    headers = figure_headers(request, str(job.id))  # a result never changes
-    if name in FIGURES and (unchanged := not_modified(request, headers)) is not None:
-        return unchanged
-    figure = draw_figure(data, name, Wanted(point, reference, fmin, fmax, measured, model))
-    return figure_answer(figure, file_format, name, theme, headers)
+    require_figure(name, *FIGURES)
+
+    def draw() -> Figure:
+        return draw_figure(data, name, Wanted(point, reference, fmin, fmax, measured, model))
+
+    return unless_known(request, str(job.id), draw, file_format, name, theme)  # a result never changes
 
 
 @router.get("/update-jobs/{job_id}/report", response_class=Response, responses=REPORTS)

@@ -14,14 +14,13 @@ from service.figures.answers import (
     FiguresOut,
     FormatQuery,
     ThemeQuery,
-    figure_answer,
-    figure_headers,
     require_figure,
+    unless_known,
 )
+from service.figures.look import Figure
 from service.results.joint_figures import JOINT_FIGURES, draw_joint_figure
 from service.updating.joint_operations import joint_document, joint_update_for
 from service.web import api_router
-from service.web.conditional import not_modified
 
 router = api_router(tags=["update jobs"])
 
@@ -61,7 +60,8 @@ def get_joint_figure(
     row = joint_update_for(session, user, joint_id)
     require_figure(name, *JOINT_FIGURES)
     document = joint_document(session, row)
-    headers = figure_headers(request, str(row.id))  # a result never changes
-    if (unchanged := not_modified(request, headers)) is not None:
-        return unchanged
-    return figure_answer(draw_joint_figure(document, name), file_format, name, theme, headers)
+
+    def draw() -> Figure:
+        return draw_joint_figure(document, name)
+
+    return unless_known(request, str(row.id), draw, file_format, name, theme)  # a result never changes

@@ -65,18 +65,22 @@ def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointM
     return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses, pieces=pieces)  # type: ignore[arg-type]
 
 
-def _ply(ply: StoredPly, density: float) -> Ply:
-    """A stored ply as the core's."""
-    material = OrthotropicMaterial(
+def ply_material(ply: StoredPly, density: float) -> OrthotropicMaterial:
+    """The material of a stored ply in its own axes, with a density in kg/m³."""
+    return OrthotropicMaterial(
         Ex=ply.E1_Pa,
         Ey=ply.E2_Pa,
         Gxy=ply.G12_Pa,
         Gxz=ply.G13_Pa,
         Gyz=ply.G23_Pa,
         nu_xy=ply.nu_12,
-        density=ply.density_kg_m3 or density,
+        density=density,
     )
-    return Ply(material, ply.thickness_m, ply.angle_deg)
+
+
+def _ply(ply: StoredPly, density: float) -> Ply:
+    """A stored ply as the core's."""
+    return Ply(ply_material(ply, ply.density_kg_m3 or density), ply.thickness_m, ply.angle_deg)
 
 
 def layered_specimen(structure: StructureIn, boundary: str, masses: tuple[PointMass, ...] = ()) -> LayeredSpecimen:

@@ -13,7 +13,7 @@ import pytest
 from examples.joint_update import paper_bar_over_rest
 from fecore.updating.campaigns.layout import Campaign
 from service.supervisor import LocalService
-from tests.support.rest import finished, ok, session_client
+from tests.support.rest import finished, mode_rows, ok, session_client
 from tests.support.strips import NOMINAL, STRIP, TRUTH, measured
 
 PLY = {
@@ -47,20 +47,7 @@ def stored(api: httpx.Client, project: str, test: Campaign) -> dict[str, Any]:
     ]
     points = [{"label": label, "x_m": x, "y_m": y, "z_m": z} for label, (x, y, z) in test.points.items()]
     ok(api.put(f"campaigns/{campaign}/grid-points", json={"items": points}))
-    assert modes.shapes is not None
-    rows = [
-        {
-            "frequency_hz": float(hz),
-            "frequency_sd_hz": 3e-4 * float(hz),
-            "damping_ratio": 0.01,
-            "damping_sd": 1e-4,
-            "shape": [
-                {"point": dof.point, "direction": dof.direction, "real": float(value.real), "imag": 0.0}
-                for dof, value in zip(modes.dofs, shape, strict=True)
-            ],
-        }
-        for hz, shape in zip(modes.frequency_hz, modes.shapes, strict=True)
-    ]
+    rows = mode_rows(modes, 3e-4)
     mode_set = ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "measured", "modes": rows}), 201)["id"]
     return {"campaign_id": campaign, "recipe": {"mode_set": mode_set}}
 

@@ -16,7 +16,7 @@ from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import Parameter, parametrise
-from tests.support.rest import finished, ok
+from tests.support.rest import finished, mode_rows, ok
 
 ANGLES = (45, -45, 45, -45)
 PLY = {
@@ -56,20 +56,7 @@ def test_an_unsymmetric_stack_is_updated_by_its_plies(api: httpx.Client, project
     campaign = ok(api.post(f"structures/{structure}/campaigns", json={"name": "tour", "boundary": "free"}), 201)["id"]
     grid = [{"label": label, "x_m": x, "y_m": y, "z_m": z} for label, (x, y, z) in points.items()]
     ok(api.put(f"campaigns/{campaign}/grid-points", json={"items": grid}))
-    assert modes.shapes is not None
-    rows = [
-        {
-            "frequency_hz": float(hz),
-            "frequency_sd_hz": 1e-4 * float(hz),
-            "damping_ratio": 0.01,
-            "damping_sd": 1e-4,
-            "shape": [
-                {"point": dof.point, "direction": 3, "real": float(value.real), "imag": 0.0}
-                for dof, value in zip(modes.dofs, shape, strict=True)
-            ],
-        }
-        for hz, shape in zip(modes.frequency_hz, modes.shapes, strict=True)
-    ]
+    rows = mode_rows(modes, 1e-4)
     mode_set = ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "measured", "modes": rows}), 201)["id"]
     # One homogenised layer cannot be this stack; the answer says which constants to name.
     jobs = f"campaigns/{campaign}/update-jobs"

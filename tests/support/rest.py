@@ -6,6 +6,7 @@ from typing import Any
 
 import httpx
 
+from fecore.modes import MeasuredModes
 from service.supervisor import LocalService
 from tests.support.waiting import PATIENCE, until
 
@@ -66,6 +67,24 @@ def result_of(api: httpx.Client, location: str) -> dict[str, Any]:
     """The result document of an update job at an address."""
     result: dict[str, Any] = ok(api.get(api.base_url.join(f"{location}/result")), 200)
     return result
+
+
+def mode_rows(modes: MeasuredModes, relative_sd: float) -> list[dict[str, Any]]:
+    """Measured modes with shapes as a mode set's body has them, each frequency with this share of it as its sd."""
+    assert modes.shapes is not None
+    return [
+        {
+            "frequency_hz": float(hz),
+            "frequency_sd_hz": relative_sd * float(hz),
+            "damping_ratio": 0.01,
+            "damping_sd": 1e-4,
+            "shape": [
+                {"point": dof.point, "direction": dof.direction, "real": float(value.real), "imag": 0.0}
+                for dof, value in zip(modes.dofs, shape, strict=True)
+            ],
+        }
+        for hz, shape in zip(modes.frequency_hz, modes.shapes, strict=True)
+    ]
 
 
 def posted(api: httpx.Client, path: str, body: Any) -> Any:
