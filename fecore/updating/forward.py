@@ -26,13 +26,12 @@ from fecore.dynamics.sensitivity import (
     eigenvalue_derivatives,
     mode_forms,
     mode_shape_derivatives,
-    same_cluster,
-    static_series,
 )
-from fecore.dynamics.synthesis import RESIDUAL_TERMS, ModalFrfModel, RovingMass, residual_powers
+from fecore.dynamics.synthesis import ModalFrfModel, RovingMass
 from fecore.errors import InputError
-from fecore.frf import Dof, Quantity, convert
+from fecore.frf import Dof, Quantity
 from fecore.updating.parameters import Coefficients, Parametrisation
+from fecore.updating.point_pairs import PointPairs
 
 OUT_OF_PLANE = 3
 """Direction code of z, which a bending model predicts."""
@@ -279,7 +278,7 @@ class ForwardState:
     @cached_property
     def all_shapes(self) -> FloatArray:
         """(m, p) mass-normalised shapes of all modes, rigid ones first, at the measured points."""
-        shapes: FloatArray = (self._observation @ self.modes.shapes).T
+        shapes: FloatArray = (self.observation @ self.modes.shapes).T
         return shapes
 
     @property
@@ -288,12 +287,13 @@ class ForwardState:
         return self.all_shapes[self.modes.rigid :]
 
     @cached_property
-    def _observation(self) -> FloatArray | sparse.csr_array:
+    def observation(self) -> FloatArray | sparse.csr_array:
+        """From the system's unknowns, dofs or basis, to the deflections of the measured points."""
         observation = self.forward.observation
         return observation if self.basis is None else observation @ self.basis
 
     @cached_property
-    def _by(self) -> tuple[list[Matrix], list[Matrix]]:
+    def by_parameter(self) -> tuple[list[Matrix], list[Matrix]]:
         """∂K/∂θ and ∂M/∂θ for each parameter."""
         c = self.coefficients
         return (
@@ -326,7 +326,7 @@ class ForwardState:
     @cached_property
     def shape_jacobian(self) -> FloatArray:
         """(p, m, points) derivative of all shapes at the measured points."""
-        jacobian: FloatArray = np.array([(self._observation @ each).T for each in self._shape_derivatives])
+        jacobian: FloatArray = np.array([(self.observation @ each).T for each in self._shape_derivatives])
         return jacobian
 
     @cached_property
@@ -334,37 +334,39 @@ class ForwardState:
         """(p, dofs, m) derivative of all shapes, over the dofs or over the basis."""
         c = self.coefficients
         stiffness, mass = self.terms.sum("stiffness", c.stiffness), self.terms.sum("mass", c.mass)
-        return mode_shape_derivatives(stiffness, mass, self.modes, *self._by)
+        return mode_shape_derivatives(stiffness, mass, self.modes, *self.by_parameter)
 
     def frf_model(self, responses: Sequence[Dof], references: Sequence[Dof]) -> ModalFrfModel:
         """Synthesis of the FRFs between some dofs, with residual terms for the truncated modes."""
         state, pairs, drive = self._ready(responses, references)
-        residual, _ = state._residual(pairs, derivatives=False)
         roving = None
         if drive is not None:
-            drive_residual, _ = state._residual(drive, derivatives=False)
-            roving = RovingMass(self.forward.roving_mass, drive.products(state.all_shapes), drive_residual)
+            roving = RovingMass(self.forward.roving_mass, drive.products(state.all_shapes), drive.residual(state))
         return ModalFrfModel(
             eigenvalue=state.modes.eigenvalue,
             residues=pairs.products(state.all_shapes),
-            residual=residual,
+            residual=pairs.residual(state),
             shift=state.modes.shift,
             roving=roving,
             strain=state.strain,
         )
 
-    def _ready(self, responses: Sequence[Dof], references: Sequence[Dof]) -> tuple[ForwardState, _Pairs, _Pairs | None]:
+    def _ready(
+        self, responses: Sequence[Dof], references: Sequence[Dof]
+    ) -> tuple[ForwardState, PointPairs, PointPairs | None]:
         """The points of the FRFs, and the driving points where a sensor roves, with a basis that holds what they need."""
-        pairs, drive = _Pairs.of(self.forward, responses, references), None
+        pairs, drive = PointPairs.of(self.forward, responses, references), None
         rows = pairs.reference
         if self.forward.roving_mass:
-            drive = _Pairs.of(self.forward, responses, responses)
+            drive = PointPairs.of(self.forward, responses, responses)
             rows = np.concatenate([rows, drive.reference])
         return self.forward.holding(self, rows), pairs, drive
 
     def residue_jacobian(self, responses: Sequence[Dof], references: Sequence[Dof]) -> FloatArray:
         """(p, N, m) derivative of the residues of `frf_model` by the parameters."""
-        return _Pairs.of(self.forward, responses, references).product_derivatives(self.all_shapes, self.shape_jacobian)
+        return PointPairs.of(self.forward, responses, references).product_derivatives(
+            self.all_shapes, self.shape_jacobian
+        )
 
     def frf_jacobian(
         self,
@@ -385,96 +387,15 @@ class ForwardState:
         with D = λ - ω² + iωc and G as in `fecore.dynamics.sensitivity`, so that repeated roots come out right.
         """
         state, pairs, drive = self._ready(responses, references)
-        change = state._changes(frequency_hz, law, law_coefficients, pairs, quantity, beyond)
+        change = pairs.changes(state, frequency_hz, law, law_coefficients, quantity, beyond)
         if drive is None:
             return change
         rate = law.basis(state.modes.omega) @ law_coefficients
         factors = state.frf_model(responses, references).load_factors(frequency_hz, rate, quantity, beyond)
         assert factors is not None, "a sensor roves"
-        moved = state._changes(frequency_hz, law, law_coefficients, drive, quantity, beyond)
+        moved = drive.changes(state, frequency_hz, law, law_coefficients, quantity, beyond)
         loaded: ComplexArray = factors[0] * change + factors[1] * moved
         return loaded
-
-    def _changes(
-        self,
-        frequency_hz: FloatArray,
-        law: DampingLaw,
-        law_coefficients: FloatArray,
-        pairs: _Pairs,
-        quantity: Quantity,
-        beyond: tuple[float, float],
-    ) -> ComplexArray:
-        """(p, N, L) derivative of the FRFs without a roving mass."""
-        omega, natural = 2 * np.pi * frequency_hz, self.modes.omega
-        rate = law.basis(natural) @ law_coefficients
-        moving = natural > 0
-        rate_by = np.zeros_like(natural)  # ∂c/∂λ
-        rate_by[moving] = law.slope(natural[moving]) @ law_coefficients / (2 * natural[moving])
-        D = self.modes.eigenvalue[:, None] - omega**2 + 1j * omega * rate[:, None]
-        change = pairs.product_derivatives(self.all_shapes, self.shape_jacobian) @ (1 / D)
-        first, second = np.nonzero(same_cluster(self.modes.eigenvalue))
-        G = self.eigenvalue_matrix[:, first, second]
-        left, right = self.all_shapes[first][:, pairs.response], self.all_shapes[second][:, pairs.reference]
-        resonance = (1 + 1j * omega * rate_by[first, None]) / (D[first] * D[second])
-        change = change - (pairs.sign[:, None] * (left * right).T * G[:, None, :]) @ resonance
-        _, residual_by = self._residual(pairs, derivatives=True)
-        power = residual_powers(omega, self.modes.shift, RESIDUAL_TERMS, beyond)
-        converted: ComplexArray = (change + residual_by @ power) * convert(omega, quantity)
-        return converted
-
-    def _residual(self, pairs: _Pairs, *, derivatives: bool) -> tuple[FloatArray, FloatArray]:
-        """(N, t) terms of the truncated modes' series in ω² - σ and (p, N, t) their derivatives: solves with F."""
-        modes, observation = self.modes, self._observation
-        used, column = np.unique(pairs.reference, return_inverse=True)
-        load = observation[used].T
-        load = load if isinstance(load, np.ndarray) else load.toarray()
-        mass = self.terms.sum("mass", self.coefficients.mass)
-        by = self._by if derivatives else ([], [])
-        y, y_by = static_series(modes, mass, load, RESIDUAL_TERMS, *by)
-        seen = np.array([(observation @ each)[pairs.response, column] for each in y]).T * pairs.sign[:, None]
-        away = 1 / (modes.eigenvalue - modes.shift)
-        power = away[:, None] ** np.arange(1, RESIDUAL_TERMS + 1)
-        residues = pairs.products(self.all_shapes)
-        value = seen - residues @ power
-        if not derivatives:
-            return value, np.zeros((0, *value.shape))
-        seen_by = np.array([[(observation @ each)[pairs.response, column] for each in terms] for terms in y_by])
-        moved = pairs.product_derivatives(self.all_shapes, self.shape_jacobian) @ power
-        first, second = np.nonzero(same_cluster(modes.eigenvalue))
-        crossed = self.all_shapes[first][:, pairs.response] * self.all_shapes[second][:, pairs.reference]
-        crossed = pairs.sign[:, None] * crossed.T * self.eigenvalue_matrix[:, None, first, second]
-        slope = -np.arange(1, RESIDUAL_TERMS + 1) * away[first, None] ** np.arange(2, RESIDUAL_TERMS + 2)
-        return value, seen_by.transpose(0, 2, 1) * pairs.sign[:, None] - moved - crossed @ slope
-
-
-@dataclass(frozen=True)
-class _Pairs:
-    """Point numbers of N FRFs and the product of their directions' signs, the side with fewer points as reference."""
-
-    response: IntArray
-    reference: IntArray
-    sign: FloatArray
-
-    @classmethod
-    def of(cls, forward: ForwardModel, responses: Sequence[Dof], references: Sequence[Dof]) -> _Pairs:
-        response, response_sign = forward.rows(responses)
-        reference, reference_sign = forward.rows(references)
-        if np.unique(response).size < np.unique(reference).size:  # H is symmetric (Maxwell, Betti)
-            response, reference = reference, response
-        return cls(response, reference, response_sign * reference_sign)
-
-    def products(self, shapes: FloatArray) -> FloatArray:
-        """(N, m) residues of (m, points) shapes."""
-        residues: FloatArray = self.sign[:, None] * (shapes[:, self.response] * shapes[:, self.reference]).T
-        return residues
-
-    def product_derivatives(self, shapes: FloatArray, by: FloatArray) -> FloatArray:
-        """(p, N, m) derivatives of the residues, from those of the shapes."""
-        product = (
-            by[:, :, self.response] * shapes[:, self.reference] + shapes[:, self.response] * by[:, :, self.reference]
-        )
-        signed: FloatArray = self.sign[:, None] * product.transpose(0, 2, 1)
-        return signed
 
 
 def modes_to_cover(parametrisation: Parametrisation, highest_hz: float, at_least: int) -> int:
