@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal, get_args
 
 import numpy as np
@@ -21,6 +22,14 @@ FRF_QUANTITY: dict[ChannelQuantity, Quantity] = {
 
 FEWEST_SAMPLES = 64
 """Samples below which a block holds neither a pulse with its surroundings nor a spectrum."""
+
+
+@lru_cache(maxsize=16)
+def exponential(samples: int, rate_per_sample: float) -> FloatArray:
+    """(n,) exp(-rate i) of the samples i."""
+    weights: FloatArray = np.exp(-rate_per_sample * np.arange(samples))
+    weights.flags.writeable = False
+    return weights
 
 
 @dataclass(frozen=True)
@@ -62,8 +71,7 @@ class Block:
         """(n,) weights that the analyser has applied, or None for none."""
         if self.window_rate_per_s == 0:
             return None
-        weights: FloatArray = np.exp(-self.window_rate_per_s / sample_rate_hz * np.arange(self.samples.size))
-        return weights
+        return exponential(self.samples.size, self.window_rate_per_s / sample_rate_hz)
 
 
 @dataclass(frozen=True)

@@ -37,11 +37,6 @@ class Coupling:
     amplitude_per_s: float
     rate_per_s: float
 
-    def tail(self, impulse: float, time_s: FloatArray) -> FloatArray:
-        """(n,) N, at times behind the pulse, of an impulse in N s."""
-        values: FloatArray = -self.amplitude_per_s * impulse * np.exp(-self.rate_per_s * time_s)
-        return values
-
 
 def impulse(hit: Hit, pulse: Pulse) -> float:
     """∫ F dt over the pulse, N s, the analyser's window undone."""

@@ -11,11 +11,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import FrfSet, convert
 
 _NARROWEST, _WIDEST = 3, 100
+_MOST_FRFS = 200  # that are asked; of more, every k-th: the delay is the same in all
+_MOST_PEAKS = 50  # of one FRF that are looked at, the sharpest
+_CLEAR = 10.0  # standard deviations of the FRF that a peak must have
 _FEWEST_PEAKS = 6  # that the phase is read at
 _LARGEST_S = 3e-4  # s, beyond which it is no delay between channels of one analyser
 _GOOD_FIT = 0.03  # of the largest value, that a one-mode fit may miss
@@ -37,8 +41,10 @@ def estimate_delay(frfs: FrfSet, rate_per_s: float = 0.0) -> Delay | None:
     """
     omega, phase = [], []
     power = int(np.round(np.angle(convert(np.ones(1), frfs.quantity))[0] / (np.pi / 2))) % 4
-    for values in frfs.values:
-        for line, half in _peaks(np.abs(values)):
+    for number in range(0, len(frfs.values), -(-len(frfs.values) // _MOST_FRFS)):
+        values = frfs.values[number]
+        noise = None if frfs.variance is None else np.sqrt(frfs.variance[number])
+        for line, half in _peaks(np.abs(values), noise):
             found = _residue(frfs.omega, values, line, half)
             if found is not None:
                 pole, residue = found
@@ -60,10 +66,19 @@ def estimate_delay(frfs: FrfSet, rate_per_s: float = 0.0) -> Delay | None:
     return Delay(d, sd, int(keep.sum()))
 
 
-def _peaks(size: FloatArray) -> list[tuple[int, int]]:
-    """Line and half width, in lines, of the clear maxima: those that fall to half on both sides before they rise again."""
+def _peaks(size: FloatArray, noise: FloatArray | None) -> list[tuple[int, int]]:
+    """Line and half width, in lines, of the clear maxima: those that stand out of the scatter of hits, and fall to half on both
+    sides before they rise again.
+    """
+    maxima = (size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:])
+    if noise is not None:
+        maxima &= ~(size[1:-1] < _CLEAR * noise[1:-1])  # of a single hit the scatter is not known
+    lines = np.flatnonzero(maxima) + 1
+    if lines.size > _MOST_PEAKS:
+        sharp = size[lines] / uniform_filter1d(size, _WIDEST)[lines]
+        lines = np.sort(lines[np.argsort(-sharp, kind="stable")[:_MOST_PEAKS]])
     found = []
-    for line in np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:])) + 1:
+    for line in lines:
         low = size[max(line - _WIDEST, 0) : line][::-1] < size[line] / 2
         high = size[line + 1 : line + 1 + _WIDEST] < size[line] / 2
         if not (low.any() and high.any()):

@@ -106,7 +106,8 @@ def pooled(values: ComplexArray, variance: FloatArray, hits: int) -> FloatArray:
 
 def _smooth(x: FloatArray, kernel: FloatArray) -> FloatArray:
     half = kernel.size // 2
-    mean: FloatArray = np.convolve(np.pad(x, half, mode="edge"), kernel, mode="valid")
+    edges = np.concatenate((np.full(half, x[0]), x, np.full(half, x[-1])))
+    mean: FloatArray = np.convolve(edges, kernel, mode="valid")
     return mean
 
 

@@ -19,10 +19,9 @@ from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.processing.comparison import Comparison
 from fecore.processing.pulse import SMALLEST_SECOND
-from fecore.processing.traits import Top, Traits
+from fecore.processing.traits import REBOUND, Top, Traits
 
 _SWAPPED = 4.0  # times that a force may last as long as a response of it, which contains the pulse and what follows
-_REBOUND = 0.5  # of its largest value, that a force may swing back: a pulse behind AC coupling comes to a fifth
 _STOP_BAND_SCATTER = 3.0  # ratio that the noise between channels may scatter by
 
 Criterion = Literal["double", "overload", "quiet", "late", "early", "place", "polarity", "swapped"]
@@ -163,17 +162,20 @@ def judge(traits: Traits, others: Usual, comparison: Comparison | None, limits: 
 
 
 def _swapped(traits: Traits) -> list[Finding]:
+    if not traits.lasting:
+        text = f"The force swings back by {traits.rebound:.0%} of its largest value; up to {REBOUND:.0%} it is a pulse."
+        return [Finding("swapped", traits.rebound, REBOUND, False, text)]
     force, *responses = traits.lasting
     if force == 0 or not (held := [value for value in responses if value > 0]):
         return []
     ratio = force / min(held)
-    if ratio > _SWAPPED and traits.rebound > _REBOUND:
+    if ratio > _SWAPPED:
         text = (
             f"The force rings on for some {force:.0f} samples while a response is a pulse of {min(held):.0f}: the channels "
             f"seem swapped."
         )
         return [Finding("swapped", ratio, _SWAPPED, True, text)]
-    return [Finding("swapped", ratio, _SWAPPED, False, "The force is a pulse, and the responses last longer than it.")]
+    return [Finding("swapped", ratio, _SWAPPED, False, "The force does not last much longer than the responses.")]
 
 
 def overrule(verdict: Verdict, accepted: bool | None) -> Verdict:

@@ -75,7 +75,7 @@ def first_look(spectra: Spectra, hits: Sequence[Hit]) -> Point:
     """Numbers of a point's hits, and the FRFs of those that are good by themselves."""
     for hit in hits:
         spectra.check(hit)
-    traits = tuple(find_traits(hit) for hit in hits)
+    traits = find_traits(hits)
     others = usual(traits)
     alone = [judge(t, replace(others, before={}), None, spectra.processing.limits) for t in traits]
     used = tuple(i for i, v in enumerate(alone) if not any(f.criterion in _AT_FAULT_ALONE for f in v.faults))
@@ -103,5 +103,5 @@ def second_look(spectra: Spectra, hits: Sequence[Hit], good: tuple[int, ...]) ->
     """The FRFs of the chosen hits of a point; none for no hits."""
     if not good:
         return ()
-    forces, responses = spectra.stack(hits, [find_traits(hit) for hit in hits], good)
+    forces, responses = spectra.stack(hits, find_traits(hits), good)
     return tuple(estimate(forces, r, spectra.processing.estimator) for r in responses)

@@ -7,17 +7,18 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
-from scipy import fft
+import numpy.typing as npt
+from scipy.fft import rfftfreq
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.errors import InputError
-from fecore.processing.blocks import Hit
+from fecore.processing.blocks import Hit, exponential
 from fecore.processing.choice import choose_windows
 from fecore.processing.comparison import compare_lines
 from fecore.processing.coupling import find_coupling, impulse
 from fecore.processing.document import Processing
-from fecore.processing.traits import Traits, find_traits
-from fecore.processing.windows import keep_pulse, total_rate, windowed
+from fecore.processing.traits import Traits, find_traits, parts
+from fecore.processing.windows import force_window, total_rate, windowed
 
 USABLE_SHARE = 1 / 2.56
 """Highest line over the sampling rate: analysers' anti-alias filters are flat to there."""
@@ -58,7 +59,7 @@ class Spectra:
             raise InputError(
                 "responses", f"hold {', '.join(sorted(set(self.kinds)))}; process one kind of response at a time"
             )
-        frequency = fft.rfftfreq(self.samples, 1 / self.sample_rate)
+        frequency = rfftfreq(self.samples, 1 / self.sample_rate)
         low, high = processing.band_hz or (0.5 * frequency[1], USABLE_SHARE * self.sample_rate)
         self.lines = np.flatnonzero((frequency >= low) & (frequency <= high))
         if not self.lines.size:
@@ -66,25 +67,29 @@ class Spectra:
         self.lines = np.arange(self.lines[0], self.lines[-1] + 1)
         self.frequency = frequency[self.lines]
         self.delay = np.exp(2j * np.pi * self.frequency * processing.delay_s) if processing.delay_s else None
-        looked, more = [], []
+        looked: list[tuple[Hit, Traits]] = []
+        more: list[tuple[Hit, Traits]] = []
         step = max(1, len(source) // _LOOKED_AT)
         for number in range(0, len(source), step)[:_LOOKED_AT]:
-            first_hit, *others = ((hit, find_traits(hit)) for hit in source[number][: _COUPLED // _LOOKED_AT])
+            first_hit, *others = ((hit, find_traits([hit])[0]) for hit in source[number][: _COUPLED // _LOOKED_AT])
             looked.append(first_hit)
             more += others
         self.windows = processing.windows or choose_windows(looked)
         self.coupling = None if self.windows.force_length_s is None else find_coupling([*looked, *more])
-        self._time = np.arange(self.samples) / self.sample_rate
         self.processing = replace(
             processing, windows=self.windows, band_hz=(float(self.frequency[0]), float(self.frequency[-1]))
         )
         self.rate = total_rate(first, self.windows)
+        self._kept: tuple[FloatArray, npt.NDArray[np.complex128]] | None = None
         self.compared = self._excited([hit for hit, _ in looked], [traits for _, traits in looked])
 
     def _excited(self, hits: Sequence[Hit], traits: Sequence[Traits]) -> IntArray:
         """Kept lines on which hits are compared: those that the hammer excites."""
         power = np.median(
-            [np.abs(self.of(h, t)[0]) ** 2 / max(t.pulse.height**2, 1e-300) for h, t in zip(hits, traits, strict=True)],
+            [
+                np.abs(self.stack([h], [t], [0])[0][0]) ** 2 / max(t.pulse.height**2, 1e-300)
+                for h, t in zip(hits, traits, strict=True)
+            ],
             axis=0,
         )
         weak = np.flatnonzero(power < EXCITED * power.max())
@@ -120,41 +125,54 @@ class Spectra:
                 f"first {self.rate:g}; process them apart",
             )
 
-    def of(self, hit: Hit, traits: Traits) -> tuple[ComplexArray, list[ComplexArray]]:
-        """Spectra of force and responses on the kept lines."""
-        force = windowed(hit.force, traits.pulse.baseline, self.sample_rate, self.rate)
-        if self.windows.force_length_s is not None:
-            kept = keep_pulse(force, traits.pulse, round(self.windows.force_length_s * self.sample_rate))
-            self._keep_tail(force, hit, traits, kept)
-        cut = slice(self.lines[0], self.lines[-1] + 1)
-        responses = [
-            fft.rfft(windowed(block, before.offset, self.sample_rate, self.rate))[cut]
-            for block, before in zip(hit.responses, traits.before, strict=True)
-        ]
-        if self.delay is not None:
-            responses = [r * self.delay for r in responses]
-        return fft.rfft(force)[cut], responses
-
-    def _keep_tail(self, force: FloatArray, hit: Hit, traits: Traits, kept: FloatArray) -> None:
-        """Put the coupling's tail in place of the noise that the force window has taken away."""
-        if self.coupling is None:
+    def _force(self, hit: Hit, traits: Traits, into: FloatArray) -> None:
+        """A hit's force under both windows, with the coupling's tail in place of the noise that the force window has
+        taken away.
+        """
+        pulse, rate = traits.pulse, self.sample_rate
+        windowed(hit.force, pulse.baseline, rate, self.rate, into)
+        if self.windows.force_length_s is None:
             return
-        behind = traits.pulse.stop
-        time = self._time[behind:] - self._time[traits.pulse.peak]
-        tail = self.coupling.tail(impulse(hit, traits.pulse), time)
-        if self.rate:
-            tail *= np.exp(-self.rate * self._time[behind:])
-        force[behind:] += (1 - kept[behind:]) * tail
+        kept, weights = force_window(pulse, round(self.windows.force_length_s * rate), self.samples)
+        part = into[kept] * weights
+        behind = pulse.stop
+        into[:behind] = 0
+        if self.coupling is None:
+            into[behind:] = 0
+        else:
+            fall = exponential(self.samples, self.coupling.rate_per_s / rate)[
+                behind - pulse.peak : self.samples - pulse.peak
+            ]
+            np.multiply(fall, -self.coupling.amplitude_per_s * impulse(hit, pulse), out=into[behind:])
+            if self.rate:
+                into[behind:] *= exponential(self.samples, self.rate / rate)[behind:]
+            covered = max(behind - kept.start, 0)
+            into[behind : kept.stop] *= 1 - weights[covered:]
+        into[kept] += part
 
     def stack(
         self, hits: Sequence[Hit], traits: Sequence[Traits], chosen: Sequence[int]
     ) -> tuple[ComplexArray, list[ComplexArray]]:
-        """(h, L) spectra of the force of the chosen hits, and of each response."""
-        count, channels = len(chosen), len(self.kinds)
-        forces = np.empty((count, self.lines.size), dtype=complex)
-        responses = [np.empty_like(forces) for _ in range(channels)]
-        for row, i in enumerate(chosen):
-            forces[row], found = self.of(hits[i], traits[i])
-            for target, values in zip(responses, found, strict=True):
-                target[row] = values
-        return forces, responses
+        """(h, L) spectra of the force of the chosen hits, and of each response; a few hits at a time."""
+        found: ComplexArray = np.empty((1 + len(self.kinds), len(chosen), self.lines.size), dtype=complex)
+        for part in parts(len(chosen), self.samples * len(found)):
+            some = chosen[part]
+            blocks, spectra = self._room(len(some))
+            for row, i in enumerate(some):
+                self._force(hits[i], traits[i], blocks[0, row])
+                for channel, (block, before) in enumerate(zip(hits[i].responses, traits[i].before, strict=True), 1):
+                    windowed(block, before.offset, self.sample_rate, self.rate, blocks[channel, row])
+            np.fft.rfft(blocks, out=spectra)
+            found[:, part] = spectra[..., self.lines[0] : self.lines[-1] + 1]
+        if self.delay is not None:
+            found[1:] *= self.delay
+        return found[0], list(found[1:])
+
+    def _room(self, hits: int) -> tuple[FloatArray, npt.NDArray[np.complex128]]:
+        """Memory for the blocks of so many hits and their transforms: the same at each call, for new memory costs as much
+        as the transforms.
+        """
+        if self._kept is None or self._kept[0].shape[1] != hits:
+            shape = (1 + len(self.kinds), hits)
+            self._kept = np.empty((*shape, self.samples)), np.empty((*shape, self.samples // 2 + 1), dtype=complex)
+        return self._kept

@@ -1,23 +1,29 @@
-"""Numbers of one hit that its judgement needs, from one pass over its blocks; nothing here knows the other hits."""
+"""Numbers of hits that their judgement needs, each from its own blocks alone; no number depends on another hit."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import groupby
 
 import numpy as np
-from scipy import fft
 
-from fecore.arrays import FloatArray
+from fecore.arrays import FloatArray, IntArray
 from fecore.frf import Dof
 from fecore.processing.blocks import Block, ChannelQuantity, Hit
 from fecore.processing.pulse import Pulse, find_pulse, smallest_gap
 
 _NEAR_TOP = 0.97  # share of the largest value from which a sample is near it
 _EQUAL = 1e-4  # of the largest value, within which two samples are the same
+REBOUND = 0.5
+"""Share of its largest value that a force may swing back: a pulse behind AC coupling comes to a fifth."""
 _SHARE_AT_TOP = 0.6  # of the samples near the top that are the same where a channel is cut off
 _STOP_BAND = 0.475  # of the sampling rate: above it every anti-alias filter cuts
 _STOP_SAMPLES, _STOP_LEAD = 256, 32
+_AT_ONCE = 2**18
+"""Samples that are worked on together: enough for fast passes, few enough for a processor's cache."""
+_WEAKEST = 0.03  # of an analyser's window, that is undone: below it there is noise alone
 _FILTER_REACH = 64  # samples before the pulse that the ringing of a linear-phase filter may reach
 
 
@@ -89,8 +95,9 @@ class Traits:
         pulse: the hammer's pulse.
         tops: of each channel, how its largest samples lie.
         before: of each response, what lay before the pulse.
-        lasting: of each channel, how many samples it lasts, (Σx²)²/Σx⁴ about its mean; 0 where it holds nothing.
         rebound: the force's largest value against the sign of its largest one, as a share of that.
+        lasting: of each channel, how many samples it lasts, (Σx²)²/Σx⁴ about its mean, 0 where it holds nothing; empty for
+        a force that swings back by less than half, which is a pulse.
     """
 
     number: int
@@ -100,8 +107,8 @@ class Traits:
     pulse: Pulse
     tops: tuple[Top, ...]
     before: tuple[Before, ...]
-    lasting: tuple[float, ...]
     rebound: float
+    lasting: tuple[float, ...]
 
     @property
     def force(self) -> Dof:
@@ -114,21 +121,79 @@ class Traits:
         return tuple(channel.dof for channel in self.channels[1:])
 
 
-def find_traits(hit: Hit) -> Traits:
-    """The numbers that judge one hit."""
-    rate, blocks = hit.sample_rate_hz, (hit.force, *hit.responses)
-    pulse = find_pulse(hit.force, rate)
-    return Traits(
-        number=hit.number,
-        sample_rate_hz=rate,
-        samples=hit.samples,
-        channels=tuple(Channel(block.dof, block.quantity, block.full_scale) for block in blocks),
-        pulse=pulse,
-        tops=tuple(_top(block, pulse, rate) for block in blocks),
-        before=tuple(_before(block, pulse, rate) for block in hit.responses),
-        lasting=tuple(_lasting(block.samples) for block in blocks),
-        rebound=_rebound(hit.force.samples),
+def parts(hits: int, values: int) -> Iterator[slice]:
+    """Hits of so many values each, in parts that are worked on together."""
+    step = max(1, min(hits, _AT_ONCE // values))
+    return (slice(start, min(start + step, hits)) for start in range(0, hits, step))
+
+
+def find_traits(hits: Sequence[Hit]) -> tuple[Traits, ...]:
+    """The numbers that judge hits of one length, sampling rate and set of sensors, in their order."""
+    found: list[Traits] = []
+    for _, alike in groupby(hits, lambda hit: [block.window_rate_per_s for block in (hit.force, *hit.responses)]):
+        same = list(alike)
+        for part in parts(len(same), same[0].samples):
+            found += _traits(same[part])
+    return tuple(found)
+
+
+def _traits(hits: Sequence[Hit]) -> Iterator[Traits]:
+    rate = hits[0].sample_rate_hz
+    pulses = [find_pulse(hit.force, rate) for hit in hits]
+    by_channel = list(zip(*((hit.force, *hit.responses) for hit in hits), strict=True))
+    beyond = _stop_bands(
+        [_about(block, pulse, rate) for blocks in by_channel for block, pulse in zip(blocks, pulses, strict=True)]
     )
+    channels = [
+        _channel(blocks, rate, beyond[k * len(hits) : (k + 1) * len(hits)]) for k, blocks in enumerate(by_channel)
+    ]
+    for i, (hit, pulse) in enumerate(zip(hits, pulses, strict=True)):
+        blocks = (hit.force, *hit.responses)
+        small, large = sorted(channels[0].sides[i])
+        rebound = small / large if large > 0 else 0.0
+        yield Traits(
+            number=hit.number,
+            sample_rate_hz=rate,
+            samples=hit.samples,
+            channels=tuple(Channel(block.dof, block.quantity, block.full_scale) for block in blocks),
+            pulse=pulse,
+            tops=tuple(channel.tops[i] for channel in channels),
+            before=tuple(_before(block, pulse, rate) for block in hit.responses),
+            rebound=rebound,
+            lasting=tuple(_lasting(block.samples) for block in blocks) if rebound > REBOUND else (),
+        )
+
+
+@dataclass(frozen=True)
+class _Numbers:
+    """Of one channel of several hits: tops, and its largest magnitudes to either side."""
+
+    tops: list[Top]
+    sides: list[list[float]]
+
+
+def _channel(blocks: Sequence[Block], rate: float, beyond: Sequence[float]) -> _Numbers:
+    """One channel's numbers: passes over all blocks at once, for a campaign has thousands of hits. `beyond` is what each
+    has in the stop band.
+    """
+    samples = np.array([block.samples for block in blocks])
+    window = blocks[0].window(rate)
+    sides = np.abs((samples.max(axis=1), samples.min(axis=1)))
+    largest = sides.max(axis=0)
+    steps = [0.0] * len(blocks)
+    level, size = largest, samples
+    if window is not None:  # which may have come before the converter
+        few = np.abs(samples[:, :: max(1, samples.shape[1] // 512)])
+        steps = [smallest_gap(row, 1e-6 * float(top)) for row, top in zip(few, largest, strict=True)]
+        window = np.maximum(window, _WEAKEST)
+        size = samples / window
+        level = np.abs(size).max(axis=1)
+    near = _NEAR_TOP * level[:, np.newaxis]
+    places = np.flatnonzero((size >= near) | (size <= -near))
+    first = np.searchsorted(places, np.arange(len(blocks) + 1) * size.shape[1])
+    high = [places[first[i] : first[i + 1]] - i * size.shape[1] for i in range(len(blocks))]
+    tops = [_top(size[i], high[i], window, step=steps[i], stop_band=beyond[i]) for i in range(len(blocks))]
+    return _Numbers(tops, sides.T.astype(float).tolist())
 
 
 def _lasting(samples: FloatArray) -> float:
@@ -140,46 +205,38 @@ def _lasting(samples: FloatArray) -> float:
     return float(power.sum()) ** 2 / fourth if fourth > 0 else 0.0
 
 
-def _rebound(samples: FloatArray) -> float:
-    sides = abs(float(samples.max())), abs(float(samples.min()))
-    return min(sides) / max(sides) if max(sides) > 0 else 0.0
-
-
-def _top(block: Block, pulse: Pulse, sample_rate_hz: float) -> Top:
-    x = np.abs(block.samples)
-    window = block.window(sample_rate_hz)
-    step = 0.0
+def _top(x: FloatArray, high: IntArray, window: FloatArray | None, *, step: float, stop_band: float) -> Top:
+    """Of one block, the window undone, and its samples that reach 97 % of the largest magnitude."""
+    size = np.abs(x[high])
+    level = float(size.max())
+    slack: float | FloatArray = _EQUAL * level
     if window is not None:
-        step = smallest_gap(
-            x[:: max(1, x.size // 512)], 1e-6 * float(x.max())
-        )  # the window may have come before the converter
-        window = np.maximum(window, 0.03)
-        x = x / window
-    level = float(x.max())
-    high = np.flatnonzero(x >= _NEAR_TOP * level)
-    slack = (
-        _EQUAL * level
-        if window is None
-        else np.minimum(np.maximum(_EQUAL * level, step / window[high]), 10 * _EQUAL * level)
-    )
-    equal = high[x[high] >= level - slack]
+        slack = np.minimum(np.maximum(slack, step / window[high]), 10 * _EQUAL * level)
+    equal = high[size >= level - slack]
     lopsided = 0.0
     if equal.size == 2 and equal[1] == equal[0] + 1 and equal[0] > 0 and equal[1] + 1 < x.size and level > 0:
-        lopsided = float(abs(x[equal[0] - 1] - x[equal[1] + 1])) / level
-    return Top(level, int(equal.size), int(high.size), lopsided, _stop_band(block, pulse, window))
+        lopsided = float(abs(abs(x[equal[0] - 1]) - abs(x[equal[1] + 1]))) / level
+    return Top(level, int(equal.size), int(high.size), lopsided, stop_band)
 
 
-def _stop_band(block: Block, pulse: Pulse, window: FloatArray | None) -> float:
-    """Root mean square of the spectrum above the filter's cut, of the samples about the pulse."""
+def _about(block: Block, pulse: Pulse, rate: float) -> FloatArray:
+    """Samples about the pulse, the window undone."""
     start = max(pulse.start - _STOP_LEAD, 0)
     cut = slice(start, start + _STOP_SAMPLES)
     part = np.asarray(block.samples[cut], dtype=float)
-    if window is not None:
-        part = part / window[cut]
-    part = (part - part[0]) * _taper(part.size)
-    spectrum = fft.rfft(part)
-    high = spectrum[int(np.ceil(_STOP_BAND * part.size)) :]
-    return float(np.sqrt(np.vdot(high, high).real / high.size))
+    window = block.window(rate)
+    return part if window is None else part / np.maximum(window[cut], _WEAKEST)
+
+
+def _stop_bands(parts: Sequence[FloatArray]) -> list[float]:
+    """Root mean square of the spectrum above the filter's cut, of the samples about each pulse."""
+    if len({part.size for part in parts}) > 1:  # a pulse at the end of its block has fewer behind it
+        return [value for part in parts for value in _stop_bands([part])]
+    table = np.array(parts)
+    table = (table - table[:, :1]) * _taper(table.shape[1])
+    high = np.fft.rfft(table)[:, int(np.ceil(_STOP_BAND * table.shape[1])) :]
+    values: list[float] = np.sqrt(np.mean(high.real**2 + high.imag**2, axis=1)).tolist()
+    return values
 
 
 @lru_cache(maxsize=8)

@@ -14,13 +14,12 @@ channel is completed on the other before the transform, and both always carry th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.errors import InputError
-from fecore.processing.blocks import Block, Hit
+from fecore.processing.blocks import Block, Hit, exponential
 from fecore.processing.pulse import Pulse
 
 _FORCE_BEFORE = 0.25
@@ -56,45 +55,34 @@ def total_rate(hit: Hit, windows: Windows) -> float:
     return max(block.window_rate_per_s for block in (hit.force, *hit.responses)) + windows.rate_per_s
 
 
-@lru_cache(maxsize=16)
-def _exponential(samples: int, rate_per_sample: float) -> FloatArray:
-    weights: FloatArray = np.exp(-rate_per_sample * np.arange(samples))
-    weights.flags.writeable = False
-    return weights
-
-
-def windowed(block: Block, baseline: float, sample_rate_hz: float, rate_per_s: float) -> FloatArray:
-    """(n,) samples without the offset `baseline` (as it was before the analyser's window), under exp(-rate t) in
-    all.
+def windowed(block: Block, baseline: float, sample_rate_hz: float, rate_per_s: float, into: FloatArray) -> None:
+    """Put the (n,) samples without the offset `baseline` (as it was before the analyser's window), under exp(-rate t) in
+    all, into an array.
     """
     applied = block.window_rate_per_s
-    values = np.asarray(block.samples, dtype=float)
-    offset = baseline * _exponential(values.size, applied / sample_rate_hz) if applied else baseline
-    values = values - offset
+    offset = baseline * exponential(into.size, applied / sample_rate_hz) if applied else baseline
+    into[:] = block.samples
+    into -= offset
     if rate_per_s > applied:
-        values *= _exponential(values.size, (rate_per_s - applied) / sample_rate_hz)
-    return values
+        into *= exponential(into.size, (rate_per_s - applied) / sample_rate_hz)
 
 
-def keep_pulse(force: FloatArray, pulse: Pulse, length: int) -> FloatArray:
-    """Set all but `length` samples about the pulse to zero, in place, with raised cosines at both ends.
-
-    Returns:
-        (n,) the weights.
+def force_window(pulse: Pulse, length: int, samples: int) -> tuple[slice, FloatArray]:
+    """The samples about the pulse that a force window of so many samples keeps, and their weights: raised cosines at both
+    ends, unless these lie outside the block.
     """
     length = max(length, pulse.width + 4)
     start = pulse.peak - max(int(_FORCE_BEFORE * length), pulse.peak - pulse.start + 2)
+    stop = start + length
     taper = max(int(_TAPER * length), 2)
     ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(taper) + 0.5) / taper)
-    stop = start + length
-    kept: FloatArray = np.zeros(force.size)
-    kept[max(start, 0) : max(stop, 0)] = 1
+    weights: FloatArray = np.ones(length)
     if start >= 0:
-        kept[start : start + taper] *= ramp
-    if stop <= force.size:
-        kept[stop - taper : stop] *= ramp[::-1]
-    force *= kept
-    return kept
+        weights[:taper] *= ramp
+    if stop <= samples:
+        weights[-taper:] *= ramp[::-1]
+    kept = slice(max(start, 0), min(stop, samples))
+    return kept, weights[kept.start - start : kept.stop - start]
 
 
 def remove_window(
