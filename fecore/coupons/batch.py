@@ -118,6 +118,9 @@ class Prior:
     basis: str
 
 
+_ROUNDING = 1e-12  # share of the mean below which a scatter is that of the arithmetic, of equal values
+
+
 def statistics(values: Sequence[float]) -> Statistics:
     """Statistics of at least one value.
 
@@ -127,7 +130,10 @@ def statistics(values: Sequence[float]) -> Statistics:
     x = np.asarray(values, float)
     if x.size == 0:
         raise InputError("values", "is empty, expected at least one specimen")
-    return Statistics(x.size, float(x.mean()), float(x.std(ddof=1)) if x.size > 1 else None)
+    mean, sd = float(x.mean()), float(x.std(ddof=1)) if x.size > 1 else None
+    if sd is not None and sd < _ROUNDING * abs(mean):
+        sd = 0.0
+    return Statistics(x.size, mean, sd)
 
 
 def outliers(values: Sequence[float]) -> tuple[int, ...]:

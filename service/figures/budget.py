@@ -45,7 +45,7 @@ def budget_figure(parameters: Sequence[Mapping[str, Any]]) -> Figure:
         base = [before + value for before, value in zip(base, values, strict=True)]
     names = [f"{row['name']}  ± {_percent(row)}" for row in rows]
     shown = layout(
-        "What the variance is made of",
+        "What the variance of each parameter is made of",
         xaxis=axis("share of the variance [%]", range=[0, 100]),
         yaxis=axis("", range=[len(rows) - 0.4, -0.6], **named_ticks(names)),
         barmode="overlay",

@@ -127,11 +127,11 @@ def errors_figure(campaigns: Sequence[Mapping[str, Any]]) -> Figure:
         place = "" if number == 0 else str(number + 1)
         top = 1 - number / count
         modes = [mode for mode in part["modes"] if mode["updated_hz"] is not None]
-        labels = [f"{mode['number']}: {mode['measured_hz']:.4g} Hz" for mode in modes]
+        labels = [f"{mode['number']}<br>{mode['measured_hz']:.4g} Hz" for mode in modes]
         axes[f"xaxis{place}"] = axis(
             "", anchor=f"y{place}", range=[-0.6, max(len(modes), 1) - 0.4], **named_ticks(labels)
         )
-        domain = [top - 0.72 / count, top - 0.1 / count]
+        domain = [top - 0.7 / count, top - 0.1 / count]
         axes[f"yaxis{place}"] = axis("error [%]", domain=domain, anchor=f"x{place}")
         for key, color, symbol in (("initial_hz", INITIAL, "diamond-open"), ("updated_hz", UPDATED, "circle")):
             error = [np.nan if mode[key] is None else 100 * (mode[key] / mode["measured_hz"] - 1) for mode in modes]
@@ -146,7 +146,7 @@ def errors_figure(campaigns: Sequence[Mapping[str, Any]]) -> Figure:
             }
         )  # fmt: skip
     shown = layout(
-        "Frequencies of the initial and the updated model over the measured ones",
+        "Errors of the frequencies of the initial and the updated model",
         annotations=notes,
         height=150 + 170 * count,
         shapes=[_zero(number) for number in range(count)],

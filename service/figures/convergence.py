@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import cycle
 from typing import Any
 
-from service.figures.look import QUIET, UPDATED, Figure, Trace, axis, layout, numbers
+from service.figures.look import QUIET, UPDATED, Figure, Trace, axis, decades, layout, numbers
 from service.figures.palette import PALETTE
 
 MOST_PARAMETERS = 8
@@ -36,12 +36,12 @@ def convergence_figure(
     ]
     axes: dict[str, Any] = {
         "xaxis": axis("iteration", anchor=f"y{panels}"),
-        "yaxis": axis("cost of stage 1", type="log", domain=domains[0], exponentformat="power"),
+        "yaxis": axis("cost of stage 1", domain=domains[0], **decades([c for start in starts for c in start["cost"]])),
         "yaxis2": axis("constants, % of the last", domain=domains[1]),
     }
     if coefficients:
         axes["yaxis3"] = axis("damping, % of the last", domain=domains[2])
-    return {"data": data, "layout": layout("Convergence", height=200 + 170 * panels, **axes)}
+    return {"data": data, "layout": layout("Convergence of all starts", height=200 + 170 * panels, **axes)}
 
 
 def _cost(number: int, start: Mapping[str, Any]) -> Trace:

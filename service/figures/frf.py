@@ -20,6 +20,7 @@ from service.figures.look import (
     Trace,
     axis,
     band,
+    decades,
     layout,
     line,
     numbers,
@@ -87,7 +88,7 @@ def frf_figure(curves: FrfCurves) -> Figure:
     shown = layout(
         shown_name(curves.title),
         xaxis=axis("frequency [Hz]", anchor="y3" if with_coherence else "y2"),
-        yaxis=axis(f"|{curves.quantity}| [{unit}]", type="log", domain=list(domains[0]), **_range(curves)),
+        yaxis=axis(f"|{curves.quantity}| [{unit}]", domain=list(domains[0]), **_range(curves)),
         yaxis2=axis("phase [°]", domain=list(domains[1]), range=[-190, 190])
         | {"tickvals": [-180, -90, 0, 90, 180], "ticktext": ["−180", "−90", "0", "90", "180"]},
         shapes=_regions(curves, 3 if with_coherence else 2),
@@ -135,8 +136,10 @@ def _range(curves: FrfCurves) -> dict[str, Any]:
     """Decades about what was measured: a model may fall far below its noise."""
     seen = np.abs(curves.measured)
     seen = seen[seen > 0]
-    ends = {} if seen.size == 0 else {"range": numbers(np.log10([seen.min() / _ABOUT, seen.max() * _ABOUT]), 4)}
-    return {"exponentformat": "power", **ends}
+    if seen.size == 0:
+        return decades(seen)
+    ends = np.array([seen.min() / _ABOUT, seen.max() * _ABOUT])
+    return {**decades(ends), "range": numbers(np.log10(ends), 4)}
 
 
 def _broken(hz: FloatArray, phase: FloatArray) -> tuple[list[float | None], list[float | None]]:

@@ -17,6 +17,7 @@ from service.figures.look import (
     Figure,
     Trace,
     axis,
+    decades,
     layout,
     line,
     numbers,
@@ -106,8 +107,8 @@ def hits_figure(point: PointShown) -> Figure:
         yaxis2=axis(f"{point.quantity} [{AFTER[point.quantity]}]", domain=list(domains[1]), anchor="x2"),
         xaxis3=axis("frequency [Hz]", anchor=last),
         yaxis3=axis(
-            f"|{point.frf_quantity}| [{UNITS[point.frf_quantity]}]", type="log", domain=list(domains[2]), anchor="x3",
-            exponentformat="power",
+            f"|{point.frf_quantity}| [{UNITS[point.frf_quantity]}]", domain=list(domains[2]), anchor="x3",
+            **decades([] if point.mean is None else np.abs(point.mean)),
         ),
         height=900 if point.coherence is not None else 760,
     )  # fmt: skip

@@ -9,6 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from service.figures.palette import ON_DARK
+
 MEASURED = "#000000"
 INITIAL = "#D55E00"
 UPDATED = "#0072B2"
@@ -42,6 +44,7 @@ _DARK = {
     OUTSIDE: "rgba(170,170,170,0.16)",
     GRID: "#3a3f45",
     "#ffffff": "#14171a",
+    **ON_DARK,
 }
 
 
@@ -53,6 +56,14 @@ def axis(title: str, **more: Any) -> dict[str, Any]:
         more: other properties of the axis, which come before these.
     """
     return {"title": {"text": title}, "showgrid": True, "gridcolor": GRID, "zeroline": False, **more}
+
+
+def decades(values: ArrayLike) -> dict[str, Any]:
+    """Properties of a logarithmic axis of these values: over more than two decades only powers of ten are named."""
+    found = np.asarray(values, dtype=float)
+    found = found[np.isfinite(found) & (found > 0)]
+    long = found.size > 0 and found.max() > 100 * found.min()
+    return {"type": "log", "exponentformat": "power", **({"dtick": 1} if long else {})}
 
 
 def named_ticks(names: Sequence[str]) -> dict[str, Any]:

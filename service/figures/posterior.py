@@ -104,7 +104,7 @@ def posterior_figure(
                 else [_cloud(drawn[:, j], drawn[:, i], panel)]
             )
     side = 150 + 115 * count
-    shown = layout("Posterior", height=side, margin={"l": 95}, **axes)
+    shown = layout("Posterior: densities and correlations", height=side, margin={"l": 95}, **axes)
     return {"data": data, "layout": shown}
 
 

@@ -218,7 +218,7 @@ def _scale(axes: Axes, along: Mapping[str, Any], up: Mapping[str, Any]) -> None:
     for which, each in (("x", along), ("y", up)):
         ticks = axes.xaxis if which == "x" else axes.yaxis
         if "tickvals" in each:
-            ticks.set_ticks(each["tickvals"], [unescape(str(text)) for text in each["ticktext"]])
+            ticks.set_ticks(each["tickvals"], [unescape(str(text)).replace("<br>", "\n") for text in each["ticktext"]])
             ticks.set_tick_params(length=0)
             if which == "x" and sum(len(str(text)) + 2 for text in each["ticktext"]) > _LETTERS_ACROSS:
                 for label in axes.get_xticklabels():

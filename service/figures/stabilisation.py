@@ -45,9 +45,10 @@ def stabilisation_figure(
             marks(numbers(hz[rows]), order[rows].tolist(), name, color, symbol, size=size)
             | {"text": text, "hovertemplate": "%{x:.5g} Hz, ζ %{text}, order %{y}<extra></extra>"}
         )
+    lines = indicator["frequency_hz"]
     shown = layout(
-        "Stabilisation diagram",
-        xaxis=axis("frequency [Hz]"),
+        "Stabilisation diagram, with the identified modes as upright lines",
+        xaxis=axis("frequency [Hz]", range=[min(lines), max(lines)]),
         yaxis=axis("order of the model"),
         yaxis2=axis("", type="log", overlaying="y", side="right", showgrid=False, showticklabels=False),
         shapes=[_upright(mode["frequency_hz"], MEASURED, "solid") for mode in modes]

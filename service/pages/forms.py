@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -75,7 +76,7 @@ def _field(
     common: dict[str, Any] = {
         "name": name,
         "label": _label(label),
-        "help": said,
+        "help": _without_json(said),
         "default": outer.get("default"),
         "nullable": nullable,
     }
@@ -112,6 +113,15 @@ def _resolved(node: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mappin
     return node
 
 
+def _without_json(said: str) -> str:
+    """What the contract says of a member, for someone who fills in a field and writes no JSON.
+
+    >>> _without_json("1/τ; null: nobody knows")
+    '1/τ; empty: nobody knows'
+    """
+    return re.sub(r"\bnull\b", "empty", said).replace("`{}` will do", "everything may stay empty")
+
+
 def _label(name: str) -> str:
     """A member's name as words, with its unit where the name has one.
 
@@ -130,4 +140,4 @@ def _label(name: str) -> str:
         if name.endswith(ending):
             return f"{_label(name.removesuffix(ending))} [{unit}]"
     text = words(name).replace(" sd", " standard deviation")
-    return text[:1].upper() + text[1:]
+    return (text[:1].upper() + text[1:]).replace("Nu xy", "νxy")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import Any
@@ -49,7 +50,27 @@ def in_unit(value: float | None, unit: str, sd: float | None = None) -> str:
 
 def percent(value: float | None, digits: int = 2) -> str:
     """A per cent value with a sign."""
-    return NOTHING if value is None or not math.isfinite(value) else f"{value:+.{digits}f}"
+    if value is None or not math.isfinite(value):
+        return NOTHING
+    text = f"{value:+.{digits}f}"
+    return text if float(text) else text[1:]  # no sign of nothing
+
+
+def in_laboratory_units(text: str) -> str:
+    """A text with its amounts in Pa, m and s as a laboratory writes them.
+
+    >>> in_laboratory_units("0.000121 m, stated")
+    '0.121 mm, stated'
+    """
+
+    def shown(found: re.Match[str]) -> str:
+        factor, unit = UNITS[found[2]]
+        return f"{factor * float(found[1]):.3g} {unit}"
+
+    return _AMOUNT.sub(shown, text)
+
+
+_AMOUNT = re.compile(r"(?<![\w.])(\d[\d.]*(?:e[+-]?\d+)?) (Pa|m|s)(?=$|,)")
 
 
 def day(value: datetime | str | None) -> str:
@@ -108,6 +129,7 @@ FILTERS: dict[str, Callable[..., Any]] = {
     "number": number,
     "unit_of": unit_of,
     "in_unit": in_unit,
+    "in_laboratory_units": in_laboratory_units,
     "percent": percent,
     "day": day,
     "moment": moment,

@@ -19,23 +19,42 @@ function plain(layout) {
   const axes = Object.fromEntries(Object.entries(layout).filter(([key]) => /^[xy]axis/.test(key)).map(([key, value]) => [key, { ...line, ...value }]));
   return { font: { family: "system-ui, sans-serif", size: 13, color: css("--text") }, paper_bgcolor: css("--ground"), plot_bgcolor: css("--ground"), margin: { l: 70, r: 20, t: 30, b: 60 }, hovermode: "closest", legend: { orientation: "h" }, ...layout, ...axes };
 }
+const textOf = (markup) => new DOMParser().parseFromString(markup, "text/html").body.textContent;
+/* In a narrow place names stand on two lines, and an axis beside many others has two ticks. */
+function narrowed(layout) {
+  for (const note of layout.annotations ?? []) if (note.text.length > 20 && note.xref !== "paper") Object.assign(note, { text: note.text.replace(": ", "<br>"), font: { ...note.font, size: 9 } });
+  const many = Object.keys(layout).filter((key) => /^xaxis/.test(key)).length > 3;
+  for (const [key, axis] of Object.entries(layout)) {
+    if (!/^[xy]axis/.test(key)) continue;
+    if (many) Object.assign(axis, { nticks: 2, tickfont: { size: 9 } });
+    if (many && key[0] === "x" && axis.title?.text) axis.title = { ...axis.title, text: axis.title.text.replace(" [", "<br>["), font: { size: 9 }, standoff: 2 };
+    if (key[0] === "y" && axis.ticktext?.some((text) => text.includes("  "))) Object.assign(axis, { ticktext: axis.ticktext.map((text) => text.replace("  ", "<br>")), tickfont: { size: 9 } });
+  }
+}
 function draw(place, figure) {
   place.replaceChildren();
   const layout = { ...figure.layout, autosize: true };
   delete layout.width;
-  layout.font = { ...layout.font, size: innerWidth < 640 ? 11 : 13 };
-  layout.legend = { ...layout.legend, orientation: "h", yref: "container", yanchor: "bottom", y: 0.005, x: 0.5, xanchor: "center" };
-  /* In a narrow place a name of the legend takes a line, and a title more than one. */
   const narrow = place.clientWidth < 640;
+  layout.font = { ...layout.font, size: narrow ? 11 : 13 };
+  layout.legend = { ...layout.legend, orientation: "h", yref: "container", yanchor: "bottom", y: 0.005, x: 0.5, xanchor: "center" };
+  /* The title is the caption, which a reader of the screen finds; in the drawing it would stand twice. */
+  const caption = place.parentElement.querySelector("figcaption");
+  const title = caption ? "" : (narrow ? layout.title?.text?.replace(/(.{30,42})\s/g, "$1<br>") : layout.title?.text) ?? "";
+  if (caption && layout.title?.text) caption.textContent = textOf(layout.title.text);
+  layout.title = { ...layout.title, text: title, font: { size: narrow ? 12 : 14 } };
+  /* In a narrow place a name of the legend takes a line, and a title more than one. */
   const names = figure.data.filter((trace) => trace.showlegend !== false && trace.name).length;
-  const below = Math.max(95, 70 + 17 * (narrow ? names : Math.ceil(names / 4)));
-  const title = narrow ? layout.title?.text?.replace(/(.{30,42})\s/g, "$1<br>") : layout.title?.text;
-  const above = 50 + 15 * ((title ?? "").split("<br>").length - 1);
+  const below = names ? Math.max(95, 70 + 17 * (narrow ? names : Math.ceil(names / 4))) : 60;
+  const above = title ? 50 + 15 * (title.split("<br>").length - 1) : 30;
   layout.margin = { r: 20, ...layout.margin, t: above, b: below };
   if (layout.height) layout.height += below - 95 + above - 50;
-  const across = Object.entries(layout).filter(([key, axis]) => /^xaxis/.test(key) && axis.title?.text);
+  if (narrow) narrowed(layout);
+  const axes = Object.entries(layout).filter(([key]) => /^[xy]axis/.test(key));
+  for (const [, axis] of axes) if (axis.ticktext) axis.automargin = true;
+  if (axes.some(([key, axis]) => key === "yaxis" && axis.ticktext)) layout.margin.l = narrow ? 30 : 60;
+  const across = axes.filter(([key, axis]) => key[0] === "x" && axis.title?.text);
   if (across.length < 4) for (const [key, axis] of across) layout[key] = { ...axis, title: { ...axis.title, standoff: 8 } };
-  if (title) layout.title = { ...layout.title, text: title, font: { size: narrow ? 12 : 14 } };
   return Plotly.newPlot(place, figure.data, layout, CONFIG);
 }
 /* What is shown stands in the address, so that a colleague who opens it sees the same. */
@@ -165,13 +184,17 @@ async function view(id) {
   const color = css("--measured");
   const line = (y, yaxis, name) => ({ type: "scatter", mode: "lines", x: table.frequency_hz, y, yaxis, name, line: { color, width: 1.5 }, showlegend: false });
   const magnitude = frf.real.map((re, i) => Math.hypot(re, frf.imag[i]) || null);
-  const phase = frf.real.map((re, i) => (Math.atan2(frf.imag[i], re) * 180) / Math.PI);
-  const data = [line(magnitude, "y", "magnitude"), line(phase, "y2", "phase")];
+  const angle = frf.real.map((re, i) => (Math.atan2(frf.imag[i], re) * 180) / Math.PI);
+  const phase = line([], "y2", "phase");
+  phase.x = angle.flatMap((value, i) => (Math.abs(value - angle[i - 1]) > 180 ? [table.frequency_hz[i], table.frequency_hz[i]] : [table.frequency_hz[i]]));
+  phase.y = angle.flatMap((value, i) => (Math.abs(value - angle[i - 1]) > 180 ? [null, value] : [value])); // a gap where it wraps
+  const sizes = magnitude.filter((value) => value);
+  const data = [line(magnitude, "y", "magnitude"), phase];
   const coherence = frf.coherence !== null;
   if (coherence) data.push(line(frf.coherence, "y3", "coherence"));
   const layout = plain({
     xaxis: { title: { text: "frequency [Hz]" }, anchor: coherence ? "y3" : "y2" },
-    yaxis: { type: "log", title: { text: `${table.quantity} [${AFTER[table.quantity]}]` }, domain: coherence ? [0.48, 1] : [0.38, 1], exponentformat: "e" },
+    yaxis: { type: "log", title: { text: `${table.quantity} [${AFTER[table.quantity]}]` }, domain: coherence ? [0.48, 1] : [0.38, 1], exponentformat: "power", ...(Math.max(...sizes) > 100 * Math.min(...sizes) ? { dtick: 1 } : {}) },
     yaxis2: { title: { text: "phase [°]" }, domain: coherence ? [0.2, 0.43] : [0, 0.32], tickvals: [-180, -90, 0, 90, 180], range: [-190, 190] },
     ...(coherence ? { yaxis3: { title: { text: "γ²" }, domain: [0, 0.14], range: [0, 1.05] } } : {}),
   });
