@@ -244,6 +244,36 @@ def test_a_job_whose_damping_failed_draws_what_it_has_and_says_why_not_the_rest(
         assert "cannot fix the 2 coefficients" in refused.json()["detail"]
 
 
+def test_every_figure_of_a_sampled_posterior_is_drawn_and_the_corner_shows_the_samples(demo: Done) -> None:
+    provenance = demo.result["provenance"]
+    recipe = {
+        "mode_set": provenance["mode_set"], "damping_models": ["rayleigh"], "posterior": "mcmc", "seed": 3,
+        "parameters": [{"name": "Ex"}, {"name": "Gxy"}],
+    }  # fmt: skip
+    answer = demo.api.post(f"campaigns/{provenance['campaign']}/update-jobs", json=recipe)
+    assert finished(demo.api, answer.headers["Location"])["status"] == "succeeded"
+    sampled = Done(demo.api, result_of(demo.api, answer.headers["Location"]))
+    items = {item["name"]: item["available"] for item in ok(demo.api.get(f"{sampled.path}/figures"))["items"]}
+    assert [name for name, available in items.items() if not available] == ["stabilisation"]
+    drawn = {name: sampled.figure(name) for name, available in items.items() if available}
+    assert all(figure["data"] for figure in drawn.values())
+    rows = {row["name"]: row for row in sampled.result["parameters"]}
+    cloud = next(trace for trace in drawn["posterior"]["data"] if (trace["xaxis"], trace["yaxis"]) == ("x", "y2"))
+    for axis, name in (("x", "Ex"), ("y", "Gxy")):
+        values = 1e9 * np.array(cloud[axis])
+        low, high = rows[name]["interval_95"]
+        assert len(values) > 200
+        # Of n independent samples 95 % lie in the interval, give or take four times their binomial standard deviation.
+        assert np.mean((values > low) & (values < high)) == pytest.approx(0.95, abs=4 * np.sqrt(0.95 * 0.05 / 200))
+    described = sampled.result["posterior"]
+    places = [described["names"].index(name) for name in ("Ex", "Gxy")]
+    stated = described["correlation"][places[0]][places[1]]
+    seen = np.corrcoef(cloud["x"], cloud["y"])[0, 1]
+    assert seen == pytest.approx(stated, abs=4 / np.sqrt(200))
+    for name in ("parameters", "posterior"):
+        assert demo.api.get(f"{sampled.path}/figures/{name}", params={"format": "svg"}).is_success
+
+
 def test_the_report_says_what_the_result_says_and_stands_alone(demo: Done) -> None:
     page = demo.api.get(f"{demo.path}/report")
     assert page.headers["content-type"] == "text/html; charset=utf-8"
