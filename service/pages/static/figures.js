@@ -22,12 +22,13 @@ function plain(layout) {
 const textOf = (markup) => new DOMParser().parseFromString(markup, "text/html").body.textContent;
 /* In a narrow place names stand on two lines, and an axis beside many others has two ticks. */
 function narrowed(layout) {
-  for (const note of layout.annotations ?? []) if (note.text.length > 20 && note.xref !== "paper") Object.assign(note, { text: note.text.replace(": ", "<br>"), font: { ...note.font, size: 9 } });
+  for (const note of layout.annotations ?? []) if (note.xref !== "paper") Object.assign(note, { text: note.text.length > 20 ? note.text.replace(": ", "<br>") : note.text, font: { ...note.font, size: 9 } });
   const many = Object.keys(layout).filter((key) => /^xaxis/.test(key)).length > 3;
   for (const [key, axis] of Object.entries(layout)) {
     if (!/^[xy]axis/.test(key)) continue;
     if (many) Object.assign(axis, { nticks: 2, tickfont: { size: 9 } });
     if (many && key[0] === "x" && axis.title?.text) axis.title = { ...axis.title, text: axis.title.text.replace(" [", "<br>["), font: { size: 9 }, standoff: 2 };
+    if (key[0] === "x" && axis.ticktext?.length < 7 && axis.ticktext.some((text) => text.includes("<br>"))) Object.assign(axis, { tickangle: 0, tickfont: { size: 9 } });
     if (key[0] === "y" && axis.ticktext?.some((text) => text.includes("  "))) Object.assign(axis, { ticktext: axis.ticktext.map((text) => text.replace("  ", "<br>")), tickfont: { size: 9 } });
   }
 }
