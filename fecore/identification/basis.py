@@ -19,6 +19,8 @@ import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
 
+_IN_CACHE = 30_000  # entries of a block of lines whose temporaries stay in the processor's cache
+
 
 @dataclass(frozen=True)
 class Terms:
@@ -71,15 +73,27 @@ def columns(omega: FloatArray, terms: Terms, power: int) -> ComplexArray:
 
     Residual terms are taken in s/ω_ref (ω_ref = geometric mean of the first and the last line) to be of like size.
     """
-    s = 1j * omega
-    lift = s[:, None] ** power
-    pole = poles(terms.frequency_hz, terms.damping_ratio)
-    direct, mirror = 1 / (s[:, None] - pole), 1 / (s[:, None] - pole.conj())
-    pairs = np.stack([direct + mirror, 1j * (direct - mirror)], axis=2).reshape(omega.size, -1)
+    s, n = 1j * omega, 2 * terms.pairs
+    lift, pole = (s**power)[:, None], poles(terms.frequency_hz, terms.damping_ratio)
+    basis = np.empty((omega.size, terms.columns), dtype=complex)
+    step = max(1, _IN_CACHE // max(terms.pairs, 1))
+    for part in (slice(first, first + step) for first in range(0, omega.size, step)):
+        direct, mirror = lift[part] / (s[part, None] - pole), lift[part] / (s[part, None] - pole.conj())
+        np.add(direct, mirror, out=basis[part, 0:n:2])
+        np.multiply(direct - mirror, 1j, out=basis[part, 1:n:2])
     scaled = s / np.sqrt(omega[0] * omega[-1])
-    residual = np.stack([scaled**e for e in terms.exponents], axis=1) if terms.exponents else np.empty((omega.size, 0))
-    real = 1 / (s[:, None] * (s[:, None] + terms.decay))
-    return np.asarray(lift * np.concatenate([pairs, residual, real], axis=1))
+    for place, e in enumerate(terms.exponents, n):
+        basis[:, place] = lift[:, 0] * scaled**e
+    if terms.decay.size:
+        basis[:, n + len(terms.exponents) :] = lift / (s[:, None] * (s[:, None] + terms.decay))
+    return basis
+
+
+def pair_power(omega: FloatArray, terms: Terms, power: int) -> FloatArray:
+    """(L, n) sum of the squared magnitudes of a pole pair's two columns: 2|s^p|² (|s - s_k|⁻² + |s - s̄_k|⁻²)."""
+    pole = poles(terms.frequency_hz, terms.damping_ratio)
+    near, far = (1 / ((omega[:, None] - side * pole.imag) ** 2 + pole.real**2) for side in (1, -1))
+    return np.asarray(2 * omega[:, None] ** (2 * power) * (near + far))
 
 
 def derivatives(omega: FloatArray, terms: Terms, power: int) -> ComplexArray:
@@ -87,13 +101,15 @@ def derivatives(omega: FloatArray, terms: Terms, power: int) -> ComplexArray:
 
     For each pole pair 1/(s - s_k)² + 1/(s - s̄_k)² and i times their difference; for each body -a/(s(s + a)²).
     """
-    s = 1j * omega
-    lift = s[:, None] ** power
-    pole = poles(terms.frequency_hz, terms.damping_ratio)
-    direct, mirror = 1 / (s[:, None] - pole) ** 2, 1 / (s[:, None] - pole.conj()) ** 2
-    pairs = np.stack([direct + mirror, 1j * (direct - mirror)], axis=2).reshape(omega.size, -1)
-    real = -terms.decay / (s[:, None] * (s[:, None] + terms.decay) ** 2)
-    return np.asarray(lift * np.concatenate([pairs, real], axis=1))
+    s, n = 1j * omega, 2 * terms.pairs
+    lift, pole = (s**power)[:, None], poles(terms.frequency_hz, terms.damping_ratio)
+    direct, mirror = (lift / (s[:, None] - each) ** 2 for each in (pole, pole.conj()))
+    steep = np.empty((omega.size, n + terms.decay.size), dtype=complex)
+    np.add(direct, mirror, out=steep[:, 0:n:2])
+    np.multiply(direct - mirror, 1j, out=steep[:, 1:n:2])
+    if terms.decay.size:
+        steep[:, n:] = -lift * terms.decay / (s[:, None] * (s[:, None] + terms.decay) ** 2)
+    return steep
 
 
 def slopes(terms: Terms) -> tuple[ComplexArray, ComplexArray]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.identification.arrangement import Arrangement
-from fecore.identification.basis import Terms, columns
+from fecore.identification.basis import Terms, columns, pair_power
 from fecore.identification.linear import alike
 from fecore.identification.refinement import Fit
 from fecore.identification.residues import weights
@@ -88,8 +88,7 @@ def evidence(
 
 def pole_power(arrangement: Arrangement, hz: FloatArray, zeta: FloatArray) -> FloatArray:
     """(L, K) square of the columns of poles on the lines."""
-    both = np.abs(columns(arrangement.omega, Terms(hz, zeta, ()), arrangement.power)) ** 2
-    return np.asarray(both[:, 0::2] + both[:, 1::2])
+    return pair_power(arrangement.omega, Terms(hz, zeta, ()), arrangement.power)
 
 
 def gains(arrangement: Arrangement, fit: Fit, hz: FloatArray, zeta: FloatArray, scale: Worth) -> Gains:

@@ -9,8 +9,6 @@ scoring iteration of the Gaussian likelihood).
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
@@ -46,7 +44,7 @@ def believable(variance: FloatArray, rough: FloatArray, measured: BoolArray) -> 
         ratio = np.where(measured & np.isfinite(variance), rough / variance, np.nan)
     factor = np.ones(len(ratio))
     stated = np.isfinite(ratio).any(axis=1)
-    factor[stated] = np.nanmedian(ratio[stated], axis=1)
+    factor[stated] = _row_medians(ratio[stated])
     factor = np.where(factor > 2, factor, 1.0)
     return variance * factor[:, None], factor
 
@@ -91,7 +89,7 @@ def _two_part(
     square, level = square / power[:, None], level / power[:, None]
     if robust:  # one jump in a hundred may be a spike: cap at a value that exponential scatter hardly reaches
         ranked = np.where(use, square, np.nan)
-        square = np.minimum(square, 8 * np.nanmedian(ranked, axis=1, keepdims=True) * (1 + level / level.mean()))
+        square = np.minimum(square, 8 * _row_medians(ranked)[:, None] * (1 + level / level.mean()))
     count = np.maximum(use.sum(axis=1), 1)
     constant = np.sum(square * use, axis=1) / count + _FLOOR**2
     slope = np.zeros_like(constant)
@@ -125,6 +123,15 @@ def _regress(square: FloatArray, level: FloatArray, weight: FloatArray) -> tuple
     return constant, slope
 
 
+def _row_medians(rows: FloatArray) -> FloatArray:
+    """(N,) median of each row without its NaNs, NaN of a row that is nothing else; numpy's own sorts masked arrays, slowly."""
+    ordered = np.sort(rows, axis=1)  # NaN comes last
+    count = np.sum(~np.isnan(rows), axis=1)
+    at = np.arange(len(rows))
+    low, high = (ordered[at, np.maximum(place, 0)] for place in ((count - 1) // 2, count // 2))
+    return np.asarray(np.where(count > 0, low / 2 + high / 2, np.nan))
+
+
 def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -> FloatArray:
     """(N, L) variance of what changes from line to line without memory, as it follows frequency.
 
@@ -147,9 +154,7 @@ def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -
     for place, node in enumerate(nodes):
         reach = int(np.clip(_REACH * (node + first_line), _NARROW, _WIDE))
         part = jump[:, max(0, node - reach) : node + reach + 1]
-        with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # a window without one measured line
-            seen[:, place] = np.nanmedian(part, axis=1)
+        seen[:, place] = _row_medians(part)
     line = np.arange(-1, lines - 1)
     usual = np.mean(np.abs(values) ** 2, axis=1)
     out = np.empty((len(values), lines))

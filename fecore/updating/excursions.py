@@ -140,6 +140,9 @@ def _fibres(state: ForwardState, inputs: Inputs) -> list[Excursion]:
         return []
     shifts = []
     for angle in (body.fibre_angle + sd, body.fibre_angle - sd):
+        if shifts and _mirrored(body):  # turned to the other side it is its own mirror image
+            shifts.append(shifts[0])
+            continue
         turned = replace(forward.parametrisation, body=replace(body, fibre_angle=angle))
         shifts.append(forward.frequencies_at(turned, state.theta) / state.frequency_hz - 1)
     even, odd = (shifts[0] + shifts[1]) / 2, (shifts[0] - shifts[1]) / 2
@@ -148,6 +151,12 @@ def _fibres(state: ForwardState, inputs: Inputs) -> list[Excursion]:
         Excursion("fibre_angle", even, "square", stated, amount),
         Excursion("fibre_angle_linear", np.where(np.abs(odd) > _SOLVED_TO, odd, 0.0), "both", stated, amount),
     ]
+
+
+def _mirrored(body: Specimen | LayeredSpecimen) -> bool:
+    """Whether a body and its supports are alike on both sides of its middle line."""
+    plain = isinstance(body, Specimen) and not body.fibre_angle and not body.springs and body.supports is None
+    return plain and all(mass.y == 0 for mass in body.masses)
 
 
 def fixed_points(responses: Sequence[int], references: Sequence[int]) -> tuple[int, ...]:

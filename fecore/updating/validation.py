@@ -36,8 +36,7 @@ class Predictor:
         rate = self.damping.fit.rates(model)
         predicted = self.damping.fit.synthesise(model, frfs.frequency_hz, frfs.quantity)
         changes = self._changes(frfs, model, rate)
-        variance = np.stack([np.sum(part**2, axis=0) for part in (changes.real, changes.imag)])
-        return predicted, variance
+        return predicted, _squares(changes)
 
     def spread(self, frfs: FrfSet) -> tuple[FloatArray, FloatArray]:
         """(N, L) standard deviations of ln|H| and of the phase in radians of predicted FRFs, noise not included.
@@ -52,8 +51,8 @@ class Predictor:
             predicted = self.damping.fit.synthesise(model, some.frequency_hz, some.quantity)
             changes = self._changes(some, model, self.damping.fit.rates(model))
             with np.errstate(divide="ignore", invalid="ignore"):  # at a zero of H nothing is known of its logarithm
-                relative = changes / predicted
-            parts.append([np.sqrt(np.sum(part**2, axis=0)) for part in (relative.real, relative.imag)])
+                changes *= 1 / predicted
+            parts.append(np.sqrt(_squares(changes)))
         log_magnitude, phase = (np.nan_to_num(np.vstack(part), nan=np.inf) for part in zip(*parts, strict=True))
         return log_magnitude, phase
 
@@ -75,24 +74,29 @@ class Predictor:
         factor = convert(omega, frfs.quantity)
         flexibility = 1 / (model.eigenvalue[:, None] - omega**2 + 1j * omega * rate[:, None])
         by_eigenvalue = -factor * flexibility**2
-        by_rate = 1j * omega * by_eigenvalue
-        A = model.residues
+        lines = np.vstack([factor * flexibility, by_eigenvalue, 1j * omega * by_eigenvalue])
+        A, m = model.residues, model.eigenvalue.size
         basis = self.damping.fit.law.basis(model.omega, model.strain)
         basis[self.damping.fit.nuisance.suspended] = 0
-        by_theta = state.residue_jacobian(frfs.responses, references) @ (factor * flexibility)
-        by_theta = by_theta + np.einsum("nk,kp,kl->pnl", A, state.eigenvalue_jacobian, by_eigenvalue, optimize=True)
-        by_law = np.einsum("nk,kp,kl->pnl", A, basis, by_rate, optimize=True)
-        by_both = np.concatenate([by_theta, by_law])
-        joint = np.einsum("pq,pnl->qnl", _root(self.covariance), by_both, optimize=True)
         shifted = self.damping.fit.nuisance.modes
-        own = A[:, shifted].T[:, :, None]
-        by_shift = (
-            own
-            * (2 * model.eigenvalue[shifted] * self.elastic.discrepancy)[:, None, None]
-            * by_eigenvalue[shifted, None]
+        p, e = len(self.covariance), shifted.size
+        weights = np.zeros(
+            (p + 2 * e, len(A), 3 * m)
+        )  # of the lines' functions, in the change of each FRF by each cause
+        weights[: self.elastic.theta.size, :, :m] = state.residue_jacobian(frfs.responses, references)
+        weights[: self.elastic.theta.size, :, m : 2 * m] = A * state.eigenvalue_jacobian.T[:, None, :]
+        weights[self.elastic.theta.size : p, :, 2 * m :] = A * basis.T[:, None, :]
+        weights[:p] = np.tensordot(_root(self.covariance).T, weights[:p], 1)
+        causes = np.arange(e)
+        shift, deviation = (
+            2 * model.eigenvalue[shifted] * self.elastic.discrepancy,
+            rate[shifted] * self.damping.discrepancy,
         )
-        by_deviation = own * (rate[shifted] * self.damping.discrepancy)[:, None, None] * by_rate[shifted, None]
-        return np.concatenate([joint, by_shift, by_deviation])
+        weights[p + causes, :, m + shifted] = (A[:, shifted] * shift).T
+        weights[p + e + causes, :, 2 * m + shifted] = (A[:, shifted] * deviation).T
+        # The weights are real: real and imaginary parts go side by side through one product of real matrices.
+        change = weights.reshape(-1, 3 * m) @ np.ascontiguousarray(lines).view(np.float64)
+        return change.view(np.complex128).reshape(len(weights), len(A), omega.size)
 
     @property
     def covariance(self) -> FloatArray:
@@ -130,6 +134,12 @@ class Predictor:
         slope, constant = np.median(pairs, axis=0)
         variance: FloatArray = constant + slope * np.abs(predicted) ** 2
         return variance
+
+
+def _squares(changes: ComplexArray) -> FloatArray:
+    """(2, N, L) sums of the squares of real and imaginary parts of (q, N, L) changes."""
+    parts = changes.view(np.float64).reshape(*changes.shape, 2)
+    return np.moveaxis(np.einsum("qnlc,qnlc->nlc", parts, parts), -1, 0)
 
 
 def agreement(frfs: FrfSet, predicted: ComplexArray) -> FrfCorrelation:
