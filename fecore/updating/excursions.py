@@ -138,7 +138,7 @@ def _fibres(state: ForwardState, inputs: Inputs) -> list[Excursion]:
     sd = inputs.standard_deviation("fibre_angle")
     if not isinstance(body, Specimen | LayeredSpecimen) or not sd:
         return []
-    shifts = []
+    shifts: list[FloatArray] = []
     for angle in (body.fibre_angle + sd, body.fibre_angle - sd):
         if shifts and _mirrored(body):  # turned to the other side it is its own mirror image
             shifts.append(shifts[0])
