@@ -121,7 +121,7 @@ def measured(truth: Truth, material: OrthotropicMaterial, rng: np.random.Generat
     body = body_of(truth, material, points)
     parametrisation = parametrise(body)
     at = np.minimum(np.array(places)[:, :2], [body.length, 1.0])
-    state = ForwardModel(body, parametrisation, tuple(points), at, 16).solve(parametrisation.prior_mean)
+    state = ForwardModel(body, parametrisation, tuple(points), at, 16, reduced=False).solve(parametrisation.prior_mean)
     hammer, sensor = tuple(Dof(point, 3) for point in points), (Dof(SENSOR, 3),) * len(points)
     model = state.frf_model(sensor, hammer)
     omega = model.omega * (1 + FREQUENCY_ERROR * rng.standard_normal(model.omega.size))
