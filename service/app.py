@@ -18,7 +18,7 @@ from fecore import __version__
 from service.access.cookie import SessionCookie
 from service.access.door import Door, Paths
 from service.composition import FINDERS, ROUTERS
-from service.db.engine import make_engine, make_sessions
+from service.db.engine import for_reading, make_engine, make_sessions
 from service.db.schema import SchemaError, require_head
 from service.errors import Unavailable
 from service.guide import router as guide
@@ -87,7 +87,8 @@ def create_app(settings: Settings) -> FastAPI:
     )
     app.state.settings, app.state.engine = settings, engine
     app.state.sessions = make_sessions(engine, project_quota_bytes=settings.project_quota_bytes)
-    app.state.changes = Changes(settings.database_url, app.state.sessions, settings.event_streams)
+    app.state.reading = make_sessions(for_reading(engine), project_quota_bytes=settings.project_quota_bytes)
+    app.state.changes = Changes(settings.database_url, app.state.reading, settings.event_streams)
     for router in ROUTERS:
         app.include_router(router, prefix=PREFIX)
     _add_health(app)

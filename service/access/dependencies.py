@@ -21,6 +21,9 @@ from service.access.tables import ApiKey, User
 from service.errors import Unauthorized
 from service.settings import Settings
 
+READING = ("GET", "HEAD")
+"""Methods of routes that change nothing."""
+
 
 async def _settings(request: Request) -> Settings:
     settings: Settings = request.app.state.settings
@@ -30,8 +33,13 @@ async def _settings(request: Request) -> Settings:
 async def _session(request: Request) -> AsyncIterator[Session]:
     """One transaction a request: committed before the answer is sent, rolled back on any error.
 
-    To begin one asks the database nothing; to end it does, and happens in a thread whatever becomes of the request.
+    To begin one asks the database nothing; to end it does, and happens in a thread whatever becomes of the request. A
+    request that only reads has nothing to end.
     """
+    if request.method in READING:
+        with request.app.state.reading() as session:
+            yield session
+        return
     transaction = request.app.state.sessions.begin()
     session = transaction.__enter__()
     try:

@@ -12,16 +12,18 @@ project, in which the user has a role. So each room states its kinds once::
 from __future__ import annotations
 
 from datetime import datetime
+from functools import cache
+from itertools import pairwise
 from typing import Any, Generic, TypeVar
 from uuid import UUID
 
-from sqlalchemy import delete, text
+from sqlalchemy import Select, bindparam, delete, select, text
 from sqlalchemy.exc import InvalidRequestError
 from sqlalchemy.orm import Session
 
 from service.access.audit import audit
-from service.access.projects import Role, project_for
-from service.access.tables import User
+from service.access.projects import Role, require_role
+from service.access.tables import Member, Project, User
 from service.db.base import Base
 from service.db.clock import transaction_time
 from service.errors import Conflict, Invalid, NotFound, not_found_as
@@ -78,15 +80,17 @@ class Lookup(Generic[Row]):
             NotFound: there is none, it is other people's, or it is deleted.
             Forbidden: the user's role is too low.
         """
-        row: Any = session.get(self._table, key)
-        if row is None:
+        chain = self._chain()
+        found = session.execute(self._query(), {"key": key, "user_id": user.id}).one_or_none()
+        if found is None:
             raise NotFound(self._kind, key)
+        *rows, project, held = found  # the row, what it belongs to, and so on
+        row: Any = rows[0]
         with not_found_as(self._kind, key):
-            owner_key = getattr(row, self._owner_key)
-            if self._owner is None:
-                project_for(session, user, owner_key, role)
-            else:
-                self._owner(session, user, owner_key, role, deleted=self._deleted_owner)
+            require_role(project, held, role)
+            for child, owner, owner_row in zip(chain, chain[1:], rows[1:], strict=False):
+                if not child._deleted_owner and getattr(owner_row, "deleted_at", None) is not None:
+                    raise NotFound(owner._kind, owner_row.id)
         if lock:
             try:
                 session.refresh(row, with_for_update={"key_share": True, "of": self._table})
@@ -94,8 +98,25 @@ class Lookup(Generic[Row]):
                 raise NotFound(self._kind, key) from None
         if not deleted and getattr(row, "deleted_at", None) is not None:
             raise NotFound(self._kind, key)
-        found: Row = row
-        return found
+        shown: Row = row
+        return shown
+
+    def _chain(self) -> list[Lookup[Any]]:
+        """This kind, the one that it belongs to, and so on."""
+        return [self, *(self._owner._chain() if self._owner is not None else ())]
+
+    @cache  # noqa: B019 - there are few kinds, and they stay
+    def _query(self) -> Select[Any]:
+        """A row with all that it belongs to and the user's role in their project, in one way to the database."""
+        chain = self._chain()
+        query = select(*(link._table for link in chain), Project, Member.role).where(
+            _key(self._table) == bindparam("key")
+        )
+        for child, owner in pairwise(chain):
+            query = query.join(owner._table, _key(owner._table) == getattr(child._table, child._owner_key))
+        query = query.join(Project, Project.id == getattr(chain[-1]._table, chain[-1]._owner_key))
+        mine = (Member.project_id == Project.id) & (Member.user_id == bindparam("user_id"))
+        return query.outerjoin(Member, mine)
 
     def named(self, session: Session, user: User, key: UUID, pointer: str) -> Row:
         """The row that a body names.
@@ -137,6 +158,10 @@ class Lookup(Generic[Row]):
         row.deleted_at, row.updated_at = deleted_at, transaction_time(session)
         session.flush()
         audit(session, user, f"{self._kind}.{act}", self._kind, row.id, self.project_of(session, row))
+
+
+def _key(table: Any) -> Any:
+    return table.id
 
 
 def purge(session: Session, user: User, row: Any, kind: str, project_id: UUID) -> None:

@@ -40,14 +40,30 @@ def project_for(
     ).one_or_none()
     if row is None:
         raise NotFound("project", project_id)
-    project, held = row
-    if project.deleted_at is not None and not resting:
-        raise NotFound("project", project_id)
+    require_role(row[0], row[1], role, resting=resting)
+    return row[0]
+
+
+def require_role(project: Project, held: str | None, role: Role, *, resting: bool = False) -> None:
+    """Refuse what a user may not do in a project.
+
+    Args:
+        project: which one.
+        held: the user's role in it; None of who is no member.
+        role: what the act needs.
+        resting: a deleted one will do, and an archived one may be changed.
+
+    Raises:
+        NotFound: it is deleted, or the user is not a member.
+        Forbidden: the user is a member of a lower role.
+        Conflict: the act would change a project that is archived.
+    """
+    if held is None or (project.deleted_at is not None and not resting):
+        raise NotFound("project", project.id)
     if _RANK[held] < _RANK[role]:
         raise Forbidden(f"this needs the role {role} in the project; yours is {held}")
     if project.archived_at is not None and role != "viewer" and not resting:
         raise Conflict('the project is archived; PATCH it with {"archived": false} to change what is in it')
-    return project
 
 
 def projects_at_work() -> Select[UUID]:

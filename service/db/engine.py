@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from sqlalchemy import Engine, create_engine, make_url
-from sqlalchemy.exc import ArgumentError
+import select
+import time
+from typing import Any
+
+from psycopg import Error as PsycopgError
+from sqlalchemy import Engine, create_engine, event, make_url
+from sqlalchemy.exc import ArgumentError, InvalidatePoolError
 from sqlalchemy.orm import Session, sessionmaker
 
 Sessions = sessionmaker[Session]
+IDLE_SECONDS = 30.0  # after which a connection is asked whether it still lives though nothing came on it
 QUOTA = "project_quota_bytes"
 """Name in `Session.info` of the bytes that one project may store."""
 
@@ -55,19 +61,56 @@ def psycopg_url(url: str) -> str:
 def make_engine(url: str, *, pool_size: int = 5, overflow: int | None = None, name: str = "modalbase") -> Engine:
     """An engine that checks a connection before it hands it out, so that a restarted server goes unnoticed.
 
+    A server that ends closes its connections, which shows on this side without asking. So only a connection on which
+    something came, or which was idle for long, is asked; asking each time costs a way to the server and back a request.
+
     Args:
         url: the database.
         pool_size: connections that are kept.
         overflow: connections beside them while all are taken; as many again by default.
         name: by which the database knows the connections.
     """
-    return create_engine(
+    engine = create_engine(
         sqlalchemy_url(url),
         pool_size=pool_size,
         max_overflow=pool_size if overflow is None else overflow,
-        pool_pre_ping=True,
         connect_args={"application_name": name, "options": "-c timezone=UTC", "connect_timeout": 10},
     )
+    event.listen(engine, "checkin", _put_back)
+    event.listen(engine, "checkout", _require_alive)
+    return engine
+
+
+def for_reading(engine: Engine) -> Engine:
+    """The same connections, for what only reads: each statement is a transaction of its own.
+
+    At PostgreSQL's level READ COMMITTED a statement sees what is committed when it begins, within a transaction or without
+    one, so nothing is lost but the ways to the server and back that begin and end a transaction.
+    """
+    return engine.execution_options(isolation_level="AUTOCOMMIT")
+
+
+def _put_back(_: Any, record: Any) -> None:
+    record.info["idle_since"] = time.monotonic()
+
+
+def _require_alive(connection: Any, record: Any, _: Any) -> None:
+    """Have the pool replace a connection whose server has gone; a new one needs no look."""
+    since = record.info.get("idle_since")
+    if since is None or (time.monotonic() - since < IDLE_SECONDS and not _something_came(connection.pgconn.socket)):
+        return
+    try:
+        connection.autocommit = True
+        connection.execute("SELECT 1")
+        connection.autocommit = False
+    except PsycopgError as error:
+        raise InvalidatePoolError from error
+
+
+def _something_came(socket: int) -> bool:
+    poll = select.poll()
+    poll.register(socket, select.POLLIN)
+    return bool(poll.poll(0))
 
 
 def make_sessions(engine: Engine, *, project_quota_bytes: int | None = None) -> Sessions:

@@ -13,7 +13,7 @@ import asyncio
 import json
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Iterable, Iterator
+from collections.abc import AsyncIterator, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from types import TracebackType
@@ -193,7 +193,8 @@ class Changes:
                 all_at = time.monotonic() + self.patience
             due, self._due = set(self._watched if everything else self._due), set()
             if due:
-                states = await anyio.to_thread.run_sync(self._read, due, limiter=self._thread)
+                known = {job_id: watched.state for job_id in due if (watched := self._watched.get(job_id))}
+                states = await anyio.to_thread.run_sync(self._read, known, limiter=self._thread)
                 self._publish(due, states)
             await asyncio.sleep(PAUSE_SECONDS)
 
@@ -206,14 +207,19 @@ class Changes:
                 watched.state = state
                 _wake(watched)
 
-    def _read(self, due: Iterable[UUID]) -> dict[UUID, Shown] | None:
+    def _read(self, known: Mapping[UUID, Shown | None]) -> dict[UUID, Shown] | None:
         """States of jobs; nothing while the database is away, for which streams wait."""
         try:
             with self._sessions() as session:
-                return {job.id: shown(job) for job in session.scalars(select(Job).where(Job.id.in_(due)))}
+                jobs = session.scalars(select(Job).where(Job.id.in_(known)))
+                return {job.id: _unless_known(job, known[job.id]) for job in jobs}
         except SQLAlchemyError as error:
             log.warning("the database does not answer; streams wait", error=str(error).split("\n", 1)[0])
             return None
+
+
+def _unless_known(job: Job, known: Shown | None) -> Shown:
+    return known if known is not None and known.version == job.version else shown(job)
 
 
 def _wake(watched: _Watched) -> None:

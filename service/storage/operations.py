@@ -3,22 +3,27 @@
 The limit travels with the session (`service.db.engine.make_sessions`), since it holds for whatever a transaction stores,
 a request's and a job's alike. A session without one has no limit: the operator's commands.
 
-Transactions that store at the same moment do not see each other's bytes: together they may pass the limit once, by what they
-store.
+Bytes are compared with the limit twice. Before they are stored, so that what has no room costs little; transactions that
+store at the same moment do not see each other's bytes then. So each compares again when it commits, one after the other
+within a project: what does not fit by then is rolled back. A project's account is held for the commit alone.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Literal
 from uuid import UUID
 
-from sqlalchemy import func, insert, select
+from sqlalchemy import event, func, insert, select
 from sqlalchemy.orm import Session
 
 from service.db.engine import QUOTA
 from service.errors import QuotaExceeded
 from service.storage.tables import StoredBytes
+
+BOOKED = "booked_bytes"
+"""Name in `Session.info` of the bytes by project that the transaction has booked."""
 
 Kind = Literal["files", "frfs", "records", "curves", "modes", "results"]
 
@@ -77,9 +82,24 @@ def book(session: Session, owner: StorageOwner, kind: Kind, size: int) -> None:
         size: how many; negative where they are removed.
 
     Raises:
-        QuotaExceeded: the project would have more bytes than it may.
+        QuotaExceeded: the project would have more bytes than it may. At the transaction's commit too.
     """
     if size > 0:
         require_room(session, owner.project_id, size)
     if size:
         session.execute(insert(StoredBytes).values(**vars(owner), kind=kind, size=size))
+    if size > 0:
+        booked: Counter[UUID] = session.info.setdefault(BOOKED, Counter())
+        booked[owner.project_id] += size
+        event.listen(session, "before_commit", _require_that_all_fits)
+
+
+def _require_that_all_fits(session: Session) -> None:
+    """What `book` cannot see: the bytes of transactions that have committed since. The lock ends with the transaction."""
+    booked: Counter[UUID] = session.info.pop(BOOKED, Counter())
+    allowed: int | None = session.info.get(QUOTA)
+    for project_id, size in sorted(booked.items()) if allowed is not None else ():
+        session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(f"storage {project_id}", 0))))
+        used = sum(used_bytes(session, project_id).values())
+        if used > allowed:
+            raise QuotaExceeded(used - size, allowed, size)

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import httpx
+import psycopg
 import pytest
 
 from benchmarks.access_laboratory import FORM, MODES, frfs, record
+from service.db.engine import psycopg_url
 from service.demo import paper
 from service.settings import Settings
 from service.supervisor import LocalService
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_of, finished, ok
+from tests.support.waiting import until
 
 QUOTA = 800_000
 
@@ -101,3 +105,29 @@ def test_an_import_whose_frfs_have_no_room_ends_with_the_reason(small: LocalServ
         assert (filler.status_code, ended["status"], ended["error"]["reason"]) == (202, "failed", "refused")
         assert "MODALBASE_PROJECT_QUOTA_BYTES" in ended["message"]
         assert ok(client.get(f"campaigns/{campaign}/frfs"), 200)["items"] == []
+
+
+def test_uploads_at_the_same_moment_do_not_pass_the_quota_together(small: LocalService) -> None:
+    """Four files of which two have room, all found to have room before any is committed."""
+    with client_of(small, "eve") as client, ThreadPoolExecutor(4) as pool:
+        project = ok(client.post("projects", json={"name": "p"}), 201)["id"]
+        campaigns = [campaign_in(client, project)[1] for _ in range(4)]  # uploads into one follow each other
+        with psycopg.connect(psycopg_url(small.settings.database_url or "")) as held:
+            held.execute("SELECT pg_advisory_xact_lock(hashtextextended(%s, 0))", [f"storage {project}"])
+            sent = [
+                pool.submit(upload, client, campaign, b"%d" % number * 300_000, dry_run=True)
+                for number, campaign in enumerate(campaigns)
+            ]
+            waiting = "SELECT count(*) = 4 FROM pg_locks WHERE locktype = 'advisory' AND NOT granted"
+            until(lambda: _asked(small, waiting), "the four uploads wait to be committed")
+            held.rollback()
+        statuses = [answer.result().status_code for answer in sent]
+        assert sorted(statuses) == [202, 202, 413, 413]
+        assert ok(client.get(f"projects/{project}/storage"), 200)["used_bytes"] == 600_000
+        stored = [len(ok(client.get(f"campaigns/{campaign}/imports"), 200)["items"]) for campaign in campaigns]
+        assert sorted(stored) == [0, 0, 1, 1]
+
+
+def _asked(service: LocalService, question: str) -> bool:
+    with psycopg.connect(psycopg_url(service.settings.database_url or "")) as connection:
+        return connection.execute(question.encode()).fetchone() == (True,)
