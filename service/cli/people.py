@@ -1,4 +1,4 @@
-"""Commands on API keys and users."""
+"""Commands on API keys and users: on the database of the service that runs here, or at one elsewhere over REST."""
 
 from __future__ import annotations
 
@@ -8,13 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from service.cli import people_remote
 from service.cli.options import Data, settings_of_running, stop_with
+from service.cli.people_remote import Remote, Url, remote_service
 
 if TYPE_CHECKING:
+    from datetime import datetime
     from pathlib import Path
 
     from sqlalchemy.orm import Session
 
+    from modalbase.client.connection import Connection
     from service.access import User
 
 keys = typer.Typer(help="API keys.", no_args_is_help=True)
@@ -52,10 +56,17 @@ def _name(text: str) -> str:
 
 @keys.command("create")
 def create(
-    name: Annotated[str, typer.Option(help="Name of the user, who is made when absent", callback=_name)],
+    name: Annotated[
+        str,
+        typer.Option(
+            help="Name of the user, who is made when absent; elsewhere, of another key of one's own", callback=_name
+        ),
+    ],
     scope: Annotated[list[str] | None, typer.Option(help="read, write, jobs, admin; all by default")] = None,
     days: Annotated[float | None, typer.Option(min=0.001, max=36500, help="Days after which it expires")] = None,
     data: Data = None,
+    remote: Remote = False,
+    url: Url = None,
 ) -> None:
     """Make an API key and print it, alone on standard output. Works while the service runs."""
     from datetime import UTC, datetime, timedelta
@@ -68,6 +79,10 @@ def create(
     if unknown := set(scopes) - set(SCOPES):
         stop_with(f"--scope {' '.join(sorted(unknown))}: there is {', '.join(SCOPES)}", 2)
     expires_at = None if days is None else datetime.now(UTC) + timedelta(days=days)
+    if (service := remote_service(remote, url)) is not None:
+        with service:
+            typer.echo(people_remote.new_key(service, name, scope, expires_at))
+        return
     with _transaction(data) as session:
         row, key = create_key(session, user_named(session, name), name, scopes, expires_at)
         audit(session, None, "api_key.create", "api_key", row.id, name=name, scopes=scopes)
@@ -75,35 +90,61 @@ def create(
 
 
 @keys.command("list")
-def list_keys(data: Data = None) -> None:
-    """List all API keys, one a line: prefix, user, name, scopes, state."""
-    from datetime import UTC, datetime
+def list_keys(data: Data = None, remote: Remote = False, url: Url = None) -> None:
+    """List all API keys, one a line: prefix, user, name, scopes, state. Elsewhere one's own, of who is no administrator."""
+    from datetime import datetime
 
     from sqlalchemy import select
 
     from service.access import ApiKey, User
 
+    if (service := remote_service(remote, url)) is not None:
+        with service:
+            for one, owner in people_remote.keys_of_all(service):
+                ends, disabled = one["expires_at"], owner is not None and owner["disabled_at"] is not None
+                state = _state(one["revoked_at"], disabled, datetime.fromisoformat(ends) if ends else None)
+                _say(
+                    one["prefix"], "-" if owner is None else owner["name"], one["name"], ",".join(one["scopes"]), state
+                )
+        return
     with _transaction(data) as session:
         for key, user in session.execute(
             select(ApiKey, User).join(User, User.id == ApiKey.user_id).order_by(ApiKey.id)
         ):
-            state = "valid"
-            if key.expires_at is not None:
-                state = (
-                    f"{'expired' if key.expires_at <= datetime.now(UTC) else 'valid until'} {key.expires_at:%Y-%m-%d}"
-                )
-            if key.revoked_at is not None or user.disabled_at is not None:
-                state = "revoked" if key.revoked_at is not None else "user disabled"
-            typer.echo("\t".join((key.prefix, user.name, key.name, ",".join(key.scopes), state)))
+            state = _state(key.revoked_at, user.disabled_at is not None, key.expires_at)
+            _say(key.prefix, user.name, key.name, ",".join(key.scopes), state)
+
+
+def _state(revoked_at: object, disabled: bool, expires_at: datetime | None) -> str:
+    from datetime import UTC, datetime
+
+    if revoked_at is not None or disabled:
+        return "revoked" if revoked_at is not None else "user disabled"
+    if expires_at is None:
+        return "valid"
+    return f"{'expired' if expires_at <= datetime.now(UTC) else 'valid until'} {expires_at:%Y-%m-%d}"
+
+
+def _say(*words: str) -> None:
+    typer.echo("\t".join(words))
 
 
 @keys.command("revoke")
-def revoke(prefix: Annotated[str, typer.Argument(help="As `keys list` shows it")], data: Data = None) -> None:
+def revoke(
+    prefix: Annotated[str, typer.Argument(help="As `keys list` shows it")],
+    data: Data = None,
+    remote: Remote = False,
+    url: Url = None,
+) -> None:
     """Revoke an API key: from now on it opens nothing."""
     from sqlalchemy import func, select
 
     from service.access import ApiKey, audit
 
+    if (service := remote_service(remote, url)) is not None:
+        with service:
+            people_remote.revoke(service, prefix)
+        return
     with _transaction(data) as session:
         key = session.scalars(select(ApiKey).where(ApiKey.prefix == prefix)).one_or_none()
         if key is None:
@@ -114,28 +155,37 @@ def revoke(prefix: Annotated[str, typer.Argument(help="As `keys list` shows it")
 
 
 @users.command("list")
-def list_users(data: Data = None) -> None:
-    """List all users, one a line: name, state, and `administrator` of who is one."""
+def list_users(data: Data = None, remote: Remote = False, url: Url = None) -> None:
+    """List all users, one a line: name, state, and `administrator` of who is one. Elsewhere for administrators."""
     from sqlalchemy import select
 
     from service.access import User
 
+    if (service := remote_service(remote, url)) is not None:
+        with service:
+            for one in sorted(service.pages("users"), key=lambda found: str(found["name"])):
+                _say_user(one["name"], one["disabled_at"], one["administrator"])
+        return
     with _transaction(data) as session:
         for user in session.scalars(select(User).order_by(User.name)):
-            words = [user.name, "enabled" if user.disabled_at is None else "disabled"]
-            typer.echo("\t".join([*words, "administrator"] if user.administrator else words))
+            _say_user(user.name, user.disabled_at, user.administrator)
+
+
+def _say_user(name: str, disabled_at: object, administrator: bool) -> None:
+    state = "enabled" if disabled_at is None else "disabled"
+    _say(name, state, *(["administrator"] if administrator else []))
 
 
 @users.command("disable")
-def disable(name: str, data: Data = None) -> None:
+def disable(name: str, data: Data = None, remote: Remote = False, url: Url = None) -> None:
     """Disable a user: their keys open nothing until they are enabled again."""
-    _set_disabled(name, data, disabled=True)
+    _set_disabled(name, data, remote_service(remote, url), disabled=True)
 
 
 @users.command("enable")
-def enable(name: str, data: Data = None) -> None:
+def enable(name: str, data: Data = None, remote: Remote = False, url: Url = None) -> None:
     """Enable a user who was disabled."""
-    _set_disabled(name, data, disabled=False)
+    _set_disabled(name, data, remote_service(remote, url), disabled=False)
 
 
 @users.command("promote")
@@ -159,11 +209,15 @@ def _set_administrator(name: str, data: Path | None, *, administrator: bool) -> 
         audit(session, None, "user.promote" if administrator else "user.demote", "user", user.id)
 
 
-def _set_disabled(name: str, data: Path | None, *, disabled: bool) -> None:
+def _set_disabled(name: str, data: Path | None, service: Connection | None, *, disabled: bool) -> None:
     from sqlalchemy import func
 
     from service.access import audit
 
+    if service is not None:
+        with service:
+            people_remote.set_disabled(service, name, disabled=disabled)
+        return
     with _transaction(data) as session:
         user = _user(session, name)
         user.disabled_at = func.now() if disabled else None

@@ -98,7 +98,9 @@ def _require_that_all_fits(session: Session) -> None:
     """What `book` cannot see: the bytes of transactions that have committed since. The lock ends with the transaction."""
     booked: Counter[UUID] = session.info.pop(BOOKED, Counter())
     allowed: int | None = session.info.get(QUOTA)
-    for project_id, size in sorted(booked.items()) if allowed is not None else ():
+    if allowed is None:
+        return
+    for project_id, size in sorted(booked.items()):
         session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(f"storage {project_id}", 0))))
         used = sum(used_bytes(session, project_id).values())
         if used > allowed:

@@ -68,6 +68,39 @@ def test_keys_are_listed_and_revoked_and_users_disabled(service: LocalService, m
     assert "there is read, write, jobs, admin" in command("keys", "create", "--name", "x", "--scope", "all", code=2)
 
 
+def test_the_same_commands_over_rest(service: LocalService, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """With an administrator's key at a service elsewhere: no database is named, and none is opened here."""
+    chief, plain = service.new_key("olga", administrator=True), service.new_key("paul")
+    place = {"MODALBASE_PROFILE": str(tmp_path / "none"), "MODALBASE_DATA": str(tmp_path / "data")}
+    for name, value in place.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.delenv("MODALBASE_DATABASE_URL", raising=False)
+
+    def command(*words: str, key: str = chief, code: int = 0) -> str:
+        ended = CliRunner().invoke(app, [*words, "--url", service.url], env={"MODALBASE_API_KEY": key})
+        assert ended.exit_code == code, ended.output or str(ended.exception)
+        return ended.output or str(ended.exception)
+
+    assert {"olga\tenabled\tadministrator", "paul\tenabled"} <= set(command("users", "list").splitlines())
+    assert "administrator" in command("users", "list", key=plain, code=1)
+    made = command("keys", "create", "--name", "second", "--scope", "read", "--days", "2", key=plain).strip()
+    prefix = made.split("_")[1]
+    assert f"{prefix}\t-\tsecond\tread\tvalid until 2" in command("keys", "list", key=plain)
+    assert plain.split("_")[1] + "\t" not in command("keys", "list", key=service.new_key("quin"))
+    assert f"{prefix}\tpaul\tsecond\tread\tvalid until 2" in command("keys", "list")
+    command("keys", "revoke", prefix)
+    assert f"{prefix}\tpaul\tsecond\tread\trevoked" in command("keys", "list")
+    assert "keys list" in command("keys", "revoke", "nobody", code=1)
+    command("users", "disable", "paul")
+    assert f"{plain.split('_')[1]}\tpaul\tpaul\tread,write,jobs,admin\tuser disabled" in command("keys", "list")
+    command("users", "enable", "paul")
+    assert "users list" in command("users", "disable", "nobody", code=1)
+    monkeypatch.setenv("MODALBASE_URL", service.url)
+    monkeypatch.setenv("MODALBASE_API_KEY", chief)
+    assert "paul\tenabled" in CliRunner().invoke(app, ["users", "list", "--remote"]).output
+    assert not (tmp_path / "data").exists()
+
+
 def looked_at(database: str, subject: str) -> list[Finding]:
     found = examine(Settings(database_url=database), stored=False)
     return [finding for finding in found if finding.subject == subject]
