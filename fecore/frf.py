@@ -109,6 +109,10 @@ class FrfSet:
         """(L,) circular frequency of the lines, rad/s."""
         return 2 * np.pi * self.frequency_hz
 
+    def conjugated(self) -> FrfSet:
+        """The conjugates, which have exp(+iωt) where these have exp(-iωt)."""
+        return replace(self, values=self.values.conj())
+
     def unmeasured_at(self, gaps: BoolArray) -> FrfSet:
         """The same FRFs with (N, L) more values taken as not measured."""
         return replace(self, measured=self.measured & ~gaps)

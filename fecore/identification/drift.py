@@ -19,6 +19,7 @@ from fecore.identification.basis import Terms, columns
 from fecore.identification.gains import in_band
 from fecore.identification.refinement import Fit, frequency_slope
 from fecore.identification.residues import weights
+from fecore.identification.shapes import of_rank_two
 
 _FEWEST = 4  # FRFs of which a drift can be found
 _CLEAR = 4.0  # mean square of the drifts over their own variance from which they are believed
@@ -41,8 +42,13 @@ class Drift:
 
 def drift_of(arrangement: Arrangement, fit: Fit) -> Drift | None:
     """The drift of each FRF against the series; None where it is within its own uncertainty."""
+    if len(arrangement.pairs) < _FEWEST:
+        return None
     inside = in_band(arrangement, fit.terms.frequency_hz)
-    if len(arrangement.pairs) < _FEWEST or not inside.any():
+    inside &= ~of_rank_two(
+        arrangement, *fit.residues()
+    )  # two modes in one pole move it from FRF to FRF without any drift
+    if not inside.any():
         return None
     slope = frequency_slope(arrangement, fit, inside)
     weight = weights(arrangement, fit.variance)

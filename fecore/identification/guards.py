@@ -43,6 +43,8 @@ _COLLINEAR = 0.6  # modal phase collinearity below which a shape is hardly that 
 _STRONG = 100.0  # ratio from which a complex shape is believed
 _FEW_POINTS = 4  # FRFs below which heights and shapes say little
 _NARROW = 1.0  # lines in the half-power bandwidth below which a mode is no wider than a tone
+_MAINS_WANDER = 0.001  # of the mains frequency: 50 mHz of 50 Hz, the band of ordinary operation in Europe
+_ON_A_LINE = 0.2  # lines between a tone and a line of the transform up to which it is faint two lines off
 _PRODUCT = 0.8  # MAC with the product of two shapes from which a pole at their sum is their distortion
 _FEWEST_OF_A_PRODUCT = 6  # FRFs in which shapes and their products are distinguished
 _EDGE = 0.5  # half bandwidths (and lines) from the end of the band
@@ -163,11 +165,26 @@ def _doubt(arrangement: Arrangement, fit: Fit, k: int, witnesses: Witnesses, hei
             " the FRFs: what the large ones leave by non-linearity or leakage may look like it (it comes back in"
             f" {100 * stable:.0f} % of the orders)"
         )
-    mains = [base * round(f / base) for base in MAINS_HZ if round(f / base) and abs(f - base * round(f / base)) < line]
-    if mains and 2 * zeta * f < _NARROW * line:
-        return f"it is as narrow as a tone and lies at {mains[0]:g} Hz, a multiple of the mains frequency"
+    if 2 * zeta * f < _NARROW * line and (tone := _hum(arrangement, f)) is not None:
+        return f"it is as narrow as a tone and lies at {tone:g} Hz, a multiple of the mains frequency"
     if min(f - low, high - f) < _EDGE * max(zeta * f, line) and need.evidence < _WEAK_PRICE:
         return "it lies at the end of the band, where half of its resonance is missing"
+    return None
+
+
+def _hum(arrangement: Arrangement, frequency_hz: float) -> float | None:
+    """The multiple of the mains frequency that may look like a narrow pole, Hz, or None.
+
+    It lies within half a line of the pole. A tone on a line of the transform is seen on that line and its neighbours alone,
+    whatever the window, and a pole that rests on them is refused; so what is left to look like a resonance, with tails, is a
+    tone between the lines.
+    """
+    line = arrangement.spacing_hz
+    for base in MAINS_HZ:
+        tone = base * round(frequency_hz / base)
+        off = float(np.min(np.abs(arrangement.frequency_hz - tone)))
+        if tone and abs(frequency_hz - tone) < line / 2 and off + _MAINS_WANDER * tone > _ON_A_LINE * line:
+            return float(tone)
     return None
 
 

@@ -24,9 +24,11 @@ from fecore.identification.arrangement import Arrangement
 from fecore.identification.basis import poles
 from fecore.identification.drift import Drift, sessions
 from fecore.identification.guards import Verdict, Witnesses, judge
+from fecore.identification.leakage import leakage
 from fecore.identification.noise import believable, line_scatter, rough_variance
 from fecore.identification.orders import comes_back
-from fecore.identification.pole_search import final_fit, leakage, search_poles
+from fecore.identification.parting import part
+from fecore.identification.pole_search import final_fit, search_poles
 from fecore.identification.refinement import Fit
 from fecore.identification.remarks import remarks, unexplained
 from fecore.identification.result import Found, Identification, RefusedPole
@@ -110,6 +112,8 @@ def identify(
     refused = (*verdict.refused, *(RefusedPole(*pole) for pole in sifted.dropped))
     if not verdict.kept.size:
         raise IdentificationError(_nothing(arrangement, diagram, refused))
+    fit, verdict, parted = part(arrangement, fit, verdict)
+    notes += parted
     shapes = _shapes(arrangement, fit, verdict)
     notes += [f"no mode at {p.frequency_hz:.2f} Hz: {p.reason}" for p in refused]
     notes += [

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from fecore.arrays import FloatArray
 from fecore.identification.arrangement import Arrangement
@@ -28,9 +27,6 @@ from fecore.identification.sifting import Sifted, sift, without_twins
 _CLEANER = 0.1  # errors over those supposed, from which more can be seen than was looked for
 _RELEARN = 3  # rounds in which the errors are learnt anew
 _MANY = 64  # FRFs from which the poles of the combinations are taken for near enough
-_DROWNED = 0.3  # square of the jumps from line to line over the power: nothing but noise
-_RAISED = 10.0  # power at 0 Hz over that at the end of such lines, from which they are leakage
-_FEWEST = 3  # lines that leakage at 0 Hz takes at least
 _ALIGN = 8  # most turns of drift and poles
 _LAST = 2  # steps with all of many FRFs: their combinations have come near already
 _STILL = 0.05  # of the whole drift: what is left below it is at rest
@@ -45,30 +41,6 @@ class Searched:
     search: Search
     sifted: Sifted
     said: tuple[str, ...]
-
-
-def leakage(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
-    """Leave out the lines next to 0 Hz in which the FRFs jump from line to line as noise does, and rise towards 0 Hz."""
-    values = arrangement.values
-    if values.shape[1] < 10 * _FEWEST:
-        return arrangement, []
-    power = np.sum(np.abs(values) ** 2, axis=0)
-    jump = np.sum(np.abs(values[:, 1:-1] - (values[:, :-2] + values[:, 2:]) / 2) ** 2, axis=0) / 1.5
-    around = (power[:-2] + power[1:-1] + power[2:]) / 3
-    rough = median_filter(jump / np.maximum(around, 1e-300), size=5, mode="nearest")
-    smooth = np.flatnonzero(rough < _DROWNED)
-    first = int(smooth[0]) + 1 if smooth.size else 0
-    if first < _FEWEST or np.mean(power[:_FEWEST]) < _RAISED * power[first]:
-        return arrangement, []
-    cut = replace(
-        arrangement,
-        frequency_hz=arrangement.frequency_hz[first:],
-        values=values[:, first:],
-        measured=arrangement.measured[:, first:],
-        variance=arrangement.variance[:, first:],
-    )
-    at = cut.frequency_hz[0]
-    return cut, [f"leakage below {at:g} Hz left out: the FRFs jump from line to line there and rise towards 0 Hz"]
 
 
 def search_poles(

@@ -9,11 +9,10 @@ from fecore.arrays import FloatArray
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.guards import WEAK, Verdict, shares
 from fecore.identification.refinement import Fit
-from fecore.identification.shapes import Shapes, residue_matrix
+from fecore.identification.shapes import Shapes, of_rank_two
 
 _FEW_LINES = 2.0  # lines in the half-power bandwidth below which the damping is not resolved
 _COMPLEX = 0.8  # modal phase collinearity below which a mode is called complex
-_SECOND_SHAPE = 0.1  # second singular value of the residues over the first from which there are two modes
 _UNEXPLAINED = 4.0  # mean square of the residual over the noise, over five lines, that is worth saying
 _CLOSE = 1.5  # distance of two modes in their mean bandwidth from which their shapes mix little
 
@@ -62,21 +61,14 @@ def unexplained(arrangement: Arrangement, fit: Fit, rough: FloatArray) -> list[s
 
 
 def _rank_two(arrangement: Arrangement, fit: Fit, verdict: Verdict) -> list[str]:
-    """Poles whose residues against several fixed dofs are not one shape: two modes at one frequency."""
-    if len(arrangement.roving) * len(arrangement.fixed) != len(arrangement.pairs) or len(arrangement.fixed) < 2:
-        return []
-    residues, variance = fit.residues()
-    size = np.sqrt(len(arrangement.roving)) + np.sqrt(len(arrangement.fixed))
-    notes = []
-    for number, k in enumerate(verdict.kept, start=1):
-        singular = np.linalg.svd(residue_matrix(arrangement, residues[:, k]), compute_uv=False)
-        noise = size * np.sqrt(np.mean(variance[:, k]))  # about the largest singular value of noise alone
-        if singular[1] > 5 * noise and singular[1] > _SECOND_SHAPE * singular[0]:
-            notes.append(
-                f"mode {number} ({fit.terms.frequency_hz[k]:.2f} Hz): its residues against the fixed dofs are of rank two:"
-                " two modes at one frequency, of which the stronger shape is given"
-            )
-    return notes
+    """Poles whose residues against several fixed dofs are not one shape, and which the data did not part."""
+    two = of_rank_two(arrangement, *fit.residues())
+    return [
+        f"mode {number} ({fit.terms.frequency_hz[k]:.2f} Hz): its residues against the fixed dofs are of rank two:"
+        " two modes at one frequency, of which the stronger shape is given"
+        for number, k in enumerate(verdict.kept, start=1)
+        if two[k]
+    ]
 
 
 def _driving_points(arrangement: Arrangement, fit: Fit, verdict: Verdict) -> list[str]:

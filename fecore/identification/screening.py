@@ -17,6 +17,7 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
 from fecore.identification.arrangement import Arrangement, arrange, pair_label
+from fecore.identification.causality import turned_backwards
 
 _FEWEST_LINES = 16  # that an FRF must have in the band
 _SPIKE = 400.0  # jump squared over the local median of jumps squared
@@ -30,6 +31,11 @@ _RAISED = 2.0  # neighbours of a true resonance stand this much above the lines 
 _LIKE = 0.5  # correlation from which two reciprocal FRFs may be the same beside drift and hits off the point
 _SAME = 0.9  # correlation from which two FRFs between the same dofs are the same FRF
 _DEAD = 1e-9  # of the strongest record's rms: below it a channel is dead
+_CONJUGATES = (
+    "the FRFs are conjugates: from line to line they turn anti-clockwise, as no passive structure does with exp(+iωt)"
+    " (written with exp(-iωt), or the wrong channel of the cross spectrum conjugated); they were conjugated back,"
+    " write them with exp(+iωt)"
+)
 
 
 @dataclass(frozen=True)
@@ -55,6 +61,7 @@ class Screened:
         warnings: what a user should know.
         kept: (n,) numbers, among the FRFs handed in, of those that may be used: copies that were averaged too.
         measured: (n, L) which of their values may be used.
+        conjugated: whether the FRFs handed in are conjugates, which `arrangement` holds conjugated back.
     """
 
     arrangement: Arrangement
@@ -62,6 +69,7 @@ class Screened:
     warnings: tuple[str, ...]
     kept: IntArray
     measured: BoolArray
+    conjugated: bool = False
 
 
 def screen(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None = None) -> Screened:
@@ -85,6 +93,10 @@ def screen(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None 
     out = [Refused(arrangement.label(r), why) for r, why in refused.items()]
     if refused:
         arrangement = arrangement.without(list(refused))
+    conjugated = turned_backwards(arrangement if band_hz is None else _alive(arrange(sets)))
+    if conjugated:  # judged by all lines: a band about an antiresonance alone turns the other way
+        arrangement = replace(arrangement, values=arrangement.values.conj())
+        notes.append(_CONJUGATES)
     arrangement, spikes = _without_spikes(arrangement)
     merged, drop, notes_on_doubles = _merge_repeated(arrangement)
     out += [fault for fault in drop.values() if fault is not None]
@@ -95,6 +107,7 @@ def screen(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None 
         warnings=tuple(notes + spikes + notes_on_doubles),
         kept=arrangement.source[kept],
         measured=arrangement.measured[kept],
+        conjugated=conjugated,
     )
 
 
@@ -130,6 +143,12 @@ def _without_zeros(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
         words = lines_in_words(arrangement.frequency_hz[marked[row]])
         notes.append(f"{arrangement.label(int(row))} is exactly zero at {words}: taken as not measured")
     return replace(arrangement, measured=measured), notes
+
+
+def _alive(arrangement: Arrangement) -> Arrangement:
+    """The FRFs without those that cannot be used."""
+    refused = _unusable(arrangement)
+    return arrangement.without(list(refused)) if 0 < len(refused) < len(arrangement.pairs) else arrangement
 
 
 def _unusable(arrangement: Arrangement) -> dict[int, str]:

@@ -12,9 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.identification.arrangement import Arrangement
 
+_SECOND_SHAPE = 0.1  # second singular value of the residues over the first from which there are two modes
+_ABOVE_NOISE = 5.0  # largest singular values of noise alone that the second one must reach
 _ITERATIONS = 60  # of the rank-one fit, at most
 _SURE = 4.0  # standard deviations that a driving-point residue must be above zero to normalise by it
 
@@ -97,6 +99,19 @@ def residue_matrix(arrangement: Arrangement, residues: ComplexArray) -> ComplexA
     matrix = np.full((len(arrangement.roving), len(arrangement.fixed)), np.nan, dtype=complex)
     matrix[arrangement.row[:, 0], arrangement.row[:, 1]] = residues
     return matrix
+
+
+def of_rank_two(arrangement: Arrangement, residues: ComplexArray, variance: FloatArray) -> BoolArray:
+    """(n,) whether the residues (N, n) of each pole against several fixed dofs are two shapes: two modes at one frequency."""
+    p, m = len(arrangement.roving), len(arrangement.fixed)
+    two = np.zeros(residues.shape[1], dtype=bool)
+    if p * m != len(arrangement.pairs) or min(p, m) < 2:
+        return two
+    for k in range(two.size):
+        singular = np.linalg.svd(residue_matrix(arrangement, residues[:, k]), compute_uv=False)
+        noise = (np.sqrt(p) + np.sqrt(m)) * np.sqrt(np.mean(variance[:, k]))  # about the largest value of noise alone
+        two[k] = singular[1] > _ABOVE_NOISE * noise and singular[1] > _SECOND_SHAPE * singular[0]
+    return two
 
 
 def _rank_one(

@@ -106,6 +106,7 @@ def prepare(
     if not kept:
         raise IdentificationError(f"no FRF that is to be fitted is usable: {'; '.join(_refusals(screened))}")
     frfs = frfs.select(list(place)).unmeasured_at(~screened.measured)
+    frfs = frfs.conjugated() if screened.conjugated else frfs
     warnings = (*warnings, *still, *screened.warnings, *_refusals(screened))
     fitted, held = frfs.select(kept), frfs.select(held_rows) if held_rows else None
     modes, found = None, None

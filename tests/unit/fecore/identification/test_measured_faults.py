@@ -16,13 +16,15 @@ from fecore.frf import Dof, FrfSet
 from fecore.identification import Found, identify
 from fecore.identification.arrangement import arrange
 from fecore.identification.basis import Terms
+from fecore.identification.causality import turned_backwards
 from fecore.identification.compression import compress
 from fecore.identification.drift import drift_of
 from fecore.identification.error_model import memory
+from fecore.identification.leakage import leakage
 from fecore.identification.lscf import lscf
 from fecore.identification.noise import line_scatter, rough_variance
-from fecore.identification.pole_search import leakage
 from fecore.identification.refinement import evaluate, refine
+from fecore.identification.screening import screen
 from fecore.identification.sifting import has_own_shape
 from tests.support.beams import ABOVE_HZ, ABOVE_ZETA, PAPER_HZ, PAPER_ZETA, paper_frfs
 from tests.support.places import shared_file
@@ -80,6 +82,45 @@ def test_half_of_the_numbers_is_refused_by_name(part: str, said: str) -> None:
     only = getattr(frfs.values, part) * (1 if part == "real" else 1j)
     with pytest.raises(IdentificationError, match=said):
         identify(replace(frfs, values=only.astype(complex)))
+
+
+@pytest.mark.parametrize("kind", ["bridge", "plate"])
+def test_conjugates_are_conjugated_back_and_named(kind: str) -> None:
+    draw = KINDS[kind](7)
+    turned = identify(draw.frfs.conjugated())
+    assert_found(turned.found, draw)
+    assert any("the FRFs are conjugates" in w for w in turned.warnings)
+    assert np.allclose(turned.modes.frequency_hz, identify(draw.frfs).modes.frequency_hz, rtol=1e-9)
+
+
+def test_the_sense_is_judged_by_all_lines_and_noise_has_none() -> None:
+    hz, f = np.arange(50.0, 250.0, 0.5), np.array([[100.0], [200.0]])
+    resonances = 1 / (f**2 - hz**2 + 0.04j * f * hz)
+    frfs = FrfSet(hz, resonances.sum(axis=0)[None], (Dof(1, 3),), (Dof(1, 3),), "receptance")
+    antiresonance = (140.0, 175.0)  # where a driving point turns the other way
+    assert turned_backwards(arrange(frfs, antiresonance))
+    assert not screen(frfs, antiresonance).conjugated
+    assert screen(frfs.conjugated(), antiresonance).conjugated
+    rng = np.random.default_rng(1)
+    values = rng.standard_normal((4, 400)) + 1j * rng.standard_normal((4, 400))
+    dofs = tuple(Dof(i + 1, 3) for i in range(4))
+    assert not turned_backwards(arrange(FrfSet(np.arange(1.0, 401.0), values, dofs, (Dof(9, 3),) * 4)))
+
+
+def test_a_narrow_mode_beside_a_multiple_of_the_mains_is_a_mode() -> None:
+    """Lines 1.25 Hz apart: a hum of 100 Hz lies on one of them and has no tails, so what has tails is a mode."""
+    rng = np.random.default_rng(2)
+    hz, f = np.arange(1.25, 400.0, 1.25), np.array([100.5, 180.0, 290.0])
+    s, w = 2j * np.pi * hz, 2 * np.pi * f[:, None]
+    values = rng.standard_normal((10, 3)) @ (s**2 / (s**2 + 0.003 * w * s + w**2))
+    values = values + 0.02 * (rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape))
+    dofs = tuple(Dof(i + 1, 3) for i in range(10))
+    frfs = FrfSet(hz, values, dofs, (Dof(99, 3),) * 10)
+    assert identify(frfs).modes.frequency_hz == pytest.approx(f, rel=1e-3)
+    # stretched so that 300 Hz lies between the lines and beside the third pole
+    doubtful = identify(replace(frfs, frequency_hz=hz * 300.2 / 290.0)).doubtful
+    assert doubtful is not None
+    assert "mains" in str(doubtful.doubt)
 
 
 def test_what_a_weak_non_linearity_makes_of_modes_is_doubtful() -> None:
