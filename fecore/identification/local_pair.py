@@ -179,7 +179,15 @@ def band_about(
         return None
     own = values[:, use][place]
     weight = 2 / variance[:, use][place].mean(axis=0)
-    return Band(arrangement.omega[use], arrangement.power, own, weight, place, f, zeta)
+    return Band(
+        omega=arrangement.omega[use],
+        power=arrangement.power,
+        values=own,
+        weight=weight,
+        place=place,
+        frequency_hz=f,
+        damping_ratio=zeta,
+    )
 
 
 def _unpacked(theta: FloatArray, seen: ComplexArray, free: np.ndarray) -> tuple[FloatArray, FloatArray, ComplexArray]:
