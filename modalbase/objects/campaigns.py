@@ -17,6 +17,7 @@ from modalbase.objects.table import Table
 from modalbase.objects.thing import Editable, Thing
 
 if TYPE_CHECKING:
+    from modalbase.formats.records import Place
     from modalbase.objects.frfs import Frfs
 
 POINT = ("label", "x_m", "y_m", "z_m")
@@ -108,6 +109,42 @@ class Campaign(Editable):
             `items`, the stored blocks, and `hits`, the judgement of each hit.
         """
         return self._send_records(Path(file), mapping, dry_run=False)
+
+    def add_sep005(
+        self,
+        series: Mapping[str, Any] | Sequence[Mapping[str, Any]],
+        places: Mapping[str, Place | int],
+        *,
+        hit: int | None = None,
+        sensitivities: Mapping[str, float] | None = None,
+    ) -> dict[str, Any]:
+        """Send time series of SDyPy's SEP 5 as time blocks of hits.
+
+        Args:
+            series: a dict with `data`, `fs` or `time`, `name` and `unit_str`, or a list of them; one measures a force.
+            places: grid point of each channel by its name, or a `Place` with its direction.
+            hit: number of the first hit; None counts on from those that the point has.
+            sensitivities: volts per SI unit of channels in V, by name.
+
+        Returns:
+            `items`, the stored blocks, and `hits`, the judgement of each hit.
+
+        Raises:
+            FormatError: the series are not what SEP 5 says, or unlike one another.
+            ClientError: the service refuses them.
+        """
+        from modalbase.formats.records.arrays import arrays_of
+        from modalbase.formats.records.sep005 import records_from_sep005
+
+        blocks = records_from_sep005(series, places, hit=hit, sensitivities=sensitivities)
+        content, mapping = arrays_of(blocks, numbered=hit is not None)
+        return self.lab.rest.create_records(  # type: ignore[no-any-return]  # a JSON object
+            self.fields["id"],
+            filename="sep005.npz",
+            mapping=json.dumps(mapping),
+            content=content,
+            content_type="application/x-npz",
+        )
 
     def propose_mapping(self, file: str | Path) -> dict[str, Any]:
         """What a file of time blocks holds, and a mapping to look through; nothing is stored."""

@@ -21,6 +21,14 @@ class Record(Thing):
         with np.load(BytesIO(content)) as arrays:
             return arrays["time_s"], arrays["samples"]
 
+    def sep005(self) -> dict[str, Any]:
+        """The block as a time series of SDyPy's SEP 5, with its place and hit in fields of their own."""
+        from modalbase.formats.records.blocks import TimeBlock
+        from modalbase.formats.records.sep005 import records_to_sep005
+
+        known = {name: self.fields[name] for name in TimeBlock.__dataclass_fields__ if name != "samples"}
+        return records_to_sep005([TimeBlock(**known, samples=self.samples()[1])])[0]
+
     def delete(self) -> None:
         """Delete it for good."""
         self.lab.rest.delete_record(self.fields["id"])

@@ -4,16 +4,20 @@ in SI.
 
 from modalbase.formats.records.blocks import TimeBlock
 from modalbase.formats.records.mapping import ChannelMapping, Mapping, blocks_of, propose, read_mapping
+from modalbase.formats.records.sep005 import Place, records_from_sep005, records_to_sep005
 from modalbase.formats.records.variables import SUFFIXES, Variables, read_variables
 
 __all__ = [
     "SUFFIXES",
     "ChannelMapping",
     "Mapping",
+    "Place",
     "TimeBlock",
     "Variables",
     "blocks_of",
     "propose",
     "read_mapping",
     "read_variables",
+    "records_from_sep005",
+    "records_to_sep005",
 ]
