@@ -1,4 +1,4 @@
-"""Time blocks of hammer hits to FRFs with variance: blocks, pulse, traits, comparison, judgement, windows,
+"""Time blocks of hammer hits to FRFs with variance: blocks, pulse, traits, comparison, judgement, heights, windows,
 estimators, process.
 """
 
@@ -8,6 +8,7 @@ from fecore.processing.delay import Delay, estimate_delay
 from fecore.processing.document import Processed, Processing
 from fecore.processing.each_hit import EachHit, each_hit
 from fecore.processing.estimators import Estimate, Estimator, estimate
+from fecore.processing.heights import Strip
 from fecore.processing.judgement import Criterion, Finding, Limits, Verdict, overrule
 from fecore.processing.look import Look, look
 from fecore.processing.process import process
@@ -30,6 +31,7 @@ __all__ = [
     "Processed",
     "Processing",
     "Source",
+    "Strip",
     "Verdict",
     "Windows",
     "by_point",

@@ -26,6 +26,9 @@ BANDS = 32  # of an FRF, compared one by one
 FEWEST = 3
 """Hits of one point below which nobody can say which is wrong."""
 
+HIGHEST = 4.0
+"""Height over the point's median hit from which a sensitivity or range was another; a place 12 mm off changes it by tenths."""
+
 _MOST_EXCHANGED = 12  # rows that are sorted by exchanges
 MOST_LINES = 2048  # that are compared; of more, every k-th
 _CAMPAIGN = 10.0  # hits of its own point that what is usual in the campaign is worth
@@ -39,11 +42,18 @@ class Deviation:
 
     Attributes:
         likeness: correlation of its FRF with the median, -1 to 1; negative is the opposite sign.
+        height: its FRF over that of the point's median hit, as geometric mean over the bands.
         energy: (BANDS,) sum of |H_i - H̄_i|² in each band, times (h - 1)/h.
     """
 
     likeness: float
+    height: float
     energy: FloatArray
+
+    @property
+    def comparable(self) -> bool:
+        """Whether its distance says where it was hit: neither its sign nor its height is another."""
+        return self.likeness > 0 and 1 / HIGHEST < self.height < HIGHEST
 
 
 @dataclass(frozen=True)
@@ -51,6 +61,7 @@ class Comparison:
     """The same on the campaign's scale: `distance` in typical distances; see the module."""
 
     likeness: float
+    height: float
     distance: float
 
 
@@ -83,7 +94,9 @@ def deviations(forces: ComplexArray, responses: ComplexArray) -> list[Deviation]
     )
     weight = 1 / np.maximum(power, 1e-300)  # each band counts alike
     likeness = both @ weight / np.maximum(np.sqrt((own @ weight) * (power @ weight)), 1e-300)
-    return [Deviation(float(a), e) for a, e in zip(likeness, energy, strict=True)]
+    level = np.log(np.maximum(own, 1e-300)) / 2
+    height = np.exp((level - _median(_sorted(level))).mean(axis=1))
+    return [Deviation(float(a), float(s), e) for a, s, e in zip(likeness, height, energy, strict=True)]
 
 
 def _sorted(values: FloatArray) -> FloatArray:
@@ -122,20 +135,20 @@ def compare(found: Sequence[Sequence[Deviation | None]]) -> list[list[Comparison
     Few hits make an uncertain scale: the distance is lessened by 1 + 3/h for h hits in all. Where half of a point's
     hits would be far, nobody can say which of them are right, and none of them is far.
     """
-    known = [d for point in found for d in point if d is not None and d.likeness > 0]
+    known = [d for point in found for d in point if d is not None and d.comparable]
     if not known:
-        return [[None if d is None else Comparison(d.likeness, 0.0) for d in point] for point in found]
+        return [[None if d is None else Comparison(d.likeness, d.height, 0.0) for d in point] for point in found]
     energies = np.sort(np.array([d.energy for d in known]), axis=0)
     usual = energies[: max(int(_TRIM * len(known)), 2)].mean(axis=0)
     usual = np.maximum(usual, 1e-12 * max(float(usual.max()), 1e-300))
     far = [_roots([None if d is None else d.energy / usual for d in point]) for point in found]
     middle = [
-        f for point, ds in zip(far, found, strict=True) for f, d in zip(point, ds, strict=True) if d and d.likeness > 0
+        f for point, ds in zip(far, found, strict=True) for f, d in zip(point, ds, strict=True) if d and d.comparable
     ]
     unit = float(np.median(middle)) * (1 + _FEW / len(known))
     return [
         [
-            None if d is None else Comparison(d.likeness, f / unit if unit > 0 else 0.0)
+            None if d is None else Comparison(d.likeness, d.height, f / unit if unit > 0 else 0.0)
             for d, f in zip(ds, point, strict=True)
         ]
         for ds, point in zip(found, far, strict=True)

@@ -11,6 +11,7 @@ from fecore.frf import Dof, FrfSet
 from fecore.processing.coupling import Coupling
 from fecore.processing.delay import Delay
 from fecore.processing.estimators import Estimator, check_estimator
+from fecore.processing.heights import Strip
 from fecore.processing.judgement import Limits, Verdict
 from fecore.processing.windows import Windows
 
@@ -27,6 +28,7 @@ class Processing:
         delay_s: time by which the response lags the force, to be taken out of the FRFs.
         limits: what a hit may show.
         overrules: a user's decisions by hit (force dof, number): True uses it, False leaves it out.
+        strip: what is known of the body, where it is a strip: its FRFs' height is then checked.
     """
 
     estimator: Estimator = "H1"
@@ -35,6 +37,7 @@ class Processing:
     delay_s: float = 0.0
     limits: Limits = field(default_factory=Limits)
     overrules: Mapping[tuple[Dof, int], bool] = field(default_factory=dict)
+    strip: Strip | None = None
 
     def __post_init__(self) -> None:
         check_estimator(self.estimator)

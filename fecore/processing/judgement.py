@@ -1,4 +1,4 @@
-"""The judgement of a hit: eight criteria, each with a number, a limit and a sentence.
+"""The judgement of a hit: nine criteria, each with a number, a limit and a sentence.
 
 Limits rest on what each number can be for a good hit, not on a set of data. A second pulse must stand out of its
 neighbourhood by more than noise does once in a million blocks and weigh more than the after-ringing of hammers; an
@@ -17,14 +17,14 @@ import numpy as np
 
 from fecore.errors import InputError
 from fecore.frf import Dof
-from fecore.processing.comparison import Comparison
+from fecore.processing.comparison import HIGHEST, Comparison
 from fecore.processing.pulse import SMALLEST_SECOND
 from fecore.processing.traits import REBOUND, Top, Traits
 
 _SWAPPED = 4.0  # times that a force may last as long as a response of it, which contains the pulse and what follows
 _STOP_BAND_SCATTER = 3.0  # ratio that the noise between channels may scatter by
 
-Criterion = Literal["double", "overload", "quiet", "late", "early", "place", "polarity", "swapped"]
+Criterion = Literal["double", "overload", "quiet", "late", "early", "place", "polarity", "height", "swapped"]
 
 
 @dataclass(frozen=True)
@@ -302,6 +302,12 @@ def _compared(comparison: Comparison, limits: Limits) -> list[Finding]:
     found = [
         Finding("polarity", alike, limits.likeness, False, f"{signs}; below {limits.likeness:g} its sign is opposite.")
     ]
+    if not 1 / HIGHEST < comparison.height < HIGHEST:
+        sentence = (
+            f"The FRF is {comparison.height:.2g} times as high as those of the point's other hits; the limit is {HIGHEST:g} "
+            f"either way. Was a sensitivity or range another for this hit?"
+        )
+        return [*found, Finding("height", comparison.height, HIGHEST, True, sentence)]
     failed = comparison.distance > limits.place
     sentence = (
         f"The FRF lies {comparison.distance:.2g} typical distances from the point's other hits; the limit is "

@@ -17,6 +17,7 @@ from fecore.processing.blocks import FRF_QUANTITY
 from fecore.processing.delay import Delay, estimate_delay
 from fecore.processing.document import Processed, Processing
 from fecore.processing.estimators import Estimate
+from fecore.processing.heights import wrong_heights
 from fecore.processing.judgement import Verdict
 from fecore.processing.points import Point, first_look, judge_points, second_look
 from fecore.processing.spectra import Source, Spectra
@@ -93,7 +94,10 @@ def _result(
         delay=delay,
         excited_hz=excited,
         strong_hz=strong,
-        warnings=_warnings(points, verdicts, delay, excited, float(spectra.frequency[-1])),
+        warnings=(
+            *_warnings(points, verdicts, delay, excited, float(spectra.frequency[-1])),
+            *wrong_heights(frfs, strong, spectra.processing.strip),
+        ),
     )
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from math import cos, radians, sin
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -11,8 +13,9 @@ from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
+from fecore.processing import Strip
 from service.access import Lookup, User, audit
-from service.campaigns.operations import campaign_for
+from service.campaigns.operations import campaign_for, campaign_of
 from service.frfs.operations import ProcessedFrfs, store_processed
 from service.jobs import Job, JobKind, enqueue, job_state
 from service.records.computing import PointFile, ProcessingInputs, ProcessingOutput, process_records
@@ -21,6 +24,9 @@ from service.records.operations import block_rows, samples_of
 from service.records.schemas import ProcessingIn, ProcessingOut
 from service.records.tables import Processing
 from service.storage import require_room
+from service.structures.operations import present_structure
+
+_STRIP = 1 / 3  # width over length up to which a body is a strip
 
 
 def _load(session: Session, job_id: UUID, workspace: Path) -> ProcessingInputs:
@@ -50,7 +56,27 @@ def load_records(
             for samples in samples_of(session, rows):
                 file.write(samples.tobytes())
         points.append(PointFile(tuple(rows), path))
-    return ProcessingInputs(tuple(points), options.processing(), tuple(left))
+    processing = replace(options.processing(), strip=_strip(session, campaign_id))
+    return ProcessingInputs(tuple(points), processing, tuple(left))
+
+
+def _strip(session: Session, campaign_id: UUID) -> Strip | None:
+    """The body of a campaign, where its structure says that it is a strip of known mass and stiffness."""
+    structure_id = campaign_of(session, campaign_id).structure_id
+    _, structure = present_structure(session, structure_id)
+    geometry, density = structure.geometry, structure.density_kg_m3
+    if geometry is None or density is None or geometry.width_m > _STRIP * geometry.length_m:
+        return None
+    if structure.material is not None:
+        modulus = structure.material.Ex_Pa
+    elif structure.laminate is not None:  # EI enters by its fourth root: the plies' moduli along x are enough
+        plies = structure.laminate.plies
+        along = [(p.E1_Pa * cos(radians(p.angle_deg)) ** 4 + p.E2_Pa * sin(radians(p.angle_deg)) ** 4) for p in plies]
+        modulus = sum(e * p.thickness_m for e, p in zip(along, plies, strict=True)) / sum(p.thickness_m for p in plies)
+    else:
+        return None
+    area = geometry.width_m * geometry.thickness_m
+    return Strip(density * area, modulus * area * geometry.thickness_m**2 / 12)
 
 
 def _store(session: Session, job_id: UUID, items: Iterator[ProcessingOutput]) -> None:

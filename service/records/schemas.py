@@ -45,7 +45,7 @@ class RecordOut(StrictModel):
 class FindingOut(StrictModel):
     """One criterion of one hit."""
 
-    criterion: Literal["double", "overload", "quiet", "late", "early", "place", "polarity", "swapped"]
+    criterion: Literal["double", "overload", "quiet", "late", "early", "place", "polarity", "height", "swapped"]
     number: float | None = Field(description="null where it is infinite")
     limit: float
     failed: bool

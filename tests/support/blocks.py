@@ -63,7 +63,12 @@ def _hits() -> dict[str, Any]:
     from benchmarks.hammer import campaign
 
     _, _, simulated = campaign(np.random.default_rng(3), "cantilever", 2, 3, 0.0)
-    return {"hits": [one.hit for one in simulated]}
+    force, response = np.random.default_rng(4).standard_normal((2, 3, 256))
+    series = [
+        {"name": "hammer", "data": force, "fs": 2048, "unit_str": "N"},
+        {"name": "acc", "data": response, "fs": 2048, "unit_str": "g"},
+    ]
+    return {"hits": [one.hit for one in simulated], "series": series}
 
 
 def _months() -> dict[str, Any]:

@@ -1,0 +1,129 @@
+"""FRFs that are too high or too low as a whole: a wrong sensitivity, unit or range of a channel.
+
+Three things are known of heights before any model is fitted:
+
+- a linear body answers alike both ways: the FRF from p to q is that from q to p (Maxwell, Betti);
+- the geometric mean of a body's mobility over a band lies near that of the infinite body without ends (Skudrzyk's mean value
+  method, J. Acoust. Soc. Am. 67 (1980) 1105), for a strip in bending
+
+      |Y| = √2 / (4 m' c),     c = √ω (EI/m')^(1/4),
+
+  m' the mass per length. Over 26 simulated and two other strips the mean over all FRFs was 0.85 to 4.0 times that, mostly 2 to
+  3, for sensors sit at free ends. EI enters by its fourth root alone, so a prior of it is enough;
+- of points of one body, hit in one session, none is several times as high as the median of all. Lower ones there are, near a
+  clamp.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.errors import InputError
+from fecore.frf import FrfSet, convert
+
+_USUAL = 2.2
+"""Geometric mean of a strip's mobility over that of the infinite strip."""
+_WHOLE = 3.5
+"""Factor off it from which a campaign's FRFs have a wrong height: √10 and what the usual one scatters by."""
+_HIGHEST = 5.0
+"""Of a point, over the median of all points."""
+_RECIPROCAL = 3.0
+"""Ratio of an FRF to that of the opposite way; noise and hits beside their points change it by tens of per cent."""
+_FEWEST = 4  # points that have a median
+_LOWEST_HZ = 8.0  # above soft suspensions
+
+
+@dataclass(frozen=True)
+class Strip:
+    """What is known of a strip before it is measured.
+
+    Attributes:
+        mass_per_length: kg/m.
+        bending_stiffness: EI in its thickness' direction, N m².
+    """
+
+    mass_per_length: float
+    bending_stiffness: float
+
+    def __post_init__(self) -> None:
+        for name in ("mass_per_length", "bending_stiffness"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise InputError(name, f"is {getattr(self, name)}, expected a positive number")
+
+    def mobility(self, omega: FloatArray) -> FloatArray:
+        """(L,) magnitude of the drive-point mobility of the strip without ends, m/(N s)."""
+        speed = np.sqrt(omega) * (self.bending_stiffness / self.mass_per_length) ** 0.25
+        magnitude: FloatArray = np.sqrt(2) / (4 * self.mass_per_length * speed)
+        return magnitude
+
+
+def wrong_heights(frfs: FrfSet, highest_hz: float, strip: Strip | None) -> list[str]:
+    """A sentence for every height that cannot be right.
+
+    Args:
+        frfs: of one quantity.
+        highest_hz: to which the hammer excites the body well.
+        strip: the body, where it is a strip; what is measured across it (z) bends it. None leaves the absolute height open.
+    """
+    band = (frfs.frequency_hz >= _LOWEST_HZ) & (frfs.frequency_hz <= highest_hz)
+    if band.sum() < 16:
+        return []
+    omega = 2 * np.pi * frfs.frequency_hz[band]
+    mobility = np.abs(frfs.values[:, band]) * omega / np.abs(convert(omega, frfs.quantity))
+    level: FloatArray = np.mean(np.log(np.maximum(mobility, 1e-300)), axis=1)  # by FRF
+    found = _one_way(frfs, level)
+    found += _above_the_rest(frfs, level)
+    pairs = zip(frfs.responses, frfs.references, strict=True)
+    across = [abs(response.direction) == abs(force.direction) == 3 for response, force in pairs]
+    if strip is not None and any(across):
+        ratio = float(np.exp(np.mean(level[across] - np.mean(np.log(strip.mobility(omega)))))) / _USUAL
+        if not 1 / _WHOLE <= ratio <= _WHOLE:
+            found.append(
+                f"the FRFs are {_times(ratio)} what a strip of this mass and stiffness shows: a sensitivity or a unit of the "
+                f"force or of the response is probably wrong, or the structure's density or geometry"
+            )
+    return found
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.2g} times as high as" if ratio > 1 else f"{1 / ratio:.2g} times lower than"
+
+
+def _one_way(frfs: FrfSet, level: FloatArray) -> list[str]:
+    """Pairs of points that were measured both ways, with unlike heights."""
+    known = {
+        (force, response): i for i, (force, response) in enumerate(zip(frfs.references, frfs.responses, strict=True))
+    }
+    found = []
+    for (force, response), i in known.items():
+        back = known.get((response, force))
+        if back is None or not i < back:
+            continue
+        ratio = float(np.exp(level[i] - level[back]))
+        if not 1 / _RECIPROCAL <= ratio <= _RECIPROCAL:
+            found.append(
+                f"the FRF of point {response.point} hit at point {force.point} is {_times(ratio)} that of the opposite way, "
+                f"but a body answers alike both ways: one of the sensitivities is probably wrong"
+            )
+    return found
+
+
+def _above_the_rest(frfs: FrfSet, level: FloatArray) -> list[str]:
+    """Points that are far higher than the median of the points of the same sensor."""
+    found = []
+    for response in dict.fromkeys(frfs.responses):
+        own = [i for i, dof in enumerate(frfs.responses) if dof == response]
+        if len(own) < _FEWEST:
+            continue
+        ratios = np.exp(level[own] - np.median(level[own]))
+        high = [(frfs.references[i].point, r) for i, r in zip(own, ratios, strict=True) if r > _HIGHEST]
+        if high:
+            places, most = ", ".join(str(point) for point, _ in high), max(ratio for _, ratio in high)
+            found.append(
+                f"the FRFs of the hits at point {places} are {most:.2g} times as high as the median of all points: a "
+                f"sensitivity or range was probably changed there"
+            )
+    return found

@@ -1,0 +1,80 @@
+"""A sensitivity that is wrong by ten is named where a processing can know it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.hammer import Bench, campaign
+from fecore.errors import InputError
+from fecore.frf import Dof, FrfSet
+from fecore.processing import Hit, Processing, Strip, by_point, process
+from fecore.processing.heights import wrong_heights
+
+FIRST = {"clamped": 1.8751, "free": 4.7300}
+
+
+def _scaled(hit: Hit, factor: float) -> Hit:
+    (response,) = hit.responses
+    return replace(hit, responses=(replace(response, samples=factor * response.samples),))
+
+
+def _strip(bench: Bench) -> Strip:
+    """What is known of a simulated beam: its mass, and the stiffness that its first bending mode has."""
+    body = bench.body
+    first = body.orders.index((1, 0) if body.kind == "clamped" else (2, 0))
+    mass = body.mass_kg / body.length_m
+    wave = FIRST[body.kind] / body.length_m
+    return Strip(mass, mass * (2 * np.pi * body.frequency_hz[first] / wave**2) ** 2)
+
+
+@pytest.mark.parametrize("factor", [10.0, 0.1])
+@pytest.mark.parametrize(("seed", "kind"), [(21, "clamped"), (22, "free"), (23, "clamped")])
+def test_a_whole_campaign_by_what_a_strip_of_its_mass_shows(seed: int, kind: str, factor: float) -> None:
+    bench, _, simulated = campaign(np.random.default_rng(seed), kind, 4, 3, 0.0)
+    known = Processing(strip=_strip(bench))
+    hits = [one.hit for one in simulated]
+    assert not any("strip" in w for w in process(by_point(hits), known).warnings)
+    wrong = process(by_point([_scaled(hit, factor) for hit in hits]), known).warnings
+    assert any("strip of this mass" in w and "sensitivity" in w for w in wrong)
+    assert all(v.accepted for v in process(by_point([_scaled(hit, factor) for hit in hits]), known).verdicts)
+
+
+@pytest.mark.parametrize("factor", [10.0, 0.1])
+def test_two_hits_of_five_under_another_range_are_named_and_left_out(factor: float) -> None:
+    _, _, simulated = campaign(np.random.default_rng(24), "free", 3, 5, 0.0)
+    hits = [_scaled(one.hit, factor) if n in (1, 3) else one.hit for n, one in enumerate(simulated)]
+    verdicts = process(by_point(hits)).verdicts
+    assert [v.accepted for v in verdicts[:5]] == [True, False, True, False, True]
+    assert all(v.faults[-1].criterion == "height" for v in (verdicts[1], verdicts[3]))  # its noise may be louder too
+    fault = verdicts[1].faults[-1]
+    assert fault.number == pytest.approx(factor, rel=0.3)
+    assert "sensitivity" in fault.sentence
+
+
+def test_a_point_whose_sensitivity_was_changed_is_named() -> None:
+    f = np.linspace(10, 500, 200)
+    one = 1 / (1 - (f / 90) ** 2 + 0.02j * f / 90) + 0.3
+    heights = np.array([0.2, 0.7, 1.0, 14.0, 2.0])  # near a clamp a point is low, and that is right
+    points = tuple(Dof(n, 3) for n in range(1, 6))
+    frfs = FrfSet(f, heights[:, None] * one, (Dof(33, 3),) * 5, points, "accelerance")
+    (said,) = wrong_heights(frfs, 500.0, None)
+    assert "at point 4 are 14 times as high" in said
+    assert wrong_heights(replace(frfs, values=np.minimum(heights, 2.0)[:, None] * one), 500.0, None) == []
+
+
+def test_a_pair_measured_both_ways_with_unlike_heights_is_named() -> None:
+    f = np.linspace(10, 500, 200)
+    one = 1 / (1 - (f / 90) ** 2 + 0.02j * f / 90) + 0.3
+    places = (Dof(1, 3), Dof(2, 3))
+    frfs = FrfSet(f, np.array([one, 10 * one]), places, places[::-1], "accelerance")
+    (said,) = wrong_heights(frfs, 500.0, None)
+    assert "point 1 hit at point 2 is 10 times lower than that of the opposite way" in said
+    assert wrong_heights(replace(frfs, values=np.array([one, 1.2 * one])), 500.0, None) == []
+
+
+def test_a_strip_without_mass_is_refused() -> None:
+    with pytest.raises(InputError, match="mass_per_length"):
+        Strip(0.0, 1.0)
