@@ -220,7 +220,8 @@ def rigid_motions(motions: FloatArray, free: IntArray, springs: Sequence[sparse.
     resisted = np.vstack([motions[held], *(spring @ motions for spring in springs)])
     if resisted.shape[0] == 0 or not resisted.any():
         return motions[free]
-    _, singular, directions = np.linalg.svd(resisted, full_matrices=True)
+    # The triangle has the same right singular vectors; the left ones would be as many as the dofs.
+    _, singular, directions = np.linalg.svd(np.linalg.qr(resisted, mode="r"), full_matrices=True)
     rank = int(np.sum(singular > 1e-9 * singular[0]))
     remaining: FloatArray = motions[free] @ directions[rank:].T
     return remaining

@@ -13,7 +13,7 @@ an input is believed to be nothing but may be something (`excursions`).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,7 +27,7 @@ from fecore.modes import MeasuredModes
 from fecore.updating.coordinates import Coordinates
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
-from fecore.updating.pairing import pair_with
+from fecore.updating.pairing import pair_likest, pair_with
 from fecore.updating.parameters import by_name
 from fecore.updating.posterior import (
     DISCREPANCY,
@@ -115,6 +115,7 @@ class ElasticResult:
         history: iterates, first to last.
         starts: every start that was tried, this one among them; empty where there was no choice of starts.
         rival: the best point with other partners that a start came to; None where there is none.
+        unlike: no measured mode was like any of the model's, so the likest were paired, for a comparison alone.
     """
 
     theta: FloatArray
@@ -139,6 +140,7 @@ class ElasticResult:
     history: tuple[ElasticIterate, ...]
     starts: tuple[Start, ...] = ()
     rival: Rival | None = None
+    unlike: bool = False
 
     @property
     def misfit(self) -> float:
@@ -154,6 +156,10 @@ class ElasticResult:
         return -self.gain @ np.column_stack([each.shift[columns] for each in self.excursions])
 
 
+class NoPartnersError(UpdatingError):
+    """No measured mode is like any mode of the model."""
+
+
 def update_elastic(
     forward: ForwardModel,
     modes: MeasuredModes,
@@ -162,6 +168,7 @@ def update_elastic(
     use_shapes: bool = False,
     start: FloatArray | None = None,
     seek_excursions: Callable[[ForwardState], tuple[Excursion, ...]] = lambda _: (),
+    likest: bool = False,
 ) -> ElasticResult:
     """Estimate the parameters from measured modes.
 
@@ -172,15 +179,17 @@ def update_elastic(
         use_shapes: fit realised shapes too; needs modes with shapes.
         start: (p,) θ to start from, the prior means by default.
         seek_excursions: what inputs may do that are believed to be nothing, at the updated model.
+        likest: pair the likest shapes at the prior means, however unlike, and keep these pairs.
 
     Raises:
         InputError: shapes are asked for and there are none.
-        UpdatingError: no mode could be paired, or the iteration did not converge; it carries the best iterate.
+        NoPartnersError: no mode could be paired.
+        UpdatingError: the iteration did not converge; it carries the best iterate.
         ModelError: the eigenproblem could not be solved.
     """
     if use_shapes and modes.shapes is None:
         raise InputError("use_shapes", "the measured modes have no shapes at points of the model")
-    fit = _Fit(forward, modes, use_shapes)
+    fit = _Fit(forward, modes, use_shapes, likest)
     prior_mean = forward.parametrisation.prior_mean
     initial = forward.solve(prior_mean)
     initial_pairing = fit.pair(initial)
@@ -240,20 +249,27 @@ class _Fit:
     forward: ForwardModel
     modes: MeasuredModes
     use_shapes: bool = False
+    likest: bool = False
 
     @cached_property
     def coordinates(self) -> Coordinates:
         return Coordinates(self.forward.parametrisation)
 
     def pair(self, state: ForwardState) -> Pairing:
+        if self.likest:
+            return replace(self._likest, mac=pair_likest(self.modes, state).mac)
         pairing = pair_with(self.modes, state)
         if not pairing.pairs:
-            raise UpdatingError(
+            raise NoPartnersError(
                 "no measured mode is like any mode of the model; check the boundary, the grid points and the frame",
                 best=by_name(self.forward.parametrisation.names, state.theta),
                 history=(),
             )
         return pairing
+
+    @cached_property
+    def _likest(self) -> Pairing:
+        return pair_likest(self.modes, self.forward.solve(self.forward.parametrisation.prior_mean))
 
     def noise(self, rows: list[int]) -> FloatArray:
         """(n, n) covariance of the logarithms of the paired measured frequencies by noise."""
@@ -379,6 +395,7 @@ class _Fit:
             discrepancy=point.spread,
             residual=point.residual,
             history=history,
+            unlike=self.likest,
         )
 
 

@@ -24,6 +24,13 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
     pairing = elastic.pairing
     alone = len(pairing.unpaired_measured)
     found = notes(pairing.messages(measured, model), None, 1)
+    if elastic.unlike and pairing.mac is not None:
+        text = (
+            f"no measured mode is like any mode of the model (largest MAC {np.nanmax(pairing.mac):.2f}): this is not the model "
+            "of what was measured; check that the file belongs to this structure, and boundary, points and frame. The likest "
+            "modes are paired for a comparison alone"
+        )
+        found.append(Finding(text, "do_not_use", 110))
     if 2 * alone > len(modes):
         text = (
             f"{alone} of {len(modes)} measured modes have no partner in the model: this is not the model of what was measured; "
@@ -35,6 +42,7 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
     return [
         *found,
         *_rival_pairing(elastic),
+        *_halves_of_modes(elastic, modes),
         *_unlike_shapes(elastic, modes),
         *_missed_frequencies(elastic),
         *_far_from_prior(elastic),
@@ -57,6 +65,30 @@ def _rival_pairing(elastic: ElasticResult) -> list[Finding]:
         f"{rival.evidence:.1f} in log evidence behind; shapes at more points would decide"
     )
     return [Finding(text, "with_care", 40)]
+
+
+def _halves_of_modes(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:
+    """Neighbours within their bandwidths, one of them without a like mode in the model: one mode that moved in the test."""
+    matrix, partner, hz = elastic.pairing.mac, dict(elastic.pairing.pairs), modes.frequency_hz
+    width = np.nan_to_num(modes.damping_ratio) * hz  # half of the bandwidth
+    if matrix is None:
+        return []
+    like = [row in partner and matrix[row, partner[row]] >= SAME_SHAPE for row in range(len(modes))]
+    halves = [
+        row
+        for row in range(len(modes) - 1)
+        if hz[row + 1] - hz[row] < width[row] + width[row + 1] and not (like[row] and like[row + 1])
+    ]
+    if not halves:
+        return []
+    which = ", ".join(f"{row + 1} and {row + 2} ({hz[row]:.2f} and {hz[row + 1]:.2f} Hz)" for row in halves)
+    text = (
+        f"measured modes {which} lie within their bandwidths, and the model does not have both: so looks one mode of a "
+        "structure that changed between the FRFs (temperature, supports, a sensor that moved); measure it faster or at one "
+        "temperature, or leave one of them out of the mode set"
+    )
+    spoilt = elastic.misfit > HOPELESS_MISS or np.median([matrix[pair] for pair in partner.items()]) < SAME_SHAPE
+    return [Finding(text, "do_not_use" if spoilt else "with_care", 105)]
 
 
 def _unlike_shapes(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:

@@ -19,7 +19,7 @@ from fecore.errors import UpdatingError
 from fecore.modes import MeasuredModes
 from fecore.updating.coordinates import Coordinates
 from fecore.updating.draws import even_draws
-from fecore.updating.elastic import ElasticResult, Rival, Start, update_elastic
+from fecore.updating.elastic import ElasticResult, NoPartnersError, Rival, Start, update_elastic
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.pairing import FEWEST_DOFS, missed_cost, pair_with, probability_seen
@@ -42,6 +42,8 @@ def update_from_several_starts(
     seed: int,
 ) -> ElasticResult:
     """`update_elastic`, from the prior means and, where that is doubtful, from draws that pair the modes otherwise.
+
+    Where no draw has a mode that is like a measured one, the likest are paired, so that a result can show how unlike they are.
 
     The draws and the fits from them use the reduced basis unverified; the best two with different partners are fitted anew.
 
@@ -76,7 +78,13 @@ def update_from_several_starts(
     tried = tuple(_as_start(each) for each in found)
     verified = [each for each in found if isinstance(each, ElasticResult) and each.updated.forward.verified]
     if not verified:
-        raise next(each for each in found if isinstance(each, UpdatingError))
+        first = next(each for each in found if isinstance(each, UpdatingError))
+        if not all(isinstance(each, NoPartnersError) for each in found) or len(modes.dofs) < FEWEST_DOFS:
+            raise first
+        try:
+            return update_elastic(forward, modes, seek_excursions=seek_excursions, likest=True)
+        except UpdatingError as error:
+            raise first from error
     best = min(verified, key=lambda result: evidence(result, modes))
     return replace(best, starts=tried, rival=_rival(best, found, modes))
 

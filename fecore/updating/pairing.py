@@ -47,6 +47,20 @@ def pair_with(modes: MeasuredModes, state: ForwardState) -> Pairing:
     return _among(shown, pair_in_order(modes.frequency_hz, state.frequency_hz[shown], seen[shown]))
 
 
+def pair_likest(modes: MeasuredModes, state: ForwardState) -> Pairing:
+    """The likest partners by shape, however unlike and far apart: for a comparison where no mode has a like one."""
+    dofs = len(modes.dofs)
+    return pair_modes(
+        modes.shapes,
+        state.shapes[:, :dofs],
+        modes.frequency_hz,
+        state.frequency_hz,
+        minimum_mac=0.0,
+        maximum_frequency_ratio=np.inf,
+        hidden=state.hidden,
+    )
+
+
 def _among(shown: IntArray, pairing: Pairing) -> Pairing:
     """A pairing with some of the model's modes, by these modes' numbers among all."""
     at = [int(number) for number in shown]

@@ -184,6 +184,8 @@ def _elastic(
             forward, data.modes, progress, use_shapes=recipe.use_shapes, seek_excursions=seek, seed=recipe.seed
         )
         modes = data.modes
+        if found.unlike:
+            return found, modes
 
         def refit(model: ForwardModel, former: ElasticResult) -> ElasticResult:
             return update_elastic(model, modes, use_shapes=recipe.use_shapes, start=former.theta, seek_excursions=seek)
