@@ -273,7 +273,10 @@ class Connection:
 
     def _unreachable(self, error: httpx.HTTPError) -> ClientError:
         reason = str(error) or type(error).__name__
-        return ClientError(f"no answer from {self.url}: {reason}; state --url or MODALBASE_URL", Exit.UNREACHABLE)
+        return ClientError(
+            f"no answer from {self.url}: {reason}; is the service up (`modalbase up`), and is MODALBASE_URL or --url right?",
+            Exit.UNREACHABLE,
+        )
 
 
 def _given(params: dict[str, Any]) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -51,13 +51,41 @@ def coupons(
     if as_json:
         print_json({"coupons": found, "summary": summary})
         return
-    columns = ("specimen", "E_Pa", "G_Pa", "nu", "strength_Pa", "ultimate_strain", "failure_code", "exclusion_reason")
-    print_table(f"{len(found)} specimens", columns, [[c[name] for name in columns] for c in found])
-    measures = ("n", "mean", "standard_deviation", "cv_percent", "unit", "source")
-    rows = [[name, *(value[m] for m in measures)] for name, value in summary["constants"].items()]
-    print_table("\nconstants", ("constant", *measures), rows)
+    print_table(f"{len(found)} specimens", list(COLUMNS), [_cells(coupon) for coupon in found])
+    rows = [[name, *_statistics(of)] for name, of in summary["constants"].items()]
+    print_table("\nconstants", ("constant", "n", "mean", "± sd", "CV %", "unit", "from"), rows)
     for warning in summary["warnings"]:
         typer.echo(warning, err=True)
+
+
+COLUMNS = {
+    "specimen": ("specimen", None),
+    "E GPa": ("E_Pa", 1e-9),
+    "G GPa": ("G_Pa", 1e-9),
+    "ν": ("nu", 1.0),
+    "strength MPa": ("strength_Pa", 1e-6),
+    "ultimate strain %": ("ultimate_strain", 100.0),
+    "failure": ("failure_code", None),
+    "left out because": ("exclusion_reason", None),
+}
+"""Member of a specimen by heading, and the factor to the heading's unit; None of a text."""
+
+
+def _cells(coupon: dict[str, Any]) -> list[Any]:
+    from modalbase.client.display import Written
+
+    values = [(coupon[name], factor) for name, factor in COLUMNS.values()]
+    return [v if v is None or factor is None else Written(f"{v * factor:.4g}") for v, factor in values]
+
+
+def _statistics(of: dict[str, Any]) -> list[Any]:
+    """Number, mean, standard deviation, coefficient of variation, unit and origin of a constant."""
+    from modalbase.client.display import Written, with_digits
+
+    factor, unit = (1e-9, "GPa") if of["unit"] == "Pa" else (1.0, "–")
+    mean, sd = (None if of[name] is None else factor * of[name] for name in ("mean", "standard_deviation"))
+    share = None if of["cv_percent"] is None else Written(f"{of['cv_percent']:.2g}")
+    return [of["n"], *with_digits(mean, sd), share, unit, of["source"]]
 
 
 def _batch(service: Connection, batch: str, structure: str | None, constants: str) -> str:

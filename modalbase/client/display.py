@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from math import floor, log10
 from typing import Any
 
 import typer
@@ -35,6 +37,14 @@ class Written(str):
     """A number as it is to be shown."""
 
 
+def with_digits(value: float | None, sd: float | None) -> tuple[Written | None, Written | None]:
+    """A value to the second digit of its standard deviation, and that; to five digits where none is known."""
+    if value is None or sd is None or sd <= 0:
+        return (None if value is None else Written(f"{value:.5g}")), None
+    places = max(0, 1 - floor(log10(sd)))
+    return Written(f"{value:.{places}f}"), Written(f"{sd:.{places}f}")
+
+
 def print_table(
     title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], console: Console | None = None
 ) -> None:
@@ -49,6 +59,8 @@ def print_table(
     for row in rows:
         table.add_row(*(cell(value).replace("[", r"\[") for value in row))
     console.print(table, highlight=False)
+    if not rows:
+        console.print("none", highlight=False)
 
 
 def cell(value: Any) -> str:
@@ -57,7 +69,12 @@ def cell(value: Any) -> str:
         return "–"
     if isinstance(value, bool):
         return "yes" if value else "no"
+    if isinstance(value, str) and _MOMENT.match(value):
+        return f"{value[:10]} {value[11:16]}"  # UTC, as all times
     return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+_MOMENT = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d")
 
 
 @contextmanager

@@ -24,20 +24,24 @@ class Kind:
         path: of one, with `{}` for its id.
         above: the noun that it belongs to; None of a project.
         below: its list below `above`, with `{}` for the id of that.
+        made_by: the command that makes one.
     """
 
     word: str
     path: str
     above: Kind | None
     below: str
+    made_by: str
 
 
-PROJECT = Kind("project", "projects/{}", None, "projects")
-STRUCTURE = Kind("structure", "structures/{}", PROJECT, "projects/{}/structures")
-CAMPAIGN = Kind("campaign", "campaigns/{}", STRUCTURE, "structures/{}/campaigns")
-MODE_SET = Kind("mode set", "mode-sets/{}", CAMPAIGN, "campaigns/{}/mode-sets")
-BATCH = Kind("coupon batch", "coupon-batches/{}", STRUCTURE, "structures/{}/coupon-batches")
-MONITOR = Kind("monitor", "monitors/{}", STRUCTURE, "structures/{}/monitors")
+PROJECT = Kind("project", "projects/{}", None, "projects", "projects --new NAME")
+STRUCTURE = Kind("structure", "structures/{}", PROJECT, "projects/{}/structures", "structures --new NAME …")
+CAMPAIGN = Kind("campaign", "campaigns/{}", STRUCTURE, "structures/{}/campaigns", "campaigns --new NAME --boundary …")
+MODE_SET = Kind("mode set", "mode-sets/{}", CAMPAIGN, "campaigns/{}/mode-sets", "modes CAMPAIGN --identify")
+BATCH = Kind(
+    "coupon batch", "coupon-batches/{}", STRUCTURE, "structures/{}/coupon-batches", "coupons NAME --new STRUCTURE …"
+)
+MONITOR = Kind("monitor", "monitors/{}", STRUCTURE, "structures/{}/monitors", "monitors --new NAME")
 
 
 def find(service: Connection, kind: Kind, text: str, within: str | None = None) -> dict[str, Any]:
@@ -95,7 +99,7 @@ def find_job(service: Connection, text: str, **narrowed: Any) -> str:
         )
     newest = next(service.pages("update-jobs", 1, **narrowed), None)
     if newest is None:
-        raise ClientError("there is no update job yet", Exit.USAGE)
+        raise ClientError("there is no update job yet; `modalbase update CAMPAIGN --wait` makes one", Exit.USAGE)
     return str(newest["id"])
 
 
@@ -131,6 +135,6 @@ def _names(one: Mapping[str, Any]) -> Iterator[str]:
 def _nothing(kind: Kind, text: str, there: Sequence[Mapping[str, Any]]) -> str:
     names = list(dict.fromkeys(str(one["name"]) for one in there))
     if not names:
-        return f"there is no {kind.word} yet"
+        return f"there is no {kind.word} yet; `modalbase {kind.made_by}` makes one"
     close = get_close_matches(text, names, MOST_NAMED, 0.5) or names[:MOST_NAMED]
     return f"{text!r} is no id, and no {kind.word} has that name; there is {', '.join(repr(name) for name in close)}"

@@ -51,7 +51,7 @@ def hits(
         return
     rows = [[hit["point"], hit["hit"], hit["accepted"], _said(hit)] for hit in judged]
     print_table("", ("point", "hit", "good", "why not"), rows)
-    say_next(f"modes {campaign} --identify" if process else f"hits FILE --campaign {campaign} --process")
+    say_next(f'modes "{campaign}" --identify' if process else f'hits FILE --campaign "{campaign}" --process')
 
 
 def _said(hit: dict[str, Any]) -> str | None:

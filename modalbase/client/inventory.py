@@ -25,7 +25,7 @@ def projects(
             _made(service.post("projects", {"name": new}), as_json, f'structures --new NAME --project "{new}" …')
             return
         found = list(service.pages("projects"))
-    _listed(found, ("id", "name", "description", "created_at"), as_json)
+    _listed(found, ("id", "name", "description", "created_at"), as_json, {"created_at": "made"})
     if not found and not as_json:
         say_next("projects --new NAME")
 
@@ -59,7 +59,12 @@ def structures(
         among = None if project is None else find(service, PROJECT, project)
         found = _above(service, among, STRUCTURE, all_of)
     rows = [{**one, "project_name": one["above"]["name"]} for one in found]
-    _listed(_plain(rows), ("id", "project_name", "name", "version", "created_at"), as_json, {"project_name": "project"})
+    _listed(
+        _plain(rows),
+        ("id", "project_name", "name", "version", "created_at"),
+        as_json,
+        {"project_name": "project", "created_at": "made"},
+    )
 
 
 def campaigns(
@@ -101,7 +106,8 @@ def campaigns(
             found = [one for one in all_of(service, CAMPAIGN) if wanted in (None, one["above"]["project_id"])]
     rows = [{**one, "structure_name": one["above"]["name"]} for one in found]
     columns = ("id", "structure_name", "name", "boundary", "performed_at", "temperature_c")
-    _listed(_plain(rows), columns, as_json, {"structure_name": "structure"})
+    heads = {"structure_name": "structure", "performed_at": "performed", "temperature_c": "°C"}
+    _listed(_plain(rows), columns, as_json, heads)
 
 
 def _above(service: Any, among: dict[str, Any] | None, kind: Any, all_of: Any) -> list[dict[str, Any]]:

@@ -56,8 +56,8 @@ def import_files(
         print_table("", ("id", "file", "status", *names), rows)
         for one in done:
             _print_report(one)
-        if wait and not dry_run:
-            say_next(f"update {campaign} --wait", f"modes {campaign} --identify")
+        if not dry_run and any(one["status"] == "succeeded" for one in done):
+            say_next(f'update "{campaign}" --wait', f'modes "{campaign}" --identify')
     failed = [d["filename"] for d in done if d["status"] in ("failed", "cancelled")]
     if failed:
         raise ClientError(f"{len(failed)} of {len(done)} imports did not succeed: {', '.join(failed)}", Exit.FAILED)

@@ -24,7 +24,7 @@ def modes(
     url: Url = None,
 ) -> None:
     """Show the modes of a campaign: typed in, read from a file, or identified."""
-    from modalbase.client.display import print_json, print_table
+    from modalbase.client.display import print_json, print_table, with_digits
     from modalbase.client.finding import CAMPAIGN, MODE_SET, find, find_id
 
     with service_at(url) as service:
@@ -34,15 +34,13 @@ def modes(
         print_json(found)
         return
     columns = ("mode", "Hz", "± Hz", "ζ %", "± %")
-    percent = [(mode["damping_ratio"], mode["damping_sd"]) for mode in found["modes"]]
     rows = [
         [
             mode["number"],
-            mode["frequency_hz"],
-            mode["frequency_sd_hz"],
-            *(None if z is None else 100 * z for z in ratios),
+            *with_digits(mode["frequency_hz"], mode["frequency_sd_hz"]),
+            *with_digits(*(None if z is None else 100 * z for z in (mode["damping_ratio"], mode["damping_sd"]))),
         ]
-        for mode, ratios in zip(found["modes"], percent, strict=True)
+        for mode in found["modes"]
     ]
     print_table(f"{found['name']} ({found['origin']}), {found['id']}", columns, rows)
     say_next(f'update "{campaign}" --mode-set {found["id"]} --wait')

@@ -15,6 +15,11 @@ from modalbase.client.errors import ClientError, Exit
 KEY_FILE = "operator-key"
 """In a data folder: the key that `modalbase up` made for the folder's owner."""
 
+HERE = "runs on this machine"
+NO_SERVICE = (
+    "no service runs here and no API key is stated: start a service with `modalbase up`, or save address and key of another "
+    "with `modalbase login URL`"
+)
 NO_KEY = "no API key: set MODALBASE_API_KEY, or save one with `modalbase login` (`modalbase keys create --name NAME` makes one)"
 
 
@@ -56,11 +61,13 @@ def find_place(url: str | None = None, key: str | None = None) -> Place:
     elif profile is not None:
         address, found = profile.url, profile.found
     else:
-        address, found = _only(here), "runs on this machine"
+        address, found = _only(here), HERE
     address = checked_url(address)
     if key is None:
         keys = [os.environ.get("MODALBASE_API_KEY", ""), _key_of(profile, address), _local_key(here, address)]
         key = next((one for one in keys if one.strip()), "")
+        if not key and not here and found == HERE:
+            raise ClientError(NO_SERVICE, Exit.USAGE)
     return Place(address, checked_key(key), found)
 
 

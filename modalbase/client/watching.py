@@ -38,10 +38,16 @@ def jobs(
             }
             narrowed = {name: find_id(service, kind, text) for name, (kind, text) in given.items() if text is not None}
             found = list(service.pages("update-jobs", limit, status=status, **narrowed))
+        of = {one["campaign_id"] for one in found}
+        names = {} if as_json else {id_: service.get(f"campaigns/{id_}")["name"] for id_ in of}
     rows = [
-        [one["id"], one["status"], one["stage"], one["created_at"], (one["error"] or {}).get("detail")] for one in found
-    ]
-    _show(found, ("id", "status", "stage", "queued", "error"), rows, as_json)
+        [
+            one["id"], names.get(one["campaign_id"]), one["status"], one["stage"], one["created_at"],
+            (one["error"] or {}).get("detail"),
+        ]
+        for one in found
+    ]  # fmt: skip
+    _show(found, ("id", "campaign", "status", "stage", "queued", "error"), rows, as_json)
 
 
 def monitors(

@@ -55,7 +55,11 @@ def _welcome(service: LocalService, embedded: Path | None) -> None:
     typer.echo(f"  database       ready   {embedded or 'the server of MODALBASE_DATABASE_URL'}")
     typer.echo(f"  worker         ready   {jobs} job{'s' if jobs > 1 else ''} at a time")
     typer.echo(f"  API            ready   {service.url}/api/v1")
-    typer.echo(f"  documentation  ready   {service.url}/docs")
+    if service.settings.pages:
+        typer.echo(f"  pages          ready   {service.url}/ui/  (sign in with the key)")
+    if service.settings.docs:
+        typer.echo(f"  guide          ready   {service.url}/guide/")
+        typer.echo(f"  documentation  ready   {service.url}/docs")
     typer.echo("Ctrl-C ends it.")
     if service.has_keys():
         typer.echo("API key: those made before still work; one more: modalbase keys create --name NAME")

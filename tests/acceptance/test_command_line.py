@@ -76,6 +76,7 @@ def test_from_an_empty_database_to_a_figure(run: Run, api: httpx.Client, tmp_pat
         "state",
         "acknowledged_by",
         "note",
+        "none",
     ]
 
 
