@@ -53,7 +53,7 @@ def test_from_an_empty_database_to_a_figure(run: Run, api: httpx.Client, tmp_pat
     campaign = json.loads(made.stdout)
     assert campaign["temperature_c"] == 21.5
     assert campaign["instruments"]["sensor_mass_kg"] == pytest.approx(0.0018)
-    assert "next: modalbase update March --wait" in run("import", "beam.uff", "--campaign", "March").stderr
+    assert 'next: modalbase update "March" --wait' in run("import", "beam.uff", "--campaign", "March").stderr
     identified = run("modes", "March", "--identify", "--band", "10-1000")
     assert "25.6" in identified.stdout
     queued = run("update", "latest", "--mode-set", "latest").stdout.strip()
