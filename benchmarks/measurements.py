@@ -48,14 +48,15 @@ def main() -> None:
     """Print the tables."""
     with tempfile.TemporaryDirectory(prefix="mb-") as folder:
         settings = Settings(data=Path(folder) / "db", port=0, log_level="error")
-        with LocalService(settings) as service, _client(service) as api:
-            structure = _structure(api)
+        with LocalService(settings) as service, client_of(service) as api:
+            structure = structure_of(api)
             _imports(api, structure, service, Path(folder))
             _spectra(api, structure, service)
             _listing(api, structure, service)
 
 
-def _client(service: LocalService) -> httpx.Client:
+def client_of(service: LocalService) -> httpx.Client:
+    """A client of a service with a key of its own."""
     key = service.new_key("benchmark")
     return httpx.Client(
         base_url=f"{service.url}/api/v1/",
@@ -65,7 +66,8 @@ def _client(service: LocalService) -> httpx.Client:
     )
 
 
-def _structure(api: httpx.Client) -> str:
+def structure_of(api: httpx.Client) -> str:
+    """A new beam in a new project; its id."""
     project = api.post("projects", json={"name": "benchmark"}).raise_for_status().json()["id"]
     return str(api.post(f"projects/{project}/structures", json=STRUCTURE).raise_for_status().json()["id"])
 

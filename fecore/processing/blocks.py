@@ -61,7 +61,8 @@ class Block:
             raise InputError("samples", f"has shape {self.samples.shape}, expected {FEWEST_SAMPLES} samples or more")
         if not np.isfinite(self.samples.sum(dtype=np.float64)):  # one pass; a sum of finite blocks does not overflow
             bad = np.flatnonzero(~np.isfinite(self.samples))
-            raise InputError("samples", f"of the {self.quantity} hold NaN or infinity, first at sample {bad[0] + 1}")
+            where = f"NaN or infinity, first at sample {bad[0] + 1}" if bad.size else "numbers whose sum overflows"
+            raise InputError("samples", f"of the {self.quantity} hold {where}")
         if not (np.isfinite(self.window_rate_per_s) and self.window_rate_per_s >= 0):
             raise InputError("window_rate_per_s", f"is {self.window_rate_per_s}, expected 0 or more per second")
         if self.full_scale is not None and not self.full_scale > 0:

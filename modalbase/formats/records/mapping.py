@@ -29,6 +29,8 @@ Value = float | str
 
 _FEWEST_SAMPLES = 64
 _UNEVEN = 1e-3
+_FASTEST_HZ = 1e9  # no analyser of vibrations samples faster
+_LARGEST = 1e15  # N, m/s², m/s or m: whatever is larger is not a measurement
 _NAMES: dict[ChannelQuantity, tuple[str, ...]] = {
     "force": ("force", "hammer", "exc"),
     "acceleration": ("acc", "response", "resp"),
@@ -81,6 +83,12 @@ def read_mapping(document: Any) -> Mapping:
         found = _channel(place, entry, faults)
         if found is not None:
             channels.append(found)
+    names = [c.variable for c in channels]
+    faults += [
+        (f"mapping.channels.{i}.variable", f"is {name!r}, as that of another channel")
+        for i, name in enumerate(names)
+        if name in names[:i]
+    ]
     if not faults and [c.quantity for c in channels].count("force") != 1:
         faults.append(("mapping.channels", "has not exactly one channel of the quantity force"))
     if not faults and len(channels) < 2:
@@ -142,7 +150,8 @@ def blocks_of(variables: Variables, mapping: Mapping) -> list[TimeBlock]:
         point,
             direction or hit is impossible; names it.
     """
-    tables = {c.variable: _table(variables, c) for c in mapping.channels}
+    tables = {c.variable: _in_si(_table(variables, c), c) for c in mapping.channels}
+    _refuse_copies(tables)
     shapes = {name: table.shape for name, table in tables.items()}
     if len(set(shapes.values())) > 1:
         listed = ", ".join(f"{name} {shape[0]} blocks of {shape[1]} samples" for name, shape in shapes.items())
@@ -163,7 +172,7 @@ def blocks_of(variables: Variables, mapping: Mapping) -> list[TimeBlock]:
             *where[i],
             hits[i],
             rate,
-            tables[c.variable][i] / c.sensitivity,
+            tables[c.variable][i],
             c.window_rate_per_s,
             c.full_scale,
             c.sensitivity,
@@ -201,7 +210,7 @@ def _table(variables: Variables, channel: ChannelMapping) -> FloatArray:
         raise FormatError(
             channel.variable, f"holds NaN or infinity, first at sample {bad[0][1] + 1} of block {bad[0][0] + 1}"
         )
-    flat = np.flatnonzero(np.ptp(table, axis=1) == 0)
+    flat = np.flatnonzero(table.max(axis=1) == table.min(axis=1))
     if flat.size:
         raise FormatError(
             channel.variable, f"is {table[flat[0], 0]:g} throughout block {flat[0] + 1}: a channel that carried nothing"
@@ -209,39 +218,70 @@ def _table(variables: Variables, channel: ChannelMapping) -> FloatArray:
     return table
 
 
+def _refuse_copies(tables: dict[str, FloatArray]) -> None:
+    """Two channels of the same samples are one that was exported twice: their FRF would be 1."""
+    names = list(tables)
+    for i, name in enumerate(names):
+        for other in names[:i]:
+            one, two = tables[name], tables[other]
+            if one.shape == two.shape and np.array_equal(one[0] * two[0].max(), two[0] * one[0].max()):
+                raise FormatError(name, f"holds the same samples as {other}: one channel was written twice")
+
+
+def _in_si(table: FloatArray, channel: ChannelMapping) -> FloatArray:
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # what comes of it is looked at
+        values: FloatArray = table / channel.sensitivity
+    most = float(np.abs(values).max())
+    if not most < _LARGEST:
+        raise FormatError(
+            channel.variable, f"reaches {most:.3g} in SI, more than any sensor gives; look at the sensitivity"
+        )
+    return values
+
+
 def _rate(variables: Variables, given: Value, samples: int) -> float:
     if not isinstance(given, str):
         rate = float(given)
     else:
-        values = np.ravel(_array(variables, given)).astype(float)
+        values = _real(np.ravel(_array(variables, given)), given)
         if values.size == 1:
             rate = float(values[0])
         elif values.size == samples:
             steps = np.diff(values)
             step = float(values[-1] - values[0]) / (samples - 1)
-            if not step > 0 or np.abs(steps - step).max() > _UNEVEN * step + 1e-6 * abs(float(values[-1])):
+            uneven = float(np.abs(steps - step).max())
+            if not (step > 0 and uneven <= _UNEVEN * step + 1e-6 * abs(float(values[-1]))):
                 raise FormatError(given, "is not an evenly rising time axis")
             rate = 1 / step
         else:
             raise FormatError(given, f"has {values.size} values, expected the rate or a time axis of {samples}")
-    if not (np.isfinite(rate) and rate > 0):
-        raise FormatError("mapping.sample_rate_hz", f"is {rate:g}, expected a positive number of samples a second")
+    if not 0 < rate <= _FASTEST_HZ:
+        expected = f"expected a positive number of samples a second, up to {_FASTEST_HZ:g}"
+        raise FormatError("mapping.sample_rate_hz", f"is {rate:g}, {expected}")
     return float(f"{rate:.12g}")
 
 
+def _real(values: np.ndarray[Any, Any], name: str) -> FloatArray:
+    if values.dtype.kind == "c":
+        raise FormatError(name, "holds complex numbers")
+    real: FloatArray = values.astype(float)
+    return real
+
+
 def _integers(variables: Variables, given: Value, count: int, name: str, least: int) -> list[int]:
-    values = np.ravel(_array(variables, given)) if isinstance(given, str) else np.array([given])
+    place = given if isinstance(given, str) else f"mapping.{name}"
+    values = _real(np.ravel(_array(variables, given)), place) if isinstance(given, str) else np.array([given])
     if values.size == 1:
         values = np.repeat(values, count)
     if values.size != count:
-        raise FormatError(str(given), f"has {values.size} values, expected one for each of the {count} blocks")
-    whole = [int(v) for v in values]
+        raise FormatError(place, f"has {values.size} values, expected one for each of the {count} blocks")
+    whole = [int(v) if np.isfinite(v) else 0 for v in values]
     most = 6 if name == "direction" else 9_999_999_999
     if any(
         w != v or not least <= w <= most or (name == "direction" and w == 0) for w, v in zip(whole, values, strict=True)
     ):
         raise FormatError(
-            str(given), f"is no {name}: expected {'±1 to ±6' if name == 'direction' else 'whole numbers from 1'}"
+            place, f"is no {name}: expected {'±1 to ±6' if name == 'direction' else 'whole numbers from 1'}"
         )
     return whole
 

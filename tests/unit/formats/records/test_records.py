@@ -188,3 +188,61 @@ def test_an_array_may_not_be_larger_than_allowed(tmp_path: Path) -> None:
     np.savez_compressed(path, force=np.zeros(1_000_000))
     with pytest.raises(FormatError, match="more than the 1000"):
         read_variables(path, limit_bytes=1000)
+
+
+def _named(**changes: Any) -> Variables:
+    return {**ARRAYS, **{name: np.asarray(value) for name, value in changes.items()}}
+
+
+def _channel(number: int, **changes: Any) -> dict[str, Any]:
+    channels = [dict(channel) for channel in MAPPING["channels"]]
+    channels[number].update(changes)
+    return {**MAPPING, "channels": channels}
+
+
+@pytest.mark.parametrize(
+    ("variables", "mapping", "text"),
+    [
+        (_named(fs=np.inf), MAPPING, "expected a positive number of samples"),
+        (_named(fs=1e300), MAPPING, "up to 1e"),
+        (_named(fs=2048j), MAPPING, "fs: holds complex numbers"),
+        (_named(fs=np.where(np.arange(256) == 9, np.nan, np.arange(256))), MAPPING, "not an evenly rising time axis"),
+        (_named(hit=[1, np.nan, 2]), {**MAPPING, "hit": {"variable": "hit"}}, "hit: is no hit: expected whole numbers"),
+        (_named(point=[4, np.inf, 7]), MAPPING, "point: is no point"),
+        (ARRAYS, _channel(0, sensitivity=1e-320), "look at the sensitivity"),
+        (_named(acc=1e308 * np.sign(RESPONSE.astype(float))), MAPPING, "more than any sensor gives"),
+        (ARRAYS, _channel(1, variable="force"), "as that of another channel"),
+        (_named(acc=FORCE), MAPPING, "the same samples as force"),
+        (ARRAYS, _channel(1, point=0), "mapping.point: is no point"),
+    ],
+)
+def test_numbers_that_no_analyser_writes_are_refused(variables: Variables, mapping: dict[str, Any], text: str) -> None:
+    with pytest.raises(FormatError, match=text):
+        blocks_of(variables, read_mapping(mapping))
+
+
+def _damaged_npz(path: Path) -> None:
+    np.savez_compressed(path, **ARRAYS)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 3 : len(data) // 3 + 40] = b"\xff" * 40
+    path.write_bytes(data)
+
+
+def _wav_without_channels(path: Path) -> None:
+    wavfile.write(path, 2048, np.stack([FORCE[0], RESPONSE[0]], axis=1))
+    data = path.read_bytes()
+    path.write_bytes(data[:22] + b"\0\0" + data[24:])
+
+
+def _truncated_wav(path: Path) -> None:
+    path.write_bytes(b"RIFF" + b"\xff" * 30)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "write"), [(".npz", _damaged_npz), (".wav", _wav_without_channels), (".wav", _truncated_wav)]
+)
+def test_damaged_files_are_refused(suffix: str, write: Callable[[Path], None], tmp_path: Path) -> None:
+    path = tmp_path / f"hits{suffix}"
+    write(path)
+    with pytest.raises(FormatError, match=f"cannot be read as {suffix}"):
+        read_variables(path)
