@@ -35,9 +35,9 @@ _LARGE = 3.0  # misfit without the mode over the errors, below which it is withi
 WEAK = 0.5  # share of any FRF (half as much of all together) at its own frequency below which a mode is doubtful
 _WEAK_PRICE = 10.0  # ... unless the evidence is so many times its price
 _SURE = 5.0  # ... unless the evidence is so many times its price
-_SMALL = 0.14  # height of a mode over the largest one's, over all FRFs, below which what the large ones leave may look like it
-_CLEAR = 50.0  # ... unless it explains so many times the errors, or the evidence is so many times its price
-_CLEAR_PRICE = 20.0  # ... and the evidence so many times its price
+_LEAST_ERROR = 1e-6  # relative error of the FRFs that is always supposed
+_CLEAR = 50.0  # times the errors that a small mode explains, from which it is believed
+_CLEAR_PRICE = 20.0  # evidence of a small mode over its price from which it is believed
 _ORDERS = 0.5  # share of the orders in which a pole comes back, below which it is not stable
 _COLLINEAR = 0.6  # modal phase collinearity below which a shape is hardly that of a mode
 _STRONG = 100.0  # ratio from which a complex shape is believed
@@ -90,7 +90,7 @@ def judge(arrangement: Arrangement, fit: Fit, search: Search, witnesses: Witness
         witnesses: what is known of the poles beside the fit.
     """
     needs = witnesses.needs
-    high = heights(arrangement, fit)
+    high, small = heights(arrangement, fit), hidden_distortion(search)
     kept, doubts, refused, spoilt = [], [], [], []
     for k in np.argsort(fit.terms.frequency_hz):
         f, zeta = float(fit.terms.frequency_hz[k]), float(fit.terms.damping_ratio[k])
@@ -103,7 +103,7 @@ def judge(arrangement: Arrangement, fit: Fit, search: Search, witnesses: Witness
         if reason is None:
             kept.append(int(k))
             doubts.append(
-                _doubt(arrangement, fit, int(k), witnesses, float(high[k]))
+                _doubt(arrangement, fit, int(k), witnesses, float(high[k]) / small)
                 or _distortion(arrangement, fit, int(k), high)
             )
         else:
@@ -137,8 +137,8 @@ def _impossible(arrangement: Arrangement, fit: Fit, k: int, needs: dict[int, Nee
     return None
 
 
-def _doubt(arrangement: Arrangement, fit: Fit, k: int, witnesses: Witnesses, height: float) -> str | None:
-    """Why a pole that pays may still be no mode, or None."""
+def _doubt(arrangement: Arrangement, fit: Fit, k: int, witnesses: Witnesses, size: float) -> str | None:
+    """Why a pole that pays may still be no mode, or None; `size` is its height over that of a hidden distortion."""
     need, again, stable = witnesses.needs[k], witnesses.again, float(witnesses.stable[k])
     f, zeta = float(fit.terms.frequency_hz[k]), float(fit.terms.damping_ratio[k])
     line = arrangement.spacing_hz
@@ -159,10 +159,10 @@ def _doubt(arrangement: Arrangement, fit: Fit, k: int, witnesses: Witnesses, hei
         return f"{again.halves} do not both find it again ({again.words(k)})"
     if stable < _ORDERS and need.evidence < _WEAK_PRICE:
         return f"it is not stable: {100 * stable:.0f} % of the orders of the stabilisation diagram find it again"
-    if not few and height < _SMALL and need.ratio < _CLEAR and need.evidence < _CLEAR_PRICE:
+    if not few and size < 1 and need.ratio < _CLEAR and need.evidence < _CLEAR_PRICE:
         return (
-            f"it is small, {100 * height:.0f} % as high as the largest mode, and explains {need.ratio:.0f} times the errors of"
-            " the FRFs: what the large ones leave by non-linearity or leakage may look like it (it comes back in"
+            f"it is small, {100 * size:.0f} % as high as a distortion of the largest mode that its own errors would hide, and"
+            f" explains {need.ratio:.0f} times the errors of the FRFs: a weak non-linearity may look like it (it comes back in"
             f" {100 * stable:.0f} % of the orders)"
         )
     if 2 * zeta * f < _NARROW * line and (tone := _hum(arrangement, f)) is not None:
@@ -207,6 +207,16 @@ def _distortion(arrangement: Arrangement, fit: Fit, k: int, high: FloatArray) ->
                 " makes of them"
             )
     return None
+
+
+def hidden_distortion(search: Search) -> float:
+    """Height, over the largest mode's, up to which a distortion does not show at the large modes themselves: √ε.
+
+    A weak quadratic spring of relative size κ, u'' + 2ζu' + u + κu² = p, answers at sums and multiples of natural frequencies
+    with κ, to first order, and changes the response at these frequencies themselves with κ², to second order (Nayfeh and Mook
+    1979, Nonlinear Oscillations, 4.2). The relative errors ε of the FRFs hide the latter as long as κ² < ε.
+    """
+    return float(np.sqrt(max(search.errors.relative, _LEAST_ERROR)))
 
 
 def heights(arrangement: Arrangement, fit: Fit) -> FloatArray:
