@@ -1,9 +1,12 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fecore.body.specimen import CONSTANTS, Specimen
+from fecore.body.supports import Spring
 from fecore.errors import InputError
 from fecore.updating.parameters import Parameter, parametrise
 
@@ -41,12 +44,27 @@ def test_a_tied_constant_keeps_the_ratio_of_nominal_values(nominal: Specimen) ->
     assert constants["Ex"] == nominal.material.Ex
 
 
+def test_priors_signs_and_inputs_have_their_places(nominal: Specimen) -> None:
+    parametrisation = parametrise(nominal, (Parameter("Ex"), Parameter("nu_xy", prior_mean=0.2, prior_sd=0.02)))
+    assert parametrisation.prior_mean.tolist() == [nominal.material.Ex, 0.2]
+    np.testing.assert_allclose(parametrisation.prior_sd, [0.3 * nominal.material.Ex, 0.02], rtol=1e-15)
+    assert parametrisation.signed.tolist() == [False, True]
+    assert parametrisation.constants(parametrisation.prior_mean).shape == (len(CONSTANTS),)
+    # An input that is exactly known or that is a parameter anyway is not let go.
+    wider = parametrisation.with_inputs({"density": 10.0, "thickness": 0.0, "Ex": 1e9})
+    assert wider.names == ("Ex", "nu_xy", "density")
+    assert wider.reported == ("Ex", "nu_xy")
+    with pytest.raises(InputError, match="has the name of a constant"):
+        parametrise(replace(nominal, springs=(Spring("Ex", 500.0, 3, point=(0.5, 0.0)),)), (Parameter("Ey"),))
+
+
 @pytest.mark.parametrize(
     ("recipe", "field", "words"),
     [
         ([Parameter("E")], "parameters.0.name", "expected one of"),
         ([Parameter("Ex"), Parameter("Ex")], "parameters.1.name", "twice"),
         ([Parameter("Ex", prior_mean=-1.0)], "parameters.0.prior_mean", "positive"),
+        ([Parameter("Ex", prior_mean=0.0)], "parameters.0.prior_mean", "positive"),
         ([Parameter("Ex", prior_sd=0.0)], "parameters.0.prior_sd", "positive"),
         ([Parameter("Ex", prior_sd=1e9, fixed=True)], "parameters.0.prior_sd", "fixed"),
         ([Parameter("Ex", tied_to="Ex")], "parameters.0.tied_to", "itself"),
