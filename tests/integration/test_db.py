@@ -6,6 +6,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import LiteralString
 
 import psutil
 import psycopg
@@ -20,7 +21,7 @@ from service.access.tables import User
 from service.app import create_app
 from service.db.base import Base
 from service.db.embedded import embedded_server
-from service.db.engine import Sessions, psycopg_url, sqlalchemy_url
+from service.db.engine import Sessions, for_reading, make_sessions, psycopg_url, sqlalchemy_url
 from service.db.schema import SchemaError, current_revision, head_revision, require_head, upgrade
 from service.settings import Settings
 
@@ -167,3 +168,29 @@ def test_embedded_server_starts_over_a_stale_pid_file(short_folder: Path) -> Non
         file.write_text(left)
         with embedded_server(folder) as url, psycopg.connect(url) as connection:
             assert connection.execute("SELECT 1").fetchone() == (1,)
+
+
+def test_a_connection_whose_server_process_has_gone_is_replaced(engine: Engine) -> None:
+    """Nobody is asked whether it lives: the end shows on this side."""
+    with engine.connect() as connection:
+        before = connection.scalar(OWN_PID)
+    assert asked(engine, "SELECT pg_terminate_backend(%s, 60000)", before) is True
+    with engine.connect() as connection:
+        assert connection.scalar(OWN_PID) != before
+
+
+def test_what_only_reads_holds_no_transaction(engine: Engine) -> None:
+    for of, state in ((for_reading(engine), "idle"), (engine, "idle in transaction")):
+        with make_sessions(of)() as session:
+            pid = session.scalar(OWN_PID)
+            assert asked(engine, "SELECT state FROM pg_stat_activity WHERE pid = %s", pid) == state
+
+
+OWN_PID = text("SELECT pg_backend_pid()")
+
+
+def asked(engine: Engine, question: LiteralString, pid: int | None) -> object:
+    """By a connection of its own."""
+    with psycopg.connect(psycopg_url(engine.url.render_as_string(hide_password=False))) as connection:
+        row = connection.execute(question, [pid]).fetchone()
+        return row[0] if row else None
