@@ -94,7 +94,10 @@ def update_jointly(
 def _search(
     forward: ForwardModel, frfs: FrfSet, law: DampingLaw, seed: int, progress: Callable[[float], None]
 ) -> list[tuple[FloatArray, float]]:
-    """The best starts among draws from the prior: least mean difference of log magnitudes."""
+    """The best starts among draws from the prior: least mean difference of log magnitudes.
+
+    The draws use the reduced basis unverified, as they only rank starts; the turns from these use `forward` as it is.
+    """
     prior = forward.parametrisation
     free = len(prior.reported)
     draws = even_draws(free, _DRAWS, seed)
@@ -103,12 +106,13 @@ def _search(
     coarse = slice(None, None, max(1, frfs.frequency_hz.size // _COARSE_LINES))
     measured = _log_magnitude(frfs.values[:, coarse])
     known = frfs.measured[:, coarse]
+    loose = replace(forward, reduced=True).unverified()
     ranked: list[tuple[float, FloatArray, float]] = []
     for done, theta in enumerate(thetas):
         progress(done / len(thetas))
         if not prior.is_physical(theta):
             continue
-        model = forward.solve(theta).frf_model(frfs.responses, frfs.references)
+        model = loose.solve(theta).frf_model(frfs.responses, frfs.references)
         omega = model.omega[model.omega > 0]
         for ratio in _RATIOS:
             moving = None if model.strain is None else model.strain[model.omega > 0]
