@@ -158,9 +158,9 @@ class _Place:
     """What requests name: one for each key."""
 
     key: str
-    structure: str
-    campaign: str
+    campaign: str  # with an FRF, for reading and uploads
     frf: str
+    typed: str  # a campaign with modes alone, which an update takes
     modes: str
     job: str
 
@@ -176,10 +176,11 @@ def _furnished(service: LocalService, number: int) -> _Place:
         project = made("projects", {"name": "load"})["id"]
         structure = made(f"projects/{project}/structures", paper.STRUCTURE)["id"]
         campaign = made(f"structures/{structure}/campaigns", paper.CAMPAIGN)["id"]
-        modes = made(f"campaigns/{campaign}/mode-sets", {"name": "m", "modes": MODES})["id"]
         frf = made(f"campaigns/{campaign}/frfs", _frfs())["items"][0]["id"]
-        waiting = made(f"campaigns/{campaign}/update-jobs?priority=-100", {"mode_set": modes})["id"]
-        return _Place(key, structure, campaign, frf, modes, waiting)
+        typed = made(f"structures/{structure}/campaigns", {**paper.CAMPAIGN, "name": "typed modes"})["id"]
+        modes = made(f"campaigns/{typed}/mode-sets", {"name": "m", "modes": MODES})["id"]
+        waiting = made(f"campaigns/{typed}/update-jobs?priority=-100", {"mode_set": modes})["id"]
+        return _Place(key, campaign, frf, typed, modes, waiting)
 
 
 def _frfs() -> dict[str, Any]:
@@ -257,7 +258,7 @@ class _Crowd:
         return await line.ask("POST", path, paper.uff_file(), "application/octet-stream")
 
     async def _job(self, line: Line, place: _Place) -> tuple[int, Any]:
-        path = f"/api/v1/campaigns/{place.campaign}/update-jobs"
+        path = f"/api/v1/campaigns/{place.typed}/update-jobs"
         return await line.ask("POST", path, json.dumps({"mode_set": place.modes}).encode())
 
     _requests: dict[str, Callable[..., Awaitable[tuple[int, Any]]]] = {  # noqa: RUF012 - nobody changes it
@@ -292,7 +293,10 @@ class _Crowd:
         self.open += 1
         try:
             while status == 200 and (text := await reader.readline()) not in (b"", b"0\r\n"):
-                self.load.events += text.startswith(b"data")
+                if text.startswith(b"data:"):
+                    self.load.events += 1
+                    if json.loads(text[5:])["status"] == "failed":  # else the load would be of jobs that end at once
+                        self.load.bare_errors.append(f"a job failed: {job}")
         finally:
             self.open -= 1
 
