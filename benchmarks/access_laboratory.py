@@ -51,7 +51,7 @@ def record(hit: int = 1) -> dict[str, Any]:
         ],
     }
     samples = [0.0, 1.0, 0.5, 0.1] + 60 * [0.0]
-    return {"variables": {"f": samples, "a": samples}, "mapping": mapping}
+    return {"variables": {"f": samples, "a": samples[::-1]}, "mapping": mapping}
 
 
 @dataclass
