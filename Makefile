@@ -13,14 +13,14 @@ export OPENBLAS_NUM_THREADS ?= 1
 demo: $(SERVER)
 	$(BIN)/modalbase demo
 
-# Four at a time on two cores, as many tests wait for processes; an idle one takes from another, so none ends alone.
+# Three at a time on two cores, as many tests wait for processes; an idle one takes from another, so none ends alone.
 test: $(READY)
-	$(BIN)/python -m pytest -n 4 --dist worksteal
+	$(BIN)/python -m pytest -n 3 --dist worksteal
 
 # A tier of the tests alone: unit needs neither database nor process, integration has PostgreSQL and workers,
 # acceptance is at the level a user stands.
 unit integration acceptance: $(READY)
-	$(BIN)/python -m pytest -n 4 --dist worksteal tests/$@
+	$(BIN)/python -m pytest -n 3 --dist worksteal tests/$@
 
 check: $(READY)
 	$(BIN)/ruff check .
