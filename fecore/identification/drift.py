@@ -45,9 +45,8 @@ def drift_of(arrangement: Arrangement, fit: Fit) -> Drift | None:
     if len(arrangement.pairs) < _FEWEST:
         return None
     inside = in_band(arrangement, fit.terms.frequency_hz)
-    inside &= ~of_rank_two(
-        arrangement, *fit.residues()
-    )  # two modes in one pole move it from FRF to FRF without any drift
+    # Two modes in one pole move it from FRF to FRF without any drift.
+    inside &= ~of_rank_two(arrangement, *fit.residues())
     if not inside.any():
         return None
     slope = frequency_slope(arrangement, fit, inside)

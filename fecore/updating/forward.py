@@ -83,9 +83,13 @@ class ForwardModel:
     def unverified(self) -> ForwardModel:
         """The same on the basis as it is now, for a search that is verified afterwards."""
         loose = replace(self, verified=False)
-        if self.reduced:
-            loose.__dict__["basis"] = self.basis  # the cached property
+        if self.reduced:  # the cached properties: the basis, and what it holds
+            loose.__dict__.update(basis=self.basis, _covered=self._covered)
         return loose
+
+    def on_basis(self) -> ForwardModel:
+        """The same on a reduced basis; itself where it has one."""
+        return self if self.reduced else replace(self, reduced=True)
 
     @cached_property
     def _covered(self) -> set[int]:

@@ -106,7 +106,7 @@ def _search(
     coarse = slice(None, None, max(1, frfs.frequency_hz.size // _COARSE_LINES))
     measured = _log_magnitude(frfs.values[:, coarse])
     known = frfs.measured[:, coarse]
-    loose = replace(forward, reduced=True).unverified()
+    loose = forward.on_basis().unverified()
     ranked: list[tuple[float, FloatArray, float]] = []
     for done, theta in enumerate(thetas):
         progress(done / len(thetas))

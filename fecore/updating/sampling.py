@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -239,7 +239,7 @@ def _elastic_density(elastic: ElasticResult) -> LogProbability:
     )
     columns = np.array([column for _, column in elastic.pairing.pairs])
     highest = int(columns.max()) + 1 + state.modes.rigid
-    forward = state.forward if state.forward.reduced else replace(state.forward, reduced=True)
+    forward = state.forward.on_basis()
     covariance = np.zeros_like(elastic.mixture.total)
     covariance[:free, :free] = elastic.mixture.total[:free, :free]
     centre = np.concatenate([coordinates.of(elastic.theta)[:free], coordinates.mean[free:]])

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import Literal
 
+from modalbase.formats.constants import POUND_FORCE, STANDARD_GRAVITY
 from modalbase.formats.errors import FormatError
 
 Quantity = Literal["force", "stress", "strain", "length", "time"]
 
-_POUND_FORCE = 4.4482216152605
 _INCH = 0.0254
-_PSI = _POUND_FORCE / _INCH**2
+_PSI = POUND_FORCE / _INCH**2
 
 FACTORS: dict[Quantity, dict[str, float]] = {
-    "force": {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": _POUND_FORCE, "lb": _POUND_FORCE, "kip": 1e3 * _POUND_FORCE,
-              "klbf": 1e3 * _POUND_FORCE, "kgf": 9.80665},
+    "force": {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": POUND_FORCE, "lb": POUND_FORCE, "kip": 1e3 * POUND_FORCE,
+              "klbf": 1e3 * POUND_FORCE, "kgf": STANDARD_GRAVITY},
     "stress": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "N/mm²": 1e6, "N/mm2": 1e6, "GPa": 1e9, "psi": _PSI, "ksi": 1e3 * _PSI,
                "Msi": 1e6 * _PSI},
     "strain": {"m/m": 1.0, "mm/mm": 1.0, "in/in": 1.0, "1": 1.0, "%": 1e-2, "µε": 1e-6, "µm/m": 1e-6, "um/m": 1e-6,

@@ -16,20 +16,20 @@ from typing import Any
 
 import numpy as np
 
+from modalbase.formats.constants import POUND_FORCE, STANDARD_GRAVITY
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records.blocks import ChannelQuantity, TimeBlock
 from modalbase.formats.records.mapping import ChannelMapping, blocks_of
 from modalbase.formats.records.mapping import Mapping as BlockMapping
 
-_G = 9.80665
 UNITS: dict[str, tuple[ChannelQuantity, float]] = {
     "N": ("force", 1.0),
     "kN": ("force", 1e3),
-    "lbf": ("force", 4.4482216152605),
+    "lbf": ("force", POUND_FORCE),
     "m/s2": ("acceleration", 1.0),
     "mm/s2": ("acceleration", 1e-3),
-    "g": ("acceleration", _G),
-    "mg": ("acceleration", 1e-3 * _G),
+    "g": ("acceleration", STANDARD_GRAVITY),
+    "mg": ("acceleration", 1e-3 * STANDARD_GRAVITY),
     "m/s": ("velocity", 1.0),
     "mm/s": ("velocity", 1e-3),
     "m": ("displacement", 1.0),

@@ -10,11 +10,11 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 
+from modalbase.formats.constants import POUND_FORCE, STANDARD_GRAVITY
 from modalbase.formats.types import Quantity
 from modalbase.formats.uff.content import Units
 from modalbase.formats.uff.text import Cursor, Refusal, decoded
 
-STANDARD_GRAVITY = 9.80665
 Dimension = tuple[int, int, int]
 
 _ATOMS: dict[str, tuple[float, Dimension]] = {
@@ -44,8 +44,8 @@ _ATOMS: dict[str, tuple[float, Dimension]] = {
     "kn": (1e3, (1, 1, -2)),
     "mn": (1e-3, (1, 1, -2)),
     "dan": (10.0, (1, 1, -2)),
-    "lbf": (4.4482216152605, (1, 1, -2)),
-    "lb": (4.4482216152605, (1, 1, -2)),
+    "lbf": (POUND_FORCE, (1, 1, -2)),
+    "lb": (POUND_FORCE, (1, 1, -2)),
     "kgf": (STANDARD_GRAVITY, (1, 1, -2)),
     "kp": (STANDARD_GRAVITY, (1, 1, -2)),
     "g": (STANDARD_GRAVITY, (1, 0, -2)),
@@ -201,12 +201,12 @@ def read_164(body: bytes, dataset: int) -> tuple[Units, list[str]]:
 
 _FACTORS_OF_CODE = {
     1: (1.0, 1.0),
-    2: (1 / 0.3048, 1 / 4.4482216152605),
+    2: (1 / 0.3048, 1 / POUND_FORCE),
     3: (1.0, 1 / STANDARD_GRAVITY),
     4: (1 / 0.3048, 1 / 0.138254954376),
     5: (1e3, 1e3),
     6: (1e2, 1e2),
-    7: (1 / 0.0254, 1 / 4.4482216152605),
+    7: (1 / 0.0254, 1 / POUND_FORCE),
     8: (1e3, 1 / STANDARD_GRAVITY),
     10: (1e3, 1.0),
 }
