@@ -15,6 +15,9 @@ from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.basis import poles
 
+DAMPING_RANGE = (1e-5, 0.9)
+"""Of ζ, in which both modes are sought."""
+
 _REACH = 6.0  # half bandwidths on each side of the pole that are fitted
 _LEAST_REACH = 5.0  # ... and at least lines
 _FEWEST_LINES = 8  # of such a band
@@ -195,4 +198,4 @@ def _unpacked(theta: FloatArray, seen: ComplexArray, free: np.ndarray) -> tuple[
     q, n = len(seen), int(free.sum())
     view = np.ones(seen.shape, dtype=complex)
     view[free] = theta[2 * q : 2 * q + n] + 1j * theta[2 * q + n :]
-    return np.exp(theta[:q]), np.clip(theta[q : 2 * q], 1e-5, 0.9), view
+    return np.exp(theta[:q]), np.clip(theta[q : 2 * q], *DAMPING_RANGE), view

@@ -23,7 +23,7 @@ from fecore.correlation import mac
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.basis import Terms, columns
 from fecore.identification.guards import Verdict
-from fecore.identification.local_pair import Band, Modes, band_about
+from fecore.identification.local_pair import DAMPING_RANGE, Band, Modes, band_about
 from fecore.identification.refinement import Fit, evaluate
 from fecore.identification.selection import without_pole
 from fecore.identification.shapes import of_rank_two
@@ -213,7 +213,7 @@ def _parted(band: Band, k: int, two: Modes, memory: float, evidence: float) -> P
     value, vector = np.linalg.eigh(covariance[:4, :4])
     for size, axis in zip(np.sqrt(np.maximum(value, 0)), vector.T, strict=True):
         f = two.frequency_hz * np.exp(size * axis[:2])
-        zeta = np.clip(two.damping_ratio + size * axis[2:], 1e-5, 0.9)
+        zeta = np.clip(two.damping_ratio + size * axis[2:], *DAMPING_RANGE)
         variance = variance + np.abs(band.residues(f, zeta, two.seen)[0] - residues) ** 2
     order = np.argsort(two.frequency_hz)
     both = np.concatenate([order, 2 + order])
