@@ -410,4 +410,6 @@ def test_damping_that_the_lines_do_not_resolve_ends_in_words_or_finite_numbers(s
         assert "did not converge" in error.message or "beyond the critical" in error.message  # noqa: PT017
         return
     assert np.all(np.isfinite(deviations(result)))
-    assert any("half-power" in text or "inadequate" in text for text in result.warnings)
+    # Which of these it is depends on the last bits of the machine's linear algebra.
+    words = ("half-power", "inadequate", "the damping could not be updated: ")
+    assert any(word in text for text in result.warnings for word in words)
