@@ -80,12 +80,25 @@ def look_at_every_part(seen: Watched) -> None:
         figure.scroll_into_view_if_needed()
         figure.locator(".main-svg").first.wait_for()
     assert overflow(seen) == 0
+    assert spilled(seen) == []
 
 
 def overflow(seen: Watched) -> int:
     """By how many pixels a page is wider than its window."""
     wide: int = seen.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
     return wide
+
+
+def spilled(seen: Watched) -> list[str]:
+    """Figures that reach over the border of their frame."""
+    over: list[str] = seen.page.eval_on_selector_all(
+        ".main-svg",
+        """pictures => pictures.filter(picture => {
+            const inner = picture.getBoundingClientRect(), frame = picture.closest(".plot").getBoundingClientRect();
+            return inner.right > frame.right || inner.bottom > frame.bottom;
+        }).map(picture => picture.closest("section").innerText.split("\\n")[0])""",
+    )
+    return over
 
 
 def signed_in(seen: Watched, key: str, path: str) -> Page:
@@ -130,6 +143,7 @@ def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
             seen.page.wait_for_load_state("networkidle")
             assert hindrances(seen.page) == [], path
             assert overflow(seen) == 0, path
+            assert spilled(seen) == [], path
         assert (seen.complaints, seen.strangers) == ([], [])
     with watched_page(running, service.url) as seen:
         signed_in(seen, key, others[0])
