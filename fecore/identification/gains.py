@@ -81,7 +81,7 @@ def evidence(
     misfit = np.sum(np.abs(fit.residual) ** 2 * weights(arrangement, fit.variance), axis=0)
     data = 2 * scale.records * lines
     prior = np.maximum(_SURE * data, _PRIOR)
-    before = prior + lines * (misfit @ share) + (gain if gained else 0.0)
+    before = np.maximum(prior + lines * (misfit @ share) + (gain if gained else 0.0), prior)
     after = np.maximum(before - gain, prior)
     return np.asarray((data + prior) / np.minimum(scale.memory, lines) * np.log(before / after))
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fecore.frf import Dof
+from fecore.frf import Dof, FrfSet
+from fecore.identification import identify
 from fecore.identification.arrangement import arrange, split_sides
 from fecore.identification.basis import Terms
 from fecore.identification.lscf import lscf
@@ -78,3 +79,19 @@ def test_fixed_dofs_are_the_fewest_that_touch_all_pairs() -> None:
     assert split_sides(((c, a), (c, b)))[1] == (c,)  # roving hammer
     # a row and a column of the matrix share their dof: (c, a) is (a, c) by reciprocity
     assert split_sides(((a, c), (c, b)))[1] == (c,)
+
+
+def test_a_chain_of_masses_without_any_noise() -> None:
+    """Rounding alone decides between terms; once the cost rose by more than all that was left of it."""
+    rng = np.random.default_rng(24)
+    k = rng.uniform(0.5, 2, 3)
+    stiffness = np.diag(k + np.append(k[1:], 0)) - np.diag(k[1:], 1) - np.diag(k[1:], -1)
+    share = rng.uniform(0.001, 0.02)  # c = share k
+    hz = np.append(1e-5, np.arange(1, 401) * 1e-3)
+    w = 2 * np.pi * hz[:, None, None]
+    values = np.linalg.inv((1 + 1j * share * w) * stiffness - w**2 * np.eye(3))[:, :, 0].T
+    dofs = tuple(Dof(i, 3) for i in (1, 2, 3))
+    found = identify(FrfSet(hz, values, dofs, dofs[:1] * 3, "receptance")).modes
+    true = np.sqrt(np.linalg.eigvalsh(stiffness))
+    np.testing.assert_allclose(found.frequency_hz, true / (2 * np.pi), rtol=1e-9)
+    np.testing.assert_allclose(found.damping_ratio, share * true / 2, rtol=1e-6)
