@@ -162,17 +162,18 @@ def _measured(table: FrfTable, frame: Frame) -> MeasuredFrfs:
 def _variance(table: FrfTable, values: np.ndarray) -> FloatArray | None:
     """E|n|² = |H|² (1 - γ²) / (γ² n_d) of an H1 estimate from n_d averages (Bendat & Piersol, Random Data, 9.2.4).
 
-    FRFs made of time blocks carry the variance that the scatter of their hits showed, and it is used instead.
+    FRFs made of time blocks carry the variance that the scatter of their hits showed, and it is used instead. NaN where the
+    noise is not known: FRFs without a coherence or with fewer than two averages, lines that are zero or whose coherence is
+    not strictly between 0 and 1, as analysers write it where rounding or a silent channel made it.
 
-    None unless every FRF has a coherence strictly between 0 and 1 and at least two averages.
+    None where nothing is known.
     """
     if all(row.variance_sha256 is not None for row in table.frfs):
         return np.array([variance for _, variance in table.variances()])
-    if not all(row.coherence_sha256 is not None and (row.averages or 0) > 1 for row in table.frfs):
-        return None
-    gamma = np.array([coherence for _, coherence in table.coherences()], dtype=np.float64)
-    if not ((gamma > 0) & (gamma < 1)).all():
-        return None
-    averages = np.array([[row.averages] for row in table.frfs], dtype=np.float64)
-    variance: FloatArray = np.abs(values) ** 2 * (1 - gamma) / (gamma * averages)
-    return variance
+    variance = np.full(values.shape, np.nan)
+    for i, (row, gamma) in enumerate(table.coherences()):
+        averages = row.averages or 0
+        if gamma is not None and averages > 1:
+            known = (gamma > 0) & (gamma < 1) & (values[i] != 0)
+            variance[i, known] = np.abs(values[i, known]) ** 2 * (1 - gamma[known]) / (gamma[known] * averages)
+    return None if np.isnan(variance).all() else variance
