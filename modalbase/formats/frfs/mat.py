@@ -23,6 +23,8 @@ from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs
 from modalbase.formats.records.variables import Variables, read_variables
 from modalbase.formats.types import FloatArray, Quantity
 
+_SPECTRA = ("cross", "spec", "psd", "csd")
+"""Parts of the names of complex spectra that are no FRFs."""
 _KEYS = ("frequency_hz", "frf", "coherence", *DOFS, "factor")
 
 
@@ -84,12 +86,13 @@ def propose_frfs(variables: Variables) -> dict[str, Any]:
         None,
     )
     found: dict[str, Any] = {"frequency_hz": {"variable": lines or "?"}, "response_point": 1, "reference_point": 1}
-    frf = next((n for n, a in variables.items() if a.dtype.kind == "c"), None)
+    complexes = [n for n, a in variables.items() if a.dtype.kind == "c"]
+    frf = min(complexes, key=lambda name: any(part in name.lower() for part in _SPECTRA), default=None)
     found["frf"] = {"variable": frf or "?"}
-    for name, array in variables.items():
-        same = frf is not None and array.shape == variables[frf].shape and array.dtype.kind == "f"
-        if same and array.min() >= 0 and array.max() <= 1 + 1e-6:
-            found["coherence"] = {"variable": name}
+    alike = [n for n, a in variables.items() if frf and a.shape == variables[frf].shape and a.dtype.kind == "f"]
+    shares = [n for n in alike if variables[n].min() >= 0 and variables[n].max() <= 1 + 1e-6]
+    if coherence := [n for n in alike if "coh" in n.lower()] or shares:
+        found["coherence"] = {"variable": coherence[0]}
     return found
 
 

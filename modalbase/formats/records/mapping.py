@@ -14,6 +14,7 @@ Where blocks lie in a table, its longer side is the time.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, fields
 from typing import Any, get_args
 
@@ -21,7 +22,7 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records.blocks import ChannelQuantity, TimeBlock
-from modalbase.formats.records.variables import SAMPLE_RATE, Variables
+from modalbase.formats.records.variables import Variables
 from modalbase.formats.types import FloatArray
 
 Value = float | str
@@ -31,6 +32,7 @@ _FEWEST_SAMPLES = 64
 _UNEVEN = 1e-3
 _FASTEST_HZ = 1e9  # no analyser of vibrations samples faster
 _LARGEST = 1e15  # N, m/s², m/s or m: whatever is larger is not a measurement
+_RATES = ("fs", "sr", "samplerate", "sampleratehz", "samplingrate", "samplingfrequency")
 _NAMES: dict[ChannelQuantity, tuple[str, ...]] = {
     "force": ("force", "hammer", "exc"),
     "acceleration": ("acc", "response", "resp"),
@@ -300,21 +302,47 @@ def _hits(variables: Variables, given: Value | None, where: list[tuple[int, int]
 def propose(variables: Variables) -> dict[str, Any]:
     """A mapping that the names and shapes suggest, to be looked at and completed; sensitivities and points are the
     user's.
+
+    Where no name says what a channel is, every variable as long as the time axis is proposed with the quantity "?".
     """
     long = {name: a for name, a in variables.items() if a.size >= _FEWEST_SAMPLES and np.squeeze(a).ndim in (1, 2)}
-    channels = []
-    for quantity, starts in _NAMES.items():
-        for name in long:
-            if any(s in name.lower() for s in starts) and "time" not in name.lower():
-                point: Any = {"variable": "point"} if quantity == "force" and "point" in variables else 1
-                channels.append(
-                    {"variable": name, "quantity": quantity, "sensitivity": 1.0, "point": point, "direction": 3}
-                )
-    rate = next((n for n in variables if n.lower() in (SAMPLE_RATE, "fs", "sample_rate", "samplerate", "sr")), None)
-    time = next((n for n in long if n.lower().split("_")[0] in ("time", "t")), None)
+    rate = next((n for n, a in variables.items() if a.size == 1 and _plain(n).endswith(_RATES)), None)
+    time = next((n for n, a in long.items() if re.split(r"[_.]", n.lower())[0] in ("time", "t") and _ascends(a)), None)
+    point: Any = {"variable": "point"} if "point" in variables else 1
+    channels = [
+        {
+            "variable": name,
+            "quantity": quantity,
+            "sensitivity": 1.0,
+            "point": point if quantity == "force" else 1,
+            "direction": 3,
+        }
+        for quantity, names in _channels(long, time).items()
+        for name in names
+    ]
     found: dict[str, Any] = {"channels": channels}
     if rate or time:
         found["sample_rate_hz"] = {"variable": rate or time}
     if "hit" in variables:
         found["hit"] = {"variable": "hit"}
     return found
+
+
+def _channels(long: Variables, time: str | None) -> dict[str, list[str]]:
+    """Names of the channels by quantity; by length alone where no name says one."""
+    named = {
+        quantity: [n for n in long if any(s in n.lower() for s in starts) and "time" not in n.lower()]
+        for quantity, starts in _NAMES.items()
+    }
+    if any(named.values()) or time is None:
+        return dict(named)
+    samples = long[time].size
+    return {"?": [n for n, a in long.items() if n != time and samples in a.shape and a.dtype.kind in "fiu"]}
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z]", "", name.lower())
+
+
+def _ascends(array: np.ndarray[Any, Any]) -> bool:
+    return array.dtype.kind in "fiu" and bool(np.all(np.diff(np.ravel(array)) > 0))

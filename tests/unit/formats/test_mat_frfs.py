@@ -60,6 +60,23 @@ def test_a_structure_of_frfs_and_coherences(tmp_path: Path, write: Any) -> None:
     }
 
 
+def test_a_proposal_prefers_the_frf_to_other_spectra() -> None:
+    """As one analyser names what it exports; its coherence exceeds 1 at 0 Hz."""
+    variables = {
+        "Freq_domain": HZ[:, None],
+        "Hf_Cross_Spec_chan_2": H[:1].T,
+        "Hf_chan_2": H[:1].T,
+        "Hf_coh_chan_2": 1.2 * np.ones((HZ.size, 1)),
+        "Lin_Spec": np.full((HZ.size, 1), 0.5),
+    }
+    proposal = propose_frfs(variables)
+    assert [proposal[k]["variable"] for k in ("frequency_hz", "frf", "coherence")] == [
+        "Freq_domain",
+        "Hf_chan_2",
+        "Hf_coh_chan_2",
+    ]
+
+
 @pytest.mark.parametrize(
     ("change", "fault"),
     [

@@ -109,6 +109,27 @@ def test_a_proposal_names_what_it_recognises_and_needs_little_more() -> None:
     assert blocks_of(ARRAYS, read_mapping(json.loads(json.dumps(proposed))))
 
 
+def test_a_proposal_takes_an_analysers_channels_by_their_length() -> None:
+    """As one analyser names what it exports; which channel is the force only the user knows."""
+    ticks = np.arange(4096.0)[:, None] / 1280
+    proposed = propose(
+        {
+            "Time_domain": ticks,
+            "Time_chan_1": np.zeros((4096, 1), np.float32),
+            "Time_Sample_Rate": np.array([[1280.0]]),
+            "Time_chan_2": np.ones((4096, 1), np.float32),
+            "PSD_chan_1": np.ones((1601, 1), np.float32),
+        }
+    )
+    assert proposed["sample_rate_hz"] == {"variable": "Time_Sample_Rate"}
+    assert [(c["variable"], c["quantity"]) for c in proposed["channels"]] == [
+        ("Time_chan_1", "?"),
+        ("Time_chan_2", "?"),
+    ]
+    with pytest.raises(FormatError, match="expected one of force"):
+        read_mapping(proposed)
+
+
 def _changed(**changes: Any) -> Variables:
     return {**ARRAYS, **changes}
 
