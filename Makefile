@@ -7,6 +7,8 @@ READY  := $(VENV)/.ready
 
 # Small matrices on shared cores: threads of the linear algebra would wait for one another.
 export OPENBLAS_NUM_THREADS ?= 1
+# Each process that starts would compile all of it anew, 0.7 s at a time: `__pycache__` is what that is for.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test unit integration acceptance check bench screens guide soak clean
 

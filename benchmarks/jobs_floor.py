@@ -28,7 +28,9 @@ from service.db.embedded import embedded_server
 from service.db.engine import make_engine, make_sessions
 from service.db.schema import upgrade
 from service.demo import paper
-from service.jobs import Job, JobKind, Report, enqueue
+from service.jobs.kinds import JobKind, Report
+from service.jobs.queue import enqueue
+from service.jobs.tables import Job
 from service.settings import Settings
 from service.supervisor import environment
 

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.optimize import linear_sum_assignment
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.errors import InputError
@@ -244,7 +244,7 @@ def _assign(score: FloatArray, allowed: np.ndarray) -> tuple[tuple[int, int], ..
     benefit = np.where(allowed, np.maximum(score, 1e-6), -1.0)  # an allowed pair is better than leaving both alone
     padded = np.zeros((n, m + n))
     padded[:, :m] = benefit
-    rows, partners = linear_sum_assignment(padded, maximize=True)
+    rows, partners = scipy.optimize.linear_sum_assignment(padded, maximize=True)
     return tuple((int(i), int(j)) for i, j in zip(rows, partners, strict=True) if j < m and allowed[i, j])
 
 

@@ -1,7 +1,7 @@
-"""Where the features come together: their routers for the API and their kinds of job for the worker.
+"""Where the features come together for the API: their routers. Their kinds of job, for the worker, are in `service.kinds`.
 
 Importing this module imports every table, which is what the comparison of models and migrations needs.
-A new feature adds its router and its kinds here and nowhere else.
+A new feature adds its router here and nowhere else.
 """
 
 from __future__ import annotations
@@ -22,18 +22,13 @@ from service.campaigns.routes import router as campaigns
 from service.coupons.operations import batch_for, coupon_for
 from service.coupons.routes import router as coupons
 from service.frfs.routes import router as frfs
-from service.imports.operations import IMPORT
 from service.imports.purging import router as purging
 from service.imports.routes import router as imports
-from service.jobs import JobKind
 from service.modes.identification_routes import router as identifications
-from service.modes.identifications import IDENTIFY
 from service.modes.routes import router as mode_sets
-from service.monitoring.judgements import JUDGE
 from service.monitoring.routes import router as monitoring
 from service.notifications.routes import router as webhooks
 from service.plans.routes import router as plans
-from service.records.processings import PROCESS
 from service.records.routes import router as records
 from service.results.card_routes import router as cards
 from service.results.figure_routes import router as figures
@@ -42,9 +37,7 @@ from service.results.prediction_routes import router as predictions
 from service.storage.routes import router as storage
 from service.structures.operations import structure_for
 from service.structures.routes import router as structures
-from service.updating.joint_operations import JOINT_UPDATE
 from service.updating.joint_routes import router as joint_updates
-from service.updating.operations import UPDATE
 from service.updating.routes import router as updating
 
 ROUTERS: tuple[APIRouter, ...] = (
@@ -74,9 +67,6 @@ ROUTERS: tuple[APIRouter, ...] = (
     webhooks,
 )
 """Everything under `/api/v1`, in the order of the documentation page."""
-
-KINDS: tuple[JobKind, ...] = (IMPORT, PROCESS, IDENTIFY, UPDATE, JOINT_UPDATE, JUDGE)
-"""Every kind of job that a worker can run."""
 
 FINDERS: dict[str, Finder] = {
     "project_id": project_for,

@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import special
+import scipy
 
 from fecore.coupons.failure import check_failure_code, failed_at_grip
 from fecore.errors import InputError
@@ -224,5 +224,5 @@ def prior(found: Statistics, assumed_cv: float = ASSUMED_CV) -> Prior:
         return Prior(found.mean, s, s, "published mean and standard deviation, number of specimens not known")
     if n < 2:
         raise InputError("n", f"is {n}, but a scatter needs at least two specimens")
-    widening = float(np.sqrt(1 + 1 / n) * special.stdtrit(n - 1, 0.975) / special.ndtri(0.975))
+    widening = float(np.sqrt(1 + 1 / n) * scipy.special.stdtrit(n - 1, 0.975) / scipy.special.ndtri(0.975))
     return Prior(found.mean, s * widening, s, f"{n} specimens; their scatter times {widening:.3f} for one more piece")

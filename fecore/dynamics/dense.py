@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
-from scipy.linalg.blas import dtrsm
-from scipy.linalg.lapack import dormqr, dpotrf, dstein, dsterf, dsytrd, dtrtrs
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.errors import ModelError
@@ -22,12 +20,12 @@ class DenseFactor:
 
     @cached_property
     def _cholesky(self) -> tuple[FloatArray, bool]:
-        factor: tuple[FloatArray, bool] = cho_factor(self.matrix, lower=True)
+        factor: tuple[FloatArray, bool] = scipy.linalg.cho_factor(self.matrix, lower=True)
         return factor
 
     def solve(self, right: FloatArray) -> FloatArray:
         """A⁻¹ right."""
-        solution: FloatArray = cho_solve(self._cholesky, right)
+        solution: FloatArray = scipy.linalg.cho_solve(self._cholesky, right)
         return solution
 
     def colour(self, white: FloatArray) -> FloatArray:
@@ -47,12 +45,13 @@ def largest_eigenpairs(A: FloatArray, B: FloatArray, count: int) -> tuple[FloatA
     Raises:
         ModelError: B is not positive definite.
     """
-    L, fault = dpotrf(B, lower=1)
+    L, fault = scipy.linalg.lapack.dpotrf(B, lower=1)
     if fault:
         raise ModelError("the reduced stiffness is not positive definite: are the constants right?")
-    C = dtrsm(1.0, L, dtrsm(1.0, L, A, lower=1), side=1, lower=1, trans_a=1)  # dsygst takes twice as long
+    solve = scipy.linalg.blas.dtrsm  # dsygst takes twice as long
+    C = solve(1.0, L, solve(1.0, L, A, lower=1), side=1, lower=1, trans_a=1)
     value, vectors = _by_inverse_iteration(C, count) or np.linalg.eigh(C)
-    vectors, _ = dtrtrs(L, vectors[:, ::-1][:, :count], lower=1, trans=1)
+    vectors, _ = scipy.linalg.lapack.dtrtrs(L, vectors[:, ::-1][:, :count], lower=1, trans=1)
     return value[::-1][:count], vectors
 
 
@@ -65,11 +64,11 @@ def _by_inverse_iteration(C: FloatArray, count: int) -> tuple[FloatArray, FloatA
     size = len(C)
     if size < 3:
         return None
-    reflectors, diagonal, beside, scale, _ = dsytrd(C, lower=1)
-    value, unconverged = dsterf(diagonal, beside)
+    reflectors, diagonal, beside, scale, _ = scipy.linalg.lapack.dsytrd(C, lower=1)
+    value, unconverged = scipy.linalg.lapack.dsterf(diagonal, beside)
     one_block = np.ones(size, dtype=np.int32), np.full(size, size, dtype=np.int32)
-    vectors, failed = dstein(diagonal, beside, value[size - count :], *one_block)
+    vectors, failed = scipy.linalg.lapack.dstein(diagonal, beside, value[size - count :], *one_block)
     if unconverged or failed:
         return None
-    vectors[1:], _, _ = dormqr("L", "N", reflectors[1:, :-1], scale, vectors[1:], 64 * count)
+    vectors[1:], _, _ = scipy.linalg.lapack.dormqr("L", "N", reflectors[1:, :-1], scale, vectors[1:], 64 * count)
     return value, vectors

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import Quantity, convert
@@ -24,6 +23,6 @@ def direct_frf(
     columns = []
     for line in omega:
         dynamic = sparse.csc_matrix(stiffness - line**2 * mass + 1j * line * damping)
-        columns.append(responses @ splu(dynamic, permc_spec="MMD_AT_PLUS_A").solve(load.astype(complex)))
+        columns.append(responses @ sparse.linalg.splu(dynamic, permc_spec="MMD_AT_PLUS_A").solve(load.astype(complex)))
     found: ComplexArray = np.array(columns).T * convert(omega, quantity)
     return found

@@ -16,8 +16,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from scipy import sparse
-from scipy.linalg.lapack import dpotrf, dtrtri
 
 from fecore.arrays import FloatArray
 from fecore.dynamics.factor import Factor, factorise, negative_eigenvalues
@@ -241,12 +241,12 @@ class _Basis:
         image = self._image(outside)
         gram = outside @ image.T
         scale = float(np.vdot(inside, inside) + gram.trace())  # the block's energy, inside and outside
-        root, indefinite = dpotrf(gram, lower=1)
+        root, indefinite = scipy.linalg.lapack.dpotrf(gram, lower=1)
         length = root.diagonal() ** 2
         if indefinite or length.min() < max(_EVEN * length.max(), _EVEN**2 * scale):
             scaled, image, coupling = self._uneven(outside, image, gram, scale)
             return _Block(scaled, image, inside, coupling)
-        inverse, _ = dtrtri(root, lower=1)
+        inverse, _ = scipy.linalg.lapack.dtrtri(root, lower=1)
         if len(block) == 1:  # products of one row cost as much as solving for it
             return _Block(inverse * outside, inverse * image, inside, root.T)
         return _Block(inverse @ outside, inverse @ image, inside, root.T)

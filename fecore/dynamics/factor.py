@@ -15,9 +15,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+import scipy
 from scipy import sparse
-from scipy.linalg.lapack import dpbtrf, dpbtrs, dtrtrs
-from scipy.sparse.linalg import SuperLU, splu
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.errors import ModelError
@@ -47,7 +46,7 @@ class BandedFactor:
 
     def solve(self, right: FloatArray) -> FloatArray:
         """A⁻¹ right."""
-        solution, fault = dpbtrs(self.lower, right, lower=1)
+        solution, fault = scipy.linalg.lapack.dpbtrs(self.lower, right, lower=1)
         if fault:
             raise ValueError(f"LAPACK's dpbtrs refused its argument {-fault}")
         return np.asarray(solution)
@@ -64,7 +63,7 @@ class BandedFactor:
 class SparseFactor:
     """SuperLU's factor of a symmetric matrix without pivoting: PAPᵀ = LDLᵀ."""
 
-    factor: SuperLU
+    factor: sparse.linalg.SuperLU
 
     def solve(self, right: FloatArray) -> FloatArray:
         """A⁻¹ right."""
@@ -91,7 +90,7 @@ def factorise(matrix: sparse.csc_array) -> Factor:
         if np.any(lu.U.diagonal() <= 0):
             raise ModelError(_INDEFINITE)
         return SparseFactor(lu)
-    lower, pivot = dpbtrf(_banded(matrix, below), lower=1, overwrite_ab=1)
+    lower, pivot = scipy.linalg.lapack.dpbtrf(_banded(matrix, below), lower=1, overwrite_ab=1)
     if pivot:
         raise ModelError(_INDEFINITE)
     return BandedFactor(lower)
@@ -143,10 +142,10 @@ def _negative_pivots(stored: FloatArray) -> int:
     start, negative = 0, 0
     while start < size:
         end = min(start + _RUN * width, size)
-        lower, failed = dpbtrf(stored[:, start:end], lower=1)
+        lower, failed = scipy.linalg.lapack.dpbtrf(stored[:, start:end], lower=1)
         if failed:
             end = start + failed - 1
-            lower, _ = dpbtrf(stored[:, start:end], lower=1)
+            lower, _ = scipy.linalg.lapack.dpbtrf(stored[:, start:end], lower=1)
         _eliminate(stored, lower, end, lower_half)
         if failed:
             pivot, column = stored[0, end], stored[1 : size - end, end]
@@ -165,7 +164,7 @@ def _eliminate(stored: FloatArray, lower: FloatArray, end: int, lower_half: Floa
     if left and known:
         own = _dense(lower, lower.shape[1] - known, lower.shape[1] - known, (known, known))
         below = _dense(stored, end, end - known, (left, known)) * lower_half[band - known : band, :left].T
-        solved = dtrtrs(own, below.T, lower=1)[0]
+        solved = scipy.linalg.lapack.dtrtrs(own, below.T, lower=1)[0]
         _subtract(stored, end, solved.T @ solved, lower_half)
 
 
@@ -184,10 +183,12 @@ def _subtract(stored: FloatArray, first: int, block: FloatArray, lower_half: Flo
         _dense(stored, first, first, block.shape)[...] -= block * lower_half[: len(block), : len(block)]
 
 
-def _symmetric_lu(matrix: sparse.csc_array) -> SuperLU:
+def _symmetric_lu(matrix: sparse.csc_array) -> sparse.linalg.SuperLU:
     """Without pivoting, so that the signs of the pivots give the inertia."""
     options = {"SymmetricMode": True}
     try:
-        return splu(sparse.csc_matrix(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        return sparse.linalg.splu(
+            sparse.csc_matrix(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
+        )
     except RuntimeError as error:
         raise ModelError(f"{_INDEFINITE} ({error})") from error

@@ -18,7 +18,6 @@ from typing import TypeAlias
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.dynamics.eigen import NormalModes
@@ -88,7 +87,7 @@ def _bordered_solve(matrix: Matrix, border: FloatArray, right: FloatArray) -> Fl
     if sparse.issparse(matrix):
         edge = sparse.csc_array(border)
         whole = sparse.csc_matrix(sparse.block_array([[matrix, edge], [edge.T, None]], format="csc"))
-        solution: FloatArray = splu(whole).solve(right)
+        solution: FloatArray = sparse.linalg.splu(whole).solve(right)
         return solution
     dense = np.block([[np.asarray(matrix), border], [border.T, np.zeros((size, size))]])
     return np.linalg.solve(dense, right)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import median_filter
+import scipy
 
 from fecore.identification.arrangement import Arrangement
 
@@ -22,7 +22,7 @@ def leakage(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     power = np.sum(np.abs(values) ** 2, axis=0)
     jump = np.sum(np.abs(values[:, 1:-1] - (values[:, :-2] + values[:, 2:]) / 2) ** 2, axis=0) / 1.5
     around = (power[:-2] + power[1:-1] + power[2:]) / 3
-    rough = median_filter(jump / np.maximum(around, 1e-300), size=5, mode="nearest")
+    rough = scipy.ndimage.median_filter(jump / np.maximum(around, 1e-300), size=5, mode="nearest")
     smooth = np.flatnonzero(rough < _DROWNED)
     first = int(smooth[0]) + 1 if smooth.size else 0
     if first < _FEWEST or np.mean(power[:_FEWEST]) < _RAISED * power[first]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import nnls
+import scipy
 
 from fecore.arrays import IntArray
 from fecore.identification.arrangement import Arrangement
@@ -54,7 +54,7 @@ def learn(search: Search, fit: Fit, *, upwards: bool = False) -> Search:
     belief = _PRIOR_LINES**0.5 * np.diag(1 / factor)[1:]
     for _ in range(_PASSES):
         capped = np.minimum(square, _CAP * size)
-        factor, _ = nnls(
+        factor, _ = scipy.optimize.nnls(
             np.vstack([parts / size[:, None], belief]), np.append(capped / size, _PRIOR_LINES**0.5 * np.ones(2))
         )
         size = np.maximum(parts @ factor, 1e-12 * square.max())

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.identification.arrangement import Arrangement
@@ -99,7 +99,7 @@ class Band:
             frame = np.linalg.qr(self._design(*_unpacked(theta, seen, free)))[0]
             return np.asarray(target - frame @ (frame.T @ target)).ravel()
 
-        found = least_squares(apart, start, x_scale=scale, max_nfev=_EVALUATIONS)
+        found = scipy.optimize.least_squares(apart, start, x_scale=scale, max_nfev=_EVALUATIONS)
         f, zeta, view = _unpacked(found.x, seen, free)
         unknowns = found.x.size + target.shape[1] * (2 * len(seen) + 2 * seen.shape[1])
         return Modes(

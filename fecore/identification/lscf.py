@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import toeplitz
+import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError
@@ -115,7 +115,7 @@ def _moments(values: ComplexArray, weight: FloatArray, z: ComplexArray, order: i
 
 def _toeplitz(moment: ComplexArray, order: int) -> ComplexArray:
     """Matrix [r, s] = moment of z^(s - r), from moments of z^-order … z^order."""
-    return np.asarray(toeplitz(moment[order::-1], moment[order:]))
+    return np.asarray(scipy.linalg.toeplitz(moment[order::-1], moment[order:]))
 
 
 def _poles_of_order(moments: _Moments, order: int, m: int) -> ComplexArray | None:

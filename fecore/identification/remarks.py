@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.identification.arrangement import Arrangement
@@ -46,7 +46,7 @@ def remarks(arrangement: Arrangement, fit: Fit, verdict: Verdict, shapes: Shapes
 def unexplained(arrangement: Arrangement, fit: Fit, rough: FloatArray) -> list[str]:
     """Where the residual of all FRFs together is far above the noise that their own roughness states."""
     square = np.where(arrangement.measured, np.abs(fit.residual) ** 2 / rough, 0.0).sum(axis=0)
-    level = uniform_filter1d(square / np.maximum(arrangement.measured.sum(axis=0), 1), 5, mode="nearest")
+    level = scipy.ndimage.uniform_filter1d(square / np.maximum(arrangement.measured.sum(axis=0), 1), 5, mode="nearest")
     at: list[int] = []
     for line in np.argsort(-level)[:50]:
         if level[line] > _UNEXPLAINED and len(at) < 4 and all(abs(line - other) > 10 for other in at):

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import median_filter
+import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError, InputError
@@ -214,7 +214,7 @@ def _spikes(record: ComplexArray, measured: BoolArray) -> tuple[BoolArray, BoolA
     beside = (values[1:-3] + values[3:-1]) / 2
     jump = np.abs(middle - beside) ** 2
     # jumps of lines beside a spike are raised by it: the local median does not see them
-    usual = median_filter(jump, size=21, mode="nearest")
+    usual = scipy.ndimage.median_filter(jump, size=21, mode="nearest")
     far = (np.abs(values[:-4]) + np.abs(values[4:])) / 2
     near = np.maximum(np.abs(values[1:-3]), np.abs(values[3:-1]))
     floor = 1e-20 * np.max(jump, initial=0.0)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+import scipy
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.correlation import mac
@@ -131,7 +131,7 @@ def residual_peaks(arrangement: Arrangement, fit: Fit) -> tuple[FloatArray, Floa
     square = np.where(arrangement.measured, np.abs(fit.residual) ** 2 / fit.variance, 0.0).sum(axis=0)
     found = []
     for lines in _SCALES:
-        level = uniform_filter1d(square, lines, mode="nearest")
+        level = scipy.ndimage.uniform_filter1d(square, lines, mode="nearest")
         inner = level[1:-1]
         peak = 1 + np.flatnonzero((inner >= level[:-2]) & (inner > level[2:]))
         best = peak[np.argsort(-level[peak])][:_PEAKS]

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+import scipy
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import FrfSet, convert
@@ -75,7 +75,7 @@ def _peaks(size: FloatArray, noise: FloatArray | None) -> list[tuple[int, int]]:
         maxima &= ~(size[1:-1] < _CLEAR * noise[1:-1])  # of a single hit the scatter is not known
     lines = np.flatnonzero(maxima) + 1
     if lines.size > _MOST_PEAKS:
-        sharp = size[lines] / uniform_filter1d(size, _WIDEST)[lines]
+        sharp = size[lines] / scipy.ndimage.uniform_filter1d(size, _WIDEST)[lines]
         lines = np.sort(lines[np.argsort(-sharp, kind="stable")[:_MOST_PEAKS]])
     found = []
     for line in lines:

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
-from scipy.fft import rfftfreq
+import scipy
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.errors import InputError
@@ -59,7 +59,7 @@ class Spectra:
             raise InputError(
                 "responses", f"hold {', '.join(sorted(set(self.kinds)))}; process one kind of response at a time"
             )
-        frequency = rfftfreq(self.samples, 1 / self.sample_rate)
+        frequency = scipy.fft.rfftfreq(self.samples, 1 / self.sample_rate)
         low, high = processing.band_hz or (0.5 * frequency[1], USABLE_SHARE * self.sample_rate)
         self.lines = np.flatnonzero((frequency >= low) & (frequency <= high))
         if not self.lines.size:

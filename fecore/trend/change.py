@@ -17,7 +17,7 @@ from datetime import datetime
 from typing import Literal
 
 import numpy as np
-from scipy import linalg, special
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
@@ -80,19 +80,19 @@ def change_point(
     m = residual.size
     if m < 2:
         raise InputError("points", f"{m} campaigns after the baseline, expected at least 2 for a change point")
-    root = linalg.cholesky(covariance, lower=True)
-    white = linalg.solve_triangular(root, residual, lower=True)
+    root = scipy.linalg.cholesky(covariance, lower=True)
+    white = scipy.linalg.solve_triangular(root, residual, lower=True)
     candidates: tuple[Pattern, ...] = ("step", "ramp") if pattern is None else (pattern,)
     found = []
     for kind in candidates:
-        g = linalg.solve_triangular(root, _patterns(kind, days), lower=True)
+        g = scipy.linalg.solve_triangular(root, _patterns(kind, days), lower=True)
         size = np.sum(g**2, axis=0)
         along = g.T @ white
         misfit = white @ white - along**2 / size
         log_p = -0.5 * np.log(size) - (degrees_of_freedom + m - 1) / 2 * np.log(degrees_of_freedom + misfit)
         found.append((float(misfit.min()), kind, log_p, along / size, size, misfit))
     _, kind, log_p, amplitude, size, misfit = min(found, key=lambda item: item[0])
-    posterior = np.exp(log_p - special.logsumexp(log_p))
+    posterior = np.exp(log_p - scipy.special.logsumexp(log_p))
     index = int(np.argmax(posterior))
     ranked = np.argsort(-posterior)
     held = ranked[: int(np.searchsorted(np.cumsum(posterior[ranked]), probability)) + 1]

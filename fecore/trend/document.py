@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy import special
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.trend.assessment import ParameterTrend
@@ -95,7 +95,7 @@ def describe_judged(trend: ParameterTrend, i: int) -> dict[str, Any]:
     assert trend.scores is not None
     assert trend.baseline is not None
     assert trend.limits is not None
-    t = -special.stdtrit(trend.baseline.fit.degrees_of_freedom, special.ndtr(-trend.limits.score))
+    t = -scipy.special.stdtrit(trend.baseline.fit.degrees_of_freedom, scipy.special.ndtr(-trend.limits.score))
     return {
         "residual_limit": _finite(t * trend.scores.residual_sd[i]),
         "residual": float(trend.scores.residual[i]),

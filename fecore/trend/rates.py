@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 
 import numpy as np
-from scipy import special
+import scipy
 
 from fecore.errors import InputError
 from fecore.trend.baseline import complete_campaigns
@@ -87,7 +87,7 @@ def rate_since_onset(change: ChangePoint, baseline_mean: float) -> Rate:
 
 
 def _rate(slope: float, sd: float, degrees_of_freedom: float, baseline_mean: float) -> Rate:
-    half = float(special.stdtrit(degrees_of_freedom, 0.975)) * sd
+    half = float(scipy.special.stdtrit(degrees_of_freedom, 0.975)) * sd
     relative = sorted(((slope - half) / baseline_mean, (slope + half) / baseline_mean))
     return Rate(
         slope, sd, (slope - half, slope + half), slope / baseline_mean, (float(relative[0]), float(relative[1]))

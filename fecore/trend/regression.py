@@ -21,7 +21,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
@@ -91,7 +91,7 @@ def fit_with_scatter(X: FloatArray, y: FloatArray, s: FloatArray) -> RegressionF
         float(np.sqrt(between)),
         total,
         min(2 * mean**2 / spread, _NORMAL) if spread > 0 else _NORMAL,
-        float(special.chdtr(n - p, np.sum((own / s) ** 2))),
+        float(scipy.special.chdtr(n - p, np.sum((own / s) ** 2))),
     )
 
 

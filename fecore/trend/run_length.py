@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy import optimize, special
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
@@ -52,7 +52,7 @@ def average_run_length(chart: Chart, limits: Limits, shift: float = 0.0, pending
         pending: consecutive campaigns outside that make an alarm.
         cells: of the Markov chain between 0 and h.
     """
-    chain = _chain(chart, limits, cells, pending, lambda u: special.ndtr(u - shift))
+    chain = _chain(chart, limits, cells, pending, lambda u: scipy.special.ndtr(u - shift))
     return _mean_run_length(chain)
 
 
@@ -104,9 +104,9 @@ def control_limits(
         def excess(log_limit: float) -> float:
             limits = Limits(float(np.exp(log_limit)), score)
             called = alarm_probability(kind, limits, campaigns, pending, shared, degrees_of_freedom)
-            return float(special.logit(np.clip(called, 1e-12, 1 - 1e-12)) - special.logit(target))
+            return float(scipy.special.logit(np.clip(called, 1e-12, 1 - 1e-12)) - scipy.special.logit(target))
 
-        return float(np.exp(optimize.brentq(excess, *_LOG_LIMITS, xtol=1e-3)))
+        return float(np.exp(scipy.optimize.brentq(excess, *_LOG_LIMITS, xtol=1e-3)))
 
     if chart.kind == "shewhart" or chart.jump_share == 0:
         return Limits(solve(chart, probability, float("inf")))
@@ -123,7 +123,7 @@ def _unknowns(shared: float, degrees_of_freedom: float) -> list[tuple[float, flo
         shifts = [(0.0, 1.0)]
     if degrees_of_freedom < KNOWN:
         x, w = np.polynomial.legendre.leggauss(_RATIOS)
-        q = np.sqrt(special.chdtri(degrees_of_freedom, (1 - x) / 2) / degrees_of_freedom)
+        q = np.sqrt(scipy.special.chdtri(degrees_of_freedom, (1 - x) / 2) / degrees_of_freedom)
         ratios = list(zip(q, w / 2, strict=True))
     else:
         ratios = [(1.0, 1.0)]
@@ -133,16 +133,16 @@ def _unknowns(shared: float, degrees_of_freedom: float) -> list[tuple[float, flo
 def _score_cdf(e: float, q: float, shared: float, degrees_of_freedom: float) -> Cdf:
     scale = q * np.sqrt(1 + shared)
     if degrees_of_freedom >= KNOWN:
-        return lambda u: special.ndtr(scale * u + e)
+        return lambda u: scipy.special.ndtr(scale * u + e)
     grid, quantile = _t_of_normal(degrees_of_freedom)
-    return lambda u: special.ndtr(scale * np.interp(u, grid, quantile) + e)
+    return lambda u: scipy.special.ndtr(scale * np.interp(u, grid, quantile) + e)
 
 
 @lru_cache(maxsize=64)
 def _t_of_normal(degrees_of_freedom: float) -> tuple[FloatArray, FloatArray]:
     """T_ν⁻¹(Φ(u)) on a grid of u; linear between, which is exact to 1e-4 of a standard deviation."""
     half = np.linspace(0, 8, 801)
-    t = -special.stdtrit(degrees_of_freedom, special.ndtr(-half))
+    t = -scipy.special.stdtrit(degrees_of_freedom, scipy.special.ndtr(-half))
     return np.concatenate([-half[:0:-1], half]), np.concatenate([-t[:0:-1], t])
 
 

@@ -16,8 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import logsumexp, ndtr
+import scipy
 
 from fecore.arrays import FloatArray
 
@@ -123,7 +122,9 @@ class Mixture:
         widest = float(np.abs(mean).max() + 40 * sd.max())
         tail = (1 - probability) / 2
         low, high = (
-            brentq(lambda x, p=p: float(self.weight @ ndtr((x - mean) / sd)) - p, -widest, widest)
+            scipy.optimize.brentq(
+                lambda x, p=p: float(self.weight @ scipy.special.ndtr((x - mean) / sd)) - p, -widest, widest
+            )
             for p in (tail, 1 - tail)
         )
         return max(-low, 0.0), max(high, 0.0)
@@ -161,7 +162,10 @@ def marginalise(
         covariances.append(covariance)
     log_weight = np.array(log_weights)
     return Mixture(
-        np.exp(log_weight - logsumexp(log_weight)), np.array(shifts), np.array(covariances), DISCREPANCY * _GRID
+        np.exp(log_weight - scipy.special.logsumexp(log_weight)),
+        np.array(shifts),
+        np.array(covariances),
+        DISCREPANCY * _GRID,
     )
 
 
@@ -188,7 +192,9 @@ class ScaleMixture:
         if not np.any(sd > 0):
             return 0.0
         tail = (1 + probability) / 2
-        return float(brentq(lambda x: float(self.weight @ ndtr(x / sd)) - tail, 0.0, 40 * sd.max()))
+        return float(
+            scipy.optimize.brentq(lambda x: float(self.weight @ scipy.special.ndtr(x / sd)) - tail, 0.0, 40 * sd.max())
+        )
 
 
 _LAW_FREEDOM = 3.0  # degrees of freedom of the prior of the scale of deviations
@@ -219,7 +225,7 @@ def scale_of_deviations(residual: FloatArray, noise: FloatArray, basis: FloatArr
     for number, s in enumerate(scale if r.size else ()):
         covariance = V + s**2 * np.eye(r.size)
         log_weight[number] -= (np.linalg.slogdet(covariance)[1] + r @ np.linalg.solve(covariance, r)) / 2
-    return ScaleMixture(np.exp(log_weight - logsumexp(log_weight)), scale)
+    return ScaleMixture(np.exp(log_weight - scipy.special.logsumexp(log_weight)), scale)
 
 
 def log_likelihood(noise: FloatArray) -> Callable[[FloatArray], FloatArray]:
@@ -245,7 +251,7 @@ def _over_scales(noise: FloatArray, s: FloatArray, log_prior: FloatArray) -> Cal
     constant = log_prior - np.log(variance).sum(axis=1) / 2
 
     def value(residual: FloatArray) -> FloatArray:
-        found: FloatArray = logsumexp(constant - (residual @ turn) ** 2 @ (1 / variance).T / 2, axis=1)
+        found: FloatArray = scipy.special.logsumexp(constant - (residual @ turn) ** 2 @ (1 / variance).T / 2, axis=1)
         return found
 
     return value

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtr
+import scipy
 
 from fecore.arrays import FloatArray
 from service.figures.look import INITIAL, UPDATED, Z_95, Figure, Trace, axis, layout, line, marks, numbers
@@ -42,7 +42,7 @@ class Marginal:
 
     def at(self, z: FloatArray) -> FloatArray:
         """Values so many standard deviations from the estimate."""
-        reach = (self.below + (self.above - self.below) * ndtr(2 * z)) * z
+        reach = (self.below + (self.above - self.below) * scipy.special.ndtr(2 * z)) * z
         moved: FloatArray = self.estimate * np.exp(reach) if self.log else self.estimate + reach
         return moved
 

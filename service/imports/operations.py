@@ -20,7 +20,10 @@ from service.imports.originals import keep_original, write_original
 from service.imports.reading import ReadingInputs, read_upload
 from service.imports.schemas import Counts, DatasetOutcome, ImportOut
 from service.imports.tables import Import, Original
-from service.jobs import Job, JobKind, enqueue, job_state
+from service.jobs.kinds import JobKind
+from service.jobs.queue import enqueue
+from service.jobs.state import job_state
+from service.jobs.tables import Job
 from service.storage import StorageOwner, book
 from service.web.uploads import Spooled
 

@@ -22,7 +22,12 @@ from service.jobs.kinds import JobKind
 _METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 _context: Any = multiprocessing.get_context(_METHOD)  # the contexts have no common type
 
-PRELOADED = ("numpy", "scipy.linalg", "scipy.sparse.linalg", "fecore", "service.jobs.child")
+PRELOADED = (
+    "numpy",
+    *(f"scipy.{part}" for part in ("fft", "linalg", "ndimage", "optimize", "sparse.linalg", "special")),
+    "service.jobs.child",
+)
+"""The parts of scipy that the core uses: it loads each when it first uses it."""
 CHANNEL_BYTES = 1024 * 1024
 SERVER_GONE = (
     255  # what multiprocessing gives as the status of a child whose fork server is gone; the kernel killed it too

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 from uuid import UUID
@@ -13,15 +13,16 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
-from fecore.frf import FrfSet
-from fecore.identification import Options, identify
+from fecore.identification import Options
 from fecore.modes import MeasuredModes
 from service.access import Lookup, User, audit
 from service.campaigns.operations import campaign_for, campaign_of, frame_of
 from service.frfs.measured_campaign import load_measured_campaign
-from service.jobs import Job, JobKind, enqueue, job_state, request_cancel
-from service.jobs.kinds import Report
-from service.modes.identification_document import describe_identification
+from service.jobs.kinds import JobKind
+from service.jobs.queue import enqueue, request_cancel
+from service.jobs.state import job_state
+from service.jobs.tables import Job
+from service.modes.identifying import IdentificationInputs, IdentificationOutput, find_modes
 from service.modes.operations import store_identified
 from service.modes.tables import Identification, ModeSet
 from service.storage import require_room
@@ -71,24 +72,6 @@ class IdentificationOut(StrictModel):
     result: dict[str, Any] | None = Field(description="quality of the modes, what was left out, stabilisation diagram")
 
 
-@dataclass(frozen=True)
-class IdentificationInputs:
-    """FRFs by quantity and axis, in the specimen's frame, and how to identify."""
-
-    frfs: tuple[FrfSet, ...]
-    options: Options
-    include_doubtful: bool
-    warnings: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class IdentificationOutput:
-    """Modes in the specimen's frame, and the document about them."""
-
-    modes: MeasuredModes
-    document: dict[str, Any]
-
-
 def _load(session: Session, job_id: UUID, _workspace: Path) -> IdentificationInputs:
     row = session.get_one(Identification, job_id)
     campaign = load_measured_campaign(session, row.campaign_id)
@@ -102,13 +85,6 @@ def _load(session: Session, job_id: UUID, _workspace: Path) -> IdentificationInp
     )
 
 
-def _compute(inputs: IdentificationInputs, report: Report) -> Iterator[IdentificationOutput]:
-    found = identify(inputs.frfs, inputs.options, report)
-    document = describe_identification(found)
-    document["warnings"] = [*inputs.warnings, *document["warnings"]]
-    yield IdentificationOutput(found.chosen(include_doubtful=inputs.include_doubtful).modes, document)
-
-
 def _store(session: Session, job_id: UUID, items: Iterator[IdentificationOutput]) -> None:
     row = session.get_one(Identification, job_id)
     name = IdentificationIn.model_validate(row.options).name
@@ -117,7 +93,7 @@ def _store(session: Session, job_id: UUID, items: Iterator[IdentificationOutput]
         keep_identified(session, row.campaign_id, name, output.modes, job_id=job_id)
 
 
-IDENTIFY = JobKind("identification", load=_load, compute=_compute, store=_store)
+IDENTIFY = JobKind("identification", load=_load, compute=find_modes, store=_store)
 
 
 def keep_identified(session: Session, campaign_id: UUID, name: str, modes: MeasuredModes, *, job_id: UUID) -> ModeSet:

@@ -21,7 +21,9 @@ from sqlalchemy.orm import Session
 from fecore.trend import Acknowledgement, State, Watch
 from fecore.trend import Chart as CoreChart
 from fecore.trend.states import WORST_FIRST
-from service.jobs import Job, JobKind, enqueue
+from service.jobs.kinds import JobKind
+from service.jobs.queue import enqueue
+from service.jobs.tables import Job
 from service.monitoring.alarms import state_changed, update_alarms
 from service.monitoring.campaigns import Seen, seen_campaigns
 from service.monitoring.computation import Judgement, JudgementInputs, Observation, judge

@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 
 from service.access import User
 from service.campaigns.operations import campaigns_of
-from service.jobs import Job
+from service.jobs.tables import Job
 from service.monitoring.runs import latest_runs
 from service.monitoring.schemas import AlarmEventOut, AlarmOut, RunOut
 from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorJudgement, MonitorRun, MonitorSeries

@@ -23,7 +23,7 @@ from fecore.updating.parameters import parametrise
 from service.access import User
 from service.campaigns.operations import campaign_of
 from service.errors import ServiceError
-from service.jobs import Job
+from service.jobs.tables import Job
 from service.monitoring.campaigns import Seen, seen_campaigns
 from service.monitoring.tables import Monitor, MonitorRun, MonitorSeries
 from service.monitoring.values import watched_values

@@ -26,9 +26,8 @@ from service.background import Background
 from service.campaigns.operations import structures_with
 from service.db.engine import Sessions, make_engine, make_sessions
 from service.imports.operations import campaigns_with
-from service.jobs import Job
 from service.jobs.notices import Listener
-from service.jobs.tables import CHANGED
+from service.jobs.tables import CHANGED, Job
 from service.monitoring import runs
 from service.monitoring.judgements import judge_if_changed
 from service.monitoring.tables import AT_WORK, Monitor, MonitorJudgement, MonitorRun, MonitorSeries

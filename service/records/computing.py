@@ -91,7 +91,7 @@ def _document(found: Processed, points: Sequence[PointFile]) -> dict[str, Any]:
         "delay": delay and {"seconds": delay.seconds, "sd": delay.sd, "peaks": delay.peaks},
         "excited_hz": found.excited_hz,
         "warnings": list(found.warnings),
-        "hits": [describe_verdict(verdict).model_dump(mode="json") for verdict in found.verdicts],
+        "hits": [describe_verdict(verdict) for verdict in found.verdicts],
         "frfs": [
             {
                 "response_point": response.point,

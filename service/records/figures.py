@@ -92,7 +92,7 @@ def point_shown(session: Session, blocks: PointBlocks) -> PointShown:
     drawn = hits[-MOST_HITS:]
     known = _known(blocks.judged, drawn)
     found = each_hit(drawn, None if known is None else [verdict.accepted for verdict in known])
-    verdicts = known or [describe_verdict(verdict) for verdict in found.verdicts]
+    verdicts = known or [HitOut.model_validate(describe_verdict(verdict)) for verdict in found.verdicts]
     response = found.responses[channel]
     many = f", the latest {len(drawn)} of {len(hits)}" if len(drawn) < len(hits) else ""
     return PointShown(

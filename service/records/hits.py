@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 from uuid import UUID
 
 import numpy as np
@@ -13,7 +13,6 @@ from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.processing import Block, ChannelQuantity, Hit, Verdict
-from service.records.schemas import FindingOut, HitOut
 
 
 @dataclass(frozen=True)
@@ -80,22 +79,22 @@ def hits_of(rows: Sequence[BlockRow], samples: Iterable[FloatArray]) -> list[Hit
     return hits
 
 
-def describe_verdict(verdict: Verdict) -> HitOut:
-    """A verdict as clients see it."""
-    return HitOut(
-        point=verdict.force.point,
-        direction=verdict.force.direction,
-        hit=verdict.number,
-        accepted=verdict.accepted,
-        overruled=verdict.overruled,
-        findings=[
-            FindingOut(
-                criterion=f.criterion,
-                number=float(f.number) if np.isfinite(f.number) else None,
-                limit=f.limit,
-                failed=f.failed,
-                sentence=f.sentence,
-            )
+def describe_verdict(verdict: Verdict) -> dict[str, Any]:
+    """A verdict as JSON, the fields of `HitOut`."""
+    return {
+        "point": verdict.force.point,
+        "direction": verdict.force.direction,
+        "hit": verdict.number,
+        "accepted": verdict.accepted,
+        "overruled": verdict.overruled,
+        "findings": [
+            {
+                "criterion": f.criterion,
+                "number": float(f.number) if np.isfinite(f.number) else None,
+                "limit": float(f.limit),
+                "failed": bool(f.failed),
+                "sentence": f.sentence,
+            }
             for f in verdict.findings
         ],
-    )
+    }

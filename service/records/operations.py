@@ -19,7 +19,7 @@ from service.db.bytea import stream_rows
 from service.errors import Conflict
 from service.frfs.spectra import Spectrum, decode, encode
 from service.records.hits import BlockRow, describe_verdict, hits_of, whole
-from service.records.schemas import UNITS, RecordOut, StoredRecords
+from service.records.schemas import UNITS, HitOut, RecordOut, StoredRecords
 from service.records.tables import Record
 from service.storage import StorageOwner, book
 
@@ -183,7 +183,7 @@ def judged(session: Session, campaign_id: UUID, stored: Sequence[Record]) -> Sto
     if sum(len(rows) for rows, _ in places) > MOST_LOOKED_AT:
         return answer
     found = look([hits_of(rows, samples_of(session, rows)) for rows, _ in places if rows])
-    answer.hits = [describe_verdict(verdict) for verdict in found.verdicts]
+    answer.hits = [HitOut.model_validate(describe_verdict(verdict)) for verdict in found.verdicts]
     answer.coherence = {str(dof.point): value for dof, value in found.coherence.items()}
     return answer
 

@@ -17,7 +17,10 @@ from fecore.processing import Strip
 from service.access import Lookup, User, audit
 from service.campaigns.operations import campaign_for, campaign_of
 from service.frfs.operations import ProcessedFrfs, store_processed
-from service.jobs import Job, JobKind, enqueue, job_state
+from service.jobs.kinds import JobKind
+from service.jobs.queue import enqueue
+from service.jobs.state import job_state
+from service.jobs.tables import Job
 from service.records.computing import PointFile, ProcessingInputs, ProcessingOutput, process_records
 from service.records.hits import whole
 from service.records.operations import block_rows, samples_of

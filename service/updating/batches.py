@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from fecore.errors import FecoreError, InputError
 from service.access import User
 from service.errors import Fault, Invalid, NotFound, ServiceError
-from service.jobs import one_at_a_time
+from service.jobs.queue import one_at_a_time
 from service.updating.joint_schemas import JointUpdateOut
 from service.updating.operations import start_update
 from service.updating.schemas import RecipeIn, UpdateJobOut

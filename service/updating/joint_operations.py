@@ -18,7 +18,10 @@ from service.access import Lookup, User, audit, project_for
 from service.campaigns.operations import campaign_for
 from service.coupons.operations import batch_for
 from service.errors import Conflict, Fault, Invalid, NotFound
-from service.jobs import Job, JobKind, enqueue, job_state, one_at_a_time, request_cancel
+from service.jobs.kinds import JobKind
+from service.jobs.queue import enqueue, one_at_a_time, request_cancel
+from service.jobs.state import job_state
+from service.jobs.tables import Job
 from service.modes.operations import mode_set_for
 from service.storage import StorageOwner, book, require_room
 from service.structures.operations import present_structure

@@ -9,8 +9,8 @@ from fastapi import Depends, Response
 from sqlalchemy import select
 
 from service.access import CurrentUser, SessionDep, project_for
-from service.jobs import Job
 from service.jobs.events import STREAM, Events
+from service.jobs.tables import Job
 from service.updating.joint_operations import cancel_joint, describe_joint, joint_document, joint_update_for
 from service.updating.joint_schemas import JointUpdateOut
 from service.updating.tables import JointUpdate

@@ -17,7 +17,10 @@ from service.campaigns.operations import campaign_for
 from service.coupons.operations import batch_for
 from service.errors import Conflict, Invalid
 from service.frfs.operations import frf_extents
-from service.jobs import Job, JobKind, enqueue, job_state, one_at_a_time, request_cancel, retry
+from service.jobs.kinds import JobKind
+from service.jobs.queue import enqueue, one_at_a_time, request_cancel, retry
+from service.jobs.state import job_state
+from service.jobs.tables import Job
 from service.modes.identifications import keep_identified
 from service.modes.operations import mode_set_for
 from service.records.processings import keep_processing

@@ -11,8 +11,8 @@ from sqlalchemy import select
 from service.access import CurrentUser, SessionDep, project_for, projects_of
 from service.campaigns.operations import campaign_for, campaigns_in
 from service.errors import Invalid
-from service.jobs import Job
 from service.jobs.events import STREAM, Events
+from service.jobs.tables import Job
 from service.structures.operations import structure_for, structures_in
 from service.updating import operations
 from service.updating.batches import UpdateBatchIn, UpdateBatchOut, start_batch

@@ -12,7 +12,8 @@ from sqlalchemy import func, select, text, update
 
 from service.access.tables import Project
 from service.db.engine import Sessions
-from service.jobs import Job, enqueue, request_cancel
+from service.jobs.queue import enqueue, request_cancel
+from service.jobs.tables import Job
 from tests.support import job_kinds
 from tests.support.waiting import PATIENCE
 from tests.support.working import Gate, held, items, look, put, run, wait, worker

@@ -18,10 +18,11 @@ from sqlalchemy import func, select, text, update
 from service.access.tables import Project
 from service.db.engine import Sessions
 from service.errors import Conflict
-from service.jobs import Job, checkpoints, enqueue, request_cancel, retry
+from service.jobs import checkpoints
 from service.jobs.dispatch import begin_next
 from service.jobs.metrics import JobMetrics
-from service.jobs.tables import JobCheckpoint
+from service.jobs.queue import enqueue, request_cancel, retry
+from service.jobs.tables import Job, JobCheckpoint
 from tests.support import job_kinds
 from tests.support.waiting import PATIENCE, until
 from tests.support.working import Gate, held, items, look, put, wait, worker

@@ -25,7 +25,7 @@ from service.db.engine import Sessions, make_engine, make_sessions
 from service.frfs.tables import Frf
 from service.imports.operations import IMPORT
 from service.imports.tables import Import, Original
-from service.jobs import enqueue
+from service.jobs.queue import enqueue
 from service.monitoring.campaigns import seen_campaigns
 from service.monitoring.judgements import set_state
 from service.monitoring.lookups import monitor_for

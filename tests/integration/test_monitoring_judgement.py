@@ -25,7 +25,8 @@ from service.errors import Conflict, NotFound
 from service.figures.printing import draw, render
 from service.figures.series import series_figure
 from service.frfs.tables import Frf
-from service.jobs import Job, enqueue
+from service.jobs.queue import enqueue
+from service.jobs.tables import Job
 from service.monitoring.alarms import acknowledge, update_alarms
 from service.monitoring.computation import Episode, Judgement, JudgementInputs, Observation, judge
 from service.monitoring.judgements import JUDGE, judge_if_changed, set_state

@@ -16,7 +16,7 @@ from service.access import Project
 from service.cli.command import app
 from service.db.engine import Sessions
 from service.doctor import Finding, examine
-from service.jobs import enqueue
+from service.jobs.queue import enqueue
 from service.settings import Settings
 from service.supervisor import LocalService
 

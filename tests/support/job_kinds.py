@@ -17,7 +17,8 @@ from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
 from service.access.tables import AuditEvent
-from service.jobs import Job, JobKind, Report
+from service.jobs.kinds import JobKind, Report
+from service.jobs.tables import Job
 
 MIB = 1024 * 1024
 GATE = "MODALBASE_TEST_GATE"

@@ -16,7 +16,9 @@ from sqlalchemy import select
 
 from service.access.tables import AuditEvent, Project
 from service.db.engine import Sessions, make_engine, make_sessions
-from service.jobs import Job, enqueue, job_state
+from service.jobs.queue import enqueue
+from service.jobs.state import job_state
+from service.jobs.tables import Job
 from service.settings import Settings
 from service.supervisor import environment
 from tests.support import job_kinds

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtrc
+import scipy
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.updating.campaigns.fit import Fitted
@@ -69,7 +69,7 @@ def predictive_p(fitted: Fitted, number: int, among: Sequence[int], scatter_scal
     for shift, covariance, spread in zip(mixture.shift, mixture.covariance, mixture.scale, strict=True):
         missed = residual - S @ shift
         spanned = noise + spread**2 * np.eye(residual.size) + S @ covariance @ S.T
-        tails.append(float(chdtrc(residual.size, missed @ np.linalg.solve(spanned, missed))))
+        tails.append(float(scipy.special.chdtrc(residual.size, missed @ np.linalg.solve(spanned, missed))))
     return float(mixture.weight @ np.array(tails))
 
 

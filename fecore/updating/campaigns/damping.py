@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.updating.campaigns.fit import Fitted
@@ -59,7 +59,7 @@ def common_damping(fitted: Fitted) -> tuple[CommonLaw, ...]:
     together = MeasuredRatios(
         np.concatenate([part.omega for _, part in damped]),
         np.concatenate([part.ratio for _, part in damped]),
-        block_diag(*(part.relative_covariance for _, part in damped)),
+        scipy.linalg.block_diag(*(part.relative_covariance for _, part in damped)),
         np.vstack(shares),
     )
     by_mechanism = mechanism_laws(fitted.layout.campaigns[damped[0][0]].body)

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
+import scipy
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF, Mixture
@@ -87,7 +87,7 @@ class LinearProblem:
                     prior += _log_prior(scatter, scatter_scale)
                 rows.append((evidence + prior, step, covariance, spread, scatter))
         log_weight = np.array([row[0] for row in rows])
-        weight = np.exp(log_weight - logsumexp(log_weight))
+        weight = np.exp(log_weight - scipy.special.logsumexp(log_weight))
         steps, covariances = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
         mixture = Mixture(weight, steps, covariances, np.array([row[3] for row in rows]))
         return mixture, np.array([row[4] for row in rows])

@@ -63,7 +63,7 @@ def test_contracts_catch_a_fault(copy: Path, file: str, fault: str, contract: st
 
 def test_the_service_starts_without_what_only_some_jobs_need() -> None:
     """Each takes a good part of a second to import, in every process that starts."""
-    heavy = ("scipy.stats", "emcee", "matplotlib", "h5py")
+    heavy = ("scipy.linalg", "scipy.optimize", "scipy.special", "scipy.stats", "emcee", "matplotlib", "h5py")
     script = f"import sys, service.app, service.jobs.worker; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
