@@ -330,12 +330,12 @@ def propose(variables: Variables) -> dict[str, Any]:
 
 def _channels(long: Variables, time: str | None) -> dict[str, list[str]]:
     """Names of the channels by quantity; by length alone where no name says one."""
-    named = {
+    named: dict[str, list[str]] = {
         quantity: [n for n in long if any(s in n.lower() for s in starts) and "time" not in n.lower()]
         for quantity, starts in _NAMES.items()
     }
     if any(named.values()) or time is None:
-        return dict(named)
+        return named
     samples = long[time].size
     return {"?": [n for n, a in long.items() if n != time and samples in a.shape and a.dtype.kind in "fiu"]}
 
