@@ -78,15 +78,6 @@ class Fit:
         """Factor of all variances: the residual's size over the stated noise, and the lines that are worth one."""
         return max(1.0, self.chi_squared / self.freedom) * self.memory
 
-    @property
-    def unknowns(self) -> int:
-        """Number of all unknowns, linear and non-linear."""
-        return self.terms.parameters + int(self.linear.coefficients.size)
-
-    def misfit(self, measured: np.ndarray) -> float:
-        """Minus twice the log likelihood, less a constant: Σ 2 ln v + χ²."""
-        return float(np.sum(2 * np.log(self.variance[measured]))) + self.chi_squared
-
     def model(self, arrangement: Arrangement) -> ComplexArray:
         """(N, L) fitted FRFs."""
         return self.linear.coefficients @ columns(arrangement.omega, self.terms, arrangement.power).T

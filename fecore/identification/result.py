@@ -138,11 +138,6 @@ class Identification:
         return self.chosen().shapes
 
     @property
-    def significance(self) -> FloatArray:
-        """Their significance."""
-        return self.chosen().significance
-
-    @property
     def doubtful(self) -> Found | None:
         """The modes that are doubtful, with the reason of each."""
         which = np.array([k for k, why in enumerate(self.found.doubt) if why is not None], dtype=np.int64)

@@ -115,11 +115,6 @@ class Hit:
         return int(self.force.samples.size)
 
     @property
-    def duration_s(self) -> float:
-        """Length of the blocks, s; 1 over it is the distance of the frequency lines."""
-        return self.samples / self.sample_rate_hz
-
-    @property
     def pair(self) -> tuple[Dof, tuple[Dof, ...]]:
         """Where it was hit and where the sensors stood: hits with the same pair are averaged."""
         return self.force.dof, tuple(block.dof for block in self.responses)

@@ -81,16 +81,10 @@ class DampingResult:
         total: FloatArray = np.sum([part @ part.T for part in self.sources.values()], axis=0)
         return total
 
-    @property
-    def own_covariance(self) -> FloatArray:
-        """(p, p) the same with stage 1's parameters given."""
-        own: FloatArray = np.sum([self.sources[name] @ self.sources[name].T for name in _OWN_SOURCES], axis=0)
-        return own
-
 
 OF_LAW = "discrepancy of the law"
 AGAINST_MODES = "FRFs against modes"
-_OWN_SOURCES = ("measurement noise of FRFs", OF_LAW, "modes not measured", AGAINST_MODES)
+_OF_FRFS = ("measurement noise of FRFs", OF_LAW, "modes not measured")
 
 
 @dataclass(frozen=True)
@@ -263,7 +257,7 @@ def _own_sources(data: DampingData, fit: DampingFit, relative: float) -> dict[st
         (by[:, m + moved] * fit.law_rate[moved] + fit.seen[:, moved]) * relative,
         by_shift,
     )
-    return dict(zip(_OWN_SOURCES[:3], parts, strict=True))
+    return dict(zip(_OF_FRFS, parts, strict=True))
 
 
 def _against_modes(ratios: MeasuredRatios, fit: DampingFit, spread: float) -> FloatArray:

@@ -12,7 +12,8 @@ from typing import IO
 import numpy as np
 
 from modalbase.formats import uff
-from modalbase.formats.frfs import write_arrow, write_csv, write_npz
+from modalbase.formats.frfs import write_csv, write_npz
+from modalbase.formats.frfs.arrow import write_arrow
 from modalbase.formats.frfs.table import DOFS
 from modalbase.formats.uff.write import encode
 from service.campaigns.grid_points import stored_points

@@ -11,7 +11,7 @@ from pathlib import Path
 from tests.support.command import environment
 from tests.support.waiting import PATIENCE
 
-LIGHT = {"httpx", "nanoarrow", "numpy", "platformdirs", "pyuff", "rich", "typer"}
+LIGHT = {"httpx", "numpy", "platformdirs", "pyuff", "rich", "typer"}
 
 
 def test_the_wheel_has_four_packages_and_nothing_else(built: tuple[Path, Path]) -> None:

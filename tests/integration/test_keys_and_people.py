@@ -62,6 +62,7 @@ def test_a_scope_narrows_what_a_key_may_do(api: httpx.Client, project: str) -> N
         ("DELETE", "/projects/{project_id}/members/{member}", "admin"),
         ("POST", "/webhooks/{webhook_id}/test", "admin"),
         ("GET", "/users", "admin"),
+        ("POST", "/session", "read"),
     ],
 )
 def test_scopes_of_routes(method: str, path: str, scope: str) -> None:

@@ -123,11 +123,6 @@ class Layout:
         """(X,) prior standard deviations, where specimens scatter by so much."""
         return np.array([scatter if is_scatter(unknown) else unknown.sd for unknown in self.unknowns])
 
-    @property
-    def scattering(self) -> FloatArray:
-        """(X,) whether an unknown is a specimen's deviation by scatter."""
-        return np.array([is_scatter(unknown) for unknown in self.unknowns])
-
     def theta(self, campaign: int, x: FloatArray) -> FloatArray:
         """(p,) a campaign's parameters θ at x."""
         coordinates = self.coordinates[campaign]

@@ -1,11 +1,10 @@
-"""FRFs of one quantity on one frequency axis as npz, CSV (both ways), .mat (in), Arrow (out): the files that the service
-takes and gives, for scripts that make or use them without it.
+"""FRFs of one quantity on one frequency axis as npz, CSV (both ways), .mat (in): the files that the service takes and gives,
+for scripts that make or use them without it. Arrow (out) is in `arrow`, which needs the extra `server`.
 """
 
-from modalbase.formats.frfs.arrow import write_arrow
 from modalbase.formats.frfs.csv import read_csv, write_csv
 from modalbase.formats.frfs.mat import read_mat
 from modalbase.formats.frfs.npz import read_npz, write_npz
 from modalbase.formats.frfs.table import FrfRow, Frfs, FrfTable
 
-__all__ = ["FrfRow", "FrfTable", "Frfs", "read_csv", "read_mat", "read_npz", "write_arrow", "write_csv", "write_npz"]
+__all__ = ["FrfRow", "FrfTable", "Frfs", "read_csv", "read_mat", "read_npz", "write_csv", "write_npz"]
