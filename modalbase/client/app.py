@@ -15,12 +15,13 @@ from modalbase.client.inventory import campaigns, projects, structures
 from modalbase.client.login import login
 from modalbase.client.measuring import frfs, import_files
 from modalbase.client.modes import modes
+from modalbase.client.points import points
 from modalbase.client.reporting import report
 from modalbase.client.updating import figure, result, update
 from modalbase.client.watching import alarms, jobs, monitors
 
 COMMANDS = (
-    login, projects, structures, campaigns, hits, frfs, modes, coupons,
+    login, projects, structures, campaigns, points, hits, frfs, modes, coupons,
     update, jobs, result, figure, report, export, cards, monitors, alarms,
 )  # fmt: skip
 

@@ -43,6 +43,7 @@ def hits(
                     "nothing is stored: save `mapping` of this, corrected, and state it with --mapping", Exit.USAGE
                 )
             judged += answer["hits"]
+        placed = bool(service.get(f"{path}/grid-points")["items"])
         if process:
             job = wait_for(service, f"processings/{service.post(f'{path}/processings', {})['id']}", "processing")
             require_success(job, "processing")
@@ -51,6 +52,8 @@ def hits(
         return
     rows = [[hit["point"], hit["hit"], hit["accepted"], _said(hit)] for hit in judged]
     print_table("", ("point", "hit", "good", "why not"), rows)
+    if not placed:  # shapes have no place on the body without them
+        say_next(f'points "{campaign}" POINTS.csv')
     say_next(f'modes "{campaign}" --identify' if process else f'hits FILE --campaign "{campaign}" --process')
 
 

@@ -38,11 +38,9 @@ def jobs(
             }
             narrowed = {name: find_id(service, kind, text) for name, (kind, text) in given.items() if text is not None}
             found = list(service.pages("update-jobs", limit, status=status, **narrowed))
-        of = {one["campaign_id"] for one in found}
-        names = {} if as_json else {id_: service.get(f"campaigns/{id_}")["name"] for id_ in of}
     rows = [
         [
-            one["id"], names.get(one["campaign_id"]), one["status"], one["stage"], one["created_at"],
+            one["id"], one["campaign_name"], one["status"], one["stage"], one["created_at"],
             (one["error"] or {}).get("detail"),
         ]
         for one in found

@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 from fecore.errors import InputError
 from fecore.updating.parameters import parametrise
 from service.access import Lookup, User, audit, project_for
-from service.campaigns.operations import campaign_for
+from service.campaigns.operations import campaign_for, campaigns_of
 from service.coupons.operations import batch_for
 from service.errors import Conflict, Invalid
 from service.frfs.operations import frf_extents
@@ -225,11 +225,13 @@ def describe_all(session: Session, rows: Sequence[UpdateJob]) -> list[UpdateJobO
     """
     query = select(Job).where(Job.id.in_([row.id for row in rows])).execution_options(populate_existing=True)
     jobs = {job.id: job for job in session.scalars(query)}
+    names = {campaign.id: campaign.name for campaign in campaigns_of(session, {row.campaign_id for row in rows})}
     return [
         UpdateJobOut(
             **job_state(jobs[row.id]),
             priority=jobs[row.id].priority,
             campaign_id=row.campaign_id,
+            campaign_name=names[row.campaign_id],
             structure_version_id=row.structure_version_id,
             recipe=RecipeIn.model_validate(row.recipe),
         )

@@ -217,6 +217,7 @@ class UpdateJobOut(StrictModel):
 
     id: UUID
     campaign_id: UUID
+    campaign_name: str
     structure_version_id: UUID
     recipe: RecipeIn
     status: Literal["queued", "running", "succeeded", "failed", "cancelled"]

@@ -61,6 +61,7 @@ def test_from_an_empty_database_to_a_figure(run: Run, api: httpx.Client, tmp_pat
     assert "Ex" in shown.stdout
     listed = json.loads(run("jobs", "--campaign", "March", "--json").stdout)
     assert [one["id"] for one in listed][1] == queued
+    assert run("jobs").stdout.count("March") == 2
     assert run("result", "--json").stdout == run("result", listed[0]["id"], "--json").stdout
     assert "MAC of measured" in run("figure", "list").stdout
     assert run("figure", "frf", "latest", "--out", "frf.pdf").stdout.strip() == "frf.pdf"
@@ -78,6 +79,18 @@ def test_from_an_empty_database_to_a_figure(run: Run, api: httpx.Client, tmp_pat
         "note",
         "none",
     ]
+
+
+def test_points_are_stated_where_no_uff_file_does(run: Run, tmp_path: Path) -> None:
+    run("projects", "--new", "p")
+    run("structures", "--new", "beam", "--size", "500x40x10", "--density", 2012, "--moduli", MODULI)
+    run("campaigns", "--new", "March", "--boundary", "cantilever")
+    assert 'next: modalbase points "March" POINTS.csv' in run("points", "March").stderr
+    (tmp_path / "points.csv").write_text("label,x_mm,y_mm\n1,112.5,-20\n2,500,20\n")
+    shown = run("points", "March", "points.csv").stdout.split()
+    assert shown[-8:] == ["1", "112.5", "-20", "0", "2", "500", "20", "0"]
+    run("export", "March", "--what", "grid-points", "--out", "out.csv")
+    assert run("points", "March", "out.csv").stdout.split() == shown  # in place of those that are there
 
 
 def test_what_cannot_be_meant_is_one_line(run: Run) -> None:
