@@ -73,8 +73,8 @@ def read_points(file: Path) -> list[dict[str, Any]]:
 
 def _places(file: Path, head: list[str]) -> dict[str, tuple[int, float | None]]:
     """Column and factor to metres by member of a point; no factor of the label."""
-    known = {f"{axis}_{unit}": (f"{axis}_m", factor) for axis in AXES for unit, factor in METRES.items()}
-    known |= {"label": ("label", None), "point": ("label", None)}
+    known: dict[str, tuple[str, float | None]] = {"label": ("label", None), "point": ("label", None)}
+    known |= {f"{axis}_{unit}": (f"{axis}_m", factor) for axis in AXES for unit, factor in METRES.items()}
     found = {known[cell][0]: (i, known[cell][1]) for i, cell in enumerate(head) if cell in known}
     if len(found) != len(head) or not {"label", "x_m", "y_m"} <= found.keys():
         raise ClientError(f"{file}: line 1 is {','.join(head)[:200]!r}, expected {HEADER}", Exit.USAGE)
