@@ -144,7 +144,7 @@ def _timed_import(
 ) -> tuple[float, float, float]:
     """Seconds, and bytes of memory at the peak, and above what it was before."""
     campaign = _campaign(api, structure, path.name)
-    with _peak_memory(service) as peak:
+    with peak_memory(service) as peak:
         began = time.perf_counter()
         counts = _import(api, campaign, path)
         taken = time.perf_counter() - began
@@ -172,7 +172,7 @@ def _import(api: httpx.Client, campaign: str, path: Path) -> dict[str, int]:
 
 
 @contextmanager
-def _peak_memory(service: LocalService) -> Iterator[list[int]]:
+def peak_memory(service: LocalService) -> Iterator[list[int]]:
     """Largest sum of the resident memory of API, worker and their children; and above what it was at the beginning."""
     ended = threading.Event()
     peak = [0, 0]

@@ -37,6 +37,7 @@ Estimator = Literal["H1", "H2", "Hv"]
 
 _PRIOR = 4.0  # degrees of freedom that the expected variance of a line is worth
 _NEIGHBOURS = 9  # lines, over which a variance is averaged
+_AT_ONCE = 2048  # lines that are worked on together: what they need stays in a processor's cache
 
 
 @dataclass(frozen=True)
@@ -69,23 +70,40 @@ def check_estimator(name: str) -> None:
 def estimate(forces: ComplexArray, responses: ComplexArray, estimator: Estimator = "H1") -> Estimate:
     """The FRF of (h, L) force and (h, L) response spectra of the hits of one point."""
     check_estimator(estimator)
-    level = np.sqrt(np.mean(np.abs(forces) ** 2, axis=1, keepdims=True))
-    level = np.where(level > 0, level, 1.0)
-    forces, responses = forces / level, responses / level
-    force2, response2 = np.abs(forces) ** 2, np.abs(responses) ** 2
-    ff, aa = force2.sum(axis=0), response2.sum(axis=0)
-    af = (responses * forces.conj()).sum(axis=0)
+    level = np.array([float(np.vdot(force, force).real) for force in forces]) / forces.shape[1]
+    share = 1 / np.where(level > 0, level, 1.0)  # of each hit's spectra, squared
+    parts = [
+        _lines(forces[:, start : start + _AT_ONCE], responses[:, start : start + _AT_ONCE], share, estimator)
+        for start in range(0, forces.shape[1], _AT_ONCE)
+    ]
+    values, coherence, variance = (np.concatenate(found) for found in zip(*parts, strict=True))
+    if len(forces) > 1:
+        variance = pooled(values, variance, len(forces))
+    return Estimate(values, coherence, variance, len(forces))
+
+
+def _lines(
+    forces: ComplexArray, responses: ComplexArray, share: FloatArray, estimator: Estimator
+) -> tuple[ComplexArray, FloatArray, FloatArray]:
+    """FRF, coherence and variance of some lines, each line by itself; `share` (h,) is what a hit's power is multiplied by."""
+    force2 = squared(forces)
+    ff, aa, af = share @ force2, share @ squared(responses), share @ (responses * forces.conj())
     with np.errstate(divide="ignore", invalid="ignore"):
         values = _ESTIMATORS[estimator](ff, aa, af)
-        coherence = np.clip(np.nan_to_num(np.abs(af) ** 2 / (ff * aa)), 0, 1)
+        coherence = np.clip(np.nan_to_num(squared(af) / (ff * aa)), 0, 1)
     values = np.where(np.isfinite(values), values, 0)
     if len(forces) < 2:
-        return Estimate(values, coherence, np.full(values.shape, np.nan), len(forces))
-    weight = force2 / np.maximum(ff, 1e-300)
-    off = np.abs(responses - values * forces) ** 2
-    spread = weight / (1 - np.minimum(weight, 0.999)) / np.maximum(ff, 1e-300)
-    variance = (off * spread).sum(axis=0)
-    return Estimate(values, coherence, pooled(values, variance, len(forces)), len(forces))
+        return values, coherence, np.full(values.shape, np.nan)
+    inverse = 1 / np.maximum(ff, 1e-300)
+    weight = force2 * (share[:, np.newaxis] * inverse)
+    off = squared(responses - values * forces) * (share[:, np.newaxis] / (1 - np.minimum(weight, 0.999)))
+    return values, coherence, (off * weight).sum(axis=0) * inverse
+
+
+def squared(values: ComplexArray) -> FloatArray:
+    """|z|², without the root that `abs` takes."""
+    found: FloatArray = values.real**2 + values.imag**2
+    return found
 
 
 def pooled(values: ComplexArray, variance: FloatArray, hits: int) -> FloatArray:
@@ -95,9 +113,10 @@ def pooled(values: ComplexArray, variance: FloatArray, hits: int) -> FloatArray:
     if variance.size < _NEIGHBOURS:
         return variance
     kernel = np.ones(_NEIGHBOURS) / _NEIGHBOURS
-    level = _smooth(np.abs(values) ** 2, kernel)
+    power = squared(values)
+    level = _smooth(power, kernel)
     near = _smooth(variance, kernel)
-    shape = np.where(level > 0, np.abs(values) ** 2 / np.maximum(level, 1e-300), 1.0)
+    shape = np.where(level > 0, power / np.maximum(level, 1e-300), 1.0)
     expected = near * (0.5 + 0.5 * shape)
     freedom = hits - 1.0
     drawn: FloatArray = (freedom * variance + _PRIOR * expected) / (freedom + _PRIOR)

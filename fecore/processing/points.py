@@ -12,7 +12,7 @@ from fecore.frf import Dof
 from fecore.processing.blocks import Hit
 from fecore.processing.comparison import FEWEST, Comparison, Deviation, compare, deviations
 from fecore.processing.document import Processing
-from fecore.processing.estimators import Estimate, estimate
+from fecore.processing.estimators import Estimate, estimate, squared
 from fecore.processing.judgement import Verdict, judge, overrule, usual
 from fecore.processing.spectra import Spectra
 from fecore.processing.traits import Traits, find_traits
@@ -86,7 +86,7 @@ def first_look(spectra: Spectra, hits: Sequence[Hit]) -> Point:
         for k, i in enumerate(used):  # the sensor that objects most speaks for the hit
             compared[i] = max((f[k] for f in found), key=lambda d: float(d.energy.sum()))
     estimates = tuple(estimate(forces, r, spectra.processing.estimator) for r in responses) if used else ()
-    excitation = np.mean(np.abs(forces), axis=0) if used else np.zeros(spectra.lines.size)
+    excitation = np.sqrt(squared(forces)).mean(axis=0) if used else np.zeros(spectra.lines.size)
     return Point(
         force=hits[0].force.dof,
         responses=hits[0].pair[1],

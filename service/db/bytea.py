@@ -12,6 +12,7 @@ from typing import Any, cast
 from uuid import UUID
 
 import psycopg
+from sqlalchemy import text
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
@@ -62,6 +63,11 @@ def copy_rows(session: Session, table: str, columns: Mapping[str, str]) -> Itera
     ):
         copy.set_types(list(columns.values()))
         yield copy.write_row
+
+
+def new_keys(session: Session, count: int) -> list[UUID]:
+    """Keys for so many rows that go in by COPY, in rising order, as the tables' default makes them one by one."""
+    return list(session.scalars(text("SELECT uuidv7() FROM generate_series(1, :count)"), {"count": count}))
 
 
 def read_slice(session: Session, table: str, column: str, key: UUID, start: int, count: int) -> bytes:

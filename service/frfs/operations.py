@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 import numpy as np
-from sqlalchemy import Row, Select, func, insert, literal, select, text, update
+from sqlalchemy import Row, Select, func, literal, select, update
 from sqlalchemy.dialects.postgresql import aggregate_order_by
 from sqlalchemy.orm import Session
 
@@ -21,7 +21,7 @@ from fecore.frf import FrfSet, Quantity
 from modalbase.formats.frfs.table import DOFS
 from service.access import Lookup, User, audit
 from service.campaigns.operations import campaign_for, campaign_of
-from service.db.bytea import copy_rows
+from service.db.bytea import copy_rows, new_keys
 from service.frfs.bodies import COLUMNS, coherence_columns
 from service.frfs.schemas import UNITS, FrfOut
 from service.frfs.spectra import encode, encode_axis
@@ -52,6 +52,17 @@ READ_COLUMNS = {
     "sha256": "bytea",
 }
 """What an import states of an FRF, and its type in the database."""
+
+PROCESSED_COLUMNS = {
+    "id": "uuid",
+    "campaign_id": "uuid",
+    "processing_id": "uuid",
+    **COLUMNS,
+    "window_rate_per_s": "float8",
+    "variance": "bytea",
+    "variance_sha256": "bytea",
+}
+"""What a processing states of an FRF."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +143,7 @@ def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -
     """
     project_id = campaign_for.project_of(session, campaign)
     book(session, StorageOwner(project_id, campaign.id), "frfs", new.path.stat().st_size)
-    keys = session.scalars(text("SELECT uuidv7() FROM generate_series(1, :count)"), {"count": new.count}).all()
+    keys = new_keys(session, new.count)
     columns = {"id": "uuid", "campaign_id": "uuid", **COLUMNS}
     with new.path.open("rb") as file, copy_rows(session, Frf.__tablename__, columns) as write:
         for key in keys:
@@ -177,28 +188,31 @@ def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, ne
     kept = (new.frfs.values, new.coherence, new.frfs.variance)
     size = sum(values.nbytes for values in kept if values is not None)
     book(session, StorageOwner(campaign_for.project_of(session, campaign), campaign.id), "frfs", size)
-    axis = encode_axis(new.frfs.frequency_hz).columns()
-    rows = []
-    for i, (response, force) in enumerate(zip(new.frfs.responses, new.frfs.references, strict=True)):
-        variance = None if new.frfs.variance is None else new.frfs.variance[i]
-        known = None if variance is None or np.isnan(variance).any() else encode(variance)
-        rows.append(
-            {
-                "campaign_id": campaign_id,
-                "processing_id": processing_id,
+    common = {
+        "campaign_id": campaign_id,
+        "processing_id": processing_id,
+        "quantity": new.frfs.quantity,
+        "window_rate_per_s": new.window_rate_per_s,
+        **encode_axis(new.frfs.frequency_hz).columns(),
+    }
+    keys = new_keys(session, len(new.hits))
+    with copy_rows(session, Frf.__tablename__, PROCESSED_COLUMNS) as write:
+        for i, (key, response, force) in enumerate(zip(keys, new.frfs.responses, new.frfs.references, strict=True)):
+            variance = None if new.frfs.variance is None else new.frfs.variance[i]
+            known = None if variance is None or np.isnan(variance).any() else encode(variance)
+            row = {
+                "id": key,
                 "label": f"{new.hits[i]} hits at point {force.point}",
                 **dict(zip(DOFS, (response.point, response.direction, force.point, force.direction), strict=True)),
-                "quantity": new.frfs.quantity,
                 "averages": new.hits[i],
-                "window_rate_per_s": new.window_rate_per_s,
-                **axis,
+                **common,
                 **encode(new.frfs.values[i]).columns(),
                 **coherence_columns(new.coherence[i]),
                 "variance": None if known is None else known.data,
                 "variance_sha256": None if known is None else known.sha256,
             }
-        )
-    return list(session.scalars(insert(Frf).returning(Frf.id, sort_by_parameter_order=True), rows))
+            write([row[name] for name in PROCESSED_COLUMNS])
+    return keys
 
 
 def describe(frf: Frf) -> FrfOut:

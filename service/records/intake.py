@@ -7,22 +7,20 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 from uuid import UUID
 
-from sqlalchemy import insert
 from sqlalchemy.orm import Session
 
 from modalbase.formats.records import TimeBlock
 from service.campaigns.operations import campaign_for, campaign_of
-from service.records.operations import Place, columns_of, last_hits
+from service.db.bytea import copy_rows
+from service.records.operations import COLUMNS, Place, columns_of, last_hits
 from service.records.tables import Record
 from service.storage import StorageOwner, book
 
 Channel = tuple[str, int, int, int, int]
 Form = tuple[float, int]
 """Sampling rate and length."""
-_AT_ONCE = 16
 _IN_MEMORY = 1 << 20  # bytes of blocks before a file is made: most imports hold none
 
 
@@ -90,19 +88,16 @@ class RecordIntake:
         return refused
 
     def store(self, session: Session, campaign_id: UUID, filename: str, refused: set[int]) -> None:
-        """Write the blocks that were not refused, some at a time."""
-        last, rows, size = last_hits(session, campaign_id), list[dict[str, Any]](), 0
-        for dataset, block in self._read():
-            if dataset in refused:
-                continue
-            number = block.hit + last.get((block.force_point, block.force_direction), 0)
-            rows.append(columns_of(campaign_id, filename, block, number))
-            size += len(rows[-1]["data"])
-            if len(rows) == _AT_ONCE:
-                session.execute(insert(Record), rows)
-                rows = []
-        if rows:
-            session.execute(insert(Record), rows)
+        """Write the blocks that were not refused, one at a time."""
+        last, size = last_hits(session, campaign_id), 0
+        with copy_rows(session, Record.__tablename__, COLUMNS) as write:
+            for dataset, block in self._read():
+                if dataset in refused:
+                    continue
+                number = block.hit + last.get((block.force_point, block.force_direction), 0)
+                row = columns_of(campaign_id, filename, block, number)
+                size += len(row["data"])
+                write([row[name] for name in COLUMNS])
         project = campaign_for.project_of(session, campaign_of(session, campaign_id))
         book(session, StorageOwner(project, campaign_id), "records", size)
 

@@ -7,7 +7,7 @@ from typing import Any
 from uuid import UUID
 
 import numpy as np
-from sqlalchemy import Select, delete, func, insert, select
+from sqlalchemy import ARRAY, Select, Uuid, any_, delete, func, literal, select
 from sqlalchemy.orm import Session
 
 from fecore.arrays import FloatArray
@@ -15,7 +15,7 @@ from fecore.processing import look
 from modalbase.formats.records import TimeBlock
 from service.access import Lookup, User, audit
 from service.campaigns.operations import campaign_for
-from service.db.bytea import stream_rows
+from service.db.bytea import copy_rows, new_keys, stream_rows
 from service.errors import Conflict
 from service.frfs.spectra import Spectrum, decode, encode
 from service.records.hits import BlockRow, describe_verdict, hits_of, whole
@@ -25,6 +25,18 @@ from service.storage import StorageOwner, book
 
 MOST_LOOKED_AT = 64
 """Blocks of the points concerned above which an answer does not judge their hits; a processing does."""
+
+COLUMNS = {
+    "campaign_id": "uuid",
+    **dict.fromkeys(("label", "filename", "quantity"), "text"),
+    **dict.fromkeys(("point", "force_point", "hit"), "int8"),
+    **dict.fromkeys(("direction", "force_direction", "samples"), "int4"),
+    **dict.fromkeys(("sample_rate_hz", "sensitivity", "window_rate_per_s", "full_scale"), "float8"),
+    "dtype": "text",
+    "sha256": "bytea",
+    "data": "bytea",
+}
+"""What is stated of a time block, and its type in the database."""
 
 Place = tuple[int, int]
 
@@ -62,7 +74,12 @@ def store_records(
         _refuse_known(session, campaign.id, rows)
     project = campaign_for.project_of(session, campaign)
     book(session, StorageOwner(project, campaign.id), "records", sum(len(row["data"]) for row in rows))
-    stored = list(session.scalars(insert(Record).returning(Record, sort_by_parameter_order=True), rows))
+    keys = new_keys(session, len(rows))
+    with copy_rows(session, Record.__tablename__, {"id": "uuid", **COLUMNS}) as write:
+        for key, row in zip(keys, rows, strict=True):
+            write([key, *(row[name] for name in COLUMNS)])
+    written = Record.id == any_(literal(keys, ARRAY(Uuid)))  # one parameter, however many blocks a file holds
+    stored = list(session.scalars(select(Record).where(written).order_by(Record.id)))
     audit(session, user, "record.create", "campaign", campaign.id, project, count=len(rows), filename=filename)
     return stored
 

@@ -207,7 +207,9 @@ def _table(variables: Variables, channel: ChannelMapping) -> FloatArray:
             channel.variable, f"has {values.shape[1]} samples a block, expected {_FEWEST_SAMPLES} or more"
         )
     table: FloatArray = np.ascontiguousarray(values, dtype=np.float32 if values.dtype == np.float32 else np.float64)
-    bad = np.argwhere(~np.isfinite(table))
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = table.sum(dtype=np.float64)  # one pass; only where it is not finite is each number asked
+    bad = np.empty((0, 2), dtype=int) if np.isfinite(total) else np.argwhere(~np.isfinite(table))
     if bad.size:
         raise FormatError(
             channel.variable, f"holds NaN or infinity, first at sample {bad[0][1] + 1} of block {bad[0][0] + 1}"
