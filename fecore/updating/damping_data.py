@@ -56,12 +56,12 @@ class DampingData:
         shares = None if strain is None else strain[at]
         return nearest_positive(law, omega, self.roles.first_ratio, self.model.omega[others], shares)
 
-    def nuisance(self, deviation_sd: float, scale: float = 1.0) -> Nuisance:
+    def nuisance(self, deviation_sd: float, excess: float = 1.0) -> Nuisance:
         """Measured modes shift freely and deviate from the law a little, the others do both as far as priors let them.
 
-        Where the misfit is `scale` times what noise alone makes of it, the model's residues are wrong: a peak that is too
+        Where the misfit is `excess` times what noise alone makes of it, the model's residues are wrong: a peak that is too
         high passes for less damping. The modes' ratios were identified with residues of their own and do not suffer from
-        that, so they are data too, with the share 1 - 1/scale of their information that the FRFs do not carry then.
+        that, so they are data too, with the share 1 - 1/excess of their information that the FRFs do not carry then.
 
         Suspended ones have rates of their own, which may lie as far from the lowest elastic mode's as nobody knows. How far
         an unmeasured mode may shift includes the constants' own uncertainty.
@@ -74,7 +74,7 @@ class DampingData:
         deviation = np.concatenate([np.full(measured, deviation_sd), np.full(others, _UNMEASURED_DEVIATION)])
         lowest = 2 * roles.first_ratio[0] * 2 * np.pi * self.modes.frequency_hz[roles.rows[0]]
         seen, seen_rate, seen_sd = self._seen()
-        if scale <= 1:
+        if excess <= 1:
             seen, seen_rate, seen_sd = seen[:0], seen_rate[:0], seen_sd[:0]
         return Nuisance(
             modes=modes,
@@ -86,7 +86,7 @@ class DampingData:
             window_rate=2 * (self.inputs.window_rate or 0.0),
             seen=seen,
             seen_rate=seen_rate,
-            seen_sd=seen_sd / np.sqrt(max(1 - 1 / scale, 1e-300)),
+            seen_sd=seen_sd / np.sqrt(max(1 - 1 / excess, 1e-300)),
         )
 
     def _seen(self) -> tuple[IntArray, FloatArray, FloatArray]:

@@ -21,7 +21,8 @@ from fecore.dynamics.damping_laws import DampingLaw
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, convert
-from fecore.identification.noise import residual_variance
+from fecore.identification.error_model import memory
+from fecore.identification.noise import line_scatter, residual_variance
 from fecore.updating.damping_data import DampingData, lawful_strain, measured_ratios
 from fecore.updating.disagreement import disagreement
 from fecore.updating.forward import ForwardState
@@ -38,6 +39,7 @@ _SAME_OPTIMUM = 1e-3  # relative distance of coefficients that counts as one poi
 _SAME_TO_NOISE = 0.3  # and their distance in standard deviations by noise alone
 _RIVAL = 10.0  # difference of negative log posteriors below which a second optimum is worth a warning
 _SPREAD_OF_STARTS = 5.0  # factor between the starts
+_FEWEST_LINES = 32  # of which the noise of the lines can be seen beside what lasts over a resonance
 _LARGE_TURN = 0.02  # rad, of a delay at the highest line: beyond, the data are turned back and the fit begins anew
 
 
@@ -95,7 +97,9 @@ class ReferenceFit:
         misfit: with the noise variance: the measured one, or one from the residual of an unweighted modal fit. A delay between
             the channels is taken out of its FRFs.
         fit: the modal fit.
-        scale: what the misfit of one value is by noise alone, with the weighting of this stage.
+        scale: what the misfit of one value is by noise alone, with the weighting of this stage, times how many lines are worth
+            one: an error of the model's shapes lasts over a resonance (`fecore.identification.error_model.memory`).
+        excess: mean square of the residual over the noise of the lines, 1 at least: what is above 1 is the model's error.
         ratios: damping ratios as measured where they were, else from the modal fit.
         own_ratios: those of the modal fit.
         delay: between the channels, as the FRFs show it, s.
@@ -104,6 +108,7 @@ class ReferenceFit:
     misfit: FrfMisfit
     fit: DampingFit
     scale: float
+    excess: float
     ratios: MeasuredRatios
     own_ratios: MeasuredRatios
     delay: float
@@ -130,8 +135,34 @@ def fit_reference(data: DampingData) -> ReferenceFit:
     if data.weighting == "noise":
         scale = max(scale, 1.0)
         fit = fit_law(misfit, data.modal_law, fit.coefficients, data.nuisance(0, scale), scale)
+    excess = _excess(misfit, fit, scale)
+    predicted = misfit.predict(fit.eigenvalue, fit.rate)
+    residual, _ = misfit.residual(predicted)
+    scale *= memory(residual, misfit.variance, misfit.counted, predicted)
     own = _modal_ratios(data, fit)
-    return ReferenceFit(misfit, fit, scale, measured_ratios(data) or own, own, delay)
+    return ReferenceFit(
+        misfit=misfit,
+        fit=fit,
+        scale=scale,
+        excess=excess,
+        ratios=measured_ratios(data) or own,
+        own_ratios=own,
+        delay=delay,
+    )
+
+
+def _excess(misfit: FrfMisfit, fit: DampingFit, scale: float) -> float:
+    """How many times the noise the modal fit misses the FRFs by, 1 at least.
+
+    A noise that was found from the residual itself has the model's errors in it. What changes from line to line without memory
+    has not: they last over a resonance.
+    """
+    if misfit.frfs.variance is not None or misfit.frfs.frequency_hz.size < _FEWEST_LINES:
+        return max(scale, 1.0) if misfit.weighting == "noise" else 1.0
+    residual, _ = misfit.residual(misfit.predict(fit.eigenvalue, fit.rate))
+    spacing = float(np.median(np.diff(misfit.frfs.frequency_hz)))
+    noise = line_scatter(residual, misfit.counted, float(misfit.frfs.frequency_hz[0]) / spacing)
+    return max(float(np.mean((np.abs(residual) ** 2 / noise)[misfit.counted])), 1.0)
 
 
 def _first_delay(data: DampingData) -> float:
@@ -176,11 +207,12 @@ def fit_damping(
     )
     spread = scale.rms
     starts = _starts(law, start, ratios) if many_starts else [start]
+    nuisance = data.nuisance(spread, reference.excess)
     fits: list[DampingFit] = []
     for done, first in enumerate(starts):
         progress(done / len(starts))
         try:
-            fits.append(fit_law(reference.misfit, law, first, data.nuisance(spread, reference.scale), reference.scale))
+            fits.append(fit_law(reference.misfit, law, first, nuisance, reference.scale))
         except UpdatingError:
             if not fits and done == len(starts) - 1:
                 raise
@@ -278,19 +310,34 @@ def _by_elastic(data: DampingData, misfit: FrfMisfit, fit: DampingFit) -> FloatA
         by_residue = jacobian.factors[0] * by_residue + jacobian.factors[1] * by_drive
     _, weight = misfit.residual(misfit.predict(fit.eigenvalue, fit.rate))
     gradients = np.array([jacobian.gradient(weight * change) for change in by_residue]) @ fit.normal.reduction
+    stretch = _by_stretch(state)
     by_eigenvalue = np.zeros_like(gradients)
-    by_eigenvalue[:, : fit.eigenvalue.size] = state.eigenvalue_jacobian.T
+    by_eigenvalue[:, : fit.eigenvalue.size] = 2 * fit.eigenvalue * stretch
     moved: FloatArray = -fit.response @ (gradients + by_eigenvalue @ fit.normal.hessian).T
+    own_omega = np.sqrt(np.where(stretch.any(axis=0), fit.eigenvalue, 1.0))  # a rigid mode has no slope and needs none
+    rate = (fit.law.slope(own_omega, data.model.strain) @ fit.coefficients) * own_omega * stretch
     if isinstance(fit.law, MechanismDamping):
-        moved += _by_shares(state, fit, fit.law)
-    return moved
+        strain = state.strain_jacobian
+        slope = fit.law.by_strain(own_omega, fit.coefficients, strain.shape[2])
+        rate += np.einsum("pmq,mq->pm", strain, slope)
+    return moved + _by_rates(fit, rate.T)
 
 
-def _by_shares(state: ForwardState, fit: DampingFit, law: MechanismDamping) -> FloatArray:
-    """(p, q) the part of it that the shares of strain energy have, which constants move and the law's rates follow."""
-    strain = state.strain_jacobian
-    slope = law.by_strain(np.sqrt(fit.eigenvalue), fit.coefficients, strain.shape[2])
-    rate = np.einsum("pmq,mq->mp", strain, slope)
+def _by_stretch(state: ForwardState) -> FloatArray:
+    """(q, m) relative change of every mode's circular frequency, ½ ∂ln λ/∂θ: 0 of rigid ones."""
+    value = state.modes.eigenvalue
+    moving = np.arange(value.size) >= state.modes.rigid
+    by: FloatArray = (state.eigenvalue_jacobian / np.where(moving, 2 * value, np.inf)[:, None]).T
+    return by
+
+
+def _by_rates(fit: DampingFit, rate: FloatArray) -> FloatArray:
+    """(p, q) what it does to the estimate that the law's (m, q) rates move at given coefficients, shifts and own rates.
+
+    A mode with a rate of its own is tied to the law's, any other follows it. Without this part a shift, which takes up the
+    model's own change of a frequency, would pass for one of the measured frequency, and so for another law.
+    """
+    rate = rate.copy()
     rate[fit.nuisance.suspended] = 0.0
     own = np.isin(np.arange(len(rate)), fit.nuisance.modes[fit.nuisance.deviation_sd > 0])
     by_rate = (fit.response @ fit.normal.hessian)[:, len(rate) :]
