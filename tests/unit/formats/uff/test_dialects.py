@@ -94,6 +94,50 @@ def test_a_time_block_without_a_rate_or_of_two_minds_is_refused(read: Read) -> N
     assert "its data type says force, its unit 'm/s^2' says acceleration" in found.reasons
 
 
+def test_a_time_block_over_anything_but_time_is_refused(read: Read) -> None:
+    samples = np.sin(np.arange(64.0))
+    over = function(1, samples, abscissa=axis(18, "Hz"), ordinate=axis(13, "N"), step="1.00000e-03")
+    endless = function(1, np.r_[samples, 1.0], abscissa=SECONDS, ordinate=axis(13, "N"), step="1.00000e-03")
+    found = read(over + endless.replace(b"1.000000000000e+00", b"               nan"))
+    assert found.outcomes == ["refused", "refused"]
+    assert "is a time block over 'Hz', expected seconds" in found.reasons
+
+
+def test_spectra_that_make_no_frf_say_why(read: Read) -> None:
+    hz = np.arange(256.0)
+    force, cross = 4.0 / (1 + (hz / 200) ** 2), (1 + 1j) * np.ones(256)
+    ends = {"response": (7, 3), "reference": (1, 3)}
+    of_force = function(2, force, response=(1, 3), reference=(1, 3), ordinate=axis(13, "N^2"))
+    quiet = function(2, 1e-6 * force, response=(7, 3), reference=(7, 3), ordinate=axis(12, "m/s^2"))
+
+    def reasons(file: bytes, frf: Frf | None = None) -> list[str | None]:
+        found, spectra = read(file), Spectra()
+        if frf is not None:
+            spectra.note(frf)
+        for item in found.of(PowerSpectrum):
+            spectra.take(item)
+        for report in found.reports:
+            assert spectra.holds(report)
+        ended = list(spectra.finish())
+        assert {report.outcome for report in ended} == {"ignored"}  # type: ignore[union-attr]
+        return [report.reason for report in ended]  # type: ignore[union-attr]
+
+    unneeded = "is an auto spectrum that no cross spectrum needs"
+    lost, alone = reasons(function(3, cross, **ends) + of_force)
+    assert lost is not None
+    assert "without an auto spectrum of the motion at its response" in lost
+    assert alone == unneeded
+    (lost,) = reasons(function(3, cross, **ends))
+    assert "of the force at its reference" in str(lost)
+    assert "makes a coherence above 1" in str(reasons(function(3, cross, **ends) + of_force + quiet)[0])
+    (known,) = read(set_58(*rows(cross), points=256, **ends)).of(Frf)
+    assert reasons(function(3, cross, **ends) + of_force + quiet, known)[0] == (
+        "is the cross spectrum of an FRF that the file has itself"
+    )
+    stray = Spectra()
+    assert not stray.holds(read(FRF).reports[0])
+
+
 @pytest.mark.parametrize("conjugated", [False, True])
 def test_power_spectra_make_the_frf_whichever_channel_is_conjugated(read: Read, conjugated: bool) -> None:
     hz = np.arange(0.0, 256.0)

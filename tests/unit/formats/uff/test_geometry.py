@@ -183,3 +183,52 @@ def test_hysteretic_damping_is_halved_and_noted(read: Read) -> None:
     found = read(dataset("55", *lines))
     assert found.of(ModeShape)[0].damping_ratio == 0.02
     assert "hysteretic damping ratio 0.04 taken as the viscous ratio 0.02" in found.notes
+
+
+def changed_55(line: int, text: str) -> bytes:
+    return dataset("55", *SHAPE_55[:line], text, *SHAPE_55[line + 1 :])
+
+
+COMPLEX_55 = "".join(f"{n:10d}" for n in (1, 3, 2, 8, 5, 3))  # a complex mode
+
+
+@pytest.mark.parametrize(
+    ("file", "reason"),
+    [
+        (changed_55(7, " -1.00000e+01  0.00000e+00  2.00000e-02  0.00000e+00"), "its frequency is -10 Hz"),
+        (changed_55(5, f"{1:10d}{2:10d}{2:10d}{8:10d}{3:10d}{3:10d}"), "the data type of this set 55 is 3"),
+        (dataset("55", *SHAPE_55[:8]), "holds no node"),
+        (dataset("55", *SHAPE_55, *SHAPE_55[8:]), "gives a node twice"),
+        (
+            dataset("55", *SHAPE_55[:5], COMPLEX_55, f"{1:10d}{1:10d}{1:10d}", "  1.00000e+01", *SHAPE_55[8:]),
+            "states no eigenvalue",
+        ),
+        (
+            dataset("55", *SHAPE_55[:5], COMPLEX_55, f"{2:10d}{2:10d}{1:10d}{1:10d}", "  0.00000e+00  0.00000e+00",
+                    f"{1:10d}", "  1.00000e+00  2.00000e+00"),
+            "its eigenvalue is 0",
+        ),
+        (dataset("2412"), "holds no element"),
+        (dataset("82", f"{2:10d}{2:10d}{1:10d}", "edge", f"{1:10d}{'x':>10}"), "a point is 'x', expected a label or 0"),
+        (dataset("15", point(1, -2)), "names the coordinate systems -2 and 0"),
+        (dataset("18", *system_18(4, (0, 0, 0), (1, 0, 0), (2, 0, 0))), "lie on one line"),
+        (dataset("18", *system_18(4, (0, 0, 0), (1, 0, 0), (0, 0, 1), kind=3)), "has type 3 and method 1"),
+        (dataset("18", *system_18(4, (0, 0, 0), (1, 0, 0), (0, 0, 1), reference=9)), "coordinate system 4"),
+        (dataset("18"), "holds no coordinate system"),
+        (dataset("18", *TURNED, *TURNED), "defines a coordinate system twice"),
+        (system_2420(3, np.eye(3), (0, 0, 0), 7), "has type 7, expected 0, 1 or 2"),
+        (system_2420(3, np.eye(3) + 0.1, (0, 0, 0)), "are not orthonormal"),
+    ],
+)  # fmt: skip
+def test_what_contradicts_itself_is_refused(read: Read, file: bytes, reason: str) -> None:
+    found = read(file)
+    assert (found.outcomes, found.contents) == (["refused"], [])
+    assert reason in found.reasons
+
+
+def test_points_given_twice_and_directions_along_curved_axes(read: Read) -> None:
+    assert "1 grid points are given twice" in read(dataset("15", point(1), point(1))).notes
+    curved = system_2420(3, np.eye(3), (0, 0, 0), 1)
+    frf = set_58(FRF_ROW, points=1, response=(1, 3), reference=(1, 3), kind=6)
+    found = read(curved + dataset("15", point(1, 0, 3)) + frf)
+    assert "along axes of the cylindrical system 3" in found.reasons
