@@ -58,6 +58,14 @@ def test_other_dimensions_and_angles_are_those_of_a_body_built_with_them(angles)
     np.testing.assert_allclose(hz(body, np.array(list(q.values()))), hz(built, constants(built)), rtol=1e-8)
 
 
+@pytest.mark.parametrize("angles", [(0,), (90, 90)])
+def test_bending_stiffness_of_a_strip_of_one_direction(angles) -> None:
+    body = stack(*angles)
+    modulus = CARBON.Ex if angles[0] == 0 else CARBON.Ey
+    expected = modulus * body.width * body.thickness**3 / 12  # free to bend across, so without Poisson's ratio
+    assert body.bending_stiffness(constants(body)) == pytest.approx(expected, rel=1e-12)
+
+
 def test_a_sandwich_vibrates_as_allens_closed_form() -> None:
     """Simply supported, thin faces: ω² = D k⁴ / (m (1 + D k²/S)) with D = E t d²/2(1 - ν²), S = G d²/c (Allen 1969, ch. 5)."""
     E, nu, G, t, c, side = 68.9e9, 0.33, 80e6, 0.0004, 0.02, 1.0

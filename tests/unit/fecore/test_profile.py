@@ -99,6 +99,30 @@ def test_a_piece_all_along_is_another_thickness(angles) -> None:
     np.testing.assert_allclose(bending_hz(piece, 4), bending_hz(thick, 4), rtol=1e-8)
 
 
+def test_zones_of_a_stepped_body_each_scale_their_own_stiffness() -> None:
+    body = replace(NARROW, pieces=(Piece(0.0, 0.1, T, T / 2),))
+    zoned = replace(body, zones=(L / 2,))
+    whole, parts = (np.array(list(each.nominal.values())) for each in (body, zoned))
+    places = [list(zoned.nominal).index(f"zone_{k}") for k in (1, 2)]
+    halves = []
+    for factors in ((1.0, 1.0), (0.8, 1.0), (1.0, 0.8)):
+        parts[places] = factors
+        halves.append(zoned.model.stiffness.at(zoned.stiffness_coefficients(parts)).toarray())
+    K = body.model.stiffness.at(body.stiffness_coefficients(whole)).toarray()
+    np.testing.assert_allclose(halves[0], K, rtol=1e-9, atol=1e-9 * np.abs(K).max())
+    np.testing.assert_allclose(halves[1] + halves[2], 1.8 * K, rtol=1e-9, atol=1e-9 * np.abs(K).max())
+
+
+@pytest.mark.parametrize("edge", ["start", "end", "lower", "upper"])
+def test_points_along_an_edge_lie_on_it_and_weigh_its_length(edge) -> None:
+    places, weights = replace(NARROW, divisions=(4, 2)).model.mesh.edge_quadrature(edge)
+    axis, value = {"start": (0, 0.0), "end": (0, L), "lower": (1, -0.5), "upper": (1, 0.5)}[edge]
+    np.testing.assert_allclose(places[:, axis], value * (NARROW.width if axis else 1.0), atol=1e-15)
+    assert weights.sum() == pytest.approx(L if axis else NARROW.width, rel=1e-14)
+    centre = weights @ places[:, 1 - axis] / weights.sum()
+    assert centre == pytest.approx(L / 2 if axis else 0.0, abs=1e-15)
+
+
 @pytest.mark.parametrize(
     ("pieces", "field"),
     [

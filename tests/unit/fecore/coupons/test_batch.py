@@ -28,6 +28,13 @@ def test_the_worked_batch() -> None:
     assert f"{found.cv_percent:.3f}" == "2.151"
 
 
+def test_equal_values_do_not_scatter_and_none_about_zero_has_a_share() -> None:
+    assert statistics([0.1 + 0.2, 0.3, 0.3]).standard_deviation == 0.0  # the scatter of the arithmetic is none
+    assert statistics([0.1 + 0.2, 0.3, 0.3]).cv_percent == 0.0
+    assert statistics([-1.0, 1.0]).cv_percent is None
+    assert statistics([1.0]).cv_percent is None
+
+
 def test_the_prior_of_the_worked_batch() -> None:
     p = prior(statistics([m * 1e9 for m in MODULI]))
     assert p.between_specimens == pytest.approx(0.68191e9, rel=1e-5)

@@ -12,7 +12,7 @@ from benchmarks.hammer import Bench, campaign, random_body, random_laboratory
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.identification import identify
-from fecore.processing import Block, Hit, Processing, Windows, by_point, process, remove_window
+from fecore.processing import Block, Hit, Processing, Windows, by_point, each_hit, look, process, remove_window
 
 
 def _bench(seed: int, kind: str = "free", rate: float = 0.0, **changes: object) -> Bench:
@@ -82,6 +82,34 @@ def test_a_users_decision_overrules_both_ways_and_changes_the_frf() -> None:
     assert forced.used == ((2, 3, 4, 5),)
     assert forced.verdicts[4].faults  # what was found stays said
     assert not np.array_equal(judged.frfs.values, forced.frfs.values)
+
+
+def test_hits_are_looked_at_one_by_one_as_they_are_processed() -> None:
+    """Beside the hammer and in a figure of each hit, by the rules of the whole campaign."""
+    hits = _hits(_bench(6), 5, "double")
+    judged = process(by_point(hits))
+    seen, drawn = look(by_point(hits)), each_hit(hits)
+    assert [v.accepted for v in seen.verdicts] == list(drawn.accepted) == [True] * 4 + [False]
+    assert list(seen.coherence) == [hits[0].force.dof]
+    assert 0.9 < seen.coherence[hits[0].force.dof] <= 1
+    assert look(by_point(hits[:1])).coherence == {}  # one hit has none
+    assert drawn.frfs.shape == (5, 1, drawn.frequency_hz.size)
+    lines = np.searchsorted(drawn.frequency_hz, judged.frfs.frequency_hz)
+    np.testing.assert_allclose(drawn.mean[0].values[lines], judged.frfs.values[0], rtol=1e-9)
+    other = each_hit(hits, [True, True, False, False, False])
+    assert [estimate.hits for estimate in other.mean] == [2]
+    alone, double = each_hit(hits[:4]).pulse_s, drawn.pulse_s
+    assert double[0] == pytest.approx(alone[0], rel=0.05)
+    assert double[1] > alone[1]  # the second pulse is in it
+
+
+def test_a_channel_at_its_full_scale_is_an_overload() -> None:
+    first, *others = _hits(_bench(7), 5)
+    largest = float(np.abs(first.responses[0].samples).max())
+    for scale, named in ((largest, ["overload"]), (10 * largest, [])):
+        response = replace(first.responses[0], full_scale=scale)
+        verdict = process(by_point([replace(first, responses=(response,)), *others])).verdicts[0]
+        assert [fault.criterion for fault in verdict.faults] == named
 
 
 @pytest.mark.parametrize("estimator", ["H1", "H2", "Hv"])

@@ -44,6 +44,14 @@ def test_a_tied_constant_keeps_the_ratio_of_nominal_values(nominal: Specimen) ->
     assert constants["Ex"] == nominal.material.Ex
 
 
+def test_a_fixed_constant_is_its_prior_mean(nominal: Specimen) -> None:
+    recipe = (Parameter("Ex"), Parameter("Gxz", prior_mean=4e9, fixed=True), Parameter("Gyz", fixed=True))
+    found = parametrise(nominal, recipe)
+    constants = dict(zip(CONSTANTS, found.constants(np.array([30e9])), strict=True))
+    assert found.names == ("Ex",)
+    assert (constants["Ex"], constants["Gxz"], constants["Gyz"]) == (30e9, 4e9, nominal.material.Gyz)
+
+
 def test_priors_signs_and_inputs_have_their_places(nominal: Specimen) -> None:
     parametrisation = parametrise(nominal, (Parameter("Ex"), Parameter("nu_xy", prior_mean=0.2, prior_sd=0.02)))
     assert parametrisation.prior_mean.tolist() == [nominal.material.Ex, 0.2]
