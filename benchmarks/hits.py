@@ -34,6 +34,7 @@ try:
 except ImportError:  # an optional peer
     FRF = None
 
+Positions = dict[int, tuple[float, float, float]]
 Tally = dict[str, Counter[str | None]]
 
 
@@ -43,8 +44,9 @@ def main() -> None:
     rng = np.random.default_rng(seed)
     tally = _new_tally()
     for number in range(campaigns):
-        _, _, simulated = campaign(rng, ("clamped", "free", "plate")[number % 3], POINTS, HITS, 1 / 3)
-        _count(tally, [s.hit for s in simulated], [s.fault for s in simulated])
+        _, places, simulated = campaign(rng, ("clamped", "free", "plate")[number % 3], POINTS, HITS, 1 / 3)
+        positions = {label: (*place, 0.0) for label, place in places.items()}
+        _count(tally, [s.hit for s in simulated], [s.fault for s in simulated], positions)
     _table(f"{campaigns} simulated campaigns", tally)
     folder = Path(os.environ.get("MODALBASE_HITS", Path(__file__).parents[2] / "shared" / "blind-open"))
     for name in SETS:
@@ -55,8 +57,8 @@ def main() -> None:
     _speed()
 
 
-def read_set(folder: Path) -> tuple[list[Hit], list[str | None]]:
-    """Hits of a set of another simulator, in SI, and their faults."""
+def read_set(folder: Path) -> tuple[list[Hit], list[str | None], Positions]:
+    """Hits of a set of another simulator, in SI, their faults, and where the points lie."""
     data, truth = np.load(folder / "hits.npz"), json.loads((folder / "truth.json").read_text())
     known = truth["instruments"]
     rate, sensor = known["window_rate_per_s"], Dof(known["sensor_point"], 3)
@@ -71,16 +73,17 @@ def read_set(folder: Path) -> tuple[list[Hit], list[str | None]]:
             data["force"].astype(float), data["acceleration"].astype(float), data["point"], data["hit"], strict=True
         )
     ]
-    return hits, [record["fault"] for record in truth["records"]]
+    positions = {label: (place[0], place[1], 0.0) for label, place in enumerate(truth["points"], 1)}
+    return hits, [record["fault"] for record in truth["records"]], positions
 
 
 def _new_tally() -> Tally:
     return {"hits": Counter(), "found": Counter(), "named": Counter(), "pyFRF": Counter()}
 
 
-def _count(tally: Tally, hits: Sequence[Hit], faults: Sequence[str | None]) -> None:
+def _count(tally: Tally, hits: Sequence[Hit], faults: Sequence[str | None], positions: Positions) -> None:
     try:
-        verdicts = process(by_point(hits)).verdicts
+        verdicts = process(by_point(hits), Processing(positions=positions)).verdicts
     except Exception as error:  # noqa: BLE001 - a set without a good hit is a result
         print(f"  {error}")
         verdicts = ()

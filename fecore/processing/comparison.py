@@ -57,12 +57,26 @@ class Deviation:
 
 
 @dataclass(frozen=True)
+class Offset:
+    """How far a hit landed from the others of its point: `distance_m` ± `sd_m`; a limit below `usual_m` would refuse hits
+    that land as the campaign's usually do.
+    """
+
+    distance_m: float
+    sd_m: float
+    usual_m: float = 0.0
+
+
+@dataclass(frozen=True)
 class Comparison:
-    """The same on the campaign's scale: `distance` in typical distances; see the module."""
+    """The same on the campaign's scale: `distance` in typical distances, see the module; `offset` in metres where the hit
+    could be located.
+    """
 
     likeness: float
     height: float
     distance: float
+    offset: Offset | None = None
 
 
 def compare_lines(band: IntArray) -> IntArray:

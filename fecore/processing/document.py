@@ -13,6 +13,7 @@ from fecore.processing.delay import Delay
 from fecore.processing.estimators import Estimator, check_estimator
 from fecore.processing.heights import Strip
 from fecore.processing.judgement import Limits, Verdict
+from fecore.processing.placing import Position
 from fecore.processing.windows import Windows
 
 
@@ -29,6 +30,7 @@ class Processing:
         limits: what a hit may show.
         overrules: a user's decisions by hit (force dof, number): True uses it, False leaves it out.
         strip: what is known of the body, where it is a strip: its FRFs' height is then checked.
+        positions: where the grid's points lie, by label, m, x and y along the body's edges: hits are then located in mm.
     """
 
     estimator: Estimator = "H1"
@@ -38,6 +40,7 @@ class Processing:
     limits: Limits = field(default_factory=Limits)
     overrules: Mapping[tuple[Dof, int], bool] = field(default_factory=dict)
     strip: Strip | None = None
+    positions: Mapping[int, Position] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_estimator(self.estimator)

@@ -17,7 +17,7 @@ import numpy as np
 
 from fecore.errors import InputError
 from fecore.frf import Dof
-from fecore.processing.comparison import HIGHEST, Comparison
+from fecore.processing.comparison import HIGHEST, Comparison, Offset
 from fecore.processing.pulse import SMALLEST_SECOND
 from fecore.processing.traits import REBOUND, Top, Traits
 
@@ -41,6 +41,8 @@ class Limits:
         before_noise: largest level of the response before the pulse over the campaign's quiet hits.
         before_response: the same as a share of the response's largest value, where no other hit can be asked.
         place: largest distance of a hit's FRF from those of its point, in the campaign's typical distances.
+        place_m: largest distance between a hit and the others of its point, m, where hits can be located; the limit is
+        higher in a campaign whose hits all scatter more.
         likeness: correlation with the other hits of its point below which a hit has the opposite sign.
         cut_top: largest part of a channel above the filter's cut, as a share of its largest value, that other hits do
         not have.
@@ -55,6 +57,7 @@ class Limits:
     before_noise: float = 2.5
     before_response: float = 0.02
     place: float = 3.0
+    place_m: float = 0.008
     likeness: float = -0.5
     cut_top: float = 0.06
 
@@ -308,6 +311,8 @@ def _compared(comparison: Comparison, limits: Limits) -> list[Finding]:
             f"either way. Was a sensitivity or range another for this hit?"
         )
         return [*found, Finding("height", comparison.height, HIGHEST, True, sentence)]
+    if comparison.offset is not None:
+        return [*found, _placed(comparison.offset, limits)]
     failed = comparison.distance > limits.place
     sentence = (
         f"The FRF lies {comparison.distance:.2g} typical distances from the point's other hits; the limit is "
@@ -315,3 +320,12 @@ def _compared(comparison: Comparison, limits: Limits) -> list[Finding]:
     )
     found.append(Finding("place", comparison.distance, limits.place, failed, sentence))
     return found
+
+
+def _placed(offset: Offset, limits: Limits) -> Finding:
+    """The number and the limit are in mm."""
+    number, sd, limit = (1e3 * value for value in (offset.distance_m, offset.sd_m, max(limits.place_m, offset.usual_m)))
+    sentence = (
+        f"The hit landed {number:.1f} ± {sd:.1f} mm from where most hits of the point did; the limit is {limit:.3g} mm."
+    )
+    return Finding("place", number, limit, number > limit, sentence)

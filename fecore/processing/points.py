@@ -13,7 +13,8 @@ from fecore.processing.blocks import Hit
 from fecore.processing.comparison import FEWEST, Comparison, Deviation, compare, deviations
 from fecore.processing.document import Processing
 from fecore.processing.estimators import Estimate, estimate, squared
-from fecore.processing.judgement import Verdict, judge, overrule, usual
+from fecore.processing.judgement import Usual, Verdict, judge, overrule, usual
+from fecore.processing.placing import locate
 from fecore.processing.spectra import Spectra
 from fecore.processing.traits import Traits, find_traits
 
@@ -22,13 +23,16 @@ _AT_FAULT_ALONE = ("late", "double", "overload", "polarity", "quiet", "swapped")
 
 @dataclass(frozen=True)
 class Point:
-    """What the first pass keeps of a point: pairs, numbers of its hits, and the FRFs of those that seemed good."""
+    """What the first pass keeps of a point: pairs, numbers of its hits, and of those that seemed good the FRFs and, where
+    hits can be located, the shares of resonances.
+    """
 
     force: Dof
     responses: tuple[Dof, ...]
     numbers: tuple[int, ...]
     traits: tuple[Traits, ...]
     deviations: tuple[Deviation | None, ...]
+    shares: FloatArray | None
     used: tuple[int, ...]
     estimates: tuple[Estimate, ...]
     excitation: FloatArray
@@ -38,6 +42,8 @@ def judge_points(points: Sequence[Point], processing: Processing) -> list[list[V
     """The verdicts of all hits of a campaign."""
     others = usual([traits for point in points for traits in point.traits])
     compared = compare([point.deviations for point in points])
+    if processing.positions:
+        compared = _located(points, compared, others, processing)
     verdicts = []
     for point, comparisons in zip(points, compared, strict=True):
         found = [
@@ -47,6 +53,39 @@ def judge_points(points: Sequence[Point], processing: Processing) -> list[list[V
         found = _undecided(found, comparisons)
         verdicts.append([overrule(v, processing.overrules.get((v.force, v.number))) for v in found])
     return verdicts
+
+
+def _located(
+    points: Sequence[Point], compared: Sequence[Sequence[Comparison | None]], others: Usual, processing: Processing
+) -> list[list[Comparison | None]]:
+    """The same with the offset of each hit that can be located: points under the same sensors, hits that nothing else is
+    said against.
+    """
+    found = [list(comparisons) for comparisons in compared]
+    tours: dict[object, list[int]] = {}
+    for i, point in enumerate(points):
+        tours.setdefault((point.force.direction, point.responses), []).append(i)
+    for tour in tours.values():
+        places = [processing.positions.get(points[i].force.point) for i in tour]
+        offsets = locate(places, [_comparable(points[i], others, processing) for i in tour])
+        for i, of_point in zip(tour, offsets, strict=True):
+            for k, offset in of_point.items():
+                comparison = found[i][k]
+                found[i][k] = comparison and replace(comparison, offset=offset)
+    return found
+
+
+def _comparable(point: Point, others: Usual, processing: Processing) -> dict[int, FloatArray]:
+    """The shares of a point's hits that are like one another but for their place."""
+    if point.shares is None:
+        return {}
+    return {
+        i: own
+        for i, own in zip(point.used, point.shares, strict=True)
+        if (deviation := point.deviations[i]) is not None
+        and deviation.comparable
+        and not judge(point.traits[i], others, None, processing.limits).faults
+    }
 
 
 def _undecided(found: list[Verdict], comparisons: Sequence[Comparison | None]) -> list[Verdict]:
@@ -93,6 +132,7 @@ def first_look(spectra: Spectra, hits: Sequence[Hit]) -> Point:
         numbers=tuple(h.number for h in hits),
         traits=traits,
         deviations=tuple(compared),
+        shares=spectra.shares(forces, responses) if used else None,
         used=used,
         estimates=estimates,
         excitation=excitation,

@@ -17,6 +17,7 @@ from fecore.processing.choice import choose_windows
 from fecore.processing.comparison import compare_lines
 from fecore.processing.coupling import find_coupling, impulse
 from fecore.processing.document import Processing
+from fecore.processing.shares import MOST_SENSORS, Basis, find_basis, hit_frfs
 from fecore.processing.traits import Traits, find_traits, parts
 from fecore.processing.windows import force_window, total_rate, windowed
 
@@ -82,6 +83,7 @@ class Spectra:
         self.rate = total_rate(first, self.windows)
         self._kept: tuple[FloatArray, npt.NDArray[np.complex128]] | None = None
         self.compared = self._excited([hit for hit, _ in looked], [traits for _, traits in looked])
+        self.basis = self._basis([*looked, *more]) if processing.positions else None
 
     def _excited(self, hits: Sequence[Hit], traits: Sequence[Traits]) -> IntArray:
         """Kept lines on which hits are compared: those that the hammer excites."""
@@ -97,6 +99,22 @@ class Spectra:
         weak = weak[weak > start]
         stop = int(weak[0]) if weak.size else power.size
         return compare_lines(np.arange(start, max(stop, start + 64))[: power.size - start])
+
+    def _basis(self, sample: Sequence[tuple[Hit, Traits]]) -> Basis | None:
+        """What the resonances look like, from a sample of hits."""
+        found = []
+        for hit, traits in sample:
+            force, responses = self.stack([hit], [traits], [0])
+            found += [hit_frfs(force[:, self.compared], r[:, self.compared]) for r in responses[:MOST_SENSORS]]
+        return find_basis(np.concatenate(found))
+
+    def shares(self, forces: ComplexArray, responses: Sequence[ComplexArray]) -> FloatArray | None:
+        """(h, K) what each resonance has in each hit, over the sensors; None where places are not asked for."""
+        if self.basis is None:
+            return None
+        force = forces[:, self.compared]
+        some = responses[:MOST_SENSORS]
+        return np.concatenate([self.basis.shares(hit_frfs(force, r[:, self.compared])) for r in some], axis=1)
 
     def check(self, hit: Hit) -> None:
         """Refuse a hit that is unlike the first.

@@ -16,6 +16,7 @@ from fecore.errors import InputError
 from fecore.processing import Strip
 from service.access import Lookup, User, audit
 from service.campaigns.operations import campaign_for, campaign_of
+from service.frfs.measured_campaign import specimen_points
 from service.frfs.operations import ProcessedFrfs, store_processed
 from service.jobs.kinds import JobKind
 from service.jobs.queue import enqueue
@@ -59,7 +60,8 @@ def load_records(
             for samples in samples_of(session, rows):
                 file.write(samples.tobytes())
         points.append(PointFile(tuple(rows), path))
-    processing = replace(options.processing(), strip=_strip(session, campaign_id))
+    positions = specimen_points(session, campaign_of(session, campaign_id))
+    processing = replace(options.processing(), strip=_strip(session, campaign_id), positions=positions)
     return ProcessingInputs(tuple(points), processing, tuple(left))
 
 

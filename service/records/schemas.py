@@ -46,7 +46,9 @@ class FindingOut(StrictModel):
     """One criterion of one hit."""
 
     criterion: Literal["double", "overload", "quiet", "late", "early", "place", "polarity", "height", "swapped"]
-    number: float | None = Field(description="null where it is infinite")
+    number: float | None = Field(
+        description="null where it is infinite; of `place`, in mm where the hit could be located, as its sentence says"
+    )
     limit: float
     failed: bool
     sentence: str

@@ -1,0 +1,112 @@
+"""Where each hit landed beside the other hits of its point, in metres.
+
+A hit at x + δ has the shares a_k(x + δ) = a_k(x) + ∇a_k(x)·δ (`shares`), and the tour of all points says how each share
+changes from place to place (`slopes`). With ā_k the median of the point's hits, δ of each hit is the minimum of
+
+    Σ_k ρ((a_k - ā_k - ∇a_k·δ)/σ_k) + |δ|²/(2 τ²),    σ_k² = (e a_k)² + δ₀² var ∇a_k,
+
+ρ Huber's function, which lets single shares be wrong; e what second order and noise leave; δ₀ the displacement that an
+unknown slope is charged with; τ keeps δ near zero along an axis of which the shares say nothing. Its standard deviation
+is that of the same normal equations.
+
+The place of the point is where most of its hits lie: the mean of those within `_TOGETHER` of the hit that lies nearest
+to all others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.processing.comparison import FEWEST, Offset
+from fecore.processing.slopes import plane, slopes
+
+FEWEST_POINTS = 5
+"""Points under the same sensors below which slopes are not asked for."""
+
+_KNOWN_M = 0.003  # standard deviation along the best known direction up to which a hit is located
+_PRIOR_M = 0.006  # τ
+_CHARGED_M = 0.003  # δ₀
+_TOGETHER_M = 0.007
+_SHARE_ERROR = 0.007  # e
+_LEAST_SHARE = 0.05  # of the mean square of a point's shares, that each is at least taken for
+_ROUNDS = 6  # of reweighting, each nearer by a factor of several
+_HUBER = 2.0
+_WITHIN = 3.3  # standard deviations of the campaign's placing that its limit is at least
+_MEDIAN = 1.1774  # median of |δ| over the standard deviation along one axis
+
+
+Position = tuple[float, float, float]
+
+
+def locate(places: Sequence[Position | None], shares: Sequence[Mapping[int, FloatArray]]) -> list[dict[int, Offset]]:
+    """The offsets of the hits that can be located, by point and number of the hit.
+
+    Args:
+        places: of each point, m; None for a point of unknown place.
+        shares: of each point, those of its comparable hits, all of one length K.
+    """
+    found: list[dict[int, Offset]] = [{} for _ in places]
+    known = [i for i, (place, own) in enumerate(zip(places, shares, strict=True)) if place is not None and own]
+    if len({places[i] for i in known}) < FEWEST_POINTS:
+        return found
+    grid = plane(np.array([places[i] for i in known]))
+    middle = np.array([np.median(np.array(list(shares[i].values())), axis=0) for i in known])
+    for row, i in enumerate(known):
+        if len(shares[i]) < FEWEST:
+            continue
+        own = np.array(list(shares[i].values())) - middle[row]
+        at = slopes(grid, middle, row)
+        size = middle[row] ** 2
+        sigma = np.sqrt(
+            _SHARE_ERROR**2 * (size + _LEAST_SHARE * size.mean()) + _CHARGED_M**2 * at.variance.sum(axis=0) + 1e-300
+        )
+        placed = [_displacement(at.values / sigma, values / sigma) for values in own]
+        off = _from_most(np.array([d for d, _ in placed]))
+        found[i] = {
+            number: Offset(float(np.linalg.norm(d)), _along(d, covariance))
+            for number, d, (_, covariance) in zip(shares[i], off, placed, strict=True)
+            if np.linalg.eigvalsh(covariance)[0] <= _KNOWN_M**2
+        }
+    return _with_usual(found)
+
+
+def _displacement(slope: FloatArray, off: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """δ of one hit and its (2, 2) covariance, from (2, K) slopes and (K,) shares in standard deviations."""
+    weight = np.ones(off.size)
+    for _ in range(_ROUNDS):
+        normal = (slope * weight) @ slope.T + np.eye(2) / _PRIOR_M**2
+        delta = np.linalg.solve(normal, (slope * weight) @ off)
+        left = np.abs(off - delta @ slope)
+        scale = max(1.4826 * float(np.median(left)), 0.5)
+        weight = 1 / np.maximum(1.0, left / (_HUBER * scale))
+    return delta, np.linalg.inv(normal)
+
+
+def _along(off: FloatArray, covariance: FloatArray) -> float:
+    """Standard deviation of a displacement's length."""
+    return float(np.sqrt(off @ covariance @ off / max(float(off @ off), 1e-300)))
+
+
+def _from_most(placed: FloatArray) -> FloatArray:
+    """(h, 2) each of the places less the mean of the others that lie together."""
+    apart = np.linalg.norm(placed[:, None] - placed[None], axis=2)
+    most = int(np.argmin(np.minimum(apart, 2 * _TOGETHER_M).sum(axis=1)))
+    together = apart[most] < _TOGETHER_M
+    found = np.empty_like(placed)
+    for i, place in enumerate(placed):
+        others = together.copy()
+        others[i] = False
+        found[i] = place - placed[others if others.any() else together].mean(axis=0)
+    return found
+
+
+def _with_usual(found: list[dict[int, Offset]]) -> list[dict[int, Offset]]:
+    """The same with the limit that the scatter of all located hits asks for."""
+    every = [offset.distance_m for point in found for offset in point.values()]
+    if not every:
+        return found
+    usual = _WITHIN * float(np.median(every)) / _MEDIAN
+    return [{n: Offset(o.distance_m, o.sd_m, usual) for n, o in point.items()} for point in found]

@@ -1,0 +1,110 @@
+"""Where hits landed, in millimetres, on shapes and simulated hammer tests whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.hammer import Bench, Simulated, random_body, random_laboratory
+from fecore.frf import Dof
+from fecore.processing import Finding, Processing, by_point, process
+from fecore.processing.placing import locate
+from fecore.processing.slopes import plane, slopes
+
+
+def test_slopes_of_a_wave_are_found_where_points_are_near_and_unknown_where_they_are_far() -> None:
+    x = np.array([0.0, 0.05, 0.13, 0.2, 0.27, 0.33, 0.41, 0.5])
+    places = plane(np.column_stack((np.zeros(8), 0.01 * np.cos(7 * x), x)))  # along z: axes go by extent
+    np.testing.assert_array_equal(places[:, 0], x)
+    waves = np.array([6.0, 15.0])
+    found = slopes(places, np.sin(waves * x[:, None] + 0.4), 3)
+    assert (np.abs(found.values[0] - waves * np.cos(waves * x[3] + 0.4)) < 0.02 * waves).all()
+    assert (np.sqrt(found.variance[0]) < 0.1 * waves).all()
+    short = slopes(places, np.sin(160.0 * x[:, None] + 0.4), 3)  # 39 mm long between points 70 mm apart
+    assert np.sqrt(short.variance[0, 0]) > 15.0  # /m, of a share of one: the wave is said to be unknown
+
+
+@pytest.mark.parametrize("kind", ["clamped", "free", "plate"])
+def test_known_displacements_are_recovered_from_shares(kind: str) -> None:
+    rng = np.random.default_rng(5)
+    body = random_body(rng, kind)
+    size = np.array([body.length_m, body.width_m])
+    grid = [(x, y) for x in np.linspace(0.15, 0.97, 6) for y in (-0.45, 0.05, 0.45)]
+    places = [tuple(size * place) for place in grid]
+    low = np.argsort(body.frequency_hz)[:10]
+    true = [0.002 * rng.standard_normal((5, 2)) for _ in grid]
+    for one in true[::3]:
+        one[4] += 0.012 * np.array([np.cos(k := rng.uniform(0, 6.28)), np.sin(k)])
+    shares = [
+        {i: body.shapes((place[0] + d[0], place[1] + d[1]))[low] for i, d in enumerate(one)}
+        for place, one in zip(places, true, strict=True)
+    ]
+    offsets = locate([(x, y, 0.0) for x, y in places], shares)
+    found, truth = [], []
+    for point, one in zip(offsets, true, strict=True):
+        for i, offset in point.items():
+            near = [k for k in range(5) if k != i and np.linalg.norm(one[k]) < 0.008]
+            found.append(offset.distance_m)
+            truth.append(np.linalg.norm(one[i] - one[near].mean(axis=0)))
+    assert len(found) == 5 * len(grid)
+    error = np.abs(np.array(found) - np.array(truth))
+    assert np.median(error) < 5e-4
+    assert np.percentile(error, 95) < 2.5e-3  # near the clamp the shapes say little
+    off, far = np.array(truth), np.array(found) > 0.008
+    assert far[off > 0.0095].mean() > 0.6
+    assert not far[off < 0.007].any()
+
+
+def test_a_point_alone_and_points_of_unknown_place_are_not_located() -> None:
+    shares = {i: np.arange(4.0) + i for i in range(5)}
+    assert locate([(0.1, 0.0, 0.0)], [shares]) == [{}]
+    assert locate([None] * 8, [shares] * 8) == [{}] * 8
+    assert locate([(0.1, 0.0, 0.0)] * 8, [shares] * 8) == [{}] * 8  # all at one place
+
+
+@pytest.fixture(scope="module")
+def tour() -> tuple[Bench, list[Simulated], dict[int, tuple[float, float, float]]]:
+    """Ten points of a free strip, four hits each; the fourth of point 4 and of point 8 lies 12 mm off."""
+    rng = np.random.default_rng(12)
+    body = random_body(rng, "free")
+    laboratory = replace(random_laboratory(rng, 0.0), sample_rate_hz=6400.0, samples=4096, tip_s=6e-4, pretrigger=120)
+    bench = Bench(body, laboratory, (0.96 * body.length_m, 0.45 * body.width_m), rng)
+    places = {n: (0.09 * n * body.length_m, (-0.4, 0.1, 0.4)[n % 3] * body.width_m) for n in range(1, 11)}
+    hits = [
+        bench.hit(label, place, n, "off_place" if label in (4, 8) and n == 4 else None)
+        for label, place in places.items()
+        for n in (1, 2, 3, 4)
+    ]
+    return bench, hits, {label: (x, y, 0.0) for label, (x, y) in places.items()}
+
+
+def test_hits_off_their_place_are_named_in_millimetres_and_good_ones_stay(
+    tour: tuple[Bench, list[Simulated], dict[int, tuple[float, float, float]]],
+) -> None:
+    _, simulated, positions = tour
+    hits = [s.hit for s in simulated]
+    found = process(by_point(hits), Processing(positions=positions, overrules={(Dof(8, 3), 4): True}))
+    for verdict, s in zip(found.verdicts, simulated, strict=True):
+        (place,) = (f for f in verdict.findings if f.criterion == "place")
+        assert place.failed == (s.fault == "off_place"), place.sentence
+        assert verdict.accepted == (s.fault is None or verdict.force.point == 8)
+        if place.failed:
+            assert 8 < place.number < 18
+            assert "mm from where most hits of the point did; the limit is 8" in place.sentence
+
+
+def test_without_positions_places_are_judged_by_typical_distances(
+    tour: tuple[Bench, list[Simulated], dict[int, tuple[float, float, float]]],
+) -> None:
+    _, simulated, positions = tour
+    hits = [s.hit for s in simulated]
+
+    def places(chosen: dict[int, tuple[float, float, float]]) -> list[Finding]:
+        verdicts = process(by_point(hits), Processing(positions=chosen)).verdicts
+        return [f for v in verdicts for f in v.findings if f.criterion == "place"]
+
+    without = places({})
+    assert all("typical distances" in f.sentence for f in without)
+    assert without == places({k: positions[k] for k in (1, 2, 3, 4)})  # too few for slopes
