@@ -27,13 +27,13 @@ FEWEST_POINTS = 5
 """Points under the same sensors below which slopes are not asked for."""
 
 _KNOWN_M = 0.003  # standard deviation along the best known direction up to which a hit is located
-_PRIOR_M = 0.006  # τ
-_CHARGED_M = 0.003  # δ₀
-_TOGETHER_M = 0.007
-_SHARE_ERROR = 0.007  # e
+_PRIOR_M = 0.006  # τ: displacements are not expected to be many times that
+_CHARGED_M = 0.003  # δ₀: displacement that an unknown slope is charged with
+_TOGETHER_M = 0.007  # of the hit nearest to all others, up to which hits lie at one place: 3 sd of two hits' distance
+_SHARE_ERROR = 0.007  # e: of a share, what second order and noise leave
 _LEAST_SHARE = 0.05  # of the mean square of a point's shares, that each is at least taken for
 _ROUNDS = 6  # of reweighting, each nearer by a factor of several
-_HUBER = 2.0
+_HUBER = 2.0  # standard deviations beyond which a share counts less
 _WITHIN = 3.3  # standard deviations of the campaign's placing that its limit is at least
 _MEDIAN = 1.1774  # median of |δ| over the standard deviation along one axis
 

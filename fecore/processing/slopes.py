@@ -32,7 +32,7 @@ _ERROR = 0.04  # of a share's root mean square: what hits beside the points and 
 _LINE = 1.4  # at the edge, of a torsion mode whose mean square over the width is near one
 _ENDS = 0.02  # of the extent, that the body reaches beyond the outermost points
 _WAVES = (45, 25.0)  # wave numbers tried along a strip, and the largest times the extent
-_PLATE_WAVES = ((16, 20.0), (10, 14.0))
+_PLATE_WAVES = ((16, 20.0), (10, 14.0))  # the same along and across a plate
 _SMOOTH = (
     0.04,
     0.1,
