@@ -15,7 +15,6 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import find_peaks
 
 from fecore.arrays import ComplexArray, FloatArray
 
@@ -63,6 +62,8 @@ def find_basis(frfs: ComplexArray) -> Basis | None:
 
 
 def _bands(power: FloatArray) -> Sequence[tuple[int, int]]:
+    from scipy.signal import find_peaks  # only here: the import takes a good part of a second
+
     level = uniform_filter1d(10 * np.log10(np.maximum(power, 1e-300)), 3)
     peaks, _ = find_peaks(level, prominence=_PROMINENCE_DB)
     if not peaks.size:
