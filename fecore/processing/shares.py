@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from fecore.arrays import ComplexArray, FloatArray
 
@@ -64,7 +63,8 @@ def find_basis(frfs: ComplexArray) -> Basis | None:
 def _bands(power: FloatArray) -> Sequence[tuple[int, int]]:
     from scipy.signal import find_peaks  # only here: the import takes a good part of a second
 
-    level = uniform_filter1d(10 * np.log10(np.maximum(power, 1e-300)), 3)
+    level = np.pad(10 * np.log10(np.maximum(power, 1e-300)), 1, mode="edge")
+    level = (level[:-2] + level[1:-1] + level[2:]) / 3
     peaks, _ = find_peaks(level, prominence=_PROMINENCE_DB)
     if not peaks.size:
         return []
