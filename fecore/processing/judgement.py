@@ -9,20 +9,26 @@ campaign's own hits; a hit's FRF is compared with the others of its point, on th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from statistics import median
 from typing import Literal
 
 import numpy as np
 
+from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.processing.comparison import HIGHEST, Comparison, Offset
 from fecore.processing.pulse import SMALLEST_SECOND
-from fecore.processing.traits import REBOUND, Top, Traits
+from fecore.processing.traits import REBOUND, Before, Top, Traits
 
+_MOST_LINED = 256  # hits that say what the lines before the pulse usually have; of more, every k-th
 _SWAPPED = 4.0  # times that a force may last as long as a response of it, which contains the pulse and what follows
 _STOP_BAND_SCATTER = 3.0  # ratio that the noise between channels may scatter by
+_TWO_EQUAL, _TWO_EQUAL_SCATTER = (
+    0.02,
+    1.5,
+)  # part above the filter's cut, and over the usual one, that two equal samples need
 
 Criterion = Literal["double", "overload", "quiet", "late", "early", "place", "polarity", "height", "swapped"]
 
@@ -39,6 +45,8 @@ class Limits:
         quiet_noise: smallest peak force in standard deviations of the force channel's noise.
         lead: samples before the pulse, as a share of its width.
         before_noise: largest level of the response before the pulse over the campaign's quiet hits.
+        before_line: largest power of one line of the response before the pulse, over what that line usually has: noise comes
+        to 20 once in a campaign, and a mode that rings on under the noise fills one line.
         before_response: the same as a share of the response's largest value, where no other hit can be asked.
         place: largest distance of a hit's FRF from those of its point, in the campaign's typical distances.
         place_m: largest distance between a hit and the others of its point, m, where hits can be located; the limit is
@@ -55,6 +63,7 @@ class Limits:
     quiet_noise: float = 20.0
     lead: float = 0.5
     before_noise: float = 2.5
+    before_line: float = 35.0
     before_response: float = 0.02
     place: float = 3.0
     place_m: float = 0.008
@@ -111,6 +120,7 @@ class Usual:
     Attributes:
         peak: median magnitude of the peak force, N; None for a hit alone.
         before: level before the pulse of the quiet hits, by response dof.
+        lines: (k,) usual power of the lines before the pulse, by response dof.
         stop_band: what the channels usually have above the filter's cut over their level, and at least, force first.
         polarity: sign of most pulses.
     """
@@ -119,6 +129,7 @@ class Usual:
     before: Mapping[Dof, float]
     stop_band: tuple[tuple[float, float], ...] = ()
     polarity: int = 1
+    lines: Mapping[Dof, FloatArray] = field(default_factory=dict)
 
 
 def usual(found: Sequence[Traits]) -> Usual:
@@ -132,8 +143,9 @@ def usual(found: Sequence[Traits]) -> Usual:
             if before.samples:
                 levels.setdefault(dof, []).append(before.level)
     quiet = {d: median(sorted(v)[: (len(v) + 1) // 2 + 1]) for d, v in levels.items() if len(v) >= 3}
+    lines = {dof: _usual_lines(found, dof) for dof in quiet}
     if not clear:
-        return Usual(None, quiet)
+        return Usual(None, quiet, lines=lines)
     heights = [t.pulse.height for t in clear]
     stop = tuple(
         (median(top.stop_band / top.level for top in tops), median(top.stop_band for top in tops))
@@ -141,7 +153,22 @@ def usual(found: Sequence[Traits]) -> Usual:
         if all(top.level > 0 for top in tops)
     )
     upward = sum(h > 0 for h in heights)
-    return Usual(median(map(abs, heights)), quiet, stop, 1 if 2 * upward >= len(heights) else -1)
+    return Usual(median(map(abs, heights)), quiet, stop, 1 if 2 * upward >= len(heights) else -1, lines)
+
+
+def _usual_lines(found: Sequence[Traits], dof: Dof) -> FloatArray:
+    """Mean power of each line before the pulse, from its median over the hits, which is ln 2 of it for noise; no line is
+    held to be quieter than the median of all, since a few hits say little of a line of its own.
+    """
+    powers = [
+        before.lines
+        for traits in found
+        for own, before in zip(traits.responses, traits.before, strict=True)
+        if own == dof and before.samples
+    ]
+    middle = np.median(powers[:: -(-len(powers) // _MOST_LINED)], axis=0) / np.log(2)
+    floored: FloatArray = np.maximum(middle, np.median(middle))
+    return floored
 
 
 def judge(traits: Traits, others: Usual, comparison: Comparison | None, limits: Limits | None = None) -> Verdict:
@@ -253,7 +280,9 @@ def _overload(traits: Traits, others: Usual, limits: Limits) -> list[Finding]:
             )
             found.append(Finding("overload", part, limits.cut_top, True, sentence))
             continue
-        flat = top.flat(pulse=channel.quantity == "force")
+        flat = top.flat(pulse=channel.quantity == "force") or (
+            number < len(others.stop_band) and _cut_at_two(top, others.stop_band[number])
+        )
         sentence = f"{top.equal} samples of the {name} stand at its largest level, {top.level:.4g}: it was cut off."
         calm = f"The largest values of the {name} are not cut off."
         found.append(Finding("overload", float(top.equal), 3.0, flat, sentence if flat else calm))
@@ -267,6 +296,14 @@ def _beyond_filter(top: Top, usual_part: tuple[float, float]) -> float:
     return float(np.sqrt(max(top.stop_band**2 - expected**2, 0.0))) / top.level if top.level > 0 else 0.0
 
 
+def _cut_at_two(top: Top, usual_part: tuple[float, float]) -> bool:
+    """Whether two equal samples are a top that was cut off: by chance they are so in one of a thousand channels, and then
+    nothing lies above the filter's cut that is not usual.
+    """
+    expected = _TWO_EQUAL_SCATTER * max(usual_part[0] * top.level, usual_part[1])
+    return top.equal == 2 and top.stop_band > max(_TWO_EQUAL * top.level, expected)
+
+
 def _early(traits: Traits, others: Usual, limits: Limits) -> list[Finding]:
     found = []
     for dof, before, top in zip(traits.responses, traits.before, traits.tops[1:], strict=True):
@@ -275,7 +312,14 @@ def _early(traits: Traits, others: Usual, limits: Limits) -> list[Finding]:
         share = before.level / top.level
         floor = others.before.get(dof)
         if floor is not None and floor > 0:
-            ratio = before.level / floor
+            ratio, line = before.level / floor, _loudest_line(before, others.lines.get(dof))
+            if share > 1e-5 and ratio <= limits.before_noise and line > limits.before_line:
+                sentence = (
+                    f"Before the pulse one line of the response's spectrum has {line:.3g} times the power that it usually has; "
+                    f"the limit is {limits.before_line:g}. The body still rings from the hit before."
+                )
+                found.append(Finding("early", line, limits.before_line, True, sentence))
+                continue
             failed = ratio > limits.before_noise and share > 1e-5
             sentence = (
                 f"Before the pulse the response is {ratio:.2g} times as loud as before quiet hits; "
@@ -294,6 +338,13 @@ def _early(traits: Traits, others: Usual, limits: Limits) -> list[Finding]:
             text = found[-1].sentence + " The body still rings from the hit before."
             found[-1] = replace(found[-1], sentence=text)
     return found
+
+
+def _loudest_line(before: Before, usual_lines: FloatArray | None) -> float:
+    """Largest power of a line before the pulse, over what it usually is; 0 where that is not known."""
+    if usual_lines is None or not usual_lines.min() > 0:
+        return 0.0
+    return float((before.lines / usual_lines).max())
 
 
 def _compared(comparison: Comparison, limits: Limits) -> list[Finding]:

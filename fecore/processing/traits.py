@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import groupby
 
@@ -12,6 +12,7 @@ import numpy as np
 from fecore.arrays import FloatArray, IntArray
 from fecore.frf import Dof
 from fecore.processing.blocks import Block, ChannelQuantity, Hit
+from fecore.processing.estimators import squared
 from fecore.processing.pulse import Pulse, find_pulse, smallest_gap
 
 _NEAR_TOP = 0.97  # share of the largest value from which a sample is near it
@@ -24,6 +25,7 @@ _STOP_SAMPLES, _STOP_LEAD = 256, 32
 _AT_ONCE = 2**18
 """Samples that are worked on together: enough for fast passes, few enough for a processor's cache."""
 _WEAKEST = 0.03  # of an analyser's window, that is undone: below it there is noise alone
+_LINES = 256  # of a response before the pulse, and the samples that they are of
 _FILTER_REACH = 64  # samples before the pulse that the ringing of a linear-phase filter may reach
 
 
@@ -62,11 +64,13 @@ class Before:
         offset: mean, unit of the block, as it was before the analyser's window.
         level: standard deviation, smoothed over two samples.
         samples: how many it rests on; 0 where nothing lies before the pulse.
+        lines: (256,) |Σ x_j exp(-2πi j k/512)|² / n at k = 1 to 256, of its last n samples, up to 256, about their mean.
     """
 
     offset: float
     level: float
     samples: int
+    lines: FloatArray = field(compare=False)
 
 
 @dataclass(frozen=True)
@@ -251,10 +255,13 @@ def _before(block: Block, pulse: Pulse, sample_rate_hz: float) -> Before:
     reach = min(_FILTER_REACH + 2 * pulse.width, pulse.start // 2)
     part = np.asarray(block.samples[: max(pulse.start - reach, 0)], dtype=float)
     if part.size < 8:
-        return Before(0.0, 0.0, 0)
+        return Before(0.0, 0.0, 0, np.zeros(_LINES, np.float32))
     window = block.window(sample_rate_hz)
     if window is not None:
         part = part / window[: part.size]
     offset = float(part.sum()) / part.size
     smooth = (part[1:] + part[:-1]) / 2 - offset
-    return Before(offset, float(np.sqrt(smooth @ smooth / smooth.size)), int(part.size))
+    level = float(np.sqrt(smooth @ smooth / smooth.size))
+    last = part[-_LINES:]
+    power = squared(np.fft.rfft(last - float(last.sum()) / last.size, 2 * _LINES))[1:]
+    return Before(offset, level, int(part.size), (power / last.size).astype(np.float32))

@@ -57,6 +57,36 @@ def test_a_fault_is_found_by_its_name_and_the_good_hits_stay(fault: str, criteri
         assert np.isfinite(finding.number)
 
 
+def _with_response(hit: Hit, samples: np.ndarray) -> Hit:
+    return replace(hit, responses=(replace(hit.responses[0], samples=samples),))
+
+
+def test_a_body_that_still_rings_under_the_noise_is_found_by_one_line_of_its_spectrum() -> None:
+    bench = _bench(2, "free", sample_rate_hz=6400.0, samples=8192, pretrigger=380, response_noise=3e-4, hum=1e-5)
+    hits = _hits(bench, 6)
+    quiet = hits[-1].responses[0].samples[:250]
+    ring = 0.9 * quiet.std() * np.exp(-np.arange(8192) / 4000) * np.sin(0.4 * np.arange(8192))
+    hits[-1] = _with_response(hits[-1], hits[-1].responses[0].samples + ring)
+    verdicts = process(by_point(hits)).verdicts
+    (fault,) = verdicts[-1].faults
+    assert fault.criterion == "early"
+    assert "one line" in fault.sentence  # as a whole it is not 2.5 times as loud as the noise
+    assert [v.accepted for v in verdicts[:-1]] == [True] * 5
+
+
+def test_a_top_of_two_equal_samples_is_an_overload_where_the_filter_lets_nothing_through() -> None:
+    bench = _bench(5, "free", sample_rate_hz=6400.0, samples=8192, force_noise=1e-2, tip_s=1.2e-3)
+    hits = _hits(bench, 5)
+    assert not any(v.faults for v in process(by_point(hits)).verdicts)
+    force = hits[-1].force.samples.copy()
+    _, second, third = np.sort(force)[:-4:-1]
+    cut = np.minimum(force, (second + third) / 2)
+    hits[-1] = replace(hits[-1], force=replace(hits[-1].force, samples=cut))
+    (fault,) = process(by_point(hits)).verdicts[-1].faults
+    assert fault.criterion == "overload"
+    assert fault.sentence.startswith("2 samples of the force")
+
+
 def test_a_hit_with_the_opposite_sign_is_found_by_pulse_and_by_response() -> None:
     hits = _hits(_bench(4), 5)
     turned = replace(hits[2], force=replace(hits[2].force, samples=-hits[2].force.samples))
