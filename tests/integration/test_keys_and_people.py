@@ -6,17 +6,19 @@ from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import Any
 from unittest.mock import ANY
-from uuid import uuid4
+from uuid import UUID, uuid4
 
 import httpx
 import pytest
-from sqlalchemy import text, update
-from sqlalchemy.exc import DBAPIError
+from sqlalchemy import select, text, update
+from sqlalchemy.exc import DBAPIError, OperationalError
 
-from service.access import User
+from service.access import Member, User
 from service.access.scopes import scope_of
 from service.db.engine import Sessions, make_engine, make_sessions
+from service.structures.operations import structure_for
 from service.supervisor import LocalService
+from tests.support.laboratory import BEAM
 from tests.support.rest import client_at, ok
 
 NewClient = Callable[[], httpx.Client]
@@ -84,6 +86,20 @@ def test_a_key_makes_none_with_more_rights(api: httpx.Client) -> None:
         assert (answer.status_code, answer.json()["errors"][0]["pointer"]) == (422, pointer)
     heir = api.post("api-keys", json={"name": "b"}, headers=narrow).json()
     assert (heir["scopes"], heir["expires_at"]) == (made["scopes"], made["expires_at"])
+
+
+def test_an_edit_keeps_other_edits_off_and_no_reader(api: httpx.Client, project: str, service: LocalService) -> None:
+    key = UUID(ok(api.post(f"projects/{project}/structures", json=BEAM), 201)["id"])
+    engine = make_engine(service.settings.database_url or "")
+    with make_sessions(engine)() as one, make_sessions(engine)() as other:
+        mine = select(User).join(Member, Member.user_id == User.id).where(Member.project_id == UUID(project))
+        structure_for(one, one.scalars(mine).one(), key, "editor", lock=True)
+        user = other.scalars(mine).one()
+        other.execute(text("SET LOCAL lock_timeout = '1ms'"))  # the lock stays for as long as `one` is open
+        assert structure_for(other, user, key).name == BEAM["name"]
+        with pytest.raises(OperationalError, match="lock timeout"):
+            structure_for(other, user, key, "editor", lock=True)
+    engine.dispose()
 
 
 def test_keys_expire_and_users_are_disabled(api: httpx.Client, service: LocalService) -> None:
