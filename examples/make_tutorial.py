@@ -116,6 +116,12 @@ def write_hits(file: Path, rng: np.random.Generator) -> None:
     np.savez_compressed(file, **arrays, fs=np.array(float(RATE_HZ)), point=np.array(points), hit=np.array(numbers))
 
 
+def write_points(file: Path) -> None:
+    """The grid points in mm, which a UFF file holds and hits do not."""
+    rows = [f"{number},{1e3 * x:g},{1e3 * y:g}" for number, (x, y, _) in grid_points().items()]
+    file.write_text("\n".join(["label,x_mm,y_mm", *rows, ""]))
+
+
 def _pulse(start: int, newton: float) -> np.ndarray:
     """(SAMPLES,) half a sine of 4 samples."""
     block = np.zeros(SAMPLES)
@@ -141,6 +147,7 @@ def make(folder: Path) -> None:
     write_frfs(folder / "beam.uff", rng)
     write_hits(folder / "hits.npz", rng)
     write_coupons(folder, rng)
+    write_points(folder / "points.csv")
     for name, value in (("recipe", RECIPE), ("hits-mapping", MAPPING), ("coupons", COUPONS)):
         (folder / f"{name}.json").write_text(json.dumps(value, indent=2) + "\n")
 

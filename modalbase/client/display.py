@@ -52,7 +52,9 @@ def print_table(
     console = console or Console()
     if not console.is_terminal:
         console = Console(width=PLAIN_WIDTH, file=console.file)
-    table = Table(title=title or None, title_justify="left", box=None, pad_edge=False)
+    if title:  # a title of the table's own would be broken to its width
+        console.print(title, highlight=False, markup=False)
+    table = Table(box=None, pad_edge=False)
     for i, name in enumerate(columns):
         numeric = bool(rows) and all(isinstance(row[i], int | float | Written | None) for row in rows)
         table.add_column(name, justify="right" if numeric else "left", no_wrap=not numeric and name == "id")

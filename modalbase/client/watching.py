@@ -71,13 +71,15 @@ def monitors(
                 [[r["campaign_id"], r["state"], r["message"]] for r in runs],
                 as_json,
             )
+            if not runs:
+                typer.echo("no campaign waits: a monitor takes those that state when they were performed", err=True)
             return
         if new is not None:
             watched = [{"name": name.strip()} for name in parameters.split(",")]
             path = f"structures/{find_id(service, STRUCTURE, structure or 'latest')}/monitors"
             made = service.post(path, {"name": new, "parameters": watched})
             _show([made], ("id", "name", "state"), [[made["id"], made["name"], made["state"]]], as_json)
-            say_next("alarms")
+            say_next(f'monitors --run "{new}"')
             return
         path = "monitors" if structure is None else f"structures/{find_id(service, STRUCTURE, structure)}/monitors"
         found = list(service.pages(path))
