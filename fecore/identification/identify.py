@@ -35,6 +35,7 @@ from fecore.identification.result import Found, Identification, RefusedPole
 from fecore.identification.screening import screen
 from fecore.identification.shapes import Shapes, shapes_from_residues
 from fecore.identification.stabilisation import Stabilisation, first_variance, stabilise
+from fecore.identification.stretch import without_stretch
 from fecore.identification.subsets import halves
 from fecore.modes import MeasuredModes
 
@@ -101,9 +102,16 @@ def identify(
     clock.lap("linear stage")
     most = min(options.most_modes, int(arrangement.measured.sum(axis=1).min()) // 4)
     searched = search_poles(arrangement, noise, _candidates(arrangement, diagram), most, report)
+    stretch = without_stretch(arrangement, searched.sifted.fit.terms, noise)
+    if stretch is not None:
+        arrangement = stretch[0]
+        notes.append(_stretched(stretch[1]))
+        diagram = stabilise(arrangement, first_variance(arrangement), _orders(arrangement, options.highest_order))
+        searched = search_poles(arrangement, noise, _candidates(arrangement, diagram), most, report)
     clock.lap("search")
     final = final_fit(arrangement, searched, report)
     arrangement, fit, sifted = final.arrangement, final.fit, final.sifted
+    drift = _both(None if stretch is None else stretch[1], final.drift)
     clock.lap("refinement")
     report("judging the modes", 0.9)
     stable = comes_back(searched.search, sifted.fit, diagram)
@@ -128,9 +136,7 @@ def identify(
     spoilt = np.isin(np.arange(arrangement.frequency_hz.size), verdict.spoilt)
     errors = searched.search.errors
     return Identification(
-        found=Found(
-            _modes(arrangement, fit, verdict, shapes, final.drift), shapes, verdict.significance, verdict.doubt
-        ),
+        found=Found(_modes(arrangement, fit, verdict, shapes, drift), shapes, verdict.significance, verdict.doubt),
         terms=fit.terms,
         stabilisation=diagram,
         used=tuple(arrangement.label(r) for r in range(len(arrangement.pairs))),
@@ -145,9 +151,20 @@ def identify(
         noise_variance=fit.variance,
         noise_ratio=fit.chi_squared / fit.freedom,
         model_error=errors.relative,
-        drift=0.0 if final.drift is None else final.drift.sd,
+        drift=0.0 if drift is None else drift.sd,
         memory_lines=fit.memory,
         seconds=clock.laps,
+    )
+
+
+def _both(first: Drift | None, then: Drift | None) -> Drift | None:
+    return first.plus(then) if first is not None and then is not None else first or then
+
+
+def _stretched(drift: Drift) -> str:
+    return (
+        f"all natural frequencies drift together, by {100 * np.ptp(drift.each):.2g} % over the tests, so that modes were found"
+        " twice: the tests were aligned, and the twins are one mode; temperature does this, or a support that comes loose"
     )
 
 

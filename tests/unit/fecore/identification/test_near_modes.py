@@ -75,3 +75,37 @@ def test_one_reference_shows_one_mode_and_one_mode_is_left_as_one() -> None:
     spread = np.full((2 * POINTS, 1), 1e-4)
     assert not of_rank_two(arrangement, one.astype(complex), spread)[0]  # errors of 3 % in each FRF are no second shape
     assert of_rank_two(arrangement, (one + 0.5 * other).astype(complex), spread)[0]
+
+
+TOUR_HZ = np.array([95.0, 160.0, 240.0, 330.0])
+
+
+def tour(f: np.ndarray, drift: np.ndarray) -> FrfSet:
+    """FRFs of as many hits as drifts, each with all frequencies a share higher, 1 % noise."""
+    rng = np.random.default_rng(4)
+    hz = np.arange(50.0, 400.0)
+    s, w = 2j * np.pi * hz, 2 * np.pi * f[:, None, None] * (1 + drift[:, None])
+    resonance = s**2 / (s**2 + 0.008 * w * s + w**2)
+    values = np.einsum("qp,qpl->pl", rng.standard_normal((f.size, drift.size)), resonance)
+    white = rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape)
+    values = values + 0.007 * np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True)) * white
+    dofs = tuple(Dof(i + 1, 3) for i in range(drift.size))
+    return FrfSet(hz, values, (Dof(99, 3),) * drift.size, dofs, "accelerance")
+
+
+@pytest.mark.parametrize("course", [np.repeat([-0.5, 0.5], 6), np.linspace(-0.5, 0.5, 12)])
+def test_a_tour_in_which_the_structure_drifts_beyond_a_bandwidth_has_each_mode_once(course: np.ndarray) -> None:
+    """A modulus that changes by 2 %, at once or slowly: 1 % of every frequency, where a half bandwidth is 0.4 %."""
+    found = identify(tour(TOUR_HZ, 0.01 * course))
+    assert found.modes.frequency_hz == pytest.approx(TOUR_HZ, rel=5e-4)
+    assert found.modes.damping_ratio == pytest.approx(np.full(4, 0.004), rel=0.03)
+    assert found.drift == pytest.approx(0.01 * np.std(course), rel=0.1)
+    assert any("drift together" in w for w in found.warnings)
+
+
+def test_modes_that_all_come_in_pairs_are_no_drift() -> None:
+    """A symmetric structure: every mode twice, 1.1 to 1.5 % apart."""
+    pairs = np.sort(np.concatenate([TOUR_HZ, TOUR_HZ * np.array([1.012, 1.015, 1.011, 1.013])]))
+    found = identify(tour(pairs, np.zeros(12)))
+    assert found.modes.frequency_hz == pytest.approx(pairs, rel=5e-4)
+    assert not any("drift together" in w for w in found.warnings)
