@@ -84,6 +84,14 @@ def test_a_dead_channel_is_left_out_of_everything(measured: Measurement) -> None
     assert len(one.prediction.responses) == 32
 
 
+def test_conjugates_give_the_same_constants_and_damping(measured: Measurement, clean: UpdateResult) -> None:
+    """FRFs as exp(-iωt) or a swapped cross spectrum gives them: turned in every stage, not in the identification alone."""
+    assert measured.frfs is not None
+    turned = update(replace(measured, frfs=measured.frfs.conjugated()), BEAM)
+    assert_same(turned, clean)
+    assert any("the FRFs are conjugates" in warning for warning in turned.warnings)
+
+
 def test_an_frf_against_its_copy_is_left_out_of_everything(measured: Measurement, clean: UpdateResult) -> None:
     frfs = measured.frfs
     twice = replace(
