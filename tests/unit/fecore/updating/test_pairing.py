@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
+from fecore.updating import pairing
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
@@ -25,22 +28,53 @@ SEEN = 0.05  # of the largest amplitude at the FRF's point
 
 
 def test_a_common_factor_does_not_move_modes_to_their_neighbours() -> None:
-    pairing = pair_in_order(1.16 * HZ, HZ, np.full(HZ.size, 0.95))  # moduli 34 % higher
-    assert pairing.pairs == tuple((k, k) for k in range(HZ.size))
+    found = pair_in_order(1.16 * HZ, HZ, np.full(HZ.size, 0.95))  # moduli 34 % higher
+    assert found.pairs == tuple((k, k) for k in range(HZ.size))
 
 
 def test_modes_with_a_node_at_the_point_are_passed_over() -> None:
     seen = np.array([0.95, 0.05, 0.95, 0.95, 0.05, 0.95, 0.95])
-    pairing = pair_in_order(0.86 * HZ[seen > 0.5], HZ, seen)
-    assert [column for _, column in pairing.pairs] == list(np.flatnonzero(seen > 0.5))
-    assert pairing.unpaired_model == ()
+    found = pair_in_order(0.86 * HZ[seen > 0.5], HZ, seen)
+    assert [column for _, column in found.pairs] == list(np.flatnonzero(seen > 0.5))
+    assert found.unpaired_model == ()
 
 
 def test_a_measured_mode_that_the_model_has_not_stays_alone() -> None:
     measured = np.sort(np.append(HZ, 90.0))
-    pairing = pair_in_order(measured, HZ, np.full(HZ.size, 0.95))
-    assert pairing.unpaired_measured == (3,)
-    assert len(pairing.pairs) == HZ.size
+    found = pair_in_order(measured, HZ, np.full(HZ.size, 0.95))
+    assert found.unpaired_measured == (3,)
+    assert len(found.pairs) == HZ.size
+
+
+def alignments(n: int, m: int) -> Iterator[tuple[tuple[int, int], ...]]:
+    """All pairings in order of some of n measured modes with some of m of the model."""
+    for count in range(min(n, m) + 1):
+        for rows in combinations(range(n), count):
+            for columns in combinations(range(m), count):
+                yield tuple(zip(rows, columns, strict=True))
+
+
+def cost(pairs: tuple[tuple[int, int], ...], measured: np.ndarray, model: np.ndarray, seen: np.ndarray) -> float:
+    """The sum of the module's docstring, at the best factor; modes above the last paired one cost nothing."""
+    columns = [j for _, j in pairs]
+    missed = [j for j in range(max(columns, default=-1)) if j not in columns]
+    fixed = pairing._ALONE * (measured.size - len(pairs)) - np.log(1 - seen[missed]).sum() - np.log(seen[columns]).sum()
+    off = np.array([np.log(measured[i] / model[j]) for i, j in pairs])
+    factors = pairing._FACTORS[:, None]
+    scatter = ((off - factors) ** 2).sum(axis=1) / pairing._SCATTER**2 / 2
+    return float(fixed + (scatter + (factors[:, 0] / pairing._FACTOR_SD) ** 2 / 2).min())
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_other_alignment_costs_less(seed: int) -> None:
+    """All alignments of three measured with five modes of a model, tried one by one."""
+    random = np.random.default_rng(seed)
+    model = np.cumsum(random.uniform(1, 30, 5)) + 20
+    measured = np.sort(random.choice(model, 3, replace=False) * random.uniform(0.8, 1.25) * random.uniform(0.9, 1.1, 3))
+    seen = random.uniform(0.05, 0.95, 5)
+    found = pair_in_order(measured, model, seen).pairs
+    best = min(cost(pairs, measured, model, seen) for pairs in alignments(3, 5))
+    assert cost(found, measured, model, seen) == pytest.approx(best, rel=1e-12)
 
 
 def test_one_frf_and_priors_a_third_off() -> None:
