@@ -32,7 +32,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.trend.charts import Chart, Limits
-from fecore.trend.deviates import normal_score
+from fecore.trend.deviates import simulated_scores
 
 GRID = np.arange(10) / 10
 """φ for which series are simulated."""
@@ -165,7 +165,7 @@ def _factors(
             errors[i] = phi * errors[i - 1] + np.sqrt(1 - phi**2) * innovation[i]
         beta = projection @ errors[:n]
         sd = np.sqrt(np.sum((errors[:n] - base @ beta) ** 2, axis=0) / (n - p))
-        scores = normal_score((errors[n:] - later @ beta) / (sd * expand), n - p)
+        scores = simulated_scores((errors[n:] - later @ beta) / (sd * expand), n - p)
         value = np.zeros(_SERIES)
         reach = np.empty_like(scores)
         for i in range(campaigns):

@@ -195,7 +195,8 @@ def _called_within(chain: _Chain, campaigns: int) -> float:
     """P(N ≤ campaigns)."""
     waiting = chain.start()
     for _ in range(campaigns):
-        waiting = chain.advance(waiting)
+        # Most charts call at the first campaign outside, and limits take ten thousands of these steps.
+        waiting = waiting @ chain.within if chain.pending == 1 else chain.advance(waiting)
     return float(1 - waiting.sum())
 
 

@@ -10,7 +10,7 @@ import pytest
 from fecore.arrays import FloatArray
 from fecore.trend import Chart, Limits, Series, Watch, assess, control_limits
 from fecore.trend.autocorrelation import GRID, Autocorrelation, diagnose, widened
-from fecore.trend.deviates import normal_score
+from fecore.trend.deviates import normal_score, simulated_scores
 
 START = datetime(2024, 1, 15, tzinfo=UTC)
 N, HORIZON, CALLED = 12, 24, 0.2
@@ -87,3 +87,12 @@ def test_a_short_baseline_widens_by_what_it_shows_and_says_so() -> None:
             wide = any("resemble their neighbours" in note for note in trend.notes)
             assert wide is (trend.widened_by is not None and trend.widened_by >= 1.15)
     assert 1.0 <= factors[0.0] < factors[0.6]
+
+
+@pytest.mark.parametrize("degrees_of_freedom", [1, 6, 40])
+def test_the_table_of_scores_is_as_exact_as_it_says(degrees_of_freedom: int) -> None:
+    t = np.random.default_rng(0).standard_t(degrees_of_freedom, 20_000) * np.geomspace(1, 30, 20_000)
+    t = t[np.abs(t) < 1e6]
+    np.testing.assert_allclose(
+        simulated_scores(t, degrees_of_freedom), normal_score(t, degrees_of_freedom), rtol=0, atol=2e-5
+    )
