@@ -23,19 +23,19 @@ import psutil
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from benchmarks.jobs_floor_work import compute, empty
 from service.access.tables import AuditEvent, Project
 from service.db.embedded import embedded_server
 from service.db.engine import make_engine, make_sessions
 from service.db.schema import upgrade
 from service.demo import paper
-from service.jobs.kinds import JobKind, Report
+from service.jobs.kinds import JobKind
 from service.jobs.queue import enqueue
 from service.jobs.tables import Job
 from service.settings import Settings
 from service.supervisor import environment
 
 ROOT = Path(__file__).parents[1]
-STEPS = 10
 RESULT = "floor.result"
 PATIENCE_SECONDS = 600.0
 
@@ -52,27 +52,10 @@ def load(session: Session, job_id: UUID, _workspace: Path) -> dict[str, Any]:
     return {"job": str(job_id), "seconds": session.get_one(UpdateJob, job_id).recipe["seed"] / 1000}
 
 
-def compute(inputs: dict[str, Any], report: Report) -> Iterator[dict[str, Any]]:
-    """Keep a processor busy for so many seconds, in ten steps."""
-    total = 0
-    for step in range(STEPS):
-        report(f"step {step + 1} of {STEPS}", step / STEPS)
-        end = time.thread_time() + inputs["seconds"] / STEPS
-        while time.thread_time() < end:
-            total += 1
-    yield {"job": inputs["job"], "child": os.getpid()}
-
-
 def store(session: Session, job_id: UUID, items: Iterator[dict[str, Any]]) -> None:
     """Each result becomes a row."""
     for item in items:
         session.add(AuditEvent(action=RESULT, subject_type="job", subject_id=job_id, detail=item))
-
-
-def empty(_: None, report: Report) -> Iterator[None]:
-    """Nothing at all."""
-    report("nothing", 1.0)
-    return iter(())
 
 
 # Where every second or so the worker of some job is killed on purpose, a job may well meet that a dozen times.

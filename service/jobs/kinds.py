@@ -50,6 +50,10 @@ class Report(Protocol):
         """
 
 
+CORE_LIBRARIES = tuple(f"scipy.{part}" for part in ("fft", "linalg", "ndimage", "optimize", "sparse.linalg", "special"))
+"""What of scipy the core uses: it loads each part when it first uses it."""
+
+
 @dataclass(frozen=True)
 class JobKind:
     """A kind of job.
@@ -68,6 +72,7 @@ class JobKind:
         max_attempts: how many workers may die with a job before it is given up.
         memory_bytes: memory that the child may take beyond that of an idle one; None: as the settings say.
         wall_seconds: time that an attempt may take; None: as the settings say.
+        libraries: what `compute` loads when it first uses it, so that it is there before children are forked.
     """
 
     name: str
@@ -78,3 +83,4 @@ class JobKind:
     max_attempts: int = 3
     memory_bytes: int | None = None
     wall_seconds: float | None = None
+    libraries: tuple[str, ...] = ()

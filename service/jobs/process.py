@@ -22,12 +22,7 @@ from service.jobs.kinds import JobKind
 _METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 _context: Any = multiprocessing.get_context(_METHOD)  # the contexts have no common type
 
-PRELOADED = (
-    "numpy",
-    *(f"scipy.{part}" for part in ("fft", "linalg", "ndimage", "optimize", "sparse.linalg", "special")),
-    "service.jobs.child",
-)
-"""The parts of scipy that the core uses: it loads each when it first uses it."""
+PRELOADED = ("numpy", "service.jobs.child")
 CHANNEL_BYTES = 1024 * 1024
 SERVER_GONE = (
     255  # what multiprocessing gives as the status of a child whose fork server is gone; the kernel killed it too
@@ -43,7 +38,9 @@ def prepare_children(kinds: Iterable[JobKind], threads: int) -> None:
         kinds: whose libraries.
         threads: BLAS threads of a child, which must be set before the libraries are loaded.
     """
-    preload({kind.compute.__module__ for kind in kinds}, threads)
+    kinds = tuple(kinds)
+    libraries = {library for kind in kinds for library in kind.libraries}
+    preload(libraries | {kind.compute.__module__ for kind in kinds}, threads)
 
 
 def preload(modules: Iterable[str], threads: int) -> None:

@@ -18,7 +18,7 @@ from fecore.modes import MeasuredModes
 from service.access import Lookup, User, audit
 from service.campaigns.operations import campaign_for, campaign_of, frame_of
 from service.frfs.measured_campaign import load_measured_campaign
-from service.jobs.kinds import JobKind
+from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue, request_cancel
 from service.jobs.state import job_state
 from service.jobs.tables import Job
@@ -93,7 +93,7 @@ def _store(session: Session, job_id: UUID, items: Iterator[IdentificationOutput]
         keep_identified(session, row.campaign_id, name, output.modes, job_id=job_id)
 
 
-IDENTIFY = JobKind("identification", load=_load, compute=find_modes, store=_store)
+IDENTIFY = JobKind("identification", load=_load, compute=find_modes, store=_store, libraries=CORE_LIBRARIES)
 
 
 def keep_identified(session: Session, campaign_id: UUID, name: str, modes: MeasuredModes, *, job_id: UUID) -> ModeSet:

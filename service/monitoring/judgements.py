@@ -21,7 +21,7 @@ from sqlalchemy.orm import Session
 from fecore.trend import Acknowledgement, State, Watch
 from fecore.trend import Chart as CoreChart
 from fecore.trend.states import WORST_FIRST
-from service.jobs.kinds import JobKind
+from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue
 from service.jobs.tables import Job
 from service.monitoring.alarms import state_changed, update_alarms
@@ -213,4 +213,4 @@ def rank(state: str) -> int:
     return WORST_FIRST.index(State(state))
 
 
-JUDGE = JobKind("judge", load=_load, compute=judge, store=_store)
+JUDGE = JobKind("judge", load=_load, compute=judge, store=_store, libraries=CORE_LIBRARIES)

@@ -18,7 +18,7 @@ from service.access import Lookup, User, audit
 from service.campaigns.operations import campaign_for, campaign_of
 from service.frfs.measured_campaign import specimen_points
 from service.frfs.operations import ProcessedFrfs, store_processed
-from service.jobs.kinds import JobKind
+from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue
 from service.jobs.state import job_state
 from service.jobs.tables import Job
@@ -115,7 +115,7 @@ def keep_processing(
     return row.document
 
 
-PROCESS = JobKind("processing", load=_load, compute=process_records, store=_store)
+PROCESS = JobKind("processing", load=_load, compute=process_records, store=_store, libraries=CORE_LIBRARIES)
 
 
 def start_processing(session: Session, user: User, campaign_id: UUID, body: ProcessingIn) -> Processing:

@@ -18,7 +18,7 @@ from service.access import Lookup, User, audit, project_for
 from service.campaigns.operations import campaign_for
 from service.coupons.operations import batch_for
 from service.errors import Conflict, Fault, Invalid, NotFound
-from service.jobs.kinds import JobKind
+from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue, one_at_a_time, request_cancel
 from service.jobs.state import job_state
 from service.jobs.tables import Job
@@ -42,7 +42,7 @@ def _store(session: Session, job_id: UUID, items: Iterator[dict[str, Any]]) -> N
         row.document = document
 
 
-JOINT_UPDATE = JobKind("joint_update", load=load_joint, compute=compute_joint, store=_store)
+JOINT_UPDATE = JobKind("joint_update", load=load_joint, compute=compute_joint, store=_store, libraries=CORE_LIBRARIES)
 
 _SINGLE_ONLY = ("springs", "zones_m", "damping_models", "hold_out", "posterior", "prior_from_coupon_batch", "method")
 """Members of a recipe that a joint update has no use for: they must be left at their defaults."""

@@ -17,7 +17,7 @@ from service.campaigns.operations import campaign_for, campaigns_of
 from service.coupons.operations import batch_for
 from service.errors import Conflict, Invalid
 from service.frfs.operations import frf_extents
-from service.jobs.kinds import JobKind
+from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue, one_at_a_time, request_cancel, retry
 from service.jobs.state import job_state
 from service.jobs.tables import Job
@@ -57,7 +57,7 @@ def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> Non
         session.add(UpdateResult(id=job_id, document=output.document, prediction=output.prediction))
 
 
-UPDATE = JobKind("update", load=load_update, compute=compute_update, store=_store)
+UPDATE = JobKind("update", load=load_update, compute=compute_update, store=_store, libraries=CORE_LIBRARIES)
 
 
 def start_update(

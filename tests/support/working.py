@@ -22,6 +22,8 @@ from service.jobs.tables import Job
 from service.settings import Settings
 from service.supervisor import environment
 from tests.support import job_kinds
+from tests.support.computations import GATE
+from tests.support.places import ROOT
 from tests.support.waiting import until
 
 ENDED = ("succeeded", "failed", "cancelled")
@@ -60,8 +62,11 @@ def worker(database: str, gate: Gate | None = None, **settings: Any) -> Iterator
     """
     given = environment(Settings(database_url=database, log_level="warning", **settings))
     if gate is not None:
-        given[job_kinds.GATE] = str(gate.folder)
-    process = subprocess.Popen([sys.executable, job_kinds.__file__], env=os.environ | given)
+        given[GATE] = str(gate.folder)
+    given["PYTHONPATH"] = str(ROOT)
+    # A worker's children import the file that it was started with once more: this one has none.
+    command = [sys.executable, "-c", "from tests.support.job_kinds import work; work()"]
+    process = subprocess.Popen(command, env=os.environ | given)
     try:
         yield process
     finally:

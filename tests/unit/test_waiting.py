@@ -9,7 +9,7 @@ from tests.support.places import ROOT
 TIME = re.compile(r"\b(sleep|monotonic|perf_counter|process_time|time\.time)\((?!0\))")  # `sleep(0)` lets others run
 ALLOWED = {
     "support/waiting.py",  # looks again and again
-    "support/job_kinds.py",  # a job that is held
+    "support/computations.py",  # a job that is held
     "support/receivers.py",  # a signature must be fresh
     "integration/test_tickets.py",  # ends at many moments; what is asserted holds at each
     "unit/test_waiting.py",
