@@ -51,6 +51,7 @@ class Limits:
         place: largest distance of a hit's FRF from those of its point, in the campaign's typical distances.
         place_m: largest distance between a hit and the others of its point, m, where hits can be located; the limit is
         higher in a campaign whose hits all scatter more.
+        alike: distance of an FRF, in typical distances, up to which a hit is in its place wherever it is located.
         likeness: correlation with the other hits of its point below which a hit has the opposite sign.
         cut_top: largest part of a channel above the filter's cut, as a share of its largest value, that other hits do
         not have.
@@ -67,6 +68,7 @@ class Limits:
     before_response: float = 0.02
     place: float = 3.0
     place_m: float = 0.008
+    alike: float = 1.5
     likeness: float = -0.5
     cut_top: float = 0.06
 
@@ -363,7 +365,7 @@ def _compared(comparison: Comparison, limits: Limits) -> list[Finding]:
         )
         return [*found, Finding("height", comparison.height, HIGHEST, True, sentence)]
     if comparison.offset is not None:
-        return [*found, _placed(comparison.offset, limits)]
+        return [*found, _placed(comparison.offset, comparison.distance, limits)]
     failed = comparison.distance > limits.place
     sentence = (
         f"The FRF lies {comparison.distance:.2g} typical distances from the point's other hits; the limit is "
@@ -373,10 +375,12 @@ def _compared(comparison: Comparison, limits: Limits) -> list[Finding]:
     return found
 
 
-def _placed(offset: Offset, limits: Limits) -> Finding:
+def _placed(offset: Offset, distance: float, limits: Limits) -> Finding:
     """The number and the limit are in mm."""
     number, sd, limit = (1e3 * value for value in (offset.distance_m, offset.sd_m, max(limits.place_m, offset.usual_m)))
     sentence = (
         f"The hit landed {number:.1f} ± {sd:.1f} mm from where most hits of the point did; the limit is {limit:.3g} mm."
     )
-    return Finding("place", number, limit, number > limit, sentence)
+    if number > limit and distance <= limits.alike:
+        sentence += f" Its FRF is like those of the others ({distance:.2g} typical distances), so it is not refused."
+    return Finding("place", number, limit, number > limit and distance > limits.alike, sentence)

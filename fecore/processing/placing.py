@@ -65,6 +65,8 @@ def locate(places: Sequence[Position | None], shares: Sequence[Mapping[int, Floa
         )
         placed = [_displacement(at.values / sigma, values / sigma) for values in own]
         off = _from_most(np.array([d for d, _ in placed]))
+        if off is None:
+            continue
         found[i] = {
             number: Offset(float(np.linalg.norm(d)), _along(d, covariance))
             for number, d, (_, covariance) in zip(shares[i], off, placed, strict=True)
@@ -90,11 +92,14 @@ def _along(off: FloatArray, covariance: FloatArray) -> float:
     return float(np.sqrt(off @ covariance @ off / max(float(off @ off), 1e-300)))
 
 
-def _from_most(placed: FloatArray) -> FloatArray:
-    """(h, 2) each of the places less the mean of the others that lie together."""
+def _from_most(placed: FloatArray) -> FloatArray | None:
+    """(h, 2) each of the places less the mean of the others that lie together; None where as many lie together elsewhere."""
     apart = np.linalg.norm(placed[:, None] - placed[None], axis=2)
     most = int(np.argmin(np.minimum(apart, 2 * _TOGETHER_M).sum(axis=1)))
     together = apart[most] < _TOGETHER_M
+    elsewhere = (apart[~together][:, ~together] < _TOGETHER_M).sum(axis=1)
+    if elsewhere.size and elsewhere.max() >= together.sum():
+        return None
     found = np.empty_like(placed)
     for i, place in enumerate(placed):
         others = together.copy()

@@ -90,8 +90,10 @@ def _comparable(point: Point, others: Usual, processing: Processing) -> dict[int
 
 def _undecided(found: list[Verdict], comparisons: Sequence[Comparison | None]) -> list[Verdict]:
     """Where half of the compared hits of a point would lie elsewhere, nobody can say which: none of them is at fault
-    for it.
+    for it. Hits that are located have been asked in mm which of them lie together.
     """
+    if any(c is not None and c.offset is not None for c in comparisons):
+        return found
     compared = [i for i, c in enumerate(comparisons) if c is not None]
     far = [i for i in compared if any(f.criterion == "place" and f.failed for f in found[i].findings)]
     if not far or 2 * len(far) < len(compared):
