@@ -130,6 +130,10 @@ class Section:
         }
         return plane | {"S55": float(self.S[0, 0]), "S44": float(self.S[1, 1]), "S45": float(self.S[0, 1])}
 
+    def bending_stiffness(self, width: float) -> float:
+        """EI = b / d11 in N·m² of a strip along x, free to twist and to bend across; d = (D - B A⁻¹ B)⁻¹, `width` b in m."""
+        return float(width / np.linalg.inv(self.D - self.B @ np.linalg.inv(self.A) @ self.B)[0, 0])
+
     @property
     def is_coupled(self) -> bool:
         """Whether bending and membrane forces couple (B ≠ 0 beyond round-off, or I1 ≠ 0)."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import cos, radians, sin
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -12,6 +11,7 @@ from uuid import UUID
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
+from fecore.body.laminate import section
 from fecore.errors import InputError
 from fecore.processing import Strip
 from service.access import Lookup, User, audit
@@ -72,16 +72,13 @@ def _strip(session: Session, campaign_id: UUID) -> Strip | None:
     geometry, density = structure.geometry, structure.density_kg_m3
     if geometry is None or density is None or geometry.width_m > _STRIP * geometry.length_m:
         return None
-    if structure.material is not None:
-        modulus = structure.material.Ex_Pa
-    elif structure.laminate is not None:  # EI enters by its fourth root: the plies' moduli along x are enough
-        plies = structure.laminate.plies
-        along = [(p.E1_Pa * cos(radians(p.angle_deg)) ** 4 + p.E2_Pa * sin(radians(p.angle_deg)) ** 4) for p in plies]
-        modulus = sum(e * p.thickness_m for e, p in zip(along, plies, strict=True)) / sum(p.thickness_m for p in plies)
-    else:
-        return None
     area = geometry.width_m * geometry.thickness_m
-    return Strip(density * area, modulus * area * geometry.thickness_m**2 / 12)
+    if structure.laminate is not None:
+        stack = section([ply.to_core(density) for ply in structure.laminate.plies])
+        return Strip(density * area, stack.bending_stiffness(geometry.width_m))
+    if structure.material is None:
+        return None
+    return Strip(density * area, structure.material.Ex_Pa * area * geometry.thickness_m**2 / 12)
 
 
 def _store(session: Session, job_id: UUID, items: Iterator[ProcessingOutput]) -> None:

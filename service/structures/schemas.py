@@ -14,6 +14,8 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from fecore.body import profile as core
+from fecore.body.laminate import OrthotropicMaterial
+from fecore.body.laminate import Ply as CorePly
 from fecore.errors import InputError
 from service.web import Name, StrictModel, example
 
@@ -91,6 +93,22 @@ class Ply(StrictModel):
     @classmethod
     def _positive_definite(cls, nu: float, info: ValidationInfo) -> float:
         return _check_poisson(nu, info.data.get("E1_Pa"), info.data.get("E2_Pa"))
+
+    def material(self, density: float) -> OrthotropicMaterial:
+        """The ply's material in its own axes, with a density in kg/m³."""
+        return OrthotropicMaterial(
+            Ex=self.E1_Pa,
+            Ey=self.E2_Pa,
+            Gxy=self.G12_Pa,
+            Gxz=self.G13_Pa,
+            Gyz=self.G23_Pa,
+            nu_xy=self.nu_12,
+            density=density,
+        )
+
+    def to_core(self, density: float) -> CorePly:
+        """The core's ply, with the structure's density where it states none of its own."""
+        return CorePly(self.material(self.density_kg_m3 or density), self.thickness_m, self.angle_deg)
 
 
 class Laminate(StrictModel):

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from fecore.body.laminate import OrthotropicMaterial, Ply, homogenise, section
+from fecore.body.laminate import OrthotropicMaterial, homogenise, section
 from fecore.body.layered import PLY_CONSTANTS, LayeredSpecimen
 from fecore.body.model import PointMass
 from fecore.body.specimen import Specimen, kind_of
 from fecore.errors import InputError
 from service.structures.schemas import Geometry, StructureIn
-from service.structures.schemas import Ply as StoredPly
 from service.updating.schemas import RecipeIn
 
 
@@ -52,7 +51,7 @@ def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointM
     pieces = tuple(piece.to_core() for piece in structure.pieces or ())
     if structure.laminate is not None:
         # Shear stresses that balance bending ply by ply: for plies alike that is κ = 5/6, in a sandwich the core gives way.
-        plies = [_ply(ply, density) for ply in structure.laminate.plies]
+        plies = [ply.to_core(density) for ply in structure.laminate.plies]
         material = homogenise(section(plies, shear="equilibrium"))
         # The structure's own thickness and density were measured on the whole; the plies' are nominal.
         material = replace(material, density=density)
@@ -65,24 +64,6 @@ def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointM
     return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses, pieces=pieces)  # type: ignore[arg-type]
 
 
-def ply_material(ply: StoredPly, density: float) -> OrthotropicMaterial:
-    """The material of a stored ply in its own axes, with a density in kg/m³."""
-    return OrthotropicMaterial(
-        Ex=ply.E1_Pa,
-        Ey=ply.E2_Pa,
-        Gxy=ply.G12_Pa,
-        Gxz=ply.G13_Pa,
-        Gyz=ply.G23_Pa,
-        nu_xy=ply.nu_12,
-        density=density,
-    )
-
-
-def _ply(ply: StoredPly, density: float) -> Ply:
-    """A stored ply as the core's."""
-    return Ply(ply_material(ply, ply.density_kg_m3 or density), ply.thickness_m, ply.angle_deg)
-
-
 def layered_specimen(structure: StructureIn, boundary: str, masses: tuple[PointMass, ...] = ()) -> LayeredSpecimen:
     """A structure's laminate as the core's specimen of plies, with nominal constants.
 
@@ -92,7 +73,7 @@ def layered_specimen(structure: StructureIn, boundary: str, masses: tuple[PointM
     g, density = _known(structure)
     if structure.laminate is None:
         raise InputError("structure", "states no laminate: constants of plies need one")
-    plies = tuple(_ply(ply, density) for ply in structure.laminate.plies)
+    plies = tuple(ply.to_core(density) for ply in structure.laminate.plies)
     pieces = tuple(piece.to_core() for piece in structure.pieces or ())
     size = g.length_m, g.width_m, g.thickness_m
     return LayeredSpecimen(*size, plies, density, boundary, masses, pieces=pieces)  # type: ignore[arg-type]

@@ -27,7 +27,7 @@ from service.modes.operations import load_modes
 from service.structures.operations import describe_version, version_of
 from service.structures.schemas import Laminate, Material, StructureIn
 from service.updating.batches import BatchJobIn, UpdateBatchIn
-from service.updating.bodies import nominal_specimen, ply_material
+from service.updating.bodies import nominal_specimen
 from service.updating.joint_computation import JointCampaign, JointInputs
 from service.updating.loading import modes_in_frame, roving_mass, specimen_of
 from service.updating.schemas import RecipeIn
@@ -92,7 +92,7 @@ def material_of(structure: StructureIn, number: int) -> tuple[OrthotropicMateria
     laminate = structure.laminate
     if laminate is not None and _is_one_material(laminate):
         ply = laminate.plies[0]
-        return ply_material(ply, structure.density_kg_m3 or ply.density_kg_m3 or 0.0), ply.angle_deg
+        return ply.material(structure.density_kg_m3 or ply.density_kg_m3 or 0.0), ply.angle_deg
     if laminate is not None and any(ply.angle_deg % 90 for ply in laminate.plies):
         raise InputError(
             f"jobs.{number}.campaign_id",

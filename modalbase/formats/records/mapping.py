@@ -200,6 +200,10 @@ def _table(variables: Variables, channel: ChannelMapping) -> FloatArray:
         raise FormatError(channel.variable, f"has shape {values.shape}, expected one block or a table of them")
     if values.dtype.kind == "c":
         raise FormatError(channel.variable, "holds complex numbers: it is no time block; FRFs go to POST frfs")
+    if values.dtype.itemsize > 8:
+        raise FormatError(
+            channel.variable, f"holds numbers of type {values.dtype}, which would be rounded; save them as float64"
+        )
     if values.shape[0] > values.shape[1]:
         values = values.T
     if values.shape[1] < _FEWEST_SAMPLES:

@@ -152,6 +152,7 @@ def _csv(path: Path, limit_bytes: int | None) -> Variables:
 
 def _wav(path: Path, limit_bytes: int | None) -> Variables:
     _within(path.stat().st_size, limit_bytes, "")
+    _whole_wav(path)
     wavfile = _scipy_io(".wav").wavfile
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks beside the samples
@@ -159,6 +160,22 @@ def _wav(path: Path, limit_bytes: int | None) -> Variables:
     table = samples[:, np.newaxis] if samples.ndim == 1 else samples
     channels = {f"channel_{i + 1}": table[:, i].astype(float) for i in range(table.shape[1])}
     return {SAMPLE_RATE: np.array(float(rate)), **channels}
+
+
+def _whole_wav(path: Path) -> None:
+    """Refuse a wav that ends before its samples do, of which scipy reads what is there."""
+    with path.open("rb") as file:
+        if (kind := file.read(12)[:4]) not in (b"RIFF", b"RIFX"):  # others state their sizes elsewhere
+            return
+        size = path.stat().st_size
+        while len(head := file.read(8)) == 8:
+            declared = int.from_bytes(head[4:], "little" if kind == b"RIFF" else "big")
+            left = size - file.tell()
+            if head[:4] == b"data" and declared > left:
+                raise FormatError(
+                    "", f"is cut off: it declares {declared} bytes of samples and has {left}; copy it again"
+                )
+            file.seek(declared + declared % 2, 1)
 
 
 SUFFIXES: dict[str, Callable[[Path, int | None], Variables]] = {".npz": _npz, ".mat": _mat, ".csv": _csv, ".wav": _wav}

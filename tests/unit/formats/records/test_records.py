@@ -255,6 +255,30 @@ def _wav_without_channels(path: Path) -> None:
     path.write_bytes(data[:22] + b"\0\0" + data[24:])
 
 
+def test_half_precision_goes_in_exactly_and_what_would_be_rounded_is_refused(tmp_path: Path) -> None:
+    half = FORCE.astype(np.float16)
+    np.savez(tmp_path / "half.npz", **{**ARRAYS, "force": half})
+    (first, *_) = blocks_of(read_variables(tmp_path / "half.npz"), read_mapping(MAPPING))
+    assert first.samples.dtype == np.float64
+    sensitivity = next(c["sensitivity"] for c in MAPPING["channels"] if c["variable"] == "force")
+    np.testing.assert_array_equal(first.samples, half[0].astype(float) / sensitivity)
+    if np.dtype(np.longdouble).itemsize > 8:
+        with pytest.raises(FormatError, match=r"force: holds numbers of type .* which would be rounded"):
+            blocks_of({**ARRAYS, "force": FORCE.astype(np.longdouble)}, read_mapping(MAPPING))
+
+
+@pytest.mark.parametrize("left", [64, 200])
+def test_a_wav_that_ends_before_its_samples_do_is_refused(tmp_path: Path, left: int) -> None:
+    path = tmp_path / "hit.wav"
+    wavfile.write(path, 2048, np.stack([FORCE[0], RESPONSE[0]], axis=1))
+    read_variables(path)
+    data = path.read_bytes()
+    frame = 2 * FORCE.itemsize
+    path.write_bytes(data[: len(data) - (FORCE.shape[1] - left) * frame])
+    with pytest.raises(FormatError, match=rf"is cut off: it declares {FORCE.shape[1] * frame} bytes"):
+        read_variables(path)
+
+
 def _truncated_wav(path: Path) -> None:
     path.write_bytes(b"RIFF" + b"\xff" * 30)
 
