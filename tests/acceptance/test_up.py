@@ -74,24 +74,23 @@ def test_the_other_commands_find_the_service_that_runs(short_folder: Path) -> No
     home = short_folder / "Prüf stand" / ("with a long name, " * 6)
     home.mkdir(parents=True)
     around = {"HOME": str(home), "XDG_STATE_HOME": "", "XDG_DATA_HOME": "", "MODALBASE_LOG_LEVEL": "info"}
-    log = short_folder / "home.log"
-    with log.open("w") as stderr, up(None, stderr=stderr, **around) as (_, url, key):
-        assert status(url, key) == 200
-        made = modalbase("keys", "create", "--name", "ada", **around)
-        assert status(url, made.stdout.strip()) == 200, made.stderr
-        assert "/api/v1/projects" not in log.read_text()  # no line for each request
-    with up(short_folder / "elsewhere", **around) as (first, url, _):
+    log, elsewhere = short_folder / "home.log", short_folder / "elsewhere"
+    with up(elsewhere, **around) as (first, url, _):
         made = modalbase("keys", "create", "--name", "ada", **around)
         assert status(url, made.stdout.strip()) == 200, made.stderr
         assert modalbase("db", "current", **around).returncode == 0
-        with up(None, **around):
+        with log.open("w") as stderr, up(None, stderr=stderr, **around) as (_, url, key):
             ended = modalbase("keys", "create", "--name", "ada", **around)
             assert ended.returncode == 1
             assert "2 services run here; say which with --data" in ended.stderr
-            assert str(short_folder / "elsewhere") in ended.stderr
-        first.kill()  # its note stays, and names nobody
-        first.wait()
-        assert modalbase("keys", "create", "--name", "x", "--data", str(short_folder / "elsewhere")).returncode == 0
+            assert str(elsewhere) in ended.stderr
+            first.kill()  # its note stays, and names nobody
+            first.wait()
+            assert status(url, key) == 200
+            made = modalbase("keys", "create", "--name", "ada", **around)
+            assert status(url, made.stdout.strip()) == 200, made.stderr
+            assert "/api/v1/projects" not in log.read_text()  # no line for each request
+        assert modalbase("keys", "create", "--name", "x", "--data", str(elsewhere)).returncode == 0
     assert "services run here" not in modalbase("db", "current", **around).stderr
 
 
