@@ -16,6 +16,7 @@ import pyuff
 
 import modalbase
 from modalbase.client.place import find_place, profile_file, save_profile
+from modalbase.formats.records import Place
 from service.demo import paper
 from service.supervisor import LocalService
 from tests.support.laboratory import BEAM
@@ -130,6 +131,29 @@ def test_coupons_records_and_monitors(lab: modalbase.Laboratory, tmp_path: Path)
     assert lab.monitor("ageing") == monitor
     assert monitor.alarms() == []
     assert len(monitor.runs()) == 0
+
+
+def test_time_series_of_sep_5_go_in_and_come_back(lab: modalbase.Laboratory) -> None:
+    campaign = lab.new_project("series").new_structure("beam", **BODY).new_campaign("hammer", "free")
+    time = np.arange(1024) / 2048
+    noise = 1e-3 * np.random.default_rng(5).standard_normal((2, 3, 1024))
+    force = 50 * np.exp(-(((time - 0.05) / 1e-3) ** 2)) + noise[0]
+    response = np.where(time > 0.05, np.exp(-20 * (time - 0.05)) * np.sin(400 * time), 0.0) + noise[1]
+    series = [
+        {"name": "hammer", "data": force, "fs": 2048, "unit_str": "N"},
+        {"name": "acc", "data": response, "fs": 2048, "unit_str": "g"},
+    ]
+    places = {"hammer": 4, "acc": Place(33, -3)}
+    answer = campaign.add_sep005(series, places)
+    assert [(hit["point"], hit["hit"]) for hit in answer["hits"]] == [(4, 1), (4, 2), (4, 3)]
+    again = campaign.add_sep005(series, places, hit=8)  # numbered, and behind them
+    assert {item["hit"] for item in again["items"]} == {8, 9, 10}
+    back = [record.sep005() for record in campaign.records()]
+    own = [one for one in back if one["name"] == "acc" and one["hit"] == 2]
+    assert [(one["point"], one["direction"], one["force_point"], one["fs"]) for one in own] == [(33, -3, 4, 2048.0)]
+    np.testing.assert_allclose(own[0]["data"], 9.80665 * response[1], rtol=1e-12)
+    with pytest.raises(modalbase.ClientError, match="hit 8 of point 4 is in the campaign already"):
+        campaign.add_sep005(series, places, hit=8)
 
 
 def test_a_bar_in_a_notebook_needs_no_widgets(lab: modalbase.Laboratory, monkeypatch: pytest.MonkeyPatch) -> None:
