@@ -24,8 +24,8 @@ Pulse = tuple[float, float, float]
 """Height in N, start and length in s."""
 _FINE = 8
 _TAPS = 48  # samples that the anti-alias filter reaches to either side
-_CLAMPED = np.array([1.8751, 4.6941, 7.8548, 10.9955, 14.1372, 17.2788, 20.4204, 23.5619])
-_FREE = np.array([4.7300, 7.8532, 10.9956, 14.1372, 17.2788, 20.4204, 23.5619, 26.7035])
+CLAMPED = np.array([1.8751, 4.6941, 7.8548, 10.9955, 14.1372, 17.2788, 20.4204, 23.5619])
+FREE = np.array([4.7300, 7.8532, 10.9956, 14.1372, 17.2788, 20.4204, 23.5619, 26.7035])
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Body:
 
 
 def _clamped(k: int, x: float) -> float:
-    b = _CLAMPED[k - 1]
+    b = CLAMPED[k - 1]
     s = (np.cosh(b) + np.cos(b)) / (np.sinh(b) + np.sin(b))
     return float(np.cosh(b * x) - np.cos(b * x) - s * (np.sinh(b * x) - np.sin(b * x)))
 
@@ -74,7 +74,7 @@ def _across(k: int, x: float) -> float:
         return 1.0
     if k == 1:
         return float(np.sqrt(3) * (2 * x - 1))
-    b = _FREE[k - 2]
+    b = FREE[k - 2]
     s = (np.cosh(b) - np.cos(b)) / (np.sinh(b) - np.sin(b))
     return float(np.cosh(b * x) + np.cos(b * x) - s * (np.sinh(b * x) + np.sin(b * x)))
 
@@ -86,18 +86,18 @@ def random_body(rng: np.random.Generator, kind: str) -> Body:
     first, ratio = (rng.uniform(20, 80), rng.uniform(4, 18)) if kind != "plate" else (rng.uniform(40, 120), 1.0)
     modes: list[tuple[float, int, int]] = []
     if kind == "clamped":
-        modes += [(first * (_CLAMPED[k] / _CLAMPED[0]) ** 2, k + 1, 0) for k in range(8)]
+        modes += [(first * (CLAMPED[k] / CLAMPED[0]) ** 2, k + 1, 0) for k in range(8)]
         modes += [(first * ratio * (2 * k + 1), k + 1, 1) for k in range(6)]
     elif kind == "free":
         first *= 3
-        modes += [(first * (_FREE[k] / _FREE[0]) ** 2, k + 2, 0) for k in range(8)]
+        modes += [(first * (FREE[k] / FREE[0]) ** 2, k + 2, 0) for k in range(8)]
         modes += [(first * ratio / 3 * k, k, 1) for k in range(1, 7)]
     else:
         across = (length / width) ** 2 * rng.uniform(0.25, 1.0)
         for k in range(9):
             for j in range(6):
                 if k + j >= 2:
-                    bend = (_FREE[k - 2] ** 2 if k > 1 else 0, across * _FREE[j - 2] ** 2 if j > 1 else 0)
+                    bend = (FREE[k - 2] ** 2 if k > 1 else 0, across * FREE[j - 2] ** 2 if j > 1 else 0)
                     twist = 0.6 * np.sqrt(across) * (k * np.pi) * (j * np.pi)
                     modes.append((first / 22 * float(np.sqrt(bend[0] ** 2 + bend[1] ** 2 + twist**2)), k, j))
     if kind != "clamped":  # on soft cords

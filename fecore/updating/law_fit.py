@@ -36,6 +36,8 @@ from fecore.updating.misfit import FrfMisfit, NormalEquations
 from fecore.updating.parameters import by_name
 
 _NEGLIGIBLE = 0.01  # gain, of a value's misfit by noise: the minimum is then within 0.14 standard deviations
+_STEPS = 300  # the rates of modes above the band, which nobody measured, creep to their place in up to that many
+_BEYOND = 1e-9  # of a shift or a logarithm: which side of a bound the descent leads to
 _ROUND_OFF = 1e-12  # of the weighted signal: noise-free data cannot be fitted better
 _LARGEST_SHIFT = 0.1  # a mode further off than this was not paired rightly
 _LARGEST_BELIEVED_SHIFT = 0.5  # of a mode that was not measured
@@ -223,6 +225,11 @@ class _Problem:
         """The point at x."""
         normal = self.misfit.normal(*self.modes(x))
         hessian, descent = self.system(x, normal)
+        # What a bound holds takes no part in a step: it would be cut off, and the fall be less than was foretold.
+        further = x + np.sign(descent) * _BEYOND
+        held = self.within(further) != further
+        descent = np.where(held, 0.0, descent)
+        hessian = np.where((held[:, None] | held) & ~np.eye(x.size, dtype=bool), 0.0, hessian)
         return _Point(x, x[: self.count], normal, normal.cost + self.penalty(x), descent, hessian)
 
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
@@ -240,7 +247,7 @@ class _Problem:
 
     def stopping(self) -> Stopping:
         """Converged to the round-off of the weighted signal: noise-free data cannot be fitted better."""
-        return Stopping(absolute=_ROUND_OFF**2 * self.misfit.signal())
+        return Stopping(absolute=_ROUND_OFF**2 * self.misfit.signal(), steps=_STEPS)
 
     def first(self, start: FloatArray) -> FloatArray:
         rate = self.basis(self.omega(self.nuisance.first_shift)) @ start
@@ -351,7 +358,7 @@ class _Problem:
         x, normal = point.x, point.normal
         eigenvalue, rate = self.modes(x)
         T = self.chain(x)
-        inverse = np.linalg.inv(point.hessian)
+        inverse = np.linalg.inv(self.system(x, normal)[0])
         jacobian = self.misfit.jacobian(eigenvalue, rate)
         _, weight = self.misfit.residual(self.misfit.predict(eigenvalue, rate))
         # Circular noise of variance v: cov(2 Re Jᴴ W n) = 2 Re Jᴴ W² V J, which is the hessian with weights w²v.

@@ -146,6 +146,7 @@ TERMS: dict[str, str] = {
     "Problem.status": "of HTTP",
     "Problem.type": "a URI of the kind of problem; about:blank, since the status says it",
     "stage": "what the job does at the moment; null before it begins",
+    "campaign_name": "the campaign's name",
     "progress": "share that is done, 0 to 1",
     "attempt": "how often it was begun: more than 1 where a worker was lost",
     "message": "in words what happened; null where there is nothing to say",
