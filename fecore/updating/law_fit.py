@@ -36,7 +36,8 @@ from fecore.updating.misfit import FrfMisfit, NormalEquations
 from fecore.updating.parameters import by_name
 
 _NEGLIGIBLE = 0.01  # gain, of a value's misfit by noise: the minimum is then within 0.14 standard deviations
-_STEPS = 300  # the rates of modes above the band, which nobody measured, creep to their place in up to that many
+_STANDS = 0.1  # standard deviations: a coefficient whose next step is smaller stands
+_STEPS = 200  # the rates of modes above the band, which nobody measured, creep to their place in about that many
 _BEYOND = 1e-9  # of a shift or a logarithm: which side of a bound the descent leads to
 _ROUND_OFF = 1e-12  # of the weighted signal: noise-free data cannot be fitted better
 _LARGEST_SHIFT = 0.1  # a mode further off than this was not paired rightly
@@ -238,12 +239,16 @@ class _Problem:
         return self.at(x) if self.is_allowed(x) else None
 
     def is_at_rest(self, point: _Point) -> bool:
-        """Whether all that is left to gain is far below the noise: steps leave out what little of a delay is left."""
-        gain = float(point.descent @ np.linalg.solve(point.hessian, point.descent)) / 2
-        one_value = max(
-            self.scale, point.normal.cost / float(np.sum(self.misfit.counted))
-        )  # where the model misses, more
-        return gain < _NEGLIGIBLE * one_value
+        """Whether what is left to gain is far below the noise, or the step that is left hardly moves the coefficients.
+
+        Steps leave out what little of a delay is left, and rates of modes above the band may creep on for long.
+        """
+        inverse = np.linalg.inv(point.hessian)
+        step = inverse @ point.descent
+        # Where the model misses, one value's misfit is more than the noise's.
+        one_value = max(self.scale, point.normal.cost / float(np.sum(self.misfit.counted)))
+        gain, sd = float(point.descent @ step) / 2, np.sqrt(one_value * np.diag(inverse))
+        return gain < _NEGLIGIBLE * one_value or bool(np.all(np.abs(step / sd)[: self.count] < _STANDS))
 
     def stopping(self) -> Stopping:
         """Converged to the round-off of the weighted signal: noise-free data cannot be fitted better."""
