@@ -1,6 +1,6 @@
 """FRFs of simulated hammer hits against the exact modal ones; stated variance against the seen one; damping under windows.
 
-`python -m benchmarks hits_accuracy [CAMPAIGNS]`: the bodies and analysers of `benchmarks.hammer`, drawn at random, a third of
+`python -m benchmarks.hits_accuracy [CAMPAIGNS]`: the bodies and analysers of `benchmarks.hammer`, drawn at random, a third of
 the hits with a fault. "on the point" has every hit where its grid point is, so that what is left is the processing's own error;
 "2 mm beside" is what people hit, where the exact FRF of the point is not what was measured.
 """

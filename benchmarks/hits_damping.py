@@ -1,6 +1,6 @@
 """Time blocks of strips to a0 and a1: how far off on average, with and without an exponential window.
 
-`python -m benchmarks hits_damping [DRAWS]`: clamped and free strips of beam theory, of other size, stiffness and damping in
+`python -m benchmarks.hits_damping [DRAWS]`: clamped and free strips of beam theory, of other size, stiffness and damping in
 each draw, in analysers drawn at random (`benchmarks.hammer`), hit 2 mm beside the points, a third of the hits with a fault.
 Each draw is processed and updated by the default choices twice: as recorded, and as an analyser with a window of 2 per second
 records it.

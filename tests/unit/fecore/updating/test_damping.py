@@ -166,3 +166,17 @@ def test_caughey_series_has_the_units_and_values_of_its_terms() -> None:
     assert law.coefficient_names == ("a-1", "a0", "a1")
     omega = np.array([0.0, 100.0])
     np.testing.assert_allclose(law.basis(omega), [[0, 1, 0], [1e-4, 1, 1e4]], rtol=1e-15)
+
+
+def test_a_shift_at_its_bound_does_not_hold_up_the_others(state: ForwardState) -> None:
+    """The highest mode is 14 % off, and none may be off by more than 10 %: the rest must fit as if it stood there."""
+    frfs = measured(state, 0.01)
+    model = state.frf_model(frfs.responses, frfs.references)
+    mode_off, mode_held = (model.omega * np.where(np.arange(model.omega.size) == 4, 1 + off, 1) for off in (0.14, 0.1))
+    values = model.with_eigenvalue(mode_off**2).synthesise(LINES, damping_rate(RAYLEIGH, PAPER, mode_off))
+    problem = misfit(state, replace(frfs, values=values), "noise")
+    fit = fit_law(problem, RAYLEIGH, np.array([20.0, 2e-5]), FREE)
+    assert fit.shift[4] == 0.1
+    there = replace(problem, model=model.with_eigenvalue(mode_held**2))
+    rest = fit_law(there, RAYLEIGH, np.array([20.0, 2e-5]), Nuisance.of_exact_law(np.arange(4), np.zeros(4)))
+    np.testing.assert_allclose(fit.coefficients, rest.coefficients, rtol=1e-3)
