@@ -142,7 +142,7 @@ def _updated(strip: Strip, laboratory: Laboratory, rng: np.random.Generator) -> 
         for number in range(1, HITS + 1)
     ]
     points = {label: (x, y, 0.0) for label, (x, y) in enumerate([*places, sensor], start=1)}
-    processed = process(by_point(hits), Processing(positions={**points}))
+    processed = process(by_point(hits), Processing(positions=points))
     frfs = replace(processed.frfs, responses=tuple(Dof(len(points), 3) for _ in processed.frfs.responses))
     band = (float(frfs.frequency_hz[0]), processed.strong_hz)
     measurement = Measurement(frfs, points, inputs=Inputs(window_rate=processed.rate_per_s, sensor_mass_sd=0.0))

@@ -23,7 +23,7 @@ class Pattern:
     """The sparsity pattern of the free dofs, and where in it each entry of each element matrix lands.
 
     Attributes:
-        indptr, indices: the pattern, as in `sparse.csc_array`.
+        indptr, indices: the pattern, as in `scipy.sparse.csc_array`.
         slots: (d·d·e,) place of each entry of the element matrices in the pattern's data, element after element for
             the first entry, then for the second; where a dof is held, the place after the last.
         free: numbers of the free dofs among all.
