@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -68,7 +69,7 @@ class Visit:
 
     Attributes:
         request: theirs.
-        session: its transaction.
+        session: its transaction, in which the database stands still.
         user: who.
     """
 
@@ -81,8 +82,14 @@ class Visit:
         return page(self.request, template, user=self.user.name, **context)
 
 
-def _visit(request: Request, session: SessionDep, user: CurrentUser) -> Visit:
-    return Visit(request, session, user)
+def _visit(request: Request, session: SessionDep, user: CurrentUser) -> Iterator[Visit]:
+    """A page asks many times and shows one moment: a file that is read has its FRFs, or a browser would wait for them."""
+    session.commit()
+    session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
+    try:
+        yield Visit(request, session, user)
+    finally:
+        session.close()
 
 
-VisitDep = Annotated[Visit, Depends(_visit)]
+VisitDep = Annotated[Visit, Depends(_visit, scope="function")]

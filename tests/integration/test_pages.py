@@ -5,15 +5,18 @@ from __future__ import annotations
 import gzip
 import re
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from urllib.parse import unquote
 from uuid import uuid4
 
 import httpx
+import psycopg
 import pytest
 
 from service.pages.assets import FOLDER
 from service.supervisor import LocalService
 from tests.support.rest import ok, session_client
+from tests.support.waiting import until
 
 
 @pytest.fixture
@@ -45,6 +48,24 @@ def test_pages_show_what_is_there(browser: httpx.Client, project: str, structure
         assert not re.search(r"\sstyle=|\son\w+=|<style|<script>", answer.text), f"{path} has what the policy forbids"
         named = re.findall(r'(?:src|href)="([^"#]+)', answer.text)
         assert not [name for name in named if "://" in name or name.startswith("//")], path
+
+
+def test_a_page_shows_one_moment(
+    api: httpx.Client, browser: httpx.Client, service: LocalService, campaign: str
+) -> None:
+    """What is stored while a page gathers what it shows is on none of its parts."""
+    waits = "SELECT 1 FROM pg_locks WHERE NOT granted AND relation = 'processings'::regclass"
+    path = f"/ui/campaigns/{campaign}"
+    with psycopg.connect(service.settings.database_url or "") as holding, ThreadPoolExecutor(1) as beside:
+        holding.execute("LOCK TABLE processings IN ACCESS EXCLUSIVE MODE")
+        asked = beside.submit(browser.get, path)
+        until(
+            lambda: holding.execute(waits).fetchone(), "the page waits for the processings, in the middle of its parts"
+        )
+        ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "later", "modes": [{"frequency_hz": 10.0}]}), 201)
+        holding.rollback()
+        assert "No mode set yet" in asked.result().text
+    assert "No mode set yet" not in browser.get(path).text
 
 
 def test_the_policy_lets_a_page_ask_nobody_else(browser: httpx.Client) -> None:
