@@ -29,7 +29,8 @@ def _material(deck: Deck) -> list[str]:
     return [
         "MAT8*," + ",".join(fields[:4]),
         "*," + ",".join(fields[4:]),
-        f"PSHELL,1,1,{_real(deck.thickness)},1,1.0,1,{SHEAR:.6f}",
+        f"PSHELL*,1,1,{_real(deck.thickness)},1",  # eight columns would round the thickness, whose cube bends
+        f"*,1.0,1,{SHEAR:.9f}",
     ]
 
 

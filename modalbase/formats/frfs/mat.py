@@ -106,9 +106,13 @@ def _named(variables: Variables, document: dict[str, Any], field: str) -> np.nda
     given = document[field]
     if not (isinstance(given, dict) and set(given) == {"variable"} and isinstance(given["variable"], str)):
         raise FormatError(f"mapping.{field}", f'is {given!r}, expected {{"variable": name}}')
-    found = _array(variables, given["variable"])
+    return _real(variables, given["variable"], field)
+
+
+def _real(variables: Variables, name: str, field: str) -> np.ndarray[Any, Any]:
+    found = _array(variables, name)
     if found.dtype.kind == "c":
-        raise FormatError(given["variable"], f"is complex, expected the real numbers of {field}")
+        raise FormatError(name, f"is complex, expected the real numbers of {field}")
     return found
 
 
@@ -118,7 +122,7 @@ def _frf(variables: Variables, given: Any, lines: int) -> np.ndarray[Any, np.dty
         and set(given) == {"real", "imaginary"}
         and all(isinstance(v, str) for v in given.values())
     ):
-        real, imaginary = (_rows(_array(variables, given[part]), lines, "frf") for part in ("real", "imaginary"))
+        real, imaginary = (_rows(_real(variables, given[part], "frf"), lines, "frf") for part in ("real", "imaginary"))
         if real.shape != imaginary.shape:
             raise FormatError("mapping.frf", f"has {len(real)} real and {len(imaginary)} imaginary parts")
         return np.asarray(real + 1j * imaginary)
@@ -148,10 +152,17 @@ def _integers(variables: Variables, given: Any, count: int, field: str) -> list[
     if isinstance(given, dict) and set(given) == {"variable"}:
         values = np.ravel(_array(variables, str(given["variable"])))
     else:
-        values = np.ravel(np.array(given if isinstance(given, int | float | list) else np.nan, dtype=float))
+        try:
+            values = np.ravel(np.array(given, dtype=float))
+        except (TypeError, ValueError):  # texts, objects, lists of unequal length
+            values = np.array([np.nan])
     if values.size == 1:
         values = np.repeat(values, count)
-    if values.size != count or values.dtype.kind == "c" or not np.all(values == np.round(values)):
+    if (
+        values.size != count
+        or values.dtype.kind == "c"
+        or not np.all(np.isfinite(values) & (values == np.round(values)))
+    ):
         raise FormatError(f"mapping.{field}", f"is no whole number for each of the {count} FRFs, or one for all")
     if field.endswith("direction") and not np.all((np.abs(values) >= 1) & (np.abs(values) <= 6)):
         raise FormatError(f"mapping.{field}", "is no direction, expected ±1 to ±6")

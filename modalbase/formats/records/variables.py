@@ -137,16 +137,16 @@ def _csv(path: Path, limit_bytes: int | None) -> Variables:
     body = text.partition("\n")[2]
     if separator == ";":
         body = body.replace(",", ".")
-    rows = [line for line in body.splitlines() if line.strip()]
+    rows = [(number, line) for number, line in enumerate(body.splitlines(), start=2) if line.strip()]
     columns = np.empty((len(rows), len(names)))
-    for number, row in enumerate(rows):
+    for i, (number, row) in enumerate(rows):
         fields = row.split(separator)
         if len(fields) != len(names):
-            raise FormatError(f"line {number + 2}", f"has {len(fields)} fields, the heading {len(names)}")
+            raise FormatError(f"line {number}", f"has {len(fields)} fields, the heading {len(names)}")
         try:
-            columns[number] = [float(field) for field in fields]
+            columns[i] = [float(field) for field in fields]
         except ValueError as error:
-            raise FormatError(f"line {number + 2}", str(error)) from None
+            raise FormatError(f"line {number}", str(error)) from None
     return {name: columns[:, i].copy() for i, name in enumerate(names)}
 
 

@@ -30,7 +30,10 @@ MAPPING: dict[str, Any] = {
 
 
 def structure(path: Path) -> None:
-    savemat(path, {"m": {"f": HZ, "H": H.T, "coh": GAMMA.T, "points": [4, 5, 7], "name": "tour"}})
+    savemat(
+        path,
+        {"m": {"f": HZ, "H": H.T, "coh": GAMMA.T, "points": [4, 5, 7], "endless": np.full(3, np.inf), "name": "tour"}},
+    )
 
 
 def newer(path: Path) -> None:
@@ -54,6 +57,12 @@ def test_a_structure_of_frfs_and_coherences(tmp_path: Path, write: Any) -> None:
     np.testing.assert_array_equal(found.frequency_hz, HZ)
     dofs = [(r.response_point, r.response_direction, r.reference_point, r.reference_direction) for r in found.frfs]
     assert dofs == [(33, 3, 4, 3), (33, 3, 5, 3), (33, 3, 7, 3)]
+    bare = {k: v for k, v in MAPPING.items() if k not in ("coherence", "reference_point", "factor")}
+    parts = read_mat(path, {**bare, "reference_point": 4, "frf": {"real": "m.coh", "imaginary": "m.coh"}}, "mobility")
+    np.testing.assert_array_equal(parts.values, (1 + 1j) * GAMMA)
+    assert (parts.coherence, {row.reference_point for row in parts.frfs}) == (None, {4})
+    with pytest.raises(FormatError, match=r"mapping\.reference_point: is missing"):
+        read_mat(path, bare, "accelerance")
     proposal = propose_frfs(read_variables(path))
     assert {k: proposal[k] for k in ("frequency_hz", "frf", "coherence")} == {
         k: MAPPING[k] for k in ("frequency_hz", "frf", "coherence")
@@ -75,6 +84,7 @@ def test_a_proposal_prefers_the_frf_to_other_spectra() -> None:
         "Hf_chan_2",
         "Hf_coh_chan_2",
     ]
+    assert "coherence" not in propose_frfs({k: variables[k] for k in ("Freq_domain", "Hf_chan_2")})
 
 
 @pytest.mark.parametrize(
@@ -87,6 +97,15 @@ def test_a_proposal_prefers_the_frf_to_other_spectra() -> None:
         ({"reference_point": [1, 2]}, "no whole number for each of the 3 FRFs"),
         ({"response_direction": 0}, "is no direction"),
         ({"factor": 0}, "expected a number other than 0"),
+        ({"reference_point": ["a", 5, 7]}, "no whole number for each of the 3 FRFs"),
+        ({"reference_point": [[4], [5, 7]]}, "no whole number for each of the 3 FRFs"),
+        ({"reference_point": {"variable": "m.f", "row": 1}}, "no whole number for each of the 3 FRFs"),
+        ({"reference_point": {"variable": "m.endless"}}, "no whole number for each of the 3 FRFs"),
+        ({"frf": {"real": "m.H", "imaginary": "m.H"}}, "m.H: is complex, expected the real numbers of frf"),
+        ({"frf": {"real": "m.coh", "imaginary": "m.f"}}, "mapping.frf: has 3 real and 1 imaginary parts"),
+        ({"frf": "m.H"}, r"mapping.frf: is 'm.H', expected \{\"variable\": name\} or"),
+        ({"frequency_hz": "m.f"}, r"mapping.frequency_hz: is 'm.f', expected \{\"variable\": name\}"),
+        ({"frequency_hz": {"variable": "m.H"}}, "m.H: is complex, expected the real numbers of frequency_hz"),
         ({"sensor": 1}, "is not an object of"),
     ],
 )

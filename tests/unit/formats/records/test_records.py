@@ -5,6 +5,7 @@ is named.
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,12 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from scipy import sparse
 from scipy.io import savemat, wavfile
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records import Variables, blocks_of, propose, read_mapping, read_variables
+from modalbase.formats.records import TimeBlock, Variables, blocks_of, propose, read_mapping, read_variables
+from modalbase.formats.records.arrays import arrays_of
 
 RNG = np.random.default_rng(1)
 FORCE = RNG.standard_normal((3, 256)).astype(np.float32)
@@ -107,6 +110,13 @@ def test_a_proposal_names_what_it_recognises_and_needs_little_more() -> None:
         ("acc", "acceleration"),
     ]
     assert blocks_of(ARRAYS, read_mapping(json.loads(json.dumps(proposed))))
+
+
+def test_a_proposal_takes_the_hits_and_the_time_axis_and_states_no_rate_that_is_not_there() -> None:
+    arrays = {"force": FORCE, "acc": RESPONSE, "hit": np.array([1, 2, 3])}
+    assert "sample_rate_hz" not in propose(arrays)
+    proposed = propose({**arrays, "time_s": np.arange(256) / 2048})
+    assert (proposed["hit"], proposed["sample_rate_hz"]) == ({"variable": "hit"}, {"variable": "time_s"})
 
 
 def test_a_proposal_takes_an_analysers_channels_by_their_length() -> None:
@@ -235,11 +245,91 @@ def _channel(number: int, **changes: Any) -> dict[str, Any]:
         (ARRAYS, _channel(1, variable="force"), "as that of another channel"),
         (_named(acc=FORCE), MAPPING, "the same samples as force"),
         (ARRAYS, _channel(1, point=0), "mapping.point: is no point"),
+        (ARRAYS, "force", "mapping: is not an object"),
+        (ARRAYS, {**MAPPING, "channels": ["force", "acc"]}, "mapping.channels: is missing, expected a list"),
+        (ARRAYS, _channel(1, place=7), "mapping.channels.1.place: is unknown"),
+        (
+            ARRAYS,
+            {**MAPPING, "channels": [{"variable": "force"}]},
+            "channels.0.quantity: is missing; .*0.point: is missing",
+        ),
+        (ARRAYS, _channel(1, variable=7), "mapping.channels.1.variable: is not a name"),
+        (ARRAYS, _channel(0, sensitivity="2 mV/N"), "channels.0.sensitivity: is '2 mV/N', expected a number"),
+        (ARRAYS, _channel(0, window_rate_per_s=-1), "channels.0.window_rate_per_s: is -1, expected 0 or more"),
+        (ARRAYS, _channel(0, point="point"), "channels.0.point: is 'point', expected a number or {\"variable\": name}"),
+        (_named(acc=np.zeros((2, 3, 256))), MAPPING, r"acc: has shape \(2, 3, 256\), expected one block or a table"),
+        (_named(acc=RESPONSE * 1j), MAPPING, "acc: holds complex numbers: it is no time block; FRFs go to POST frfs"),
+        (_named(acc=RESPONSE[:, :63]), MAPPING, "acc: has 63 samples a block, expected 64 or more"),
+        (_named(fs=np.arange(100)), MAPPING, "fs: has 100 values, expected the rate or a time axis of 256"),
     ],
 )
 def test_numbers_that_no_analyser_writes_are_refused(variables: Variables, mapping: dict[str, Any], text: str) -> None:
     with pytest.raises(FormatError, match=text):
         blocks_of(variables, read_mapping(mapping))
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("time\n1\n", "line 1: is not a heading with a name of its own for each column"),
+        ("force,force\n1,2\n", "line 1: is not a heading"),
+        ("force,acc\n1,2\n1,2,3\n", "line 3: has 3 fields, the heading 2"),
+        ("force,acc\n1,2\n\n1,-\n", "line 4: could not convert string to float: '-'"),
+        ("force,acc\n", "holds no numeric array"),
+    ],
+)
+def test_a_csv_is_refused_by_its_line(tmp_path: Path, text: str, fault: str) -> None:
+    (tmp_path / "hit.csv").write_text(text)
+    with pytest.raises(FormatError, match=fault):
+        read_variables(tmp_path / "hit.csv")
+    with pytest.raises(FormatError, match=r"is a '.txt' file, expected one of .npz, .mat, .csv, .wav"):
+        read_variables(tmp_path / "hit.txt")
+
+
+def test_of_a_structure_only_numbers_are_taken(tmp_path: Path) -> None:
+    """Texts, objects within objects and lists of structures say nothing of a time block."""
+    thin = sparse.csc_array(np.eye(3))
+    several = np.array([(1.0,), (2.0,)], dtype=[("gain", object)])
+    savemat(
+        tmp_path / "m.mat",
+        {"m": {"force": FORCE, "deep": {"fs": 2048.0}, "name": "hit", "s": thin}, "sensors": several, "s": thin},
+    )
+    found = read_variables(tmp_path / "m.mat")
+    assert found.keys() == {"m.force", "m.deep.fs"}
+    with h5py.File(tmp_path / "m73.mat", "w") as file:
+        file["m/force"], file["m/name"], file["#refs#"] = FORCE, np.bytes_("hit"), FORCE
+    assert read_variables(tmp_path / "m73.mat").keys() == {"m.force"}
+
+
+@pytest.mark.parametrize(
+    ("write", "missing", "advice"),
+    [(_mat, "scipy", r"install scipy, which modalbase\[server\] brings"), (_mat73, "h5py", "save it with -v7")],
+)
+def test_a_library_that_is_not_there_is_named(
+    write: Callable[[Path], None], missing: str, advice: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path / "hits.mat")
+    monkeypatch.setitem(sys.modules, missing, None)
+    with pytest.raises(FormatError, match=advice):
+        read_variables(tmp_path / "hits.mat")
+
+
+@pytest.mark.parametrize("numbered", [True, False])
+def test_blocks_become_one_file_that_gives_them_back(tmp_path: Path, numbered: bool) -> None:
+    """Sensors without a name, or with one that `savez` keeps for itself, get a name of their own."""
+    sent = [
+        TimeBlock(quantity, point, 3, 4, 3, hit, 2048.0, samples[hit - 5].astype(float), label=label)
+        for hit in (5, 6)
+        for quantity, point, samples, label in (("force", 4, FORCE, "file"), ("velocity", 33, RESPONSE, ""))
+    ]
+    content, mapping = arrays_of(sent, numbered=numbered)
+    (tmp_path / "hits.npz").write_bytes(content)
+    again = blocks_of(read_variables(tmp_path / "hits.npz"), read_mapping(mapping))
+    for one, two in zip(again, sent, strict=True):
+        np.testing.assert_array_equal(one.samples, two.samples)
+        assert (one.quantity, one.point, one.force_point) == (two.quantity, two.point, two.force_point)
+        assert one.hit == (two.hit if numbered else two.hit - 4)
+    assert [b.label for b in again[:2]] == ["channel_1", "channel_2"]
 
 
 def _damaged_npz(path: Path) -> None:

@@ -1,0 +1,158 @@
+"""Files of FRFs that a script writes and reads: nothing is lost on the way, and a fault is named by its place."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import nanoarrow as na
+import numpy as np
+import pytest
+
+from modalbase.formats.errors import FormatError
+from modalbase.formats.frfs import FrfRow, Frfs, read_csv, read_npz, write_csv, write_npz
+from modalbase.formats.frfs.arrow import write_arrow
+from modalbase.formats.frfs.csv import COLUMNS
+from modalbase.formats.frfs.table import DOFS
+
+RNG = np.random.default_rng(8)
+HZ = np.cumsum(RNG.uniform(0.1, 1.0, 20))
+VALUES = RNG.standard_normal((2, 20)) + 1j * RNG.standard_normal((2, 20))
+GAMMA = RNG.uniform(0.0, 1.0, (2, 20))
+ROWS = (FrfRow(7, 3, 1, -3, "drive point", 5), FrfRow(8, -2, 1, -3))
+HALF = np.where([[True], [False]], GAMMA, np.nan)
+"""Coherence of the first FRF alone."""
+
+
+@pytest.mark.parametrize("coherence", [None, GAMMA, HALF])
+@pytest.mark.parametrize("dtype", [np.complex64, np.complex128])
+def test_what_is_written_is_read_back_bit_for_bit(tmp_path: Path, dtype: Any, coherence: Any) -> None:
+    sent = Frfs(HZ, VALUES.astype(dtype), ROWS, "mobility", coherence)
+    for write in (write_npz, write_csv):
+        with (path := tmp_path / write.__name__).open("wb") as file:
+            write(sent, file)
+        found = read_npz(path) if write is write_npz else read_csv(path, "mobility")
+        np.testing.assert_array_equal(found.frequency_hz, HZ)
+        np.testing.assert_array_equal(found.values, sent.values)
+        assert (found.quantity, found.has_coherence) == ("mobility", coherence is not None)
+        if coherence is not None:
+            np.testing.assert_array_equal(found.coherence, coherence)
+        stated = [(r.label, r.averages) for r in found.frfs]
+        assert stated == ([("drive point", 5), ("", None)] if write is write_npz else [("", None)] * 2)
+        assert [[getattr(r, d) for d in DOFS] for r in found.frfs] == [[7, 3, 1, -3], [8, -2, 1, -3]]
+    assert read_npz(tmp_path / "write_npz").dtype == dtype
+
+
+@pytest.mark.parametrize("coherence", [None, HALF])
+def test_arrow_has_the_columns_of_the_csv_and_a_batch_an_frf(coherence: Any) -> None:
+    file = io.BytesIO()
+    write_arrow(Frfs(HZ, VALUES, ROWS, "accelerance", coherence), file)
+    batches = [b.to_pylist() for b in na.ArrayStream.from_readable(file.getvalue())]
+    assert [len(batch) for batch in batches] == [20, 20]
+    assert {tuple(row) for batch in batches for row in batch} == {COLUMNS}
+    assert [complex(r["real"], r["imag"]) for r in batches[1]] == VALUES[1].tolist()
+    gammas = [[None] * 20 if coherence is None else GAMMA[0].tolist(), [None] * 20]
+    assert [[r["coherence"] for r in batch] for batch in batches] == gammas
+
+
+HEAD = "response_point,response_direction,reference_point,reference_direction,frequency_hz,real,imag"
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("", "line 1: is '', expected the header response_point,"),
+        (HEAD.replace("imag", "phase") + "\n", "line 1: is .*expected the header"),
+        (HEAD + ",real\n", "line 1: is .*expected the header"),
+        (HEAD + "\n\n , \n", "line 2: is missing"),
+        (HEAD + "\n7,3,1,3,10.0,1\n", "line 2: has 6 cells, the header has 7"),
+        (HEAD + "\n7,z,1,3,10.0,1,1\n", "line 2, response_direction: is 'z', expected a whole number"),
+        (
+            HEAD + "\n7,3,1,3,10.0,1,1\n7,3,1,3,20.0,1,-\n",
+            "line 3, imag: is '-', expected a number with a decimal point",
+        ),
+        (
+            HEAD + "\n7,3,1,3,10,1,1\n8,3,1,3,11,1,1\n",
+            r"frequency_hz: the lines of FRF \(8, 3, 1, 3\) are not those of",
+        ),
+        (HEAD + '\n"7,3', "the CSV cannot be read"),
+        (HEAD + "\n7,3,1,3,10,1,ä\n", "the CSV is not UTF-8: .* at byte"),
+    ],
+)
+def test_a_csv_is_refused_by_its_line(tmp_path: Path, text: str, fault: str) -> None:
+    (tmp_path / "frfs.csv").write_bytes(text.encode("latin-1"))
+    with pytest.raises(FormatError, match=fault):
+        read_csv(tmp_path / "frfs.csv")
+
+
+ARRAYS: dict[str, Any] = {
+    "frequency_hz": HZ,
+    "values": VALUES,
+    **{name: np.array([getattr(row, name) for row in ROWS]) for name in DOFS},
+}
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        ({"values": VALUES.real}, r"values: is float64 of shape \(2, 20\), expected complex64 or complex128"),
+        ({"values": VALUES[:, :0]}, "values: is complex128 of shape"),
+        ({"frequency_hz": HZ[None]}, r"frequency_hz: is float64 of shape \(1, 20\), expected real numbers \(L,\)"),
+        (
+            {"response_point": np.array([7.0, 8.0])},
+            r"response_point: is float64 of shape \(2,\), expected integers \(2,\)",
+        ),
+        ({"reference_point": np.array([2**63, 1], np.uint64)}, "reference_point: is beyond the range of 64-bit"),
+        ({"quantity": np.array(3)}, "quantity: is int64 of shape .*expected one text"),
+        ({"label": np.array("drive point")}, r"label: is <U11 of shape \(\), expected texts \(2,\)"),
+        ({"label": np.array(["a\nb", ""])}, "label: a label has at most 200 printable characters"),
+        ({"coherence": np.ones((2, 20), int)}, "coherence: is int64, expected real numbers"),
+        ({"coherence": GAMMA[0]}, r"coherence: has shape \(1, 20\), values have \(2, 20\)"),
+        ({"temperature": np.array(20.0)}, "temperature.npy: is no array that is read here"),
+        ({"values": np.array([{}], object)}, "values: (cannot be read|claims)"),
+    ],
+)
+def test_an_npz_is_refused_by_the_name_of_the_array(tmp_path: Path, change: dict[str, Any], fault: str) -> None:
+    path = tmp_path / "frfs.npz"
+    np.savez(path, **{**ARRAYS, **change})
+    with pytest.raises(FormatError, match=fault):
+        read_npz(path)
+
+
+def test_an_npz_of_one_frf_needs_no_second_dimension(tmp_path: Path) -> None:
+    one = {name: ARRAYS[name][:1] for name in DOFS}
+    np.savez(tmp_path / "one.npz", frequency_hz=HZ, values=VALUES[0], coherence=GAMMA[0], **one)
+    found = read_npz(tmp_path / "one.npz", limit_bytes=10_000)
+    assert (found.values.shape, found.quantity) == ((1, 20), "accelerance")
+    np.testing.assert_array_equal(found.coherence, GAMMA[:1])
+
+
+def _claims(archive: zipfile.ZipFile) -> None:
+    with archive.open("values.npy", "w") as stream:
+        header = {"descr": "<c16", "fortran_order": False, "shape": (10**6, 10**6)}
+        np.lib.format.write_array_header_1_0(stream, header)
+
+
+@pytest.mark.parametrize(
+    ("write", "fault"),
+    [
+        (_claims, "values: claims 16000000000000 bytes and has 0"),
+        (lambda archive: archive.writestr("values.npy", b"no array"), "values: cannot be read"),
+        (lambda archive: archive.writestr("values.npy", b"\x93NUMPY\x09\x00"), "values: cannot be read"),
+        (lambda archive: archive.writestr("values.npy", bytes(2000)), "unpacks to more than the 1000 bytes"),
+        (lambda _: None, "frequency_hz: is missing; values: is missing; response_point: is missing"),
+    ],
+)
+def test_an_archive_that_holds_something_else_is_refused(
+    tmp_path: Path, write: Callable[[zipfile.ZipFile], object], fault: str
+) -> None:
+    with zipfile.ZipFile(path := tmp_path / "frfs.npz", "w") as archive:
+        write(archive)
+    with pytest.raises(FormatError, match=fault):
+        read_npz(path, limit_bytes=1000)
+    path.write_bytes(b"no archive")
+    with pytest.raises(FormatError, match="the file is not an npz archive"):
+        read_npz(path)
