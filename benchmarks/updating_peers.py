@@ -16,7 +16,7 @@ from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic import ElasticResult
 from fecore.updating.forward import ForwardModel
-from fecore.updating.law_fit import Nuisance
+from fecore.updating.law_problem import Nuisance
 from fecore.updating.misfit import FrfMisfit
 
 

@@ -13,7 +13,7 @@ from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic import ElasticResult
 from fecore.updating.inputs import UNSTATED_WINDOW, Inputs
-from fecore.updating.law_fit import Nuisance
+from fecore.updating.law_problem import Nuisance
 from fecore.updating.measured_ratios import MeasuredRatios, nearest_positive
 from fecore.updating.misfit import FrfMisfit, Weighting
 from fecore.updating.mode_roles import ModeRoles, assign_roles

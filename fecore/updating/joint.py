@@ -30,7 +30,8 @@ from fecore.updating.draws import even_draws
 from fecore.updating.elastic import ElasticResult, update_elastic
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import OUT_OF_PLANE, ForwardModel, ForwardState
-from fecore.updating.law_fit import DampingFit, Nuisance, fit_law
+from fecore.updating.law_fit import DampingFit, fit_law
+from fecore.updating.law_problem import Nuisance
 from fecore.updating.measured_ratios import nearest_positive
 from fecore.updating.misfit import FrfMisfit, Weighting
 from fecore.updating.parameters import by_name

@@ -10,7 +10,8 @@ from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, damping_rate
 from fecore.errors import InputError
 from fecore.frf import FrfSet
 from fecore.updating.forward import ForwardModel, ForwardState
-from fecore.updating.law_fit import Nuisance, fit_law
+from fecore.updating.law_fit import fit_law
+from fecore.updating.law_problem import Nuisance
 from fecore.updating.misfit import FrfMisfit, Weighting
 from fecore.updating.parameters import parametrise
 from tests.support.cantilever import grid, hammer_tour

@@ -20,7 +20,8 @@ from fecore.errors import InputError
 from fecore.frf import FrfSet
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import Inputs
-from fecore.updating.law_fit import DampingFit, Nuisance, fit_law
+from fecore.updating.law_fit import DampingFit, fit_law
+from fecore.updating.law_problem import Nuisance
 from fecore.updating.law_ranking import LawRanking, rank_laws
 from fecore.updating.laws import laws_of, mechanism_laws
 from fecore.updating.measured_ratios import MeasuredRatios
