@@ -25,7 +25,8 @@ from fecore.identification import identify
 from fecore.modes import MeasuredModes
 from fecore.updating.damping_data import damping_data
 from fecore.updating.damping_stage import DampingResult, fit_damping, fit_reference
-from fecore.updating.elastic import ElasticResult, update_elastic
+from fecore.updating.elastic import update_elastic
+from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
 from fecore.updating.law_fit import fit_law
 from fecore.updating.measurement import Measurement

@@ -14,7 +14,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from fecore.dynamics.damping_laws import RAYLEIGH
 from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic import ElasticResult
+from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
 from fecore.updating.law_problem import Nuisance
 from fecore.updating.misfit import FrfMisfit

@@ -11,7 +11,7 @@ from fecore.dynamics.damping_laws import DampingLaw, ModalDamping
 from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic import ElasticResult
+from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.inputs import UNSTATED_WINDOW, Inputs
 from fecore.updating.law_problem import Nuisance
 from fecore.updating.measured_ratios import MeasuredRatios, nearest_positive

@@ -12,7 +12,7 @@ an input is believed to be nothing but may be something (`excursions`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -25,14 +25,13 @@ from fecore.identification import turn_real
 from fecore.least_squares import Stopping, minimise
 from fecore.modes import MeasuredModes
 from fecore.updating.coordinates import Coordinates
+from fecore.updating.elastic_result import ElasticIterate, ElasticResult
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.pairing import pair_likest, pair_with
 from fecore.updating.parameters import by_name
 from fecore.updating.posterior import (
     DISCREPANCY,
-    Identifiability,
-    Mixture,
     discrepancy,
     identifiability,
     marginalise,
@@ -47,113 +46,6 @@ _TURNS, _STEPS = 30, 6  # pairings and discrepancies that are tried, and steps w
 _SWINGING = 12  # turns after which a fit that is not at rest swings
 _REST = 1e-4  # posterior standard deviations that an undamped step may still move
 _SAME_DISCREPANCY = 0.01  # relative change that changes nothing
-
-
-@dataclass(frozen=True)
-class ElasticIterate:
-    """One row of the convergence history: parameters (p,), frequencies of the measured modes (n,; NaN unpaired), cost."""
-
-    theta: FloatArray
-    frequency_hz: FloatArray
-    cost: float
-
-
-@dataclass(frozen=True)
-class Start:
-    """One start of the fit.
-
-    Attributes:
-        history: iterates, first to last; empty of a start that failed.
-        cost: of each iterate.
-        failure: why it did not converge; empty where it did.
-    """
-
-    history: tuple[ElasticIterate, ...]
-    cost: tuple[float, ...]
-    failure: str = ""
-
-
-@dataclass(frozen=True)
-class Rival:
-    """Another pairing of the modes, at the best point that a start with it came to.
-
-    Attributes:
-        theta: (p,) its parameters.
-        pairs: its partners, (measured index, model index).
-        frequency_hz, kinds: of its model's modes.
-        evidence: logarithm of how much more the chosen point is supported.
-    """
-
-    theta: FloatArray
-    pairs: tuple[tuple[int, int], ...]
-    frequency_hz: FloatArray
-    kinds: tuple[str, ...]
-    evidence: float
-
-
-@dataclass(frozen=True)
-class ElasticResult:
-    """Updated elastic parameters θ, the laboratory's inputs among them.
-
-    Attributes:
-        theta: (p,) estimate, SI.
-        coordinates: the map to the coordinates ξ in which the posterior is nearly Gaussian.
-        mixture: the posterior of ξ about the estimate.
-        sources: by name of its source, (p, k) independent standard deviations of which the error of ξ is made at the mean
-            discrepancy: Σ LLᵀ is the posterior covariance.
-        covariance: (p, p) posterior covariance of θ, discrepancy included, excursions not.
-        noise_covariance: (p, p) covariance of θ under measurement noise alone.
-        excursions: inputs that may be something, for what they do.
-        sensitivity, gain: (n, p) ∂ln f/∂ξ of the paired modes, and (p, n) ∂ξ̂/∂ln f_measured.
-        measured_log: (n,) logarithms of the paired measured frequencies; noise: (n, n) their covariance.
-        initial, updated: the model at the prior means and at the estimate.
-        initial_pairing, pairing: measured to model modes, before and after.
-        identifiability: of each parameter.
-        null_directions: (q, p) unit vectors, in prior standard deviations, of which the data say next to nothing.
-        discrepancy: estimated relative model error of a frequency, which the covariance includes.
-        residual: (n,) ln f_measured - ln f_model of the paired modes.
-        history: iterates, first to last.
-        starts: every start that was tried, this one among them; empty where there was no choice of starts.
-        rival: the best point with other partners that a start came to; None where there is none.
-        unlike: no measured mode was like any of the model's, so the likest were paired, for a comparison alone.
-    """
-
-    theta: FloatArray
-    coordinates: Coordinates
-    mixture: Mixture
-    sources: Mapping[str, FloatArray]
-    covariance: FloatArray
-    noise_covariance: FloatArray
-    excursions: tuple[Excursion, ...]
-    sensitivity: FloatArray
-    gain: FloatArray
-    measured_log: FloatArray
-    noise: FloatArray
-    initial: ForwardState
-    updated: ForwardState
-    initial_pairing: Pairing
-    pairing: Pairing
-    identifiability: tuple[Identifiability, ...]
-    null_directions: FloatArray
-    discrepancy: float
-    residual: FloatArray
-    history: tuple[ElasticIterate, ...]
-    starts: tuple[Start, ...] = ()
-    rival: Rival | None = None
-    unlike: bool = False
-
-    @property
-    def misfit(self) -> float:
-        """Root mean square of the residuals."""
-        return float(np.sqrt(np.mean(self.residual**2)))
-
-    @cached_property
-    def pulls(self) -> FloatArray:
-        """(p, e) change of ξ by one standard deviation of each excursion: what the frequencies then belong to."""
-        columns = [column for _, column in self.pairing.pairs]
-        if not self.excursions:
-            return np.zeros((self.theta.size, 0))
-        return -self.gain @ np.column_stack([each.shift[columns] for each in self.excursions])
 
 
 class NoPartnersError(UpdatingError):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic import ElasticResult
+from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.verdict import Finding, notes
 
 SAME_SHAPE = 0.8

@@ -19,7 +19,8 @@ from fecore.errors import UpdatingError
 from fecore.modes import MeasuredModes
 from fecore.updating.coordinates import Coordinates
 from fecore.updating.draws import even_draws
-from fecore.updating.elastic import ElasticResult, NoPartnersError, Rival, Start, update_elastic
+from fecore.updating.elastic import NoPartnersError, update_elastic
+from fecore.updating.elastic_result import ElasticResult, Rival, Start
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.pairing import FEWEST_DOFS, missed_cost, pair_with, probability_seen

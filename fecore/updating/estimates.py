@@ -14,7 +14,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.updating.damping_stage import AGAINST_MODES, OF_LAW, DampingResult
-from fecore.updating.elastic import ElasticResult
+from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.excursions import REACH_95, Excursion
 from fecore.updating.held_inputs import hold_inputs
 from fecore.updating.inputs import Inputs, tolerance_of

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.updating.elastic import ElasticResult
+from fecore.updating.elastic_result import ElasticResult
 
 
 @dataclass(frozen=True)

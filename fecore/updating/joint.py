@@ -27,7 +27,8 @@ from fecore.frf import Dof, FrfSet
 from fecore.identification.noise import residual_variance
 from fecore.modes import MeasuredModes
 from fecore.updating.draws import even_draws
-from fecore.updating.elastic import ElasticResult, update_elastic
+from fecore.updating.elastic import update_elastic
+from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import OUT_OF_PLANE, ForwardModel, ForwardState
 from fecore.updating.law_fit import DampingFit, fit_law

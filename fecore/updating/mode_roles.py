@@ -10,7 +10,7 @@ from fecore.arrays import FloatArray, IntArray
 from fecore.errors import UpdatingError
 from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic import ElasticResult
+from fecore.updating.elastic_result import ElasticResult
 
 _FIRST_RATIO = 0.02  # of modes whose damping was not measured
 

@@ -25,7 +25,7 @@ from fecore.arrays import FloatArray
 from fecore.errors import UpdatingError
 from fecore.updating.coordinates import Coordinates
 from fecore.updating.damping_stage import DAMPING_DISCREPANCY, DampingResult
-from fecore.updating.elastic import ElasticResult
+from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import Parametrisation, by_name
 from fecore.updating.posterior import log_likelihood, log_likelihood_of_deviations

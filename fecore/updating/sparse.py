@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from fecore.body.specimen import kind_of
-from fecore.updating.elastic import ElasticResult
+from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
 
 _ROUNDS = 8  # updates anew at most: standard deviations settle in three to five

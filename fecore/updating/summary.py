@@ -13,8 +13,8 @@ from fecore.dynamics.damping_laws import DampingLaw, beyond, damping_rate, dampi
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.modes import MeasuredModes
 from fecore.updating.damping_stage import DampingResult
-from fecore.updating.elastic import ElasticResult, Start
 from fecore.updating.elastic_findings import elastic_findings
+from fecore.updating.elastic_result import ElasticResult, Start
 from fecore.updating.estimates import coefficient_estimates, constant_estimates, disagreements, ratio_estimates
 from fecore.updating.inputs import Inputs
 from fecore.updating.law_ranking import LawRanking, RankedLaw

@@ -16,7 +16,7 @@ from fecore.correlation import csac, csf, frac, sac
 from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.frf import Dof, FrfSet, convert
 from fecore.updating.damping_stage import DampingResult
-from fecore.updating.elastic import ElasticResult
+from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.excursions import REACH_95
 from fecore.updating.result import FrfCorrelation, HeldOut
 

@@ -13,7 +13,8 @@ from fecore.body.supports import Spring, Supports
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.updating.discretisation import DISCRETISATION, discretise
-from fecore.updating.elastic import ElasticResult, update_elastic
+from fecore.updating.elastic import update_elastic
+from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.excursions import excursions
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
