@@ -32,6 +32,12 @@ def exponential(samples: int, rate_per_sample: float) -> FloatArray:
     return weights
 
 
+def finite(samples: FloatArray) -> bool:
+    """Whether all samples are finite numbers whose sum does not overflow: one pass, in their own precision where it will do."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return bool(np.isfinite(samples.sum()) or np.isfinite(samples.sum(dtype=np.float64)))
+
+
 @dataclass(frozen=True)
 class Block:
     """What one channel recorded of one hit.
@@ -59,7 +65,7 @@ class Block:
             )
         if self.samples.ndim != 1 or self.samples.size < FEWEST_SAMPLES:
             raise InputError("samples", f"has shape {self.samples.shape}, expected {FEWEST_SAMPLES} samples or more")
-        if not np.isfinite(self.samples.sum(dtype=np.float64)):  # one pass; a sum of finite blocks does not overflow
+        if not finite(self.samples):
             bad = np.flatnonzero(~np.isfinite(self.samples))
             where = f"NaN or infinity, first at sample {bad[0] + 1}" if bad.size else "numbers whose sum overflows"
             raise InputError("samples", f"of the {self.quantity} hold {where}")

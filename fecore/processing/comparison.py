@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.arrays import ComplexArray, FloatArray
 
 BANDS = 32  # of an FRF, compared one by one
 FEWEST = 3
@@ -79,9 +79,9 @@ class Comparison:
     offset: Offset | None = None
 
 
-def compare_lines(band: IntArray) -> IntArray:
+def compare_lines(start: int, stop: int) -> slice:
     """Lines of the band that hits are compared on: all, or every second, third ... of a long band."""
-    return band[:: max(1, -(-band.size // MOST_LINES))]
+    return slice(start, stop, max(1, -(-(stop - start) // MOST_LINES)))
 
 
 def deviations(forces: ComplexArray, responses: ComplexArray) -> list[Deviation]:
@@ -119,13 +119,13 @@ def _sorted(values: FloatArray) -> FloatArray:
     """
     if len(values) > _MOST_EXCHANGED:
         return np.sort(values, axis=0)
-    rows = values.copy()
+    spare, *rows = np.concatenate((values[:1], values))
     for end in range(len(rows) - 1, 0, -1):
         for i in range(end):
-            low = np.minimum(rows[i], rows[i + 1])
+            low = np.minimum(rows[i], rows[i + 1], out=spare)
             np.maximum(rows[i], rows[i + 1], out=rows[i + 1])
-            rows[i] = low
-    return rows
+            spare, rows[i] = rows[i], low
+    return np.array(rows)
 
 
 def _median(order: FloatArray) -> FloatArray:
@@ -135,11 +135,15 @@ def _median(order: FloatArray) -> FloatArray:
 
 
 def _median_of_others(values: FloatArray, order: FloatArray) -> FloatArray:
-    """(h, L) for each row the median of the others, from the order of all: what stands behind the row itself moves up."""
-    low, high = (len(order) - 2) // 2, (len(order) - 1) // 2
-    first = np.where(values <= order[low], order[low + 1], order[low])
-    second = first if low == high else np.where(values <= order[high], order[high + 1], order[high])
-    middle: FloatArray = (first + second) / 2
+    """(h, L) for each row the median of the others, from the order of all.
+
+    Of the two values in the middle of an even number of rows, or the three of an odd one, a row takes one away: its own,
+    or the outer one on its side. What is left is the median of the others, or its double.
+    """
+    low, high = (len(order) - 2) // 2, (len(order) - 1) // 2 + 1
+    middle = order[low : high + 1].sum(axis=0) - np.clip(values, order[low], order[high])
+    if high - low == 2:
+        middle /= 2
     return middle
 
 

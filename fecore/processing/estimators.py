@@ -37,7 +37,7 @@ Estimator = Literal["H1", "H2", "Hv"]
 
 _PRIOR = 4.0  # degrees of freedom that the expected variance of a line is worth
 _NEIGHBOURS = 9  # lines, over which a variance is averaged
-_AT_ONCE = 2048  # lines that are worked on together: what they need stays in a processor's cache
+_AT_ONCE = 8192  # lines that are worked on together: what one hit needs of them stays in a processor's cache
 
 
 @dataclass(frozen=True)
@@ -85,19 +85,46 @@ def estimate(forces: ComplexArray, responses: ComplexArray, estimator: Estimator
 def _lines(
     forces: ComplexArray, responses: ComplexArray, share: FloatArray, estimator: Estimator
 ) -> tuple[ComplexArray, FloatArray, FloatArray]:
-    """FRF, coherence and variance of some lines, each line by itself; `share` (h,) is what a hit's power is multiplied by."""
-    force2 = squared(forces)
-    ff, aa, af = share @ force2, share @ squared(responses), share @ (responses * forces.conj())
+    """FRF, coherence and variance of some lines, each line by itself; `share` (h,) is what a hit's power is multiplied by.
+
+    Hit by hit, so that what is worked on stays in a processor's cache: several times as fast as all hits at once.
+    """
+    lines = forces.shape[1]
+    power, ff, aa = np.empty(forces.shape), np.zeros(lines), np.zeros(lines)
+    af, one, parts, level = np.zeros(lines, complex), np.empty(lines, complex), np.empty(2 * lines), np.empty(lines)
+    for force, response, own, weight in zip(forces, responses, share.tolist(), power, strict=True):
+        ff += np.multiply(_squared(force, parts, weight), own, out=weight)
+        aa += np.multiply(_squared(response, parts, level), own, out=level)
+        np.conj(force, out=one)
+        one *= response
+        one.view(float)[:] *= own  # a product of complex numbers would cost four times as much
+        af += one
     with np.errstate(divide="ignore", invalid="ignore"):
         values = _ESTIMATORS[estimator](ff, aa, af)
-        coherence = np.clip(np.nan_to_num(squared(af) / (ff * aa)), 0, 1)
-    values = np.where(np.isfinite(values), values, 0)
+        coherence = _squared(af, parts, np.empty(lines)) / (ff * aa)
+    values[~np.isfinite(values)] = 0
+    coherence[~np.isfinite(coherence)] = 0
+    np.minimum(coherence, 1, out=coherence)
     if len(forces) < 2:
-        return values, coherence, np.full(values.shape, np.nan)
-    inverse = 1 / np.maximum(ff, 1e-300)
-    weight = force2 * (share[:, np.newaxis] * inverse)
-    off = squared(responses - values * forces) * (share[:, np.newaxis] / (1 - np.minimum(weight, 0.999)))
-    return values, coherence, (off * weight).sum(axis=0) * inverse
+        return values, coherence, np.full(lines, np.nan)
+    inverse, variance = 1 / np.maximum(ff, 1e-300), np.zeros(lines)
+    for force, response, own, weight in zip(forces, responses, share.tolist(), power, strict=True):
+        np.subtract(response, np.multiply(values, force, out=one), out=one)
+        _squared(one, parts, level)
+        level *= np.multiply(weight, inverse, out=weight)
+        np.subtract(1, np.minimum(weight, 0.999, out=weight), out=weight)
+        level /= weight
+        level *= own
+        variance += level
+    variance *= inverse
+    return values, coherence, variance
+
+
+def _squared(values: ComplexArray, parts: FloatArray, into: FloatArray) -> FloatArray:
+    """|z|² of (L,) values, with (2 L,) of room for the squares of their parts."""
+    flat = values.view(float)
+    np.multiply(flat, flat, out=parts)
+    return np.add(parts[::2], parts[1::2], out=into)
 
 
 def squared(values: ComplexArray) -> FloatArray:

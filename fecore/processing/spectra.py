@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.arrays import ComplexArray, FloatArray
 from fecore.errors import InputError
 from fecore.processing.blocks import Hit, exponential
 from fecore.processing.choice import choose_windows
@@ -85,7 +85,7 @@ class Spectra:
         self.compared = self._excited([hit for hit, _ in looked], [traits for _, traits in looked])
         self.basis = self._basis([*looked, *more]) if processing.positions else None
 
-    def _excited(self, hits: Sequence[Hit], traits: Sequence[Traits]) -> IntArray:
+    def _excited(self, hits: Sequence[Hit], traits: Sequence[Traits]) -> slice:
         """Kept lines on which hits are compared: those that the hammer excites."""
         power = np.median(
             [
@@ -98,7 +98,7 @@ class Spectra:
         start = int(np.argmax(power >= EXCITED * power.max()))
         weak = weak[weak > start]
         stop = int(weak[0]) if weak.size else power.size
-        return compare_lines(np.arange(start, max(stop, start + 64))[: power.size - start])
+        return compare_lines(start, min(max(stop, start + 64), power.size))
 
     def _basis(self, sample: Sequence[tuple[Hit, Traits]]) -> Basis | None:
         """What the resonances look like, from a sample of hits."""

@@ -145,15 +145,16 @@ def _traits(hits: Sequence[Hit]) -> Iterator[Traits]:
     rate = hits[0].sample_rate_hz
     pulses = [find_pulse(hit.force, rate) for hit in hits]
     by_channel = list(zip(*((hit.force, *hit.responses) for hit in hits), strict=True))
-    beyond = _stop_bands(
-        [_about(block, pulse, rate) for blocks in by_channel for block, pulse in zip(blocks, pulses, strict=True)]
+    beyond = iter(
+        _stop_bands(
+            [_about(block, pulse, rate) for blocks in by_channel for block, pulse in zip(blocks, pulses, strict=True)]
+        )
     )
-    channels = [
-        _channel(blocks, rate, beyond[k * len(hits) : (k + 1) * len(hits)]) for k, blocks in enumerate(by_channel)
-    ]
+    channels = [[_largest(block, rate, next(beyond)) for block in blocks] for blocks in by_channel]
+    before = [_before(blocks, pulses, rate) for blocks in by_channel[1:]]
     for i, (hit, pulse) in enumerate(zip(hits, pulses, strict=True)):
         blocks = (hit.force, *hit.responses)
-        small, large = sorted(channels[0].sides[i])
+        small, large = sorted(channels[0][i].sides)
         rebound = small / large if large > 0 else 0.0
         yield Traits(
             number=hit.number,
@@ -161,43 +162,40 @@ def _traits(hits: Sequence[Hit]) -> Iterator[Traits]:
             samples=hit.samples,
             channels=tuple(Channel(block.dof, block.quantity, block.full_scale) for block in blocks),
             pulse=pulse,
-            tops=tuple(channel.tops[i] for channel in channels),
-            before=tuple(_before(block, pulse, rate) for block in hit.responses),
+            tops=tuple(channel[i].top for channel in channels),
+            before=tuple(channel[i] for channel in before),
             rebound=rebound,
             lasting=tuple(_lasting(block.samples) for block in blocks) if rebound > REBOUND else (),
         )
 
 
 @dataclass(frozen=True)
-class _Numbers:
-    """Of one channel of several hits: tops, and its largest magnitudes to either side."""
+class _Largest:
+    """Of one block: its top, and its largest magnitudes to either side."""
 
-    tops: list[Top]
-    sides: list[list[float]]
+    top: Top
+    sides: tuple[float, float]
 
 
-def _channel(blocks: Sequence[Block], rate: float, beyond: Sequence[float]) -> _Numbers:
-    """One channel's numbers: passes over all blocks at once, for a campaign has thousands of hits. `beyond` is what each
-    has in the stop band.
+def _largest(block: Block, rate: float, beyond: float) -> _Largest:
+    """How a block's largest samples lie, in few passes, for a campaign has thousands of blocks. `beyond` is what it has in
+    the stop band.
     """
-    samples = np.array([block.samples for block in blocks])
-    window = blocks[0].window(rate)
-    sides = np.abs((samples.max(axis=1), samples.min(axis=1)))
-    largest = sides.max(axis=0)
-    steps = [0.0] * len(blocks)
-    level, size = largest, samples
+    samples = size = block.samples
+    window, step = block.window(rate), 0.0
+    sides = high, low = abs(samples.max()), abs(samples.min())
     if window is not None:  # which may have come before the converter
-        few = np.abs(samples[:, :: max(1, samples.shape[1] // 512)])
-        steps = [smallest_gap(row, 1e-6 * float(top)) for row, top in zip(few, largest, strict=True)]
+        few = np.abs(samples[:: max(1, samples.size // 512)])
+        step = smallest_gap(few, 1e-6 * float(max(sides)))
         window = np.maximum(window, _WEAKEST)
         size = samples / window
-        level = np.abs(size).max(axis=1)
-    near = _NEAR_TOP * level[:, np.newaxis]
-    places = np.flatnonzero((size >= near) | (size <= -near))
-    first = np.searchsorted(places, np.arange(len(blocks) + 1) * size.shape[1])
-    high = [places[first[i] : first[i + 1]] - i * size.shape[1] for i in range(len(blocks))]
-    tops = [_top(size[i], high[i], window, step=steps[i], stop_band=beyond[i]) for i in range(len(blocks))]
-    return _Numbers(tops, sides.T.astype(float).tolist())
+        high, low = abs(size.max()), abs(size.min())
+    near = _NEAR_TOP * max(high, low)
+    reach = size >= near
+    if low >= near:
+        reach |= size <= -near
+    top = _top(size, np.flatnonzero(reach), window, step=step, stop_band=beyond)
+    return _Largest(top, (float(sides[0]), float(sides[1])))
 
 
 def _lasting(samples: FloatArray) -> float:
@@ -251,17 +249,25 @@ def _taper(samples: int) -> FloatArray:
     return weights
 
 
-def _before(block: Block, pulse: Pulse, sample_rate_hz: float) -> Before:
-    reach = min(_FILTER_REACH + 2 * pulse.width, pulse.start // 2)
-    part = np.asarray(block.samples[: max(pulse.start - reach, 0)], dtype=float)
-    if part.size < 8:
-        return Before(0.0, 0.0, 0, np.zeros(_LINES, np.float32))
-    window = block.window(sample_rate_hz)
-    if window is not None:
-        part = part / window[: part.size]
-    offset = float(part.sum()) / part.size
-    smooth = (part[1:] + part[:-1]) / 2 - offset
-    level = float(np.sqrt(smooth @ smooth / smooth.size))
-    last = part[-_LINES:]
-    power = squared(np.fft.rfft(last - float(last.sum()) / last.size, 2 * _LINES))[1:]
-    return Before(offset, level, int(part.size), (power / last.size).astype(np.float32))
+def _before(blocks: Sequence[Block], pulses: Sequence[Pulse], sample_rate_hz: float) -> list[Before]:
+    """What lies before the pulse in one response of several hits; the transforms of all are one call."""
+    found, last = [], np.zeros((len(blocks), 2 * _LINES))
+    for row, block, pulse in zip(last, blocks, pulses, strict=True):
+        reach = min(_FILTER_REACH + 2 * pulse.width, pulse.start // 2)
+        part = np.asarray(block.samples[: max(pulse.start - reach, 0)], dtype=float)
+        if part.size < 8:
+            found.append((0.0, 0.0, 0))
+            continue
+        window = block.window(sample_rate_hz)
+        if window is not None:
+            part = part / window[: part.size]
+        offset = float(part.sum()) / part.size
+        smooth = (part[1:] + part[:-1]) / 2 - offset
+        found.append((offset, float(np.sqrt(smooth @ smooth / smooth.size)), int(part.size)))
+        end = part[-_LINES:]
+        row[: end.size] = end - float(end.sum()) / end.size
+    powers = squared(np.fft.rfft(last)[:, 1:])
+    return [
+        Before(offset, level, samples, (power / max(min(samples, _LINES), 1)).astype(np.float32))
+        for (offset, level, samples), power in zip(found, powers, strict=True)
+    ]

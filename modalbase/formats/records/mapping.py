@@ -212,7 +212,7 @@ def _table(variables: Variables, channel: ChannelMapping) -> FloatArray:
         )
     table: FloatArray = np.ascontiguousarray(values, dtype=np.float32 if values.dtype == np.float32 else np.float64)
     with np.errstate(over="ignore", invalid="ignore"):
-        total = table.sum(dtype=np.float64)  # one pass; only where it is not finite is each number asked
+        total = table.sum()  # one pass; only where it is not finite is each number asked
     bad = np.empty((0, 2), dtype=int) if np.isfinite(total) else np.argwhere(~np.isfinite(table))
     if bad.size:
         raise FormatError(
@@ -238,8 +238,8 @@ def _refuse_copies(tables: dict[str, FloatArray]) -> None:
 
 def _in_si(table: FloatArray, channel: ChannelMapping) -> FloatArray:
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # what comes of it is looked at
-        values: FloatArray = table / channel.sensitivity
-    most = float(np.abs(values).max())
+        values: FloatArray = table if channel.sensitivity == 1 else table / channel.sensitivity
+    most = max(float(values.max()), -float(values.min()))
     if not most < _LARGEST:
         raise FormatError(
             channel.variable, f"reaches {most:.3g} in SI, more than any sensor gives; look at the sensitivity"
