@@ -141,7 +141,7 @@ def _median_of_others(values: FloatArray, order: FloatArray) -> FloatArray:
     or the outer one on its side. What is left is the median of the others, or its double.
     """
     low, high = (len(order) - 2) // 2, (len(order) - 1) // 2 + 1
-    middle = order[low : high + 1].sum(axis=0) - np.clip(values, order[low], order[high])
+    middle: FloatArray = order[low : high + 1].sum(axis=0) - np.clip(values, order[low], order[high])
     if high - low == 2:
         middle /= 2
     return middle
