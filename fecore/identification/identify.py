@@ -13,38 +13,29 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from fecore.arrays import FloatArray
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.basis import poles
+from fecore.identification.candidates import LinearStage, linear_stage
 from fecore.identification.drift import Drift, sessions
 from fecore.identification.guards import Verdict, Witnesses, judge
-from fecore.identification.leakage import leakage
-from fecore.identification.noise import believable, line_scatter, rough_variance
 from fecore.identification.orders import comes_back
 from fecore.identification.parting import part
-from fecore.identification.pole_search import final_fit, search_poles
+from fecore.identification.pole_search import Final, Searched, final_fit, search_poles
+from fecore.identification.preparation import Prepared, prepare
 from fecore.identification.refinement import Fit
 from fecore.identification.remarks import remarks, unexplained
 from fecore.identification.result import Found, Identification, RefusedPole
-from fecore.identification.screening import screen
 from fecore.identification.shapes import Shapes, shapes_from_residues
-from fecore.identification.stabilisation import Stabilisation, first_variance, stabilise
+from fecore.identification.stabilisation import Stabilisation
 from fecore.identification.stretch import without_stretch
 from fecore.identification.subsets import halves
 from fecore.modes import MeasuredModes
-
-_BEYOND = np.array([1.02, 1.06, 1.12, 1.2, 1.35, 1.6])  # candidate frequencies above the band, in its end
-_BELOW = np.array([0.5, 0.8, 0.95])  # ... and below it, in its start
-_LOOK_BACK = 40  # poles of lower frequency that a candidate is compared with
-_ALIKE_ON_LINES = 4.0  # stated noise over the scatter of lines from which most of it is alike on neighbouring lines
-_FEWEST_LEARNT = 4  # FRFs of which a relative error can be learnt beside the noise
-_WIDTHS = np.array([0.01, 0.03, 0.1])
 
 Report = Callable[[str, float], None]
 
@@ -87,70 +78,89 @@ def identify(
     options = options or Options()
     clock = _Clock()
     report("screening the FRFs", 0.0)
-    screened = screen(frfs, options.band_hz)
-    arrangement, notes = screened.arrangement, list(screened.warnings)
-    arrangement, doubts = _doubt_variance(arrangement)
-    arrangement, left_out = leakage(arrangement)
-    scatter = line_scatter(arrangement.values, arrangement.measured, _first_line(arrangement))
-    arrangement = _of_lines(arrangement, scatter)
-    noise = np.where(np.isfinite(arrangement.variance), arrangement.variance, scatter)
-    notes += [*doubts, *left_out]
+    prepared = prepare(frfs, options.band_hz)
     clock.lap("screening")
     report("linear estimates", 0.05)
-    variance = first_variance(arrangement)
-    diagram = stabilise(arrangement, variance, _orders(arrangement, options.highest_order))
+    linear = linear_stage(prepared.arrangement, options.highest_order)
     clock.lap("linear stage")
-    most = min(options.most_modes, int(arrangement.measured.sum(axis=1).min()) // 4)
-    searched = search_poles(arrangement, noise, _candidates(arrangement, diagram), most, report)
-    stretch = without_stretch(arrangement, searched.sifted.fit.terms, noise)
-    if stretch is not None:
-        arrangement = stretch[0]
-        notes.append(_stretched(stretch[1]))
-        diagram = stabilise(arrangement, first_variance(arrangement), _orders(arrangement, options.highest_order))
-        searched = search_poles(arrangement, noise, _candidates(arrangement, diagram), most, report)
+    sought = _seek(prepared, linear, options, report)
     clock.lap("search")
-    final = final_fit(arrangement, searched, report)
-    arrangement, fit, sifted = final.arrangement, final.fit, final.sifted
-    drift = _both(None if stretch is None else stretch[1], final.drift)
+    final = final_fit(sought.arrangement, sought.searched, report)
     clock.lap("refinement")
     report("judging the modes", 0.9)
-    stable = comes_back(searched.search, sifted.fit, diagram)
-    witnesses = Witnesses(sifted.needs, halves(searched.search, sifted.fit), stable)
-    verdict = judge(arrangement, fit, searched.search, witnesses)
+    return _judged(prepared, sought, final, clock, report)
+
+
+@dataclass(frozen=True)
+class _Sought:
+    """The FRFs as aligned, their linear stage, the poles that they need, and the drift that was taken out."""
+
+    arrangement: Arrangement
+    linear: LinearStage
+    searched: Searched
+    drift: Drift | None
+
+
+def _seek(prepared: Prepared, linear: LinearStage, options: Options, report: Report) -> _Sought:
+    """The poles; where the structure drifted so far that modes are found twice, once more without the drift."""
+    arrangement, noise = prepared.arrangement, prepared.noise
+    most = min(options.most_modes, int(arrangement.measured.sum(axis=1).min()) // 4)
+    searched = search_poles(arrangement, noise, linear.pool, most, report)
+    stretch = without_stretch(arrangement, searched.sifted.fit.terms, noise)
+    if stretch is None:
+        return _Sought(arrangement, linear, searched, None)
+    aligned, drift = stretch
+    linear = linear_stage(aligned, options.highest_order)
+    return _Sought(aligned, linear, search_poles(aligned, noise, linear.pool, most, report), drift)
+
+
+def _judged(prepared: Prepared, sought: _Sought, final: Final, clock: _Clock, report: Report) -> Identification:
+    """Which of the poles are modes, with their shapes, and all that there is to say of them."""
+    arrangement, sifted, search, diagram = (
+        final.arrangement,
+        final.sifted,
+        sought.searched.search,
+        sought.linear.diagram,
+    )
+    witnesses = Witnesses(sifted.needs, halves(search, sifted.fit), comes_back(search, sifted.fit, diagram))
+    verdict = judge(arrangement, final.fit, search, witnesses)
     refused = (*verdict.refused, *(RefusedPole(*pole) for pole in sifted.dropped))
     if not verdict.kept.size:
         raise IdentificationError(_nothing(arrangement, diagram, refused))
-    fit, verdict, parted = part(arrangement, fit, verdict)
-    notes += parted
+    fit, verdict, parted = part(arrangement, final.fit, verdict)
     shapes = _shapes(arrangement, fit, verdict)
-    notes += [f"no mode at {p.frequency_hz:.2f} Hz: {p.reason}" for p in refused]
-    notes += [
-        *searched.said,
+    notes = (
+        *prepared.said,
+        *([] if sought.drift is None else [_stretched(sought.drift)]),
+        *parted,
+        *(f"no mode at {p.frequency_hz:.2f} Hz: {p.reason}" for p in refused),
+        *sought.searched.said,
         *final.said,
         *remarks(arrangement, fit, verdict, shapes),
         *_noise_remarks(arrangement, fit),
-    ]
-    notes += unexplained(arrangement, fit, variance)
+        *unexplained(arrangement, fit, sought.linear.variance),
+        *(f"FRF {r.frf} was not used: {r.reason}" for r in prepared.refused),
+    )
     clock.lap("shapes")
     report("done", 1.0)
     spoilt = np.isin(np.arange(arrangement.frequency_hz.size), verdict.spoilt)
-    errors = searched.search.errors
+    drift = _both(sought.drift, final.drift)
     return Identification(
         found=Found(_modes(arrangement, fit, verdict, shapes, drift), shapes, verdict.significance, verdict.doubt),
         terms=fit.terms,
         stabilisation=diagram,
         used=tuple(arrangement.label(r) for r in range(len(arrangement.pairs))),
         rows=arrangement.source,
-        refused=screened.refused,
+        refused=prepared.refused,
         refused_poles=refused,
-        warnings=tuple(notes + [f"FRF {r.frf} was not used: {r.reason}" for r in screened.refused]),
+        warnings=notes,
         frequency_hz=arrangement.frequency_hz,
         quantity=arrangement.quantity,
         measured=np.where(arrangement.measured & ~spoilt, arrangement.values, np.nan),
         predicted=fit.model(arrangement),
         noise_variance=fit.variance,
         noise_ratio=fit.chi_squared / fit.freedom,
-        model_error=errors.relative,
+        model_error=search.errors.relative,
         drift=0.0 if drift is None else drift.sd,
         memory_lines=fit.memory,
         seconds=clock.laps,
@@ -166,38 +176,6 @@ def _stretched(drift: Drift) -> str:
         f"all natural frequencies drift together, by {100 * np.ptp(drift.each):.2g} % over the tests, so that modes were found"
         " twice: the tests were aligned, and the twins are one mode; temperature does this, or a support that comes loose"
     )
-
-
-def _first_line(arrangement: Arrangement) -> float:
-    """Number of the first line, counted from 0 Hz."""
-    return float(arrangement.frequency_hz[0] / max(arrangement.spacing_hz, 1e-300))
-
-
-def _orders(arrangement: Arrangement, highest: int) -> tuple[int, ...]:
-    """Orders of the linear stage: with m fixed dofs each order has m poles, and a line can carry half an unknown."""
-    p, m = len(arrangement.roving), len(arrangement.fixed)
-    shared = m if m > 1 and p * m == len(arrangement.pairs) else 1
-    top = min(max(6, 2 * highest // (shared + 1)), int(arrangement.measured.sum(axis=1).min()) // 3)
-    return tuple(range(2, max(top, 3) + 1))
-
-
-def _candidates(arrangement: Arrangement, diagram: Stabilisation) -> tuple[FloatArray, FloatArray]:
-    """Poles of every fourth and of the highest two orders, once each, and a few beyond the band."""
-    top = int(diagram.order.max())
-    keep = (diagram.order % 4 == 0) | (diagram.order >= top - 1)
-    high, low = arrangement.frequency_hz[-1] * _BEYOND, arrangement.frequency_hz[0] * _BELOW
-    low = low[low > 2 * arrangement.spacing_hz]
-    outside_hz, outside_zeta = (v.ravel() for v in np.meshgrid(np.append(low, high), _WIDTHS))
-    hz = np.append(diagram.frequency_hz[keep], outside_hz)
-    zeta = np.append(diagram.damping_ratio[keep], outside_zeta)
-    order = np.argsort(hz, kind="stable")
-    hz, zeta = hz[order], zeta[order]
-    fresh = np.ones(hz.size, dtype=bool)
-    for k in range(1, hz.size):  # a pole within a tenth of its bandwidth of one that is there adds nothing to the scan
-        near = slice(max(0, k - _LOOK_BACK), k)
-        like = np.abs(hz[near] - hz[k]) < 0.1 * zeta[k] * hz[k]
-        fresh[k] = not np.any(like & fresh[near] & (np.abs(np.log(zeta[near] / zeta[k])) < 0.15))
-    return hz[fresh], zeta[fresh]
 
 
 def _shapes(arrangement: Arrangement, fit: Fit, verdict: Verdict) -> Shapes:
@@ -217,35 +195,6 @@ def _modes(arrangement: Arrangement, fit: Fit, verdict: Verdict, shapes: Shapes,
     if drift is not None:  # the mean of as many drifts as there are sessions, common to all modes
         covariance[: f.size, : f.size] += np.outer(f, f) * drift.sd**2 / sessions(arrangement)
     return MeasuredModes(f, fit.terms.damping_ratio[kept], shapes.complex, arrangement.roving, covariance)
-
-
-def _doubt_variance(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
-    """Enlarge a stated noise that the records themselves contradict, and say so."""
-    rough = rough_variance(arrangement.values, arrangement.measured)
-    variance, factor = believable(arrangement.variance, rough, arrangement.measured)
-    if np.all(factor == 1):
-        return arrangement, []
-    worst = int(np.argmax(factor))
-    note = (
-        f"{int(np.sum(factor > 1))} FRFs scatter more from line to line than the noise that coherence and averages"
-        f" state (most in {arrangement.label(worst)}: {np.sqrt(factor[worst]):.1f} times the noise); the stated noise was"
-        " enlarged there"
-    )
-    return replace(arrangement, variance=variance), [note]
-
-
-def _of_lines(arrangement: Arrangement, scatter: FloatArray) -> Arrangement:
-    """The stated noise, no larger than what changes from line to line, where there are FRFs enough to learn other errors.
-
-    Hits beside the point scatter from hit to hit, but alike on all lines of a resonance: that is no noise of a line. The
-    residues take it up, and as noise it would hide one line and overrate the next. Its size is learnt with the relative error.
-    """
-    with np.errstate(invalid="ignore"):
-        over = arrangement.variance[arrangement.measured] / scatter[arrangement.measured]
-    over = over[np.isfinite(over)]
-    if len(arrangement.pairs) < _FEWEST_LEARNT or not over.size or np.median(over) < _ALIKE_ON_LINES:
-        return arrangement
-    return replace(arrangement, variance=np.minimum(arrangement.variance, scatter))  # NaN, not known, stays so
 
 
 def _noise_remarks(arrangement: Arrangement, fit: Fit) -> list[str]:
