@@ -159,7 +159,7 @@ def _process(api: httpx.Client, campaign: str) -> None:
     answer = api.post(f"campaigns/{campaign}/processings", json={}).raise_for_status()
     where = api.base_url.join(answer.headers["Location"])
     while (state := _state(api, where))["status"] in ("queued", "running"):
-        time.sleep(0.1)
+        time.sleep(0.5)
     assert state["status"] == "succeeded", state["error"]
 
 

@@ -56,9 +56,9 @@ def _samples(point: PointFile) -> Iterator[np.ndarray[Any, Any]]:
     data = point.path.read_bytes()
     start = 0
     for row in point.rows:
-        end = start + row.samples * np.dtype(row.dtype).itemsize
-        yield np.frombuffer(data[start:end], row.dtype)
-        start = end
+        samples = np.frombuffer(data, row.dtype, row.samples, start)
+        yield samples
+        start += samples.nbytes
 
 
 def process_records(inputs: ProcessingInputs, report: Callable[[str, float], None]) -> Iterator[ProcessingOutput]:

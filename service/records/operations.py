@@ -16,8 +16,8 @@ from modalbase.formats.records import TimeBlock
 from service.access import Lookup, User, audit
 from service.campaigns.operations import campaign_for
 from service.db.bytea import copy_rows, new_keys, stream_rows
-from service.errors import Conflict
-from service.frfs.spectra import Spectrum, decode, encode
+from service.errors import Conflict, Damaged, verified
+from service.frfs.spectra import encode
 from service.records.hits import BlockRow, describe_verdict, hits_of, whole
 from service.records.schemas import UNITS, HitOut, RecordOut, StoredRecords
 from service.records.tables import Record
@@ -37,6 +37,9 @@ COLUMNS = {
     "data": "bytea",
 }
 """What is stated of a time block, and its type in the database."""
+
+_SHOWN = tuple(name for name in RecordOut.model_fields if name not in ("unit", "sha256", "dtype"))
+_TYPES = {name: str(np.dtype(name)) for name in ("<f4", "<f8")}
 
 Place = tuple[int, int]
 
@@ -64,23 +67,24 @@ def store_records(
         QuotaExceeded: the project has no room for them.
     """
     campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
-    last = last_hits(session, campaign.id)
-    rows = []
-    for block in blocks:
-        place = (block.force_point, block.force_direction)
-        number = block.hit + (last.get(place, 0) if counted else 0)
-        rows.append(columns_of(campaign.id, filename, block, number))
-    if not counted:
-        _refuse_known(session, campaign.id, rows)
+    if counted:
+        last = last_hits(session, campaign.id)
+        numbers = [block.hit + last.get((block.force_point, block.force_direction), 0) for block in blocks]
+    else:
+        numbers = [block.hit for block in blocks]
+        _refuse_known(session, campaign.id, blocks)
     project = campaign_for.project_of(session, campaign)
-    book(session, StorageOwner(project, campaign.id), "records", sum(len(row["data"]) for row in rows))
-    keys = new_keys(session, len(rows))
+    book(session, StorageOwner(project, campaign.id), "records", sum(block.samples.nbytes for block in blocks))
+    keys = new_keys(session, len(blocks))
     with copy_rows(session, Record.__tablename__, {"id": "uuid", **COLUMNS}) as write:
-        for key, row in zip(keys, rows, strict=True):
+        for key, block, number in zip(
+            keys, blocks, numbers, strict=True
+        ):  # the server stores one while the next is hashed
+            row = columns_of(campaign.id, filename, block, number)
             write([key, *(row[name] for name in COLUMNS)])
     written = Record.id == any_(literal(keys, ARRAY(Uuid)))  # one parameter, however many blocks a file holds
     stored = list(session.scalars(select(Record).where(written).order_by(Record.id)))
-    audit(session, user, "record.create", "campaign", campaign.id, project, count=len(rows), filename=filename)
+    audit(session, user, "record.create", "campaign", campaign.id, project, count=len(blocks), filename=filename)
     return stored
 
 
@@ -111,19 +115,19 @@ def last_hits(session: Session, campaign_id: UUID) -> dict[Place, int]:
     return {(point, direction): last for point, direction, last in session.execute(query)}
 
 
-def _refuse_known(session: Session, campaign_id: UUID, rows: Sequence[dict[str, Any]]) -> None:
-    points = {row["force_point"] for row in rows}
+def _refuse_known(session: Session, campaign_id: UUID, blocks: Sequence[TimeBlock]) -> None:
+    points = {block.force_point for block in blocks}
     key_of = (Record.force_point, Record.force_direction, Record.hit, Record.quantity, Record.point, Record.direction)
     query = select(*key_of).where(Record.campaign_id == campaign_id, Record.force_point.in_(points))
     known = {tuple(row) for row in session.execute(query)}
     seen: set[tuple[Any, ...]] = set()
-    for row in rows:
-        key = tuple(row[n] for n in ("force_point", "force_direction", "hit", "quantity", "point", "direction"))
+    for block in blocks:
+        place = block.force_point, block.force_direction, block.hit
+        key = (*place, block.quantity, block.point, block.direction)
         if key in known or key in seen:
             where = "twice in what was sent" if key in seen else "in the campaign already"
             raise Conflict(
-                f"hit {row['hit']} of point {row['force_point']} is {where} ({row['quantity']} at point "
-                f"{row['point']}); "
+                f"hit {block.hit} of point {block.force_point} is {where} ({block.quantity} at point {block.point}); "
                 "delete it there, number the hits anew, or leave the numbers out"
             )
         seen.add(key)
@@ -168,24 +172,30 @@ def block_rows(session: Session, campaign_id: UUID, points: set[int] | None = No
 
 
 def sample_bytes(session: Session, rows: Sequence[BlockRow]) -> Iterator[bytes]:
-    """The stored bytes of blocks, one at a time, in their order."""
+    """The stored bytes of blocks, one at a time, in their order, after their SHA-256 has been verified.
+
+    Raises:
+        Damaged: the bytes are not the ones that were stored.
+    """
     query = (
         "SELECT data FROM unnest(%s::uuid[]) WITH ORDINALITY AS wanted (id, place)"
         " JOIN records USING (id) ORDER BY place"
     )
-    for (data,) in stream_rows(session, query, [[row.id for row in rows]], ["bytea"]):
-        yield data
+    stored = stream_rows(session, query, [[row.id for row in rows]], ["bytea"])
+    for row, (data,) in zip(rows, stored, strict=True):
+        if len(data) != row.samples * np.dtype(row.dtype).itemsize:
+            raise Damaged("record", row.sha256)
+        yield verified(data, row.sha256, "record")
 
 
 def samples_of(session: Session, rows: Sequence[BlockRow]) -> Iterator[FloatArray]:
-    """The samples of blocks, one at a time, after their SHA-256 has been verified.
+    """The samples of blocks, one at a time, read-only, after their SHA-256 has been verified.
 
     Raises:
         Damaged: the bytes are not the ones that were stored.
     """
     for row, data in zip(rows, sample_bytes(session, rows), strict=True):
-        spectrum = Spectrum(row.dtype, row.samples, data, row.sha256)  # type: ignore[arg-type]  # what encode wrote
-        yield np.asarray(decode(spectrum).real)
+        yield np.frombuffer(data, row.dtype)
 
 
 def judged(session: Session, campaign_id: UUID, stored: Sequence[Record]) -> StoredRecords:
@@ -207,5 +217,5 @@ def judged(session: Session, campaign_id: UUID, stored: Sequence[Record]) -> Sto
 
 def describe(row: Record) -> RecordOut:
     """A time block as clients see it. The samples are not read."""
-    shown = {name: getattr(row, name) for name in RecordOut.model_fields if name not in ("unit", "sha256", "dtype")}
-    return RecordOut(**shown, unit=UNITS[row.quantity], sha256=row.sha256.hex(), dtype=str(np.dtype(row.dtype)))
+    shown = {name: getattr(row, name) for name in _SHOWN}
+    return RecordOut(**shown, unit=UNITS[row.quantity], sha256=row.sha256.hex(), dtype=_TYPES[row.dtype])

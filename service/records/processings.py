@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -24,7 +25,7 @@ from service.jobs.state import job_state
 from service.jobs.tables import Job
 from service.records.computing import PointFile, ProcessingInputs, ProcessingOutput, process_records
 from service.records.hits import whole
-from service.records.operations import block_rows, samples_of
+from service.records.operations import block_rows, sample_bytes
 from service.records.schemas import ProcessingIn, ProcessingOut
 from service.records.tables import Processing
 from service.storage import require_room
@@ -46,7 +47,7 @@ def load_records(
 ) -> ProcessingInputs | None:
     """A campaign's hits, ready to be processed; None where it has no time blocks.
 
-    The samples are put on the worker's disk, a file a place, so that memory holds one block at a time.
+    The samples are put on the worker's disk, a file a place, as the server sends them: memory holds one block at a time.
     """
     known = [whole(rows) for rows in block_rows(session, campaign_id).values()]
     places = [rows for rows, _ in known if rows]
@@ -54,12 +55,15 @@ def load_records(
         return None
     left = [f"{sentence}; it was left out" for _, sentences in known for sentence in sentences]
     points = []
+    samples = sample_bytes(
+        session, [row for rows in places for row in rows]
+    )  # one query, however many places there are
     for number, rows in enumerate(places):
         path = workspace / f"{number}.blocks"
         with path.open("wb") as file:
-            for samples in samples_of(session, rows):
-                file.write(samples.tobytes())
+            file.writelines(islice(samples, len(rows)))
         points.append(PointFile(tuple(rows), path))
+    assert next(samples, None) is None, "as many blocks as rows; and the query is at its end"
     positions = specimen_points(session, campaign_of(session, campaign_id))
     processing = replace(options.processing(), strip=_strip(session, campaign_id), positions=positions)
     return ProcessingInputs(tuple(points), processing, tuple(left))
