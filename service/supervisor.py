@@ -20,12 +20,13 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
+from http import HTTPStatus
+from http.client import HTTPConnection, HTTPException
 from pathlib import Path
 from selectors import EVENT_READ, DefaultSelector
 from types import TracebackType
 from typing import Self
 
-import httpx
 from sqlalchemy import func, select
 
 from service.access.keys import create_key, user_named
@@ -83,8 +84,8 @@ class LocalService:
             self._engine = make_engine(self.settings.database_url or "", pool_size=1)
             stack.callback(self._engine.dispose)
             require_head(self._engine)
-            port = listener.getsockname()[1]
-            self.url = f"http://{_bracketed(self.given.host)}:{port}"
+            self._port = listener.getsockname()[1]
+            self.url = f"http://{_bracketed(self.given.host)}:{self._port}"
             log = stack.enter_context(self.log_file.open("ab")).fileno() if self.log_file else STANDARD_ERROR
             stack.callback(self._end_processes)
             if self.given.database_url is None:
@@ -176,10 +177,14 @@ class LocalService:
             time.sleep(0.05)
 
     def _answers(self) -> bool:
+        connection = HTTPConnection(self.given.host, self._port, timeout=ANSWER_SECONDS)
         try:
-            return httpx.get(f"{self.url}/readyz", trust_env=False, timeout=ANSWER_SECONDS).is_success
-        except httpx.TransportError:
+            connection.request("GET", "/readyz")
+            return connection.getresponse().status == HTTPStatus.OK
+        except (OSError, HTTPException):
             return False  # not listening yet
+        finally:
+            connection.close()
 
     def _end_processes(self) -> None:
         for process in self.processes.values():

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from fecore.arrays import FloatArray, IntArray
 
@@ -68,12 +68,12 @@ class Pattern:
         summed = np.bincount(slots[used].ravel(), weights=each.ravel(), minlength=self.indices.size + 1)
         return np.asarray(summed[:-1], dtype=float)
 
-    def find(self, matrix: sparse.csc_array) -> tuple[IntArray, FloatArray]:
+    def find(self, matrix: scipy.sparse.csc_array) -> tuple[IntArray, FloatArray]:
         """Entries of a sparse matrix over all dofs, which all lie in the pattern: their places in it, and values."""
         if matrix.nnz == 0:
             return np.empty(0, dtype=np.int64), np.empty(0)
         size = self.free.size
-        entries = sparse.coo_array(sparse.csc_array(matrix)[self.free][:, self.free])
+        entries = scipy.sparse.coo_array(scipy.sparse.csc_array(matrix)[self.free][:, self.free])
         keys = np.repeat(np.arange(size), np.diff(self.indptr)) * size + self.indices
         return np.searchsorted(keys, entries.col.astype(np.int64) * size + entries.row), entries.data
 
@@ -82,7 +82,7 @@ class Pattern:
         terms: FloatArray,
         names: tuple[str, ...],
         blocks: tuple[IntArray, ...],
-        extra: Mapping[str, sparse.csc_array],
+        extra: Mapping[str, scipy.sparse.csc_array],
         zone: IntArray | None = None,
     ) -> AffineMatrix:
         """Σ_k c_k A_k of (k, e, d, d) element matrices, or (k, 1, d, d) alike for all elements.
@@ -126,7 +126,7 @@ class AffineMatrix:
         """Number of rows and columns."""
         return int(self.pattern.free.size)
 
-    def at(self, coefficients: FloatArray) -> sparse.csc_array:
+    def at(self, coefficients: FloatArray) -> scipy.sparse.csc_array:
         """The matrix at (k + l,) coefficients."""
         own = len(self.names) - len(self.whole)
         data = self.pattern.assemble(self._summed(coefficients[:own]))
@@ -145,7 +145,7 @@ class AffineMatrix:
             return np.asarray(of_element @ self.elements[:, 0])
         return np.asarray(np.einsum("ek,ked->ed", of_element, self.elements))
 
-    def term(self, k: int) -> sparse.csc_array:
+    def term(self, k: int) -> scipy.sparse.csc_array:
         """A_k, the derivative of the matrix by its k-th coefficient."""
         return self._matrix(self._terms[k])
 
@@ -168,16 +168,16 @@ class AffineMatrix:
         )
 
     @cached_property
-    def _compact(self) -> tuple[sparse.csc_array, ...]:
+    def _compact(self) -> tuple[scipy.sparse.csc_array, ...]:
         """The terms without the pattern's places that they leave empty: most of it, where there are membrane dofs."""
         compact = tuple(self._matrix(values).copy() for values in self._terms)
         for term in compact:
             term.eliminate_zeros()
         return compact
 
-    def _matrix(self, data: FloatArray) -> sparse.csc_array:
+    def _matrix(self, data: FloatArray) -> scipy.sparse.csc_array:
         pattern = self.pattern
-        matrix = sparse.csc_array((data, pattern.indices, pattern.indptr), shape=(self.size, self.size))
+        matrix = scipy.sparse.csc_array((data, pattern.indices, pattern.indptr), shape=(self.size, self.size))
         matrix.has_sorted_indices = True
         matrix.has_canonical_format = True
         return matrix

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import sparse
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.body.affine import AffineMatrix, Pattern
@@ -122,17 +122,17 @@ class BeamModel:
         heave, roll, pitch = motions[:, 2:5].T
         return np.column_stack([heave, roll, pitch - self.length / 2 * heave])
 
-    def observation(self, points: FloatArray, directions: IntArray) -> sparse.csr_array:
+    def observation(self, points: FloatArray, directions: IntArray) -> scipy.sparse.csr_array:
         """(p, dofs) displacement or rotation at (p, 2) points (x, y) along (p,) directions 1 … 6.
 
         Raises:
             InputError: a point lies off the beam's length, or a direction is not 1 … 6.
         """
-        return sparse.csr_array(
-            sparse.csc_array(_observation(self.length, self.elements, points, directions))[:, self.free_dofs]
+        return scipy.sparse.csr_array(
+            scipy.sparse.csc_array(_observation(self.length, self.elements, points, directions))[:, self.free_dofs]
         )
 
-    def deflection(self, points: FloatArray) -> sparse.csr_array:
+    def deflection(self, points: FloatArray) -> scipy.sparse.csr_array:
         """(p, dofs) interpolation of w at (p, 2) points."""
         return self.observation(points, np.full(len(points), 3))
 
@@ -197,7 +197,7 @@ def beam(
     )
 
 
-def _observation(length: float, elements: int, points: FloatArray, directions: IntArray) -> sparse.csr_array:
+def _observation(length: float, elements: int, points: FloatArray, directions: IntArray) -> scipy.sparse.csr_array:
     outside = (points[:, 0] < -1e-6 * length) | (points[:, 0] > (1 + 1e-6) * length)
     if outside.any():
         index = int(np.flatnonzero(outside)[0])
@@ -205,7 +205,7 @@ def _observation(length: float, elements: int, points: FloatArray, directions: I
     scaled = np.clip(points[:, 0] / length, 0, 1) * elements
     cell = np.minimum(scaled.astype(np.int64), elements - 1)
     N = beam3.shape_functions(2 * (scaled - cell) - 1)
-    matrix = sparse.lil_array((len(points), 6 * (2 * elements + 1)))
+    matrix = scipy.sparse.lil_array((len(points), 6 * (2 * elements + 1)))
     for row, ((_, y), direction) in enumerate(zip(points, directions, strict=True)):
         if not 1 <= direction <= 6:
             raise InputError(f"directions[{row}]", f"is {direction}, expected 1 … 6")
@@ -215,18 +215,18 @@ def _observation(length: float, elements: int, points: FloatArray, directions: I
             first = 6 * (2 * cell[row] + node)
             for place, arm in ((dof, 1.0), *carried):
                 matrix[row, first + place] = arm * N[row, node]
-    return sparse.csr_array(matrix)
+    return scipy.sparse.csr_array(matrix)
 
 
-def _point_masses(length: float, elements: int, masses: Sequence[PointMass]) -> sparse.csc_array:
+def _point_masses(length: float, elements: int, masses: Sequence[PointMass]) -> scipy.sparse.csc_array:
     size = 6 * (2 * elements + 1)
-    total = sparse.csc_array((size, size))
+    total = scipy.sparse.csc_array((size, size))
     for mass in masses:
         place = np.repeat([[mass.x, mass.y]], 5, axis=0)
         N = _observation(length, elements, place, np.arange(1, 6))
         inertia = [mass.mass] * 3 + [mass.rotary_inertia] * 2
-        total = total + N.T @ sparse.diags_array(inertia) @ N
-    return sparse.csc_array(total)
+        total = total + N.T @ scipy.sparse.diags_array(inertia) @ N
+    return scipy.sparse.csc_array(total)
 
 
 def _motions(x: FloatArray) -> FloatArray:

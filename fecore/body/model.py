@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.body.affine import AffineMatrix, Pattern
@@ -61,7 +61,7 @@ class Model(Protocol):
         """Whether there are in-plane modes among the model's."""
         ...
 
-    def observation(self, points: FloatArray, directions: IntArray) -> sparse.csr_array:
+    def observation(self, points: FloatArray, directions: IntArray) -> scipy.sparse.csr_array:
         """(p, dofs) displacement at (p, 2) points along (p,) directions 1 … 6."""
         ...
 
@@ -120,7 +120,7 @@ class PlateModel:
         inertia = dict(zip(("I0", "I1", "I2"), section.inertia, strict=True))
         return np.array([*(inertia[name[:2]] for name in self.element.mass_terms_names), 1.0])
 
-    def observation(self, points: FloatArray, directions: IntArray) -> sparse.csr_array:
+    def observation(self, points: FloatArray, directions: IntArray) -> scipy.sparse.csr_array:
         """(p, dofs) displacement or rotation of the mid-surface at (p, 2) points along (p,) directions 1 … 6.
 
         It interpolates with the element's own shape functions, never from the nearest node.
@@ -133,11 +133,11 @@ class PlateModel:
             if _DOF_OF_DIRECTION.get(int(direction)) not in names:
                 raise InputError(f"directions[{index}]", f"is {direction}; this model has {', '.join(names)} alone")
         dof = np.array([names.index(_DOF_OF_DIRECTION[int(direction)]) for direction in directions], dtype=np.int64)
-        return sparse.csr_array(
-            sparse.csc_array(_interpolation(self.mesh, self.element, points, dof))[:, self.free_dofs]
+        return scipy.sparse.csr_array(
+            scipy.sparse.csc_array(_interpolation(self.mesh, self.element, points, dof))[:, self.free_dofs]
         )
 
-    def deflection(self, points: FloatArray) -> sparse.csr_array:
+    def deflection(self, points: FloatArray) -> scipy.sparse.csr_array:
         """(p, dofs) matrix that interpolates w at (p, 2) points.
 
         Raises:
@@ -213,7 +213,7 @@ def plate(
     )
 
 
-def rigid_motions(motions: FloatArray, free: IntArray, springs: Sequence[sparse.csc_array]) -> FloatArray:
+def rigid_motions(motions: FloatArray, free: IntArray, springs: Sequence[scipy.sparse.csc_array]) -> FloatArray:
     """(dofs, r) combinations of rigid motions that move no held dof and stretch no spring, over the free dofs."""
     held = np.ones(len(motions), dtype=bool)
     held[free] = False
@@ -247,35 +247,35 @@ def _free_dofs(mesh: RectangleMesh, element: Shell8, supports: Supports) -> IntA
     return np.flatnonzero(~held.ravel())
 
 
-def _interpolation(mesh: RectangleMesh, element: Shell8, points: FloatArray, dof: IntArray) -> sparse.csr_array:
+def _interpolation(mesh: RectangleMesh, element: Shell8, points: FloatArray, dof: IntArray) -> scipy.sparse.csr_array:
     """(p, all dofs) interpolation of a dof at each point."""
     number, natural = mesh.locate(points)
     N = shell8.shape_functions(natural)
     d = len(element.displacements)
     columns = (d * mesh.elements[number] + dof[:, None]).ravel()
     rows = np.repeat(np.arange(len(points)), 8)
-    return sparse.csr_array((N.ravel(), (rows, columns)), shape=(len(points), d * len(mesh.nodes)))
+    return scipy.sparse.csr_array((N.ravel(), (rows, columns)), shape=(len(points), d * len(mesh.nodes)))
 
 
-def _point_mass_matrix(mesh: RectangleMesh, element: Shell8, masses: Sequence[PointMass]) -> sparse.csc_array:
+def _point_mass_matrix(mesh: RectangleMesh, element: Shell8, masses: Sequence[PointMass]) -> scipy.sparse.csc_array:
     """Σ m NᵀN over the masses, and their rotary inertia on the interpolated rotations."""
     size = len(element.displacements) * len(mesh.nodes)
-    total = sparse.csc_array((size, size))
+    total = scipy.sparse.csc_array((size, size))
     if not masses:
         return total
     places = np.array([[mass.x, mass.y] for mass in masses])
     for dof, name in enumerate(element.displacements):
         inertia = [mass.rotary_inertia if name in ("rx", "ry") else mass.mass for mass in masses]
         N = _interpolation(mesh, element, places, np.full(len(masses), dof))
-        total = total + N.T @ sparse.diags_array(inertia) @ N
-    return sparse.csc_array(total)
+        total = total + N.T @ scipy.sparse.diags_array(inertia) @ N
+    return scipy.sparse.csc_array(total)
 
 
 def _spring_matrices(
     mesh: RectangleMesh, element: Shell8, springs: Sequence[Spring], free: IntArray
-) -> dict[str, sparse.csc_array]:
+) -> dict[str, scipy.sparse.csc_array]:
     """By name, the stiffness of each spring at unit stiffness: NᵀN at its point, or ∫NᵀN ds along its edge."""
-    matrices: dict[str, sparse.csc_array] = {}
+    matrices: dict[str, scipy.sparse.csc_array] = {}
     for spring in springs:
         if spring.name in matrices or spring.name in element.terms:
             raise InputError("springs", f"two are named {spring.name}, or it is the name of a section coefficient")
@@ -285,7 +285,7 @@ def _spring_matrices(
         points, weights = _places(mesh, spring)
         dof = np.full(len(points), element.displacements.index(name))
         N = _interpolation(mesh, element, points, dof)
-        matrix = sparse.csc_array(N.T @ sparse.diags_array(weights) @ N)
+        matrix = scipy.sparse.csc_array(N.T @ scipy.sparse.diags_array(weights) @ N)
         if matrix[free][:, free].count_nonzero() == 0:
             raise InputError("spring", f"{spring.name} acts on a support that is already held")
         matrices[spring.name] = matrix

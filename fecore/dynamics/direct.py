@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import Quantity, convert
 
 
 def direct_frf(
-    stiffness: sparse.csc_array,
-    mass: sparse.csc_array,
-    damping: sparse.csc_array,
-    responses: sparse.csr_array,
+    stiffness: scipy.sparse.csc_array,
+    mass: scipy.sparse.csc_array,
+    damping: scipy.sparse.csc_array,
+    responses: scipy.sparse.csr_array,
     load: FloatArray,
     frequency_hz: FloatArray,
     quantity: Quantity = "receptance",
@@ -22,7 +22,9 @@ def direct_frf(
     omega = 2 * np.pi * frequency_hz
     columns = []
     for line in omega:
-        dynamic = sparse.csc_matrix(stiffness - line**2 * mass + 1j * line * damping)
-        columns.append(responses @ sparse.linalg.splu(dynamic, permc_spec="MMD_AT_PLUS_A").solve(load.astype(complex)))
+        dynamic = scipy.sparse.csc_matrix(stiffness - line**2 * mass + 1j * line * damping)
+        columns.append(
+            responses @ scipy.sparse.linalg.splu(dynamic, permc_spec="MMD_AT_PLUS_A").solve(load.astype(complex))
+        )
     found: ComplexArray = np.array(columns).T * convert(omega, quantity)
     return found

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from scipy import sparse
 
 from fecore.arrays import FloatArray
 from fecore.dynamics.factor import Factor, factorise, negative_eigenvalues
@@ -59,14 +58,14 @@ class NormalModes:
         return self.omega / (2 * np.pi)
 
 
-def modes_below(stiffness: sparse.csc_array, mass: sparse.csc_array, eigenvalue: float) -> int:
+def modes_below(stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, eigenvalue: float) -> int:
     """Number of modes with λ < `eigenvalue`, from the inertia of K - λM."""
     return negative_eigenvalues(_shifted(stiffness, mass, eigenvalue))
 
 
 def normal_modes(
-    stiffness: sparse.csc_array,
-    mass: sparse.csc_array,
+    stiffness: scipy.sparse.csc_array,
+    mass: scipy.sparse.csc_array,
     count: int,
     rigid_modes: FloatArray | None = None,
 ) -> NormalModes:
@@ -103,7 +102,7 @@ def normal_modes(
     raise ModelError(f"{missing} of the {count} lowest modes were not found, though the iteration converged")
 
 
-def mass_orthonormal(vectors: FloatArray | None, mass: sparse.csc_array) -> FloatArray:
+def mass_orthonormal(vectors: FloatArray | None, mass: scipy.sparse.csc_array) -> FloatArray:
     """(dofs, r) M-orthonormal basis of the span of (dofs, r) vectors; none for None."""
     if vectors is None or vectors.shape[1] == 0:
         return np.zeros((mass.shape[0], 0))
@@ -114,7 +113,7 @@ def mass_orthonormal(vectors: FloatArray | None, mass: sparse.csc_array) -> Floa
     return scaled
 
 
-def _shift(stiffness: sparse.csc_array, mass: sparse.csc_array, rigid: FloatArray) -> float:
+def _shift(stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, rigid: FloatArray) -> float:
     """A negative shift of about the first elastic eigenvalue, so that K - σM is definite and well conditioned.
 
     That eigenvalue's scale is the Rayleigh quotient after one inverse iteration with a shift far below everything.
@@ -126,18 +125,18 @@ def _shift(stiffness: sparse.csc_array, mass: sparse.csc_array, rigid: FloatArra
     return -float((vector @ (stiffness @ vector)) / (vector @ (mass @ vector)))
 
 
-def _shifted(stiffness: sparse.csc_array, mass: sparse.csc_array, shift: float) -> sparse.csc_array:
+def _shifted(stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, shift: float) -> scipy.sparse.csc_array:
     """K - σM, which is a difference of arrays where both have one pattern."""
     if not shift:
         return stiffness
     if stiffness.nnz != mass.nnz or not np.array_equal(stiffness.indices, mass.indices):
-        return sparse.csc_array(stiffness - shift * mass)
+        return scipy.sparse.csc_array(stiffness - shift * mass)
     data = stiffness.data - shift * mass.data
-    return sparse.csc_array((data, stiffness.indices, stiffness.indptr), shape=stiffness.shape)
+    return scipy.sparse.csc_array((data, stiffness.indices, stiffness.indptr), shape=stiffness.shape)
 
 
 def _lanczos(
-    factor: Factor, mass: sparse.csc_array, rigid: FloatArray, wanted: int, width: int
+    factor: Factor, mass: scipy.sparse.csc_array, rigid: FloatArray, wanted: int, width: int
 ) -> tuple[FloatArray, FloatArray]:
     """The `wanted` largest eigenpairs of (K - σM)⁻¹M outside the rigid modes, descending, M-orthonormal."""
     dofs, free = rigid.shape
@@ -198,10 +197,10 @@ class _Block:
 class _Basis:
     """An M-orthonormal basis that grows by blocks, with the images of its vectors under M; vectors are rows."""
 
-    def __init__(self, vectors: FloatArray, mass: sparse.csc_array, room: int) -> None:
+    def __init__(self, vectors: FloatArray, mass: scipy.sparse.csc_array, room: int) -> None:
         # M is symmetric: its columns are its rows, and products by rows are the faster ones. Its pattern is K's, so
         # most of what it stores is zero.
-        self._mass = sparse.csr_array((mass.data, mass.indices, mass.indptr), shape=mass.shape, copy=True)
+        self._mass = scipy.sparse.csr_array((mass.data, mass.indices, mass.indptr), shape=mass.shape, copy=True)
         self._mass.eliminate_zeros()
         self._size = vectors.shape[1]
         self._store = np.empty((2, self._size + room, len(vectors)))
@@ -279,7 +278,9 @@ class _Basis:
         return np.ascontiguousarray((self._mass @ rows.T).T)
 
 
-def _missing(stiffness: sparse.csc_array, mass: sparse.csc_array, eigenvalue: FloatArray, rigid: int) -> int:
+def _missing(
+    stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, eigenvalue: FloatArray, rigid: int
+) -> int:
     """How many modes lie below the last gap between well-separated modes and were not found (Sturm)."""
     gaps = np.flatnonzero(eigenvalue[1:] > eigenvalue[:-1] * (1 + 1e-6))
     if gaps.size == 0:

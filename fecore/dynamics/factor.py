@@ -16,7 +16,6 @@ from typing import Protocol
 
 import numpy as np
 import scipy
-from scipy import sparse
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.errors import ModelError
@@ -54,7 +53,7 @@ class BandedFactor:
     def colour(self, white: FloatArray) -> FloatArray:
         """L white."""
         band, size = self.lower.shape
-        L = sparse.dia_array((self.lower, -np.arange(band)), shape=(size, size))
+        L = scipy.sparse.dia_array((self.lower, -np.arange(band)), shape=(size, size))
         coloured: FloatArray = L @ white
         return coloured
 
@@ -63,7 +62,7 @@ class BandedFactor:
 class SparseFactor:
     """SuperLU's factor of a symmetric matrix without pivoting: PAPᵀ = LDLᵀ."""
 
-    factor: sparse.linalg.SuperLU
+    factor: scipy.sparse.linalg.SuperLU
 
     def solve(self, right: FloatArray) -> FloatArray:
         """A⁻¹ right."""
@@ -78,7 +77,7 @@ class SparseFactor:
         return coloured
 
 
-def factorise(matrix: sparse.csc_array) -> Factor:
+def factorise(matrix: scipy.sparse.csc_array) -> Factor:
     """Factorise a sparse symmetric positive definite matrix.
 
     Raises:
@@ -96,7 +95,7 @@ def factorise(matrix: sparse.csc_array) -> Factor:
     return BandedFactor(lower)
 
 
-def negative_eigenvalues(matrix: sparse.csc_array) -> int:
+def negative_eigenvalues(matrix: scipy.sparse.csc_array) -> int:
     """How many eigenvalues of a sparse symmetric matrix are negative: its negative pivots (Sylvester's inertia).
 
     Raises:
@@ -111,14 +110,14 @@ def negative_eigenvalues(matrix: sparse.csc_array) -> int:
 _INDEFINITE = "the stiffness is not positive definite: are the supports and the constants right?"
 
 
-def _below_diagonal(matrix: sparse.csc_array) -> IntArray:
+def _below_diagonal(matrix: scipy.sparse.csc_array) -> IntArray:
     """How far below the diagonal each stored entry lies."""
     columns = np.repeat(np.arange(matrix.shape[0], dtype=matrix.indices.dtype), np.diff(matrix.indptr))
     below: IntArray = matrix.indices - columns
     return below
 
 
-def _banded(matrix: sparse.csc_array, below: IntArray) -> FloatArray:
+def _banded(matrix: scipy.sparse.csc_array, below: IntArray) -> FloatArray:
     """LAPACK's lower banded form: entry (i - j, j) is (i, j) of the matrix. It has a row of zeros after the last.
 
     So it is itself a matrix in compressed columns; what lies above the diagonal falls into the row after the last.
@@ -126,7 +125,7 @@ def _banded(matrix: sparse.csc_array, below: IntArray) -> FloatArray:
     last = int(below.max(initial=0)) + 1
     rows = np.where(below < 0, np.array(last, below.dtype), below)
     shape = (last + 1, matrix.shape[1])
-    stored: FloatArray = sparse.csc_array((matrix.data, rows, matrix.indptr), shape=shape).toarray(order="F")
+    stored: FloatArray = scipy.sparse.csc_array((matrix.data, rows, matrix.indptr), shape=shape).toarray(order="F")
     stored[-1] = 0
     return stored
 
@@ -183,12 +182,12 @@ def _subtract(stored: FloatArray, first: int, block: FloatArray, lower_half: Flo
         _dense(stored, first, first, block.shape)[...] -= block * lower_half[: len(block), : len(block)]
 
 
-def _symmetric_lu(matrix: sparse.csc_array) -> sparse.linalg.SuperLU:
+def _symmetric_lu(matrix: scipy.sparse.csc_array) -> scipy.sparse.linalg.SuperLU:
     """Without pivoting, so that the signs of the pivots give the inertia."""
     options = {"SymmetricMode": True}
     try:
-        return sparse.linalg.splu(
-            sparse.csc_matrix(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
+        return scipy.sparse.linalg.splu(
+            scipy.sparse.csc_matrix(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
         )
     except RuntimeError as error:
         raise ModelError(f"{_INDEFINITE} ({error})") from error

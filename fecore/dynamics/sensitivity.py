@@ -17,12 +17,12 @@ from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.dynamics.eigen import NormalModes
 
-Matrix: TypeAlias = sparse.csc_array | FloatArray
+Matrix: TypeAlias = "scipy.sparse.csc_array | FloatArray"
 
 _REPEATED = 1e-8  # relative distance of eigenvalues below which they count as one
 
@@ -81,13 +81,13 @@ def mode_shape_derivatives(
 
 def _bordered_solve(matrix: Matrix, border: FloatArray, right: FloatArray) -> FloatArray:
     size = border.shape[1]
-    scale = np.abs(matrix.data if sparse.issparse(matrix) else matrix).max() / np.abs(border).max()
+    scale = np.abs(matrix.data if scipy.sparse.issparse(matrix) else matrix).max() / np.abs(border).max()
     border = border * scale  # of the matrix's own size, for the sake of the pivots
     right = np.vstack([right[:-size], right[-size:] * scale])
-    if sparse.issparse(matrix):
-        edge = sparse.csc_array(border)
-        whole = sparse.csc_matrix(sparse.block_array([[matrix, edge], [edge.T, None]], format="csc"))
-        solution: FloatArray = sparse.linalg.splu(whole).solve(right)
+    if scipy.sparse.issparse(matrix):
+        edge = scipy.sparse.csc_array(border)
+        whole = scipy.sparse.csc_matrix(scipy.sparse.block_array([[matrix, edge], [edge.T, None]], format="csc"))
+        solution: FloatArray = scipy.sparse.linalg.splu(whole).solve(right)
         return solution
     dense = np.block([[np.asarray(matrix), border], [border.T, np.zeros((size, size))]])
     return np.linalg.solve(dense, right)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.body.mechanisms import mechanism_weights
@@ -67,7 +67,7 @@ class ForwardModel:
     verified: bool = True
 
     @cached_property
-    def observation(self) -> sparse.csr_array:
+    def observation(self) -> scipy.sparse.csr_array:
         """(p, dofs) interpolation of the deflection w at the points."""
         return self.specimen.model.observation(self.places, np.full(len(self.places), OUT_OF_PLANE))
 
@@ -289,7 +289,7 @@ class ForwardState:
         return self.all_shapes[self.modes.rigid :]
 
     @cached_property
-    def observation(self) -> FloatArray | sparse.csr_array:
+    def observation(self) -> FloatArray | scipy.sparse.csr_array:
         """From the system's unknowns, dofs or basis, to the deflections of the measured points."""
         observation = self.forward.observation
         return observation if self.basis is None else observation @ self.basis

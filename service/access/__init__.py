@@ -11,11 +11,15 @@ What a feature needs of it::
         audit(session, user, "structure.create", "structure", row.id, project.id)
 """
 
+from typing import TYPE_CHECKING, Any
+
 from service.access.audit import audit
-from service.access.dependencies import CurrentUser, SessionDep, SettingsDep
 from service.access.lookup import Lookup
 from service.access.projects import Role, project_for, projects_at_work, projects_of
 from service.access.tables import ApiKey, AuditEvent, Member, Project, User
+
+if TYPE_CHECKING:
+    from service.access.dependencies import CurrentUser, SessionDep, SettingsDep
 
 __all__ = [
     "ApiKey",
@@ -33,3 +37,12 @@ __all__ = [
     "projects_at_work",
     "projects_of",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """What routes need brings FastAPI with it, half of the time that a command takes to start: imported when asked for."""
+    if name not in ("CurrentUser", "SessionDep", "SettingsDep"):
+        raise AttributeError(name)
+    from service.access import dependencies
+
+    return getattr(dependencies, name)

@@ -8,7 +8,7 @@ from uuid import UUID
 from sqlalchemy.orm import Session
 
 from service.access.tables import AuditEvent, User
-from service.web.request_id import current_request_id
+from service.request_id import current_request_id
 
 
 def audit(

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 from service.db.embedded import embedded_server
 from service.db.engine import make_engine
 from service.db.postgres import PostgresError
-from service.db.schema import current_revision, upgrade
+from service.db.schema import current_revision, head_revision, upgrade
 from service.settings import Settings
 
 
@@ -48,7 +48,8 @@ def open_database(
             raise DataFolderError(f"PostgreSQL does not start in {settings.data}: {error}") from error
         engine = make_engine(url)
         try:
-            if migrate_embedded or (migrate_new and current_revision(engine) is None):
+            current = current_revision(engine)
+            if (migrate_embedded and current != head_revision()) or (migrate_new and current is None):
                 upgrade(engine)
         finally:
             engine.dispose()

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from alembic import command
-from alembic.config import Config
-from alembic.runtime.migration import MigrationContext
-from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Engine, text
 
 import migrations
 from migrations import procrastinate_schema
 
+if TYPE_CHECKING:
+    from alembic.config import Config
+
+# Alembic is imported where a schema is changed: whether one is this version's is asked at each start, by every process.
+
 MIGRATION_LOCK = 0x6D6F_6461_6C62  # an advisory lock of our own: two upgrades at once wait for each other
 
 POSTGRESQL = 18
 """The oldest PostgreSQL that will do: the first with `uuidv7()`."""
+
+_LINEAGE = re.compile(r'^revision = "(?P<revision>\w+)"\ndown_revision = (?:None|"(?P<parent>\w+)")$', re.MULTILINE)
 
 NO_SCHEMA = "the database has no modalbase schema yet; run `modalbase db upgrade`"
 NEWER = "a newer modalbase made; install that version or a later one"
@@ -55,7 +60,7 @@ def require_version(connection: Connection) -> None:
 
 def known_revisions() -> set[str]:
     """The revisions that this version knows."""
-    return {script.revision for script in ScriptDirectory.from_config(_config()).walk_revisions()}
+    return set(_parents())
 
 
 def require_known(connection: Connection) -> str:
@@ -75,10 +80,11 @@ def require_known(connection: Connection) -> str:
 
 def head_revision() -> str:
     """The revision that this version works with."""
-    head = ScriptDirectory.from_config(_config()).get_current_head()
-    if head is None:
-        raise SchemaError("this installation holds no migrations; install modalbase again")
-    return head
+    parents = _parents()
+    heads = parents.keys() - parents.values()
+    if len(heads) != 1:
+        raise SchemaError("this installation's migrations are not whole; install modalbase again")
+    return heads.pop()
 
 
 def require_head(engine: Engine) -> None:
@@ -124,14 +130,31 @@ def upgrading(engine: Engine) -> Iterator[Connection]:
 
 def upgrade_on(connection: Connection, revision: str) -> None:
     """Bring the schema to a revision in the transaction of `upgrading`."""
+    from alembic import command
+
     command.upgrade(_config(connection), revision)
 
 
 def _revision(connection: Connection) -> str | None:
-    return MigrationContext.configure(connection).get_current_revision()
+    if connection.scalar(text("SELECT to_regclass('alembic_version')")) is None:
+        return None
+    revision: str | None = connection.scalar(text("SELECT version_num FROM alembic_version"))
+    return revision
+
+
+def _parents() -> dict[str, str | None]:
+    """The revision before each that this version knows, as the migrations state them; None before the first."""
+    files = Path(migrations.__file__).parent.joinpath("versions").glob("[0-9]*.py")
+    return {
+        found["revision"]: found["parent"]
+        for file in files
+        if (found := _LINEAGE.search(file.read_text(encoding="utf-8"))) is not None
+    }
 
 
 def _config(connection: Connection | None = None) -> Config:
+    from alembic.config import Config
+
     config = Config()
     config.set_main_option("script_location", str(Path(migrations.__file__).parent).replace("%", "%%"))
     config.set_main_option("path_separator", "os")

@@ -7,9 +7,11 @@ import posixpath
 import re
 from collections.abc import Iterator, Set
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from markdown_it import MarkdownIt
-from markdown_it.token import Token
+if TYPE_CHECKING:
+    from markdown_it import MarkdownIt
+    from markdown_it.token import Token
 
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _ELSEWHERE = re.compile(r"[a-z][a-z0-9+.-]*:", re.IGNORECASE)
@@ -53,6 +55,8 @@ def render(text: str, name: str, names: Set[str]) -> Rendered:
         names: of all files of the guide. A link to another place of the source tree becomes plain text, as nothing of it is
             served.
     """
+    from markdown_it import MarkdownIt  # only here: an API that nobody asks for the guide starts without
+
     markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = markdown.parse(_COMMENT.sub("", text))
     for token in _all(tokens):

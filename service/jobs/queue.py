@@ -12,7 +12,7 @@ from service.errors import Conflict
 from service.jobs import checkpoints, tickets
 from service.jobs.kinds import JobKind
 from service.jobs.tables import Job
-from service.web.request_id import current_request_id
+from service.request_id import current_request_id
 
 
 def enqueue(session: Session, *, kind: JobKind, project_id: UUID, priority: int = 0) -> Job:

@@ -10,9 +10,9 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from service.request_id import HEADER, adopt_request_id
 from service.web.pages import HEADERS
 from service.web.problems import problem
-from service.web.request_id import HEADER, adopt_request_id
 
 CLIENT_GONE = 499  # by custom the status, in logs and metrics alone, of a request that its client broke off
 METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS")

@@ -16,8 +16,8 @@ from starlette.exceptions import HTTPException
 
 from fecore.errors import FecoreError, InputError
 from service import errors as e
+from service.request_id import current_request_id
 from service.web.json_body import pointer
-from service.web.request_id import current_request_id
 
 STATUS: dict[type[e.ServiceError], int] = {
     e.NotFound: 404,
