@@ -222,8 +222,6 @@ def _units_row(layout: _Layout, columns: Mapping[str, Column], index: int) -> di
     It is one where no wanted cell is a number and at least one is a unit of its column's quantity. Every column is read by
     itself: a cell that is no known unit says nothing of its column, and takes nothing from the others.
     """
-    if not 0 <= index < len(layout.rows):
-        return None
     row = layout.rows[index]
     cells = {name: plain(row[p]) for name, p in layout.places.items() if p < len(row) and row[p]}
     if any(is_number(cell) for cell in cells.values()):

@@ -37,7 +37,7 @@ def time_of(
     """A time block in SI and the notes on how it came there; None where it is a block of another kind (pressure, strain).
 
     Raises:
-        Refusal: it is uneven or has no sampling rate, its unit contradicts its data type, or it holds NaN.
+        Refusal: it is uneven or has no sampling rate, its unit contradicts its data type, or SI takes it out of range.
     """
     notes: list[str] = []
     found = _channel(raw, units, notes)
@@ -49,9 +49,10 @@ def time_of(
         raise Refusal(f"is a time block over '{raw.abscissa.unit}', expected seconds", 7)
     if raw.axis.values is not None or not raw.axis.step > 0:
         raise Refusal("is a time block without an even time step: its sample rate is missing", 6)
-    if not np.isfinite(raw.values).all():
-        raise Refusal(f"its samples are NaN or infinite, first at {int(np.argmin(np.isfinite(raw.values))) + 1}")
-    samples = raw.values.real if factor == 1.0 else raw.values.real.astype(np.float64) * factor
+    with np.errstate(over="ignore"):
+        samples = raw.values.real if factor == 1.0 else raw.values.real.astype(np.float64) * factor
+    if not np.isfinite(samples).all():
+        raise Refusal(f"its samples are beyond double precision in SI, first at {np.argmin(np.isfinite(samples)) + 1}")
     dofs = _directions(raw, geometry, notes)
     rate = float(f"{1 / (raw.axis.step * _SECONDS[unit]):.12g}")
     return TimeResponse(dataset, raw.id_lines[0], quantity, *dofs, rate, samples), notes

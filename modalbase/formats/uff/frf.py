@@ -63,8 +63,8 @@ def frf_of(
     """An FRF in SI and the notes on how it came there.
 
     Raises:
-        Refusal: it is not complex, not over frequency, not a response over a force, states no quantity, or is
-            measured along axes that are none of the global ones.
+        Refusal: it is not complex, not over frequency, not a response over a force, states no quantity, is measured
+            along axes that are none of the global ones, or is out of range in SI.
     """
     notes: list[str] = []
     if raw.values.dtype.kind != "c":
@@ -80,7 +80,12 @@ def frf_of(
     )
     double = raw.values.astype(np.complex128, copy=factor != 1.0)
     if factor != 1.0:
-        double.view(np.float64)[:] *= factor  # part by part: a complex product would lose the sign of zeros
+        with np.errstate(over="ignore"):
+            double.view(np.float64)[:] *= factor  # part by part: a complex product would lose the sign of zeros
+        if not np.isfinite(double).all():
+            raise Refusal(
+                f"its ordinates are beyond double precision in SI, first at {np.argmin(np.isfinite(double)) + 1}"
+            )
     values: NDArray[np.complex64] | ComplexArray = double
     if raw.values.dtype == np.complex64 and fits_single(double.view(np.float64)):
         values = double.astype(np.complex64)

@@ -41,12 +41,13 @@ class Spectra:
 
     _autos: dict[Dof, list[PowerSpectrum]] = field(default_factory=dict)
     _crosses: list[PowerSpectrum] = field(default_factory=list)
-    _held: dict[int, DatasetReport | None] = field(default_factory=dict)
+    _taken: set[int] = field(default_factory=set)
+    _held: dict[int, DatasetReport] = field(default_factory=dict)
     _known: set[tuple[Dof, Dof]] = field(default_factory=set)
 
     def take(self, spectrum: PowerSpectrum) -> None:
         """One spectrum of the file."""
-        self._held[spectrum.dataset] = None
+        self._taken.add(spectrum.dataset)
         if spectrum.kind == "cross":
             self._crosses.append(spectrum)
         else:
@@ -54,7 +55,7 @@ class Spectra:
 
     def holds(self, report: DatasetReport) -> bool:
         """Keep the report of a spectrum's dataset until it is known what the spectrum is good for."""
-        if report.number not in self._held:
+        if report.number not in self._taken:
             return False
         self._held[report.number] = report
         return True
@@ -81,8 +82,6 @@ class Spectra:
             yield frf
             yield coherence
         for number, report in self._held.items():
-            if report is None or report.outcome != "read":
-                continue
             if number in notes:
                 yield replace(report, notes=(*report.notes, notes[number]))
             elif number in reasons:

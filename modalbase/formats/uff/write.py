@@ -123,12 +123,13 @@ def _fixed(value: float, width: int = 13) -> str:
     """A real in `width` columns, with as many digits as they hold."""
     if not np.isfinite(value):
         raise ValueError(f"{value} cannot be written to a UFF file")
-    for digits in range(17, 0, -1):
-        mantissa, e, exponent = f"{value:#.{digits}g}".partition("e")
-        shortest = mantissa.rstrip("0") + e + exponent  # the point stays: FORTRAN would imply one elsewhere
-        if len(shortest) <= width:
-            return f"{shortest:>{width}}"
-    raise ValueError(f"{value} does not fit into {width} columns")
+    forms = (
+        f"{value:#.{digits}g}".partition("e") for digits in range(17, 0, -1)
+    )  # one digit takes eight columns at most
+    shortest = (
+        m.rstrip("0") + e + exponent for m, e, exponent in forms
+    )  # the point stays: FORTRAN would imply one elsewhere
+    return next(f"{text:>{width}}" for text in shortest if len(text) <= width)
 
 
 def _apart(value: float) -> str:

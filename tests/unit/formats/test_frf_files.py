@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import pickle
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -84,8 +85,11 @@ HEAD = "response_point,response_direction,reference_point,reference_direction,fr
 )
 def test_a_csv_is_refused_by_its_line(tmp_path: Path, text: str, fault: str) -> None:
     (tmp_path / "frfs.csv").write_bytes(text.encode("latin-1"))
-    with pytest.raises(FormatError, match=fault):
+    with pytest.raises(FormatError, match=fault) as refused:
         read_csv(tmp_path / "frfs.csv")
+    assert (
+        pickle.loads(pickle.dumps(refused.value)).faults == refused.value.faults
+    )  # as it comes out of a child process
 
 
 ARRAYS: dict[str, Any] = {

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -98,6 +100,7 @@ def test_grouped_thousands() -> None:
         1234.5,
         12345.5,
     ]
+    assert read("Load (N);Strain (µε)\n1,234,567;100\n").runs[0].columns["force"].tolist() == [1234567]
     assert read("Load (N);Strain (%)\n1.234,5;0,1\n").runs[0].columns["force"].tolist() == [1234.5]
     text = "Load (N);Strain (µε)\n1,234;100\n2,345;200\n"
     with pytest.raises(FormatError, match="state decimal"):
@@ -119,7 +122,32 @@ REFUSED = [
     ("Load (N);Strain (%)\n", "no line with a number"),
     ("Load (N);Strain (%)\n1,5;2\n1.5;3\n", "state decimal"),
     ("", "no line has the header"),
+    ("Load (N);Strain (%)\n1.234,5;1\n1,234.5;2\n", "some numbers have a decimal point and some a decimal comma"),
+    ("Load (N);Strain (%)\n1.2.3;1\n", "'1.2.3' is not a number with a decimal '.'"),
+    ('Load (N);Strain (%)\n"' + "1" * 140_000 + '";1\n', "line 2: cannot be split into cells"),
 ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"columns": {}}, "columns: names none, expected at least one"),
+        ({"columns": {"force": Column(0, "force", "N")}}, "columns: are numbered from 1"),
+        ({"decimal": "'"}, 'decimal: is "\'", expected . or ,'),
+        ({"delimiter": "|"}, "delimiter: is '|', expected a tab, ; or ,"),
+    ],
+)
+def test_arguments_that_say_nothing_are_refused(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(FormatError, match=re.escape(message)):
+        read("Load (N);Strain (%)\n1;2\n", **arguments)
+
+
+def test_remarks_are_quoted_up_to_twenty_and_what_stands_above_bare_numbers_is_none() -> None:
+    found = read("Load (N);Strain (%)\n1;2\n" + "Pause;\n" * 23)
+    assert (len(found.notes), found.notes[-1]) == (21, "and 3 more such lines")
+    columns = {"force": Column(1, "force", "N"), "strain": Column(2, "strain", "%")}
+    found = read("Machine A;\n1;2\nEnd;\n", columns=columns)
+    assert found.notes == ("line 3: 'End' is no data",)
 
 
 @pytest.mark.parametrize(("text", "message"), REFUSED)

@@ -82,14 +82,24 @@ def test_time_blocks_are_read_in_si(read: Read) -> None:
     assert (hammer.quantity, sensor.quantity) == ("force", "acceleration")
     assert hammer.sample_rate_hz == 1000.0
     assert found.of(Function)[0].name == "time response"  # a pressure stays what it was
+    others = ((1, axis(15, "N*m")), (2, axis(15, "N*m")), (2, axis(15, "NONE")))
+    kept = [
+        read(function(n, samples**2, ordinate=o, abscissa=SECONDS if n == 1 else axis(18, "Hz"))) for n, o in others
+    ]
+    assert [len(one.of(Function)) for one in kept] == [1, 1, 1]  # and so does a moment
 
 
 def test_a_time_block_without_a_rate_or_of_two_minds_is_refused(read: Read) -> None:
     samples = np.sin(np.arange(64.0))
     lost = function(1, samples, abscissa=SECONDS, ordinate=axis(13, "N"), step="0.00000e+00")
     torn = function(1, samples, abscissa=SECONDS, ordinate=axis(13, "m/s^2"), step="1.00000e-03")
-    found = read(lost + torn)
-    assert found.outcomes == ["refused", "refused"]
+    pair = f"{0.0:13.5e}{1.0:20.12e}{1.0:13.5e}{2.0:20.12e}"
+    uneven = set_58(pair, kind=4, even=0, function=1, abscissa=SECONDS, ordinate=axis(13, "N"))
+    large = function(1, 1e308 * (0.5 + samples**2 / 2), abscissa=SECONDS, ordinate=axis(13, "lbf"), step="1.00000e-03")
+    found = read(lost + torn + uneven + large)
+    assert found.outcomes == ["refused"] * 4
+    assert "without an even time step: its sample rate is missing" in found.reasons
+    assert "its samples are beyond double precision in SI, first at 1" in found.reasons
     assert "increment" in found.reasons
     assert "its data type says force, its unit 'm/s^2' says acceleration" in found.reasons
 
@@ -130,6 +140,9 @@ def test_spectra_that_make_no_frf_say_why(read: Read) -> None:
     (lost,) = reasons(function(3, cross, **ends))
     assert "of the force at its reference" in str(lost)
     assert "makes a coherence above 1" in str(reasons(function(3, cross, **ends) + of_force + quiet)[0])
+    loud = function(2, 1e4 * force, response=(7, 3), reference=(7, 3), ordinate=axis(12, "m/s^2"))
+    bell = np.exp(-(((hz - 128) / 20) ** 2)) + 0j  # real: its impulse response is the same before the hit as after
+    assert "before the hit as much as after it" in str(reasons(function(3, bell, **ends) + of_force + loud)[0])
     (known,) = read(set_58(*rows(cross), points=256, **ends)).of(Frf)
     assert reasons(function(3, cross, **ends) + of_force + quiet, known)[0] == (
         "is the cross spectrum of an FRF that the file has itself"

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+import pyuff
 
 from modalbase.formats.uff import Frf, GridPoint, Limits, UffError, read_file
 from modalbase.formats.uff.scan import _bytes_by_record_7
@@ -46,6 +49,9 @@ def binary(order: int = 1, lines: int = 11, count: int = 32) -> bytes:
         (binary(lines=12), "the count of ASCII header lines is 12, expected 11"),
         (binary(count=31), "declares 31 bytes of binary data, but no delimiter stands behind them"),
         (binary(count=10**11), "declares 100000000000 bytes"),
+        (b"    -1\n    15\n" + b"1" * 300_000 + b"\n    -1\n", "a line is longer than 4096 bytes"),
+        (b"1" * 5000, "a line is longer than 4096 bytes"),
+        (b"    -1\n   734\n" + b"   -1\n" * 1002, "more than 1000 lines of -1 in dataset 1"),
         (binary()[:400], "the file ends inside the header of dataset 1"),
     ],
 )
@@ -103,6 +109,11 @@ def test_a_dataset_whose_delimiters_were_lost_in_another_is_named(read: Read) ->
 def test_limits(read: Read) -> None:
     with pytest.raises(UffError, match="more than 1 datasets"):
         read(POINTS + FRF, Limits(datasets=1))
+    with pytest.raises(UffError, match="more than 10 bytes of blank lines"):
+        read(POINTS + b"\n" * 12 + FRF, Limits(blank_bytes=10))
+    assert "nearly all are blank" in read(dataset("15", POINT, *[""] * 10_001)).reasons
+    odd = read(POINTS.removesuffix(b"    -1\n") + b"   -1\n")
+    assert "its closing delimiter is not in columns 5 and 6" in odd.notes
     found = read(POINTS + FRF, Limits(dataset_bytes=200))
     assert found.outcomes == ["read", "refused"]
     assert "more than the 200 allowed" in found.reasons
@@ -136,6 +147,29 @@ def test_reports_name_type_offset_and_place(read: Read) -> None:
 def test_bytes_that_ten_points_of_a_type_may_take(kind: int, even: int, expected: set[tuple[int, int]]) -> None:
     assert set(_bytes_by_record_7(f"{kind:10d}{10:10d}{even:10d}  1.0\n".encode())) == expected
     assert _bytes_by_record_7(f"{kind:10d}{'x':>10}{even:10d}".encode()) == []
+
+
+def test_a_file_that_is_cut_while_it_is_read_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "file.uff"
+    path.write_bytes(POINTS + FRF)
+    contents = read_file(path)
+    path.write_bytes(POINTS)
+    with pytest.raises(UffError, match="the file became shorter while it was read") as refused:
+        list(contents)
+    assert str(pickle.loads(pickle.dumps(refused.value))) == str(refused.value)  # as it comes out of a child process
+
+
+def test_what_pyuff_reads_otherwise_is_refused(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The guard against a dialect that file and reader share: it objects to another number and to one that is lost."""
+    theirs = pyuff.UFF.read_sets
+    monkeypatch.setattr(pyuff.UFF, "read_sets", lambda self: {**theirs(self), "node_nums": np.array([2])})
+    assert "pyuff reads another 'node_nums' from it than its columns hold" in read(POINTS).reasons
+    monkeypatch.setattr(pyuff.UFF, "read_sets", lambda _: {})
+    assert "pyuff finds no" in read(POINTS).reasons
+    monkeypatch.setattr(pyuff.UFF, "read_sets", lambda self: [theirs(self)])
+    found = read(POINTS)
+    assert found.outcomes == ["read"]
+    assert "pyuff cannot read this dataset; it was read by its columns alone" in found.notes
 
 
 def test_a_refused_row_is_named_by_its_line() -> None:

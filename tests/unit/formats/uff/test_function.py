@@ -186,6 +186,13 @@ def test_binary_in_the_other_byte_order_than_stated(read: Read) -> None:
     assert "the byte order in its header is wrong" in found.reasons
 
 
+def test_numbers_that_are_none_in_the_stated_byte_order_are_in_the_other(read: Read) -> None:
+    data = (np.linspace(1.0, 2.0, 64) * (1 + 1j)).astype(">c16").tobytes()
+    data = b"".join(data[i : i + 6] + b"\xff\x7f" for i in range(0, len(data), 8))  # read backwards, a NaN
+    found = read(binary_58(data, points=64))
+    assert "its numbers make no sense as little endian, and do the other way round" in found.reasons
+
+
 def test_bytes_of_a_delimiter_inside_binary_data(read: Read) -> None:
     data = b"    -1\n " + np.array([2, 3, 4], "<f8").tobytes()
     found = read(binary_58(data))
@@ -209,9 +216,8 @@ def test_labels_in_chinese(read: Read) -> None:
     assert found.of(Frf)[0].label == "悬臂梁试验"
 
 
-@pytest.mark.parametrize("pad_by_bytes", [True, False])
-def test_unit_label_behind_a_name_of_many_bytes(read: Read, pad_by_bytes: bool) -> None:
-    name = "加速度"
+@pytest.mark.parametrize(("name", "pad_by_bytes"), [("加速度", True), ("加速度", False), (10 * "加速", False)])
+def test_unit_label_behind_a_name_of_many_bytes(read: Read, name: str, pad_by_bytes: bool) -> None:
     width = 20 - (len(name.encode()) - len(name) if pad_by_bytes else 0)
     record = f"{12:10d}    1    0    0 {name:<{width}} {'mm/s^2':<20}".encode()
     found = read(dataset("58", *header_58(ordinate=record), PLAIN))
@@ -227,6 +233,33 @@ def test_single_precision_text_beyond_its_range_is_kept_as_double(read: Read) ->
     found = read(set_58("  1.00000e-42  2.00000e+00  3.00000e+00  4.00000e+00", kind=5))
     assert found.of(Frf)[0].values.tolist()[0] == 1e-42 + 2j
     assert "kept as doubles" in found.notes
+
+
+def test_rows_of_other_lengths_that_together_fill_the_columns_are_not_cut_up(read: Read) -> None:
+    """The second row is a column short and the third one long, so that the bytes fit a table whose columns do not."""
+    found = read(set_58(PLAIN, PLAIN[1:], " " + PLAIN, points=6))
+    assert values(found) == VALUES * 3
+    assert "separated by blanks" in found.notes
+
+
+def test_blank_degrees_of_freedom_are_noted_and_what_goes_beyond_the_record_is_refused(read: Read) -> None:
+    lines = header_58()
+    sixth = lines[5] if isinstance(lines[5], str) else lines[5].decode()
+    found = read(dataset("58", *lines[:5], sixth[:76], *lines[6:], PLAIN))
+    assert found.of(Frf)[0].reference_direction == 0
+    assert "the reference direction is blank, read as 0" in found.notes
+    found = read(dataset("58", *lines[:5], sixth.ljust(80) + "  17", *lines[6:], PLAIN))
+    assert "record 6 goes beyond column 80 with '17'" in found.reasons
+    assert "ends inside its 11 header lines" in read(dataset("58", *lines[:9])).reasons
+    assert "a coherence with complex ordinates" in read(set_58(PLAIN, function=6)).notes
+
+
+def test_a_name_that_runs_over_its_columns_leaves_the_unit_where_two_blanks_part_them(read: Read) -> None:
+    name = axis(0)[:26] + "Beschleunigung Prüfling mit Meißel".encode("cp1252")
+    (frf,) = read(set_58(PLAIN, ordinate=name + b"   mm/s")).of(Frf)
+    assert (frf.quantity, frf.values.tolist()) == ("mobility", [1e-3 + 2e-3j, 3e-3 + 4e-3j])
+    (function,) = read(set_58(PLAIN, function=6, ordinate=name + b" mm/s")).of(Function)
+    assert function.unit != "mm/s"  # one blank may be part of the name
 
 
 def test_what_is_no_frf(read: Read) -> None:

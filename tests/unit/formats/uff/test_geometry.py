@@ -81,6 +81,16 @@ def test_directions_along_displacement_systems(read: Read, stated: int, found_di
     assert ("of the global system" in found.notes) == (stated not in (0, 3))
 
 
+def test_a_system_that_is_not_there_is_the_global_one_and_noted_once(read: Read) -> None:
+    frf = set_58(FRF_ROW, points=1, response=(1, -3), reference=(2, 3), kind=6)
+    found = read(dataset("15", point(1, 0, 1), point(2, 0, 1)) + frf)
+    (taken,) = found.of(Frf)
+    assert (taken.response_direction, taken.reference_direction) == (-3, 3)
+    assert (
+        found.reports[-1].notes.count("coordinate system 1 is not defined in the file; taken as the global system") == 1
+    )
+
+
 def test_oblique_directions_are_refused(read: Read) -> None:
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
     data = system_2420(9, np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]), (0, 0, 0)) + dataset(
@@ -125,6 +135,7 @@ def test_faults_of_set_2411(read: Read) -> None:
         [labels, labels, coordinates],
         [coordinates, labels],
         [labels + "  7", coordinates],
+        [labels, coordinates.replace("e-01", "x-01", 1)],
     ):
         assert read(dataset("2411", *lines)).outcomes == ["refused"]
 
@@ -175,6 +186,35 @@ def test_faults_of_set_55(read: Read, line: int, text: str, outcome: str, reason
     found = read(dataset("55", *lines))
     assert (found.outcomes, found.contents) == ([outcome], [])
     assert reason in found.reasons
+
+
+def test_a_complex_mode_with_rotations_of_set_2414(read: Read) -> None:
+    """λ = -3 + 4i rad/s: |λ|/2π and 3/5."""
+    numbers = np.arange(1.0, 13.0)
+    rows = ["".join(f"{x:13.5e}" for x in part) for part in (numbers[:6], numbers[6:])]
+    integers = "".join(f"{i:10d}" for i in (0, 0, 0, 0, 0, 4, 0, 0))
+    eigenvalue = "".join(f"{x:13.5e}" for x in (-3, 4, 0, 0, 0, 0))
+    definition = f"{1:10d}{3:10d}{3:10d}{8:10d}{5:10d}{6:10d}"
+    blank = f"{0.0:13.5e}" * 6
+    lines = [
+        f"{1:10d}",
+        "mode",
+        f"{1:10d}",
+        *["NONE"] * 5,
+        definition,
+        integers,
+        integers,
+        blank,
+        eigenvalue,
+        f"{9:10d}",
+        *rows,
+    ]
+    (mode,) = read(dataset("2414", *lines)).of(ModeShape)
+    assert (mode.mode, mode.kind, mode.points.tolist()) == (4, "complex", [9])
+    assert (mode.frequency_hz, mode.damping_ratio) == pytest.approx((5 / (2 * np.pi), 0.6), rel=1e-12)
+    np.testing.assert_array_equal(mode.values, [numbers[::2] + 1j * numbers[1::2]])
+    found = read(dataset("2414", *lines[:2], f"{2:10d}", *lines[3:]))
+    assert (found.outcomes, found.reasons) == (["ignored"], "its data are not at nodes (location 2)")
 
 
 def test_hysteretic_damping_is_halved_and_noted(read: Read) -> None:

@@ -160,10 +160,30 @@ def test_frequency_axis(read: Read, unit: str, factor: float) -> None:
     assert ("converted to Hz" in found.notes) == (unit != "Hz")
 
 
+def test_an_abscissa_of_an_unknown_unit_is_taken_as_hz_and_one_below_zero_is_refused(read: Read) -> None:
+    found = read(set_58(ROW, points=1, start="5.00000e+00", abscissa=axis(18, "bins")))
+    assert one(found).frequency.start == 5.0
+    assert "the unit of the abscissa is 'bins'; Hz assumed" in found.notes
+    assert "its first frequency is -5, expected 0 or more" in read(set_58(ROW, points=1, start="-5.00000e+00")).reasons
+
+
+def test_an_ordinate_that_is_no_motion_and_one_too_large_for_si_are_refused(read: Read) -> None:
+    assert (
+        "its ordinate is of type 15, not an acceleration"
+        in read(set_58(ROW, points=1, ordinate=axis(15, "Pa"))).reasons
+    )
+    large = ROW.replace("1.00000000000e+00", "1.0000000000e+308", 1)
+    found = read(set_58(large, points=1, ordinate=axis(12, "g")))
+    assert (found.outcomes, found.contents) == (["refused"], [])
+    assert "its ordinates are beyond double precision in SI, first at 1" in found.reasons
+
+
 def test_set_164(read: Read) -> None:
     found = read(set_164(1000.0, 1.0, code=1))
     assert found.of(Units)[0].length == 1000.0
     assert "units code 1 stands for length and force factors 1 and 1" in found.notes
+    more = set_164().removesuffix(b"    -1\n") + b"  1.0\n    -1\n"
+    assert "holds more than the three lines of the format" in read(more).reasons
     for bad in ("0.0000000000000000D+00", "-1.0000000000000000D+00", "1.0000000000000000D+99"):
         found = read(set_164().replace(b" 1.0000000000000000D+00", f"{bad:>23}".encode(), 1) + POINT)
         assert found.outcomes == ["refused", "refused"]

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from modalbase.formats.uff import Axis, CoordinateSystem, FileHeader, Frf, Function, GridPoint, ModeShape
+from modalbase.formats.uff import Axis, CoordinateSystem, FileHeader, Frf, Function, GridPoint, ModeShape, Units
 from modalbase.formats.uff.write import encode, write_file
 from tests.support.uff import load
 
@@ -172,7 +172,8 @@ def test_functions(binary: bool) -> None:
 
 def test_header_and_units() -> None:
     header = FileHeader(0, "BEAM", "a beam", "modalbase", "21-Nov-15 09:00:00")
-    (ours, units), theirs = read_back([header])
+    inches = Units(0, 7, "in", 39.37, 0.2248, 1.0, 0.0)  # of the file that was read; what is written is in SI
+    (ours, units), theirs = read_back([header, inches])
     assert ours == replace(header, dataset=1)
     assert (units.length, units.force) == (1.0, 1.0)
     assert theirs[0]["model_name"] == "BEAM"
@@ -197,6 +198,8 @@ def test_what_cannot_be_written_is_refused() -> None:
     frf = Frf(0, "x", IDS, 1, 3, 2, 3, "mobility", axis, np.array([np.nan + 0j]))
     for content, message in (
         (frf, "NaN or infinite"),
+        (replace(frf, frequency=Axis(np.nan, 1.0, 1), values=np.array([1j])), "nan cannot be written"),
+        (ModeShape(0, "x", 7, 1.0, 0.1, np.array([1]), np.full((1, 3), np.nan + 0j), "normal"), "mode 7 holds NaN"),
         (GridPoint(1, (np.inf, 0.0, 0.0)), "grid point 1 is at"),
         (GridPoint(10**11, (0.0, 0.0, 0.0)), "does not fit into 10 columns"),
         (Function(0, "x", IDS, 1, 0, 0, 0, 0, axis, "s" * 21, np.array([1.0]), ""), "does not fit into 20 columns"),
