@@ -241,7 +241,8 @@ def pair_modes(
 def _assign(score: FloatArray, allowed: np.ndarray) -> tuple[tuple[int, int], ...]:
     """Pairs of the largest total score; a mode may stay alone, which scores nothing but beats a forbidden pair."""
     n, m = score.shape
-    benefit = np.where(allowed, np.maximum(score, 1e-6), -1.0)  # an allowed pair is better than leaving both alone
+    little = 1e-6 * np.exp(np.minimum(score, 0.0))  # an allowed pair is better than leaving both alone, the likest most
+    benefit = np.where(allowed, np.maximum(score, little), -1.0)
     padded = np.zeros((n, m + n))
     padded[:, :m] = benefit
     rows, partners = scipy.optimize.linear_sum_assignment(padded, maximize=True)

@@ -9,6 +9,7 @@ api         an httpx client of `service`, with a key of a user of its own: sees 
 
 from __future__ import annotations
 
+import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -42,6 +43,11 @@ def _admin(server: str, statement: str) -> None:
         connection.execute(statement)
 
 
+def _is_there(server: str, database: str) -> bool:
+    with psycopg.connect(_on(server, "postgres")) as connection:
+        return bool(connection.execute("SELECT 1 FROM pg_database WHERE datname = %s", [database]).fetchone())
+
+
 @pytest.fixture(scope="session")
 def short_folder() -> Iterator[Path]:
     """A folder whose path is short enough for a Unix socket, which pytest's are not."""
@@ -52,6 +58,9 @@ def short_folder() -> Iterator[Path]:
 
 @pytest.fixture(scope="session")
 def server(short_folder: Path) -> Iterator[str]:
+    if given := os.environ.get("MODALBASE_TEST_SERVER"):  # one that runs for many runs of the tests
+        yield given
+        return
     with embedded_server(short_folder) as url:
         # Nothing here survives a power cut, so nothing waits for the disk; what a killed server keeps is the same.
         _admin(url, "ALTER SYSTEM SET fsync = off")
@@ -62,10 +71,11 @@ def server(short_folder: Path) -> Iterator[str]:
 @pytest.fixture(scope="session")
 def new_database(server: str) -> Callable[[], str]:
     """Makes migrated databases: each call a fresh one."""
-    _admin(server, f"CREATE DATABASE {TEMPLATE}")
-    engine = make_engine(_on(server, TEMPLATE))
-    upgrade(engine)
-    engine.dispose()
+    if not _is_there(server, TEMPLATE):
+        _admin(server, f"CREATE DATABASE {TEMPLATE}")
+        engine = make_engine(_on(server, TEMPLATE))
+        upgrade(engine)
+        engine.dispose()
 
     def make() -> str:
         name = f"test_{uuid4().hex}"

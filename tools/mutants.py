@@ -1,30 +1,34 @@
-"""Whether the tests would notice: `python -m tools.mutants MODULE.py TEST... [--only N,N]` changes one thing at a time in a
-module and runs the tests that should see it.
+"""Whether the tests would notice: `python -m tools.mutants MODULE.py TEST...` changes one thing at a time in a module and runs
+the tests that should see it. `--only=N,N` tries the mutants of these numbers, `--sample=N --seed=S` N of them drawn by a seed.
 
 Each mutant is one small fault: a comparison turned or its bound moved, `and` for `or`, a `not` left out, a condition that
 always or never holds, an operator or a constant changed, a call, a `raise` or a `return` left out. The tests run in a copy of
-the project, one process a mutant. What survives is printed with its line: a test is missing, the code is more than it need
-be, or the two mean the same.
+the project; `tools/mutant_runs.py` says how. What survives is printed with its line: a test is missing, the code is more than
+it need be, or the two mean the same.
 """
 
 from __future__ import annotations
 
 import ast
 import copy
-import importlib
 import os
+import random
 import shutil
-import signal
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
+from types import ModuleType
+
+from tools.mutant_runs import cold, database_server, load, put, warm
 
 OURS = ("fecore", "modalbase", "service", "migrations", "benchmarks", "tests", "tools", "examples")
 COPIED = (*OURS, "pyproject.toml", "alembic.ini", "docs", "README.md", "CHANGELOG.md", "CONTRIBUTING.md")
-QUIET = ("-W", "ignore::pytest.PytestAssertRewriteWarning")  # what was imported beforehand is not ours
 PATIENCE = 10.0  # times as long as the unchanged module may a mutant take; then it hangs, which is noticed too
+FIRST = 3600.0  # seconds for the unchanged module
 
 _COMPARISONS = {
     ast.Lt: (ast.LtE, ast.GtE),
@@ -50,10 +54,11 @@ _OPERATORS = {
 }
 
 
-def mutants(source: str) -> Iterator[tuple[int, str, str]]:
-    """Every mutant of a module: its line, what was changed into what, and its whole text."""
+def mutants(source: str) -> Iterator[tuple[int, str, str, str | None]]:
+    """Every mutant of a module: its line, what was changed into what, its whole text, and the function in whose body it is."""
     tree = ast.parse(source)
     types = {id(part) for node in ast.walk(tree) for kind in _annotations(node) for part in ast.walk(kind)}
+    functions = dict(_bodies(tree))
     for number, node in enumerate(ast.walk(tree)):
         for changed in _changes(node) if id(node) not in types else ():
             other = copy.deepcopy(tree)
@@ -65,7 +70,18 @@ def mutants(source: str) -> Iterator[tuple[int, str, str]]:
                 other = _Replace(target, changed).visit(other)
             after = ast.unparse(changed)
             text = ast.unparse(ast.fix_missing_locations(other))
-            yield getattr(node, "lineno", 0), f"{_short(before)}  →  {_short(after)}", text
+            yield getattr(node, "lineno", 0), f"{_short(before)}  →  {_short(after)}", text, functions.get(id(node))
+
+
+def _bodies(tree: ast.AST, prefix: str = "") -> Iterator[tuple[int, str]]:
+    """The nodes within the bodies of functions and methods, each with the qualified name of the outermost one."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.ClassDef):
+            yield from _bodies(node, f"{prefix}{node.name}.")
+        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield from ((id(part), prefix + node.name) for line in node.body for part in ast.walk(line))
+        elif not isinstance(node, ast.expr):
+            yield from _bodies(node, prefix)
 
 
 def _changes(node: ast.AST) -> Iterator[ast.AST]:
@@ -121,44 +137,6 @@ def _short(text: str) -> str:
     return " ".join(text.split())[:90]
 
 
-def preload() -> None:
-    """Import what the tests need of other people, once for all mutants, and forget what is ours."""
-    import pytest  # noqa: F401
-
-    importlib.import_module("tests.conftest")
-    for name in [name for name in sys.modules if name.split(".")[0] in OURS]:
-        del sys.modules[name]
-
-
-def killed(folder: Path, tests: Sequence[str], seconds: float) -> bool:
-    """Whether the tests fail, or do not end, in this copy of the project."""
-    child = os.fork()
-    if child == 0:
-        os.setsid()
-        _run(folder, tests)
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        ended, status = os.waitpid(child, os.WNOHANG)
-        if ended:
-            return status != 0
-        time.sleep(0.02)
-    os.killpg(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-    return True
-
-
-def _run(folder: Path, tests: Sequence[str]) -> None:
-    import pytest
-
-    os.chdir(folder)
-    os.environ["PYTHONPATH"] = str(folder)  # for the processes that the tests start
-    sys.path[:] = [str(folder), *(place for place in sys.path if Path(place or ".").resolve() != _HERE)]
-    with Path(os.devnull).open("w") as silent:
-        os.dup2(silent.fileno(), 1)
-        os.dup2(silent.fileno(), 2)
-        os._exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "--no-header", *QUIET, *tests])))
-
-
 _HERE = Path(__file__).resolve().parents[1]
 
 
@@ -172,34 +150,75 @@ def copied(folder: Path) -> None:
             shutil.copy(place, folder / name)
 
 
-def try_all(folder: Path, module: str, tests: Sequence[str], only: Sequence[int] = ()) -> None:
-    """Try every mutant of a module, or some by number; print those that survive, and the counts."""
-    source, began = (folder / module).read_text(), time.monotonic()
-    if killed(folder, tests, 3600):
-        raise SystemExit("the tests fail on the module as it is")
-    seconds = PATIENCE * (time.monotonic() - began) + 10
-    survived = tried = 0
-    for number, (line, what, text) in enumerate(mutants(source)):
-        if only and number not in only:
-            continue
-        (folder / module).write_text(text)
-        tried += 1
-        if not killed(folder, tests, seconds):
+class Trial:
+    """One module, the tests that should see its mutants, and how long they take."""
+
+    def __init__(self, folder: Path, module: str, tests: Sequence[str], loaded: tuple[ModuleType, set[str]]) -> None:
+        """Run the tests on the module as it is, with what is loaded and anew."""
+        self._file, self._tests, self._folder = folder / module, tests, folder
+        self._loaded, self._called = loaded
+        self.source = self._file.read_text()
+        began = time.monotonic()
+        if warm(tests, FIRST, lambda: True) or cold(folder, tests, FIRST):
+            raise SystemExit("the tests fail on the module as it is")
+        self._seconds = PATIENCE * (time.monotonic() - began)
+
+    def notices(self, function: str | None, text: str) -> bool:
+        """Whether the tests notice a mutant, of this function where it lies within one."""
+        self._file.write_text(text)
+        try:
+            noticed = None
+            if function is not None and function not in self._called:
+                noticed = warm(self._tests, self._seconds, partial(put, self._loaded, function, text))
+            return cold(self._folder, self._tests, self._seconds) if noticed is None else noticed
+        finally:
+            self._file.write_text(self.source)
+
+
+def try_all(trial: Trial, module: str, chosen: Callable[[int], Collection[int]]) -> None:
+    """Try the chosen ones of a module's mutants; print those that survive, and the counts."""
+    every = list(mutants(trial.source))
+    wanted = chosen(len(every))
+    survived = 0
+    for number in sorted(wanted):
+        line, what, text, function = every[number]
+        if not trial.notices(function, text):
             survived += 1
             print(f"{number}  {module}:{line}  {what}", flush=True)
-    (folder / module).write_text(source)
-    print(f"{module}: {tried} mutants, {tried - survived} killed, {survived} survived", flush=True)
+    tried = len(wanted)
+    print(f"{module}: {len(every)} mutants, {tried} tried, {tried - survived} killed, {survived} survived", flush=True)
+
+
+def choice(only: str, sample: str, seed: str) -> Callable[[int], Collection[int]]:
+    """The numbers that are tried of so many: those named, a sample of this size, or all."""
+    if only:
+        return lambda count: {number for number in map(int, only.split(",")) if number < count}
+    if sample:
+        return lambda count: random.Random(int(seed or 0)).sample(range(count), min(int(sample), count))
+    return range
 
 
 def main(words: Sequence[str]) -> None:
-    """The command: a module, tests, and `--only=NUMBERS`."""
-    chosen = [word.partition("=")[2] for word in words if word.startswith("--only=")]
-    module, *tests = [word for word in words if not word.startswith("--only=")]
-    preload()
+    """The command: a module, tests, and options."""
+    options = dict.fromkeys(("only", "sample", "seed"), "")
+    rest = []
+    for word in words:
+        name, _, value = word.removeprefix("--").partition("=")
+        if word.startswith("--") and name in options:
+            options[name] = value
+        else:
+            rest.append(word)
+    module, *tests = rest
     sys.dont_write_bytecode = True  # two mutants of one second would share it
-    with tempfile.TemporaryDirectory(prefix="mutants-") as place:
-        copied(Path(place))
-        try_all(Path(place), module, tests, [int(n) for numbers in chosen for n in numbers.split(",")])
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mutants-")))
+        copied(folder)
+        with_database = not all(test.startswith(("tests/unit", "-")) for test in tests)
+        loaded = load(folder, _HERE, module, http=with_database)
+        if with_database:
+            stack.enter_context(database_server(folder / "db"))
+        try_all(Trial(folder, module, tests, loaded), module, choice(**options))
+        os.chdir(_HERE)
 
 
 if __name__ == "__main__":

@@ -52,7 +52,7 @@ def expected_user(session: Session, name_or_id: str) -> User:
 def names_of(session: Session, user_ids: Iterable[UUID | None]) -> dict[UUID | None, str]:
     """Names of users by key."""
     query = select(User.id, User.name).where(User.id.in_(user_ids))
-    return dict(session.execute(query).tuples().all())
+    return dict(session.execute(query).all())
 
 
 def require_administrator(user: User) -> None:
@@ -105,4 +105,4 @@ def valid_key_counts(session: Session, user_ids: Iterable[UUID]) -> dict[UUID, i
         .where(or_(ApiKey.expires_at.is_(None), ApiKey.expires_at > func.now()))
         .group_by(ApiKey.user_id)
     )
-    return dict(session.execute(query).tuples().all())
+    return dict(session.execute(query).all())

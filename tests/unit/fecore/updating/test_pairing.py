@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -12,13 +14,14 @@ import pytest
 from benchmarks import wooden_plates
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
+from fecore.correlation import Pairing
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from fecore.updating import pairing
-from fecore.updating.forward import ForwardModel
+from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
-from fecore.updating.pairing import pair_in_order
+from fecore.updating.pairing import missed_cost, pair_in_order, pair_likest, pair_with, probability_seen
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 
@@ -75,6 +78,126 @@ def test_no_other_alignment_costs_less(seed: int) -> None:
     found = pair_in_order(measured, model, seen).pairs
     best = min(cost(pairs, measured, model, seen) for pairs in alignments(3, 5))
     assert cost(found, measured, model, seen) == pytest.approx(best, rel=1e-12)
+
+
+def test_more_measured_modes_than_the_model_has() -> None:
+    """Three of the model with four measured ones, of which one at least stays alone; the model's come in any order."""
+    for seed in range(6):
+        random = np.random.default_rng(seed)
+        measured, seen = np.cumsum(random.uniform(1, 30, 4)) + 20, random.uniform(0.05, 0.95, 3)
+        model = np.sort(random.choice(measured, 3, replace=False) * random.uniform(0.9, 1.1, 3))
+        found = pair_in_order(measured, model, seen)
+        best = min(cost(pairs, measured, model, seen) for pairs in alignments(4, 3))
+        assert cost(found.pairs, measured, model, seen) == pytest.approx(best, rel=1e-12)
+        assert sorted((*found.unpaired_measured, *(i for i, _ in found.pairs))) == list(range(4))
+        order = random.permutation(3)
+        turned = pair_in_order(measured, model[order], seen[order])
+        assert [(i, order[j]) for i, j in turned.pairs] == list(found.pairs)
+        assert found.mac is None
+
+
+def solved(
+    hz: list[float], shapes: list[list[float]], *, points: int = 0, hidden: tuple[int, ...] = ()
+) -> ForwardState:
+    """What pairing asks of a solved model."""
+    forward = SimpleNamespace(points=tuple(range(points)))
+    state = SimpleNamespace(frequency_hz=np.array(hz), shapes=np.array(shapes), forward=forward, hidden=hidden)
+    return cast(ForwardState, state)
+
+
+def measured(hz: list[float], shapes: list[list[float]] | None, dofs: int) -> MeasuredModes:
+    return MeasuredModes(
+        np.array(hz),
+        np.full(len(hz), 0.01),
+        None if shapes is None else np.array(shapes, dtype=complex),
+        tuple(Dof(point + 1, 3) for point in range(dofs)),
+    )
+
+
+def test_a_rival_is_one_that_may_be_seen_and_is_nearly_as_near() -> None:
+    one = np.array([101.0])
+
+    def rivals(second: float, seen: float, model: float = 100.0) -> tuple[tuple[int, int, int], ...]:
+        return pair_in_order(one, np.array([model, second, 300.0]), np.array([0.95, seen, 0.95])).ambiguous
+
+    assert rivals(103.0, 0.6) == ((0, 0, 1),)  # ln 103/101 is 0.0196, ln 101/100 0.0100, and a quarter of σ 0.015
+    assert rivals(103.6, 0.6) == ()  # 0.0254
+    assert rivals(103.0, 0.5) == ()
+    assert rivals(103.0, 0.6, model=0.0) == ()  # 0 Hz is no partner and no fault either
+    wide = pair_in_order(one, np.array([95.5, 107.5]), np.array([0.95, 0.94]))
+    assert (wide.pairs, wide.ambiguous) == (((0, 0),), ())  # 0.0624 is beyond σ
+    three = pair_in_order(one, np.array([100.0, 102.5, 102.0]), np.full(3, 0.95))
+    assert three.ambiguous == ((0, 0, 2),)  # the nearest of several
+
+
+def test_a_mode_of_the_model_is_missed_below_the_last_measured_one() -> None:
+    model = np.array([100.0, 130.0, 150.0, 199.0, 205.0, 260.0])
+    found = pair_in_order(np.array([100.0, 200.0]), model, np.array([0.95, 0.51, 0.5, 0.95, 0.95, 0.95]))
+    assert found.pairs == ((0, 0), (1, 3))
+    assert found.unpaired_model == (1,)  # 150 Hz may as well not be seen, the others lie above
+
+
+def test_how_likely_a_mode_is_seen() -> None:
+    """By its amplitude where shapes were measured times that at the two points that stood still."""
+    hz, one = [10.0, 20.0, 30.0, 40.0], measured([10.0], [[1.0]], 1)
+    shapes = [[2.0, 1.0, -1.0, 9.0], [-0.2, 1.0, 1.0, 9.0], [1.0, 0.1, 1.0, 9.0], [0.0, 1.0, 1.0, 9.0]]
+    share = (np.array([2.0, 0.2, 0.1, 0.0]) / 2.0 / 0.1) ** 2
+    expected = np.clip(share / (1 + share), 0.05, 0.95)
+    assert expected.tolist() == [0.95, 0.5, pytest.approx(0.2), 0.05]
+    np.testing.assert_allclose(probability_seen(one, solved(hz, shapes, points=4)), expected, rtol=1e-12)
+    two = measured([10.0], [[1.0, 1.0]], 2)  # the larger of two amplitudes, times that at the third and fourth point
+    height = np.array([2.0 * 1.0 * 9.0, 1.0 * 9.0, 1.0 * 9.0, 1.0 * 9.0]) / 18.0
+    share = (height / 0.1) ** 2
+    np.testing.assert_allclose(
+        probability_seen(two, solved(hz, shapes, points=4)), np.clip(share / (1 + share), 0.05, 0.95), rtol=1e-12
+    )
+    nodes = [[0.0, 0.0]] * 4
+    assert probability_seen(one, solved(hz, nodes, points=2)).tolist() == [0.05] * 4
+    for known, points in ((measured([10.0], None, 0), 4), (one, 0)):
+        assert probability_seen(known, solved(hz, shapes, points=points)).tolist() == [0.95] * 4
+
+
+def test_what_a_pairing_says_against_itself() -> None:
+    seen = np.array([0.9, 0.2, 0.6, 0.7, 0.8])
+    model = np.array([10.0, 20.0, 30.0, 30.0, 40.0])
+    found = Pairing(((0, 0), (2, 2)), None, unpaired_measured=(1,), unpaired_model=(), ambiguous=())
+    expected = -np.log(0.9 * 0.6) - np.log(0.8 * 0.3) + 8.0  # 20 and the other 30 Hz were missed, one is alone
+    assert missed_cost(found, seen, model) == pytest.approx(expected, rel=1e-12)
+    assert missed_cost(replace(found, pairs=()), seen, model) == np.inf
+
+
+def test_shapes_decide_from_three_dofs_on() -> None:
+    hz = [100.0, 110.0, 200.0]
+    shapes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    model = solved(hz, [[*row, 5.0] for row in (shapes[1], shapes[0], shapes[2])], points=3)
+    by_shape = pair_with(measured(hz, shapes, 3), model)
+    assert by_shape.pairs == ((0, 1), (1, 0), (2, 2))
+    assert by_shape.mac is not None
+    hidden = replace_hidden(model, 2)
+    assert pair_with(measured(hz, shapes, 3), hidden).pairs == ((0, 1), (1, 0))
+    two = measured(hz, [row[:2] for row in shapes], 2)
+    for modes in (two, measured(hz, None, 0)):
+        by_order = pair_with(modes, model)
+        assert (by_order.pairs, by_order.mac) == (((0, 0), (1, 1), (2, 2)), None)
+
+
+def replace_hidden(state: ForwardState, *hidden: int) -> ForwardState:
+    return cast(ForwardState, SimpleNamespace(**{**vars(state), "hidden": hidden}))
+
+
+def test_hidden_modes_of_the_model_take_no_part_and_keep_their_numbers() -> None:
+    model = solved([50.0, 100.0, 101.0, 150.0, 200.0], [[1.0]] * 5, points=1)
+    found = pair_with(measured([100.0, 200.0], [[1.0], [1.0]], 1), replace_hidden(model, 0))
+    assert found.pairs == ((0, 1), (1, 4))
+    assert found.unpaired_model == (2, 3)
+    assert found.ambiguous == ((0, 1, 2),)
+
+
+def test_the_likest_are_partners_however_unlike() -> None:
+    modes = measured([100.0, 200.0], [[1.0, 0.1, 0.0], [0.1, 1.0, 0.2]], 3)
+    model = solved([1000.0, 10.0, 2.0], [[0.1, 1.0, 3.0], [1.0, 0.0, 3.0], [1.0, 0.1, 0.0]])
+    assert pair_with(modes, replace_hidden(model, 2)).pairs == ()
+    assert pair_likest(modes, replace_hidden(model, 2)).pairs == ((0, 1), (1, 0))
 
 
 def test_one_frf_and_priors_a_third_off() -> None:
