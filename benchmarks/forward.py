@@ -79,9 +79,8 @@ def against_peers() -> None:
     times: dict[str, list[tuple[float, float]]] = {name: [] for name, _ in rounds}
     found = {name: call() for name, call in rounds}
     random = np.random.default_rng(0)
-    for _ in range(
-        25
-    ):  # in turn, so that a busy machine is busy for all; in no order, as each leaves the caches to the next
+    # In turn, so that a busy machine is busy for all; in no order, as each leaves the caches to the next.
+    for _ in range(25):
         for name, call in (rounds[i] for i in random.permutation(len(rounds))):
             start, busy = time.perf_counter(), sum(os.times()[:4])
             used = time.process_time()

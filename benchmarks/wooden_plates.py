@@ -54,9 +54,8 @@ def plate(seed: int) -> Plate:
     material = OrthotropicMaterial(
         **truth, Gxz=Gxz, Gyz=Gyz, nu_xy=rng.uniform(0.3, 0.45), density=HANDBOOK.density * rng.normal(1, 0.005)
     )
-    stated = Specimen(
-        length, width, thickness, HANDBOOK, "free", divisions=(14, 8)
-    )  # given, as the mesh is not the question
+    # Given, as the mesh is not the question.
+    stated = Specimen(length, width, thickness, HANDBOOK, "free", divisions=(14, 8))
     body = replace(stated, material=material, divisions=(20, 12))
     places = [
         (length * x, width * (y - 0.5), 0.0) for x in np.linspace(0.04, 0.96, 5) for y in np.linspace(0.04, 0.96, 5)

@@ -25,10 +25,8 @@ _MOST_DRIFT = 2 * DRIFT  # what seems more is another misfit
 _CAP = 9.0  # times what is foretold: a line further off is capped
 _PASSES = 6  # of the errors and their weights in turn
 _LEAST_NOISE = 1e-3  # of the first estimate of the noise
-_MOST_NOISE, _MOST_ERROR = (
-    2.0,
-    4.0,
-)  # growth of the noise in one step, and of ε and σ over their priors, while poles may be missing
+# Growth of the noise in one step, and of ε and σ over their priors, while poles may be missing.
+_MOST_NOISE, _MOST_ERROR = 2.0, 4.0
 _TONE = 25.0  # mean square over the errors of a line of interference
 _BESIDE = 10.0  # ... and over that of the lines three off
 _TOUCHED = 9.0  # mean square from which a neighbour of such a line is left out with it
@@ -40,12 +38,7 @@ def learn(search: Search, fit: Fit, *, upwards: bool = False) -> Search:
     records = len(small.source.pairs)
     square = np.sum(np.abs(fit.residual) ** 2, axis=0)
     parts = np.stack(
-        [
-            errors.noise.sum(axis=0),
-            errors.level.sum(axis=0),
-            search.slope(fit).mean(axis=0) * records,
-        ],
-        axis=1,
+        [errors.noise.sum(axis=0), errors.level.sum(axis=0), search.slope(fit).mean(axis=0) * records], axis=1
     )
     use = small.arrangement.measured.any(axis=0) & (square > 0)
     square, parts = square[use], parts[use]

@@ -79,9 +79,8 @@ def lscf(
         if z is None:
             continue
         turned = np.log(z)
-        if (
-            zoom
-        ):  # the band lies on 0 to 1.9 π of the circle: what the logarithm gives below it belongs to the upper half
+        # The band lies on 0 to 1.9 π of the circle: what the logarithm gives below it belongs to the upper half.
+        if zoom:
             turned = np.where(turned.imag < -0.05 * np.pi, turned + 2j * np.pi, turned)
         s = turned / period + 1j * shift
         frequency, zeta = np.abs(s) / (2 * np.pi), -s.real / np.abs(s)

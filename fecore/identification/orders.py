@@ -35,9 +35,8 @@ def comes_back(search: Search, fit: Fit, diagram: Stabilisation) -> FloatArray:
     """
     line = search.arrangement.spacing_hz
     share = np.zeros(fit.terms.pairs)
-    variance = (
-        search.errors.noise
-    )  # the drift's part has its largest value at a resonance, and would hide it from a linear fit
+    # The drift's part has its largest value at a resonance, and would hide it from a linear fit.
+    variance = search.errors.noise
     for k in np.flatnonzero(in_band(search.arrangement, fit.terms.frequency_hz)):
         f = float(fit.terms.frequency_hz[k])
         half = max(f * float(fit.terms.damping_ratio[k]), line / 2)

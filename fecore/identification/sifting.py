@@ -101,9 +101,8 @@ def need(search: Search, fit: Fit, k: int) -> Need:
     without = refine(arrangement, without_pole(bare, k), fit.variance, steps, enough)
     moved = np.insert(without.terms.frequency_hz, k, hz[0])
     replaced = np.abs(moved - hz[0]) < _PLACE * np.abs(fit.terms.frequency_hz - hz[0])
-    if (
-        replaced.any()
-    ):  # a pole that has taken the place of this one leaves its own: what is lost so is the other's worth
+    # A pole that has taken the place of this one leaves its own: what is lost so is the other's worth.
+    if replaced.any():
         bare = replace(bare, held=bare.held | replaced)
         without = refine(arrangement, without_pole(bare, k), fit.variance, steps, enough)
     power = pole_power(arrangement, hz, zeta)

@@ -27,14 +27,13 @@ from fecore.identification.refinement import evaluate, refine
 _WIDEST = 0.02  # relative drift of a frequency to either side: 8 % of a modulus, beyond any room's temperature
 _STEPS = 81  # of the grid over it: a tenth of a half bandwidth of 0.5 %
 _FEWEST = 6  # tests of which a drift can be distinguished from other shapes
-_TWICE = (
-    0.5  # share of the modes that are found more than once from which a drift is looked for, and two of them at least
-)
+_TWICE = 0.5
+"""Share of the modes that are found more than once from which a drift is looked for, and two of them at least."""
+
 _ROUNDS = 3  # of drift and poles in turn
 _SETTLE = 6  # steps of the poles in each
-_NO_WORSE = (
-    1.1  # misfit for each freedom with a drift over that of the twins up to which it is believed; real pairs: hundreds
-)
+_NO_WORSE = 1.1
+"""Misfit for each freedom with a drift over that of the twins up to which it is believed; real pairs have hundreds."""
 
 
 def without_stretch(arrangement: Arrangement, terms: Terms, noise: FloatArray) -> tuple[Arrangement, Drift] | None:

@@ -25,10 +25,8 @@ from fecore.processing.traits import REBOUND, Before, Top, Traits
 _MOST_LINED = 256  # hits that say what the lines before the pulse usually have; of more, every k-th
 _SWAPPED = 4.0  # times that a force may last as long as a response of it, which contains the pulse and what follows
 _STOP_BAND_SCATTER = 3.0  # ratio that the noise between channels may scatter by
-_TWO_EQUAL, _TWO_EQUAL_SCATTER = (
-    0.02,
-    1.5,
-)  # part above the filter's cut, and over the usual one, that two equal samples need
+# Part above the filter's cut, and over the usual one, that two equal samples need.
+_TWO_EQUAL, _TWO_EQUAL_SCATTER = 0.02, 1.5
 
 Criterion = Literal["double", "overload", "quiet", "late", "early", "place", "polarity", "height", "swapped"]
 

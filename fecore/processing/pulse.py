@@ -172,9 +172,8 @@ def _second(
     offset = (wide - width) // 2
     smooth = (near[offset : offset + far.size] - far) * (1.0 if height > 0 else -1.0)
     at = np.arange(smooth.size) + offset + width // 2
-    own = float(
-        np.max(np.abs(near[max(peak - width, 0) : peak + 1] - x[-8:].mean()))
-    )  # the first through the same mean
+    # The first through the same mean.
+    own = float(np.max(np.abs(near[max(peak - width, 0) : peak + 1] - x[-8:].mean())))
     level = np.where((at < start - guard) | (at > stop + guard), smooth, -np.inf)
     part = max(level.size // _SEGMENTS, 64)
     edges = np.arange(0, max(level.size - part, 0) + 1, part)

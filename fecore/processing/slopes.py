@@ -33,14 +33,8 @@ _LINE = 1.4  # at the edge, of a torsion mode whose mean square over the width i
 _ENDS = 0.02  # of the extent, that the body reaches beyond the outermost points
 _WAVES = (45, 25.0)  # wave numbers tried along a strip, and the largest times the extent
 _PLATE_WAVES = ((16, 20.0), (10, 14.0))  # the same along and across a plate
-_SMOOTH = (
-    0.04,
-    0.1,
-    0.15,
-    0.22,
-    0.33,
-    0.5,
-)  # lengths ℓ over the extent; the first leaves points unlike their neighbours
+# Lengths ℓ over the extent; the first leaves points unlike their neighbours.
+_SMOOTH = (0.04, 0.1, 0.15, 0.22, 0.33, 0.5)
 
 
 @dataclass(frozen=True)

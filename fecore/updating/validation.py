@@ -80,9 +80,8 @@ class Predictor:
         basis[self.damping.fit.nuisance.suspended] = 0
         shifted = self.damping.fit.nuisance.modes
         p, e = len(self.covariance), shifted.size
-        weights = np.zeros(
-            (p + 2 * e, len(A), 3 * m)
-        )  # of the lines' functions, in the change of each FRF by each cause
+        # Of the lines' functions, in the change of each FRF by each cause.
+        weights = np.zeros((p + 2 * e, len(A), 3 * m))
         weights[: self.elastic.theta.size, :, :m] = state.residue_jacobian(frfs.responses, references)
         weights[: self.elastic.theta.size, :, m : 2 * m] = A * state.eigenvalue_jacobian.T[:, None, :]
         weights[self.elastic.theta.size : p, :, 2 * m :] = A * basis.T[:, None, :]
@@ -119,10 +118,7 @@ class Predictor:
             for part, spread in zip((error.real, error.imag), variance, strict=True)
         ]
         return HeldOut(
-            points=points,
-            band_hz=band_hz,
-            agreement=agreement(frfs, predicted),
-            coverage_95=float(np.mean(inside)),
+            points=points, band_hz=band_hz, agreement=agreement(frfs, predicted), coverage_95=float(np.mean(inside))
         )
 
     def _noise(self, predicted: ComplexArray) -> FloatArray:
@@ -146,10 +142,7 @@ def agreement(frfs: FrfSet, predicted: ComplexArray) -> FrfCorrelation:
     """SAC, FRAC, CSAC and CSF of some FRFs, over the values that were measured."""
     values, there = (np.where(frfs.measured, each, 0) for each in (frfs.values, predicted))
     return FrfCorrelation(
-        sac=sac(values, there),
-        frac=frac(values, there),
-        csac=csac(values, there),
-        csf=csf(values, there),
+        sac=sac(values, there), frac=frac(values, there), csac=csac(values, there), csf=csf(values, there)
     )
 
 

@@ -11,10 +11,8 @@ import numpy as np
 from fecore.arrays import ComplexArray, FloatArray
 from service.figures.look import MEASURED, QUIET, UPDATED, Figure, Trace, axis, layout, numbers
 
-_OBLIQUE, _DEPTH = (
-    0.18,
-    0.9,
-)  # how far a row of points is set off to the right and up, as shares of length and deflection
+# How far a row of points is set off to the right and up, as shares of length and deflection.
+_OBLIQUE, _DEPTH = 0.18, 0.9
 _SAME_ROW = 1e-3  # of the specimen's size: points this near lie in one row
 MOST_MODES = 12
 """Pairs that one figure draws; the rest is a table's."""

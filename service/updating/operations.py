@@ -95,9 +95,8 @@ def start_update(
             select(UpdateJob).where(UpdateJob.project_id == project_id, UpdateJob.idempotency_key == idempotency_key)
         ).one_or_none()
         if known is not None:
-            before = RecipeIn.model_validate(known.recipe).model_dump(
-                mode="json"
-            )  # an earlier version knew fewer fields
+            # An earlier version knew fewer fields.
+            before = RecipeIn.model_validate(known.recipe).model_dump(mode="json")
             if before != sent or known.campaign_id != campaign.id:
                 raise Invalid("Idempotency-Key", "was used for another request; use a new key for a new job")
             return known

@@ -164,9 +164,8 @@ def a_mode_zooms_and_a_cell_opens_its_shapes(page: Page) -> None:
     )
     box = cells.bounding_box()
     assert box is not None
-    page.mouse.click(
-        box["x"] + 2.5 / columns * box["width"], box["y"] + 4
-    )  # the first measured mode, the third of the model
+    # The first measured mode, the third of the model.
+    page.mouse.click(box["x"] + 2.5 / columns * box["width"], box["y"] + 4)
     page.wait_for_selector("figure[data-figure$='/figures/shapes'] :text('updated model, mode 3')")
     assert "shapes=1%7E3" in page.url
     page.reload()

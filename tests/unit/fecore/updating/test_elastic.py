@@ -52,9 +52,8 @@ def test_exact_data_and_wide_priors_recover_constants_to_the_digit(nominal: Spec
     free = replace(forward, parametrisation=parametrise(nominal, recipe))
     truth = np.array([25e9, 7.5e9])
     result = update_elastic(free, modes_of(free, truth))
-    np.testing.assert_allclose(
-        result.theta, truth, rtol=1e-6
-    )  # eigenvalues are good to 1e-9, sensitivities are ½ or less
+    # Eigenvalues are good to 1e-9, sensitivities are ½ or less.
+    np.testing.assert_allclose(result.theta, truth, rtol=1e-6)
 
 
 def test_modes_are_followed_through_a_crossing(forward: ForwardModel) -> None:
