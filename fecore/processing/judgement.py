@@ -132,16 +132,18 @@ class Usual:
     lines: Mapping[Dof, FloatArray] = field(default_factory=dict)
 
 
-def usual(found: Sequence[Traits]) -> Usual:
-    """What hits are usually like, from all of them: medians, so that up to half may be faulty."""
+def usual(found: Sequence[Traits], *, before: bool = True) -> Usual:
+    """What hits are usually like, from all of them: medians, so that up to half may be faulty. `before` is whether what lies
+    before the pulse is asked for.
+    """
     if len(found) < 3:
         return Usual(None, {})
     clear = [t for t in found if abs(t.pulse.height) > 20 * t.pulse.noise]
     levels: dict[Dof, list[float]] = {}
-    for traits in found:
-        for dof, before in zip(traits.responses, traits.before, strict=True):
-            if before.samples:
-                levels.setdefault(dof, []).append(before.level)
+    for traits in found if before else ():
+        for dof, own in zip(traits.responses, traits.before, strict=True):
+            if own.samples:
+                levels.setdefault(dof, []).append(own.level)
     quiet = {d: median(sorted(v)[: (len(v) + 1) // 2 + 1]) for d, v in levels.items() if len(v) >= 3}
     lines = {dof: _usual_lines(found, dof) for dof in quiet}
     if not clear:

@@ -117,8 +117,8 @@ def first_look(spectra: Spectra, hits: Sequence[Hit]) -> Point:
     for hit in hits:
         spectra.check(hit)
     traits = find_traits(hits)
-    others = usual(traits)
-    alone = [judge(t, replace(others, before={}), None, spectra.processing.limits) for t in traits]
+    others = usual(traits, before=False)
+    alone = [judge(t, others, None, spectra.processing.limits) for t in traits]
     used = tuple(i for i, v in enumerate(alone) if not any(f.criterion in _AT_FAULT_ALONE for f in v.faults))
     forces, responses = spectra.stack(hits, traits, used)
     compared: list[Deviation | None] = [None] * len(hits)
