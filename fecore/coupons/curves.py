@@ -101,7 +101,7 @@ def restarts(curve: Curve) -> tuple[int, ...]:
     strain = np.nan_to_num(curve.mean_strain, nan=float(np.nanmax(curve.mean_strain)))  # a lost gauge runs nowhere
     fall, whole = RESTART * float(force.max()), RESTART * float(strain.max())
     start = 0
-    while start < len(curve):
+    while True:
         back = (np.maximum.accumulate(force[start:]) - force[start:] > fall) & (
             np.maximum.accumulate(strain[start:]) - strain[start:] > whole
         )

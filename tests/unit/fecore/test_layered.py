@@ -35,6 +35,15 @@ def hz(body: LayeredSpecimen, values: np.ndarray, count: int = 8) -> np.ndarray:
     return normal_modes(K, M, count + rigid, model.rigid_modes).frequency_hz[rigid:]
 
 
+def test_a_stack_of_more_plies_than_can_be_updated_keeps_their_angles() -> None:
+    body = stack(*(45.0, -45.0) * 21)
+    assert not any(name.startswith("angle") for name in body.nominal)
+    turned = stack(*(0.0, 90.0) * 21)
+    assert not np.allclose(
+        body.stiffness_coefficients(constants(body)), turned.stiffness_coefficients(constants(turned)), rtol=1e-3
+    )
+
+
 @pytest.mark.parametrize("angles", [(45, -45), (0, 90), (30, -30, -30, 30), (0, 30, 45, 90)])
 def test_coefficients_are_those_of_the_section(angles) -> None:
     body = stack(*angles)

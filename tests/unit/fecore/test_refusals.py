@@ -37,6 +37,7 @@ from fecore.trend.change import ChangePoint
 from fecore.trend.rates import rate_since_onset
 from fecore.trend.series import Series
 from fecore.updating.campaigns.plans import plan_tests
+from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.parameters import Parameter, parametrise
 from tests.support.plates import PAPER
@@ -91,6 +92,14 @@ REFUSED: dict[str, tuple[str, Callable[[], object]]] = {
     "spring at no edge": ("spring.edge", lambda: Spring("s", 1, 3, cast("Any", "top"))),
     "spring at no point": ("spring.point", lambda: Spring("s", 1, 3, point=(np.nan, 0))),
     "oriented with supports": ("springs", lambda: OrientedSpecimen(0.5, 0.05, 0.01, PAPER, supports=Supports())),
+    "oriented with zones": ("zones_m", lambda: OrientedSpecimen(0.5, 0.05, 0.01, PAPER, zones=(0.2,))),
+    "in plane of a model": ("direction", lambda: _strip_model().rows([Dof(1, 1)])),
+    "point of no model": ("point", lambda: _strip_model().rows([Dof(7, 3)])),
+    "too many modes": ("most_modes", lambda: Options(most_modes=0)),
+    "early shear": (
+        "shear_strain",
+        lambda: d3518.reduce(_of_strains([0, 1.4e-3, 3e-3, 5.5e-3, 8e-3]), WIDTH, WIDTH, 1.5e-3),
+    ),
     "MAC of a cube": ("a", lambda: mac(np.ones((2, 2, 2)), np.ones((2, 2)))),
     "coupon of NaN": ("values.E", lambda: CouponResult("a", {"E": np.nan})),
     "no coupon": ("values", lambda: statistics([])),
@@ -164,6 +173,15 @@ def _seen(direction: int) -> object:
 def _coarse() -> Curve:
     strain: FloatArray = np.arange(60) * 7e-4
     return Curve(1e6 * strain, strain, None, -0.3 * strain)
+
+
+def _of_strains(gamma: list[float]) -> Curve:
+    strain = np.array(gamma)
+    return Curve(1e6 * strain, 0.6 * strain, None, -0.4 * strain)
+
+
+def _strip_model() -> ForwardModel:
+    return ForwardModel(STRIP, parametrise(STRIP, [Parameter("Ex")]), (1,), np.array([[0.1, 0.0]]), 3)
 
 
 def _two_kinds() -> Hit:

@@ -48,6 +48,16 @@ def test_a_specimen_that_fails_before_the_offset_line() -> None:
 def test_interpolated_ends_reach_a_range_without_points_at_its_ends() -> None:
     moved = d3518.reduce(curve(), WIDTH, THICKNESS, chord_start=2500e-6, ends="interpolated")
     assert moved.modulus_pa == pytest.approx((29.5e6 - 12.5e6) / 4000e-6, rel=1e-12)
+    there = d3518.reduce(curve(), WIDTH, THICKNESS, ends="interpolated")  # with points at its ends it is theirs
+    assert there.modulus_pa == pytest.approx(4.5e9, rel=1e-12)
+
+
+def test_a_gauge_that_is_lost_after_the_chord_leaves_the_modulus() -> None:
+    lost = np.where(GAMMA > 0.02, np.nan, GAMMA)
+    result = d3518.reduce(Curve(TAU * 100e-6, 0.6 * lost, transverse_strain=-0.4 * lost), WIDTH, THICKNESS)
+    assert result.modulus_pa == pytest.approx(4.5e9, rel=1e-12)
+    assert result.maximum_stress_pa == pytest.approx(48e6)
+    assert "a strain was lost before the maximum force; stresses after it are left out" in result.warnings
 
 
 @pytest.mark.parametrize(

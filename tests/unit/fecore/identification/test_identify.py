@@ -15,6 +15,7 @@ from fecore.correlation import mac
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import Dof, FrfSet
 from fecore.identification import Identification, Options, identify, set_with_gaps
+from fecore.identification.screening import screen
 from tests.support.beams import (
     PAPER_HZ,
     PAPER_ZETA,
@@ -237,6 +238,21 @@ def test_a_saturated_line_is_left_out_and_told() -> None:
     assert any("250 Hz" in w and "33Z/6Z" in w for w in found.warnings)
 
 
+def test_lines_with_the_wrong_sign_are_left_out_and_named() -> None:
+    """As large as their neighbours, so that only the fit sees them; of ten FRFs, each at another line."""
+    frfs = paper_frfs(0.01, 6)
+    values = frfs.values.copy()
+    rows, lines = np.arange(3, 13), 219 + 15 * np.arange(10)
+    values[rows, lines] *= -1
+    found = identify(replace(frfs, values=values))
+    assert_papers_modes(found, 1e-3, 0.01)
+    said = "left out, far off what the other lines say"
+    wrong = {f"33Z/{row + 1}Z: {line + 1} Hz {said}" for row, line in zip(rows, lines, strict=True)}
+    named = {w for w in found.warnings if w.endswith(said)}
+    assert named <= wrong
+    assert len(named) >= 3  # near an antiresonance both signs are as good
+
+
 def test_a_line_saturated_in_all_channels_is_no_mode() -> None:
     frfs = paper_frfs(0.01, 6)
     values = frfs.values.copy()
@@ -291,6 +307,21 @@ def test_repeats_that_agree_are_averaged_and_others_refused() -> None:
     assert "opposite signs" in found.refused[0].reason
     assert Dof(1, 3) not in found.modes.dofs
     assert len(found.modes) == 5
+
+
+def test_sets_of_repeats_that_all_contradict_one_another_and_of_two_quantities() -> None:
+    frfs = paper_frfs(0.01, 6)
+    with pytest.raises(IdentificationError, match=r"all FRFs contradict their repeats: .*opposite signs"):
+        screen([frfs, replace(frfs, values=-frfs.values)])
+    with pytest.raises(
+        IdentificationError, match=r"should be the same FRF but differ \(correlation 0\.\d\d\): measure again"
+    ):
+        screen([frfs, replace(frfs, values=frfs.values[:, ::-1])])
+    constant = np.where(np.arange(33)[:, None] == 4, 2 + 1j, frfs.values)
+    found = screen([replace(frfs, values=constant)])
+    assert [r.reason for r in found.refused] == ["is the same number at all lines: not a measurement"]
+    mixed = [frfs.select(list(range(10))), frfs.select(list(range(10, 33))).to_quantity("mobility")]
+    assert "the FRFs are of different quantities: all were taken as accelerance" in screen(mixed).warnings
 
 
 def test_a_repeat_in_the_opposite_direction_is_the_same_frf() -> None:

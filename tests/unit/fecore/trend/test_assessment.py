@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
@@ -22,6 +23,7 @@ from fecore.trend import (
     rate,
     score,
 )
+from fecore.trend.document import describe_trend
 
 START = datetime(2024, 1, 1, tzinfo=UTC)
 WATCH = Watch({"Ex": "fall"}, baseline=8, expected_interval_days=30)
@@ -52,6 +54,25 @@ def test_a_loss_raises_one_alarm_that_says_when_and_how_much() -> None:
     assert trend.change.size == pytest.approx(-0.05 * 32e9, rel=0.15)
     assert trend.rate is not None
     assert trend.rate.relative_interval_95[1] < 0
+
+
+def test_a_judged_parameter_is_plain_json_with_or_without_a_baseline() -> None:
+    watch = replace(WATCH, covariates=("temperature_c",))
+    for count in (14, 4):
+        trend = assess({"Ex": warm(count)}, watch).parameters["Ex"]
+        stated = json.loads(json.dumps(describe_trend(trend), allow_nan=False))
+        assert [row["campaign_id"] for row in stated["points"]] == list(trend.series.labels)
+        assert [row["state"] for row in stated["timeline"]] == [m.state.value for m in trend.timeline]
+        known = trend.baseline is not None
+        assert known == (count == 14)
+        assert [stated[name] is not None for name in ("baseline", "autocorrelation", "limits")] == [known] * 3
+        assert [row["in_baseline"] for row in stated["points"]] == [known and i < 8 for i in range(count)]
+        assert [row["judged"] is not None for row in stated["points"]] == [known and i >= 8 for i in range(count)]
+        assert all((row["corrected"] is None) != known for row in stated["points"])
+        if trend.baseline is not None:
+            (covariate,) = stated["baseline"]["covariates"]
+            assert covariate["slope"] == pytest.approx(trend.baseline.fit.coefficients[1])
+            assert covariate["name"] == "temperature_c"
 
 
 def test_the_rate_of_a_loss_that_goes_on_is_the_one_since_its_onset() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.oriented import OrientedSpecimen
 from fecore.body.supports import PointMass
 from fecore.errors import InputError
-from fecore.updating.campaigns.plans import PlannedTest, effective_independence, plan_tests
+from fecore.updating.campaigns.plans import PlannedTest, best_points, effective_independence, plan_tests
 from fecore.updating.campaigns.update import CampaignsRecipe, update_campaigns
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
@@ -43,6 +44,21 @@ def test_what_a_test_will_show_is_foreseen() -> None:
         for parameter in result.parameters:
             # Of the estimate at another point, with the discrepancy marginalised: alike, not the same.
             assert parameter.standard_deviation == pytest.approx(foreseen[parameter.name], rel=0.5), parameter.name
+
+
+@pytest.mark.parametrize(("count", "chosen"), [(2, {1, 2}), (4, {0, 1, 2, 3}), (9, {0, 1, 2, 3})])
+def test_exchanges_find_a_pair_that_no_greedy_choice_begins_with(count: int, chosen: set[int]) -> None:
+    """Point 0 is the best alone; 1 and 2 together say more than 0 with any other."""
+
+    def information(points: Sequence[int]) -> float:
+        together = 5.0 if {1, 2} <= set(points) else 0.0
+        return sum((3.0, 2.0, 0.5, 0.1)[p] for p in points) + together
+
+    def blind(points: Sequence[int]) -> float:
+        return information(points) if len(points) > 1 else float(points[0] == 3)
+
+    assert set(best_points(information, range(4), count)) == chosen
+    assert set(best_points(blind, range(4), count)) == chosen
 
 
 def random_beam(random: np.random.Generator) -> PlannedTest:
