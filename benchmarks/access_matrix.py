@@ -15,7 +15,7 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -80,7 +80,7 @@ def operations(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
     }
 
 
-class _Round:
+class Round:
     """One service, two projects, all callers."""
 
     def __init__(self, service: LocalService, sessions: Sessions, line: httpx.Client) -> None:
@@ -141,8 +141,14 @@ class _Round:
             session.execute(update(User).where(User.id == gone.id).values(disabled_at=yesterday))
         return made
 
-    def run(self, long: bool, only: Sequence[str]) -> Matrix:
-        """Ask everything, or only some operations; what removes things last."""
+    def run(self, long: bool = False, only: Sequence[str] = ()) -> Matrix:
+        """Ask everything, or only some operations, as every caller; what removes things last.
+
+        Args:
+            long: every role with every scope, not only the owner.
+            only: these operations; all by default.
+        """
+        self.matrix = Matrix()
         callers, judged = self.callers(long), judgements()
         asked = operations(self.document)
         for missing in asked.keys() - judged.keys():
@@ -364,13 +370,12 @@ def _with(body: Any, place: tuple[str | int, ...], value: str) -> Any:
     return made
 
 
-def matrix(long: bool = False, database_url: str | None = None, only: Sequence[str] = ()) -> Matrix:
-    """Ask every operation as every caller.
+@contextmanager
+def asking(database_url: str | None = None) -> Iterator[Round]:
+    """A service with its projects and callers, while the block runs.
 
     Args:
-        long: every role with every scope, not only the owner.
         database_url: a migrated, empty database; a temporary embedded one by default.
-        only: these operations; all by default.
     """
     with ExitStack() as stack:
         data = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mb-", ignore_cleanup_errors=True)))
@@ -383,10 +388,10 @@ def matrix(long: bool = False, database_url: str | None = None, only: Sequence[s
         engine = make_engine(service.settings.database_url or "", pool_size=2)
         stack.callback(engine.dispose)
         line = stack.enter_context(httpx.Client(base_url=service.url, timeout=120, trust_env=False))
-        asked = _Round(service, make_sessions(engine), line)
+        asked = Round(service, make_sessions(engine), line)
         stack.callback(asked.owner.close)
         stack.callback(asked.stranger.close)
-        return asked.run(long, only)
+        yield asked
 
 
 def report(found: Matrix) -> Iterator[str]:
@@ -399,6 +404,7 @@ def report(found: Matrix) -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    result = matrix(long="long" in sys.argv[1:])
+    with asking() as asked:
+        result = asked.run(long="long" in sys.argv[1:])
     print("\n".join(report(result)))
     sys.exit(1 if result.leaks else 0)

@@ -13,7 +13,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -187,14 +187,15 @@ class Floor:
 
 
 @contextmanager
-def floor() -> Iterator[Floor]:
-    """A floor with a database of its own, which nothing outlives."""
+def floor(database_url: str | None = None) -> Iterator[Floor]:
+    """A floor with a database of its own, which nothing outlives; or on one that is there, whose server goes on."""
     with tempfile.TemporaryDirectory(prefix="mb-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
         folder.chmod(0o755)  # the server may run as a user of its own
-        with embedded_server(folder) as url:
+        with embedded_server(folder) if database_url is None else nullcontext(database_url) as url:
             made = Floor(url, folder, folder / "log")
-            upgrade(made.engine)
+            if database_url is None:
+                upgrade(made.engine)
             try:
                 yield made
             finally:

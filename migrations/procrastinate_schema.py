@@ -7,9 +7,9 @@ A script is named `03.04.00_01_pre_....sql`: the version that needs it, and its 
 from __future__ import annotations
 
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 
-from procrastinate.schema import SchemaManager
 from sqlalchemy import Connection
 
 FIRST = "03.04.00"
@@ -39,7 +39,11 @@ def mismatch() -> str | None:
 
 
 def _scripts() -> list[Path]:
-    return sorted(Path(SchemaManager.get_migrations_path()).glob("*.sql"))
+    """The library's scripts; found without loading it, as every command asks for them when it starts."""
+    library = find_spec("procrastinate")
+    if library is None or library.origin is None:
+        raise ModuleNotFoundError("procrastinate")
+    return sorted(Path(library.origin).with_name("sql").joinpath("migrations").glob("*.sql"))
 
 
 def _version(script: Path) -> str:

@@ -42,28 +42,6 @@ def test_up_and_down(short_folder: Path) -> None:
     wait_until_gone(data)
 
 
-def test_up_starts_a_killed_postgresql_again(short_folder: Path) -> None:
-    data = short_folder / "again"
-    with up(data) as (process, url, key):
-        postmaster = int((data / "postgres" / "postmaster.pid").read_text().split()[0])
-        psutil.Process(postmaster).kill()
-        seen = {200}
-        until(lambda: seen.add(answer := status(url, key)) or answer == 200, "PostgreSQL")
-        assert seen <= {200, 503}
-        assert process.poll() is None
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(PATIENCE) == 0
-    wait_until_gone(data)
-
-
-def test_killed_up_leaves_nothing_running(short_folder: Path) -> None:
-    data = short_folder / "killed"
-    with up(data) as (process, _, _key):
-        process.kill()
-        process.wait()
-        wait_until_gone(data)
-
-
 def test_port_in_use_is_a_clear_error(short_folder: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]

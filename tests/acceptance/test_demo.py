@@ -13,21 +13,27 @@ import numpy as np
 import pytest
 
 from modalbase.formats.uff import Frf, GridPoint, read_file
+from tests.support.command import modalbase
 from tests.support.places import ROOT
-from tests.support.waiting import PATIENCE, until
+from tests.support.waiting import until
+
+POISON = """import os
+open(os.environ["POISONED"], "a").write(__name__ + "\\n")
+raise ImportError("this is a laboratory's own file")
+"""
 
 
 def test_demo_prints_the_result_alone_and_leaves_nothing_running(tmp_path: Path) -> None:
+    """In a laboratory's own folder: its `signal.py` is no reason to stop, its `service.py` nothing to run, in no process."""
     mark = f"demo-test-{os.getpid()}"
-    ended = subprocess.run(
-        [sys.executable, "-m", "service", "demo", "--json"],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-        env=os.environ | {"MODALBASE_TEST_MARK": mark, "HOME": str(tmp_path)},
-    )
+    folder, poisoned = tmp_path / "laboratory", tmp_path / "poisoned"
+    folder.mkdir()
+    for name in ("signal", "service", "numpy", "json", "fecore", "modalbase", "multiprocessing", "migrations"):
+        (folder / f"{name}.py").write_text(POISON)
+    around = {"MODALBASE_TEST_MARK": mark, "HOME": str(tmp_path), "POISONED": str(poisoned)}
+    ended = modalbase("demo", "--json", cwd=folder, **around)
     assert ended.returncode == 0, ended.stderr
+    assert not poisoned.exists()
     result = json.loads(ended.stdout)  # the document and nothing else
     found = {row["name"]: row for row in result["parameters"]}
     assert found["Ex"]["estimate"] == pytest.approx(

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.jobs_chaos import chaos
 from benchmarks.jobs_floor import Floor, floor, laboratory
-from benchmarks.jobs_hundred import hundred
+from benchmarks.jobs_hundred import compared
 from benchmarks.jobs_outage import outage
 from service.access.keys import create_key, user_named
 from service.supervisor import listening_socket
@@ -37,8 +37,8 @@ def test_worker_cut_off_from_the_database_comes_back(others: bool) -> None:
     assert it.attempts == it.jobs + (1 if others else 0)  # nothing was done again but what was taken over
 
 
-def test_job_runs_although_the_api_was_killed_right_after_it_took_it() -> None:
-    with floor() as here:
+def test_job_runs_although_the_api_was_killed_right_after_it_took_it(database: str) -> None:
+    with floor(database) as here:
         with listening_socket("127.0.0.1", 0) as free:
             port = free.getsockname()[1]
         api = here.api(port)
@@ -58,9 +58,9 @@ def test_job_runs_although_the_api_was_killed_right_after_it_took_it() -> None:
         assert worker.wait(PATIENCE) == 0
 
 
-def test_api_killed_while_it_takes_jobs_leaves_no_half_one() -> None:
+def test_api_killed_while_it_takes_jobs_leaves_no_half_one(database: str) -> None:
     """It is killed between the rows of the jobs and the tickets, where another transaction holds it up."""
-    with floor() as here:
+    with floor(database) as here:
         with listening_socket("127.0.0.1", 0) as free:
             port = free.getsockname()[1]
         api = here.api(port)
@@ -86,11 +86,12 @@ def test_api_killed_while_it_takes_jobs_leaves_no_half_one() -> None:
 
 def sessions_of_api(here: Floor, which: str = "true") -> int:
     """How many connections the API has to the database, of those for which `which` holds."""
-    query = f"SELECT count(*) FROM pg_stat_activity WHERE application_name LIKE 'modalbase%%' AND {which}"
+    ours = "datname = current_database() AND application_name LIKE 'modalbase%%'"
+    query = f"SELECT count(*) FROM pg_stat_activity WHERE {ours} AND {which}"
     with here.engine.connect() as connection:
         return int(connection.exec_driver_sql(query).scalar_one())
 
 
-def test_jobs_over_many_campaigns_give_the_single_runs_result() -> None:
-    it = hundred(2)
+def test_jobs_over_many_campaigns_give_the_single_runs_result(api: httpx.Client) -> None:
+    it = compared(api, 2)
     assert (it.succeeded, it.equal) == (2, 2)

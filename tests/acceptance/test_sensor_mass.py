@@ -52,7 +52,9 @@ def campaign_with(api: httpx.Client, name: str, taken: Measurement) -> str:
 
 
 def moved() -> Measurement:
-    return measured(BODY, MASS)
+    """Eleven of the points: each is a body of its own to solve, and the core's test has all."""
+    tour = measured(BODY, MASS)
+    return replace(tour, frfs=tour.frfs.select(list(range(2, 33, 3))))
 
 
 def standing() -> Measurement:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import psutil
@@ -10,13 +9,8 @@ import pytest
 
 from service.settings import Settings
 from service.supervisor import LocalService, StartError
-from tests.support.command import modalbase, status, up
+from tests.support.command import modalbase, status, up, wait_until_gone
 from tests.support.waiting import until
-
-POISON = """import os
-open(os.environ["POISONED"], "a").write(__name__ + "\\n")
-raise ImportError("this is a laboratory's own file")
-"""
 
 
 def part(up: psutil.Process, name: str) -> psutil.Process:
@@ -25,8 +19,9 @@ def part(up: psutil.Process, name: str) -> psutil.Process:
 
 
 def test_what_dies_is_started_again(short_folder: Path) -> None:
-    log = short_folder / "dying.log"
-    with log.open("w") as stderr, up(short_folder / "dying", stderr=stderr) as (process, url, key):
+    """The API, the worker and PostgreSQL; and when the command itself is killed, nothing of it goes on."""
+    data, log = short_folder / "dying", short_folder / "dying.log"
+    with log.open("w") as stderr, up(data, stderr=stderr) as (process, url, key):
         command = psutil.Process(process.pid)
         for name, said in (("serve", "the api"), ("worker", "the worker")):
             part(command, name).kill()
@@ -34,6 +29,16 @@ def test_what_dies_is_started_again(short_folder: Path) -> None:
             until(lambda line=line: line in log.read_text(), line, log.read_text)
             assert status(url, key) == 200  # at the same address; a request in between waits
         assert f"{said} was killed, perhaps for lack of memory; it is started again in 0.5 s" in log.read_text()
+        postmaster = int((data / "postgres" / "postmaster.pid").read_text().split()[0])
+        psutil.Process(postmaster).kill()
+        seen = {200}
+        until(lambda: "modalbase: PostgreSQL runs again" in log.read_text(), "PostgreSQL", log.read_text)
+        until(lambda: seen.add(answer := status(url, key)) or answer == 200, "the API's answer")
+        assert seen <= {200, 503}
+        assert process.poll() is None
+        process.kill()
+        process.wait()
+        wait_until_gone(data)
 
 
 def test_what_dies_again_and_again_is_given_up(database: str) -> None:
@@ -55,18 +60,6 @@ def test_what_dies_again_and_again_is_given_up(database: str) -> None:
             die()
         assert service.processes["api"].poll() is None
     assert all(process.poll() is not None for process in processes)
-
-
-def test_modules_in_the_working_directory_are_nobody_s_business(short_folder: Path) -> None:
-    """A laboratory's `signal.py` is no reason to stop, its `service.py` nothing to run; in no process of the main job."""
-    folder, poisoned = short_folder / "laboratory", short_folder / "poisoned"
-    folder.mkdir()
-    for name in ("signal", "service", "numpy", "json", "fecore", "modalbase", "multiprocessing", "migrations"):
-        (folder / f"{name}.py").write_text(POISON)
-    done = modalbase("demo", "--json", cwd=folder, POISONED=str(poisoned))
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["parameters"]
-    assert not poisoned.exists()
 
 
 def test_the_other_commands_find_the_service_that_runs(short_folder: Path) -> None:

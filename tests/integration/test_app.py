@@ -144,24 +144,36 @@ def test_without_a_valid_key_401(service: LocalService, header: str | None) -> N
     assert answer.headers["www-authenticate"] == "Bearer"
 
 
-def test_body_over_the_limit_is_413(new_database: Callable[[], str], beam: dict[str, Any]) -> None:
-    limits = Settings(
-        database_url=new_database(), port=0, json_limit_bytes=1000, upload_limit_bytes=5000, log_level="error"
+@pytest.fixture(scope="module")
+def small(new_database: Callable[[], str]) -> Iterator[LocalService]:
+    """A service with low limits, and with all switched off that can be."""
+    settings = Settings(
+        database_url=new_database(),
+        port=0,
+        json_limit_bytes=1000,
+        upload_limit_bytes=5000,
+        log_level="error",
+        docs=False,
+        pages=False,
+        metrics=False,
     )
-    with LocalService(limits, worker=False) as small:
-        headers = {"Authorization": f"Bearer {small.new_key('k')}", **JSON}
-        with httpx.Client(base_url=f"{small.url}/api/v1/", headers=headers, trust_env=False, timeout=60) as client:
-            long = json.dumps({"name": "x", "description": "y" * 2000}).encode()
-            is_problem(client.post("projects", content=long), 413)
-            is_problem(client.post("projects", content=iter([long[:900], long[900:]])), 413)  # of undeclared length
-            assert client.get("projects").json()["items"] == []
-            made = client.post("projects", json={"name": "x"})
-            assert made.status_code == 201
-            structure = client.post(f"projects/{made.json()['id']}/structures", json=beam).json()["id"]
-            campaign = client.post(f"structures/{structure}/campaigns", json={"name": "c", "boundary": "free"}).json()[
-                "id"
-            ]
-            uploads_over_the_limit_are_413(client, f"campaigns/{campaign}")
+    with LocalService(settings, worker=False) as running:
+        yield running
+
+
+def test_body_over_the_limit_is_413(small: LocalService, beam: dict[str, Any]) -> None:
+    headers = {"Authorization": f"Bearer {small.new_key('k')}", **JSON}
+    with httpx.Client(base_url=f"{small.url}/api/v1/", headers=headers, trust_env=False, timeout=60) as client:
+        long = json.dumps({"name": "x", "description": "y" * 2000}).encode()
+        is_problem(client.post("projects", content=long), 413)
+        is_problem(client.post("projects", content=iter([long[:900], long[900:]])), 413)  # of undeclared length
+        assert client.get("projects").json()["items"] == []
+        made = client.post("projects", json={"name": "x"})
+        assert made.status_code == 201
+        structure = client.post(f"projects/{made.json()['id']}/structures", json=beam).json()["id"]
+        body = {"name": "c", "boundary": "free"}
+        campaign = client.post(f"structures/{structure}/campaigns", json=body).json()["id"]
+        uploads_over_the_limit_are_413(client, f"campaigns/{campaign}")
 
 
 def uploads_over_the_limit_are_413(client: httpx.Client, campaign: str) -> None:
@@ -276,9 +288,8 @@ def test_every_answer_has_the_headers_that_protect_a_browser(service: LocalServi
     assert "server" not in headers
 
 
-def test_documentation_pages_and_metrics_can_be_switched_off(database: str) -> None:
-    settings = Settings(database_url=database, port=0, log_level="error", docs=False, pages=False, metrics=False)
-    with LocalService(settings, worker=False) as closed, httpx.Client(base_url=closed.url, trust_env=False) as client:
+def test_documentation_pages_and_metrics_can_be_switched_off(small: LocalService) -> None:
+    with httpx.Client(base_url=small.url, trust_env=False) as client:
         for path in (
             "/",
             "/docs",

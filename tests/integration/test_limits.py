@@ -36,8 +36,10 @@ def narrow(new_database: Callable[[], str]) -> Iterator[LocalService]:
 
 @pytest.fixture(scope="module")
 def patient(new_database: Callable[[], str]) -> Iterator[LocalService]:
-    """A service of the usual size where nothing waits in vain, however slow the machine is."""
-    settings = Settings(database_url=new_database(), port=0, log_level="error", request_wait_seconds=600)
+    """A service where nothing waits in vain, however slow the machine is, with few streams of events."""
+    settings = Settings(
+        database_url=new_database(), port=0, log_level="error", request_wait_seconds=600, event_streams=4
+    )
     with LocalService(settings, worker=False) as running:
         yield running
 
@@ -103,10 +105,9 @@ def test_many_streams_of_events_hold_nothing_up(service: LocalService, api: http
     assert all('"status": "failed"' in story for story in stories)
 
 
-def test_one_key_has_half_of_the_streams_of_events(new_database: Callable[[], str]) -> None:
-    settings = Settings(database_url=new_database(), port=0, log_level="error", event_streams=4)
-    with LocalService(settings, worker=False) as here, ExitStack() as stack:
-        api = stack.enter_context(client_of(here, "ada"))
+def test_one_key_has_half_of_the_streams_of_events(patient: LocalService) -> None:
+    with ExitStack() as stack:
+        api = stack.enter_context(client_of(patient, "ada"))
         project = ok(api.post("projects", json={"name": "p"}))["id"]
         structure = ok(api.post(f"projects/{project}/structures", json=BEAM))["id"]
         campaign = ok(api.post(f"structures/{structure}/campaigns", json={"name": "c", "boundary": "free"}))["id"]

@@ -17,6 +17,7 @@ from sqlalchemy import Column, Connection, Engine, MetaData, Table, insert, insp
 from sqlalchemy.dialects.postgresql import JSONB
 
 import service.composition  # noqa: F401  imports every table
+from migrations import procrastinate_schema
 from service.db.base import Base
 from service.db.engine import make_engine
 from service.db.schema import SchemaError, _config, require_head, upgrade
@@ -151,7 +152,8 @@ def test_another_version_of_the_engine_is_refused(
 ) -> None:
     """A library of that version brings scripts up to it."""
     (tmp_path / newest).touch()
-    monkeypatch.setattr(SchemaManager, "get_migrations_path", lambda: str(tmp_path))
+    assert procrastinate_schema._scripts() == sorted(Path(SchemaManager.get_migrations_path()).glob("*.sql"))
+    monkeypatch.setattr(procrastinate_schema, "_scripts", lambda: sorted(tmp_path.glob("*.sql")))
     engine = make_engine(database)
     with pytest.raises(SchemaError, match=re.escape(f"run `pip install {mends}`")):
         require_head(engine)

@@ -27,13 +27,15 @@ def result(measured: tuple[Measurement, dict[str, float]]) -> UpdateResult:
     return update(measured[0], BEAM)
 
 
-def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
-    """Eight sets with a wrong model; the benchmark `coverage` does forty, here 88 % of 48 intervals must hold."""
-    held = []
-    for seed in range(8):
+def test_intervals_hold_the_truth_as_often_as_they_say(
+    measured: tuple[Measurement, dict[str, float]], result: UpdateResult
+) -> None:
+    """Six sets with a wrong model; the benchmark `coverage` does forty, here 88 % of 36 intervals must hold."""
+    held = list(inside(result, measured[1]).values())
+    for seed in range(1, 6):
         measurement, true = draw(seed)
         held += list(inside(update(measurement, BEAM), true).values())
-    assert len(held) == 8 * len(PARAMETERS)
+    assert len(held) == 6 * len(PARAMETERS)
     assert np.mean(held) >= 0.88
 
 
@@ -194,12 +196,12 @@ def test_sampled_and_gaussian_posteriors_agree_and_a_chain_taken_up_again_ends_w
 
     recipe, whole = Recipe(posterior="mcmc", seed=1), Kept()
     sampled = update(measured[0], BEAM, recipe, checkpoint=whole)
-    half = Kept(restored=whole.all[len(whole.all) // 2])
-    other = update(measured[0], BEAM, recipe, checkpoint=half)
+    late = Kept(restored=whole.all[3 * len(whole.all) // 4])
+    other = update(measured[0], BEAM, recipe, checkpoint=late)
     assert min(sampled.posterior.effective_samples) >= 5000
     for gaussian, one, again in zip(result.parameters, sampled.parameters, other.parameters, strict=True):
         assert gaussian.estimate == one.estimate
         assert one.standard_deviation == pytest.approx(gaussian.standard_deviation, rel=0.15)
         assert (one.standard_deviation, one.interval_95) == (again.standard_deviation, again.interval_95)
-    assert 0 < len(half.all) < len(whole.all)
-    assert half.all[-1] == whole.all[-1]
+    assert 0 < len(late.all) < len(whole.all)
+    assert late.all[-1] == whole.all[-1]
