@@ -26,7 +26,8 @@ _MOST_LINED = 256  # hits that say what the lines before the pulse usually have;
 _SWAPPED = 4.0  # times that a force may last as long as a response of it, which contains the pulse and what follows
 _STOP_BAND_SCATTER = 3.0  # ratio that the noise between channels may scatter by
 # Part above the filter's cut, and over the usual one, that two equal samples need.
-_TWO_EQUAL, _TWO_EQUAL_SCATTER = 0.02, 1.5
+_TWO_EQUAL, _TWO_EQUAL_SCATTER = 0.01, 1.5
+_FLOOR = 10  # one in so many hits, the quietest, has at most the channel's own noise above the filter's cut
 
 Criterion = Literal["double", "overload", "quiet", "late", "early", "place", "polarity", "height", "swapped"]
 
@@ -47,8 +48,9 @@ class Limits:
         to 20 once in a campaign, and a mode that rings on under the noise fills one line.
         before_response: the same as a share of the response's largest value, where no other hit can be asked.
         place: largest distance of a hit's FRF from those of its point, in the campaign's typical distances.
-        place_m: largest distance between a hit and the others of its point, m, where hits can be located; the limit is
-        higher in a campaign whose hits all scatter more.
+        place_m: largest distance between a hit and the others of its point, m, where hits can be located: one good hit of a
+        thousand lands farther off. The limit is higher in a campaign whose hits all scatter more.
+        place_sd: standard deviations of the hit's own placing that the limit is raised by.
         alike: distance of an FRF, in typical distances, up to which a hit is in its place wherever it is located.
         likeness: correlation with the other hits of its point below which a hit has the opposite sign.
         cut_top: largest part of a channel above the filter's cut, as a share of its largest value, that other hits do
@@ -65,7 +67,8 @@ class Limits:
     before_line: float = 35.0
     before_response: float = 0.02
     place: float = 3.0
-    place_m: float = 0.008
+    place_m: float = 0.0085
+    place_sd: float = 0.5
     alike: float = 1.5
     likeness: float = -0.5
     cut_top: float = 0.06
@@ -150,7 +153,7 @@ def usual(found: Sequence[Traits], *, before: bool = True) -> Usual:
         return Usual(None, quiet, lines=lines)
     heights = [t.pulse.height for t in clear]
     stop = tuple(
-        (median(top.stop_band / top.level for top in tops), median(top.stop_band for top in tops))
+        (median(top.stop_band / top.level for top in tops), sorted(top.stop_band for top in tops)[len(tops) // _FLOOR])
         for tops in zip(*(t.tops for t in clear), strict=True)
         if all(top.level > 0 for top in tops)
     )
@@ -377,7 +380,8 @@ def _compared(comparison: Comparison, limits: Limits) -> list[Finding]:
 
 def _placed(offset: Offset, distance: float, limits: Limits) -> Finding:
     """The number and the limit are in mm."""
-    number, sd, limit = (1e3 * value for value in (offset.distance_m, offset.sd_m, max(limits.place_m, offset.usual_m)))
+    number, sd = 1e3 * offset.distance_m, 1e3 * offset.sd_m
+    limit = 1e3 * max(limits.place_m, offset.usual_m) + limits.place_sd * sd
     sentence = (
         f"The hit landed {number:.1f} ± {sd:.1f} mm from where most hits of the point did; the limit is {limit:.3g} mm."
     )

@@ -187,6 +187,8 @@ def _second(
         return 0.0, 0.0, peak
     last = edges[first + 1] if first + 1 < edges.size else level.size
     place = int(edges[first] + np.argmax(level[edges[first] : last]))
+    if own == 0:  # no pulse, but a few steps of the converter that cancel
+        return 0.0, 0.0, peak
     share = float(level[place]) / own
     if window is not None:
         share *= float(window[peak] / window[min(int(at[place]), window.size - 1)])

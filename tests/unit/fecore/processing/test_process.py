@@ -87,6 +87,30 @@ def test_a_top_of_two_equal_samples_is_an_overload_where_the_filter_lets_nothing
     assert fault.sentence.startswith("2 samples of the force")
 
 
+def test_a_rounded_top_is_an_overload_where_half_of_its_samples_are_the_same() -> None:
+    bench = _bench(2, "free", sample_rate_hz=12800.0, samples=8192, response_step=5e-5)
+    hits = _hits(bench, 5)
+    slow = np.cos(2 * np.pi * 15 * (np.arange(8192) - 1000) / 12800.0) * np.exp(-np.arange(8192) / 4000)
+    slow *= 5 * max(float(np.abs(hit.responses[0].samples).max()) for hit in hits)
+    whole = [_with_response(hit, hit.responses[0].samples + slow) for hit in hits]
+    assert not any(f.criterion == "overload" for v in process(by_point(whole)).verdicts for f in v.faults)
+    samples = whole[-1].responses[0].samples
+    size = np.abs(samples)
+    level = 0.985 * size.max()
+    assert 0.4 < (size > level).sum() / (size > 0.97 * level).sum() < 0.6
+    whole[-1] = _with_response(whole[-1], np.clip(samples, -level, level))
+    assert [f.criterion for f in process(by_point(whole)).verdicts[-1].faults] == ["overload"]
+
+
+def test_a_force_of_a_few_steps_of_the_converter_is_no_pulse() -> None:
+    bench = _bench(2)
+    hits = _hits(bench, 4)
+    step = np.tile([1.0, -1.0, 1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, -1.0], hits[0].samples // 10 + 1)[: hits[0].samples]
+    step[60:] = 0.0
+    hits[-1] = replace(hits[-1], force=replace(hits[-1].force, samples=0.01 * step))
+    assert "late" in {f.criterion for f in process(by_point(hits)).verdicts[-1].faults}
+
+
 def test_a_hit_with_the_opposite_sign_is_found_by_pulse_and_by_response() -> None:
     hits = _hits(_bench(4), 5)
     turned = replace(hits[2], force=replace(hits[2].force, samples=-hits[2].force.samples))
