@@ -19,7 +19,7 @@ _NEAR_TOP = 0.97  # share of the largest value from which a sample is near it
 _EQUAL = 1e-4  # of the largest value, within which two samples are the same
 REBOUND = 0.5
 """Share of its largest value that a force may swing back: a pulse behind AC coupling comes to a fifth."""
-_SHARE_AT_TOP = 0.4  # of the samples near the top that are the same where a channel is cut off; of a round one √(10⁻⁴/0.03)
+_SHARE_AT_TOP = 0.4  # of the samples near the top that are the same where a channel is cut off; of a round one 0.06
 _STOP_BAND = 0.475  # of the sampling rate: above it every anti-alias filter cuts
 _STOP_SAMPLES, _STOP_LEAD = 256, 32
 _AT_ONCE = 2**18
