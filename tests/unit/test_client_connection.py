@@ -1,0 +1,117 @@
+"""What a client says of a service that is not modalbase, refuses or is not there; and what a script may call."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import httpx
+import pytest
+
+from modalbase.client.connection import Connection
+from modalbase.client.errors import ClientError, Exit
+from modalbase.client.options import json_file
+from modalbase.client.rest import Rest
+
+Answer = Callable[[httpx.Request], httpx.Response]
+
+
+def at(answer: Answer) -> Connection:
+    return Connection.over(httpx.Client(base_url="http://lab:8000", transport=httpx.MockTransport(answer)))
+
+
+def _nobody(_: httpx.Request) -> httpx.Response:
+    raise httpx.ConnectError("connection refused")
+
+
+@pytest.mark.parametrize(
+    ("answer", "said", "code"),
+    [
+        (_nobody, "no answer from http://lab:8000: connection refused; is the service up", Exit.UNREACHABLE),
+        (lambda _: httpx.Response(200, text="<html>"), "does not answer in JSON; is it modalbase's", Exit.UNREACHABLE),
+        (lambda _: httpx.Response(404, text="nginx"), "lab answers 404, and not as modalbase does", Exit.UNREACHABLE),
+        (lambda _: httpx.Response(503, json={"detail": "is starting"}), "is starting (503)", Exit.UNREACHABLE),
+        (lambda _: httpx.Response(409, json={"detail": "has jobs"}), "has jobs (409)", Exit.REFUSED),
+        (
+            lambda _: httpx.Response(422, json={"detail": "", "errors": [{"pointer": "", "detail": "is empty"}]}),
+            "body: is empty (422)",
+            Exit.REFUSED,
+        ),
+    ],
+)
+def test_every_way_to_ask_says_what_went_wrong(answer: Answer, said: str, code: Exit, tmp_path: Path) -> None:
+    service, target = at(answer), tmp_path / "file"
+    ways: list[Callable[[], Any]] = [lambda: service.get("campaigns"), lambda: service.call("GET", "campaigns")]
+    ways += [lambda: list(service.lines("events")), lambda: service.download("frfs", target, lambda *_: None)]
+    for ask in ways[:1] if "JSON" in said else ways:  # only what is asked as JSON must be JSON
+        with pytest.raises(ClientError) as refused:
+            ask()
+        assert said in str(refused.value)
+        assert refused.value.code is code
+    assert not list(tmp_path.iterdir())  # nothing half written
+
+
+def test_a_list_is_fetched_page_by_page_up_to_the_number_asked_for() -> None:
+    asked: list[int] = []
+
+    def page(request: httpx.Request) -> httpx.Response:
+        first, limit = int(request.url.params.get("cursor", 0)), int(request.url.params["limit"])
+        asked.append(limit)
+        stop = min(first + min(limit, 1000), 2500)
+        items = [{"id": i} for i in range(first, stop)]
+        return httpx.Response(200, json={"items": items, "next_cursor": str(stop) if stop < 2500 else None})
+
+    service = at(page)
+    assert [one["id"] for one in service.pages("frfs")] == list(range(2500))
+    assert len(list(service.pages("frfs", most=1200))) == 1200
+    assert list(service.pages("frfs", most=0)) == []
+    assert asked == [1000, 1000, 1000, 1000, 200]
+
+
+def test_a_download_goes_to_a_file_a_device_or_standard_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    service = at(lambda _: httpx.Response(200, content=b"12345"))
+    seen: list[tuple[int, int | None]] = []
+    assert service.download("x", tmp_path / "file", lambda *now: seen.append(now)) == 5
+    assert ((tmp_path / "file").read_bytes(), seen) == (b"12345", [(5, 5)])
+    assert service.download("x", Path("/dev/null"), lambda *_: None) == 5
+    out = io.BytesIO()
+    monkeypatch.setattr("sys.stdout", SimpleNamespace(buffer=out))
+    assert service.download("x", None, lambda *_: None) == 5
+    assert out.getvalue() == b"12345"
+    with pytest.raises(ClientError, match=r"cannot write .*: No such file or directory") as refused:
+        service.download("x", tmp_path / "nowhere" / "file", lambda *_: None)
+    assert refused.value.code is Exit.USAGE
+    assert at(lambda _: httpx.Response(204)).call("DELETE", "x") is None
+
+
+def test_a_call_of_the_contract_that_is_wrong_says_what_it_takes() -> None:
+    sent: list[httpx.Request] = []
+    rest = Rest(at(lambda request: sent.append(request) or httpx.Response(200, json={})))  # type: ignore[func-returns-value]
+    with pytest.raises(AttributeError, match=r"the REST contract has no call 'nonsense'; dir\(\) lists them"):
+        _ = rest.nonsense
+    with pytest.raises(TypeError, match=r"get_campaign\(\) takes campaign_id and got 0"):
+        rest.get_campaign()
+    with pytest.raises(TypeError, match=r"get_campaign\(\) has no page; it has no query"):
+        rest.get_campaign("1", page=2)
+    rest.get_campaign("a/b")
+    rest.create_project(body={"name": "bridge"})
+    rest.create_frfs("1", content=b"7,3", content_type="text/csv", quantity=None)
+    assert (sent[2].content, sent[2].headers["content-type"], sent[2].url.query) == (b"7,3", "text/csv", b"")
+    assert sent[0].url.raw_path == b"/api/v1/campaigns/a%2Fb"
+    assert (sent[1].method, sent[1].content) == ("POST", b'{"name":"bridge"}')
+    assert {"get_campaign", "create_project"} <= set(dir(rest))
+
+
+@pytest.mark.parametrize(("text", "said"), [("{", "is not JSON"), ("[1]", "holds no JSON object")])
+def test_a_file_that_holds_no_json_object_is_named(text: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "recipe.json").write_text(text)
+    with pytest.raises(ClientError, match=f"recipe.json {said}") as refused:
+        json_file(tmp_path / "recipe.json")
+    assert refused.value.code is Exit.USAGE
+    with pytest.raises(ClientError, match="is not JSON"):
+        json_file(tmp_path / "missing.json")
+    (tmp_path / "recipe.json").write_text('\ufeff{"a": 1}')
+    assert json_file(tmp_path / "recipe.json") == {"a": 1}
