@@ -14,10 +14,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from types import CodeType, FrameType, FunctionType, ModuleType
 from typing import Any
+
+import pytest
 
 QUIET = (
     *("-W", "ignore::pytest.PytestAssertRewriteWarning"),  # what was imported beforehand is not rewritten
@@ -27,7 +29,7 @@ OPTIONS = ("-x", "-q", "-p", "no:cacheprovider", "--no-header", *QUIET)
 SERVER = "MODALBASE_TEST_SERVER"  # a PostgreSQL that runs already; see tests/conftest.py
 
 
-def load(folder: Path, here: Path, module: str, *, http: bool) -> tuple[ModuleType, set[str]]:
+def load(folder: Path, here: Path, module: str, tests: Sequence[str], *, http: bool) -> tuple[ModuleType, set[str]]:
     """Load the project from its copy; the API answers in the tests' own process where wanted.
 
     Returns:
@@ -52,6 +54,8 @@ def load(folder: Path, here: Path, module: str, *, http: bool) -> tuple[ModuleTy
     importlib.import_module("tests.conftest")
     changed = importlib.import_module(module.removesuffix(".py").replace("/", "."))
     sys.setprofile(None)
+    with Path(os.devnull).open("w") as silent, redirect_stdout(silent):
+        pytest.main([*OPTIONS, "--collect-only", *tests])  # loads the tests, with their assertions rewritten
     return changed, called
 
 
@@ -115,8 +119,6 @@ CANNOT = 77
 
 
 def _run(tests: Sequence[str], change: Callable[[], bool]) -> None:
-    import pytest
-
     with Path(os.devnull).open("w") as silent:
         os.dup2(silent.fileno(), 1)
         os.dup2(silent.fileno(), 2)

@@ -178,15 +178,19 @@ class Trial:
 def try_all(trial: Trial, module: str, chosen: Callable[[int], Collection[int]]) -> None:
     """Try the chosen ones of a module's mutants; print those that survive, and the counts."""
     every = list(mutants(trial.source))
-    wanted = chosen(len(every))
-    survived = 0
-    for number in sorted(wanted):
-        line, what, text, function = every[number]
-        if not trial.notices(function, text):
-            survived += 1
-            print(f"{number}  {module}:{line}  {what}", flush=True)
-    tried = len(wanted)
-    print(f"{module}: {len(every)} mutants, {tried} tried, {tried - survived} killed, {survived} survived", flush=True)
+    survived = tried = 0
+    try:
+        for number in sorted(chosen(len(every))):
+            line, what, text, function = every[number]
+            noticed = trial.notices(function, text)
+            tried += 1
+            if not noticed:
+                survived += 1
+                print(f"{number}  {module}:{line}  {what}", flush=True)
+    finally:  # also where somebody has seen enough
+        print(
+            f"{module}: {len(every)} mutants, {tried} tried, {tried - survived} killed, {survived} survived", flush=True
+        )
 
 
 def choice(only: str, sample: str, seed: str) -> Callable[[int], Collection[int]]:
@@ -214,7 +218,7 @@ def main(words: Sequence[str]) -> None:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mutants-")))
         copied(folder)
         with_database = not all(test.startswith(("tests/unit", "-")) for test in tests)
-        loaded = load(folder, _HERE, module, http=with_database)
+        loaded = load(folder, _HERE, module, tests, http=with_database)
         if with_database:
             stack.enter_context(database_server(folder / "db"))
         try_all(Trial(folder, module, tests, loaded), module, choice(**options))

@@ -48,6 +48,7 @@ def refused(kind: type[Exception], words: str, act: Callable[..., object], *give
 def test_what_a_new_key_is(sessions: Sessions) -> None:
     with sessions.begin() as session:
         row, key, user = with_key(session)
+        assert row.id is not None  # it is stored, so its maker can name it
         assert (row.scopes, row.expires_at, row.name, row.user_id) == (ALL, None, "k", user.id)
         scheme, prefix, secret = key.split("_", 2)
         assert (scheme, prefix, len(prefix)) == ("mb", row.prefix, 12)
@@ -108,8 +109,10 @@ def test_the_use_of_a_key_is_noted_once_a_minute_and_waits_for_nobody(sessions: 
     assert 30 <= used(key, 30) < 60
     assert used(key, 61) < 55
     assert used(token, 61) < 55
+    with sessions.begin() as session:
+        session.execute(update(ApiKey).values(last_used_at=None))
     with sessions.begin() as other, sessions.begin() as session:
-        other.execute(update(ApiKey).values(last_used_at=None))
+        other.execute(select(ApiKey).with_for_update())
         session.execute(text("SET LOCAL lock_timeout = '1ms'"))  # the lock stays for as long as `other` is open
         assert found_key(session, key)[0].prefix == row.prefix
 
