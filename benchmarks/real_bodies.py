@@ -152,6 +152,7 @@ def coverage(bodies: int, perfect: bool) -> None:
     """Bodies with constants drawn, and all deviations or none: how often each interval holds the truth, and how wide it is."""
     held: dict[str, list[bool]] = {name: [] for name in REPORTED}
     score: dict[str, list[float]] = {name: [] for name in REPORTED}
+    width: dict[str, list[float]] = {name: [] for name in REPORTED}
     verdicts: list[str] = []
     below_zero = failed = 0
     for seed in range(bodies):
@@ -178,11 +179,14 @@ def coverage(bodies: int, perfect: bool) -> None:
             low, high = found[name].interval_95
             held[name].append(low <= true[name] <= high)
             score[name].append((found[name].estimate - true[name]) / ((high - low) / (2 * REACH_95)))
+            width[name].append((high - low) / 2 / true[name])
         below_zero += sum(p.interval_95[0] <= 0 for p in result.parameters if p.unit == "Pa")
     print(f"\n{bodies} bodies, {'perfect' if perfect else 'with every deviation drawn'}, {failed} not updated")
-    print("  held: share of intervals that hold the truth; rms: of the error over a quarter of the interval, 1 at best")
+    print("  held: share of intervals that hold the truth; rms: of the error over a quarter of the interval, 1 at best;")
+    print("  half: median of half an interval, as a share of the truth")
     for name, rows in held.items():
-        print(f"  {name:4} held {100 * np.mean(rows):6.1f} %   rms {np.sqrt(np.mean(np.square(score[name]))):5.2f}")
+        rms, half = np.sqrt(np.mean(np.square(score[name]))), 100 * np.median(width[name])
+        print(f"  {name:4} held {100 * np.mean(rows):6.1f} %   rms {rms:5.2f}   half {half:6.2f} %")
     print(f"  verdicts: {dict(Counter(verdicts))}; moduli with an interval that reaches zero: {below_zero}")
 
 

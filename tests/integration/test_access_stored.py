@@ -144,6 +144,7 @@ def test_a_session_ends_with_its_time_its_key_and_by_itself(sessions: Sessions) 
         session.execute(update(BrowserSession).values(expires_at=now))
         assert key_of_session(session, two) is None
         kept = open_session(session, brief)[0]  # clears away what is over of this key alone
+        assert kept.id, "it is stored, and the audit can name it"
         left = session.execute(select(BrowserSession.key_id, BrowserSession.expires_at)).all()
         assert (kept.key_id, kept.expires_at) in left
         assert sorted(key_id for key_id, _ in left) == sorted([row.id, row.id, brief.id, lasting.id])
