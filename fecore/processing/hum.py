@@ -21,11 +21,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
+from fecore.frf import MAINS_HZ
 
 TAIL = 256
 """Samples before the pulse that are looked at, at most."""
 
-_MAINS_HZ = (50.0, 60.0)
 _HARMONICS = 5
 _ROUNDS = 12
 _MOST_HITS = 32  # that say how large the hum is; of more, every k-th
@@ -64,7 +64,7 @@ def without_hum(tails: Sequence[FloatArray], sample_rate_hz: float) -> Cleaned:
     for row, tail in zip(table, tails, strict=True):
         row[: tail.size] = tail - tail.mean()
     chosen = _quiet(table, counts)
-    fits = [_fit(table[chosen], counts[chosen], sample_rate_hz, mains) for mains in _MAINS_HZ]
+    fits = [_fit(table[chosen], counts[chosen], sample_rate_hz, mains) for mains in MAINS_HZ]
     hum, _ = max(fits, key=lambda found: found[1])
     return _cleaned(table, counts, sample_rate_hz, hum)
 

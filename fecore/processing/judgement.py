@@ -67,8 +67,8 @@ class Limits:
     before_line: float = 20.0
     before_response: float = 0.02
     place: float = 3.0
-    place_m: float = 0.0085
-    place_sd: float = 0.5
+    place_m: float = 0.008
+    place_sd: float = 0.25
     alike: float = 1.5
     likeness: float = -0.5
     cut_top: float = 0.06
