@@ -182,7 +182,9 @@ def coverage(bodies: int, perfect: bool) -> None:
             width[name].append((high - low) / 2 / true[name])
         below_zero += sum(p.interval_95[0] <= 0 for p in result.parameters if p.unit == "Pa")
     print(f"\n{bodies} bodies, {'perfect' if perfect else 'with every deviation drawn'}, {failed} not updated")
-    print("  held: share of intervals that hold the truth; rms: of the error over a quarter of the interval, 1 at best;")
+    print(
+        "  held: share of intervals that hold the truth; rms: of the error over a quarter of the interval, 1 at best;"
+    )
     print("  half: median of half an interval, as a share of the truth")
     for name, rows in held.items():
         rms, half = np.sqrt(np.mean(np.square(score[name]))), 100 * np.median(width[name])

@@ -26,8 +26,8 @@ from fecore.frf import MAINS_HZ
 TAIL = 256
 """Samples before the pulse that are looked at, at most."""
 
-_HARMONICS = 5
-_ROUNDS = 12
+_HARMONICS = 5  # multiples of the mains' frequency that are heard
+_ROUNDS = 12  # of expectation and maximisation
 _MOST_HITS = 32  # that say how large the hum is; of more, every k-th
 _QUIET = 3.0  # times the level of the quietest half, up to which a hit says it
 _LEAST_HUM = 1e-6  # of the noise: what is taken for none
