@@ -77,9 +77,8 @@ def store_records(
     book(session, StorageOwner(project, campaign.id), "records", sum(block.samples.nbytes for block in blocks))
     keys = new_keys(session, len(blocks))
     with copy_rows(session, Record.__tablename__, {"id": "uuid", **COLUMNS}) as write:
-        for key, block, number in zip(
-            keys, blocks, numbers, strict=True
-        ):  # the server stores one while the next is hashed
+        # The server stores one while the next is hashed.
+        for key, block, number in zip(keys, blocks, numbers, strict=True):
             row = columns_of(campaign.id, filename, block, number)
             write([key, *(row[name] for name in COLUMNS)])
     written = Record.id == any_(literal(keys, ARRAY(Uuid)))  # one parameter, however many blocks a file holds

@@ -55,9 +55,8 @@ def load_records(
         return None
     left = [f"{sentence}; it was left out" for _, sentences in known for sentence in sentences]
     points = []
-    samples = sample_bytes(
-        session, [row for rows in places for row in rows]
-    )  # one query, however many places there are
+    # One query, however many places there are.
+    samples = sample_bytes(session, [row for rows in places for row in rows])
     for number, rows in enumerate(places):
         path = workspace / f"{number}.blocks"
         with path.open("wb") as file:

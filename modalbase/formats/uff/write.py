@@ -123,12 +123,9 @@ def _fixed(value: float, width: int = 13) -> str:
     """A real in `width` columns, with as many digits as they hold."""
     if not np.isfinite(value):
         raise ValueError(f"{value} cannot be written to a UFF file")
-    forms = (
-        f"{value:#.{digits}g}".partition("e") for digits in range(17, 0, -1)
-    )  # one digit takes eight columns at most
-    shortest = (
-        m.rstrip("0") + e + exponent for m, e, exponent in forms
-    )  # the point stays: FORTRAN would imply one elsewhere
+    # One digit takes eight columns at most; the point stays, as FORTRAN would imply one elsewhere.
+    forms = (f"{value:#.{digits}g}".partition("e") for digits in range(17, 0, -1))
+    shortest = (m.rstrip("0") + e + exponent for m, e, exponent in forms)
     return next(f"{text:>{width}}" for text in shortest if len(text) <= width)
 
 

@@ -87,9 +87,8 @@ def test_a_csv_is_refused_by_its_line(tmp_path: Path, text: str, fault: str) -> 
     (tmp_path / "frfs.csv").write_bytes(text.encode("latin-1"))
     with pytest.raises(FormatError, match=fault) as refused:
         read_csv(tmp_path / "frfs.csv")
-    assert (
-        pickle.loads(pickle.dumps(refused.value)).faults == refused.value.faults
-    )  # as it comes out of a child process
+    handed_on = pickle.loads(pickle.dumps(refused.value))  # as it comes out of a child process
+    assert handed_on.faults == refused.value.faults
 
 
 ARRAYS: dict[str, Any] = {
