@@ -45,7 +45,7 @@ class Limits:
         lead: samples before the pulse, as a share of its width.
         before_noise: largest level of the response before the pulse over the campaign's quiet hits.
         before_line: largest power of one line of the response before the pulse, over what that line usually has: noise comes
-        to 18 once in a hundred campaigns, and a mode that rings on under the noise fills one line.
+        to 20 once in a campaign, and a mode that rings on under the noise fills one line.
         before_response: the same as a share of the response's largest value, where no other hit can be asked.
         place: largest distance of a hit's FRF from those of its point, in the campaign's typical distances.
         place_m: largest distance between a hit and the others of its point, m, where hits can be located: one good hit of a
@@ -64,7 +64,7 @@ class Limits:
     quiet_noise: float = 20.0
     lead: float = 0.5
     before_noise: float = 2.5
-    before_line: float = 20.0
+    before_line: float = 35.0
     before_response: float = 0.02
     place: float = 3.0
     place_m: float = 0.008

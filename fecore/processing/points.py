@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from fecore.processing.estimators import Estimate, estimate, squared
 from fecore.processing.judgement import Usual, Verdict, judge, overrule, usual
 from fecore.processing.placing import locate
 from fecore.processing.spectra import Spectra
-from fecore.processing.traits import Traits, beside_hum, find_traits
+from fecore.processing.traits import Traits, find_traits
 
 _AT_FAULT_ALONE = ("late", "double", "overload", "polarity", "quiet", "swapped")
 
@@ -41,9 +40,7 @@ class Point:
 
 def judge_points(points: Sequence[Point], processing: Processing) -> list[list[Verdict]]:
     """The verdicts of all hits of a campaign."""
-    every = beside_hum([traits for point in points for traits in point.traits])
-    others, each = usual(every), iter(every)
-    points = [replace(point, traits=tuple(islice(each, len(point.traits)))) for point in points]
+    others = usual([traits for point in points for traits in point.traits])
     compared = compare([point.deviations for point in points])
     if processing.positions:
         compared = _located(points, compared, others, processing)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import groupby
 
@@ -12,7 +12,7 @@ import numpy as np
 from fecore.arrays import FloatArray, IntArray
 from fecore.frf import Dof
 from fecore.processing.blocks import Block, ChannelQuantity, Hit
-from fecore.processing.hum import TAIL, without_hum
+from fecore.processing.estimators import squared
 from fecore.processing.pulse import Pulse, find_pulse, smallest_gap
 
 _NEAR_TOP = 0.97  # share of the largest value from which a sample is near it
@@ -25,7 +25,7 @@ _STOP_SAMPLES, _STOP_LEAD = 256, 32
 _AT_ONCE = 2**18
 """Samples that are worked on together: enough for fast passes, few enough for a processor's cache."""
 _WEAKEST = 0.03  # of an analyser's window, that is undone: below it there is noise alone
-_FEWEST = 3  # hits that say what lies before the pulse usually
+_LINES = 256  # of a response before the pulse, and the samples that they are of
 _FILTER_REACH = 64  # samples before the pulse that the ringing of a linear-phase filter may reach
 
 
@@ -64,16 +64,13 @@ class Before:
         offset: mean, unit of the block, as it was before the analyser's window.
         level: standard deviation, smoothed over two samples.
         samples: how many it rests on; 0 where nothing lies before the pulse.
-        tail: its last samples, up to 256, about the offset.
-        lines: (256,) power of the lines k/512, k = 1 to 256, of the tail, see `hum`; empty until a campaign's hits were
-        compared.
+        lines: (256,) |Σ x_j exp(-2πi j k/512)|² / n at k = 1 to 256, of its last n samples, up to 256, about their mean.
     """
 
     offset: float
     level: float
     samples: int
-    tail: FloatArray = field(compare=False)
-    lines: FloatArray = field(default_factory=lambda: np.zeros(0), compare=False)
+    lines: FloatArray = field(compare=False)
 
 
 @dataclass(frozen=True)
@@ -154,7 +151,7 @@ def _traits(hits: Sequence[Hit]) -> Iterator[Traits]:
         )
     )
     channels = [[_largest(block, rate, next(beyond)) for block in blocks] for blocks in by_channel]
-    before = [[_before(b, pulse, rate) for b, pulse in zip(blocks, pulses, strict=True)] for blocks in by_channel[1:]]
+    before = [_before(blocks, pulses, rate) for blocks in by_channel[1:]]
     for i, (hit, pulse) in enumerate(zip(hits, pulses, strict=True)):
         blocks = (hit.force, *hit.responses)
         small, large = sorted(channels[0][i].sides)
@@ -252,34 +249,25 @@ def _taper(samples: int) -> FloatArray:
     return weights
 
 
-def _before(block: Block, pulse: Pulse, sample_rate_hz: float) -> Before:
-    reach = min(_FILTER_REACH + 2 * pulse.width, pulse.start // 2)
-    part = np.asarray(block.samples[: max(pulse.start - reach, 0)], dtype=float)
-    if part.size < 8:
-        return Before(0.0, 0.0, 0, np.zeros(0))
-    window = block.window(sample_rate_hz)
-    if window is not None:
-        part = part / window[: part.size]
-    offset = float(part.sum()) / part.size
-    smooth = (part[1:] + part[:-1]) / 2 - offset
-    level = float(np.sqrt(smooth @ smooth / smooth.size))
-    return Before(offset, level, int(part.size), (part[-TAIL:] - offset).astype(np.float32))
-
-
-def beside_hum(found: Sequence[Traits]) -> list[Traits]:
-    """The traits of a campaign's hits, all of one sampling rate, with the levels and lines of their responses before the pulse
-    beside the hum of the mains.
-    """
-    befores = [list(traits.before) for traits in found]
-    tails: dict[Dof, list[tuple[int, int]]] = {}
-    for i, traits in enumerate(found):
-        for k, dof in enumerate(traits.responses):
-            if befores[i][k].samples:
-                tails.setdefault(dof, []).append((i, k))
-    for places in tails.values():
-        if len(places) < _FEWEST:
+def _before(blocks: Sequence[Block], pulses: Sequence[Pulse], sample_rate_hz: float) -> list[Before]:
+    """What lies before the pulse in one response of several hits; the transforms of all are one call."""
+    found, last = [], np.zeros((len(blocks), 2 * _LINES))
+    for row, block, pulse in zip(last, blocks, pulses, strict=True):
+        reach = min(_FILTER_REACH + 2 * pulse.width, pulse.start // 2)
+        part = np.asarray(block.samples[: max(pulse.start - reach, 0)], dtype=float)
+        if part.size < 8:
+            found.append((0.0, 0.0, 0))
             continue
-        cleaned = without_hum([befores[i][k].tail for i, k in places], found[0].sample_rate_hz)
-        for (i, k), level, lines in zip(places, cleaned.level.tolist(), cleaned.lines, strict=True):
-            befores[i][k] = replace(befores[i][k], level=level, lines=lines)
-    return [replace(traits, before=tuple(before)) for traits, before in zip(found, befores, strict=True)]
+        window = block.window(sample_rate_hz)
+        if window is not None:
+            part = part / window[: part.size]
+        offset = float(part.sum()) / part.size
+        smooth = (part[1:] + part[:-1]) / 2 - offset
+        found.append((offset, float(np.sqrt(smooth @ smooth / smooth.size)), int(part.size)))
+        end = part[-_LINES:]
+        row[: end.size] = end - float(end.sum()) / end.size
+    powers = squared(np.fft.rfft(last)[:, 1:])
+    return [
+        Before(offset, level, samples, (power / max(min(samples, _LINES), 1)).astype(np.float32))
+        for (offset, level, samples), power in zip(found, powers, strict=True)
+    ]

@@ -74,15 +74,6 @@ def test_a_body_that_still_rings_under_the_noise_is_found_by_one_line_of_its_spe
     assert [v.accepted for v in verdicts[:-1]] == [True] * 5
 
 
-def test_hum_of_another_phase_before_each_hit_is_not_taken_for_ringing_and_hides_none() -> None:
-    bench = _bench(2, "free", sample_rate_hz=12800.0, samples=8192, pretrigger=190, response_noise=1e-4, hum=2e-3)
-    hits = _hits(bench, 20)
-    ring = 3e-3 * bench.scale * np.sin(2 * np.pi * 900 / 12800.0 * np.arange(8192))  # as loud as the hum
-    hits[-1] = _with_response(hits[-1], hits[-1].responses[0].samples + ring)
-    early = [{f.criterion for f in v.faults} & {"early"} for v in process(by_point(hits)).verdicts]
-    assert early == [set()] * 19 + [{"early"}]
-
-
 def test_a_top_of_two_equal_samples_is_an_overload_where_the_filter_lets_nothing_through() -> None:
     bench = _bench(5, "free", sample_rate_hz=6400.0, samples=8192, force_noise=1e-2, tip_s=1.2e-3)
     hits = _hits(bench, 5)
