@@ -10,7 +10,7 @@ import os
 import signal
 import socket
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
@@ -34,6 +34,7 @@ from service.jobs.workspaces import worker_folder, workspace
 from service.settings import Settings
 
 LOOK_SECONDS = 1.0  # for tickets and aborts whose notice did not come
+LEFT_SECONDS = 5.0  # for tasks that go on when the worker is done
 FORGET_SECONDS = 86400.0  # after which a dead worker's name is forgotten; its jobs are recovered long before
 
 log = structlog.stdlib.get_logger("modalbase.worker")
@@ -65,10 +66,27 @@ def run_worker(
         with worker_folder() as folder:
             sessions = make_sessions(engine, project_quota_bytes=settings.project_quota_bytes)
             worker = _Worker(settings, kinds, sessions, folder)
-            asyncio.run(worker.run(list(queues) if queues else None, ready))
+            run_to_end(worker.run(list(queues) if queues else None, ready))
     finally:
         dismiss_children()
         engine.dispose()
+
+
+def run_to_end(work: Coroutine[Any, Any, None]) -> None:
+    """`asyncio.run`, without its endless wait for tasks that go on when cancelled, as that of a pool may which connects
+    anew while its server starts.
+    """
+    loop = asyncio.new_event_loop()
+    try:
+        loop.run_until_complete(work)
+    finally:
+        left = asyncio.all_tasks(loop)
+        for task in left:
+            task.cancel()
+        if left:
+            loop.run_until_complete(asyncio.wait(left, timeout=LEFT_SECONDS))
+        loop.run_until_complete(loop.shutdown_asyncgens())
+        loop.close()
 
 
 class _Worker:
