@@ -50,7 +50,7 @@ def load(folder: Path, here: Path, module: str, tests: Sequence[str], *, http: b
         from service import supervisor
         from tools.mutant_service import ServiceInside
 
-        supervisor.LocalService = ServiceInside  # type: ignore[assignment,misc]  # as much of it as these tests use
+        supervisor.LocalService = ServiceInside  # type: ignore[misc]  # as much of it as these tests use
     importlib.import_module("tests.conftest")
     changed = importlib.import_module(module.removesuffix(".py").replace("/", "."))
     sys.setprofile(None)

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import threading
 from contextlib import ExitStack
-from typing import Any, Self
+from typing import Self
 
 import uvicorn
 
-from service.access.keys import create_key, user_named
 from service.app import create_app
-from service.db.engine import make_engine, make_sessions
+from service.db.engine import make_engine
 from service.settings import Settings
-from service.supervisor import listening_socket
+from service.supervisor import LocalService, listening_socket
 from service.web.server import PatientProtocol
 
 
-class ServiceInside:
-    """What the tests use of `service.supervisor.LocalService`, without a worker."""
+class ServiceInside(LocalService):
+    """A service without processes and without a worker, as much as the tests use of one."""
 
     def __init__(self, settings: Settings) -> None:
         """Prepare; `settings` name a database."""
@@ -38,13 +37,3 @@ class ServiceInside:
         self._stack.callback(setattr, server, "should_exit", True)
         self._stack.callback(app.state.changes.close)
         return self
-
-    def __exit__(self, *_: Any) -> None:
-        self._stack.close()
-
-    def new_key(self, name: str, *, administrator: bool = False) -> str:
-        """A new API key of the user of that name, who is made when absent."""
-        with make_sessions(self._engine).begin() as session:
-            user = user_named(session, name)
-            user.administrator |= administrator
-            return create_key(session, user, name)[1]
