@@ -16,7 +16,7 @@ def test_a_task_that_goes_on_does_not_hold_the_end(monkeypatch: pytest.MonkeyPat
     async def stubborn() -> None:
         while True:
             try:
-                await asyncio.sleep(3600)
+                await asyncio.Event().wait()  # which nobody sets
             except asyncio.CancelledError:
                 seen.append("cancelled")
 
