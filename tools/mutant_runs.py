@@ -29,21 +29,24 @@ OPTIONS = ("-x", "-q", "-p", "no:cacheprovider", "--no-header", *QUIET)
 SERVER = "MODALBASE_TEST_SERVER"  # a PostgreSQL that runs already; see tests/conftest.py
 
 
-def load(folder: Path, here: Path, module: str, tests: Sequence[str], *, http: bool) -> tuple[ModuleType, set[str]]:
+def load(
+    folder: Path, here: Path, modules: Sequence[str], tests: Sequence[str], *, http: bool
+) -> tuple[dict[str, ModuleType], set[str]]:
     """Load the project from its copy; the API answers in the tests' own process where wanted.
 
     Returns:
-        The module that will be changed, and those of its functions that were called meanwhile.
+        The modules that will be changed, by their files, and those of their functions that were called meanwhile, as
+        `file:name`.
     """
     os.chdir(folder)
     os.environ["PYTHONPATH"] = str(folder)  # for the processes that the tests start
     sys.path[:] = [str(folder), *(place for place in sys.path if Path(place or ".").resolve() != here)]
     called: set[str] = set()
-    place = str(folder / module)
+    places = {str(folder / module): module for module in modules}
 
     def note(frame: FrameType, event: str, _: object) -> None:
-        if event == "call" and frame.f_code.co_filename == place:
-            called.add(frame.f_code.co_qualname)
+        if event == "call" and (module := places.get(frame.f_code.co_filename)):
+            called.add(f"{module}:{frame.f_code.co_qualname}")
 
     sys.setprofile(note)
     if http:
@@ -52,7 +55,7 @@ def load(folder: Path, here: Path, module: str, tests: Sequence[str], *, http: b
 
         supervisor.LocalService = ServiceInside  # type: ignore[misc]  # as much of it as these tests use
     importlib.import_module("tests.conftest")
-    changed = importlib.import_module(module.removesuffix(".py").replace("/", "."))
+    changed = {module: importlib.import_module(module.removesuffix(".py").replace("/", ".")) for module in modules}
     sys.setprofile(None)
     with Path(os.devnull).open("w") as silent, redirect_stdout(silent):
         pytest.main([*OPTIONS, "--collect-only", *tests])  # loads the tests, with their assertions rewritten

@@ -1,5 +1,6 @@
-"""Whether the tests would notice: `python -m tools.mutants MODULE.py TEST...` changes one thing at a time in a module and runs
-the tests that should see it. `--only=N,N` tries the mutants of these numbers, `--sample=N --seed=S` N of them drawn by a seed.
+"""Whether the tests would notice: `python -m tools.mutants MODULE.py[,MODULE.py] TEST...` changes one thing at a time in a
+module and runs the tests that should see it. `--only=N,N` tries the mutants of these numbers, `--sample=N --seed=S` N of them
+drawn by a seed, `--within=NAME,NAME` those within these functions, where a name of a class stands for its methods.
 
 Each mutant is one small fault: a comparison turned or its bound moved, `and` for `or`, a `not` left out, a condition that
 always or never holds, an operator or a constant changed, a call, a `raise` or a `return` left out. The tests run in a copy of
@@ -17,8 +18,10 @@ import shutil
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -54,8 +57,8 @@ _OPERATORS = {
 }
 
 
-def mutants(source: str) -> Iterator[tuple[int, str, str, str | None]]:
-    """Every mutant of a module: its line, what was changed into what, its whole text, and the function in whose body it is."""
+def mutants(module: str, source: str) -> Iterator[Mutant]:
+    """Every mutant of a module, one change each."""
     tree = ast.parse(source)
     types = {id(part) for node in ast.walk(tree) for kind in _annotations(node) for part in ast.walk(kind)}
     functions = dict(_bodies(tree))
@@ -70,7 +73,8 @@ def mutants(source: str) -> Iterator[tuple[int, str, str, str | None]]:
                 other = _Replace(target, changed).visit(other)
             after = ast.unparse(changed)
             text = ast.unparse(ast.fix_missing_locations(other))
-            yield getattr(node, "lineno", 0), f"{_short(before)}  →  {_short(after)}", text, functions.get(id(node))
+            line, what = getattr(node, "lineno", 0), f"{_short(before)}  →  {_short(after)}"
+            yield Mutant(module, line, what, text, functions.get(id(node)))
 
 
 def _bodies(tree: ast.AST, prefix: str = "") -> Iterator[tuple[int, str]]:
@@ -150,47 +154,67 @@ def copied(folder: Path) -> None:
             shutil.copy(place, folder / name)
 
 
-class Trial:
-    """One module, the tests that should see its mutants, and how long they take."""
+@dataclass(frozen=True)
+class Mutant:
+    """One small fault: where it is, what was changed into what, the module's whole text, and the function that it is in."""
 
-    def __init__(self, folder: Path, module: str, tests: Sequence[str], loaded: tuple[ModuleType, set[str]]) -> None:
-        """Run the tests on the module as it is, with what is loaded and anew."""
-        self._file, self._tests, self._folder = folder / module, tests, folder
+    module: str
+    line: int
+    what: str
+    text: str
+    function: str | None
+
+    def within(self, names: Collection[str]) -> bool:
+        """Whether it is in one of these functions, or in a method of one of these classes; `<module>` is outside of all."""
+        own = self.function or "<module>"
+        return own in names or own.partition(".")[0] in names
+
+
+class Trial:
+    """The tests that should see the mutants of some modules, and how long they take."""
+
+    def __init__(self, folder: Path, tests: Sequence[str], loaded: tuple[dict[str, ModuleType], set[str]]) -> None:
+        """Run the tests on the modules as they are, with what is loaded and anew."""
+        self._tests, self._folder = tests, folder
         self._loaded, self._called = loaded
-        self.source = self._file.read_text()
         began = time.monotonic()
         if warm(tests, FIRST, lambda: True) or cold(folder, tests, FIRST):
-            raise SystemExit("the tests fail on the module as it is")
+            raise SystemExit("the tests fail on the modules as they are")
         self._seconds = PATIENCE * (time.monotonic() - began)
 
-    def notices(self, function: str | None, text: str) -> bool:
-        """Whether the tests notice a mutant, of this function where it lies within one."""
-        self._file.write_text(text)
+    def notices(self, mutant: Mutant) -> bool:
+        """Whether the tests notice a mutant."""
+        file, name = self._folder / mutant.module, mutant.function
+        unchanged = file.read_text()
+        file.write_text(mutant.text)
         try:
             noticed = None
-            if function is not None and function not in self._called:
-                noticed = warm(self._tests, self._seconds, partial(put, self._loaded, function, text))
+            if name is not None and f"{mutant.module}:{name}" not in self._called:
+                change = partial(put, self._loaded[mutant.module], name, mutant.text)
+                noticed = warm(self._tests, self._seconds, change)
             return cold(self._folder, self._tests, self._seconds) if noticed is None else noticed
         finally:
-            self._file.write_text(self.source)
+            file.write_text(unchanged)
 
 
-def try_all(trial: Trial, module: str, chosen: Callable[[int], Collection[int]]) -> None:
-    """Try the chosen ones of a module's mutants; print those that survive, and the counts."""
-    every = list(mutants(trial.source))
-    survived = tried = 0
+def try_all(trial: Trial, every: Sequence[Mutant], chosen: Callable[[int], Collection[int]]) -> None:
+    """Try the chosen ones of these mutants; print those that survive, and the counts."""
+    tried, survived = Counter[str](), Counter[str]()
     try:
         for number in sorted(chosen(len(every))):
-            line, what, text, function = every[number]
-            noticed = trial.notices(function, text)
-            tried += 1
+            mutant = every[number]
+            noticed = trial.notices(mutant)
+            tried[mutant.module] += 1
             if not noticed:
-                survived += 1
-                print(f"{number}  {module}:{line}  {what}", flush=True)
+                survived[mutant.module] += 1
+                print(f"{number}  {mutant.module}:{mutant.line}  {mutant.what}", flush=True)
     finally:  # also where somebody has seen enough
-        print(
-            f"{module}: {len(every)} mutants, {tried} tried, {tried - survived} killed, {survived} survived", flush=True
-        )
+        for module, count in Counter(mutant.module for mutant in every).items():
+            _print_counts(module, count, tried[module], survived[module])
+
+
+def _print_counts(module: str, count: int, tried: int, survived: int) -> None:
+    print(f"{module}: {count} mutants, {tried} tried, {tried - survived} killed, {survived} survived", flush=True)
 
 
 def choice(only: str, sample: str, seed: str) -> Callable[[int], Collection[int]]:
@@ -203,8 +227,8 @@ def choice(only: str, sample: str, seed: str) -> Callable[[int], Collection[int]
 
 
 def main(words: Sequence[str]) -> None:
-    """The command: a module, tests, and options."""
-    options = dict.fromkeys(("only", "sample", "seed"), "")
+    """The command: modules, tests, and options."""
+    options = dict.fromkeys(("only", "sample", "seed", "within"), "")
     rest = []
     for word in words:
         name, _, value = word.removeprefix("--").partition("=")
@@ -212,16 +236,19 @@ def main(words: Sequence[str]) -> None:
             options[name] = value
         else:
             rest.append(word)
-    module, *tests = rest
+    modules, tests = rest[0].split(","), rest[1:]
+    names = options.pop("within")
     sys.dont_write_bytecode = True  # two mutants of one second would share it
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mutants-")))
         copied(folder)
+        every = [mutant for module in modules for mutant in mutants(module, (folder / module).read_text())]
         with_database = not all(test.startswith(("tests/unit", "-")) for test in tests)
-        loaded = load(folder, _HERE, module, tests, http=with_database)
+        loaded = load(folder, _HERE, modules, tests, http=with_database)
         if with_database:
             stack.enter_context(database_server(folder / "db"))
-        try_all(Trial(folder, module, tests, loaded), module, choice(**options))
+        asked = [mutant for mutant in every if not names or mutant.within(names.split(","))]
+        try_all(Trial(folder, tests, loaded), asked, choice(**options))
         os.chdir(_HERE)
 
 

@@ -41,8 +41,6 @@ def pair_with(modes: MeasuredModes, state: ForwardState) -> Pairing:
             modes.shapes, state.shapes[:, :dofs], modes.frequency_hz, state.frequency_hz, hidden=state.hidden
         )
     seen = probability_seen(modes, state)
-    if not state.hidden:
-        return pair_in_order(modes.frequency_hz, state.frequency_hz, seen)
     shown = np.setdiff1d(np.arange(state.frequency_hz.size), state.hidden)
     return _among(shown, pair_in_order(modes.frequency_hz, state.frequency_hz[shown], seen[shown]))
 
@@ -107,7 +105,7 @@ def pair_in_order(measured_hz: FloatArray, model_hz: FloatArray, seen: FloatArra
     i, j = n, int(best[n, :, c].argmin())
     pairs: list[tuple[int, int]] = []
     while i > 0:
-        step = int(came[i, j, c]) if j else 1
+        step = int(came[i, j, c])
         if step == 0:
             pairs.append((i - 1, int(order[j - 1])))
         i, j = i - (step != 2), j - (step != 1)

@@ -49,6 +49,23 @@ def test_a_measured_mode_that_the_model_has_not_stays_alone() -> None:
     assert len(found.pairs) == HZ.size
 
 
+def test_what_a_common_factor_costs() -> None:
+    """One measured mode lies e^0.3 above the model's first and e^0.1 above the second, both seen with probability p.
+
+    With the factor integrated out an offset d costs d²/2 / (0.06² + 0.15²), so the second is 1.53 cheaper, and passing over
+    the first costs -ln(1 - p): as much at p = 0.784.
+    """
+    model = 100.0 / np.exp([0.3, 0.1])
+    assert [pair_in_order(np.array([100.0]), model, np.full(2, p)).pairs for p in (0.77, 0.8)] == [((0, 1),), ((0, 0),)]
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_frequencies_of_less_than_half_or_more_than_twice_are_no_partners(sign: int) -> None:
+    """A common factor of e^0.8 would cost 14.2, two modes alone cost 16: factors end at e^0.5 either way."""
+    model = np.array([100.0, 105.0])
+    assert pair_in_order(np.exp(0.8 * sign) * model, model, np.full(2, 0.95)).unpaired_measured == (0, 1)
+
+
 def alignments(n: int, m: int) -> Iterator[tuple[tuple[int, int], ...]]:
     """All pairings in order of some of n measured modes with some of m of the model."""
     for count in range(min(n, m) + 1):
@@ -135,6 +152,8 @@ def test_a_mode_of_the_model_is_missed_below_the_last_measured_one() -> None:
     found = pair_in_order(np.array([100.0, 200.0]), model, np.array([0.95, 0.51, 0.5, 0.95, 0.95, 0.95]))
     assert found.pairs == ((0, 0), (1, 3))
     assert found.unpaired_model == (1,)  # 150 Hz may as well not be seen, the others lie above
+    twins = pair_in_order(np.array([100.0, 200.0]), np.array([100.0, 200.0, 200.0]), np.full(3, 0.95))
+    assert (twins.pairs, twins.unpaired_model) == (((0, 0), (1, 1)), (2,))  # at the last measured one counts as below
 
 
 def test_how_likely_a_mode_is_seen() -> None:
@@ -145,8 +164,9 @@ def test_how_likely_a_mode_is_seen() -> None:
     expected = np.clip(share / (1 + share), 0.05, 0.95)
     assert expected.tolist() == [0.95, 0.5, pytest.approx(0.2), 0.05]
     np.testing.assert_allclose(probability_seen(one, solved(hz, shapes, points=4)), expected, rtol=1e-12)
+    shapes = [[2.0, 1.0, -1.0, 9.0], [-0.2, 1.0, 1.0, 9.0], [1.0, 0.1, 0.5, 2.0], [0.0, 1.0, 1.0, 9.0]]
     two = measured([10.0], [[1.0, 1.0]], 2)  # the larger of two amplitudes, times that at the third and fourth point
-    height = np.array([2.0 * 1.0 * 9.0, 1.0 * 9.0, 1.0 * 9.0, 1.0 * 9.0]) / 18.0
+    height = np.array([2.0 * 1.0 * 9.0, 1.0 * 9.0, 1.0 * 0.5 * 2.0, 1.0 * 9.0]) / 18.0
     share = (height / 0.1) ** 2
     np.testing.assert_allclose(
         probability_seen(two, solved(hz, shapes, points=4)), np.clip(share / (1 + share), 0.05, 0.95), rtol=1e-12
@@ -163,6 +183,8 @@ def test_what_a_pairing_says_against_itself() -> None:
     found = Pairing(((0, 0), (2, 2)), None, unpaired_measured=(1,), unpaired_model=(), ambiguous=())
     expected = -np.log(0.9 * 0.6) - np.log(0.8 * 0.3) + 8.0  # 20 and the other 30 Hz were missed, one is alone
     assert missed_cost(found, seen, model) == pytest.approx(expected, rel=1e-12)
+    both = replace(found, unpaired_measured=(1, 3))
+    assert missed_cost(both, seen, model) == pytest.approx(expected + 8.0, rel=1e-12)
     assert missed_cost(replace(found, pairs=()), seen, model) == np.inf
 
 
