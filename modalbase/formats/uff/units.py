@@ -52,7 +52,6 @@ _ATOMS: dict[str, tuple[float, Dimension]] = {
     "gn": (STANDARD_GRAVITY, (1, 0, -2)),
     "g's": (STANDARD_GRAVITY, (1, 0, -2)),
     "ips": (0.0254, (1, 0, -1)),
-    "ips2": (0.0254, (1, 0, -2)),
     "1": (1.0, (0, 0, 0)),
 }
 _TOKEN = re.compile(r"\s*(\*\*|[()*/·^.-]|[²³]|[0-9]+|[^\W\d_²³]+(?:'s)?)")

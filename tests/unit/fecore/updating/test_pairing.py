@@ -35,6 +35,13 @@ def test_a_common_factor_does_not_move_modes_to_their_neighbours() -> None:
     assert found.pairs == tuple((k, k) for k in range(HZ.size))
 
 
+def test_modes_below_one_hertz_are_modes_like_others() -> None:
+    seen = np.array([0.95, 0.05, 0.95, 0.95])
+    found = pair_in_order(np.array([0.2, 0.5, 0.9]), np.array([0.2, 0.35, 0.5, 0.9]), seen)
+    assert found.pairs == ((0, 0), (1, 2), (2, 3))
+    assert pair_in_order(np.array([0.3]), np.array([0.3, 0.9]), np.array([0.5, 0.95])).pairs == ((0, 0),)
+
+
 def test_modes_with_a_node_at_the_point_are_passed_over() -> None:
     seen = np.array([0.95, 0.05, 0.95, 0.95, 0.05, 0.95, 0.95])
     found = pair_in_order(0.86 * HZ[seen > 0.5], HZ, seen)
@@ -164,6 +171,8 @@ def test_how_likely_a_mode_is_seen() -> None:
     expected = np.clip(share / (1 + share), 0.05, 0.95)
     assert expected.tolist() == [0.95, 0.5, pytest.approx(0.2), 0.05]
     np.testing.assert_allclose(probability_seen(one, solved(hz, shapes, points=4)), expected, rtol=1e-12)
+    heavy = [[1e-3 * height for height in row] for row in shapes]  # amplitudes fall with a body's mass
+    np.testing.assert_allclose(probability_seen(one, solved(hz, heavy, points=4)), expected, rtol=1e-12)
     shapes = [[2.0, 1.0, -1.0, 9.0], [-0.2, 1.0, 1.0, 9.0], [1.0, 0.1, 0.5, 2.0], [0.0, 1.0, 1.0, 9.0]]
     two = measured([10.0], [[1.0, 1.0]], 2)  # the larger of two amplitudes, times that at the third and fourth point
     height = np.array([2.0 * 1.0 * 9.0, 1.0 * 9.0, 1.0 * 0.5 * 2.0, 1.0 * 9.0]) / 18.0

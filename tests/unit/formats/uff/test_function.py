@@ -262,6 +262,18 @@ def test_a_name_that_runs_over_its_columns_leaves_the_unit_where_two_blanks_part
     assert function.unit != "mm/s"  # one blank may be part of the name
 
 
+def test_degrees_of_freedom_fill_their_columns(read: Read) -> None:
+    lines = header_58()
+    lines[5] = (
+        f"{4:5d}{1234567890:10d}{12345:5d}{2000000001:10d}{'N' * 10:>11}{1111111111:10d}{-6:4d} {'N' * 10}{2222222:10d}{-5:4d}"
+    )
+    lines[8], lines[9] = axis(12), axis(13)
+    (frf,) = read(dataset("58", *lines, PLAIN)).of(Frf)
+    assert (frf.load_case, frf.response_point, frf.response_direction) == (2000000001, 1111111111, -6)
+    assert (frf.reference_point, frf.reference_direction, frf.dataset) == (2222222, -5, 1)
+    assert frf.id_lines == ("FRF", "NONE", "21-Nov-15 09:00:00", "NONE", "NONE")
+
+
 def test_what_is_no_frf(read: Read) -> None:
     real = read(set_58("   1.00000000000e+00   2.00000000000e+00", kind=4))
     assert "an FRF with real ordinates" in real.reasons

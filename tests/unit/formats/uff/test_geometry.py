@@ -47,11 +47,17 @@ def test_a_system_given_in_another(read: Read) -> None:
     nested = system_18(5, (0, 1, 0), (1, 1, 0), (0, 1, 1), reference=4)
     found = read(dataset("15", point(1, 5)) + dataset("18", *TURNED, *nested))
     np.testing.assert_allclose(found.of(GridPoint)[0].xyz_m, (10 - 1 - 2, 1, 3), atol=1e-12)
+    parts = set_164(1000.0) + dataset("15", point(1, 5)) + dataset("18", *TURNED) + dataset("18", *nested)
+    found = read(parts)
+    np.testing.assert_allclose(found.of(GridPoint)[0].xyz_m, (7e-3, 1e-3, 3e-3), atol=1e-15)
+    skewed = system_18(6, (1, 2, 3), (3, 2, 3), (2, 2, 4))  # the point of the xz plane need not lie on z
+    (system,) = read(dataset("18", *skewed)).of(CoordinateSystem)
+    np.testing.assert_allclose(system.axes, np.eye(3), atol=1e-15)
 
 
 @pytest.mark.parametrize(
     ("kind", "coordinates", "expected"),
-    [(1, (2.0, 90.0, 3.0), (0.0, 2.0, 3.0)), (2, (2.0, 90.0, 180.0), (-2.0, 0.0, 0.0))],
+    [(1, (2.0, 30.0, 3.0), (3**0.5, 1.0, 3.0)), (2, (2.0, 60.0, 30.0), (1.5, 0.75**0.5, 1.0))],
 )
 def test_cylindrical_and_spherical_coordinates(read: Read, kind: int, coordinates: tuple, expected: tuple) -> None:
     found = read(system_2420(3, np.eye(3), (0, 0, 0), kind) + dataset("15", point(1, 3, 0, coordinates)))

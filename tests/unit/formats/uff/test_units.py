@@ -35,6 +35,31 @@ ACCELERATION, VELOCITY, ACCELERANCE, FORCE = (1, 0, -2), (1, 0, -1), (0, -1, 0),
         ("ips", 0.0254, VELOCITY),
         ("mm/s", 1e-3, VELOCITY),
         ("µm", 1e-6, (1, 0, 0)),
+        ("\u03bcm", 1e-6, (1, 0, 0)),
+        ("um", 1e-6, (1, 0, 0)),
+        ("nm", 1e-9, (1, 0, 0)),
+        ("cm", 1e-2, (1, 0, 0)),
+        ("inch", 0.0254, (1, 0, 0)),
+        ("mil", 25.4e-6, (1, 0, 0)),
+        ("ft", 0.3048, (1, 0, 0)),
+        ("m/ms", 1e3, VELOCITY),
+        ("m/min", 1 / 60, VELOCITY),
+        ("m·Hz", 1.0, VELOCITY),
+        ("m.kHz^-1", 1e-3, (1, 0, 1)),
+        ("deg/s", 0.017453292519943295, (0, 0, -1)),
+        ("rad^3", 1.0, (0, 0, 0)),
+        ("m³", 1.0, (3, 0, 0)),
+        ("mm-3", 1e9, (-3, 0, 0)),
+        ("(mm/s)^2", 1e-6, (2, 0, -2)),
+        ("gn", G, ACCELERATION),
+        ("g's", G, ACCELERATION),
+        ("ips2", 0.0254**2, (2, 0, -2)),  # a square, as of the spectrum of a velocity
+        ("kg m s-2", 1.0, FORCE),
+        ("newton", 1.0, FORCE),
+        ("Newtons", 1.0, FORCE),
+        ("daN", 10.0, FORCE),
+        ("lb", LBF, FORCE),
+        ("kp", G, FORCE),
         ("N", 1.0, FORCE),
         ("mN", 1e-3, FORCE),
         ("MN", 1e6, FORCE),
@@ -61,7 +86,8 @@ def test_labels(text: str, factor: float, dimension: tuple[int, int, int]) -> No
 
 
 @pytest.mark.parametrize(
-    "text", ["", "NONE", "EU", "V", "m//s", "m/", "(m", "m)", "*", "m^", "m^x", "dB", "m/s^2^", "²"]
+    "text",
+    ["", "NONE", "EU", "V", "m//s", "m/", "(m", "m)", "*", "m^", "m^x", "m^4", "m^-", "m 2 3", "dB", "m/s^2^", "²"],
 )
 def test_labels_that_say_nothing(text: str) -> None:
     assert read_label(text) is None
@@ -155,8 +181,13 @@ def test_exponents_that_do_not_fit_are_noted(read: Read) -> None:
     ("unit", "factor"), [("Hz", 1.0), ("rad/s", 0.15915494309189535), ("kHz", 1e3), ("rpm", 1 / 60)]
 )
 def test_frequency_axis(read: Read, unit: str, factor: float) -> None:
-    found = read(set_58(ROW, points=1, start="5.00000e+00", abscissa=axis(18, unit)))
-    assert one(found).frequency.start == pytest.approx(5 * factor, rel=1e-12)
+    row = ROW.replace("0.0", "2.0")
+    found = read(set_58(row + row, start="5.00000e+00", step="2.50000e-01", abscissa=axis(18, unit)))
+    assert one(found).frequency.points().tolist() == pytest.approx([5 * factor, 5.25 * factor], rel=1e-12)
+    uneven = " 5.00000e+00 1.00000e+00 3.00000e+00 5.25000e+00 4.00000e+00 5.00000e+00"
+    axis_of = one(read(set_58(uneven, kind=5, even=0, abscissa=axis(18, unit)))).frequency
+    assert axis_of.points().tolist() == pytest.approx([5 * factor, 5.25 * factor], rel=1e-12)
+    assert (axis_of.start, axis_of.step, axis_of.count) == (pytest.approx(5 * factor, rel=1e-12), 0.0, 2)
     assert ("converted to Hz" in found.notes) == (unit != "Hz")
 
 
@@ -190,6 +221,39 @@ def test_set_164(read: Read) -> None:
         assert "its units (set 164, dataset 1) were refused" in found.reasons
 
 
+@pytest.mark.parametrize(
+    ("code", "length", "force"),
+    [
+        (1, 1.0, 1.0),
+        (2, 1 / 0.3048, 1 / LBF),
+        (3, 1.0, 1 / G),
+        (4, 1 / 0.3048, 1 / (0.45359237 * 0.3048)),  # poundal: lb ft/s²
+        (5, 1e3, 1e3),
+        (6, 1e2, 1e2),
+        (7, 1 / 0.0254, 1 / LBF),
+        (8, 1e3, 1 / G),
+        (10, 1e3, 1.0),
+    ],
+)
+def test_codes_of_set_164_stand_for_their_factors_within_a_thousandth(
+    read: Read, code: int, length: float, force: float
+) -> None:
+    assert read(set_164(length * 1.0009, force * 1.0009, code)).notes == ""
+    for near in (set_164(length * 1.0011, force, code), set_164(length, force / 1.0011, code)):
+        assert f"units code {code} stands for" in read(near).notes
+    assert read(set_164(1e-12, 1e12)).outcomes == ["read"]
+
+
+def test_set_164_states_a_temperature_too(read: Read) -> None:
+    text = (
+        set_164()
+        .replace(b"1.0000000000000000D+00\n", b"1.8000000000000000D+00\n")
+        .replace(b"USER_DEFINED", b"Foot & Rankine")
+    )
+    (units,) = read(text).of(Units)
+    assert (units.description, units.temperature, units.temperature_offset) == ("Foot & Rankine", 1.8, 273.15)
+
+
 POINT = b"    -1\n    15\n         7         0         0         1  1.00000E+03  2.00000E+00  3.00000E+00\n    -1\n"
 
 
@@ -199,6 +263,13 @@ def test_units_hold_wherever_they_stand(read: Read, order: tuple[int, int]) -> N
     found = read(parts[order[0]] + parts[order[1]])
     assert found.of(GridPoint)[0].xyz_m == pytest.approx((1.0, 2e-3, 3e-3), rel=1e-15)
     assert "coordinates multiplied by 0.001 to metres" in found.notes
+
+
+def test_units_hold_from_where_they_are_stated_to_the_next_ones(read: Read) -> None:
+    other = POINT.replace(b"         7", b"         8", 1)
+    third = POINT.replace(b"         7", b"         9", 1)
+    found = read(POINT + set_164(1000.0) + other + set_164(10.0) + third)
+    assert [point.xyz_m[0] for point in found.of(GridPoint)] == pytest.approx([1.0, 1.0, 100.0], rel=1e-15)
 
 
 def test_coordinates_without_set_164_are_metres_and_noted(read: Read) -> None:
