@@ -40,6 +40,7 @@ def test_modes_below_one_hertz_are_modes_like_others() -> None:
     found = pair_in_order(np.array([0.2, 0.5, 0.9]), np.array([0.2, 0.35, 0.5, 0.9]), seen)
     assert found.pairs == ((0, 0), (1, 2), (2, 3))
     assert pair_in_order(np.array([0.3]), np.array([0.3, 0.9]), np.array([0.5, 0.95])).pairs == ((0, 0),)
+    assert pair_in_order(np.array([0.98]), np.array([0.98, 0.5]), np.array([0.95, 0.6])).ambiguous == ()
 
 
 def test_modes_with_a_node_at_the_point_are_passed_over() -> None:
@@ -144,9 +145,9 @@ def test_a_rival_is_one_that_may_be_seen_and_is_nearly_as_near() -> None:
     def rivals(second: float, seen: float, model: float = 100.0) -> tuple[tuple[int, int, int], ...]:
         return pair_in_order(one, np.array([model, second, 300.0]), np.array([0.95, seen, 0.95])).ambiguous
 
-    assert rivals(103.0, 0.6) == ((0, 0, 1),)  # ln 103/101 is 0.0196, ln 101/100 0.0100, and a quarter of σ 0.015
+    assert rivals(103.4, 0.6) == ((0, 0, 1),)  # ln 103.4/101 is 0.0235, ln 101/100 0.0100, and a quarter of σ 0.015
     assert rivals(103.6, 0.6) == ()  # 0.0254
-    assert rivals(103.0, 0.5) == ()
+    assert rivals(103.4, 0.5) == ()
     assert rivals(103.0, 0.6, model=0.0) == ()  # 0 Hz is no partner and no fault either
     wide = pair_in_order(one, np.array([95.5, 107.5]), np.array([0.95, 0.94]))
     assert (wide.pairs, wide.ambiguous) == (((0, 0),), ())  # 0.0624 is beyond σ
@@ -166,7 +167,12 @@ def test_a_mode_of_the_model_is_missed_below_the_last_measured_one() -> None:
 def test_how_likely_a_mode_is_seen() -> None:
     """By its amplitude where shapes were measured times that at the two points that stood still."""
     hz, one = [10.0, 20.0, 30.0, 40.0], measured([10.0], [[1.0]], 1)
-    shapes = [[2.0, 1.0, -1.0, 9.0], [-0.2, 1.0, 1.0, 9.0], [1.0, 0.1, 1.0, 9.0], [0.0, 1.0, 1.0, 9.0]]
+    shapes = [
+        [2.0, 1.0, -1.0, 9.0],
+        [-0.2, 1.0, 1.0, 3.0],
+        [1.0, 0.1, 1.0, 5.0],
+        [0.0, 1.0, 1.0, 7.0],
+    ]  # a third stood still
     share = (np.array([2.0, 0.2, 0.1, 0.0]) / 2.0 / 0.1) ** 2
     expected = np.clip(share / (1 + share), 0.05, 0.95)
     assert expected.tolist() == [0.95, 0.5, pytest.approx(0.2), 0.05]
