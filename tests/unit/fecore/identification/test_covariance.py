@@ -1,0 +1,337 @@
+"""What identification says of its own errors, and which poles it takes for one: held to formulas written out anew."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fecore.frf import Dof, FrfSet
+from fecore.identification.arrangement import Arrangement, arrange
+from fecore.identification.basis import Terms
+from fecore.identification.error_model import ErrorModel, memory
+from fecore.identification.gains import Worth, evidence, in_band, pole_power, pole_price, price
+from fecore.identification.local_pair import Band, Modes, band_about
+from fecore.identification.orders import _share
+from fecore.identification.refinement import Fit, evaluate, moved, spectrum
+from fecore.identification.selection import _open, _without, hold_vague, residual_peaks, same_pole
+
+HZ, ZETA, FRFS = np.array([101.3, 160.7]), np.array([0.01, 0.02]), 12
+
+
+def measured(hz: np.ndarray = HZ, zeta: np.ndarray = ZETA, noise: float = 1e-7, line: float = 1.0) -> Arrangement:
+    """Receptances of a roving sensor, 60 to 220 Hz, with white noise; each mode has a shape of its own."""
+    random = np.random.default_rng(7)
+    lines = np.arange(60.0, 220.5, line)
+    shapes = random.standard_normal((FRFS, hz.size))
+    s, omega = 2j * np.pi * lines[:, None], 2 * np.pi * hz
+    values = shapes @ (1 / (s**2 + 2 * zeta * omega * s + omega**2)).T
+    white = random.standard_normal((2, *values.shape))
+    dofs = tuple(Dof(i + 1, 3) for i in range(FRFS))
+    frfs = FrfSet(lines, values + noise * (white[0] + 1j * white[1]), dofs, (Dof(99, 3),) * FRFS, "receptance")
+    return arrange(frfs)
+
+
+TERMS = Terms(HZ, ZETA, (0,))
+
+
+def explicit(arrangement: Arrangement, fit: Fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Covariance of θ, variance of the residues, and each FRF's pull, by the whole Jacobian of all unknowns at once."""
+    s = 2j * np.pi * arrangement.frequency_hz[:, None]
+    omega, zeta = 2 * np.pi * fit.terms.frequency_hz, fit.terms.damping_ratio
+    root = np.sqrt(1 - zeta**2)
+    pole, by_zeta = omega * (-zeta + 1j * root), omega * (-1 - 1j * zeta / root)
+    direct, mirror = 1 / (s - pole), 1 / (s - pole.conj())
+    basis = np.concatenate([direct + mirror, 1j * (direct - mirror), np.ones_like(s)], axis=1)
+    residue = fit.residues()[0]
+    n, q = pole.size, basis.shape[1]
+    rows, own, other = [], [], []
+    for i, r in enumerate(residue):
+        steep = [r * by * direct**2 + (r * by).conj() * mirror**2 for by in (pole, by_zeta)]
+        weight = np.sqrt(2 / fit.variance[i])[:, None]
+        own.append(np.concatenate(steep, axis=1) * weight)
+        other.append(basis * weight)
+        rows.append(fit.residual[i][:, None] * weight)
+    total = np.zeros((2 * n + q * len(own), 2 * n + q * len(own)))
+    pull = []
+    for i, (j, phi, left) in enumerate(zip(own, other, rows, strict=True)):
+        at = slice(2 * n + i * q, 2 * n + (i + 1) * q)
+        total[: 2 * n, : 2 * n] += (j.conj().T @ j).real
+        total[: 2 * n, at] = (j.conj().T @ phi).real
+        total[at, : 2 * n] = total[: 2 * n, at].T
+        total[at, at] = (phi.conj().T @ phi).real
+        pull.append((j.conj().T @ left).real[:, 0])
+    scale = np.sqrt(np.diag(total))
+    inverse = np.linalg.inv(total / np.outer(scale, scale)) / np.outer(scale, scale)
+    variance = np.diag(inverse)[2 * n :].reshape(len(own), q)
+    return inverse[: 2 * n, : 2 * n], variance[:, :n] + variance[:, n : 2 * n], np.array(pull)
+
+
+@pytest.mark.parametrize("stated", [0.25, 4.0])
+def test_covariances_are_those_of_all_unknowns_at_once(stated: float) -> None:
+    """Stated noise too small by half or too large by twice: the residual counts where it is larger, never smaller."""
+    arrangement = measured()
+    variance = np.full(arrangement.values.shape, stated * 2e-14)
+    variance[::2] *= 1.5
+    fit = evaluate(arrangement, TERMS, variance)
+    theta, residues, pull = explicit(arrangement, fit)
+    freedom = 2 * arrangement.values.size - 2 * 2 - FRFS * 5
+    chi_squared = float(np.sum(2 / variance * np.abs(fit.residual) ** 2))
+    assert (fit.freedom, fit.chi_squared) == (freedom, pytest.approx(chi_squared, rel=1e-12))
+    inflation = max(1.0, chi_squared / freedom)
+    assert (inflation > 1) is (stated < 1)
+    np.testing.assert_allclose(fit.parameter_covariance, theta * inflation, rtol=1e-6, atol=1e-9 * theta.max())
+    np.testing.assert_allclose(fit.residues()[1], residues * inflation, rtol=1e-6)
+    np.testing.assert_allclose(fit.pull, pull, rtol=1e-6, atol=1e-9 * np.abs(pull).max())
+    longer = replace(fit, memory=3.0)
+    assert longer.inflation == pytest.approx(3 * inflation, rel=1e-12)
+    np.testing.assert_allclose(longer.parameter_covariance, 3 * fit.parameter_covariance, rtol=1e-12)
+
+
+def test_a_pole_that_is_held_is_known_and_leaves_the_other_what_it_would_be_alone() -> None:
+    arrangement = measured()
+    variance = np.full(arrangement.values.shape, 8e-14)
+    held = evaluate(arrangement, replace(TERMS, held=np.array([True, False])), variance)
+    free = evaluate(arrangement, TERMS, variance)
+    assert np.all(np.diag(held.parameter_covariance)[[0, 2]] < 1e-50)
+    inverse = np.linalg.inv(explicit(arrangement, free)[0])[np.ix_([1, 3], [1, 3])]
+    np.testing.assert_allclose(held.parameter_covariance[np.ix_([1, 3], [1, 3])], np.linalg.inv(inverse), rtol=1e-6)
+    assert not held.pull[:, [0, 2]].any()
+    assert held.pull[:, [1, 3]].any()
+
+
+def test_scatter_between_sessions_counts_from_eight_on() -> None:
+    """H⁻¹ (Σ g gᵀ) H⁻¹ S/(S - 1), over the 1 + 1/√(2(S - 1)) to which it is known; a parameter grows by its own."""
+    arrangement = measured()
+    fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 8e-14))
+    plain = fit.parameter_covariance
+    pull = 40 * np.random.default_rng(1).standard_normal(fit.pull.shape) * np.sqrt(np.diag(fit.information))
+    pull[:, 1:] *= 1e-3
+    few = replace(fit, pull=pull, sessions=np.arange(FRFS) % 7)
+    np.testing.assert_array_equal(few.parameter_covariance, plain)
+    inverse = np.linalg.inv(fit.information)
+    for sessions, count in ((np.arange(FRFS), FRFS), (np.arange(FRFS) % 8, 8)):
+        sums = np.array([pull[sessions == s].sum(axis=0) for s in range(count)])
+        between = np.sqrt(np.diag(inverse @ sums.T @ sums @ inverse) * count / (count - 1))
+        expected = np.maximum(np.sqrt(np.diag(plain)), between / (1 + 1 / np.sqrt(2 * (count - 1))))
+        found = replace(fit, pull=pull, sessions=sessions).parameter_covariance
+        np.testing.assert_allclose(np.sqrt(np.diag(found)), expected, rtol=1e-9)
+        assert expected[0] > 2 * np.sqrt(plain[0, 0])
+
+
+def test_what_the_data_do_not_determine_is_vague_and_spoils_nothing_else() -> None:
+    """Parameters 1 and 3 are seen only as their sum: each is unknown, the others keep their variance."""
+    arrangement = measured()
+    fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 8e-14))
+    both = np.zeros(4)
+    both[[1, 3]] = 1.0
+    blind = replace(fit, information=np.diag([4.0, 0.0, 25.0, 0.0]) + 9 * np.outer(both, both))
+    null = spectrum(blind.information)[3]
+    assert null.tolist().count(True) == 1
+    variance = np.diag(blind.parameter_covariance)
+    assert variance[[0, 2]] == pytest.approx([0.25, 0.04], rel=1e-9)
+    assert np.all(variance[[1, 3]] > 1e8)
+    assert np.all(np.isfinite(variance))
+    nothing = replace(fit, information=np.diag([4.0, 0.0, 25.0, 1.0]))
+    assert np.diag(nothing.parameter_covariance)[[0, 2, 3]] == pytest.approx([0.25, 0.04, 1.0], rel=1e-9)
+    assert nothing.parameter_covariance[1, 1] > 1e8
+
+
+def test_a_step_keeps_damping_and_rates_where_they_mean_something() -> None:
+    terms = Terms(np.array([100.0, 200.0]), np.array([0.01, 0.02]), (0,), np.array([5.0, 6.0]))
+    after = moved(terms, np.array([0.1, -0.1, 2.0, -2.0, np.log(2), np.log(1000)]), 700.0)
+    assert after.frequency_hz == pytest.approx(np.array([100.0, 200.0]) * np.exp([0.1, -0.1]), rel=1e-12)
+    assert after.damping_ratio.tolist() == [0.95, 1e-5]
+    assert after.decay == pytest.approx([10.0, 700.0], rel=1e-12)
+
+
+def band(arrangement: Arrangement) -> Band:
+    found = band_about(arrangement, arrangement.values, np.full(arrangement.values.shape, 2e-14), (101.3, 0.01))
+    assert found is not None
+    return found
+
+
+def test_a_band_is_six_half_bandwidths_or_five_lines_wide_and_has_eight_lines() -> None:
+    """f ζ is 1.013 Hz, six of them 6.08 Hz: lines of 0.5 Hz from 95.5 to 107 Hz."""
+    arrangement = measured(line=0.5)
+    lines = band(arrangement).omega / (2 * np.pi)
+    assert (lines[0], lines[-1], lines.size) == pytest.approx((95.5, 107.0, 24), rel=1e-12)
+    assert band(arrangement).weight[0] == pytest.approx(np.full(24, 1e14), rel=1e-12)
+    spread = np.full(arrangement.values.shape, 2e-14)
+    narrow = band_about(arrangement, arrangement.values, spread, (101.3, 1e-5))
+    assert narrow is not None
+    assert narrow.omega.size == 10
+    seven = replace(arrangement, measured=arrangement.measured & (np.abs(arrangement.frequency_hz - 101.3) > 1.1))
+    assert band_about(seven, seven.values, spread, (101.3, 1e-5)) is None
+
+
+def test_residues_in_a_band_are_those_of_least_squares_written_out() -> None:
+    arrangement = measured(line=0.5)
+    one = band(arrangement)
+    seen = np.ones((1, 1), dtype=complex)
+    values, spread = one.residues(HZ[:1], ZETA[:1], seen)
+    s, omega = 1j * one.omega, 2 * np.pi * HZ[0]
+    pole = omega * (-ZETA[0] + 1j * np.sqrt(1 - ZETA[0] ** 2))
+    direct, mirror = 1 / (s - pole), 1 / (s - pole.conj())
+    basis = np.stack([direct + mirror, 1j * (direct - mirror), np.ones_like(s), 1j * np.ones_like(s)], axis=1)
+    lengths = np.linalg.norm(basis, axis=0)
+    basis /= lengths
+    real = np.concatenate([basis.real, basis.imag]) * 1e7
+    for row, own in enumerate(arrangement.values[:, np.isin(arrangement.omega, one.omega)]):
+        c = np.linalg.lstsq(real, np.concatenate([own.real, own.imag]) * 1e7, rcond=None)[0] / lengths
+        assert values[row, 0] == pytest.approx(c[0] + 1j * c[1], rel=1e-6)
+    inverse = np.linalg.inv(real.T @ real) / np.outer(lengths, lengths)
+    np.testing.assert_allclose(spread[:, 0], inverse[0, 0] + inverse[1, 1], rtol=1e-6)
+
+
+@pytest.mark.parametrize(("size", "misfit"), [(7, 0.5), (7, 3.0), (8, 0.5), (12, 2.0)])
+def test_covariance_of_modes_in_a_band(size: int, misfit: float) -> None:
+    random = np.random.default_rng(size)
+    jacobian, residual = random.standard_normal((40, size, 3)), random.standard_normal((40, size))
+    residual += np.where(np.arange(size) % 2, 2.0, -2.0) * jacobian[:, :, 0]  # one roving dof against the next
+    modes = Modes(np.ones(1), np.ones(1), np.ones((1, 1), complex), 100 * misfit, 100, jacobian, residual)
+    inverse = np.linalg.inv(np.einsum("rpi,rpj->ij", jacobian, jacobian))
+    expected = np.sqrt(np.diag(inverse) * max(1.0, misfit) * 1.5)
+    if size >= 8:
+        pull = np.einsum("rpn,rp->pn", jacobian, residual)
+        between = np.sqrt(np.diag(inverse @ pull.T @ pull @ inverse) * size / (size - 1))
+        expected = np.maximum(expected, between / (1 + 1 / np.sqrt(2 * (size - 1))))
+        assert expected[0] > np.sqrt(inverse[0, 0] * max(1.0, misfit) * 1.5)
+    found = band(measured(line=0.5)).covariance(modes, 1.5)
+    np.testing.assert_allclose(np.sqrt(np.diag(found)), expected, rtol=1e-9)
+    grow = np.sqrt(np.diag(found) / np.diag(inverse))
+    np.testing.assert_allclose(found, inverse * np.outer(grow, grow), rtol=1e-7)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.6])
+def test_lines_that_share_their_error_count_less(rho: float) -> None:
+    """An autoregressive error: ρ_j = ρʲ, summed while it is above 0.05, so that τ = 1 + 2 (ρ + ... + ρ⁵) for ρ = 0.6."""
+    random = np.random.default_rng(3)
+    shape = (300, 512)
+    white = random.standard_normal(shape) + 1j * random.standard_normal(shape)
+    error = white.copy()
+    for line in range(1, shape[1]):
+        error[:, line] = rho * error[:, line - 1] + np.sqrt(1 - rho**2) * white[:, line]
+    expected = 1 + 2 * sum(rho**j for j in range(1, 6))
+    variance = np.full(shape, 2.0)
+    assert memory(error, variance, np.ones(shape, dtype=bool)) == pytest.approx(expected, rel=0.03)
+    scaled = error * np.linspace(1, 9, 512)
+    assert memory(scaled, variance * np.linspace(1, 9, 512) ** 2, np.ones(shape, dtype=bool)) == pytest.approx(
+        expected, rel=0.03
+    )
+    turning = np.exp(1j * np.linspace(0, 300, 512)) * np.ones(shape)  # an error relative to a model that turns
+    assert memory(error * turning, variance, np.ones(shape, dtype=bool), turning) == pytest.approx(expected, rel=0.05)
+    assert memory(np.zeros(shape, dtype=complex), variance, np.ones(shape, dtype=bool)) == 1.0
+
+
+def test_variances_of_noise_chain_and_drift_add_up() -> None:
+    errors = ErrorModel(np.array([[1.0]]), np.array([[100.0]]), 0.2, 0.1)
+    assert errors.variance(np.array([[300.0]]))[0, 0] == pytest.approx(1 + 0.04 * 100 + 0.01 * 300, rel=1e-12)
+
+
+def test_evidence_and_what_it_must_pay() -> None:
+    """(data + prior)/τ · ln(before/after), the prior five times the data; ln(2 N L) an unknown for a mode, 2 out of band."""
+    arrangement = measured()
+    fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 2e-14))
+    unknowns, data = 2 * FRFS + 2, 2 * FRFS * arrangement.frequency_hz.size
+    assert price(fit, FRFS, 2, 2) == pytest.approx((2 * unknowns, np.log(data) * unknowns), rel=1e-12)
+    hz = np.array([60.0, 220.0, 59.9, 220.1])
+    assert in_band(arrangement, hz).tolist() == [True, True, False, False]
+    expected = [np.log(data) * unknowns] * 2 + [2 * unknowns] * 2
+    assert pole_price(arrangement, fit, FRFS, hz) == pytest.approx(expected, rel=1e-12)
+    power = pole_power(arrangement, np.array([110.0]), np.array([0.03]))
+    share = (power / power.sum())[:, 0]
+    lines = 1 / np.sum(share**2)
+    misfit = lines * float(np.sum(np.abs(fit.residual) ** 2 * 1e14, axis=0) @ share)
+    own = 2 * FRFS * lines
+    for gained in (False, True):
+        before = 5 * own + misfit + (50.0 if gained else 0.0)
+        found = evidence(np.array([50.0]), arrangement, fit, power, Worth(FRFS, 2.0), gained=gained)
+        assert found[0] == pytest.approx(6 * own / 2 * np.log(before / (before - 50.0)), rel=1e-9)
+    few = evidence(np.array([50.0]), arrangement, fit, power, Worth(1, 1e9), gained=False)
+    prior = max(5 * 2 * lines, 100.0)
+    assert few[0] == pytest.approx(
+        (2 * lines + prior) / lines * np.log((prior + misfit) / (prior + misfit - 50)), rel=1e-9
+    )
+
+
+def near(apart_hz: float, *, alike: bool, line: float = 1.0) -> tuple[int, int] | None:
+    """Which of two poles goes, about 101 Hz with 1.01 Hz of half bandwidth, the second far weaker."""
+    arrangement = measured(line=line)
+    terms = Terms(np.array([101.3, 101.3 + apart_hz, 160.7]), np.array([0.01, 0.01, 0.02]), ())
+    fit = evaluate(arrangement, terms, np.full(arrangement.values.shape, 2e-14))
+    c = np.random.default_rng(2).standard_normal((FRFS, 6))
+    c[:, 2:4] = 0.01 * (c[:, :2] if alike else np.random.default_rng(5).standard_normal((FRFS, 2)))
+    return same_pole(arrangement, replace(fit, linear=replace(fit.linear, coefficients=c)))
+
+
+def test_two_poles_are_one_where_they_look_alike_within_a_bandwidth_or_share_a_line() -> None:
+    assert near(0.9, alike=True, line=0.25) is not None
+    assert near(1.2, alike=True, line=0.25) is None
+    assert near(1.2, alike=True, line=2.0) is not None  # within a line
+    assert near(0.9, alike=False, line=0.25) is None
+    assert near(0.9, alike=False, line=2.0) is not None  # within half a line, and narrower than one
+    assert near(1.1, alike=False, line=2.0) is None
+    assert near(0.4, alike=False, line=1.0) is None  # a bandwidth wider than a line: they can be resolved
+    assert set(near(0.9, alike=True, line=0.25) or ()) == {0, 1}
+
+
+def test_poles_that_the_data_hardly_determine_are_held_where_it_is_asked() -> None:
+    arrangement = measured()
+    fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 2e-14))
+
+    def held(*sd: float, among: tuple[bool, bool] = (True, True)) -> list[bool]:
+        known = replace(fit, information=np.diag(1 / np.array(sd) ** 2), chi_squared=0.0)
+        return hold_vague(known, np.array(among)).held.tolist()
+
+    assert held(0.049, 0.049, 0.0069, 0.0139) == [False, False]
+    assert held(0.051, 0.049, 0.0069, 0.0139) == [True, False]
+    assert held(0.049, 0.049, 0.0069, 0.0141) == [False, True]
+    assert held(0.051, 0.051, 0.0071, 0.0141, among=(False, True)) == [False, True]
+    wide = replace(fit, terms=replace(TERMS, damping_ratio=np.array([0.001, 0.8])))
+    wide = replace(wide, information=np.diag([1.0, 1.0, 1.0, 1.0]))
+    assert hold_vague(wide, np.array([True, True])).damping_ratio.tolist() == [0.005, 0.5]
+    assert hold_vague(wide, np.array([False, False])).damping_ratio.tolist() == [0.001, 0.8]
+
+
+def test_candidates_beside_a_pole_that_was_one_mode_are_shut_while_it_is_there() -> None:
+    hz = np.array([99.0, 99.5, 100.0, 100.5, 101.0])
+    shut = [(99.5, 100.5)]
+    assert _open(hz, shut, np.array([50.0, 100.2])).tolist() == [True, False, False, False, True]
+    for edge in (99.5, 100.5):
+        assert _open(hz, shut, np.array([edge])).tolist() == [True, False, False, False, True]
+    assert _open(hz, shut, np.array([50.0, 100.6])).all()
+    assert _open(hz, [], np.array([100.0])).all()
+
+
+def test_peaks_of_the_residual_are_tried_in_three_widths_of_each_average() -> None:
+    arrangement = measured()
+    fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 1.0))
+    residual = np.zeros_like(fit.residual)
+    for place, height in ((20, 3.0), (60, 9.0), (61, 9.0), (160, 30.0)):  # the last stands on the band's end
+        residual[:, place] = height
+    hz, zeta = residual_peaks(arrangement, replace(fit, residual=residual))
+    at = arrangement.frequency_hz
+    one = hz[np.isclose(zeta * hz, 0.2)]
+    assert one[:2].tolist() == [at[61], at[20]]  # of one line alone; of two alike the later one
+    assert {round(float(w), 9) for w in zeta * hz} >= {0.2, 0.5, 1.5, 1.0, 2.5, 7.5, 5.0, 12.5, 37.5}
+
+
+def test_terms_are_counted_poles_first_then_powers_then_bodies() -> None:
+    terms = Terms(HZ, ZETA, (-2, 0), np.array([5.0, 6.0]))
+    left = [_without(terms, which) for which in range(6)]
+    assert [one.frequency_hz.tolist() for one in left[:2]] == [[HZ[1]], [HZ[0]]]
+    assert [one.exponents for one in left] == [(-2, 0), (-2, 0), (0,), (-2,), (-2, 0), (-2, 0)]
+    assert [one.decay.tolist() for one in left[2:]] == [[5.0, 6.0], [5.0, 6.0], [6.0], [5.0]]
+
+
+def test_a_pole_comes_back_from_an_order_within_three_quarters_of_its_half_bandwidth() -> None:
+    order = np.array([2, 4, 4, 6, 8, 10])
+    hz = np.array([100.0, 100.7, 100.2, 100.8, 99.3, 100.0])
+    zeta = np.array([0.01, 0.01, 0.01, 0.01, 0.024, 0.026])
+    share: Any = _share
+    assert share(order, hz, zeta, 100.0, (1.0, 0.5), (4, 10)) == pytest.approx(2 / 7)  # of 4 and 8; 10 is too broad
+    assert share(order, hz, zeta, 100.0, (1.0, 0.5), (2, 8)) == pytest.approx(3 / 7)
+    assert share(order, hz, zeta, 100.0, (0.1, 1.1), (4, 6)) == pytest.approx(2 / 3)  # no narrower than a line
