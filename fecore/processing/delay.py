@@ -39,21 +39,48 @@ def estimate_delay(frfs: FrfSet, rate_per_s: float = 0.0) -> Delay | None:
 
     `rate_per_s` is the exponential window's rate that the FRFs carry.
     """
-    omega, phase = [], []
-    power = int(np.round(np.angle(convert(np.ones(1), frfs.quantity))[0] / (np.pi / 2))) % 4
-    for number in range(0, len(frfs.values), -(-len(frfs.values) // _MOST_FRFS)):
-        values = frfs.values[number]
-        noise = None if frfs.variance is None else np.sqrt(frfs.variance[number])
-        for line, half in _peaks(np.abs(values), noise):
-            found = _residue(frfs.omega, values, line, half)
-            if found is not None:
-                pole, residue = found
-                scaled = residue / (pole + rate_per_s) ** power * 2j
-                omega.append(abs(pole.imag))
-                phase.append(np.angle(scaled))
-    if len(omega) < _FEWEST_PEAKS:
-        return None
-    w, p = np.array(omega), np.array(phase)
+    search = DelaySearch(len(frfs.values), rate_per_s)
+    search.add(frfs)
+    return search.found()
+
+
+class DelaySearch:
+    """The same of FRFs that come in parts.
+
+    Args:
+        count: of all FRFs.
+        rate_per_s: of the exponential window that they carry.
+    """
+
+    def __init__(self, count: int, rate_per_s: float = 0.0) -> None:
+        self._every, self._rate, self._number = max(1, -(-count // _MOST_FRFS)), rate_per_s, 0
+        self._omega: list[float] = []
+        self._phase: list[float] = []
+
+    def add(self, frfs: FrfSet) -> None:
+        """The next FRFs."""
+        power = int(np.round(np.angle(convert(np.ones(1), frfs.quantity))[0] / (np.pi / 2))) % 4
+        for number in range(-self._number % self._every, len(frfs.values), self._every):
+            values = frfs.values[number]
+            noise = None if frfs.variance is None else np.sqrt(frfs.variance[number])
+            for line, half in _peaks(np.abs(values), noise):
+                found = _residue(frfs.omega, values, line, half)
+                if found is not None:
+                    pole, residue = found
+                    scaled = residue / (pole + self._rate) ** power * 2j
+                    self._omega.append(abs(pole.imag))
+                    self._phase.append(float(np.angle(scaled)))
+        self._number += len(frfs.values)
+
+    def found(self) -> Delay | None:
+        """The delay, or None where they have too few clear resonances for it."""
+        if len(self._omega) < _FEWEST_PEAKS:
+            return None
+        return _common(np.array(self._omega), np.array(self._phase))
+
+
+def _common(w: FloatArray, p: FloatArray) -> Delay:
+    """The delay that residues of these circular frequencies and phases have in common."""
     top = min(_LARGEST_S, 0.8 * np.pi / (2 * float(np.median(w))) * 2)
     grid = np.linspace(-top, top, 2001)
     score = np.cos(2 * (p + w * grid[:, None])).sum(axis=1)

@@ -51,18 +51,33 @@ class Processing:
 
 
 @dataclass(frozen=True)
-class Processed:
-    """What hits became.
+class Averages:
+    """FRFs of some or all points.
 
     Attributes:
         frfs: the FRFs with their variance, one a point and response.
         coherence: (N, L) γ².
         hits: (N,) hits that each FRF is the mean of.
         used: the numbers of those hits, for each FRF.
-        verdicts: one a hit, in the order of the hits.
-        processing: the choices, with those that were made here filled in.
         rate_per_s: rate of the exponential window that the FRFs carry, with the analyser's own; `remove_window`
         corrects poles.
+    """
+
+    frfs: FrfSet
+    coherence: FloatArray
+    hits: IntArray
+    used: tuple[tuple[int, ...], ...]
+    rate_per_s: float
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What was found about the hits of a campaign and done with them.
+
+    Attributes:
+        verdicts: one a hit, in the order of the hits.
+        processing: the choices, with those that were made here filled in.
+        rate_per_s: rate of the exponential window that the FRFs carry.
         coupling: the tail of the AC coupled force channel that stands behind the force window; None for none.
         delay: how much later the response is than the force, where resonances show it.
         excited_hz: highest frequency at which the hammer still has a tenth of its amplitude.
@@ -70,10 +85,6 @@ class Processed:
         warnings: what a user should know, in words.
     """
 
-    frfs: FrfSet
-    coherence: FloatArray
-    hits: IntArray
-    used: tuple[tuple[int, ...], ...]
     verdicts: tuple[Verdict, ...]
     processing: Processing
     rate_per_s: float
@@ -82,3 +93,8 @@ class Processed:
     excited_hz: float
     strong_hz: float
     warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Processed(Findings, Averages):
+    """What hits became: the FRFs of all points, and what was found."""

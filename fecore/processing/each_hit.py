@@ -55,7 +55,8 @@ def each_hit(hits: Sequence[Hit], accepted: Sequence[bool] | None = None) -> Eac
         InputError: there are none, or they are unlike one another.
     """
     spectra = Spectra([hits], Processing())
-    point = first_look(spectra, hits)
+    seen = first_look(spectra, hits)
+    point = seen.point
     verdicts = tuple(judge_points([point], spectra.processing)[0])
     chosen = tuple(verdict.accepted for verdict in verdicts) if accepted is None else tuple(accepted)
     good = tuple(i for i, is_good in enumerate(chosen) if is_good)
@@ -69,7 +70,7 @@ def each_hit(hits: Sequence[Hit], accepted: Sequence[bool] | None = None) -> Eac
         frfs=np.where(np.isfinite(frfs), frfs, np.nan),
         verdicts=verdicts,
         accepted=chosen,
-        mean=point.estimates if good == point.used else second_look(spectra, hits, good),
+        mean=seen.estimates if good == point.used else second_look(spectra, hits, point.traits, good),
         pulse_s=_pulse_s(point.traits, verdicts, spectra.sample_rate),
     )
 

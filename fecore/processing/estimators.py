@@ -93,15 +93,15 @@ def _lines(
     power, ff, aa = np.empty(forces.shape), np.zeros(lines), np.zeros(lines)
     af, one, parts, level = np.zeros(lines, complex), np.empty(lines, complex), np.empty(2 * lines), np.empty(lines)
     for force, response, own, weight in zip(forces, responses, share.tolist(), power, strict=True):
-        ff += np.multiply(_squared(force, parts, weight), own, out=weight)
-        aa += np.multiply(_squared(response, parts, level), own, out=level)
+        ff += np.multiply(squared(force, parts, weight), own, out=weight)
+        aa += np.multiply(squared(response, parts, level), own, out=level)
         np.conj(force, out=one)
         one *= response
         one.view(float)[:] *= own  # a product of complex numbers would cost four times as much
         af += one
     with np.errstate(divide="ignore", invalid="ignore"):
         values = _ESTIMATORS[estimator](ff, aa, af)
-        coherence = _squared(af, parts, np.empty(lines)) / (ff * aa)
+        coherence = squared(af, parts, np.empty(lines)) / (ff * aa)
     values[~np.isfinite(values)] = 0
     coherence[~np.isfinite(coherence)] = 0
     np.minimum(coherence, 1, out=coherence)
@@ -110,7 +110,7 @@ def _lines(
     inverse, variance = 1 / np.maximum(ff, 1e-300), np.zeros(lines)
     for force, response, own, weight in zip(forces, responses, share.tolist(), power, strict=True):
         np.subtract(response, np.multiply(values, force, out=one), out=one)
-        _squared(one, parts, level)
+        squared(one, parts, level)
         level *= np.multiply(weight, inverse, out=weight)
         np.subtract(1, np.minimum(weight, 0.999, out=weight), out=weight)
         level /= weight
@@ -120,17 +120,17 @@ def _lines(
     return values, coherence, variance
 
 
-def _squared(values: ComplexArray, parts: FloatArray, into: FloatArray) -> FloatArray:
-    """|z|² of (L,) values, with (2 L,) of room for the squares of their parts."""
+def squared(values: ComplexArray, parts: FloatArray | None = None, into: FloatArray | None = None) -> FloatArray:
+    """|z|² of (..., L) values that lie side by side, without the root that `abs` takes.
+
+    Args:
+        values: complex.
+        parts: (..., 2 L) room for the squares of their parts; new by default.
+        into: (..., L) room for the result; new by default.
+    """
     flat = values.view(float)
-    np.multiply(flat, flat, out=parts)
-    return np.add(parts[::2], parts[1::2], out=into)
-
-
-def squared(values: ComplexArray) -> FloatArray:
-    """|z|², without the root that `abs` takes."""
-    found: FloatArray = values.real**2 + values.imag**2
-    return found
+    parts = np.multiply(flat, flat, out=parts)
+    return np.add(parts[..., ::2], parts[..., 1::2], out=into)
 
 
 def pooled(values: ComplexArray, variance: FloatArray, hits: int) -> FloatArray:

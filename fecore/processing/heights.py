@@ -16,13 +16,14 @@ Three things are known of heights before any model is fitted:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
-from fecore.frf import FrfSet, convert
+from fecore.frf import Dof, FrfSet, convert
 
 _USUAL = 2.2
 """Geometric mean of a strip's mobility over that of the infinite strip."""
@@ -33,7 +34,11 @@ _HIGHEST = 5.0
 _RECIPROCAL = 3.0
 """Ratio of an FRF to that of the opposite way; noise and hits beside their points change it by tens of per cent."""
 _FEWEST = 4  # points that have a median
+_FEWEST_LINES = 16  # that a level is the mean of
 _LOWEST_HZ = 8.0  # above soft suspensions
+
+Pair = tuple[Dof, Dof]
+"""Response and force of an FRF."""
 
 
 @dataclass(frozen=True)
@@ -68,35 +73,64 @@ def wrong_heights(frfs: FrfSet, highest_hz: float, strip: Strip | None) -> list[
         highest_hz: to which the hammer excites the body well.
         strip: the body, where it is a strip; what is measured across it (z) bends it. None leaves the absolute height open.
     """
-    band = (frfs.frequency_hz >= _LOWEST_HZ) & (frfs.frequency_hz <= highest_hz)
-    if band.sum() < 16:
-        return []
-    omega = 2 * np.pi * frfs.frequency_hz[band]
-    mobility = np.abs(frfs.values[:, band]) * omega / np.abs(convert(omega, frfs.quantity))
-    level: FloatArray = np.mean(np.log(np.maximum(mobility, 1e-300)), axis=1)  # by FRF
-    found = _one_way(frfs, level)
-    found += _above_the_rest(frfs, level)
-    pairs = zip(frfs.responses, frfs.references, strict=True)
-    across = [abs(response.direction) == abs(force.direction) == 3 for response, force in pairs]
-    if strip is not None and any(across):
-        ratio = float(np.exp(np.mean(level[across] - np.mean(np.log(strip.mobility(omega)))))) / _USUAL
-        if not 1 / _WHOLE <= ratio <= _WHOLE:
-            found.append(
-                f"the FRFs are {_times(ratio)} what a strip of this mass and stiffness shows: a sensitivity or a unit of the "
-                f"force or of the response is probably wrong, or the structure's density or geometry"
-            )
-    return found
+    heights = Heights(frfs.frequency_hz, highest_hz)
+    heights.add(frfs)
+    return heights.wrong(strip)
+
+
+class Heights:
+    """The same of FRFs that come in parts, on one axis of lines.
+
+    Args:
+        frequency_hz: (L,) their lines.
+        highest_hz: to which the hammer excites the body well.
+    """
+
+    def __init__(self, frequency_hz: FloatArray, highest_hz: float) -> None:
+        band = np.flatnonzero((frequency_hz >= _LOWEST_HZ) & (frequency_hz <= highest_hz))
+        self._band = slice(int(band[0]), int(band[-1]) + 1) if band.size >= _FEWEST_LINES else None
+        self._frequency = frequency_hz
+        self._responses: list[Dof] = []
+        self._references: list[Dof] = []
+        self._levels: list[float] = []
+
+    def add(self, frfs: FrfSet) -> None:
+        """The next FRFs."""
+        if self._band is None:
+            return
+        omega = 2 * np.pi * self._frequency[self._band]
+        to_mobility = omega / np.abs(convert(omega, frfs.quantity))
+        for values in frfs.values[:, self._band]:
+            self._levels.append(float(np.mean(np.log(np.maximum(np.abs(values) * to_mobility, 1e-300)))))
+        self._responses += frfs.responses
+        self._references += frfs.references
+
+    def wrong(self, strip: Strip | None) -> list[str]:
+        """A sentence for every height that cannot be right."""
+        if self._band is None:
+            return []
+        level, pairs = np.array(self._levels), list(zip(self._responses, self._references, strict=True))
+        found = _one_way(pairs, level)
+        found += _above_the_rest(pairs, level)
+        across = [abs(response.direction) == abs(force.direction) == 3 for response, force in pairs]
+        if strip is not None and any(across):
+            usual = np.mean(np.log(strip.mobility(2 * np.pi * self._frequency[self._band])))
+            ratio = float(np.exp(np.mean(level[across] - usual))) / _USUAL
+            if not 1 / _WHOLE <= ratio <= _WHOLE:
+                found.append(
+                    f"the FRFs are {_times(ratio)} what a strip of this mass and stiffness shows: a sensitivity or a unit of "
+                    f"the force or of the response is probably wrong, or the structure's density or geometry"
+                )
+        return found
 
 
 def _times(ratio: float) -> str:
     return f"{ratio:.2g} times as high as" if ratio > 1 else f"{1 / ratio:.2g} times lower than"
 
 
-def _one_way(frfs: FrfSet, level: FloatArray) -> list[str]:
+def _one_way(pairs: Sequence[Pair], level: FloatArray) -> list[str]:
     """Pairs of points that were measured both ways, with unlike heights."""
-    known = {
-        (force, response): i for i, (force, response) in enumerate(zip(frfs.references, frfs.responses, strict=True))
-    }
+    known = {(force, response): i for i, (response, force) in enumerate(pairs)}
     found = []
     for (force, response), i in known.items():
         back = known.get((response, force))
@@ -111,15 +145,17 @@ def _one_way(frfs: FrfSet, level: FloatArray) -> list[str]:
     return found
 
 
-def _above_the_rest(frfs: FrfSet, level: FloatArray) -> list[str]:
+def _above_the_rest(pairs: Sequence[Pair], level: FloatArray) -> list[str]:
     """Points that are far higher than the median of the points of the same sensor."""
     found = []
-    for response in dict.fromkeys(frfs.responses):
-        own = [i for i, dof in enumerate(frfs.responses) if dof == response]
+    by_sensor: dict[Dof, list[int]] = {}
+    for i, (response, _) in enumerate(pairs):
+        by_sensor.setdefault(response, []).append(i)
+    for own in by_sensor.values():
         if len(own) < _FEWEST:
             continue
         ratios = np.exp(level[own] - np.median(level[own]))
-        high = [(frfs.references[i].point, r) for i, r in zip(own, ratios, strict=True) if r > _HIGHEST]
+        high = [(pairs[i][1].point, r) for i, r in zip(own, ratios, strict=True) if r > _HIGHEST]
         if high:
             places, most = ", ".join(str(point) for point, _ in high), max(ratio for _, ratio in high)
             found.append(

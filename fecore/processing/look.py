@@ -30,12 +30,15 @@ def look(source: Source, processing: Processing | None = None) -> Look:
         InputError: the hits are unlike one another.
     """
     spectra = Spectra(source, processing or Processing())
-    points = [first_look(spectra, source[number]) for number in range(len(source))]
+    seen = [first_look(spectra, source[number]) for number in range(len(source))]
+    points = [each.point for each in seen]
     verdicts = judge_points(points, spectra.processing)
     coherence = {}
-    for number, (point, judged) in enumerate(zip(points, verdicts, strict=True)):
+    for number, (each, judged) in enumerate(zip(seen, verdicts, strict=True)):
+        point = each.point
         good = tuple(i for i, verdict in enumerate(judged) if verdict.accepted)
-        estimates = point.estimates if good == point.used else second_look(spectra, source[number], good)
+        same = good == point.used
+        estimates = each.estimates if same else second_look(spectra, source[number], point.traits, good)
         if len(good) > 1:
             coherence[point.force] = float(np.mean([e.coherence[spectra.compared].mean() for e in estimates]))
     return Look(tuple(v for judged in verdicts for v in judged), coherence)

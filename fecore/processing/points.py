@@ -23,8 +23,8 @@ _AT_FAULT_ALONE = ("late", "double", "overload", "polarity", "quiet", "swapped")
 
 @dataclass(frozen=True)
 class Point:
-    """What the first pass keeps of a point: pairs, numbers of its hits, and of those that seemed good the FRFs and, where
-    hits can be located, the shares of resonances.
+    """What the first pass keeps of a point: pairs, numbers of its hits, which of them seemed good, and of these, where hits
+    can be located, the shares of resonances.
     """
 
     force: Dof
@@ -34,6 +34,19 @@ class Point:
     deviations: tuple[Deviation | None, ...]
     shares: FloatArray | None
     used: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class FirstLook:
+    """A point after its first look.
+
+    Attributes:
+        point: what is kept of it.
+        estimates: the FRFs of the hits that seemed good; none where there are none.
+        excitation: (L,) mean magnitude of their forces' spectra; zeros where there are none.
+    """
+
+    point: Point
     estimates: tuple[Estimate, ...]
     excitation: FloatArray
 
@@ -112,7 +125,7 @@ def _undecided(found: list[Verdict], comparisons: Sequence[Comparison | None]) -
     return [lenient(v) if i in far else v for i, v in enumerate(found)]
 
 
-def first_look(spectra: Spectra, hits: Sequence[Hit]) -> Point:
+def first_look(spectra: Spectra, hits: Sequence[Hit]) -> FirstLook:
     """Numbers of a point's hits, and the FRFs of those that are good by themselves."""
     for hit in hits:
         spectra.check(hit)
@@ -128,7 +141,7 @@ def first_look(spectra: Spectra, hits: Sequence[Hit]) -> Point:
             compared[i] = max((f[k] for f in found), key=lambda d: float(d.energy.sum()))
     estimates = tuple(estimate(forces, r, spectra.processing.estimator) for r in responses) if used else ()
     excitation = np.sqrt(squared(forces)).mean(axis=0) if used else np.zeros(spectra.lines.size)
-    return Point(
+    point = Point(
         force=hits[0].force.dof,
         responses=hits[0].pair[1],
         numbers=tuple(h.number for h in hits),
@@ -136,14 +149,15 @@ def first_look(spectra: Spectra, hits: Sequence[Hit]) -> Point:
         deviations=tuple(compared),
         shares=spectra.shares(forces, responses) if used else None,
         used=used,
-        estimates=estimates,
-        excitation=excitation,
     )
+    return FirstLook(point, estimates, excitation)
 
 
-def second_look(spectra: Spectra, hits: Sequence[Hit], good: tuple[int, ...]) -> tuple[Estimate, ...]:
-    """The FRFs of the chosen hits of a point; none for no hits."""
+def second_look(
+    spectra: Spectra, hits: Sequence[Hit], traits: Sequence[Traits], good: tuple[int, ...]
+) -> tuple[Estimate, ...]:
+    """The FRFs of the chosen hits of a point, with the numbers of all its hits; none for no hits."""
     if not good:
         return ()
-    forces, responses = spectra.stack(hits, find_traits(hits), good)
+    forces, responses = spectra.stack(hits, traits, good)
     return tuple(estimate(forces, r, spectra.processing.estimator) for r in responses)

@@ -2,30 +2,46 @@
 
 The hits come point by point and are not kept: a first pass takes each hit's numbers, compares the hits of each point
 and averages those that are good by themselves; then the campaign's usual values are known and all hits are judged.
-Only points whose set of used hits that changes are read a second time. So memory holds one point's hits and the FRFs.
+Only points whose set of used hits that changes are read a second time. Between the passes the FRFs lie on a shelf, and
+they are given in parts. So where the shelf is on disk, memory holds the hits of a few points, one part, and what is said
+of each hit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol
 
 import numpy as np
 
+from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.frf import FrfSet
+from fecore.processing.abreast import abreast
 from fecore.processing.blocks import FRF_QUANTITY
-from fecore.processing.delay import Delay, estimate_delay
-from fecore.processing.document import Processed, Processing
+from fecore.processing.delay import Delay, DelaySearch
+from fecore.processing.document import Averages, Findings, Processed, Processing
 from fecore.processing.estimators import Estimate
-from fecore.processing.heights import wrong_heights
+from fecore.processing.heights import Heights
 from fecore.processing.judgement import Verdict
-from fecore.processing.points import Point, first_look, judge_points, second_look
+from fecore.processing.points import FirstLook, Point, first_look, judge_points, second_look
 from fecore.processing.spectra import Source, Spectra
 
+_PART_BYTES = 4 * 2**20
+"""Of FRFs, their variance and coherence that are given together; those of one point are not parted."""
 
-def process(
-    source: Source, processing: Processing | None = None, progress: Callable[[float], None] = lambda _: None
-) -> Processed:
+Progress = Callable[[float], None]
+
+
+class Shelf(Protocol):
+    """Where the FRFs of each point lie between the passes; a `dict` holds them in memory."""
+
+    def __setitem__(self, point: int, estimates: tuple[Estimate, ...], /) -> None: ...
+
+    def __getitem__(self, point: int, /) -> tuple[Estimate, ...]: ...
+
+
+def process(source: Source, processing: Processing | None = None, progress: Progress = lambda _: None) -> Processed:
     """FRFs with variance from the hits of a campaign.
 
     Args:
@@ -37,56 +53,56 @@ def process(
         InputError: no hits; hits of unlike sampling rate, length, window or kind of response; no hit of any point is
         good.
     """
+    parts: list[Averages] = []
+    for item in process_in_parts(source, processing, progress, shelf={}):
+        if isinstance(item, Findings):
+            return Processed(**{**vars(_joined(parts)), **vars(item)})
+        parts.append(item)
+    raise AssertionError("the findings come last")
+
+
+def process_in_parts(
+    source: Source,
+    processing: Processing | None = None,
+    progress: Progress = lambda _: None,
+    *,
+    shelf: Shelf,
+    threads: int = 1,
+) -> Iterator[Averages | Findings]:
+    """The same for campaigns of any size: the FRFs in parts, in the order of the points, and in the end what was found.
+
+    Args:
+        source: hits by point; it is asked by several threads at once.
+        processing: the choices.
+        progress: called with the share of the work that is done, 0 to 1.
+        shelf: where the FRFs lie between the passes.
+        threads: that look at points at the same time; the result does not depend on them.
+
+    Raises:
+        InputError: as `process`; before the first part is given.
+    """
     spectra = Spectra(source, processing or Processing())
-    points = []
-    for number in range(len(source)):
-        points.append(first_look(spectra, source[number]))
-        progress(0.9 * (number + 1) / len(source))
+    points, force = _first_pass(spectra, source, progress, shelf, threads)
     verdicts = judge_points(points, spectra.processing)
-    results = []
-    for number, (point, point_verdicts) in enumerate(zip(points, verdicts, strict=True)):
-        good = tuple(i for i, v in enumerate(point_verdicts) if v.accepted)
-        results.append(point.estimates if good == point.used else second_look(spectra, source[number], good))
-    progress(1.0)
-    return _result(spectra, points, verdicts, results)
-
-
-def _result(
-    spectra: Spectra,
-    points: Sequence[Point],
-    verdicts: Sequence[Sequence[Verdict]],
-    results: Sequence[tuple[Estimate, ...]],
-) -> Processed:
-    """All of it in one place, with warnings."""
-    rows = [
-        (point, dof, value, tuple(n for n, v in zip(point.numbers, judged, strict=True) if v.accepted))
-        for point, judged, found in zip(points, verdicts, results, strict=True)
-        for dof, value in zip(point.responses, found, strict=False)
-    ]
-    if not rows:
+    good = [tuple(i for i, v in enumerate(judged) if v.accepted) for judged in verdicts]
+    if not any(good):
         reasons = sorted({f.criterion for judged in verdicts for v in judged for f in v.faults})
         raise InputError(
             "hits",
             f"none of the hits is good ({', '.join(reasons)}); see the verdicts, and overrule where you know better",
         )
-    frfs = FrfSet(
-        spectra.frequency,
-        np.array([r[2].values for r in rows]),
-        tuple(r[1] for r in rows),
-        tuple(r[0].force for r in rows),
-        FRF_QUANTITY[spectra.kinds[0]],
-        np.array([r[2].variance for r in rows]),
-    )
-    delay = estimate_delay(frfs, spectra.rate)
-    force = np.mean([p.excitation for p in points if p.used] or [np.ones(spectra.lines.size)], axis=0)
     excited, strong = (
         float(spectra.frequency[np.flatnonzero(force >= share * force.max())[-1]]) for share in (0.1, 0.5)
     )
-    return Processed(
-        frfs=frfs,
-        coherence=np.array([r[2].coherence for r in rows]),
-        hits=np.array([r[2].hits for r in rows]),
-        used=tuple(r[3] for r in rows),
+    count = sum(len(point.responses) for point, own in zip(points, good, strict=True) if own)
+    search, heights = DelaySearch(count, spectra.rate), Heights(spectra.frequency, strong)
+    for part in _second_pass(spectra, source, points, good, shelf):
+        search.add(part.frfs)
+        heights.add(part.frfs)
+        yield part
+    progress(1.0)
+    delay = search.found()
+    yield Findings(
         verdicts=tuple(v for judged in verdicts for v in judged),
         processing=spectra.processing,
         rate_per_s=spectra.rate,
@@ -96,8 +112,86 @@ def _result(
         strong_hz=strong,
         warnings=(
             *_warnings(points, verdicts, delay, excited, float(spectra.frequency[-1])),
-            *wrong_heights(frfs, strong, spectra.processing.strip),
+            *heights.wrong(spectra.processing.strip),
         ),
+    )
+
+
+def _first_pass(
+    spectra: Spectra, source: Source, progress: Progress, shelf: Shelf, threads: int
+) -> tuple[list[Point], FloatArray]:
+    """What is kept of all points, and the mean magnitude of the spectra of their forces."""
+
+    def look(number: int) -> FirstLook:
+        return first_look(spectra, source[number])
+
+    points: list[Point] = []
+    total, used = np.zeros(spectra.lines.size), 0
+    for number, seen in enumerate(abreast(look, len(source), threads)):
+        shelf[number] = seen.estimates
+        points.append(seen.point)
+        if seen.point.used:
+            total += seen.excitation
+            used += 1
+        progress(0.9 * (number + 1) / len(source))
+    return points, total / used if used else np.ones(spectra.lines.size)
+
+
+def _second_pass(
+    spectra: Spectra, source: Source, points: Sequence[Point], good: Sequence[tuple[int, ...]], shelf: Shelf
+) -> Iterator[Averages]:
+    """The FRFs of the good hits, in parts."""
+    most = max(1, _PART_BYTES // (32 * spectra.lines.size))
+    rows: list[tuple[Point, tuple[int, ...], tuple[Estimate, ...]]] = []
+    for number, (point, own) in enumerate(zip(points, good, strict=True)):
+        if not own:
+            continue
+        same = own == point.used
+        estimates = shelf[number] if same else second_look(spectra, source[number], point.traits, own)
+        if rows and sum(len(row[2]) for row in rows) + len(estimates) > most:
+            yield _averages(spectra, rows)
+            rows = []
+        rows.append((point, tuple(point.numbers[i] for i in own), estimates))
+    yield _averages(spectra, rows)
+
+
+def _averages(spectra: Spectra, rows: Sequence[tuple[Point, tuple[int, ...], tuple[Estimate, ...]]]) -> Averages:
+    """The FRFs of some points, each with the numbers of its hits."""
+    found = [estimate for _, _, estimates in rows for estimate in estimates]
+    return Averages(
+        frfs=FrfSet(
+            spectra.frequency,
+            np.array([estimate.values for estimate in found]),
+            tuple(dof for point, _, _ in rows for dof in point.responses),
+            tuple(point.force for point, _, _ in rows for _ in point.responses),
+            FRF_QUANTITY[spectra.kinds[0]],
+            np.array([estimate.variance for estimate in found]),
+        ),
+        coherence=np.array([estimate.coherence for estimate in found]),
+        hits=np.array([estimate.hits for estimate in found]),
+        used=tuple(numbers for point, numbers, _ in rows for _ in point.responses),
+        rate_per_s=spectra.rate,
+    )
+
+
+def _joined(parts: Sequence[Averages]) -> Averages:
+    """All parts as one."""
+    first = parts[0]
+    if len(parts) == 1:
+        return first
+    return Averages(
+        frfs=FrfSet(
+            first.frfs.frequency_hz,
+            np.concatenate([part.frfs.values for part in parts]),
+            tuple(dof for part in parts for dof in part.frfs.responses),
+            tuple(dof for part in parts for dof in part.frfs.references),
+            first.frfs.quantity,
+            np.concatenate([part.frfs.variance for part in parts if part.frfs.variance is not None]),
+        ),
+        coherence=np.concatenate([part.coherence for part in parts]),
+        hits=np.concatenate([part.hits for part in parts]),
+        used=tuple(numbers for part in parts for numbers in part.used),
+        rate_per_s=first.rate_per_s,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
@@ -81,7 +82,7 @@ class Spectra:
             processing, windows=self.windows, band_hz=(float(self.frequency[0]), float(self.frequency[-1]))
         )
         self.rate = total_rate(first, self.windows)
-        self._kept: tuple[FloatArray, npt.NDArray[np.complex128]] | None = None
+        self._kept = threading.local()
         self.compared = self._excited([hit for hit, _ in looked], [traits for _, traits in looked])
         self.basis = self._basis([*looked, *more]) if processing.positions else None
 
@@ -187,10 +188,12 @@ class Spectra:
         return found[0], list(found[1:])
 
     def _room(self, hits: int) -> tuple[FloatArray, npt.NDArray[np.complex128]]:
-        """Memory for the blocks of so many hits and their transforms: the same at each call, for new memory costs as much
-        as the transforms.
+        """Memory for the blocks of so many hits and their transforms, the same at each call of a thread: new memory costs
+        as much as the transforms.
         """
-        if self._kept is None or self._kept[0].shape[1] != hits:
+        kept: tuple[FloatArray, npt.NDArray[np.complex128]] | None = getattr(self._kept, "room", None)
+        if kept is None or kept[0].shape[1] != hits:
             shape = (1 + len(self.kinds), hits)
-            self._kept = np.empty((*shape, self.samples)), np.empty((*shape, self.samples // 2 + 1), dtype=complex)
-        return self._kept
+            kept = np.empty((*shape, self.samples)), np.empty((*shape, self.samples // 2 + 1), dtype=complex)
+            self._kept.room = kept
+        return kept

@@ -154,7 +154,7 @@ def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -
 
 @dataclass(frozen=True)
 class ProcessedFrfs:
-    """FRFs that a processing made of time blocks.
+    """FRFs that a processing made of time blocks, all or some of them.
 
     Attributes:
         frfs: the FRFs with their variance.
@@ -170,7 +170,7 @@ class ProcessedFrfs:
 
 
 def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, new: ProcessedFrfs) -> list[UUID]:
-    """Store the FRFs of a processing in the job's transaction.
+    """Store FRFs of a processing in the job's transaction; those that come in parts are stored part by part.
 
     Args:
         session: the job's transaction.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import pickle
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,8 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from fecore.processing import Hit, Processed, Processing, process
+from fecore.processing import Averages, Estimate, Findings, Hit, Processed, Processing, process, process_in_parts
 from service.records.hits import BlockRow, describe_verdict, hits_of
+
+_MOST_THREADS = 4
 
 
 @dataclass(frozen=True)
@@ -61,16 +65,63 @@ def _samples(point: PointFile) -> Iterator[np.ndarray[Any, Any]]:
         start += samples.nbytes
 
 
-def process_records(inputs: ProcessingInputs, report: Callable[[str, float], None]) -> Iterator[ProcessingOutput]:
-    """The one output of a processing."""
-    found = process(_Source(inputs.points), inputs.processing, lambda done: report("judging and averaging hits", done))
-    found = replace(found, warnings=(*inputs.left_out, *found.warnings))
-    yield ProcessingOutput(found, _document(found, inputs.points))
+class _DiskShelf:
+    """FRFs on disk, of each point beside its blocks; what is taken is gone."""
+
+    def __init__(self, points: Sequence[PointFile]) -> None:
+        self.paths = [point.path.with_suffix(".frfs") for point in points]
+
+    def __setitem__(self, point: int, estimates: tuple[Estimate, ...], /) -> None:
+        with self.paths[point].open("wb") as file:
+            pickle.dump(estimates, file, pickle.HIGHEST_PROTOCOL)
+
+    def __getitem__(self, point: int, /) -> tuple[Estimate, ...]:
+        with self.paths[point].open("rb") as file:
+            estimates: tuple[Estimate, ...] = pickle.load(file)
+        self.paths[point].unlink()
+        return estimates
 
 
-def _document(found: Processed, points: Sequence[PointFile]) -> dict[str, Any]:
-    windows, delay = found.processing.windows, found.delay
-    ids = {
+Report = Callable[[str, float], None]
+
+
+def process_records(inputs: ProcessingInputs, report: Report) -> Iterator[Averages | dict[str, Any]]:
+    """The FRFs of a processing in parts, and in the end the document about them.
+
+    Memory holds the hits of a few points and one part, however many points there are; and of each hit its verdict.
+    """
+    described: list[dict[str, Any]] = []
+    ids = _ids(inputs.points)
+    threads = min(_processors(), _MOST_THREADS)
+    shelf = _DiskShelf(inputs.points)
+    source = _Source(inputs.points)
+    for item in process_in_parts(source, inputs.processing, _progress(report), shelf=shelf, threads=threads):
+        if isinstance(item, Findings):
+            yield _document(item, described, inputs.left_out)
+        else:
+            described += _frfs(item, ids)
+            yield item
+
+
+def process_whole(inputs: ProcessingInputs, report: Report) -> ProcessingOutput:
+    """The same with all FRFs in memory, for who works on with them."""
+    found = process(_Source(inputs.points), inputs.processing, _progress(report))
+    document = _document(found, _frfs(found, _ids(inputs.points)), inputs.left_out)
+    return ProcessingOutput(replace(found, warnings=(*inputs.left_out, *found.warnings)), document)
+
+
+def _progress(report: Report) -> Callable[[float], None]:
+    return lambda done: report("judging and averaging hits", done)
+
+
+def _processors() -> int:
+    """That this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _ids(points: Sequence[PointFile]) -> dict[Any, dict[str, str]]:
+    """Key and digest of each block, by place, hit, and whether it is the force or else its sensor."""
+    return {
         (row.place, row.hit, row.quantity == "force" or (row.point, row.direction)): {
             "id": str(row.id),
             "sha256": row.sha256.hex(),
@@ -78,6 +129,29 @@ def _document(found: Processed, points: Sequence[PointFile]) -> dict[str, Any]:
         for point in points
         for row in point.rows
     }
+
+
+def _frfs(found: Averages, ids: dict[Any, dict[str, str]]) -> list[dict[str, Any]]:
+    """What the document says of FRFs."""
+    return [
+        {
+            "response_point": response.point,
+            "response_direction": response.direction,
+            "reference_point": force.point,
+            "reference_direction": force.direction,
+            "hits": list(used),
+            "records": [
+                ids[(force.point, force.direction), hit, channel]
+                for hit in used
+                for channel in (True, (response.point, response.direction))
+            ],
+        }
+        for response, force, used in zip(found.frfs.responses, found.frfs.references, found.used, strict=True)
+    ]
+
+
+def _document(found: Findings, frfs: list[dict[str, Any]], left_out: Sequence[str]) -> dict[str, Any]:
+    windows, delay = found.processing.windows, found.delay
     return {
         "processing": {
             "estimator": found.processing.estimator,
@@ -90,21 +164,7 @@ def _document(found: Processed, points: Sequence[PointFile]) -> dict[str, Any]:
         "window_rate_per_s": found.rate_per_s,
         "delay": delay and {"seconds": delay.seconds, "sd": delay.sd, "peaks": delay.peaks},
         "excited_hz": found.excited_hz,
-        "warnings": list(found.warnings),
+        "warnings": [*left_out, *found.warnings],
         "hits": [describe_verdict(verdict) for verdict in found.verdicts],
-        "frfs": [
-            {
-                "response_point": response.point,
-                "response_direction": response.direction,
-                "reference_point": force.point,
-                "reference_direction": force.direction,
-                "hits": list(used),
-                "records": [
-                    ids[(force.point, force.direction), hit, channel]
-                    for hit in used
-                    for channel in (True, (response.point, response.direction))
-                ],
-            }
-            for response, force, used in zip(found.frfs.responses, found.frfs.references, found.used, strict=True)
-        ],
+        "frfs": frfs,
     }

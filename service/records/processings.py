@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 
 from fecore.body.laminate import section
 from fecore.errors import InputError
-from fecore.processing import Strip
+from fecore.processing import Averages, Strip
 from service.access import Lookup, User, audit
 from service.campaigns.operations import campaign_for, campaign_of
 from service.frfs.measured_campaign import specimen_points
@@ -84,20 +84,26 @@ def _strip(session: Session, campaign_id: UUID) -> Strip | None:
     return Strip(density * area, structure.material.Ex_Pa * area * geometry.thickness_m**2 / 12)
 
 
-def _store(session: Session, job_id: UUID, items: Iterator[ProcessingOutput]) -> None:
+def _store(session: Session, job_id: UUID, items: Iterator[Averages | dict[str, Any]]) -> None:
     row = session.get_one(Processing, job_id)
-    for output in items:
-        row.document = _store_frfs(session, row, output)
+    keys: list[UUID] = []
+    for item in items:
+        if isinstance(item, Averages):
+            keys += _store_frfs(session, row, item)
+        else:
+            row.document = _with_keys(item, keys)
 
 
-def _store_frfs(session: Session, row: Processing, output: ProcessingOutput) -> dict[str, Any]:
-    """Store the FRFs, and give the document with their keys."""
-    found = output.processed
+def _store_frfs(session: Session, row: Processing, found: Averages) -> list[UUID]:
     hits = tuple(int(n) for n in found.hits)
     new = ProcessedFrfs(found.frfs, found.coherence, hits, found.rate_per_s)
-    keys = store_processed(session, row.campaign_id, row.id, new)
-    shown = [{**frf, "id": str(key)} for frf, key in zip(output.document["frfs"], keys, strict=True)]
-    return {**output.document, "frfs": shown}
+    return store_processed(session, row.campaign_id, row.id, new)
+
+
+def _with_keys(document: dict[str, Any], keys: Sequence[UUID]) -> dict[str, Any]:
+    """The document with the keys of its FRFs."""
+    shown = [{**frf, "id": str(key)} for frf, key in zip(document["frfs"], keys, strict=True)]
+    return {**document, "frfs": shown}
 
 
 def keep_processing(
@@ -111,7 +117,7 @@ def keep_processing(
     row = Processing(id=job_id, campaign_id=campaign_id, options=options.model_dump(mode="json"))
     session.add(row)
     session.flush()
-    row.document = _store_frfs(session, row, output)
+    row.document = _with_keys(output.document, _store_frfs(session, row, output.processed))
     return row.document
 
 

@@ -22,7 +22,7 @@ from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from service.campaigns.frame import Frame
 from service.jobs.kinds import Report
-from service.records.computing import ProcessingInputs, ProcessingOutput, process_records
+from service.records.computing import ProcessingInputs, ProcessingOutput, process_whole
 from service.updating.arrays import as_npz
 from service.updating.document import describe
 
@@ -89,7 +89,7 @@ def compute_update(inputs: UpdateInputs, report: Report) -> Iterator[UpdateOutpu
     stages = _Stopwatch(report, 0.0 if inputs.hits is None else _OF_HITS)
     measurement, recipe, processing, warnings = inputs.measurement, inputs.recipe, None, inputs.warnings
     if inputs.hits is not None:
-        (processing,) = process_records(inputs.hits.records, lambda stage, share: report(stage, _OF_HITS * share))
+        processing = process_whole(inputs.hits.records, lambda stage, share: report(stage, _OF_HITS * share))
         measurement = _measured(inputs.hits, processing.processed)
         recipe, band = _within_force(recipe, processing.processed)
         warnings = (*warnings, *processing.processed.warnings, *band)

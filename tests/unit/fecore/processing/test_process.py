@@ -12,7 +12,20 @@ from benchmarks.hammer import Bench, campaign, random_body, random_laboratory
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.identification import identify
-from fecore.processing import Block, Hit, Processing, Windows, by_point, each_hit, look, process, remove_window
+from fecore.processing import (
+    Averages,
+    Block,
+    Findings,
+    Hit,
+    Processing,
+    Windows,
+    by_point,
+    each_hit,
+    look,
+    process,
+    process_in_parts,
+    remove_window,
+)
 
 
 def _bench(seed: int, kind: str = "free", rate: float = 0.0, **changes: object) -> Bench:
@@ -55,6 +68,20 @@ def test_a_fault_is_found_by_its_name_and_the_good_hits_stay(fault: str, criteri
     for finding in found.verdicts[-1].faults:
         assert finding.sentence.endswith(".")
         assert np.isfinite(finding.number)
+
+
+def test_frfs_in_parts_by_several_threads_are_the_same_bits_as_all_at_once() -> None:
+    bench = _bench(1)
+    points = [_hits(bench, 5, "double" if label == 2 else None, label) for label in range(1, 6)]
+    whole = process(points)
+    *parts, found = process_in_parts(points, shelf={}, threads=3)
+    assert isinstance(found, Findings)
+    assert (found.verdicts, found.warnings, found.delay) == (whole.verdicts, whole.warnings, whole.delay)
+    averages = [part for part in parts if isinstance(part, Averages)]
+    assert np.array_equal(np.concatenate([part.frfs.values for part in averages]), whole.frfs.values)
+    assert np.array_equal(np.concatenate([part.frfs.variance for part in averages]), whole.frfs.variance)
+    assert np.array_equal(np.concatenate([part.coherence for part in averages]), whole.coherence)
+    assert sum((part.used for part in averages), ()) == whole.used
 
 
 def _with_response(hit: Hit, samples: np.ndarray) -> Hit:
