@@ -6,12 +6,11 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from pydantic import ConfigDict, Field, field_validator
-from pydantic_core import PydanticCustomError
+from pydantic import ConfigDict, Field
 
 from service.access.projects import Role
 from service.access.scopes import Scope
-from service.web.bodies import Name, StrictModel, Text, Time, example
+from service.web.bodies import Name, StrictModel, Text, Time, example, not_null
 
 
 class _Out(StrictModel):
@@ -36,12 +35,7 @@ class ProjectPatch(StrictModel):
     description: Text | None = None
     archived: bool | None = None
 
-    @field_validator("name", "description", "archived")
-    @classmethod
-    def _not_null(cls, value: Any) -> Any:
-        if value is None:
-            raise PydanticCustomError("null", "cannot be null; leave it out to keep it")
-        return value
+    _never_null = not_null("name", "description", "archived")
 
 
 class ProjectOut(_Out):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from datetime import datetime
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 from uuid import UUID
 
 from pydantic import AfterValidator, Field, JsonValue, field_validator, model_validator
@@ -13,7 +13,7 @@ from pydantic_core import PydanticCustomError
 from fecore.errors import InputError
 from service.campaigns.frame import make_frame
 from service.structures.schemas import Deviation
-from service.web import Name, StrictModel, Text, Time, example
+from service.web import Name, StrictModel, Text, Time, example, not_null
 
 Boundary = Literal["cantilever", "free", "simply_supported"]
 Point = Annotated[int, Field(ge=1, le=9_999_999_999, description="label of a grid point")]
@@ -132,12 +132,7 @@ class CampaignPatch(StrictModel):
     inputs: CampaignInputs | None = None
     notes: Text | None = Field(None, max_length=10_000)
 
-    @field_validator("name", "boundary", "instruments", "notes")
-    @classmethod
-    def _not_null(cls, value: Any) -> Any:
-        if value is None:
-            raise PydanticCustomError("null", "cannot be null; leave it out to keep it")
-        return value
+    _never_null = not_null("name", "boundary", "instruments", "notes")
 
 
 class CampaignOut(StrictModel):

@@ -16,16 +16,8 @@ from service.coupons.bodies import CouponBody, RawCurve, documented
 from service.coupons.curve_schemas import CurveOut
 from service.coupons.schemas import BatchIn, BatchOut, CouponOut, ExclusionIn, Summary
 from service.coupons.tables import Coupon, CouponBatch
-from service.figures.answers import (
-    RESPONSES,
-    FigureName,
-    FormatQuery,
-    ThemeQuery,
-    require_figure,
-    unless_known,
-)
+from service.figures.answers import RESPONSES, Asked, FigureName, require_figure
 from service.figures.coupon import coupon_figure
-from service.figures.look import Figure
 from service.structures.operations import structure_for
 from service.web import IF_MATCH, Cursor, Limit, Page, api_router, etag_of, paged, require_match
 
@@ -141,19 +133,13 @@ def get_coupon_figure(
     name: FigureName,
     session: SessionDep,
     user: CurrentUser,
-    request: Request,
-    file_format: FormatQuery = "plotly",
-    theme: ThemeQuery = "light",
+    asked: Asked,
 ) -> Response:
     """The figure `curve`: raw curve, chord, bounds, strength; of D3518 the 0.2 % offset, of D3039 the transverse strain."""
     coupon = operations.coupon_for(session, user, coupon_id)
     require_figure(name, "curve")
     curve = curves.curve_of(session, coupon)
-
-    def draw() -> Figure:
-        return coupon_figure(curves.curve_shown(coupon, curve))
-
-    return unless_known(request, curve.sha256.hex(), draw, file_format, name, theme)
+    return asked.answer(lambda: coupon_figure(curves.curve_shown(coupon, curve)), name, curve.sha256.hex())
 
 
 @router.get("/coupons/{coupon_id}/curve/original", response_class=Response, responses=ORIGINAL)

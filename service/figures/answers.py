@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from dataclasses import dataclass
 from hashlib import sha256
 from typing import Annotated, Any, get_args
 
-from fastapi import Path, Query, Request, Response
+from fastapi import Depends, Path, Query, Request, Response
 from pydantic import BaseModel, Field
 
 from fecore import __version__
@@ -15,10 +16,6 @@ from service.figures.look import Figure, Theme, themed
 from service.figures.printing import MEDIA_TYPES, Format, render
 from service.web.conditional import not_modified
 
-FormatQuery = Annotated[
-    Format, Query(alias="format", description="Plotly JSON for a page or a notebook; a print as SVG, PNG or PDF")
-]
-ThemeQuery = Annotated[Theme, Query(description="colours for a light or a dark page")]
 FigureName = Annotated[str, Path(max_length=60, description="name of the figure, as the text above has it")]
 RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {
@@ -58,34 +55,48 @@ class FiguresOut(BaseModel):
     items: list[FigureOut] = Field(description="every figure that there is for such a result")
 
 
-def _headers(request: Request, of: str) -> dict[str, str]:
-    """Headers of a figure, by which a browser keeps it while it stays as it is.
+@dataclass(frozen=True)
+class AskedFigure:
+    """How a client asks for a figure: what every route of one takes beside its name."""
 
-    Args:
-        request: its path and query name the figure.
-        of: what changes whenever the data that are drawn change. The figure of a later version may be another one too.
-    """
-    key = sha256(f"{__version__} {request.url.path} {request.url.query} {of}".encode()).hexdigest()[:32]
-    return {"ETag": f'"{key}"', "Cache-Control": "private, no-cache"}
+    request: Request
+    file_format: Format
+    theme: Theme
+
+    def answer(self, draw: Callable[[], Figure], name: str, version: str | None = None) -> Response:
+        """The figure, shown in place and not as an attachment.
+
+        Args:
+            draw: makes the figure, for a light page; not called where the client has kept it as it is now.
+            name: of the file, should someone save it; ASCII, without a suffix.
+            version: changes whenever the data that are drawn change; None where nothing says so. A later release may draw
+                another figure, and the address names the rest.
+        """
+        headers = {}
+        if version is not None:
+            url = self.request.url
+            key = sha256(f"{__version__} {url.path} {url.query} {version}".encode()).hexdigest()[:32]
+            headers = {"ETag": f'"{key}"', "Cache-Control": "private, no-cache"}
+            if (unchanged := not_modified(self.request, headers)) is not None:
+                return unchanged
+        if self.file_format != "plotly":
+            headers["Content-Disposition"] = f'inline; filename="{name}.{self.file_format}"'
+        body = render(themed(draw(), self.theme), self.file_format)
+        return Response(body, media_type=MEDIA_TYPES[self.file_format], headers=headers)
 
 
-def unless_known(
-    request: Request, of: str, draw: Callable[[], Figure], file_format: Format, name: str, theme: Theme
-) -> Response:
-    """A figure that is drawn only where the client has not kept it as it is now.
+def _asked(
+    request: Request,
+    file_format: Annotated[
+        Format, Query(alias="format", description="Plotly JSON for a page or a notebook; a print as SVG, PNG or PDF")
+    ] = "plotly",
+    theme: Annotated[Theme, Query(description="colours for a light or a dark page")] = "light",
+) -> AskedFigure:
+    return AskedFigure(request, file_format, theme)
 
-    Args:
-        request: its path and query name the figure.
-        of: what changes whenever the data that are drawn change.
-        draw: makes the figure, for a light page.
-        file_format: JSON or a print.
-        name: of the file, as of `figure_answer`.
-        theme: of the page.
-    """
-    headers = _headers(request, of)
-    if (unchanged := not_modified(request, headers)) is not None:
-        return unchanged
-    return figure_answer(draw(), file_format, name, theme, headers)
+
+Asked = Annotated[AskedFigure, Depends(_asked)]
+"""The parameter of a figure's route."""
 
 
 def require_figure(name: str, *known: str) -> None:
@@ -96,22 +107,3 @@ def require_figure(name: str, *known: str) -> None:
     """
     if name not in known:
         raise NotFound(f"figure {name!r}; there are {', '.join(known)}")
-
-
-def figure_answer(
-    figure: Figure, file_format: Format, name: str, theme: Theme = "light", headers: Mapping[str, str] | None = None
-) -> Response:
-    """A figure in the format that was asked for, shown in place and not as an attachment.
-
-    Args:
-        figure: as it is built, for a light page.
-        file_format: JSON or a print.
-        name: of the file, should someone save it; ASCII, without a suffix.
-        theme: of the page.
-        headers: such as the ETag.
-    """
-    described = dict(headers or {})
-    if file_format != "plotly":
-        described["Content-Disposition"] = f'inline; filename="{name}.{file_format}"'
-    body = render(themed(figure, theme), file_format)
-    return Response(body, media_type=MEDIA_TYPES[file_format], headers=described)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from datetime import datetime
-from typing import Any, Literal
+from typing import Literal
 from uuid import UUID
 
 from pydantic import Field
 
 from fecore.frf import Quantity
+from service.jobs.state import JobOut
 from service.web import StrictModel
 
 
@@ -32,14 +32,10 @@ class Counts(StrictModel):
     records: int = Field(0, description="time blocks of hammer hits")
 
 
-class ImportOut(StrictModel):
+class ImportOut(JobOut):
     """A file's way into a campaign."""
 
-    id: UUID
     campaign_id: UUID
-    status: Literal["queued", "running", "succeeded", "failed", "cancelled"]
-    stage: str | None
-    progress: float = Field(description="0 to 1")
     filename: str
     size: int = Field(description="bytes")
     sha256: str
@@ -49,9 +45,3 @@ class ImportOut(StrictModel):
     counts: Counts | None = Field(description="what was read; null until it succeeded")
     datasets: list[DatasetOutcome]
     warnings: list[str]
-    message: str | None
-    error: dict[str, Any] | None
-    attempt: int
-    created_at: datetime
-    started_at: datetime | None
-    finished_at: datetime | None

@@ -2,16 +2,44 @@
 
 from __future__ import annotations
 
-from typing import Any
+from datetime import datetime
+from typing import Any, Literal
+from uuid import UUID
+
+from pydantic import Field
 
 from service.jobs.tables import Job
+from service.web import StrictModel
+
+JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 
 ENDED = ("succeeded", "failed", "cancelled")
 """States that a job does not leave by itself."""
 
 
+class JobOut(StrictModel):
+    """How far a job is: what the answers of all features that run one begin with."""
+
+    id: UUID
+    status: JobState
+    stage: str | None
+    progress: float = Field(description="0 to 1")
+    attempt: int
+    message: str | None
+    error: dict[str, Any] | None
+    created_at: datetime
+    started_at: datetime | None
+    finished_at: datetime | None
+
+
+def why_no_result(what: str, job: Job) -> str:
+    """Why a job has no result; `what` names it."""
+    more = "; it is not done yet" if job.state not in ENDED else f": {job.message or 'see its error'}"
+    return f"{what} {job.id} has no result: it is {job.state}{more}"
+
+
 def job_state(job: Job) -> dict[str, Any]:
-    """A job as the API shows it, to be merged into the answer of a feature."""
+    """A job as the API shows it, the fields of `JobOut`."""
     return {
         "id": job.id,
         "status": job.state,

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 from uuid import UUID
 
-from fastapi import Request, Response
+from fastapi import Response
 from sqlalchemy import select
 
 from service.access import CurrentUser, SessionDep
 from service.campaigns.operations import campaign_for
 from service.errors import Conflict
-from service.figures.answers import (
-    RESPONSES,
-    FigureName,
-    FormatQuery,
-    ThemeQuery,
-    require_figure,
-    unless_known,
-)
+from service.figures.answers import RESPONSES, Asked, FigureName, require_figure
 from service.figures.look import Figure
 from service.figures.stabilisation import stabilisation_figure
+from service.jobs.state import why_no_result
+from service.jobs.tables import Job
 from service.modes import identifications
 from service.modes.identifications import IdentificationIn, IdentificationOut
 from service.modes.tables import Identification
@@ -70,23 +65,16 @@ def get_identification_figure(
     name: FigureName,
     session: SessionDep,
     user: CurrentUser,
-    request: Request,
-    file_format: FormatQuery = "plotly",
-    theme: ThemeQuery = "light",
+    asked: Asked,
 ) -> Response:
     """The figure `stabilisation` of an identification; 409 while it has found nothing, or where it failed."""
     row = identifications.identification_for(session, user, identification_id)
     require_figure(name, "stabilisation")
     if row.document is None:
-        state = identifications.describe(session, row)
-        raise Conflict(f"identification {row.id} has no result: it is {state.status}{_because(state.message)}")
+        raise Conflict(why_no_result("identification", session.get_one(Job, row.id, populate_existing=True)))
     found = row.document
 
     def draw() -> Figure:
         return stabilisation_figure(found["stabilisation"], found["modes"], found["doubtful"])
 
-    return unless_known(request, str(row.id), draw, file_format, name, theme)  # what it found never changes
-
-
-def _because(message: str | None) -> str:
-    return "" if message is None else f", {message}"
+    return asked.answer(draw, name, str(row.id))  # what it found never changes

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 from uuid import UUID
 
 from pydantic import Field
@@ -20,7 +20,7 @@ from service.campaigns.operations import campaign_for, campaign_of, frame_of
 from service.frfs.measured_campaign import load_measured_campaign
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue, request_cancel
-from service.jobs.state import job_state
+from service.jobs.state import JobOut, job_state
 from service.jobs.tables import Job
 from service.modes.identifying import IdentificationInputs, IdentificationOutput, find_modes
 from service.modes.operations import store_identified
@@ -53,21 +53,11 @@ class IdentificationIn(StrictModel):
         return Options(self.band_hz, self.highest_order, self.most_modes)
 
 
-class IdentificationOut(StrictModel):
+class IdentificationOut(JobOut):
     """An identification: how far it is, and what it found."""
 
-    id: UUID
     campaign_id: UUID
     options: IdentificationIn
-    status: Literal["queued", "running", "succeeded", "failed", "cancelled"]
-    stage: str | None
-    progress: float
-    attempt: int
-    message: str | None
-    error: dict[str, Any] | None
-    created_at: Any
-    started_at: Any
-    finished_at: Any
     mode_set: UUID | None = Field(description="the modes that it found")
     result: dict[str, Any] | None = Field(description="quality of the modes, what was left out, stabilisation diagram")
 

@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from service.access import CurrentUser, SessionDep, SettingsDep, project_for, projects_of
 from service.campaigns.operations import campaign_for
 from service.errors import Invalid
-from service.figures.answers import RESPONSES, FormatQuery, ThemeQuery, figure_answer
+from service.figures.answers import RESPONSES, Asked
 from service.figures.series import series_figure
 from service.monitoring import alarms as steps
 from service.monitoring import monitors
@@ -183,10 +183,9 @@ def get_series_figure(
     monitor_id: UUID,
     session: SessionDep,
     user: CurrentUser,
+    asked: Asked,
     parameter: Annotated[str | None, Query(max_length=60, description="default: the first one that is watched")] = None,
     series: Version = None,
-    file_format: FormatQuery = "plotly",
-    theme: ThemeQuery = "light",
 ) -> Response:
     """The series of a parameter as a figure: Plotly JSON for the browser and notebooks, or SVG, PNG, PDF for print."""
     monitor = monitor_for(session, user, monitor_id)
@@ -195,8 +194,7 @@ def get_series_figure(
     wanted = parameter or watched[0]
     if wanted not in watched:
         raise Invalid("parameter", f"{wanted!r} is not watched; {', '.join(watched)} are")
-    figure = series_figure(document, wanted)
-    return figure_answer(figure, file_format, wanted, theme)
+    return asked.answer(lambda: series_figure(document, wanted), wanted)
 
 
 @router.post("/campaigns/{campaign_id}/complete")

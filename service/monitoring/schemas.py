@@ -15,7 +15,7 @@ from fecore.errors import InputError
 from fecore.trend import Chart, Watch
 from service.campaigns.schemas import Boundary
 from service.updating.schemas import RecipeIn
-from service.web import Name, StrictModel, Text, Time, example
+from service.web import Name, StrictModel, Text, Time, example, not_null
 
 Direction = Literal["fall", "rise", "both"]
 State = Literal["no data", "normal", "pending", "alarm", "acknowledged"]
@@ -164,12 +164,7 @@ class MonitorPatch(StrictModel):
 
     _mail = field_validator("mail_to")(lambda addresses: addresses and MonitorIn._mail(addresses))
 
-    @field_validator("name", "active", "mail_to")
-    @classmethod
-    def _not_null(cls, value: Any) -> Any:
-        if value is None:
-            raise PydanticCustomError("null", "cannot be null; leave it out to keep it")
-        return value
+    _never_null = not_null("name", "active", "mail_to")
 
 
 class MonitorOut(StrictModel):

@@ -14,7 +14,7 @@ from service.coupons import routes as coupons
 from service.errors import Invalid
 from service.frfs import routes as frfs
 from service.frfs.operations import FrfFilter
-from service.jobs.state import ENDED
+from service.jobs.state import ENDED, JobState
 from service.modes import routes as modes
 from service.pages.forms import fields_of
 from service.pages.look import Visit, VisitDep
@@ -66,7 +66,7 @@ def get_new_update(
 @router.get("/update-jobs")
 def get_jobs(
     visit: VisitDep,
-    status: Annotated[list[updating.Status] | None, Query()] = None,
+    status: Annotated[list[JobState] | None, Query()] = None,
     project: Annotated[UUID | None, Query()] = None,
     cursor: Cursor = None,
 ) -> HTMLResponse:

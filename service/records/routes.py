@@ -7,23 +7,15 @@ from typing import Annotated, Literal
 from uuid import UUID
 
 import numpy as np
-from fastapi import Query, Request, Response
+from fastapi import Query, Response
 from fastapi.responses import JSONResponse
 
 from service.access import CurrentUser, SessionDep, SettingsDep
 from service.campaigns.operations import campaign_for
 from service.campaigns.uploads import UPLOAD_CONTENT, UploadDep
 from service.errors import Invalid
-from service.figures.answers import (
-    RESPONSES,
-    FigureName,
-    FormatQuery,
-    ThemeQuery,
-    require_figure,
-    unless_known,
-)
+from service.figures.answers import RESPONSES, Asked, FigureName, require_figure
 from service.figures.hits import hits_figure
-from service.figures.look import Figure
 from service.records import bodies, operations, processings
 from service.records.figures import Chosen, point_blocks, point_shown
 from service.records.schemas import UNITS, ProcessingIn, ProcessingOut, Proposal, RecordOut, StoredRecords
@@ -137,12 +129,10 @@ def get_campaign_figure(
     name: FigureName,
     session: SessionDep,
     user: CurrentUser,
-    request: Request,
+    asked: Asked,
     point: Annotated[Whole, Query(description="where it was hit; default: the first place")] = None,
     direction: Annotated[int | None, Query(ge=-6, le=6, description="signed direction of the hits")] = None,
     response: Annotated[Whole, Query(description="where the sensor stood; default: the first one")] = None,
-    file_format: FormatQuery = "plotly",
-    theme: ThemeQuery = "light",
 ) -> Response:
     """The figure `hits` of a point: the good ones alike, each bad one in a colour of its own with what was found against it.
 
@@ -151,11 +141,7 @@ def get_campaign_figure(
     campaign = campaign_for(session, user, campaign_id)
     require_figure(name, "hits")
     blocks = point_blocks(session, campaign.id, Chosen(point, direction, response))
-
-    def draw() -> Figure:
-        return hits_figure(point_shown(session, blocks))
-
-    return unless_known(request, blocks.version, draw, file_format, name, theme)
+    return asked.answer(lambda: hits_figure(point_shown(session, blocks)), name, blocks.version)
 
 
 @router.post("/campaigns/{campaign_id}/processings", status_code=202)

@@ -12,6 +12,7 @@ from fecore.frf import Dof
 from fecore.processing import Estimator, Processing, Windows
 from service.campaigns.schemas import Point
 from service.frfs.schemas import Direction
+from service.jobs.state import JobOut
 from service.web import StrictModel, example
 
 ChannelQuantity = Literal["force", "acceleration", "velocity", "displacement"]
@@ -125,21 +126,11 @@ class ProcessingIn(StrictModel):
         return Processing(self.estimator, windows, self.band_hz, self.delay_s, overrules=decisions)
 
 
-class ProcessingOut(StrictModel):
+class ProcessingOut(JobOut):
     """A processing: how far it is, and what it did."""
 
-    id: UUID
     campaign_id: UUID
     options: ProcessingIn
-    status: Literal["queued", "running", "succeeded", "failed", "cancelled"]
-    stage: str | None
-    progress: float
-    attempt: int
-    message: str | None
-    error: dict[str, Any] | None
-    created_at: Any
-    started_at: Any
-    finished_at: Any
     result: dict[str, Any] | None = Field(
         description="choices made, judgement of every hit, and each FRF with the records that it rests on"
     )

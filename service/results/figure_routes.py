@@ -5,20 +5,11 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
-from fastapi import Path, Query, Request, Response
+from fastapi import Path, Query, Response
 
 from service.access import CurrentUser, SessionDep
 from service.errors import Conflict, Invalid
-from service.figures.answers import (
-    RESPONSES,
-    FigureOut,
-    FiguresOut,
-    FormatQuery,
-    ThemeQuery,
-    require_figure,
-    unless_known,
-)
-from service.figures.look import Figure
+from service.figures.answers import RESPONSES, Asked, FigureOut, FiguresOut, require_figure
 from service.reports.as_html import POLICY, as_html
 from service.reports.as_pdf import as_pdf
 from service.results.figure_data import UpdateFigures
@@ -52,7 +43,7 @@ def get_figure(
     name: Annotated[str, Path(max_length=60, description=f"one of {', '.join(FIGURES)}", examples=["frf"])],
     session: SessionDep,
     user: CurrentUser,
-    request: Request,
+    asked: Asked,
     point: Annotated[Point, Query(description="`frf`: grid point whose FRF is drawn; default: the first one")] = None,
     reference: Annotated[Point, Query(description="`frf`: the other point, where one alone does not say which")] = None,
     fmin: Annotated[Hertz, Query(description="`frf`, `csac`, `csf`: lines from here, Hz")] = None,
@@ -63,8 +54,6 @@ def get_figure(
     model: Annotated[
         Mode, Query(description="`shapes`: number of a mode of the updated model, as its columns do")
     ] = None,
-    file_format: FormatQuery = "plotly",
-    theme: ThemeQuery = "light",
 ) -> Response:
     """A figure of the result: Plotly JSON, or the same figure as SVG, PNG or PDF.
 
@@ -75,11 +64,8 @@ def get_figure(
     job = update_job_for(session, user, job_id)
     data = UpdateFigures(session, job)
     require_figure(name, *FIGURES)
-
-    def draw() -> Figure:
-        return draw_figure(data, name, Wanted(point, reference, fmin, fmax, measured, model))
-
-    return unless_known(request, str(job.id), draw, file_format, name, theme)  # a result never changes
+    wanted = Wanted(point, reference, fmin, fmax, measured, model)
+    return asked.answer(lambda: draw_figure(data, name, wanted), name, str(job.id))  # a result never changes
 
 
 @router.get("/update-jobs/{job_id}/report", response_class=Response, responses=REPORTS)

@@ -4,20 +4,10 @@ from __future__ import annotations
 
 from uuid import UUID
 
-from fastapi import Request, Response
+from fastapi import Response
 
 from service.access import CurrentUser, SessionDep
-from service.figures.answers import (
-    RESPONSES,
-    FigureName,
-    FigureOut,
-    FiguresOut,
-    FormatQuery,
-    ThemeQuery,
-    require_figure,
-    unless_known,
-)
-from service.figures.look import Figure
+from service.figures.answers import RESPONSES, Asked, FigureName, FigureOut, FiguresOut, require_figure
 from service.results.joint_figures import JOINT_FIGURES, draw_joint_figure
 from service.updating.joint_operations import joint_document, joint_update_for
 from service.web import api_router
@@ -49,9 +39,7 @@ def get_joint_figure(
     name: FigureName,
     session: SessionDep,
     user: CurrentUser,
-    request: Request,
-    file_format: FormatQuery = "plotly",
-    theme: ThemeQuery = "light",
+    asked: Asked,
 ) -> Response:
     """A figure of a joint update: `parameters`, `campaigns`, `frequencies`, `budget` or `posterior`.
 
@@ -60,8 +48,4 @@ def get_joint_figure(
     row = joint_update_for(session, user, joint_id)
     require_figure(name, *JOINT_FIGURES)
     document = joint_document(session, row)
-
-    def draw() -> Figure:
-        return draw_joint_figure(document, name)
-
-    return unless_known(request, str(row.id), draw, file_format, name, theme)  # a result never changes
+    return asked.answer(lambda: draw_joint_figure(document, name), name, str(row.id))  # a result never changes

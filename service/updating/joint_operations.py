@@ -20,7 +20,7 @@ from service.coupons.operations import batch_for
 from service.errors import Conflict, Fault, Invalid, NotFound
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue, one_at_a_time, request_cancel
-from service.jobs.state import job_state
+from service.jobs.state import job_state, why_no_result
 from service.jobs.tables import Job
 from service.modes.operations import mode_set_for
 from service.storage import StorageOwner, book, require_room
@@ -190,6 +190,5 @@ def joint_document(session: Session, row: JointUpdate) -> dict[str, Any]:
     """
     if row.document is None:
         job = session.get_one(Job, row.id, populate_existing=True)
-        more = "; it is not done yet" if job.state in ("queued", "running") else f": {job.message or 'see its error'}"
-        raise Conflict(f"joint update {row.id} has no result: it is {job.state}{more}")
+        raise Conflict(why_no_result("joint update", job))
     return row.document

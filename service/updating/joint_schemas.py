@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from datetime import datetime
-from typing import Any, Literal
+from typing import Any
 from uuid import UUID
 
+from service.jobs.state import JobOut
 from service.web import StrictModel
 
 
@@ -16,20 +16,10 @@ class JointCampaignOut(StrictModel):
     structure_version_id: UUID
 
 
-class JointUpdateOut(StrictModel):
+class JointUpdateOut(JobOut):
     """A joint update: how far it is, or what became of it. Its result is at `/joint-updates/{id}/result`."""
 
-    id: UUID
     project_id: UUID
     campaigns: list[JointCampaignOut]
     request: dict[str, Any]
-    status: Literal["queued", "running", "succeeded", "failed", "cancelled"]
-    stage: str | None
-    progress: float
-    attempt: int
     priority: int
-    message: str | None
-    error: dict[str, Any] | None
-    created_at: datetime
-    started_at: datetime | None
-    finished_at: datetime | None

@@ -19,7 +19,7 @@ from service.errors import Conflict, Invalid
 from service.frfs.operations import frf_extents
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue, one_at_a_time, request_cancel, retry
-from service.jobs.state import job_state
+from service.jobs.state import job_state, why_no_result
 from service.jobs.tables import Job
 from service.modes.identifications import keep_identified
 from service.modes.operations import mode_set_for
@@ -246,14 +246,8 @@ def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
     """
     result = session.get(UpdateResult, row.id)
     if result is None:
-        raise Conflict(_no_result(session, row))
+        raise Conflict(why_no_result("update job", job_of(session, row)))
     return result.document
-
-
-def _no_result(session: Session, row: UpdateJob) -> str:
-    job = job_of(session, row)
-    more = "; it is not done yet" if job.state in ("queued", "running") else f": {job.message or 'see its error'}"
-    return f"update job {row.id} has no result: it is {job.state}{more}"
 
 
 def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
@@ -264,7 +258,7 @@ def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
     """
     size = session.scalars(select(func.length(UpdateResult.prediction)).filter_by(id=row.id)).one_or_none()
     if size is None:
-        raise Conflict(_no_result(session, row))
+        raise Conflict(why_no_result("update job", job_of(session, row)))
     return StoredArrays(session, row.id, size)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 from uuid import UUID
 
 from fastapi import Depends, Header, Query, Response
@@ -12,6 +12,7 @@ from service.access import CurrentUser, SessionDep, project_for, projects_of
 from service.campaigns.operations import campaign_for, campaigns_in
 from service.errors import Invalid
 from service.jobs.events import STREAM, Events
+from service.jobs.state import JobState
 from service.jobs.tables import Job
 from service.structures.operations import structure_for, structures_in
 from service.updating import operations
@@ -25,7 +26,6 @@ from service.web import Cursor, Limit, Page, Text, api_router, paged
 
 router = api_router(tags=["update jobs"])
 
-Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 IdempotencyKey = Annotated[
     Text | None, Header(max_length=255, description="one of your own: the same again gives the same, no second one")
 ]
@@ -83,7 +83,7 @@ def list_update_jobs(
     project: Annotated[UUID | None, Query(description="of this project only")] = None,
     structure: Annotated[UUID | None, Query(description="of this structure only")] = None,
     campaign: Annotated[UUID | None, Query(description="of this campaign only")] = None,
-    status: Annotated[list[Status] | None, Query(description="in these states only; may be repeated")] = None,
+    status: Annotated[list[JobState] | None, Query(description="in these states only; may be repeated")] = None,
     cursor: Cursor = None,
     limit: Limit = 100,
 ) -> Page[UpdateJobOut]:

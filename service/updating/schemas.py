@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from datetime import datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 from uuid import UUID
 
 from pydantic import Field
@@ -18,6 +17,7 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.misfit import Weighting
 from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter, default_parameters
 from service.campaigns.schemas import CampaignInputs
+from service.jobs.state import JobOut
 from service.records.schemas import ProcessingIn
 from service.structures.schemas import StructureInputs
 from service.web import Int64, Name, StrictModel, example
@@ -212,21 +212,11 @@ class RecipeIn(StrictModel):
         )
 
 
-class UpdateJobOut(StrictModel):
+class UpdateJobOut(JobOut):
     """An update job: how far it is, or what became of it."""
 
-    id: UUID
     campaign_id: UUID
     campaign_name: str
     structure_version_id: UUID
     recipe: RecipeIn
-    status: Literal["queued", "running", "succeeded", "failed", "cancelled"]
-    stage: str | None
-    progress: float
-    attempt: int
     priority: int
-    message: str | None
-    error: dict[str, Any] | None
-    created_at: datetime
-    started_at: datetime | None
-    finished_at: datetime | None

@@ -1,6 +1,6 @@
 """HTTP for all features: problem documents, strict bodies, paging, conditional requests, formats, uploads, downloads."""
 
-from service.web.bodies import Int64, Name, Page, StrictModel, Text, Time, example
+from service.web.bodies import Int64, Name, Page, StrictModel, Text, Time, example, not_null
 from service.web.conditional import IF_MATCH, etag_of, require_match
 from service.web.paging import Cursor, Limit, paged
 from service.web.routing import api_router
@@ -18,6 +18,7 @@ __all__ = [
     "api_router",
     "etag_of",
     "example",
+    "not_null",
     "paged",
     "require_match",
 ]

@@ -14,6 +14,7 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     ValidationInfo,
+    field_validator,
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
@@ -88,6 +89,17 @@ class StrictModel(BaseModel):
         schema = handler(source)
         _only_numbers(schema)
         return schema
+
+
+def not_null(*fields: str) -> Any:
+    """A validator of a patch's fields that may be left out and may not be null."""
+    return field_validator(*fields)(_not_null)
+
+
+def _not_null(value: object) -> object:
+    if value is None:
+        raise PydanticCustomError("null", "cannot be null; leave it out to keep it")
+    return value
 
 
 def example(**fields: Any) -> ConfigDict:
