@@ -69,21 +69,19 @@ class ReducedSystem:
         K, M = _sum(stiffness, self.stiffness), _sum(mass, self.mass)
         free = self.rigid
         if free == 0:
-            return self._elastic(K, M, K - self.shift * M, count)
+            return self._elastic(M, K - self.shift * M, count)
         # Rigid-body modes are exact; the others are kept M-orthogonal to them, whatever M has become.
         lower = np.linalg.cholesky(M[:free, :free])
         rigid = np.zeros((len(M), free))
         rigid[:free] = np.linalg.inv(lower).T
         follow = np.linalg.solve(M[:free, :free], M[:free, free:])
         outside = M[free:, free:] - M[free:, :free] @ follow
-        inner = self._elastic(K[free:, free:], outside, K[free:, free:] - self.shift * outside, count - free)
+        inner = self._elastic(outside, K[free:, free:] - self.shift * outside, count - free)
         shapes = np.hstack([rigid, np.vstack([-follow @ inner.shapes, inner.shapes])])
         value = np.concatenate([np.zeros(free), inner.eigenvalue])
         return NormalModes(value, shapes, free, self.shift, DenseFactor(K - self.shift * M))
 
-    def _elastic(self, K: FloatArray, M: FloatArray, F: FloatArray, count: int) -> NormalModes:
-        if count > len(K):
-            raise ModelError(f"a basis of {len(K)} vectors does not hold {count} modes")
+    def _elastic(self, M: FloatArray, F: FloatArray, count: int) -> NormalModes:
         value, vectors = largest_eigenpairs(M, F, count)
         return NormalModes(self.shift + 1 / value, vectors / np.sqrt(value), 0, self.shift, DenseFactor(F))
 

@@ -39,7 +39,6 @@ _MEMORYLESS = 2  # cells of a Shewhart chart, which goes anywhere from anywhere:
 _SHIFTS = 7  # quadrature nodes of e; with twice as many, limits move by less than 0.5 % (ν ≥ 5)
 _RATIOS = 6  # quadrature nodes of q
 _LOG_LIMITS = (np.log(0.02), np.log(60.0))  # between which limits are looked for
-_ENDLESS = 10_000_000  # steps after which an average run length is given up
 
 
 def average_run_length(chart: Chart, limits: Limits, shift: float = 0.0, pending: int = 1, cells: int = CELLS) -> float:
@@ -206,11 +205,10 @@ def _mean_run_length(chain: _Chain) -> float:
         n = chain.within.shape[0]
         return float(np.linalg.solve(np.eye(n) - chain.within, np.ones(n))[0])
     waiting, total, alive, ratio = chain.start(), 0.0, 1.0, 0.0
-    for _ in range(_ENDLESS):
+    while True:
         total += alive
         waiting = chain.advance(waiting)
         left = float(waiting.sum())
         if left < 1e-12 or abs(left / alive - ratio) < 1e-12:
             return total + (left / (1 - left / alive) if left < alive else 0.0)
         alive, ratio = left, left / alive
-    return float("inf")

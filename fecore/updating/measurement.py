@@ -255,8 +255,7 @@ def _with_shapes(frfs: FrfSet, modes: MeasuredModes) -> tuple[MeasuredModes, tup
         found, _ = shapes_at_poles(frfs, frequency[order], ratio[order])
     else:
         found, _ = shapes_at_poles(frfs, frequency[order], ratio[order], exponents=seen.exponents)
-    if found.shapes is None:
-        return modes, ()
+    assert found.shapes is not None, "they are what is found"
     places = np.argsort(order, kind="stable")[: len(modes)]
     return replace(modes, shapes=found.shapes[places], dofs=found.dofs), ()
 

@@ -91,7 +91,7 @@ def update(
     findings = [
         *notes(data.warnings, None, 0.5),
         *notes(mesh_notes, "with_care", 8),
-        *notes(_roving(measurement, recipe), "with_care", 1),
+        *notes(_other_method(measurement, recipe), "with_care", 1),
     ]
     done = _damping(
         data, elastic, modes, recipe, inputs, lambda share: progress("updating the damping", 0.6 + 0.1 * share)
@@ -161,8 +161,10 @@ def _unwindowed(modes: MeasuredModes, inputs: Inputs) -> MeasuredModes:
     return replace(modes, damping_ratio=ratio)
 
 
-def _roving(measurement: Measurement, recipe: Recipe) -> list[str]:
-    """What a roving sensor's mass means for the result, in words."""
+def _other_method(measurement: Measurement, recipe: Recipe) -> list[str]:
+    """Where another method was used than the recipe's, in words: under a roving sensor's mass, and without FRFs."""
+    if measurement.frfs is None and recipe.method == "joint":
+        return ["the method joint needs FRFs and there are none: the constants come from the modes, as with two_stage"]
     if not measurement.roving_mass:
         return []
     text = (
@@ -192,8 +194,7 @@ def _elastic(
             return update_elastic(model, modes, use_shapes=recipe.use_shapes, start=former.theta, seek_excursions=seek)
 
         return sparse_zones(found, refit), data.modes
-    if data.fitted is None:
-        raise InputError("frfs", "the joint update needs FRFs; this campaign has modes alone")
+    assert data.fitted is not None, "without modes there are FRFs"
     frfs = data.fitted if recipe.band_hz is None else data.fitted.band(*recipe.band_hz)
     frfs = _inside(frfs, (0.0, np.inf), recipe)
     # There every mode deviates from the law as far as it must, so `modal` is one common ratio to deviate from.

@@ -58,6 +58,13 @@ def test_repeated_roots_of_a_square_plate_are_complete() -> None:
         assert modes.eigenvalue[first + 1] == pytest.approx(modes.eigenvalue[first], rel=1e-9)
 
 
+def test_modes_are_complete_where_there_are_fewer_different_roots_than_modes() -> None:
+    """What the factor makes of a block then lies in the block, and the search goes on from a new one."""
+    value = np.repeat([2.0, 3.0], 30)
+    modes = normal_modes(sparse.csc_array(np.diag(value)), sparse.csc_array(np.eye(60)), 40)
+    np.testing.assert_allclose(modes.eigenvalue, value[:40], rtol=1e-11)
+
+
 def test_a_root_of_high_multiplicity_is_complete() -> None:
     """Five equal beads and a stiffer ladder: multiplicity above the block size."""
     value = np.concatenate([np.full(5, 3.0), np.arange(10, 60)])
@@ -114,6 +121,21 @@ def test_negative_pivots_of_banded_matrices_are_the_negative_eigenvalues(monkeyp
         assert counted == np.sum(np.linalg.eigvalsh(full) < 0)
 
 
+def test_a_wide_matrix_has_its_negative_eigenvalues_counted_by_sparse_pivots(monkeypatch) -> None:
+    monkeypatch.setattr(fecore.dynamics.factor, "_WIDEST_BAND", 0)
+    random = np.random.default_rng(3)
+    for size in (1, 5, 40):
+        full = random.standard_normal((size, size))
+        full = full + full.T
+        counted = fecore.dynamics.factor.negative_eigenvalues(sparse.csc_array(full))
+        assert counted == np.sum(np.linalg.eigvalsh(full) < 0)
+
+
+def test_a_pivot_of_zero_is_refused() -> None:
+    with pytest.raises(ModelError, match="a pivot vanishes"):
+        fecore.dynamics.factor.negative_eigenvalues(sparse.csc_array(np.array([[0.0, 1.0], [1.0, 0.0]])))
+
+
 def test_a_missing_mode_is_noticed(monkeypatch) -> None:
     import fecore.dynamics.eigen
 
@@ -153,6 +175,8 @@ def test_bad_requests_are_refused() -> None:
         normal_modes(K, M, 0)
     with pytest.raises(InputError, match="count"):
         normal_modes(K, M, K.shape[0] + 1)
+    with pytest.raises(ModelError, match="the mass matrix is not positive definite"):
+        normal_modes(K, -M, 3)
     free = plate(rectangle(0.5, 0.04, 2, 1), Supports())
     K, M = matrices(free, paper_section())
     with pytest.raises(ModelError):  # a free body whose rigid motions were not named

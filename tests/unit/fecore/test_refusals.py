@@ -37,9 +37,12 @@ from fecore.trend.change import ChangePoint
 from fecore.trend.rates import rate_since_onset
 from fecore.trend.series import Series
 from fecore.updating.campaigns.plans import plan_tests
+from fecore.updating.elastic import update_elastic
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
+from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.recipe import Recipe
 from tests.support.plates import PAPER
 
 LINES = np.arange(4.0)
@@ -98,7 +101,7 @@ REFUSED: dict[str, tuple[str, Callable[[], object]]] = {
     "too many modes": ("most_modes", lambda: Options(most_modes=0)),
     "early shear": (
         "shear_strain",
-        lambda: d3518.reduce(_of_strains([0, 1.4e-3, 3e-3, 5.5e-3, 8e-3]), WIDTH, WIDTH, 1.5e-3),
+        lambda: d3518.reduce(_of_strains([0, 1.4e-3, 2e-3, 3e-3, 4e-3, 5.5e-3, 8e-3]), WIDTH, WIDTH, 1.5e-3),
     ),
     "MAC of a cube": ("a", lambda: mac(np.ones((2, 2, 2)), np.ones((2, 2)))),
     "coupon of NaN": ("values.E", lambda: CouponResult("a", {"E": np.nan})),
@@ -157,6 +160,11 @@ REFUSED: dict[str, tuple[str, Callable[[], object]]] = {
     "few covariates": ("baseline", lambda: fit_baseline(of_series(covariates={"c": np.full(6, np.nan)}), 5, ("c",))),
     "rate of a step": ("change", lambda: rate_since_onset(_change("step"), 1.0)),
     "rate of nothing": ("baseline_mean", lambda: rate_since_onset(_change("ramp"), 0.0)),
+    "shapes of none": ("use_shapes", lambda: update_elastic(_strip_model(), modes(), use_shapes=True)),
+    "FRFs in plane alone": (
+        "frfs",
+        lambda: prepare(Measurement(frfs(responses=(Dof(1, 1),)), {1: (0.1, 0, 0)}), STRIP, Recipe()),
+    ),
     "negative scatter": ("inputs.length_sd", lambda: Inputs(length_sd=-1.0)),
     "no test": ("tests", lambda: plan_tests([])),
     "fixed and tied": (

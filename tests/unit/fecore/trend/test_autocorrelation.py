@@ -89,6 +89,11 @@ def test_a_short_baseline_widens_by_what_it_shows_and_says_so() -> None:
     assert 1.0 <= factors[0.0] < factors[0.6]
 
 
+def test_limits_that_nothing_reaches_are_not_widened() -> None:
+    limits = Limits(1e6, 1e6)
+    assert widened(limits, Chart(), known(0.8), campaigns=HORIZON, pending=1) == (limits, 1.0)
+
+
 @pytest.mark.parametrize("degrees_of_freedom", [1, 6, 40])
 def test_the_table_of_scores_is_as_exact_as_it_says(degrees_of_freedom: int) -> None:
     t = np.random.default_rng(0).standard_t(degrees_of_freedom, 20_000) * np.geomspace(1, 30, 20_000)

@@ -21,6 +21,7 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.pipeline import update
+from fecore.updating.recipe import Recipe
 from fecore.updating.window import looks_windowed
 from tests.support.cantilever import MEASURED_HZ, PARAMETERS
 
@@ -157,6 +158,11 @@ def test_modes_without_frfs_give_constants_and_a_law(nominal: Specimen) -> None:
     assert (found["a0"], found["a1"]) == pytest.approx((a0, a1), rel=1e-6)
     assert result.prediction is None
     assert result.correlation.updated is None
+    joint = update(Measurement(None, {}, MeasuredModes(MEASURED_HZ, ratio)), nominal, Recipe(method="joint"))
+    assert joint.parameters == result.parameters
+    assert set(joint.warnings) - set(result.warnings) == {
+        "the method joint needs FRFs and there are none: the constants come from the modes, as with two_stage"
+    }
     silent = update(Measurement(None, {}, MeasuredModes(MEASURED_HZ, np.full(5, np.nan))), nominal)
     assert silent.outcomes[1].status == "skipped"
     with pytest.raises(InputError, match="neither FRFs nor modes"):

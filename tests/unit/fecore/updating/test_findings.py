@@ -1,0 +1,20 @@
+"""Findings in words, and intervals where nothing is uncertain."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fecore.updating.posterior import Mixture, ScaleMixture
+from fecore.updating.verdict import Finding, warnings
+
+
+def test_findings_alike_are_folded_and_the_same_is_said_once() -> None:
+    one, other = "mode 1 (20.00 Hz) is alone", "mode 2 (30.00 Hz) is alone"
+    found = [Finding(one, "with_care", 2), Finding(one), Finding(other), Finding("the lid is open", "do_not_use")]
+    assert warnings(found) == ("the lid is open", f"{one}; the same of mode 2 (30.00 Hz)")
+
+
+def test_what_is_known_exactly_has_an_interval_of_no_width() -> None:
+    weight, scale = np.array([0.4, 0.6]), np.array([0.01, 0.02])
+    assert ScaleMixture(weight, scale).reach(0.0, 0.0) == 0.0
+    assert Mixture(weight, np.zeros((2, 3)), np.stack([np.eye(3)] * 2), scale).reach(np.zeros(3)) == (0.0, 0.0)
