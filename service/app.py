@@ -32,6 +32,7 @@ from service.web.middleware import RequestMiddleware
 from service.web.openapi import RESPONSES, describe_problems
 from service.web.pages import add_documentation
 from service.web.problems import add_problem_handlers
+from service.web.routing import include
 
 log = structlog.stdlib.get_logger("modalbase.http")
 
@@ -90,21 +91,21 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.reading = make_sessions(for_reading(engine), project_quota_bytes=settings.project_quota_bytes)
     app.state.changes = Changes(settings.database_url, app.state.reading, settings.event_streams)
     for router in ROUTERS:
-        app.include_router(router, prefix=PREFIX)
+        include(app, router, PREFIX)
     _add_health(app)
 
     if settings.docs:
         add_documentation(app)
-        app.include_router(guide)
+        include(app, guide)
     if settings.pages:
         add_pages(app)
     if settings.docs or settings.pages:
-        app.include_router(assets)
+        include(app, assets)
     if settings.metrics:
         _add_metrics(app)
     add_problem_handlers(app)
     describe_problems(app)
-    paths = Paths(ROUTERS, PREFIX, FINDERS)
+    paths = Paths(app.routes, PREFIX, FINDERS)
     prefixes = (PREFIX, PAGES) if settings.pages else (PREFIX,)
     app.add_middleware(Door, settings=settings, sessions=app.state.sessions, paths=paths, prefixes=prefixes)
     app.add_middleware(SessionCookie)

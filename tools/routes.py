@@ -10,6 +10,7 @@ from fastapi import FastAPI
 
 from service.app import PREFIX
 from service.composition import ROUTERS
+from service.web.routing import include
 
 METHODS = ("get", "post", "put", "patch", "delete")
 HEAD = '''\
@@ -72,7 +73,7 @@ def document() -> dict[str, Any]:
     """The OpenAPI document of everything under the prefix; no database is needed for it."""
     app = FastAPI()
     for router in ROUTERS:
-        app.include_router(router, prefix=PREFIX)
+        include(app, router, PREFIX)
     return app.openapi()
 
 

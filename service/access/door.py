@@ -10,13 +10,12 @@ from dataclasses import dataclass
 from typing import Any
 from uuid import UUID
 
-from fastapi import APIRouter
 from fastapi.routing import APIRoute
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers
 from starlette.requests import ClientDisconnect
-from starlette.routing import compile_path
+from starlette.routing import BaseRoute
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.access.keys import found_key
@@ -42,19 +41,16 @@ LARGE_BYTES = 65536  # of a body before which key and role are checked, even of 
 class Paths:
     """The routes with ids in their paths, to know what a body is for before it is read."""
 
-    def __init__(self, routers: Sequence[APIRouter], prefix: str, finders: Mapping[str, Finder]) -> None:
+    def __init__(self, routes: Sequence[BaseRoute], prefix: str, finders: Mapping[str, Finder]) -> None:
         self._finders = finders
         self._routes = [
-            (route.methods or set(), compile_path(prefix + route.path)[0], route)
-            for router in routers
-            for route in router.routes
-            if isinstance(route, APIRoute)
+            route for route in routes if isinstance(route, APIRoute) and route.path.startswith(f"{prefix}/")
         ]
 
     def find(self, scope: Scope) -> list[tuple[Finder, UUID]]:
         """What the ids of a path name. The route goes into the scope, where log and metrics look for it."""
-        for methods, pattern, route in self._routes:
-            if scope["method"] in methods and (match := pattern.match(scope["path"])):
+        for route in self._routes:
+            if scope["method"] in route.methods and (match := route.path_regex.match(scope["path"])):
                 scope["route"] = route
                 ids = {name: _uuid(value) for name, value in match.groupdict().items() if name in self._finders}
                 return [(self._finders[name], value) for name, value in ids.items() if value is not None]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from fastapi.responses import RedirectResponse
 
 from service.errors import NotFound
@@ -12,13 +12,14 @@ from service.guide.contents import INDEX, PICTURES, files, whole_page
 from service.pages.assets import address
 from service.pages.look import root_of
 from service.web.conditional import not_modified
+from service.web.routing import page_router
 
 POLICY = (
     "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; style-src 'self'; img-src 'self'"
 )
 STYLES = ("pages.css", "guide.css")
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @router.api_route("/guide", methods=["GET", "HEAD"])

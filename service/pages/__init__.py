@@ -11,12 +11,13 @@ from fastapi import FastAPI
 from service.pages import coupons, joint, measurements, monitors, start, updates
 from service.pages.errors import PageErrors
 from service.pages.look import PREFIX
+from service.web.routing import include
 
 __all__ = ["PREFIX", "PageErrors", "add_pages"]
 
 
 def add_pages(app: FastAPI) -> None:
     """All pages; `/` leads to the first of them."""
-    app.include_router(start.open_router)
+    include(app, start.open_router)
     for router in (start.router, measurements.router, updates.router, joint.router, coupons.router, monitors.router):
-        app.include_router(router, prefix=PREFIX)
+        include(app, router, PREFIX)

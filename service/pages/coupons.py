@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from uuid import UUID
 
-from fastapi import APIRouter
 from fastapi.responses import HTMLResponse
 from starlette.responses import Response
 
@@ -12,8 +11,9 @@ from service.access import routes as access
 from service.coupons import routes as coupons
 from service.pages.look import VisitDep
 from service.structures import routes as structures
+from service.web.routing import page_router
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 MOST = 500  # specimens on a page
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated
 from uuid import UUID
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from fastapi.responses import HTMLResponse
 from starlette.responses import Response
 
@@ -19,8 +19,9 @@ from service.updating import joint_routes
 from service.updating import routes as updating
 from service.updating.joint_operations import joint_document, joint_update_for
 from service.updating.joint_schemas import JointUpdateOut
+from service.web.routing import page_router
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 MOST = 100  # rows of a list on a page
 
 

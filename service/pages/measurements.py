@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated
 from uuid import UUID
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from fastapi.responses import HTMLResponse
 from starlette.responses import Response
 
@@ -36,8 +36,9 @@ from service.records.schemas import RecordOut
 from service.structures import routes as structures
 from service.structures.schemas import StructureOut
 from service.updating import routes as updating
+from service.web.routing import page_router
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 MOST = 500  # rows of a list on a page
 Cursor = Annotated[str | None, Query(max_length=100)]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 from uuid import UUID
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from fastapi.responses import HTMLResponse
 from starlette.responses import Response
 
@@ -13,8 +13,9 @@ from service.access import routes as access
 from service.monitoring import routes as monitoring
 from service.pages.look import VisitDep
 from service.structures import routes as structures
+from service.web.routing import page_router
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 MOST = 200  # rows of a list on a page
 
 

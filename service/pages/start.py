@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 from uuid import UUID
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 from starlette.responses import Response
 
@@ -18,9 +18,10 @@ from service.pages.names import name_jobs
 from service.storage import routes as storage
 from service.structures import routes as structures
 from service.updating import routes as updating
+from service.web.routing import page_router
 
-open_router = APIRouter(include_in_schema=False)
-router = APIRouter(include_in_schema=False)
+open_router = page_router()
+router = page_router()
 MOST = 200  # rows of a list on a page
 Cursor = Annotated[str | None, Query(max_length=100)]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 from uuid import UUID
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from fastapi.responses import HTMLResponse
 
 from service.access import routes as access
@@ -25,8 +25,9 @@ from service.updating import routes as updating
 from service.updating.operations import result_document, update_job_for
 from service.updating.schemas import RecipeIn
 from service.web.paging import Cursor
+from service.web.routing import page_router
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 MOST = 100  # rows of a list on a page
 MOST_COMPARED = 50
 COMPARED = ("verdict", "parameters", "modes", "correlation", "provenance")

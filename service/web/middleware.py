@@ -68,4 +68,5 @@ def _method(scope: Scope) -> str:
 
 def _route(scope: Scope) -> str:
     """The route's template, so that the number of series is bounded."""
-    return getattr(scope.get("route"), "path", "none")
+    route = scope.get("route")
+    return str(getattr(route, "label", getattr(route, "path", "none")))

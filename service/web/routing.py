@@ -1,15 +1,17 @@
-"""Routers whose JSON bodies are read strictly."""
+"""Routes that are put together when they are first asked for, and that read JSON bodies strictly."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Coroutine
 from functools import partial
+from threading import RLock
 from typing import Any
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, FastAPI, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.routing import APIRoute
 from starlette.datastructures import Headers
+from starlette.routing import compile_path
 
 from service.errors import PayloadTooLarge, UnsupportedMediaType
 from service.web.json_body import BULK_VALUES, MOST_VALUES, parse_json
@@ -17,6 +19,8 @@ from service.web.negotiation import content_type, is_json
 from service.web.spool import too_large
 
 LARGE = 65536  # bytes beyond which parsing would hold up other requests
+_MATCHING = ("path_regex", "path_format", "param_convertors")
+_assembly = RLock()
 
 
 class StrictRequest(Request):
@@ -29,7 +33,47 @@ class StrictRequest(Request):
         return self.strict_json
 
 
-class StrictRoute(APIRoute):
+class LateRoute(APIRoute):
+    """A route that FastAPI puts together when it is first asked for, with what its router was given.
+
+    To read the parameters of 150 functions and to make models of what they answer takes a third of the time in which the
+    API starts, and most of these functions are not called for hours.
+
+    Attributes:
+        label: the path in its own router, by which log and metrics know it.
+        given: what else its router was given for it.
+    """
+
+    _begun = True  # of a copy that no `__init__` has filled
+
+    def __init__(
+        self,
+        path: str,
+        endpoint: Callable[..., Any],
+        *,
+        name: str | None = None,
+        methods: set[str] | list[str] | None = None,
+        **given: Any,
+    ) -> None:
+        self.path, self.label, self.endpoint, self.given = path, path, endpoint, given
+        self.name = endpoint.__name__ if name is None else name
+        self.methods = {method.upper() for method in methods or ("GET",)}
+        self._begun = False
+
+    def __getattr__(self, name: str) -> Any:
+        """What is not there yet."""
+        with _assembly:
+            if name in _MATCHING:
+                self.path_regex, self.path_format, self.param_convertors = compile_path(self.path)
+            elif not self._begun:
+                self._begun = True
+                super().__init__(self.path, self.endpoint, name=self.name, methods=self.methods, **self.given)
+            if name not in self.__dict__:
+                raise AttributeError(f"a route has no {name}")
+            return self.__dict__[name]
+
+
+class StrictRoute(LateRoute):
     """A route that refuses what cannot be stored before anything else looks at the body.
 
     Only routes that declare a body read one here: uploads stream theirs themselves.
@@ -85,3 +129,29 @@ def api_router(*, tags: list[str], bulk: bool = False) -> APIRouter:
         bulk: bodies carry measured values, and may be large.
     """
     return APIRouter(route_class=BulkRoute if bulk else StrictRoute, tags=list(tags))
+
+
+def page_router() -> APIRouter:
+    """A router of pages, which the OpenAPI document leaves out."""
+    return APIRouter(route_class=LateRoute, include_in_schema=False)
+
+
+def include(app: FastAPI, router: APIRouter, prefix: str = "") -> None:
+    """Give an app the routes of a router. FastAPI's own `include_router` puts all of them together, once more, at the first
+    request.
+    """
+    for route in router.routes:
+        assert isinstance(route, LateRoute)
+        given = {name: value for name, value in route.given.items() if name != "dependency_overrides_provider"}
+        kind = type(route)
+        app.router.add_api_route(
+            prefix + route.path,
+            route.endpoint,
+            name=route.name,
+            methods=route.methods,
+            route_class_override=kind,
+            **given,
+        )
+        added = app.router.routes[-1]
+        assert isinstance(added, LateRoute)
+        added.label = route.label
