@@ -11,8 +11,6 @@ import platformdirs
 from pydantic import Field, PositiveFloat, PositiveInt, ValidationInfo, field_validator
 from pydantic.fields import FieldInfo
 from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict
-from sqlalchemy import make_url
-from sqlalchemy.exc import ArgumentError
 
 MIB = 1024 * 1024
 
@@ -141,6 +139,9 @@ class Settings(BaseSettings):
         password = info.data.get("database_password")
         if value is None or password is None:
             return value
+        from sqlalchemy import make_url  # a tenth of a second to load, in every command that has settings
+        from sqlalchemy.exc import ArgumentError
+
         try:
             return make_url(value).set(password=password).render_as_string(hide_password=False)
         except ArgumentError:

@@ -5,9 +5,10 @@
         httpx.get(service.url + "/api/v1/projects", headers={"Authorization": f"Bearer {key}"})
 
 `modalbase up`, the demonstration and the tests all use this. The processes that it starts end with it, also when it is
-killed: their standard input is a pipe that closes with it. Each of them is in on the embedded server, so whoever
-leaves last stops PostgreSQL. What ends by itself is started again by `tend`; the socket that the API listens on is kept
-here, so that requests wait meanwhile instead of being refused.
+killed: their standard input is a pipe that closes with it. The API loads its libraries while PostgreSQL starts, and waits
+for a byte on that pipe before it looks for the database: a start that fails is reported once, here. Each of them is in on
+the embedded server, so whoever leaves last stops PostgreSQL. What ends by itself is started again by `tend`; the socket
+that the API listens on is kept here, so that requests wait meanwhile instead of being refused.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from http import HTTPStatus
 from http.client import HTTPConnection, HTTPException
@@ -27,17 +28,10 @@ from selectors import EVENT_READ, DefaultSelector
 from types import TracebackType
 from typing import Self
 
-from sqlalchemy import func, select
-
-from service.access.keys import create_key, user_named
-from service.access.tables import ApiKey
-from service.db.embedded import keep_running, runs
-from service.db.engine import make_engine, make_sessions
-from service.db.opening import open_database
-from service.db.postgres import PostgresError
-from service.db.schema import require_head
 from service.parts import PAUSES, GivenUpError, NotStartedError, Part, how_it_ended
 from service.settings import Settings
+
+# What reaches the database is imported where it is used: it takes half a second to load, in which the API loads too.
 
 START_SECONDS = 120.0
 ANSWER_SECONDS = 2.0  # the socket listens before the API answers: ask again, and see whether the API still runs
@@ -73,6 +67,7 @@ class LocalService:
         self.url = ""
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self._parts: list[Part] = []
+        self._open = False  # the database is
         self._stack = ExitStack()
 
     def __enter__(self) -> Self:
@@ -80,17 +75,13 @@ class LocalService:
             raise StartError("the service does not run on Windows itself; run it in WSL 2 or on a server")
         with ExitStack() as stack:
             listener = stack.enter_context(listening_socket(self.given.host, self.given.port))
-            self.settings = stack.enter_context(open_database(self.given, migrate_embedded=True))
-            self._engine = make_engine(self.settings.database_url or "", pool_size=1)
-            stack.callback(self._engine.dispose)
-            require_head(self._engine)
             self._port = listener.getsockname()[1]
             self.url = f"http://{_bracketed(self.given.host)}:{self._port}"
             log = stack.enter_context(self.log_file.open("ab")).fileno() if self.log_file else STANDARD_ERROR
-            stack.callback(self._end_processes)
-            if self.given.database_url is None:
-                self._parts.append(Part("PostgreSQL", self._start_postgresql, self._postgresql_ended, self.pauses))
+            stack.callback(self._end_processes)  # where the database does not open
             self._run("api", ["serve", "--listener", str(listener.fileno())], log, listener.fileno())
+            self._open_database(stack)
+            stack.callback(self._end_processes)  # before the database is closed
             if self.worker:
                 reading, writing = os.pipe()  # each worker writes to it when it takes jobs
                 stack.callback(os.close, reading)
@@ -101,6 +92,22 @@ class LocalService:
             self._stack = stack.pop_all()
         return self
 
+    def _open_database(self, stack: ExitStack) -> None:
+        """Have the database answer until the stack is closed, and let those who wait for that begin."""
+        from service.db.engine import make_engine
+        from service.db.opening import open_database
+        from service.db.schema import require_head
+
+        self.settings = stack.enter_context(open_database(self.given, migrate_embedded=True))
+        self._engine = make_engine(self.settings.database_url or "", pool_size=1)
+        stack.callback(self._engine.dispose)
+        require_head(self._engine)
+        if self.given.database_url is None:
+            self._parts.insert(0, Part("PostgreSQL", self._start_postgresql, self._postgresql_ended, self.pauses))
+        self._open = True
+        for process in self.processes.values():
+            _let_begin(process)
+
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
@@ -108,6 +115,9 @@ class LocalService:
 
     def new_key(self, name: str, *, administrator: bool = False) -> str:
         """A new API key of the user of that name, who is made when absent, and made an administrator where wanted."""
+        from service.access.keys import create_key, user_named
+        from service.db.engine import make_sessions
+
         with make_sessions(self._engine).begin() as session:
             user = user_named(session, name)
             user.administrator |= administrator
@@ -115,6 +125,11 @@ class LocalService:
 
     def has_keys(self) -> bool:
         """Is there any API key that opens something?"""
+        from sqlalchemy import func, select
+
+        from service.access.tables import ApiKey
+        from service.db.engine import make_sessions
+
         with make_sessions(self._engine)() as session:
             return bool(session.scalar(select(func.count()).where(ApiKey.revoked_at.is_(None)).select_from(ApiKey)))
 
@@ -139,12 +154,17 @@ class LocalService:
         return lines
 
     def _start_postgresql(self) -> None:
+        from service.db.embedded import keep_running
+        from service.db.postgres import PostgresError
+
         try:
             keep_running(self.given.data)
         except PostgresError as error:
             raise NotStartedError(str(error)) from error
 
     def _postgresql_ended(self) -> str | None:
+        from service.db.embedded import runs
+
         return None if runs(self.given.data) else "ended by itself"
 
     def _run(self, name: str, command: list[str], log: int, *fds: int) -> None:
@@ -163,6 +183,8 @@ class LocalService:
                 pass_fds=fds,
                 start_new_session=True,  # Ctrl-C is ours, and ends them through us
             )
+            if self._open:
+                _let_begin(self.processes[name])
 
         start()
         self._parts.append(Part(f"the {name}", start, lambda: how_it_ended(self.processes[name]), self.pauses))
@@ -199,6 +221,13 @@ class LocalService:
             if process.stdin is not None:
                 process.stdin.close()
         self.processes.clear()
+
+
+def _let_begin(process: subprocess.Popen[bytes]) -> None:
+    """Let a process know that the database is open."""
+    assert process.stdin is not None
+    with suppress(BrokenPipeError):  # it has ended, which whoever waits for it sees
+        os.write(process.stdin.fileno(), b"1")
 
 
 def _has_come(pipe: int) -> bool:

@@ -50,7 +50,7 @@ class Paths:
     def find(self, scope: Scope) -> list[tuple[Finder, UUID]]:
         """What the ids of a path name. The route goes into the scope, where log and metrics look for it."""
         for route in self._routes:
-            if scope["method"] in route.methods and (match := route.path_regex.match(scope["path"])):
+            if scope["method"] in (route.methods or ()) and (match := route.path_regex.match(scope["path"])):
                 scope["route"] = route
                 ids = {name: _uuid(value) for name, value in match.groupdict().items() if name in self._finders}
                 return [(self._finders[name], value) for name, value in ids.items() if value is not None]

@@ -45,23 +45,29 @@ Int64 = Annotated[int, Field(ge=-INT64_MAX - 1, le=INT64_MAX)]
 """An integer that fits a bigint."""
 
 
-def _only_numbers(schema: Any) -> None:
+def _only_numbers(schema: Any, model: Any) -> None:
     """Have every number in a schema of pydantic's core refuse text and truth values; 3.0 may stand for the integer 3.
 
-    A list that may be long stops at its first wrong item.
+    A list that may be long stops at its first wrong item. Strict models within this one have been through here already.
     """
     if isinstance(schema, list | tuple):
         for part in schema:
-            _only_numbers(part)
-    elif isinstance(schema, dict) and not _has_check(schema):
+            _only_numbers(part, model)
+    elif isinstance(schema, dict) and not _has_check(schema) and not _is_another(schema, model):
         for part in schema.values():
-            _only_numbers(part)
+            _only_numbers(part, model)
         if schema.get("type") == "list" and schema.get("max_length", LONG + 1) > LONG:
             schema["fail_fast"] = True  # the first wrong item says enough, and a million faults would fill the memory
         if schema.get("type") in ("float", "int"):
             inner = core_schema.with_info_before_validator_function(_number, dict(schema))
             schema.clear()
             schema.update(inner)
+
+
+def _is_another(schema: dict[str, Any], model: Any) -> bool:
+    """Whether a schema is that of another strict model."""
+    found = schema.get("cls") if schema.get("type") == "model" else None
+    return found is not None and found is not model and issubclass(found, StrictModel)
 
 
 def _has_check(schema: dict[str, Any]) -> bool:
@@ -87,7 +93,7 @@ class StrictModel(BaseModel):
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler, /) -> CoreSchema:
         """Pydantic's own strictness would also refuse what JSON cannot say otherwise, such as dates."""
         schema = handler(source)
-        _only_numbers(schema)
+        _only_numbers(schema, cls)
         return schema
 
 

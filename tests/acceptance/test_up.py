@@ -7,6 +7,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from service.db.opening import DataFolderError
 from service.settings import Settings
 from service.supervisor import LocalService, StartError
 from tests.support.command import modalbase, status, up, wait_until_gone
@@ -60,6 +61,20 @@ def test_what_dies_again_and_again_is_given_up(database: str) -> None:
             die()
         assert service.processes["api"].poll() is None
     assert all(process.poll() is not None for process in processes)
+
+
+def test_a_start_without_its_database_is_reported_once(short_folder: Path) -> None:
+    """By who starts it: the API, which was loading meanwhile, says nothing and is gone."""
+    data, log, before = short_folder / "foreign", short_folder / "foreign.log", set(psutil.Process().children())
+    (data / "postgres").mkdir(parents=True)
+    (data / "postgres" / "notes.txt").write_text("not PostgreSQL's")
+    with (
+        pytest.raises(DataFolderError, match="holds no files of PostgreSQL"),
+        LocalService(Settings(data=data, port=0), log_file=log),
+    ):
+        pass
+    assert log.read_text() == ""
+    assert set(psutil.Process().children()) <= before
 
 
 def test_the_other_commands_find_the_service_that_runs(short_folder: Path) -> None:

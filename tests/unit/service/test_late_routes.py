@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 from concurrent.futures import ThreadPoolExecutor
 from threading import Barrier
 
+import httpx
 import pytest
 from fastapi import APIRouter, FastAPI
 from fastapi.routing import APIRoute
-from fastapi.testclient import TestClient
 from pydantic import BaseModel
 
 from service.web.routing import LateRoute, StrictRoute, include
@@ -53,10 +54,15 @@ def test_the_document_is_that_of_fastapis_own_routes() -> None:
 def test_only_what_is_asked_for_is_put_together() -> None:
     app = _app(StrictRoute)
     routes = [route for route in app.routes if isinstance(route, LateRoute)]
-    with TestClient(app) as client:
-        assert client.get("/api/specimens/4", params={"unit": "b"}).json() == {"name": "4b", "layers": 8}
-        assert client.get("/api/specimens/four").status_code == 422
-        assert client.put("/api/specimens/4").status_code == 405
+
+    async def ask() -> None:
+        async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://test/api/") as client:
+            found = await client.get("specimens/4", params={"unit": "b"})
+            assert found.json() == {"name": "4b", "layers": 8}
+            assert (await client.get("specimens/four")).status_code == 422
+            assert (await client.put("specimens/4")).status_code == 405
+
+    asyncio.run(ask())
     assert ["dependant" in vars(route) for route in routes] == [True, False, False]
     assert [route.label for route in routes] == ["/specimens/{number}", "/specimens", "/specimens/{number}/picture"]
 
