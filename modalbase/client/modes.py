@@ -23,9 +23,10 @@ def modes(
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
-    """Show the modes of a campaign: typed in, read from a file, or identified."""
-    from modalbase.client.display import print_json, print_table, with_digits
+    """Show the modes of a campaign: typed in, read from a file, or identified; with what the identification doubts."""
+    from modalbase.client.display import print_json, print_table
     from modalbase.client.finding import CAMPAIGN, MODE_SET, find, find_id
+    from modalbase.client.mode_tables import beside_lines, mode_set_cells
 
     with service_at(url) as service:
         id_ = find_id(service, CAMPAIGN, campaign)
@@ -33,16 +34,9 @@ def modes(
     if as_json:
         print_json(found)
         return
-    columns = ("mode", "Hz", "± Hz", "ζ %", "± %")
-    rows = [
-        [
-            mode["number"],
-            *with_digits(mode["frequency_hz"], mode["frequency_sd_hz"]),
-            *with_digits(*(None if z is None else 100 * z for z in (mode["damping_ratio"], mode["damping_sd"]))),
-        ]
-        for mode in found["modes"]
-    ]
-    print_table(f"{found['name']} ({found['origin']}), {found['id']}", columns, rows)
+    print_table(f"{found['name']} ({found['origin']}), {found['id']}", *mode_set_cells(found["modes"]))
+    for line in beside_lines(found["details"]):
+        typer.echo(line, err=True)
     say_next(f'update "{campaign}" --mode-set {found["id"]} --wait')
 
 

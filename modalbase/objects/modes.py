@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from modalbase.client.mode_tables import beside_lines, mode_set_cells
 from modalbase.objects.table import Table
 from modalbase.objects.thing import Thing
 
@@ -11,14 +12,28 @@ COLUMNS = ("number", "frequency_hz", "damping_ratio", "frequency_sd_hz", "dampin
 
 
 class ModeSet(Thing):
-    """Modes of a campaign that were typed in, read from a file, or identified."""
+    """Modes of a campaign that were typed in, read from a file, or identified; printing it shows all that is known of them."""
 
     word, path = "mode set", "mode-sets/{}"
+
+    def __str__(self) -> str:
+        return "\n".join([str(self.modes), *beside_lines(self.fields["details"])])
 
     @property
     def modes(self) -> Table:
         """Frequencies in Hz, damping ratios, and their standard deviations."""
-        return Table([{name: mode[name] for name in COLUMNS} for mode in self.fields["modes"]], key="number")
+        rows = [{name: mode[name] for name in COLUMNS} for mode in self.fields["modes"]]
+        return Table(rows, key="number", shown=mode_set_cells(rows))
+
+    @property
+    def doubtful(self) -> Table:
+        """What an identification took for a mode but for a check, each with its `reason`; none of a set from elsewhere."""
+        return Table(self.fields["details"].get("doubtful", []), key="frequency_hz")
+
+    @property
+    def warnings(self) -> list[str]:
+        """What to know of an identification before one uses it; none of a set from elsewhere."""
+        return list(self.fields["details"].get("warnings", ()))
 
     @property
     def frequency_hz(self) -> Any:

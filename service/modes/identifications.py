@@ -80,13 +80,19 @@ def _store(session: Session, job_id: UUID, items: Iterator[IdentificationOutput]
     name = IdentificationIn.model_validate(row.options).name
     for output in items:
         row.document = output.document
-        keep_identified(session, row.campaign_id, name, output.modes, job_id=job_id)
+        keep_identified(session, row.campaign_id, name, output.modes, output.document, job_id=job_id)
 
 
 IDENTIFY = JobKind("identification", load=_load, compute=find_modes, store=_store, libraries=CORE_LIBRARIES)
 
 
-def keep_identified(session: Session, campaign_id: UUID, name: str, modes: MeasuredModes, *, job_id: UUID) -> ModeSet:
+DETAILS = ("warnings", "doubtful", "refused", "refused_poles")
+"""What of the document about an identification its mode set has too, so that nobody sees the modes without it."""
+
+
+def keep_identified(
+    session: Session, campaign_id: UUID, name: str, modes: MeasuredModes, document: dict[str, Any], *, job_id: UUID
+) -> ModeSet:
     """Store modes that a job found in the specimen's frame, with their directions in the file's coordinates, as all
     stored shapes are.
 
@@ -95,11 +101,13 @@ def keep_identified(session: Session, campaign_id: UUID, name: str, modes: Measu
         campaign_id: whose modes; its frame is used.
         name: of the mode set.
         modes: in the specimen's frame.
+        document: about their identification, as `describe_identification` gives it.
         job_id: the job that found them.
     """
     frame = frame_of(campaign_of(session, campaign_id))
     in_file = replace(modes, dofs=tuple(frame.file_dof(dof) for dof in modes.dofs))
-    return store_identified(session, campaign_id, name, in_file, job_id=job_id, details={})
+    details = {part: document[part] for part in DETAILS}
+    return store_identified(session, campaign_id, name, in_file, job_id=job_id, details=details)
 
 
 def start_identification(session: Session, user: User, campaign_id: UUID, body: IdentificationIn) -> Identification:

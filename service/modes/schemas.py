@@ -89,5 +89,8 @@ class ModeSetOut(StrictModel):
     import_id: UUID | None = Field(description="the import that it came with")
     job_id: UUID | None = Field(description="the job that identified it")
     modes: list[ModeOut]
-    details: dict[str, Any] = Field(description="how it was found, for an identified set")
+    details: dict[str, Any] = Field(
+        description="of an identified set, what stands beside its modes: `warnings`, `doubtful` modes with the reason of "
+        "each, `refused` FRFs, `refused_poles`; empty for others, and for sets of versions up to 0.2"
+    )
     created_at: datetime

@@ -48,8 +48,9 @@ def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> Non
                 {"id": frf["id"], "records": frf["records"]} for frf in done["frfs"]
             ]
         if output.identified is not None:
+            found = output.document["identification"]
             kept = keep_identified(
-                session, row.campaign_id, "identified by an update", output.identified, job_id=job_id
+                session, row.campaign_id, "identified by an update", output.identified, found, job_id=job_id
             )
             output.document["provenance"]["mode_set"] = str(kept.id)
         size = len(output.prediction) + len(json.dumps(output.document))

@@ -139,7 +139,7 @@ def test_python_runs(page: str, reader: Reader, monkeypatch: pytest.MonkeyPatch)
             "api": reader.api,
             "structure": reader.variables["STRUCTURE"],
         }
-        if page == "docs/library.md":
+        if page in ("docs/library.md", "docs/modes.md"):
             names |= of_the_library(lab)
         left_out = []
         for block in of("python"):
@@ -180,7 +180,8 @@ def looked_at_coupons(names: dict[str, Any]) -> None:
     assert names["result"].modulus_pa == pytest.approx(40e9, rel=1e-9)
 
 
-def looked_at_identification(names: dict[str, Any]) -> None:
+def looked_at_modes(names: dict[str, Any]) -> None:
+    assert names["shapes"].shape == (len(names["modes"].modes), len(names["dofs"]))
     assert names["found"].modes.frequency_hz == pytest.approx(names["f_hz"], rel=1e-3)
 
 
@@ -203,7 +204,7 @@ def looked_at_monitoring(names: dict[str, Any]) -> None:
 
 LOOKED_AT: dict[str, Callable[[dict[str, Any]], Any]] = {
     "docs/coupons.md": looked_at_coupons,
-    "docs/identification.md": looked_at_identification,
+    "docs/modes.md": looked_at_modes,
     "docs/jobs.md": looked_at_jobs,
     "docs/monitoring.md": looked_at_monitoring,
     "docs/monitoring-charts.md": lambda names: names["found"].parameters["Ex"],

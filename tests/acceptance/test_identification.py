@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,11 @@ import httpx
 import numpy as np
 import pytest
 
+import modalbase
+from modalbase.objects.modes import ModeSet
+from tests.support.command import modalbase as command_line
 from tests.support.places import shared_file
-from tests.support.rest import finished, ok, posted
+from tests.support.rest import finished, ok, posted, session_client
 from tests.support.waiting import until
 
 
@@ -72,12 +76,32 @@ def test_a_job_that_is_cancelled_half_way_ends(api: httpx.Client) -> None:
 
 def test_a_band_and_doubtful_modes_are_options(api: httpx.Client) -> None:
     campaign = campaign_of(api, shared_file("MEASURED", "measured", "dam0.unv"))
-    job = finished(api, started(api, campaign, {"band_hz": [2.2, 5.0], "include_doubtful": True}))
+    job = finished(api, started(api, campaign, {"band_hz": [2.2, 7.6], "include_doubtful": True}))
     assert job["status"] == "succeeded", job
-    kept = ok(api.get(f"mode-sets/{job['mode_set']}"))["modes"]
+    whole = ok(api.get(f"mode-sets/{job['mode_set']}"))
+    assert_doubt_is_seen_with_the_modes(api, whole, job["result"])
+    kept = whole["modes"]
     assert len(kept) == len(job["result"]["modes"]) + len(job["result"]["doubtful"])
     for true in (2.482, 2.958, 3.497, 4.081, 4.166, 4.632):
         assert sum(abs(mode["frequency_hz"] / true - 1) < 0.003 for mode in kept) == 1
     wrong = api.post(f"campaigns/{campaign}/identifications", json={"band_hz": [5.0, 2.0]})
     assert wrong.status_code == 422
     assert pytest.approx(2.2) == job["options"]["band_hz"][0]
+
+
+def assert_doubt_is_seen_with_the_modes(api: httpx.Client, kept: dict[str, Any], found: dict[str, Any]) -> None:
+    """Whoever sees the modes, by script, command or page, sees what is doubted of them and every warning."""
+    assert found["doubtful"]
+    assert found["warnings"]
+    assert {part: found[part] for part in kept["details"]} == kept["details"]
+    url, key = str(api.base_url).removesuffix("/api/v1/"), api.headers["authorization"].split()[1]
+    with modalbase.connect(url, key) as lab:
+        printed = str(ModeSet(lab, {"id": kept["id"]}).refresh())
+    command = command_line(
+        "modes", kept["campaign_id"], "--mode-set", kept["id"], MODALBASE_URL=url, MODALBASE_API_KEY=key
+    )
+    with session_client(api, base=url) as browser:
+        page = browser.get(f"/ui/campaigns/{kept['campaign_id']}").text
+    for text in (printed, command.stdout + command.stderr, unescape(page)):
+        for said in (*(mode["reason"] for mode in found["doubtful"]), *found["warnings"]):
+            assert said in text

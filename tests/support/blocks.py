@@ -143,7 +143,7 @@ AT_HAND: dict[str, Callable[[], dict[str, Any]]] = {
     "CONTRIBUTING.md": _contributor,
     "docs/coupons.md": _coupon,
     "docs/hammer.md": _hits,
-    "docs/identification.md": _measured,
+    "docs/modes.md": _measured,
     "docs/jobs.md": _long,
     "docs/monitoring-charts.md": _months,
 }
