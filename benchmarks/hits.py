@@ -2,7 +2,8 @@
 
 Simulated campaigns (`benchmarks.hammer`: other specimens, tips, sensors, noise in each; a third of the hits has a fault),
 and the sets of another simulator where they lie beside the project (`MODALBASE_HITS` names their folder).
-`python -m benchmarks.hits 60` takes that many campaigns in place of 12; a second number is the seed.
+`python -m benchmarks.hits 60` takes that many campaigns in place of 12; a second number is the seed. The same campaigns are
+judged once more by the first three and the first two hits of each point alone.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from fecore.frf import Dof
 from fecore.processing import Block, Hit, Processing, Windows, by_point, process
 
 CAMPAIGNS, POINTS, HITS, SEED = 12, 8, 5, 20260
+FEWER = (3, 2)
 MANY, SAMPLES = 10_000, 16_384
 SETS = ("hits-cantilever", "hits-free-window", "hits-plate-one-point")
 NAMED = {"clip_force": "overload", "clip_response": "overload", "off_place": "place"}
@@ -42,12 +44,16 @@ def main() -> None:
     """Print the tables."""
     campaigns, seed = (int(a) for a in [*sys.argv[1:3], *map(str, (CAMPAIGNS, SEED)[len(sys.argv[1:3]) :])])
     rng = np.random.default_rng(seed)
-    tally = _new_tally()
+    tally, fewer = _new_tally(), {count: _new_tally() for count in FEWER}
     for number in range(campaigns):
         _, places, simulated = campaign(rng, ("clamped", "free", "plate")[number % 3], POINTS, HITS, 1 / 3)
         positions = {label: (*place, 0.0) for label, place in places.items()}
         _count(tally, [s.hit for s in simulated], [s.fault for s in simulated], positions)
+        for count, own in fewer.items():
+            some = [s for s in simulated if s.hit.number <= count]
+            _count(own, [s.hit for s in some], [s.fault for s in some], positions, with_peer=False)
     _table(f"{campaigns} simulated campaigns", tally)
+    _by_hits({HITS: tally, **fewer})
     folder = Path(os.environ.get("MODALBASE_HITS", Path(__file__).parents[2] / "shared" / "blind-open"))
     for name in SETS:
         if (folder / name / "truth.json").is_file():
@@ -81,7 +87,9 @@ def _new_tally() -> Tally:
     return {"hits": Counter(), "found": Counter(), "named": Counter(), "pyFRF": Counter()}
 
 
-def _count(tally: Tally, hits: Sequence[Hit], faults: Sequence[str | None], positions: Positions) -> None:
+def _count(
+    tally: Tally, hits: Sequence[Hit], faults: Sequence[str | None], positions: Positions, *, with_peer: bool = True
+) -> None:
     try:
         verdicts = process(by_point(hits), Processing(positions=positions)).verdicts
     except Exception as error:  # noqa: BLE001 - a set without a good hit is a result
@@ -92,7 +100,7 @@ def _count(tally: Tally, hits: Sequence[Hit], faults: Sequence[str | None], posi
         named = {f.criterion for f in verdicts[i].faults} if verdicts else {"overload"}
         tally["found"][fault] += bool(named)
         tally["named"][fault] += NAMED.get(fault, fault) in named if fault else bool(named)
-        if FRF is not None:
+        if FRF is not None and with_peer:
             peer = FRF(int(hit.sample_rate_hz), exc_type="f", resp_type="a", fft_len=hit.samples)
             tally["pyFRF"][fault] += not peer.is_data_ok(hit.force.samples, hit.responses[0].samples)
 
@@ -104,6 +112,15 @@ def _table(name: str, tally: Tally) -> None:
         peer = f"{tally['pyFRF'][fault] / n:.1%}" if FRF is not None else "not there"
         shares = (tally["found"][fault] / n, tally["named"][fault] / n)
         print(f"{fault or 'none: good':16}{n:6}{shares[0]:14.1%}{shares[1] if fault else float('nan'):16.1%}{peer:>15}")
+
+
+def _by_hits(tallies: dict[int, Tally]) -> None:
+    """Found of the hits with each fault, by how many hits a point has."""
+    print("\n" + f"{'hits a point':16}" + "".join(f"{count:>20}" for count in tallies))
+    for fault in sorted(next(iter(tallies.values()))["hits"], key=str):
+        shares = [(tally["found"][fault], tally["hits"][fault]) for tally in tallies.values()]
+        columns = "".join(f"{f'{found} of {n}':>13}{found / max(n, 1):7.1%}" for found, n in shares)
+        print(f"{fault or 'good: thrown':16}{columns}")
 
 
 class _Files:

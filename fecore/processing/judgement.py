@@ -8,26 +8,22 @@ campaign's own hits; a hit's FRF is compared with the others of its point, on th
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from statistics import median
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.processing.comparison import HIGHEST, Comparison, Offset
 from fecore.processing.pulse import SMALLEST_SECOND
 from fecore.processing.traits import REBOUND, Before, Top, Traits
+from fecore.processing.usual import Lines, Ordinary, StopBand, Usual
 
-_MOST_LINED = 256  # hits that say what the lines before the pulse usually have; of more, every k-th
 _SWAPPED = 4.0  # times that a force may last as long as a response of it, which contains the pulse and what follows
 _STOP_BAND_SCATTER = 3.0  # ratio that the noise between channels may scatter by
 # Part above the filter's cut, and over the usual one, that two equal samples need.
 _TWO_EQUAL, _TWO_EQUAL_SCATTER = 0.01, 1.5
-_FLOOR = 10  # one in so many hits, the quietest, has at most the channel's own noise above the filter's cut
 
 Criterion = Literal["double", "overload", "quiet", "late", "early", "place", "polarity", "height", "swapped"]
 
@@ -43,10 +39,13 @@ class Limits:
         quiet_share: smallest peak force as a share of the median of the campaign's hits.
         quiet_noise: smallest peak force in standard deviations of the force channel's noise.
         lead: samples before the pulse, as a share of its width.
-        before_noise: largest level of the response before the pulse over the campaign's quiet hits.
+        before_noise: largest level of the response before the pulse over the campaign's quiet hits; more where the hits
+        scatter more among themselves (`usual.reach`), as where each follows the one before after another rest.
         before_line: largest power of one line of the response before the pulse, over what that line usually has: noise comes
-        to 20 once in a campaign, and a mode that rings on under the noise fills one line.
-        before_response: the same as a share of the response's largest value, where no other hit can be asked.
+        to 20 once in a campaign, and a mode that rings on under the noise fills one line; more in such a campaign.
+        before_excited: amplitude before the pulse over that behind it, in the line where there is most before it beyond what is
+        usual, up to which the hit is kept: it moves the FRF by no more than that.
+        before_response: level before the pulse as a share of the response's largest value, where no other hit can be asked.
         place: largest distance of a hit's FRF from those of its point, in the campaign's typical distances.
         place_m: largest distance between a hit and the others of its point, m, where hits can be located: one good hit of a
         thousand lands farther off. The limit is higher in a campaign whose hits all scatter more.
@@ -65,6 +64,7 @@ class Limits:
     lead: float = 0.5
     before_noise: float = 2.5
     before_line: float = 35.0
+    before_excited: float = 0.005
     before_response: float = 0.02
     place: float = 3.0
     place_m: float = 0.008
@@ -114,66 +114,6 @@ class Verdict:
     def accepted(self) -> bool:
         """Whether the hit is used."""
         return not self.faults if self.overruled is None else self.overruled
-
-
-@dataclass(frozen=True)
-class Usual:
-    """What the hits of a campaign are usually like.
-
-    Attributes:
-        peak: median magnitude of the peak force, N; None for a hit alone.
-        before: level before the pulse of the quiet hits, by response dof.
-        lines: (k,) usual power of the lines before the pulse, by response dof.
-        stop_band: what the channels usually have above the filter's cut over their level, and at least, force first.
-        polarity: sign of most pulses.
-    """
-
-    peak: float | None
-    before: Mapping[Dof, float]
-    stop_band: tuple[tuple[float, float], ...] = ()
-    polarity: int = 1
-    lines: Mapping[Dof, FloatArray] = field(default_factory=dict)
-
-
-def usual(found: Sequence[Traits], *, before: bool = True) -> Usual:
-    """What hits are usually like, from all of them: medians, so that up to half may be faulty. `before` is whether what lies
-    before the pulse is asked for.
-    """
-    if len(found) < 3:
-        return Usual(None, {})
-    clear = [t for t in found if abs(t.pulse.height) > 20 * t.pulse.noise]
-    levels: dict[Dof, list[float]] = {}
-    for traits in found if before else ():
-        for dof, own in zip(traits.responses, traits.before, strict=True):
-            if own.samples:
-                levels.setdefault(dof, []).append(own.level)
-    quiet = {d: median(sorted(v)[: (len(v) + 1) // 2 + 1]) for d, v in levels.items() if len(v) >= 3}
-    lines = {dof: _usual_lines(found, dof) for dof in quiet}
-    if not clear:
-        return Usual(None, quiet, lines=lines)
-    heights = [t.pulse.height for t in clear]
-    stop = tuple(
-        (median(top.stop_band / top.level for top in tops), sorted(top.stop_band for top in tops)[len(tops) // _FLOOR])
-        for tops in zip(*(t.tops for t in clear), strict=True)
-        if all(top.level > 0 for top in tops)
-    )
-    upward = sum(h > 0 for h in heights)
-    return Usual(median(map(abs, heights)), quiet, stop, 1 if 2 * upward >= len(heights) else -1, lines)
-
-
-def _usual_lines(found: Sequence[Traits], dof: Dof) -> FloatArray:
-    """Mean power of each line before the pulse, from its median over the hits, which is ln 2 of it for noise; no line is
-    held to be quieter than the median of all, since a few hits say little of a line of its own.
-    """
-    powers = [
-        before.lines
-        for traits in found
-        for own, before in zip(traits.responses, traits.before, strict=True)
-        if own == dof and before.samples
-    ]
-    middle = np.median(powers[:: -(-len(powers) // _MOST_LINED)], axis=0) / np.log(2)
-    floored: FloatArray = np.maximum(middle, np.median(middle))
-    return floored
 
 
 def judge(traits: Traits, others: Usual, comparison: Comparison | None, limits: Limits | None = None) -> Verdict:
@@ -294,18 +234,19 @@ def _overload(traits: Traits, others: Usual, limits: Limits) -> list[Finding]:
     return found
 
 
-def _beyond_filter(top: Top, usual_part: tuple[float, float]) -> float:
+def _beyond_filter(top: Top, others: StopBand) -> float:
     """What a channel has above the filter's cut beyond what is usual, as a share of its largest value."""
-    share, least = usual_part
-    expected = _STOP_BAND_SCATTER * max(share * top.level, least)
+    expected = max(
+        _STOP_BAND_SCATTER * max(others.share.level * top.level, others.least), others.share.reach * top.level
+    )
     return float(np.sqrt(max(top.stop_band**2 - expected**2, 0.0))) / top.level if top.level > 0 else 0.0
 
 
-def _cut_at_two(top: Top, usual_part: tuple[float, float]) -> bool:
+def _cut_at_two(top: Top, others: StopBand) -> bool:
     """Whether two equal samples are a top that was cut off: by chance they are so in one of a thousand channels, and then
     nothing lies above the filter's cut that is not usual.
     """
-    expected = _TWO_EQUAL_SCATTER * max(usual_part[0] * top.level, usual_part[1])
+    expected = _TWO_EQUAL_SCATTER * max(others.share.level * top.level, others.least)
     return top.equal == 2 and top.stop_band > max(_TWO_EQUAL * top.level, expected)
 
 
@@ -315,22 +256,9 @@ def _early(traits: Traits, others: Usual, limits: Limits) -> list[Finding]:
         if before.samples == 0 or top.level == 0:
             continue
         share = before.level / top.level
-        floor = others.before.get(dof)
-        if floor is not None and floor > 0:
-            ratio, line = before.level / floor, _loudest_line(before, others.lines.get(dof))
-            if share > 1e-5 and ratio <= limits.before_noise and line > limits.before_line:
-                sentence = (
-                    f"Before the pulse one line of the response's spectrum has {line:.3g} times the power that it usually has; "
-                    f"the limit is {limits.before_line:g}. The body still rings from the hit before."
-                )
-                found.append(Finding("early", line, limits.before_line, True, sentence))
-                continue
-            failed = ratio > limits.before_noise and share > 1e-5
-            sentence = (
-                f"Before the pulse the response is {ratio:.2g} times as loud as before quiet hits; "
-                f"the limit is {limits.before_noise:g}."
-            )
-            found.append(Finding("early", ratio, limits.before_noise, bool(failed), sentence))
+        quiet = others.before.get(dof)
+        if quiet is not None and quiet.level > 0:
+            found.append(_still_rings(before, share, quiet, others.lines.get(dof), limits))
         else:
             sentence = (
                 f"Before the pulse the response is {share:.2%} of its largest value; "
@@ -345,11 +273,41 @@ def _early(traits: Traits, others: Usual, limits: Limits) -> list[Finding]:
     return found
 
 
-def _loudest_line(before: Before, usual_lines: FloatArray | None) -> float:
-    """Largest power of a line before the pulse, over what it usually is; 0 where that is not known."""
-    if usual_lines is None or not usual_lines.min() > 0:
-        return 0.0
-    return float((before.lines / usual_lines).max())
+def _still_rings(before: Before, share: float, quiet: Ordinary, lines: Lines | None, limits: Limits) -> Finding:
+    """Whether the response before the pulse is louder than the campaign's own is, as a whole or in one line, and then
+    whether that is enough to matter beside what the hit excites.
+    """
+    number, limit = before.level / quiet.level, max(limits.before_noise, quiet.reach / quiet.level)
+    sentence = (
+        f"Before the pulse the response is {number:.2g} times as loud as before quiet hits; the limit is {limit:.2g}."
+    )
+    loudest, most = _loudest_line(before, lines, limits)
+    if number <= limit and loudest > most:
+        number, limit = loudest, most
+        sentence = (
+            f"Before the pulse one line of the response's spectrum has {number:.3g} times the power that it usually has; "
+            f"the limit is {limit:.3g}."
+        )
+    failed = bool(number > limit and share > 1e-5)
+    if failed and (part := _of_excited(before, lines)) < limits.before_excited:
+        sentence += f" It is {part:.2%} of what the hit excites there, so the hit is not refused."
+        failed = False
+    return Finding("early", number, limit, failed, sentence)
+
+
+def _of_excited(before: Before, others: Lines | None) -> float:
+    """Amplitude before the pulse over that behind it, in the line that has most before it beyond what is usual."""
+    if others is None:
+        return np.inf
+    line = int(np.argmax(before.lines - others.power))
+    return float(np.sqrt(before.lines[line] / before.after[line])) if before.after[line] > 0 else np.inf
+
+
+def _loudest_line(before: Before, others: Lines | None, limits: Limits) -> tuple[float, float]:
+    """Largest power of a line before the pulse, over what it usually is, and its limit; 0 where that is not known."""
+    if others is None or not others.power.min() > 0:
+        return 0.0, limits.before_line
+    return float((before.lines / others.power).max()), max(limits.before_line, others.reach)
 
 
 def _compared(comparison: Comparison, limits: Limits) -> list[Finding]:

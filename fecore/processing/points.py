@@ -13,10 +13,11 @@ from fecore.processing.blocks import Hit
 from fecore.processing.comparison import FEWEST, Comparison, Deviation, compare, deviations
 from fecore.processing.document import Processing
 from fecore.processing.estimators import Estimate, estimate, squared
-from fecore.processing.judgement import Usual, Verdict, judge, overrule, usual
+from fecore.processing.judgement import Verdict, judge, overrule
 from fecore.processing.placing import locate
 from fecore.processing.spectra import Spectra
 from fecore.processing.traits import Traits, find_traits
+from fecore.processing.usual import Usual, usual
 
 _AT_FAULT_ALONE = ("late", "double", "overload", "polarity", "quiet", "swapped")
 

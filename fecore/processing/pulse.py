@@ -19,6 +19,8 @@ SMALLEST_SECOND = 0.015
 """Smallest second pulse that is looked for, as a share of the first."""
 
 _MEAN_TO_SD = float(np.sqrt(np.pi) / 2)  # of the difference of two white samples, to the sd of one
+_ALONE = 2.0  # times that a second pulse is higher than what half of the other parts of the block reach
+_KNOWN = 0.03  # of the analyser's window, down to which the channel's offset is taken from the block
 _SEGMENTS = 32  # noise is taken in so many parts of a block, since a window lowers it along the block
 
 
@@ -58,7 +60,8 @@ def find_pulse(block: Block, sample_rate_hz: float) -> Pulse:
     raw = block.samples
     window = block.window(sample_rate_hz)
     peak = _peak(raw, window)
-    before = raw[max(peak - 260, 0) : max(peak - 4, 0)]
+    lead = slice(max(peak - 260, 0), max(peak - 4, 0))
+    before = raw[lead] if window is None else raw[lead] * (window[peak] / window[lead])
     rest = before if before.size >= 8 else raw[:: max(1, raw.size // 512)]
     baseline = float(np.partition(rest, rest.size // 2)[rest.size // 2])
     weight = 1.0 if window is None else float(window[peak])
@@ -75,11 +78,12 @@ def find_pulse(block: Block, sample_rate_hz: float) -> Pulse:
             second_z=0.0,
             second_at=peak,
         )
-    start, stop = _feet(raw, baseline, peak)
+    start, stop = _feet(raw, window, baseline, peak)
     noise = _noise(raw[stop + 8 :] if raw.size - stop > 64 else raw[: max(start - 8, 2)])
     second, z, at = 0.0, 0.0, peak
     if _another(raw, window, baseline, height, start, stop):
-        second, z, at = _second(np.asarray(raw, dtype=float), window, peak, start, stop, height)
+        level = baseline if window is None else baseline / weight * window
+        second, z, at = _second(np.asarray(raw, dtype=float) - level, window, peak, start, stop, height)
     return Pulse(
         peak=peak,
         start=start,
@@ -96,9 +100,10 @@ def find_pulse(block: Block, sample_rate_hz: float) -> Pulse:
 def _peak(raw: FloatArray, window: FloatArray | None) -> int:
     """Sample of the largest magnitude over the channel's offset, the window undone."""
     if window is not None:
-        return int(np.argmax(np.abs(raw) / np.maximum(window, 1e-3)))
+        raw = raw / np.maximum(window, 1e-3)
     high, low = int(np.argmax(raw)), int(np.argmin(raw))
-    offset = float(raw[:: max(1, raw.size // 512)].mean())
+    few = slice(0, None if window is None else int(np.searchsorted(-window, -_KNOWN)), max(1, raw.size // 512))
+    offset = float(raw[few].mean())
     return high if float(raw[high]) - offset >= offset - float(raw[low]) else low
 
 
@@ -125,12 +130,13 @@ def ringing(start: int, stop: int) -> int:
     return 3 * (stop - start) + 4
 
 
-def _feet(raw: FloatArray, baseline: float, peak: int) -> tuple[int, int]:
-    """First sample of the pulse and the one behind its last."""
+def _feet(raw: FloatArray, window: FloatArray | None, baseline: float, peak: int) -> tuple[int, int]:
+    """First sample of the pulse and the one behind its last. The channel's offset is under the analyser's window as well."""
     reach = 32
     while True:  # a pulse is a few samples to a few hundred
         low, high = max(peak - reach, 0), min(peak + reach + 1, raw.size)
-        x = (raw[low:high] - baseline) * np.sign(raw[peak] - baseline)
+        level = baseline if window is None else baseline * (window[low:high] / window[peak])
+        x = (raw[low:high] - level) * np.sign(raw[peak] - baseline)
         outside = x <= FOOT * x[peak - low]
         left, right = np.flatnonzero(outside[: peak - low]), np.flatnonzero(outside[peak - low + 1 :])
         if (left.size or low == 0) and (right.size or high == raw.size):
@@ -156,8 +162,8 @@ def _second(
 ) -> tuple[float, float, int]:
     """Height over the first one's, height over noise, and place of the largest other pulse.
 
-    The block is smoothed over the width of the first pulse, minus the mean of its wider surroundings (which takes
-    offset, drift and hum away); a hammer that bounces pushes again, so only excursions of the same sign count. Three
+    The block, less its offset, is smoothed over the width of the first pulse, minus the mean of its wider surroundings (which
+    takes offset, drift and hum away); a hammer that bounces pushes again, so only excursions of the same sign count. Three
     widths beside the first pulse are the ringing of the anti-alias filter and are left out.
     """
     width = max((stop - start) // 2, 1)
@@ -173,7 +179,7 @@ def _second(
     smooth = (near[offset : offset + far.size] - far) * (1.0 if height > 0 else -1.0)
     at = np.arange(smooth.size) + offset + width // 2
     # The first through the same mean.
-    own = float(np.max(np.abs(near[max(peak - width, 0) : peak + 1] - x[-8:].mean())))
+    own = float(np.max(np.abs(near[max(peak - width, 0) : peak + 1])))
     level = np.where((at < start - guard) | (at > stop + guard), smooth, -np.inf)
     part = max(level.size // _SEGMENTS, 64)
     edges = np.arange(0, max(level.size - part, 0) + 1, part)
@@ -187,6 +193,9 @@ def _second(
         return 0.0, 0.0, peak
     last = edges[first + 1] if first + 1 < edges.size else level.size
     place = int(edges[first] + np.argmax(level[edges[first] : last]))
+    everywhere = float(np.median(tops[np.isfinite(tops)]))
+    if level[place] < _ALONE * everywhere:  # hum comes again and again
+        return 0.0, 0.0, peak
     if own == 0:  # no pulse, but a few steps of the converter that cancel
         return 0.0, 0.0, peak
     share = float(level[place]) / own

@@ -25,7 +25,10 @@ _STOP_SAMPLES, _STOP_LEAD = 256, 32
 _AT_ONCE = 2**18
 """Samples that are worked on together: enough for fast passes, few enough for a processor's cache."""
 _WEAKEST = 0.03  # of an analyser's window, that is undone: below it there is noise alone
-_LINES = 256  # of a response before the pulse, and the samples that they are of
+_SPECTRUM = 256  # samples before the pulse whose lines are taken
+LINES = 160
+"""Lines before the pulse, up to 0.31 of the sampling rate: above it the filter rings where the lead is short."""
+_SMOOTHING = (0.125, 0.375)  # outer and inner weights of four samples: 0.01 at 0.43 of the sampling rate
 _FILTER_REACH = 64  # samples before the pulse that the ringing of a linear-phase filter may reach
 
 
@@ -62,15 +65,18 @@ class Before:
 
     Attributes:
         offset: mean, unit of the block, as it was before the analyser's window.
-        level: standard deviation, smoothed over two samples.
+        level: standard deviation about a straight line, smoothed over four samples with 1, 3, 3, 1: where the lead is short
+        the anti-alias filter of linear phase rings in it, near half of the sampling rate.
         samples: how many it rests on; 0 where nothing lies before the pulse.
-        lines: (256,) |Σ x_j exp(-2πi j k/512)|² / n at k = 1 to 256, of its last n samples, up to 256, about their mean.
+        lines: (160,) |Σ x_j exp(-2πi j k/512)|² / n at k = 1 to 160, of its last n samples, up to 256, about their mean.
+        after: the same of as many samples behind the pulse.
     """
 
     offset: float
     level: float
     samples: int
     lines: FloatArray = field(compare=False)
+    after: FloatArray = field(compare=False)
 
 
 @dataclass(frozen=True)
@@ -154,8 +160,7 @@ def _traits(hits: Sequence[Hit]) -> Iterator[Traits]:
     before = [_before(blocks, pulses, rate) for blocks in by_channel[1:]]
     for i, (hit, pulse) in enumerate(zip(hits, pulses, strict=True)):
         blocks = (hit.force, *hit.responses)
-        small, large = sorted(channels[0][i].sides)
-        rebound = small / large if large > 0 else 0.0
+        rebound = _rebound(hit.force, pulse, rate, channels[0][i].sides)
         yield Traits(
             number=hit.number,
             sample_rate_hz=rate,
@@ -196,6 +201,18 @@ def _largest(block: Block, rate: float, beyond: float) -> _Largest:
         reach |= size <= -near
     top = _top(size, np.flatnonzero(reach), window, step=step, stop_band=beyond)
     return _Largest(top, (float(sides[0]), float(sides[1])))
+
+
+def _rebound(force: Block, pulse: Pulse, rate: float, sides: tuple[float, float]) -> float:
+    """How far a force swings back, over its largest value. The block's own extremes say it for nearly all hits; where they
+    are far on both sides, an offset of the channel may be in them.
+    """
+    small, large = sorted(sides)
+    if small > REBOUND * large and pulse.baseline:
+        window = force.window(rate)
+        x = force.samples - (pulse.baseline if window is None else pulse.baseline * window)
+        small, large = sorted((abs(float(x.max())), abs(float(x.min()))))
+    return small / large if large > 0 else 0.0
 
 
 def _lasting(samples: FloatArray) -> float:
@@ -249,10 +266,22 @@ def _taper(samples: int) -> FloatArray:
     return weights
 
 
+def _level(values: FloatArray) -> float:
+    """Standard deviation about a straight line of (n,) values, smoothed over four samples: neither a drift nor the slow swing
+    of a body on its cords is a body that rings.
+    """
+    outer, inner = _SMOOTHING
+    smooth = outer * (values[3:] + values[:-3]) + inner * (values[2:-1] + values[1:-2])
+    count = smooth.size
+    rise = float(np.arange(count) @ smooth) - (count - 1) / 2 * float(smooth.sum())
+    power = float(smooth @ smooth) - float(smooth.sum()) ** 2 / count - 12 * rise**2 / (count * (count**2 - 1))
+    return float(np.sqrt(max(power, 0.0) / count))
+
+
 def _before(blocks: Sequence[Block], pulses: Sequence[Pulse], sample_rate_hz: float) -> list[Before]:
     """What lies before the pulse in one response of several hits; the transforms of all are one call."""
-    found, last = [], np.zeros((len(blocks), 2 * _LINES))
-    for row, block, pulse in zip(last, blocks, pulses, strict=True):
+    found, beside = [], np.zeros((2, len(blocks), 2 * _SPECTRUM))
+    for row, (block, pulse) in enumerate(zip(blocks, pulses, strict=True)):
         reach = min(_FILTER_REACH + 2 * pulse.width, pulse.start // 2)
         part = np.asarray(block.samples[: max(pulse.start - reach, 0)], dtype=float)
         if part.size < 8:
@@ -262,12 +291,16 @@ def _before(blocks: Sequence[Block], pulses: Sequence[Pulse], sample_rate_hz: fl
         if window is not None:
             part = part / window[: part.size]
         offset = float(part.sum()) / part.size
-        smooth = (part[1:] + part[:-1]) / 2 - offset
-        found.append((offset, float(np.sqrt(smooth @ smooth / smooth.size)), int(part.size)))
-        end = part[-_LINES:]
-        row[: end.size] = end - float(end.sum()) / end.size
-    powers = squared(np.fft.rfft(last)[:, 1:])
+        found.append((offset, _level(part - offset), int(part.size)))
+        end = part[-_SPECTRUM:]
+        behind = slice(pulse.stop + _FILTER_REACH, pulse.stop + _FILTER_REACH + end.size)
+        ringing = np.asarray(block.samples[behind], dtype=float)
+        if window is not None:
+            ringing = ringing / window[behind]
+        for side, values in enumerate((end, ringing)):
+            beside[side, row, : values.size] = values - float(values.sum()) / max(values.size, 1)
+    powers = squared(np.fft.rfft(beside)[..., 1 : LINES + 1])
     return [
-        Before(offset, level, samples, (power / max(min(samples, _LINES), 1)).astype(np.float32))
-        for (offset, level, samples), power in zip(found, powers, strict=True)
+        Before(offset, level, samples, *(power / max(min(samples, _SPECTRUM), 1)).astype(np.float32))
+        for (offset, level, samples), power in zip(found, powers.swapaxes(0, 1), strict=True)
     ]
