@@ -26,6 +26,7 @@ HABITS = (
     "soft tip",
     "half-band filter",
     "short pretrigger",
+    "soft tip, short pretrigger",
     "offset",
     "drift",
     "hum",
@@ -107,7 +108,7 @@ def _instruments(lab: Laboratory, habit: str, rng: np.random.Generator) -> Labor
     changes: dict[str, float] = {}
     if habit == "hard tip":
         changes = {"tip_s": rng.uniform(1.5, 4.0) / lab.sample_rate_hz}
-    if habit == "soft tip":
+    if "soft tip" in habit:
         changes = {"tip_s": rng.uniform(20, 80) / lab.sample_rate_hz}
     if habit == "half-band filter":
         changes = {"filter_cut": 0.495, "tip_s": rng.uniform(2.0, 6.0) / lab.sample_rate_hz}

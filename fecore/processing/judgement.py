@@ -38,7 +38,7 @@ class Limits:
         full_scale: share of a channel's stated full scale that is an overload.
         quiet_share: smallest peak force as a share of the median of the campaign's hits.
         quiet_noise: smallest peak force in standard deviations of the force channel's noise.
-        lead: samples before the pulse, as a share of its width.
+        lead: samples before the pulse, as a share of its width: of a pulse sin² so much lies below its foot.
         before_noise: largest level of the response before the pulse over the campaign's quiet hits; more where the hits
         scatter more among themselves (`usual.reach`), as where each follows the one before after another rest.
         before_line: largest power of one line of the response before the pulse, over what that line usually has: noise comes
@@ -46,7 +46,8 @@ class Limits:
         before_excited: amplitude before the pulse over that behind it, in the line where there is most before it beyond what is
         usual, up to which the hit is kept: it moves the FRF by no more than that.
         before_response: level before the pulse as a share of the response's largest value, where no other hit can be asked.
-        place: largest distance of a hit's FRF from those of its point, in the campaign's typical distances.
+        place: largest distance of a hit's FRF from those of its point, in the campaign's typical distances; across a strip that
+        moves along one axis alone one good hit of fifty is three of them off, and one of 200 three and a half.
         place_m: largest distance between a hit and the others of its point, m, where hits can be located: one good hit of a
         thousand lands farther off. The limit is higher in a campaign whose hits all scatter more.
         place_sd: standard deviations of the hit's own placing that the limit is raised by.
@@ -61,12 +62,12 @@ class Limits:
     full_scale: float = 0.998
     quiet_share: float = 0.25
     quiet_noise: float = 20.0
-    lead: float = 0.5
+    lead: float = 0.1
     before_noise: float = 2.5
     before_line: float = 35.0
     before_excited: float = 0.005
     before_response: float = 0.02
-    place: float = 3.0
+    place: float = 3.5
     place_m: float = 0.008
     place_sd: float = 0.25
     alike: float = 1.5

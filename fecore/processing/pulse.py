@@ -19,6 +19,7 @@ SMALLEST_SECOND = 0.015
 """Smallest second pulse that is looked for, as a share of the first."""
 
 _MEAN_TO_SD = float(np.sqrt(np.pi) / 2)  # of the difference of two white samples, to the sd of one
+_LEAD = 256  # samples before a pulse that its baseline is taken from
 _ALONE = 2.0  # times that a second pulse is higher than what half of the other parts of the block reach
 _KNOWN = 0.03  # of the analyser's window, down to which the channel's offset is taken from the block
 _SEGMENTS = 32  # noise is taken in so many parts of a block, since a window lowers it along the block
@@ -60,10 +61,7 @@ def find_pulse(block: Block, sample_rate_hz: float) -> Pulse:
     raw = block.samples
     window = block.window(sample_rate_hz)
     peak = _peak(raw, window)
-    lead = slice(max(peak - 260, 0), max(peak - 4, 0))
-    before = raw[lead] if window is None else raw[lead] * (window[peak] / window[lead])
-    rest = before if before.size >= 8 else raw[:: max(1, raw.size // 512)]
-    baseline = float(np.partition(rest, rest.size // 2)[rest.size // 2])
+    baseline = _baseline(raw, window, peak, peak - 4)
     weight = 1.0 if window is None else float(window[peak])
     height = (float(raw[peak]) - baseline) / weight
     if height == 0:
@@ -79,6 +77,10 @@ def find_pulse(block: Block, sample_rate_hz: float) -> Pulse:
             second_at=peak,
         )
     start, stop = _feet(raw, window, baseline, peak)
+    if peak - start > _LEAD // 8:  # the flank of a soft tip's pulse is in the baseline
+        baseline = _baseline(raw, window, peak, start - (peak - start) // 2)
+        height = (float(raw[peak]) - baseline) / weight
+        start, stop = _feet(raw, window, baseline, peak)
     noise = _noise(raw[stop + 8 :] if raw.size - stop > 64 else raw[: max(start - 8, 2)])
     second, z, at = 0.0, 0.0, peak
     if _another(raw, window, baseline, height, start, stop):
@@ -105,6 +107,15 @@ def _peak(raw: FloatArray, window: FloatArray | None) -> int:
     few = slice(0, None if window is None else int(np.searchsorted(-window, -_KNOWN)), max(1, raw.size // 512))
     offset = float(raw[few].mean())
     return high if float(raw[high]) - offset >= offset - float(raw[low]) else low
+
+
+def _baseline(raw: FloatArray, window: FloatArray | None, peak: int, end: int) -> float:
+    """Median of what lies before the sample `end`, as it would be at the peak; of the whole block where that is nothing."""
+    lead = slice(max(end - _LEAD, 0), max(end, 0))
+    part = raw[lead] if window is None else raw[lead] * (window[peak] / window[lead])
+    if part.size < 8:
+        part = raw[:: max(1, raw.size // 512)]
+    return float(np.partition(part, part.size // 2)[part.size // 2])
 
 
 def _another(raw: FloatArray, window: FloatArray | None, baseline: float, height: float, start: int, stop: int) -> bool:

@@ -15,10 +15,11 @@ from fecore.processing.usual import reach
     [
         ("hard tip", "clamped", 7),
         ("offset", "free", 2),
-        ("drift", "clamped", 2),
+        ("drift", "free", 2),
         ("hum, short pretrigger", "plate", 2),
         ("hits soon after one another", "clamped", 2),
         ("half-band filter", "clamped", 2),
+        ("soft tip, short pretrigger", "plate", 3),
     ],
 )
 def test_a_habit_of_instruments_or_hands_makes_no_hit_a_bad_one(habit: str, kind: str, seed: int) -> None:
