@@ -171,6 +171,7 @@ def test_of_a_restarted_machine_one_run_is_chosen(send: Callable[..., httpx.Resp
         ({"chord_range": [0.003, 0.001]}, "/chord_range"),
         ({"chord_range": [0.02, 0.03]}, "/strain"),
         ({"chord_start": 0.002}, ""),
+        ({"standard": "D3518", "chord_range": [0.001, 0.003]}, ""),
         ({"excluded": True}, ""),
         ({"failure_code": "QQQ"}, "/failure_code"),
         ({"run": 2}, "/run"),

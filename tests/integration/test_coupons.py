@@ -81,6 +81,28 @@ def test_published_means_stand_without_specimens(api: httpx.Client, structure: s
     assert problem["errors"][0]["pointer"] == "/E_Pa"
 
 
+def test_specimens_stand_before_a_published_mean_and_breaks_at_the_grips_are_named(
+    api: httpx.Client, structure: str, checked: Checked
+) -> None:
+    body = {
+        "name": "b",
+        "constants": ["Ex", "nu_xy"],
+        "published": {"Ex": {"mean": 30e9}, "nu_xy": {"mean": 0.3, "n": 3}},
+    }
+    batch = checked(api.post(f"structures/{structure}/coupon-batches", json=body), 201)["id"]
+    specimens = [
+        {"specimen": f"A{i}", "E_Pa": e, "failure_code": code}
+        for i, (e, code) in enumerate(zip(MODULI, ["LAT", "LIT", "LAT", "LGM", "LGM"], strict=True))
+    ]
+    checked(api.post(f"coupon-batches/{batch}/coupons", json=specimens), 201)
+    warnings = checked(api.get(f"coupon-batches/{batch}/summary"), 200)["warnings"]
+    assert warnings[:2] == [
+        "Ex: the specimens are used, not the published mean",
+        "nu_xy: 3 specimens; D3039 asks for at least 5",
+    ]
+    assert "3 of 5 failed in or next to the grips: see how force enters the specimens" in warnings
+
+
 def test_a_shear_batch(api: httpx.Client, structure: str, checked: Checked) -> None:
     body = {"name": "±45", "constants": ["Gxy"]}
     batch = checked(api.post(f"structures/{structure}/coupon-batches", json=body), 201)["id"]

@@ -1,0 +1,61 @@
+"""Changes that make no sense, each refused by its pointer, and what a second time does."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.support.rest import ok, pointers, session_client
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "pointer"),
+    [
+        ("projects/{project}", {}, ""),
+        ("projects/{project}", {"name": None}, "/name"),
+        ("projects/{project}", {"archived": None}, "/archived"),
+        ("campaigns/{campaign}", {}, ""),
+        ("campaigns/{campaign}", {"boundary": None}, "/boundary"),
+        ("campaigns/{campaign}", {"frame": {"x_axis": [1, 0, 0], "y_axis": [1, 0, 0]}}, "/frame"),
+        ("campaigns/{campaign}", {"instruments": {"sensor": {"model": 70_000 * "x"}}}, "/instruments/sensor"),
+    ],
+)
+def test_a_change_that_makes_no_sense_changes_nothing(
+    api: httpx.Client, project: str, campaign: str, path: str, body: dict[str, Any], pointer: str
+) -> None:
+    address = path.format(project=project, campaign=campaign)
+    before = api.get(address)
+    refused = ok(api.patch(address, json=body, headers={"If-Match": before.headers["ETag"]}), 422)
+    assert {found.removesuffix("/x_axis") for found in pointers(refused)} == {pointer}
+    assert ok(api.get(address)) == before.json()
+
+
+def test_what_is_deleted_is_not_there_to_be_changed_or_deleted_again(api: httpx.Client, project: str) -> None:
+    ok(api.delete(f"projects/{project}"), 204)
+    ok(api.delete(f"projects/{project}"), 404)
+    ok(api.patch(f"projects/{project}", json={"name": "x"}, headers={"If-Match": "*"}), 404)
+    ok(api.post(f"projects/{project}/restore"), 200)
+    assert "not deleted" in ok(api.post(f"projects/{project}/restore"), 409)["detail"]
+
+
+def test_a_key_that_is_revoked_twice_is_revoked_once_in_the_audit(api: httpx.Client) -> None:
+    key = ok(api.post("api-keys", json={"name": "lost"}), 201)["id"]
+    for _ in range(2):
+        ok(api.delete(f"api-keys/{key}"), 204)
+    events = ok(api.get("audit-events"), 200)["items"]
+    assert [event["action"] for event in events].count("api_key.revoke") == 1
+
+
+def test_a_session_begins_and_ends_no_other(api: httpx.Client) -> None:
+    with session_client(api) as browser:
+        assert "sign in with a key" in ok(browser.post("session"), 409)["detail"]
+        assert "revoke the key" in ok(api.delete("session"), 409)["detail"]
+        ok(browser.delete("session"), 204)
+        ok(browser.get("projects"), 401)
+
+
+def test_a_version_that_never_was_is_not_found(api: httpx.Client, structure: str) -> None:
+    for number in (0, 2):
+        ok(api.get(f"structures/{structure}/versions/{number}"), 404)
