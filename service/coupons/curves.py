@@ -6,19 +6,21 @@ import csv
 import hashlib
 import io
 import statistics
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from fecore.arrays import FloatArray
-from service.coupons.bodies import RawCurve
 from service.coupons.curve_schemas import CurveCouponIn, CurveFile, CurveOut
 from service.coupons.reduction import Reduced
 from service.coupons.tables import Coupon, CouponBatch, CouponCurve
 from service.errors import Conflict, NotFound, verified
 from service.figures.coupon import CurveShown
+
+if TYPE_CHECKING:
+    from service.coupons.bodies import RawCurve
 
 UNLIKE_DIMENSION = 3.0
 """Ratio of a dimension to that of the batch's other specimens from which on it is thought to be a mistake."""

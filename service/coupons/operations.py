@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 from uuid import UUID
 
 from sqlalchemy import func, select
@@ -13,7 +14,6 @@ from fecore.coupons.batch import FEWEST_SPECIMENS, CouponResult, Statistics, out
 from fecore.coupons.failure import failed_at_grip
 from fecore.errors import InputError
 from service.access import Lookup, User, audit
-from service.coupons.bodies import RawCurve
 from service.coupons.curves import new_curve, unlike_the_batch
 from service.coupons.schemas import (
     BatchIn,
@@ -32,6 +32,9 @@ from service.coupons.tables import Coupon, CouponBatch
 from service.errors import Conflict, Fault, Invalid
 from service.storage import StorageOwner, book
 from service.structures.operations import structure_for
+
+if TYPE_CHECKING:
+    from service.coupons.bodies import RawCurve
 
 PROPERTY_OF: dict[Constant, str] = {"Ex": "E_Pa", "Ey": "E_Pa", "Gxy": "G_Pa", "nu_xy": "nu"}
 """Which measured property of a specimen a constant of the structure is."""

@@ -25,10 +25,10 @@ from service.jobs.queue import enqueue
 from service.jobs.state import job_state
 from service.jobs.tables import Job
 from service.storage import StorageOwner, book
-from service.web.uploads import Spooled
 
 if TYPE_CHECKING:
     from service.campaigns.tables import Campaign
+    from service.web.uploads import Spooled
 
 
 def _load(session: Session, job_id: UUID, workspace: Path) -> ReadingInputs:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Session
@@ -13,7 +13,9 @@ from sqlalchemy.orm import Session
 from service.db.bytea import copy_rows, stream_rows
 from service.errors import Damaged
 from service.imports.tables import Original
-from service.web.uploads import Spooled
+
+if TYPE_CHECKING:
+    from service.web.uploads import Spooled
 
 CHUNK_BYTES = 8092
 """A row with a chunk of this size just fills a page, so that it is stored there at once; PostgreSQL would cut a larger one

@@ -72,6 +72,10 @@ def test_the_service_starts_without_what_only_some_jobs_need() -> None:
     """Each takes a good part of a second to import, in every process that starts."""
     parts = ("linalg", "optimize", "sparse", "special", "stats")
     heavy = (*(f"scipy.{part}" for part in parts), "alembic", "emcee", "h5py", "markdown_it", "matplotlib")
-    script = f"import sys, service.app, service.jobs.worker; print([m for m in {heavy} if m in sys.modules])"
+    worker, web = "service.jobs.worker, service.kinds, service.monitoring.scheduler", ("fastapi", "starlette")
+    script = (
+        f"import sys, {worker}; print([m for m in {web} if m in sys.modules])\n"
+        f"import service.app; print([m for m in {heavy} if m in sys.modules])"
+    )
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    assert done.stdout.split() == ["[]", "[]"]
