@@ -79,6 +79,8 @@ def test_time_blocks_are_read_in_si(read: Read) -> None:
     hammer, sensor = found.of(TimeResponse)
     np.testing.assert_allclose(hammer.samples, 4.4482216152605 * samples, rtol=1e-12)
     np.testing.assert_allclose(sensor.samples, samples / 1000, rtol=1e-12)  # by set 164: the file is in mm
+    assert "units of set 164 (USER_DEFINED) assumed" in found.notes
+    assert "units of SI (the file has no set 164) assumed" in read(metric).notes
     assert (hammer.quantity, sensor.quantity) == ("force", "acceleration")
     assert hammer.sample_rate_hz == 1000.0
     assert found.of(Function)[0].name == "time response"  # a pressure stays what it was

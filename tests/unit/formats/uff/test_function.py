@@ -135,7 +135,7 @@ def binary_58(data: bytes, *, order: int = 1, count: int | None = None, tail: by
 def test_binary_of_either_order_and_precision(read: Read, order: int, kind: int, item: str, tail: bytes) -> None:
     data = np.array([1, 2, 3, 4], ("<" if order == 1 else ">") + item).tobytes()
     found = read(binary_58(data, order=order, kind=kind, tail=tail))
-    assert values(found) == VALUES
+    assert (values(found), found.notes) == (VALUES, "")
     assert found.of(Frf)[0].values.dtype == (np.complex64 if kind == 5 else np.complex128)
 
 
@@ -172,7 +172,9 @@ def test_binary_that_pyuff_wrote_with_its_own_byte_count(tmp_path: Path, read: R
 
 def test_binary_faults(read: Read) -> None:
     data = np.array([1, 2, 3, 4], "<f8")
-    assert "declares 3 points of 16 bytes but holds 32 bytes" in read(binary_58(data.tobytes(), points=3)).reasons
+    short = read(binary_58(data.tobytes(), points=3)).reasons
+    assert short.startswith("line 7 (byte ")
+    assert "declares 3 points of 16 bytes but holds 32 bytes" in short
     assert "is 3; only 2 (IEEE 754)" in read(binary_58(data.tobytes()).replace(b"1     2  ", b"1     3  ", 1)).reasons
     data[1] = np.nan
     assert "1 points are NaN or infinite, the first is number 1" in read(binary_58(data.tobytes())).reasons
@@ -181,9 +183,10 @@ def test_binary_faults(read: Read) -> None:
 
 
 def test_binary_in_the_other_byte_order_than_stated(read: Read) -> None:
-    data = np.random.default_rng(1).standard_normal(400)
-    found = read(binary_58(data.astype(">f8").tobytes(), order=1, points=200))
-    assert "the byte order in its header is wrong" in found.reasons
+    random = np.random.default_rng(1)
+    for data in (random.standard_normal(400), 10 ** random.uniform(-6.5, 6.5, 400)):  # the latter over ten decades
+        found = read(binary_58(data.astype(">f8").tobytes(), order=1, points=200))
+        assert "the byte order in its header is wrong" in found.reasons
 
 
 def test_numbers_that_are_none_in_the_stated_byte_order_are_in_the_other(read: Read) -> None:
@@ -248,10 +251,11 @@ def test_blank_degrees_of_freedom_are_noted_and_what_goes_beyond_the_record_is_r
     found = read(dataset("58", *lines[:5], sixth[:76], *lines[6:], PLAIN))
     assert found.of(Frf)[0].reference_direction == 0
     assert "the reference direction is blank, read as 0" in found.notes
-    found = read(dataset("58", *lines[:5], sixth.ljust(80) + "  17", *lines[6:], PLAIN))
+    found = read(dataset("58", *lines[:5], sixth.ljust(80) + "17", *lines[6:], PLAIN))
     assert "record 6 goes beyond column 80 with '17'" in found.reasons
     assert "ends inside its 11 header lines" in read(dataset("58", *lines[:9])).reasons
-    assert "a coherence with complex ordinates" in read(set_58(PLAIN, function=6)).notes
+    for kind, name in ((6, "coherence"), (21, "partial coherence"), (26, "multiple coherence")):
+        assert read(set_58(PLAIN, function=kind)).notes == f"a {name} with complex ordinates"
 
 
 def test_a_name_that_runs_over_its_columns_leaves_the_unit_where_two_blanks_part_them(read: Read) -> None:
@@ -260,6 +264,11 @@ def test_a_name_that_runs_over_its_columns_leaves_the_unit_where_two_blanks_part
     assert (frf.quantity, frf.values.tolist()) == ("mobility", [1e-3 + 2e-3j, 3e-3 + 4e-3j])
     (function,) = read(set_58(PLAIN, function=6, ordinate=name + b" mm/s")).of(Function)
     assert function.unit != "mm/s"  # one blank may be part of the name
+    (function,) = read(set_58(PLAIN, function=6, ordinate=name + b"  mm/s  peak")).of(Function)
+    assert function.unit == "mm/s  peak"
+    wide = axis(0)[:26] + "Kraft  groß".encode().ljust(20) + b" mm/s"  # two blanks within the columns part nothing
+    (function,) = read(set_58(PLAIN, function=6, ordinate=wide)).of(Function)
+    assert function.unit == "mm/s"
 
 
 def test_degrees_of_freedom_fill_their_columns(read: Read) -> None:
@@ -280,6 +289,7 @@ def test_what_is_no_frf(read: Read) -> None:
     over_time = read(set_58(PLAIN, abscissa=axis(17, "s")))
     assert "is over an abscissa of type 17" in over_time.reasons
     over_acceleration = read(set_58(PLAIN, denominator=axis(12, "m/s^2")))
+    assert over_acceleration.reasons.startswith("line 10 (byte ")
     assert "its denominator is of type 12, not a force" in over_acceleration.reasons
 
 

@@ -136,6 +136,8 @@ def test_faults_of_set_2411(read: Read) -> None:
     labels, coordinates = f"{1:10d}{0:10d}{0:10d}{11:10d}", "".join(f"{x:25.16e}" for x in (0.1, 0.2, 0.3))
     good = read(dataset("2411", labels, coordinates.replace("e", "D")))
     assert good.of(GridPoint)[0].xyz_m == (0.1, 0.2, 0.3)
+    short = read(dataset("2411", labels, " 0.1  .2 3.D-1"))  # in no columns, but three reals
+    assert short.of(GridPoint)[0].xyz_m == (0.1, 0.2, 0.3), short.reasons
     for lines in (
         [labels],
         [labels, labels, coordinates],
