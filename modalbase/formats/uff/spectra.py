@@ -151,10 +151,10 @@ def _same_lines(a: PowerSpectrum, b: PowerSpectrum) -> bool:
 def _conjugated(values: ComplexArray) -> bool | None:
     """Whether the conjugate of an FRF is the causal one; None where that cannot be seen.
 
-    The mean of the spectrum is taken out: it is the impulse at time 0, which belongs to either half.
+    What lies at time 0 belongs to either half and is left out, with a sixty-fourth of the period about it.
     """
-    size = 2 * (values.size - 1) if values.size > 1 else 2
-    impulse: FloatArray = np.fft.irfft(values - values.mean(), size)
+    size = 2 * max(values.size - 1, 1)
+    impulse: FloatArray = np.fft.irfft(values, size)
     edge = max(size // 64, 1)
     first = float(np.sum(impulse[edge : size // 2] ** 2))
     second = float(np.sum(impulse[size // 2 : size - edge] ** 2))

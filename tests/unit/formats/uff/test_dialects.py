@@ -149,8 +149,30 @@ def test_spectra_that_make_no_frf_say_why(read: Read) -> None:
     assert reasons(function(3, cross, **ends) + of_force + quiet, known)[0] == (
         "is the cross spectrum of an FRF that the file has itself"
     )
+    elsewhere = function(2, force, response=(1, 3), reference=(1, 3), ordinate=axis(13, "N^2"), step="1.00010e+00")
+    assert "of the force at its reference" in str(reasons(function(3, cross, **ends) + elsewhere)[0])
     stray = Spectra()
     assert not stray.holds(read(FRF).reports[0])
+
+
+def test_a_cross_spectrum_takes_the_auto_spectra_stated_last_before_it_else_the_first_after_it(read: Read) -> None:
+    """Hits of several points in one file: each has auto spectra of its own, of the same channels."""
+    hz = np.arange(256.0)
+    exact = 1 / ((300.0 / 6) ** 2 - hz**2 + 2j * hz)
+
+    def of(dof: int, size: float) -> bytes:
+        level = np.full(256, size) if dof == 1 else size * np.abs(exact) ** 2
+        return function(2, level, response=(dof, 3), reference=(dof, 3), ordinate=axis(13 if dof == 1 else 8, "NONE"))
+
+    cross = function(3, exact, response=(7, 3), reference=(1, 3))
+    for before, after, force in (((4.0, 2.0), (8.0,), 2.0), ((), (2.0, 4.0), 2.0)):
+        parts = [[of(1, size) + of(7, 16 / size) for size in sizes] for sizes in (before, after)]
+        found, spectra = read(b"".join((*parts[0], cross, *parts[1]))), Spectra()
+        for item in found.of(PowerSpectrum):
+            spectra.take(item)
+        (frf, *_) = spectra.finish()
+        assert isinstance(frf, Frf)
+        np.testing.assert_allclose(frf.values, exact / force, rtol=1e-9)
 
 
 @pytest.mark.parametrize("conjugated", [False, True])

@@ -173,6 +173,10 @@ def test_set_55(read: Read) -> None:
     (mode,) = read(dataset("55", *SHAPE_55)).of(ModeShape)
     assert (mode.frequency_hz, mode.damping_ratio, mode.kind, mode.mode) == (10.0, 0.02, "normal", 1)
     np.testing.assert_array_equal(mode.values, [[1, 2, 3]])
+    rigid = changed_55(7, "  0.00000e+00  0.00000e+00  0.00000e+00  0.00000e+00")
+    (mode,) = read(rigid).of(ModeShape)
+    assert mode.frequency_hz == 0.0
+    assert np.isnan(mode.damping_ratio)
 
 
 @pytest.mark.parametrize(
