@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fecore.errors import IdentificationError
 from fecore.frf import Dof, FrfSet
 from fecore.identification.arrangement import Arrangement, arrange
-from fecore.identification.basis import Terms
+from fecore.identification.basis import Terms, columns, pair_power
 from fecore.identification.error_model import ErrorModel, memory
 from fecore.identification.gains import Worth, evidence, in_band, pole_power, pole_price, price
+from fecore.identification.linear import mean_weight, orthonormal
 from fecore.identification.local_pair import Band, Modes, band_about
 from fecore.identification.orders import _share
 from fecore.identification.refinement import Fit, evaluate, moved, spectrum
@@ -98,6 +100,10 @@ def test_a_pole_that_is_held_is_known_and_leaves_the_other_what_it_would_be_alon
     assert np.all(np.diag(held.parameter_covariance)[[0, 2]] < 1e-50)
     inverse = np.linalg.inv(explicit(arrangement, free)[0])[np.ix_([1, 3], [1, 3])]
     np.testing.assert_allclose(held.parameter_covariance[np.ix_([1, 3], [1, 3])], np.linalg.inv(inverse), rtol=1e-6)
+    last = float(arrangement.omega[-1])  # a body whose rate is beyond the last line is held too
+    for rate, known in ((last, True), (0.9999 * last, False)):
+        body = evaluate(arrangement, replace(TERMS, exponents=(), decay=np.array([rate])), variance)
+        assert bool(body.parameter_covariance[4, 4] < 1e-50) is known
     assert not held.pull[:, [0, 2]].any()
     assert held.pull[:, [1, 3]].any()
 
@@ -137,6 +143,8 @@ def test_what_the_data_do_not_determine_is_vague_and_spoils_nothing_else() -> No
     nothing = replace(fit, information=np.diag([4.0, 0.0, 25.0, 1.0]))
     assert np.diag(nothing.parameter_covariance)[[0, 2, 3]] == pytest.approx([0.25, 0.04, 1.0], rel=1e-9)
     assert nothing.parameter_covariance[1, 1] > 1e8
+    faint = replace(fit, information=np.diag([4.0, 1e-12, 25.0, 1.0]))  # little, in its own unit, is not nothing
+    assert faint.parameter_covariance[1, 1] == pytest.approx(1e12, rel=1e-9)
 
 
 def test_a_step_keeps_damping_and_rates_where_they_mean_something() -> None:
@@ -168,22 +176,26 @@ def test_a_band_is_six_half_bandwidths_or_five_lines_wide_and_has_eight_lines() 
 
 
 def test_residues_in_a_band_are_those_of_least_squares_written_out() -> None:
+    """One mode and two, beside a complex constant."""
     arrangement = measured(line=0.5)
     one = band(arrangement)
-    seen = np.ones((1, 1), dtype=complex)
-    values, spread = one.residues(HZ[:1], ZETA[:1], seen)
-    s, omega = 1j * one.omega, 2 * np.pi * HZ[0]
-    pole = omega * (-ZETA[0] + 1j * np.sqrt(1 - ZETA[0] ** 2))
-    direct, mirror = 1 / (s - pole), 1 / (s - pole.conj())
-    basis = np.stack([direct + mirror, 1j * (direct - mirror), np.ones_like(s), 1j * np.ones_like(s)], axis=1)
-    lengths = np.linalg.norm(basis, axis=0)
-    basis /= lengths
-    real = np.concatenate([basis.real, basis.imag]) * 1e7
-    for row, own in enumerate(arrangement.values[:, np.isin(arrangement.omega, one.omega)]):
-        c = np.linalg.lstsq(real, np.concatenate([own.real, own.imag]) * 1e7, rcond=None)[0] / lengths
-        assert values[row, 0] == pytest.approx(c[0] + 1j * c[1], rel=1e-6)
-    inverse = np.linalg.inv(real.T @ real) / np.outer(lengths, lengths)
-    np.testing.assert_allclose(spread[:, 0], inverse[0, 0] + inverse[1, 1], rtol=1e-6)
+    s = 1j * one.omega
+    for hz, zeta in ((HZ[:1], ZETA[:1]), (np.array([101.3, 103.1]), np.array([0.01, 0.015]))):
+        view = np.exp(1j * np.arange(hz.size))[:, None]  # of one reference alone, so that it only turns ψ
+        values, spread = one.residues(hz, zeta, view)
+        omega = 2 * np.pi * hz
+        pole = omega * (-zeta + 1j * np.sqrt(1 - zeta**2))
+        direct, mirror = 1 / (s[:, None] - pole), 1 / (s[:, None] - pole.conj())
+        constant = np.ones_like(s)[:, None]
+        basis = np.concatenate([direct + mirror, 1j * (direct - mirror), constant, 1j * constant], axis=1)
+        lengths = np.linalg.norm(basis, axis=0)
+        real = np.concatenate([(basis / lengths).real, (basis / lengths).imag]) * 1e7
+        n = hz.size
+        for row, own in enumerate(arrangement.values[:, np.isin(arrangement.omega, one.omega)]):
+            c = np.linalg.lstsq(real, np.concatenate([own.real, own.imag]) * 1e7, rcond=None)[0] / lengths
+            assert values[row] == pytest.approx(c[:n] + 1j * c[n : 2 * n], rel=1e-6)
+        own = np.diag(np.linalg.inv(real.T @ real)) / lengths**2
+        np.testing.assert_allclose(spread, np.tile(own[:n] + own[n : 2 * n], (FRFS, 1)), rtol=1e-6)
 
 
 @pytest.mark.parametrize(("size", "misfit"), [(7, 0.5), (7, 3.0), (8, 0.5), (12, 2.0)])
@@ -217,13 +229,20 @@ def test_lines_that_share_their_error_count_less(rho: float) -> None:
     expected = 1 + 2 * sum(rho**j for j in range(1, 6))
     variance = np.full(shape, 2.0)
     assert memory(error, variance, np.ones(shape, dtype=bool)) == pytest.approx(expected, rel=0.03)
-    scaled = error * np.linspace(1, 9, 512)
-    assert memory(scaled, variance * np.linspace(1, 9, 512) ** 2, np.ones(shape, dtype=bool)) == pytest.approx(
-        expected, rel=0.03
-    )
+    level = np.exp(random.standard_normal(512))
+    everywhere = np.ones(shape, dtype=bool)
+    assert memory(error * level, variance * level**2, everywhere) == pytest.approx(expected, rel=0.03)
+    assert memory(1e-6 * error, variance, everywhere) == pytest.approx(expected, rel=0.03)
     turning = np.exp(1j * np.linspace(0, 300, 512)) * np.ones(shape)  # an error relative to a model that turns
     assert memory(error * turning, variance, np.ones(shape, dtype=bool), turning) == pytest.approx(expected, rel=0.05)
-    assert memory(np.zeros(shape, dtype=complex), variance, np.ones(shape, dtype=bool)) == 1.0
+    spike = error.copy()
+    spike[:, 200] *= 1000  # counts as three standard deviations: 9 beside the 511 of the other lines
+    hidden = memory(spike, variance, everywhere, np.ones(shape, dtype=complex))
+    plain = memory(error, variance, everywhere, np.ones(shape, dtype=complex))
+    assert 0.97 * (plain - 1) <= hidden - 1 <= plain - 1 + 0.01
+    assert memory(np.zeros(shape, dtype=complex), variance, everywhere) == 1.0
+    whole = np.ones((1, 40))  # one error on all lines, seen over a quarter of them
+    assert memory(whole.astype(complex), whole, whole > 0) == pytest.approx(1 + 2 * 10, rel=1e-9)
 
 
 def test_variances_of_noise_chain_and_drift_add_up() -> None:
@@ -260,9 +279,9 @@ def test_evidence_and_what_it_must_pay() -> None:
 def near(apart_hz: float, *, alike: bool, line: float = 1.0) -> tuple[int, int] | None:
     """Which of two poles goes, about 101 Hz with 1.01 Hz of half bandwidth, the second far weaker."""
     arrangement = measured(line=line)
-    terms = Terms(np.array([101.3, 101.3 + apart_hz, 160.7]), np.array([0.01, 0.01, 0.02]), ())
+    terms = Terms(np.array([101.3, 101.3 + apart_hz, 160.7]), np.array([0.01, 0.01, 0.02]), (0,))
     fit = evaluate(arrangement, terms, np.full(arrangement.values.shape, 2e-14))
-    c = np.random.default_rng(2).standard_normal((FRFS, 6))
+    c = np.random.default_rng(2).standard_normal((FRFS, 7))
     c[:, 2:4] = 0.01 * (c[:, :2] if alike else np.random.default_rng(5).standard_normal((FRFS, 2)))
     return same_pole(arrangement, replace(fit, linear=replace(fit.linear, coefficients=c)))
 
@@ -275,7 +294,7 @@ def test_two_poles_are_one_where_they_look_alike_within_a_bandwidth_or_share_a_l
     assert near(0.9, alike=False, line=2.0) is not None  # within half a line, and narrower than one
     assert near(1.1, alike=False, line=2.0) is None
     assert near(0.4, alike=False, line=1.0) is None  # a bandwidth wider than a line: they can be resolved
-    assert set(near(0.9, alike=True, line=0.25) or ()) == {0, 1}
+    assert near(0.9, alike=True, line=0.25) == (1, 0)  # the weaker one goes
 
 
 def test_poles_that_the_data_hardly_determine_are_held_where_it_is_asked() -> None:
@@ -317,6 +336,52 @@ def test_peaks_of_the_residual_are_tried_in_three_widths_of_each_average() -> No
     one = hz[np.isclose(zeta * hz, 0.2)]
     assert one[:2].tolist() == [at[61], at[20]]  # of one line alone; of two alike the later one
     assert {round(float(w), 9) for w in zeta * hz} >= {0.2, 0.5, 1.5, 1.0, 2.5, 7.5, 5.0, 12.5, 37.5}
+
+
+def test_bodies_pull_by_their_own_rates() -> None:
+    """-χ²/2 by the logarithm of each of two rates, against differences."""
+    arrangement = measured()
+    variance = np.full(arrangement.values.shape, 2e-14)
+    start = Terms(HZ * 1.001, ZETA * 1.1, (), np.array([200.0, 800.0]))
+
+    def half_chi(step: np.ndarray) -> float:
+        return evaluate(arrangement, moved(start, step), variance).chi_squared / 2
+
+    numeric = [(half_chi(-unit) - half_chi(unit)) / 2e-5 for unit in np.eye(6) * 1e-5]
+    fit = evaluate(arrangement, start, variance)
+    np.testing.assert_allclose(fit.gradient, numeric, rtol=1e-4)
+
+
+def test_a_peak_of_one_frf_may_stand_above_a_lower_one_of_all() -> None:
+    arrangement = measured()
+    fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 1.0))
+    residual = np.zeros_like(fit.residual)
+    residual[:, 40], residual[3, 90] = 2.0, 10.0  # squares 48 and 100
+    hz, zeta = residual_peaks(arrangement, replace(fit, residual=residual))
+    assert hz[np.isclose(zeta * hz, 0.2)][0] == arrangement.frequency_hz[90]
+
+
+def test_a_basis_is_made_orthonormal_whatever_the_size_of_its_columns() -> None:
+    weight = np.array([[1.0, 3.0, 1.0, 3.0], [1e9, 1e9, 1e9, 1e9], [0.0, 0.0, 0.0, 0.0]])
+    assert mean_weight(weight) ** 2 == pytest.approx(np.array([1.5, 2.5, 1.5, 2.5]) / 3, rel=1e-12)
+    basis = np.array([[1, 1e-14], [1j, 2e-14], [1, 1e-14j], [2, 0]], dtype=complex)
+    frame, turn = orthonormal(basis, weight)
+    assert turn.shape == (2, 2)
+    inner = (frame.conj().T @ (mean_weight(weight)[:, None] ** 2 * frame)).real
+    np.testing.assert_allclose(inner, np.eye(2), atol=1e-12)
+    assert orthonormal(np.concatenate([basis, basis[:, :1]], axis=1), weight)[1].shape == (3, 2)
+    arrangement = measured()
+    variance = np.full(arrangement.values.shape, 2e-14)
+    variance[3] = np.inf
+    with pytest.raises(IdentificationError, match="has no weight on the measured lines of an FRF; leave that FRF out"):
+        evaluate(arrangement, TERMS, variance)
+
+
+@pytest.mark.parametrize("power", [0, 1, 2])
+def test_the_power_of_a_pair_is_that_of_its_columns(power: int) -> None:
+    omega = measured().omega
+    both = np.abs(columns(omega, Terms(HZ, ZETA, ()), power)) ** 2
+    np.testing.assert_allclose(pair_power(omega, TERMS, power), both[:, 0::2] + both[:, 1::2], rtol=1e-9)
 
 
 def test_terms_are_counted_poles_first_then_powers_then_bodies() -> None:
