@@ -79,6 +79,12 @@ def test_records_become_frfs_and_each_names_its_hits(
     row = next(r for r in stored if r["quantity"] == "force")
     samples = checked(api.get(f"records/{row['id']}/data"), 200)["samples"]
     np.testing.assert_allclose(samples, hits[0].hit.force.samples, rtol=1e-12, atol=1e-12)
+    with np.load(io.BytesIO(api.get(f"records/{row['id']}/data", params={"format": "npz"}).content)) as file:
+        np.testing.assert_array_equal(file["samples"], samples)
+        time = file["time_s"]
+    table = api.get(f"records/{row['id']}/data", params={"format": "csv"}).text
+    assert table.startswith("time_s,force\n")
+    np.testing.assert_allclose(np.loadtxt(io.StringIO(table), delimiter=",", skiprows=1).T, [time, samples], rtol=1e-8)
 
     done = finished(api, checked, campaign, {})
     assert done["status"] == "succeeded", done
@@ -246,6 +252,9 @@ def test_what_cannot_be_right_is_refused_with_its_place(
     problem = checked(post(api, campaign, npz(hits[:1]), mapping=json.dumps(lame)), 422)
     assert "is not in the file" in json.dumps(problem)
     checked(post(api, campaign, b"no archive"), 422)
+    assert "the body is empty" in checked(post(api, campaign, b""), 422)["detail"]
+    unmapped = api.post(f"campaigns/{campaign}/records", content=npz(hits[:1]), params={"filename": "hits.npz"})
+    assert "dry_run=true proposes one" in checked(unmapped, 422)["detail"]
     checked(post(api, campaign, npz(hits[:1]), "hits.tdms"), 422)
     checked(api.post(f"campaigns/{campaign}/processings", json={"estimator": "H9"}), 422)
     stranger = f"campaigns/{uuid4()}/records"

@@ -32,6 +32,12 @@ def test_a_change_that_makes_no_sense_changes_nothing(
     assert ok(api.get(address)) == before.json()
 
 
+def test_a_band_that_is_turned_is_refused_before_it_is_queued(api: httpx.Client, campaign: str) -> None:
+    refused = ok(api.post(f"campaigns/{campaign}/identifications", json={"band_hz": [300, 100]}), 422)
+    assert pointers(refused) == {"/band_hz"}
+    assert ok(api.get(f"campaigns/{campaign}/identifications"), 200)["items"] == []
+
+
 def test_what_is_deleted_is_not_there_to_be_changed_or_deleted_again(api: httpx.Client, project: str) -> None:
     ok(api.delete(f"projects/{project}"), 204)
     ok(api.delete(f"projects/{project}"), 404)

@@ -17,6 +17,7 @@ from service.errors import NotFound
 from service.structures.operations import structure_for
 from service.structures.tables import Structure
 from service.supervisor import LocalService
+from tests.support.laboratory import MATERIAL
 from tests.support.rest import pointers
 
 Checked = Callable[[httpx.Response, int], Any]
@@ -128,6 +129,13 @@ def test_plies_must_add_up_to_the_thickness(
     assert "0.00759" in str(problem)
 
 
+def test_pieces_need_a_geometry(api: httpx.Client, project: str, beam: dict[str, Any], checked: Checked) -> None:
+    del beam["geometry"]
+    beam["pieces"] = [{"from_m": 0.1, "to_m": 0.2, "thickness_m": 0.005}]
+    problem = checked(api.post(f"projects/{project}/structures", json=beam), 422)
+    assert "pieces belong to a geometry" in problem["detail"]
+
+
 def patch(api: httpx.Client, structure: str, body: dict[str, Any]) -> httpx.Response:
     etag = api.get(f"structures/{structure}").headers["ETag"]
     return api.patch(f"structures/{structure}", json=body, headers={"If-Match": etag})
@@ -174,6 +182,8 @@ def test_an_edit_needs_the_version_that_it_edits(api: httpx.Client, structure: s
         ({"density_kg_m3": -1}, "/density_kg_m3"),
         ({"laminate": {"plies": []}}, "/laminate/plies"),
         ({"version": 7}, "/version"),
+        ({"laminate": {"plies": [PLY] * 4}, "material": MATERIAL}, "/material"),
+        ({"pieces": [{"from_m": 0.1, "to_m": 0.9, "thickness_m": 0.005}]}, ""),
     ],
 )
 def test_a_senseless_patch_is_refused(
