@@ -11,6 +11,7 @@ from benchmarks.coverage import BEAM, draw
 from fecore.body.specimen import BeamSpecimen, Specimen
 from fecore.body.supports import Spring, Supports
 from fecore.errors import InputError
+from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from fecore.updating.discretisation import DISCRETISATION, discretise
 from fecore.updating.elastic import update_elastic
@@ -18,7 +19,7 @@ from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.excursions import excursions
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
@@ -165,6 +166,13 @@ def test_modes_without_frfs_give_constants_and_a_law(nominal: Specimen) -> None:
     }
     silent = update(Measurement(None, {}, MeasuredModes(MEASURED_HZ, np.full(5, np.nan))), nominal)
     assert silent.outcomes[1].status == "skipped"
+    elsewhere = MeasuredModes(MEASURED_HZ, ratio, np.ones((5, 1), complex), (Dof(8, 3),))
+    paired = prepare(Measurement(None, {7: (0.1, 0.0, 0.0)}, elsewhere), nominal, Recipe())
+    assert paired.modes is not None
+    assert paired.modes.shapes is None
+    assert paired.warnings == (
+        "modes were paired by frequency: their shapes have no out-of-plane value at a known point",
+    )
     with pytest.raises(InputError, match="neither FRFs nor modes"):
         Measurement(None, {})
 
