@@ -1,9 +1,10 @@
 """Ten thousand hits through a service: upload, storage and processing, beside reading the same files and transforming them.
 
 `python -m benchmarks many_hits [HITS]` writes npz files of 50 hits (ten points of five, force and one response of 16,384
-samples as float32), sends each to a service of its own, and starts one processing over the default band. What bounds it is
-measured in the same run: reading the files and one transform a block; and what PostgreSQL alone needs to store the same
-bytes by COPY. Seconds of the clock, and of the processors: of this script, of API, worker and their children, and of
+samples as float32), sends them to a service of its own, two at a time, and starts one processing over the default band. What
+bounds it is measured in the same run: reading the files and one transform a block; and what PostgreSQL alone needs to store
+the same bytes by COPY, over one connection and over two. The first COPY is not shown: it makes the files of the log, which
+the others use again. Seconds of the clock, and of the processors: of this script, of API, worker and their children, and of
 PostgreSQL.
 """
 
@@ -15,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,6 +36,7 @@ from service.supervisor import LocalService
 
 HITS, SAMPLES, RATE_HZ = 10_000, 16_384, 12_800.0
 AT_A_POINT, IN_A_FILE = 5, 50
+SENDERS = 2
 MAPPING = {
     "sample_rate_hz": RATE_HZ,
     "hit": {"variable": "hit"},
@@ -59,7 +62,9 @@ def main() -> None:
             )
             print(f"{'':28}{'clock s':>9}{'processor s':>13}{'peak MB':>9}")
             bound = _row("reading and transforms", _alone(files))
-            _row("PostgreSQL alone, COPY", _copied(service, size))
+            _copied(service, size, 1)
+            copied = _row("PostgreSQL alone, one COPY", _copied(service, size, 1))
+            twice = _row("PostgreSQL alone, two at once", _copied(service, size, 2))
             campaign = _campaign(api)
             imported = _row("import over HTTP", _watched(service, lambda: _send(api, campaign, files)))
             processed = _row("processing, default band", _watched(service, lambda: _process(api, campaign)))
@@ -70,6 +75,9 @@ def main() -> None:
     ):
         speed, own = bound.clock / clock, bound.processor / processor
         print(f"speed over reading and transforms alone, {what}: {speed:.2f} by the clock, {own:.2f} by the processors")
+    for name, floor in (("one COPY", copied), ("two at once", twice)):
+        speed, own = floor.clock / imported.clock, floor.processor / imported.processor
+        print(f"speed over PostgreSQL alone, {name}, import: {speed:.2f} by the clock, {own:.2f} by the processors")
 
 
 @dataclass(frozen=True)
@@ -122,21 +130,29 @@ def _alone(files: Sequence[Path]) -> Cost:
     return Cost(time.perf_counter() - clock, time.process_time() - processor)
 
 
-def _copied(service: LocalService, size: int) -> Cost:
+def _copied(service: LocalService, size: int, connections: int) -> Cost:
+    """What PostgreSQL needs to store so many bytes, as many in each transaction as a file has."""
+    url = psycopg_url(service.settings.database_url or "")
     block = os.urandom(4 * SAMPLES)
-    with psycopg.connect(psycopg_url(service.settings.database_url or ""), autocommit=True) as connection:
+    transactions = size // (2 * IN_A_FILE * len(block))
+
+    def store(count: int) -> None:
+        with psycopg.connect(url) as connection:
+            for _ in range(count):
+                with (
+                    connection.cursor() as cursor,
+                    cursor.copy("COPY copied (data) FROM STDIN (FORMAT BINARY)") as copy,
+                ):
+                    copy.set_types(["bytea"])
+                    for _ in range(2 * IN_A_FILE):
+                        copy.write_row((block,))
+                connection.commit()
+
+    with psycopg.connect(url, autocommit=True) as connection:
         connection.execute("CREATE TABLE copied (id uuid PRIMARY KEY DEFAULT uuidv7(), data bytea)")
         connection.execute("ALTER TABLE copied ALTER COLUMN data SET STORAGE EXTERNAL")
-        command = "COPY copied (data) FROM STDIN (FORMAT BINARY)"
-        with (
-            _measured(service) as cost,
-            connection.transaction(),
-            connection.cursor() as cursor,
-            cursor.copy(command) as copy,
-        ):
-            copy.set_types(["bytea"])
-            for _ in range(size // len(block)):
-                copy.write_row((block,))
+        with _measured(service) as cost, ThreadPoolExecutor(connections) as pool:
+            list(pool.map(store, [transactions // connections] * connections))
         connection.execute("DROP TABLE copied")
     return cost[0]
 
@@ -148,11 +164,15 @@ def _campaign(api: httpx.Client) -> str:
 
 def _send(api: httpx.Client, campaign: str, files: Sequence[Path]) -> None:
     query = {"filename": "hits.npz", "mapping": json.dumps(MAPPING)}
-    for path in files:
+    headers = {"Content-Type": "application/octet-stream"}
+
+    def send(path: Path) -> None:
         with path.open("rb") as file:
             body = iter(lambda: file.read(1 << 20), b"")
-            headers = {"Content-Type": "application/octet-stream"}
             api.post(f"campaigns/{campaign}/records", content=body, params=query, headers=headers).raise_for_status()
+
+    with ThreadPoolExecutor(SENDERS) as pool:
+        list(pool.map(send, files))
 
 
 def _process(api: httpx.Client, campaign: str) -> None:
