@@ -176,8 +176,10 @@ def compare(found: Sequence[Sequence[Deviation | None]]) -> list[list[Comparison
 def _roots(shares: Sequence[FloatArray | None]) -> list[float]:
     """The distance of each hit of a point, of its energies as shares of the campaign's; 0 where it was not compared."""
     found = []
+    means = {j: float(s.mean()) for j, s in enumerate(shares) if s is not None}
+    order = sorted(means, key=means.__getitem__)
     for i, own in enumerate(shares):
-        others = sorted((s for j, s in enumerate(shares) if s is not None and j != i), key=lambda s: float(s.mean()))
+        others = [shares[j] for j in order if j != i]
         near = np.array(others[: max(len(others) - 1, 1)]).reshape(-1, BANDS)
         scale = (_CAMPAIGN + near.sum(axis=0)) / (_CAMPAIGN + len(near))
         found.append(0.0 if own is None else float(np.mean(np.sqrt(own / scale))))

@@ -149,11 +149,13 @@ class Spectra:
         taken away.
         """
         pulse, rate = traits.pulse, self.sample_rate
-        windowed(hit.force, pulse.baseline, rate, self.rate, into)
         if self.windows.force_length_s is None:
+            windowed(hit.force, pulse.baseline, rate, self.rate, into)
             return
         kept, weights = force_window(pulse, round(self.windows.force_length_s * rate), self.samples)
-        part = into[kept] * weights
+        part = np.empty(weights.size)
+        windowed(hit.force, pulse.baseline, rate, self.rate, part, kept)
+        part *= weights
         behind = pulse.stop
         into[:behind] = 0
         if self.coupling is None:

@@ -14,6 +14,7 @@ channel is completed on the other before the transform, and both always carry th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -55,16 +56,21 @@ def total_rate(hit: Hit, windows: Windows) -> float:
     return max(block.window_rate_per_s for block in (hit.force, *hit.responses)) + windows.rate_per_s
 
 
-def windowed(block: Block, baseline: float, sample_rate_hz: float, rate_per_s: float, into: FloatArray) -> None:
-    """Put the (n,) samples without the offset `baseline` (as it was before the analyser's window), under exp(-rate t) in
-    all, into an array.
+_ALL = slice(None)
+
+
+def windowed(
+    block: Block, baseline: float, sample_rate_hz: float, rate_per_s: float, into: FloatArray, kept: slice = _ALL
+) -> None:
+    """Put the samples, all or those of a part, without the offset `baseline` (as it was before the analyser's window), under
+    exp(-rate t) in all, into an array as long as they are.
     """
-    applied = block.window_rate_per_s
-    offset = baseline * exponential(into.size, applied / sample_rate_hz) if applied else baseline
-    into[:] = block.samples
+    applied, samples = block.window_rate_per_s, block.samples.size
+    offset = baseline * exponential(samples, applied / sample_rate_hz)[kept] if applied else baseline
+    into[:] = block.samples[kept]
     into -= offset
     if rate_per_s > applied:
-        into *= exponential(into.size, (rate_per_s - applied) / sample_rate_hz)
+        into *= exponential(samples, (rate_per_s - applied) / sample_rate_hz)[kept]
 
 
 def force_window(pulse: Pulse, length: int, samples: int) -> tuple[slice, FloatArray]:
@@ -75,7 +81,7 @@ def force_window(pulse: Pulse, length: int, samples: int) -> tuple[slice, FloatA
     start = pulse.peak - max(int(_FORCE_BEFORE * length), pulse.peak - pulse.start + 2)
     stop = start + length
     taper = max(int(_TAPER * length), 2)
-    ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(taper) + 0.5) / taper)
+    ramp = _ramp(taper)
     weights: FloatArray = np.ones(length)
     if start >= 0:
         weights[:taper] *= ramp
@@ -83,6 +89,14 @@ def force_window(pulse: Pulse, length: int, samples: int) -> tuple[slice, FloatA
         weights[-taper:] *= ramp[::-1]
     kept = slice(max(start, 0), min(stop, samples))
     return kept, weights[kept.start - start : kept.stop - start]
+
+
+@lru_cache(maxsize=16)
+def _ramp(samples: int) -> FloatArray:
+    """(n,) the rising half of a raised cosine."""
+    weights: FloatArray = 0.5 - 0.5 * np.cos(np.pi * (np.arange(samples) + 0.5) / samples)
+    weights.flags.writeable = False
+    return weights
 
 
 def remove_window(

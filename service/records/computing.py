@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pickle
 from collections.abc import Callable, Iterator, Sequence
@@ -85,8 +86,9 @@ class _DiskShelf:
 Report = Callable[[str, float], None]
 
 
-def process_records(inputs: ProcessingInputs, report: Report) -> Iterator[Averages | dict[str, Any]]:
-    """The FRFs of a processing in parts, and in the end the document about them.
+def process_records(inputs: ProcessingInputs, report: Report) -> Iterator[Averages | str]:
+    """The FRFs of a processing in parts, and in the end the document about them as JSON, which is several times as fast on its
+    way to the worker as its many dictionaries are.
 
     Memory holds the hits of a few points and one part, however many points there are; and of each hit its verdict.
     """
@@ -97,7 +99,7 @@ def process_records(inputs: ProcessingInputs, report: Report) -> Iterator[Averag
     source = _Source(inputs.points)
     for item in process_in_parts(source, inputs.processing, _progress(report), shelf=shelf, threads=threads):
         if isinstance(item, Findings):
-            yield _document(item, described, inputs.left_out)
+            yield json.dumps(_document(item, described, inputs.left_out))
         else:
             described += _frfs(item, ids)
             yield item

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -84,14 +85,14 @@ def _strip(session: Session, campaign_id: UUID) -> Strip | None:
     return Strip(density * area, structure.material.Ex_Pa * area * geometry.thickness_m**2 / 12)
 
 
-def _store(session: Session, job_id: UUID, items: Iterator[Averages | dict[str, Any]]) -> None:
+def _store(session: Session, job_id: UUID, items: Iterator[Averages | str]) -> None:
     row = session.get_one(Processing, job_id)
     keys: list[UUID] = []
     for item in items:
         if isinstance(item, Averages):
             keys += _store_frfs(session, row, item)
         else:
-            row.document = _with_keys(item, keys)
+            row.document = _with_keys(json.loads(item), keys)
 
 
 def _store_frfs(session: Session, row: Processing, found: Averages) -> list[UUID]:
