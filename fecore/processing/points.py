@@ -90,14 +90,15 @@ def _located(
 
 
 def _comparable(point: Point, others: Usual, processing: Processing) -> dict[int, FloatArray]:
-    """The shares of a point's hits that are like one another but for their place."""
+    """The shares of a point's hits that are like one another but for their place. One or two hits, which cannot be held
+    against others, still say how shares change over the tour.
+    """
     if point.shares is None:
         return {}
     return {
         i: own
         for i, own in zip(point.used, point.shares, strict=True)
-        if (deviation := point.deviations[i]) is not None
-        and deviation.comparable
+        if ((deviation := point.deviations[i]) is None or deviation.comparable)
         and not judge(point.traits[i], others, None, processing.limits).faults
     }
 
