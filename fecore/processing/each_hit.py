@@ -66,7 +66,7 @@ def each_hit(hits: Sequence[Hit], accepted: Sequence[bool] | None = None) -> Eac
     return EachHit(
         frequency_hz=spectra.frequency,
         responses=point.responses,
-        quantity=spectra.kinds[0],
+        quantity=spectra.quantity,
         frfs=np.where(np.isfinite(frfs), frfs, np.nan),
         verdicts=verdicts,
         accepted=chosen,

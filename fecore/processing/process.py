@@ -9,6 +9,7 @@ of each hit.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
@@ -164,7 +165,7 @@ def _averages(spectra: Spectra, rows: Sequence[tuple[Point, tuple[int, ...], tup
             np.array([estimate.values for estimate in found]),
             tuple(dof for point, _, _ in rows for dof in point.responses),
             tuple(point.force for point, _, _ in rows for _ in point.responses),
-            FRF_QUANTITY[spectra.kinds[0]],
+            FRF_QUANTITY[spectra.quantity],
             np.array([estimate.variance for estimate in found]),
         ),
         coherence=np.array([estimate.coherence for estimate in found]),
@@ -199,17 +200,14 @@ def _warnings(
     points: Sequence[Point], verdicts: Sequence[Sequence[Verdict]], delay: Delay | None, excited: float, top: float
 ) -> tuple[str, ...]:
     found = []
-    lost = [
-        str(p.force.point) for p, judged in zip(points, verdicts, strict=True) if not any(v.accepted for v in judged)
-    ]
+    names = _names(points)
+    lost = [name for name, judged in zip(names, verdicts, strict=True) if not any(v.accepted for v in judged)]
     if lost:
         found.append(
             f"no hit of point {', '.join(lost)} is good, so there is no FRF; see the verdicts, and overrule where "
             f"you know better"
         )
-    single = [
-        str(p.force.point) for p, judged in zip(points, verdicts, strict=True) if sum(v.accepted for v in judged) == 1
-    ]
+    single = [name for name, judged in zip(names, verdicts, strict=True) if sum(v.accepted for v in judged) == 1]
     if single:
         found.append(f"a single good hit at point {', '.join(single)}: the FRF has no variance")
     if delay is not None and abs(delay.seconds) > max(4 * delay.sd, 2e-6):
@@ -221,3 +219,14 @@ def _warnings(
     if excited < 0.95 * top:
         found.append(f"the hammer excites the body up to {excited:.0f} Hz; above that the FRFs are mostly noise")
     return tuple(found)
+
+
+def _names(points: Sequence[Point]) -> list[str]:
+    """Where was hit, and, where one place was hit for several sets of sensors, where they stood."""
+    hit = Counter(point.force for point in points)
+    return [
+        str(point.force.point)
+        if hit[point.force] == 1
+        else f"{point.force.point} (sensor at {', '.join(str(dof.point) for dof in point.responses)})"
+        for point in points
+    ]

@@ -28,6 +28,9 @@ USABLE_SHARE = 1 / 2.56
 EXCITED = 0.01
 """Hits are compared where the force's power is at least this share of its largest (-20 dB)."""
 
+SAME_RATE = 1e-4
+"""Sampling rates are one up to this share, as the digits of a time column leave it; the frequencies are as sure."""
+
 _LOOKED_AT = 12  # hits from which windows are chosen
 _COUPLED = 36  # and the force channel's coupling
 
@@ -56,11 +59,10 @@ class Spectra:
             raise InputError("hits", "is empty; processing needs at least one hit")
         first = source[0][0]
         self.samples, self.sample_rate = first.samples, first.sample_rate_hz
-        self.kinds = tuple(block.quantity for block in first.responses)
-        if len(set(self.kinds)) > 1:
-            raise InputError(
-                "responses", f"hold {', '.join(sorted(set(self.kinds)))}; process one kind of response at a time"
-            )
+        kinds = sorted({block.quantity for block in first.responses})
+        if len(kinds) > 1:
+            raise InputError("responses", f"hold {', '.join(kinds)}; process one kind of response at a time")
+        (self.quantity,) = kinds
         frequency = scipy.fft.rfftfreq(self.samples, 1 / self.sample_rate)
         low, high = processing.band_hz or (0.5 * frequency[1], USABLE_SHARE * self.sample_rate)
         self.lines = np.flatnonzero((frequency >= low) & (frequency <= high))
@@ -123,25 +125,25 @@ class Spectra:
         Raises:
             InputError: sampling rate, length, window or quantity differ.
         """
-        if hit.sample_rate_hz != self.sample_rate or hit.samples != self.samples:
+        which = f"differ: hit {hit.number} of point {hit.force.dof.point}"
+        apart = abs(hit.sample_rate_hz / self.sample_rate - 1)
+        if apart > SAME_RATE or hit.samples != self.samples:
             raise InputError(
                 "hits",
-                f"differ: hit {hit.number} of point {hit.force.dof.point} has {hit.samples} samples at "
-                f"{hit.sample_rate_hz:g} Hz, the "
-                f"first {self.samples} at {self.sample_rate:g} Hz; process them apart",
+                f"{which} has {hit.samples} samples at {hit.sample_rate_hz:.8g} Hz, the first {self.samples} at "
+                f"{self.sample_rate:.8g} Hz; keep them in a campaign of their own",
             )
-        if tuple(b.quantity for b in hit.responses) != self.kinds:
+        if others := sorted({b.quantity for b in hit.responses} - {self.quantity}):
             raise InputError(
                 "hits",
-                f"differ: hit {hit.number} of point {hit.force.dof.point} measures another quantity; process them "
-                f"apart",
+                f"{which} measures {', '.join(others)}, the first {self.quantity}; keep them in a campaign of their own",
             )
         if total_rate(hit, self.windows) != self.rate:
             raise InputError(
                 "window_rate_per_s",
                 f"differs: hit {hit.number} of point {hit.force.dof.point} carries "
                 f"{total_rate(hit, self.windows):g} per second, the "
-                f"first {self.rate:g}; process them apart",
+                f"first {self.rate:g}; keep them in a campaign of their own",
             )
 
     def _force(self, hit: Hit, traits: Traits, into: FloatArray) -> None:
@@ -175,10 +177,10 @@ class Spectra:
         self, hits: Sequence[Hit], traits: Sequence[Traits], chosen: Sequence[int]
     ) -> tuple[ComplexArray, list[ComplexArray]]:
         """(h, L) spectra of the force of the chosen hits, and of each response; a few hits at a time."""
-        found: ComplexArray = np.empty((1 + len(self.kinds), len(chosen), self.lines.size), dtype=complex)
+        found: ComplexArray = np.empty((1 + len(hits[0].responses), len(chosen), self.lines.size), dtype=complex)
         for part in parts(len(chosen), self.samples * len(found)):
             some = chosen[part]
-            blocks, spectra = self._room(len(some))
+            blocks, spectra = self._room(len(found), len(some))
             for row, i in enumerate(some):
                 self._force(hits[i], traits[i], blocks[0, row])
                 for channel, (block, before) in enumerate(zip(hits[i].responses, traits[i].before, strict=True), 1):
@@ -189,13 +191,13 @@ class Spectra:
             found[1:] *= self.delay
         return found[0], list(found[1:])
 
-    def _room(self, hits: int) -> tuple[FloatArray, npt.NDArray[np.complex128]]:
-        """Memory for the blocks of so many hits and their transforms, the same at each call of a thread: new memory costs
-        as much as the transforms.
+    def _room(self, channels: int, hits: int) -> tuple[FloatArray, npt.NDArray[np.complex128]]:
+        """Memory for the blocks of so many channels and hits and their transforms, the same at each call of a thread: new
+        memory costs as much as the transforms.
         """
         kept: tuple[FloatArray, npt.NDArray[np.complex128]] | None = getattr(self._kept, "room", None)
-        if kept is None or kept[0].shape[1] != hits:
-            shape = (1 + len(self.kinds), hits)
+        shape = channels, hits
+        if kept is None or kept[0].shape[:2] != shape:
             kept = np.empty((*shape, self.samples)), np.empty((*shape, self.samples // 2 + 1), dtype=complex)
             self._kept.room = kept
         return kept

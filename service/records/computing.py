@@ -20,7 +20,9 @@ _MOST_THREADS = 4
 
 @dataclass(frozen=True)
 class PointFile:
-    """The blocks of one place: what is said of each, and the file in which their samples stand one behind the other."""
+    """The blocks of one place and one set of sensors: what is said of each, and the file in which their samples stand one
+    behind the other.
+    """
 
     rows: tuple[BlockRow, ...]
     path: Path

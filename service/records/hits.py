@@ -56,8 +56,22 @@ def _lacks(blocks: Sequence[BlockRow]) -> str | None:
     return "force" if forces == 0 else "response" if forces == len(blocks) else None
 
 
+def by_sensors(rows: Sequence[BlockRow]) -> list[list[BlockRow]]:
+    """The blocks of the whole hits of one place, parted by where the sensors stood: only hits of the same sensors are
+    compared and averaged, as where an accelerometer roves, or one was added.
+    """
+    sensors: dict[int, set[tuple[int, int]]] = {}
+    for row in rows:
+        if row.quantity != "force":
+            sensors.setdefault(row.hit, set()).add((row.point, row.direction))
+    found: dict[frozenset[tuple[int, int]], list[BlockRow]] = {}
+    for row in rows:
+        found.setdefault(frozenset(sensors[row.hit]), []).append(row)
+    return list(found.values())
+
+
 def hits_of(rows: Sequence[BlockRow], samples: Iterable[FloatArray]) -> list[Hit]:
-    """The hits of one place, from its blocks.
+    """The hits of one place and one set of sensors, from their blocks.
 
     Raises:
         InputError: a hit has no force, or no response.

@@ -18,7 +18,7 @@ from service.campaigns.operations import campaign_for
 from service.db.bytea import copy_rows, new_keys, stream_rows
 from service.errors import Conflict, Damaged, verified
 from service.frfs.spectra import encode
-from service.records.hits import BlockRow, describe_verdict, hits_of, whole
+from service.records.hits import BlockRow, by_sensors, describe_verdict, hits_of, whole
 from service.records.schemas import UNITS, HitOut, RecordOut, StoredRecords
 from service.records.tables import Record
 from service.storage import StorageOwner, book
@@ -208,7 +208,9 @@ def judged(session: Session, campaign_id: UUID, stored: Sequence[Record]) -> Sto
     answer.incomplete = [sentence for _, sentences in places for sentence in sentences]
     if sum(len(rows) for rows, _ in places) > MOST_LOOKED_AT:
         return answer
-    found = look([hits_of(rows, samples_of(session, rows)) for rows, _ in places if rows])
+    alike = [of_sensors for rows, _ in places for of_sensors in by_sensors(rows)]
+    alike.sort(key=lambda rows: max(row.id for row in rows))  # the coherence of a place is that of its newest hits
+    found = look([hits_of(rows, samples_of(session, rows)) for rows in alike])
     answer.hits = [HitOut.model_validate(describe_verdict(verdict)) for verdict in found.verdicts]
     answer.coherence = {str(dof.point): value for dof, value in found.coherence.items()}
     return answer

@@ -25,7 +25,7 @@ from service.jobs.queue import enqueue
 from service.jobs.state import job_state
 from service.jobs.tables import Job
 from service.records.computing import PointFile, ProcessingInputs, ProcessingOutput, process_records
-from service.records.hits import whole
+from service.records.hits import by_sensors, whole
 from service.records.operations import block_rows, sample_bytes
 from service.records.schemas import ProcessingIn, ProcessingOut
 from service.records.tables import Processing
@@ -48,15 +48,16 @@ def load_records(
 ) -> ProcessingInputs | None:
     """A campaign's hits, ready to be processed; None where it has no time blocks.
 
-    The samples are put on the worker's disk, a file a place, as the server sends them: memory holds one block at a time.
+    The samples are put on the worker's disk, a file for each place and its sensors, as the server sends them: memory
+    holds one block at a time.
     """
     known = [whole(rows) for rows in block_rows(session, campaign_id).values()]
-    places = [rows for rows, _ in known if rows]
+    places = [alike for rows, _ in known for alike in by_sensors(rows)]
     if not places:
         return None
     left = [f"{sentence}; it was left out" for _, sentences in known for sentence in sentences]
     points = []
-    # One query, however many places there are.
+    # One query, however many of them there are.
     samples = sample_bytes(session, [row for rows in places for row in rows])
     for number, rows in enumerate(places):
         path = workspace / f"{number}.blocks"

@@ -72,7 +72,7 @@ class StoredRecords(StrictModel):
     items: list[RecordOut]
     hits: list[HitOut] = Field(description="all hits of these points as they are judged now")
     coherence: dict[str, float] = Field(
-        description="mean coherence of the good hits in the excited band, by force point"
+        description="mean coherence of the good hits in the excited band, by force point; of the sensors of its newest hit"
     )
     incomplete: list[str] = Field(
         description="hits of these points that are not judged, since their force or every response was deleted; "
