@@ -209,15 +209,15 @@ def _double(traits: Traits, limits: Limits) -> Finding:
 
 def _overload(traits: Traits, others: Usual, limits: Limits) -> list[Finding]:
     found = []
-    for number, (channel, top) in enumerate(zip(traits.channels, traits.tops, strict=True)):
-        name = channel.name
+    for place, channel, top in zip((None, *traits.responses), traits.channels, traits.tops, strict=True):
+        name, stop_band = channel.name, others.stop_band.get(place)
         if channel.full_scale is not None:
             share = top.level / channel.full_scale
             sentence = f"The {name} reaches {share:.1%} of its full scale; {limits.full_scale:.1%} is an overload."
             if share >= limits.full_scale:
                 found.append(Finding("overload", share, limits.full_scale, True, sentence))
                 continue
-        part = _beyond_filter(top, others.stop_band[number]) if number < len(others.stop_band) else 0.0
+        part = 0.0 if stop_band is None else _beyond_filter(top, stop_band)
         if part > limits.cut_top:
             sentence = (
                 f"The {name} has {part:.0%} of its largest value above the anti-alias filter's cut, which the other "
@@ -226,9 +226,7 @@ def _overload(traits: Traits, others: Usual, limits: Limits) -> list[Finding]:
             )
             found.append(Finding("overload", part, limits.cut_top, True, sentence))
             continue
-        flat = top.flat(pulse=channel.quantity == "force") or (
-            number < len(others.stop_band) and _cut_at_two(top, others.stop_band[number])
-        )
+        flat = top.flat(pulse=channel.quantity == "force") or (stop_band is not None and _cut_at_two(top, stop_band))
         sentence = f"{top.equal} samples of the {name} stand at its largest level, {top.level:.4g}: it was cut off."
         calm = f"The largest values of the {name} are not cut off."
         found.append(Finding("overload", float(top.equal), 3.0, flat, sentence if flat else calm))

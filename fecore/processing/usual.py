@@ -19,7 +19,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.frf import Dof
-from fecore.processing.traits import Traits
+from fecore.processing.traits import Top, Traits
 
 _MOST_LINED = 256  # hits that say what the lines before the pulse usually have; of more, every k-th
 _FLOOR = 10  # one in so many hits, the quietest, has at most the channel's own noise above the filter's cut
@@ -58,14 +58,14 @@ class Usual:
     Attributes:
         peak: median magnitude of the peak force, N; None for a hit alone.
         before: level before the pulse of the quiet hits, by response dof.
-        stop_band: of the channels, force first.
+        stop_band: by response dof, and of the force under None.
         polarity: sign of most pulses.
         lines: before the pulse, by response dof.
     """
 
     peak: float | None
     before: Mapping[Dof, Ordinary]
-    stop_band: tuple[StopBand, ...] = ()
+    stop_band: Mapping[Dof | None, StopBand] = field(default_factory=dict)
     polarity: int = 1
     lines: Mapping[Dof, Lines] = field(default_factory=dict)
 
@@ -91,13 +91,8 @@ def usual(found: Sequence[Traits], *, before: bool = True) -> Usual:
     if not clear:
         return Usual(None, quiet, lines=lines)
     heights = [t.pulse.height for t in clear]
-    stop = tuple(
-        _stop_band(np.array([top.level for top in tops]), np.array([top.stop_band for top in tops]))
-        for tops in zip(*(t.tops for t in clear), strict=True)
-        if all(top.level > 0 for top in tops)
-    )
     upward = sum(h > 0 for h in heights)
-    return Usual(median(map(abs, heights)), quiet, stop, 1 if 2 * upward >= len(heights) else -1, lines)
+    return Usual(median(map(abs, heights)), quiet, _stop_bands(clear), 1 if 2 * upward >= len(heights) else -1, lines)
 
 
 def reach(values: FloatArray) -> float:
@@ -109,8 +104,22 @@ def reach(values: FloatArray) -> float:
     return float(high * (high / low) ** (_BEYOND / _BETWEEN))
 
 
-def _stop_band(level: FloatArray, beyond: FloatArray) -> StopBand:
-    share = beyond / level
+def _stop_bands(found: Sequence[Traits]) -> dict[Dof | None, StopBand]:
+    """Of each channel that three hits or more have, none of them without a signal."""
+    channels: dict[Dof | None, list[Top]] = {}
+    for traits in found:
+        for channel, top in zip((None, *traits.responses), traits.tops, strict=True):
+            channels.setdefault(channel, []).append(top)
+    return {
+        channel: _stop_band(tops)
+        for channel, tops in channels.items()
+        if len(tops) >= 3 and all(top.level > 0 for top in tops)
+    }
+
+
+def _stop_band(tops: Sequence[Top]) -> StopBand:
+    beyond = np.array([top.stop_band for top in tops])
+    share = beyond / np.array([top.level for top in tops])
     return StopBand(Ordinary(float(np.median(share)), reach(share)), float(np.sort(beyond)[len(beyond) // _FLOOR]))
 
 

@@ -15,6 +15,8 @@ from scipy.io import savemat
 
 from benchmarks.hammer import Simulated
 from benchmarks.hammer import campaign as simulated_campaign
+from fecore.processing import by_point
+from fecore.processing.look import look
 from tests.support.uff import axis, set_58
 from tests.support.waiting import until
 
@@ -160,6 +162,53 @@ def test_a_script_beside_the_hammer_knows_after_each_hit(
         if one.fault != "off_place":
             assert last[one.hit.number]["accepted"] is (one.fault is None)
     assert all(f["sentence"] for h in last.values() for f in h["findings"])
+
+
+def test_an_accelerometer_that_roves_gives_an_frf_for_each_place(
+    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+) -> None:
+    """By reciprocity the hits of a hammer that roves are those of a sensor that does: all at one place, counted on."""
+    force, response = MAPPING["channels"]
+    swapped = [{**force, "point": 99}, {**response, "point": {"variable": "point"}}]
+    mapping = {"sample_rate_hz": {"variable": "fs"}, "channels": swapped}
+    answer = checked(post(api, campaign, npz(hits), mapping=json.dumps(mapping)), 201)
+    rounded = {
+        **mapping,
+        "sample_rate_hz": hits[0].hit.sample_rate_hz * (1 + 1e-6),
+    }  # as a time column's digits leave it
+    first = checked(post(api, campaign, npz(hits[:4]), mapping=json.dumps(rounded)), 201)
+    done = finished(api, checked, campaign, {})
+    assert done["status"] == "succeeded", done
+    frfs = {frf["response_point"]: frf for frf in done["result"]["frfs"]}
+    assert len(frfs) == len(done["result"]["frfs"]) == len({s.hit.force.dof.point for s in hits})
+    sensor = {r["id"]: r["point"] for a in (answer, first) for r in a["items"] if r["quantity"] == "acceleration"}
+    for point, frf in frfs.items():
+        assert frf["reference_point"] == 99
+        assert {sensor[r["id"]] for r in frf["records"] if r["id"] in sensor} == {point}
+    rows = checked(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
+    assert [row["has_coherence"] for row in rows] == [True] * len(frfs)
+    alone = look(by_point([s.hit for s in hits])).coherence  # of each place by itself, whoever roves
+    for said, at in ((answer, hits[-1]), (first, hits[0])):  # that of the place which was hit last
+        assert said["coherence"] == {"99": pytest.approx(alone[at.hit.force.dof], rel=0.05)}
+
+
+def test_a_sensor_that_was_added_between_two_sessions_has_frfs_of_its_own(
+    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+) -> None:
+    file = io.BytesIO()
+    np.savez(file, **{k: v for k, v in arrays(hits).items() if k != "hit"}, second=-arrays(hits)["acceleration"])
+    counted = {k: v for k, v in MAPPING.items() if k != "hit"}
+    both = {
+        **counted,
+        "channels": [*counted["channels"], {**counted["channels"][1], "variable": "second", "point": 98}],
+    }
+    checked(post(api, campaign, npz(hits), mapping=json.dumps(counted)), 201)
+    checked(post(api, campaign, file.getvalue(), mapping=json.dumps(both)), 201)
+    done = finished(api, checked, campaign, {})
+    assert done["status"] == "succeeded", done
+    points = sorted({s.hit.force.dof.point for s in hits})
+    pairs = [(frf["reference_point"], frf["response_point"]) for frf in done["result"]["frfs"]]
+    assert sorted(pairs) == sorted([(p, 99) for p in points] * 2 + [(p, 98) for p in points])
 
 
 def test_a_user_overrules_and_the_document_says_so(
