@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 from urllib.parse import quote
 
 from modalbase.client.connection import Connection
+from modalbase.client.errors import ClientError
 from modalbase.client.routes import ROUTES, Route
 
 Call = Callable[..., Any]
+
+_OF_THE_CLIENT = ("cursor", "limit", "format", "filename")
+"""Parameters that the library's own methods state."""
 
 
 class Rest:
@@ -30,6 +34,21 @@ class Rest:
         if name not in ROUTES:
             raise AttributeError(f"the REST contract has no call {name!r}; dir() lists them")
         return _call(self._connection, name, ROUTES[name])
+
+
+def require_known(name: str, wanted: Iterable[str]) -> None:
+    """Refuse names that the query of a call does not have, before anything is sent.
+
+    Args:
+        name: of the call, such as `list_frfs`.
+        wanted: the names that a script states.
+
+    Raises:
+        ClientError: one is unknown; the message lists those that there are.
+    """
+    known = [one for one in ROUTES[name].query if one not in _OF_THE_CLIENT]
+    if unknown := sorted(set(wanted) - set(known)):
+        raise ClientError(f"there is no {', '.join(map(repr, unknown))} to choose by; there is {', '.join(known)}")
 
 
 def _call(connection: Connection, name: str, route: Route) -> Call:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from modalbase.client.display import transfer
 from modalbase.client.errors import ClientError
 from modalbase.client.finding import MODE_SET, find
+from modalbase.client.rest import require_known
 from modalbase.objects.jobs import Identification, Import, Processing, UpdateJob
 from modalbase.objects.modes import ModeSet
 from modalbase.objects.records import Record
@@ -44,6 +45,7 @@ class Campaign(Editable):
             ClientError: the service refuses it.
         """
         path = Path(file)
+        require_known("start_import", options)
         if "dry_run" in options:
             options["dry_run"] = str(bool(options["dry_run"])).lower()
         with transfer(path.name) as watch:
@@ -73,7 +75,11 @@ class Campaign(Editable):
 
         Args:
             wanted: `point`, `direction`, `reference`, `quantity`, `import_id`, `fmin`, `fmax`.
+
+        Raises:
+            ClientError: there is no such filter.
         """
+        require_known("list_frfs", wanted)
         return Table(list(self.lab.connection.pages(f"{self.address}/frfs", **wanted)), key="label")
 
     def frfs(self, **wanted: Any) -> Frfs:
@@ -83,7 +89,7 @@ class Campaign(Editable):
             wanted: as for `list_frfs`, and `stride`.
 
         Raises:
-            ClientError: none matches, or they have several axes or quantities.
+            ClientError: none matches, they have several axes or quantities, or there is no such filter.
         """
         from modalbase.objects.frfs import Frfs
 
@@ -163,7 +169,11 @@ class Campaign(Editable):
 
         Args:
             wanted: `point` that was hit, `hit`.
+
+        Raises:
+            ClientError: there is no such filter.
         """
+        require_known("list_records", wanted)
         return [Record(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/records", **wanted)]
 
     def process(self, *, wait: bool = True, **options: Any) -> Processing:
@@ -236,10 +246,11 @@ class Campaign(Editable):
         """Write its FRFs to a file: `.uff`, `.npz`, `.csv`, `.json` or `.arrow`, as its name says.
 
         Raises:
-            ClientError: the name says none of these, or nothing matches.
+            ClientError: the name says none of these, nothing matches, or there is no such filter.
         """
         from modalbase.client.exporting import format_of
 
+        require_known("get_campaign_data", wanted)
         target = Path(file)
         chosen = file_format or format_of(target)
         with transfer(target.name) as watch:
@@ -250,4 +261,5 @@ class Campaign(Editable):
 def _npz(wanted: Mapping[str, Any]) -> dict[str, Any]:
     if "format" in wanted:
         raise ClientError("frfs() has arrays; export() writes a file in a format")
+    require_known("get_campaign_data", wanted)
     return {**wanted, "format": "npz"}

@@ -16,6 +16,7 @@ from starlette.routing import compile_path
 from service.errors import PayloadTooLarge, UnsupportedMediaType
 from service.web.json_body import BULK_VALUES, MOST_VALUES, parse_json
 from service.web.negotiation import content_type, is_json
+from service.web.query_names import query_names, require_known
 from service.web.spool import too_large
 
 LARGE = 65536  # bytes beyond which parsing would hold up other requests
@@ -74,7 +75,8 @@ class LateRoute(APIRoute):
 
 
 class StrictRoute(LateRoute):
-    """A route that refuses what cannot be stored before anything else looks at the body.
+    """A route that refuses parameters of the query that it does not know, and a body that cannot be stored before anything
+    else looks at it.
 
     Only routes that declare a body read one here: uploads stream theirs themselves.
 
@@ -87,9 +89,10 @@ class StrictRoute(LateRoute):
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """FastAPI's handler behind the strict reading."""
-        handle = super().get_route_handler()
+        handle, known = super().get_route_handler(), query_names(self.dependant)
 
         async def strict(request: Request) -> Response:
+            require_known(request.query_params, known)
             if self.body_field is None:
                 return await handle(request)
             _require_json(request.headers)

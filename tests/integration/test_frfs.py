@@ -169,6 +169,10 @@ def test_filters_and_pages(api: httpx.Client, campaign: str, checked: Checked) -
     assert (len(page["items"]), len(rest["items"]), rest["next_cursor"]) == (4, 2, None)
     for params in ({"point": 1e30}, {"quantity": "loudness"}, {"fmin": 5, "fmax": 1}, {"cursor": "?"}):
         checked(api.get(path, params=params), 422)
+    mistyped = checked(api.get(path, params={"point": 1, "referense": 33, "foo": 1}), 422)["errors"]
+    assert [fault["pointer"] for fault in mistyped] == ["foo", "referense"]
+    assert "expected one of cursor, direction, fmax, fmin, import_id, limit, point, quantity, reference" in mistyped[0]["detail"]
+    assert "this address takes none" in checked(api.get("projects/x?y=1"), 422)["detail"]
     mixed = checked(api.get(f"{path}/data"), 409)
     assert "quantity" in mixed["detail"]
     assert len(checked(api.get(f"{path}/data", params={"quantity": "mobility"}), 200)["frfs"]) == 4
