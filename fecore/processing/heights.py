@@ -36,6 +36,9 @@ _RECIPROCAL = 3.0
 _FEWEST = 4  # points that have a median
 _FEWEST_LINES = 16  # that a level is the mean of
 _LOWEST_HZ = 8.0  # above soft suspensions
+_WRONG = (
+    "a sensitivity or a unit of the force or of the response is probably wrong, or the structure's density or geometry"
+)
 
 Pair = tuple[Dof, Dof]
 """Response and force of an FRF."""
@@ -105,8 +108,13 @@ class Heights:
         self._responses += frfs.responses
         self._references += frfs.references
 
-    def wrong(self, strip: Strip | None) -> list[str]:
-        """A sentence for every height that cannot be right."""
+    def wrong(self, strip: Strip | None, damped: str | None = None) -> list[str]:
+        """A sentence for every height that cannot be right.
+
+        Args:
+            strip: the body, where it is a strip.
+            damped: the window that lowers the FRFs of any body, in words; None: there is none.
+        """
         if self._band is None:
             return []
         level, pairs = np.array(self._levels), list(zip(self._responses, self._references, strict=True))
@@ -118,8 +126,8 @@ class Heights:
             ratio = float(np.exp(np.mean(level[across] - usual))) / _USUAL
             if not 1 / _WHOLE <= ratio <= _WHOLE:
                 found.append(
-                    f"the FRFs are {_times(ratio)} what a strip of this mass and stiffness shows: a sensitivity or a unit of "
-                    f"the force or of the response is probably wrong, or the structure's density or geometry"
+                    f"the FRFs are {_times(ratio)} what a strip of this mass and stiffness shows: "
+                    + (_WRONG if damped is None or ratio > 1 else f"{damped} takes their resonances; try a weaker one")
                 )
         return found
 

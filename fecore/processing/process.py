@@ -88,10 +88,8 @@ def process_in_parts(
     good = [tuple(i for i, v in enumerate(judged) if v.accepted) for judged in verdicts]
     if not any(good):
         reasons = sorted({f.criterion for judged in verdicts for v in judged for f in v.faults})
-        raise InputError(
-            "hits",
-            f"none of the hits is good ({', '.join(reasons)}); see the verdicts, and overrule where you know better",
-        )
+        why = f"good ({', '.join(reasons)})" if reasons else "used: all are left out by hand"
+        raise InputError("hits", f"none of the hits is {why}; see the verdicts, and overrule where you know better")
     excited, strong = (
         float(spectra.frequency[np.flatnonzero(force >= share * force.max())[-1]]) for share in (0.1, 0.5)
     )
@@ -113,7 +111,7 @@ def process_in_parts(
         strong_hz=strong,
         warnings=(
             *_warnings(points, verdicts, delay, excited, float(spectra.frequency[-1])),
-            *heights.wrong(spectra.processing.strip),
+            *heights.wrong(spectra.processing.strip, spectra.strong_window()),
         ),
     )
 

@@ -14,7 +14,7 @@ import scipy
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.errors import InputError
 from fecore.processing.blocks import Hit, exponential
-from fecore.processing.choice import choose_windows
+from fecore.processing.choice import LEFT_AT_END, choose_windows
 from fecore.processing.comparison import compare_lines
 from fecore.processing.coupling import find_coupling, impulse
 from fecore.processing.document import Processing
@@ -31,6 +31,7 @@ EXCITED = 0.01
 SAME_RATE = 1e-4
 """Sampling rates are one up to this share, as the digits of a time column leave it; the frequencies are as sure."""
 
+_FEWEST_LINES = 2  # that make a band
 _LOOKED_AT = 12  # hits from which windows are chosen
 _COUPLED = 36  # and the force channel's coupling
 
@@ -59,6 +60,8 @@ class Spectra:
             raise InputError("hits", "is empty; processing needs at least one hit")
         first = source[0][0]
         self.samples, self.sample_rate = first.samples, first.sample_rate_hz
+        if abs(processing.delay_s) > 0.5 * (block_s := self.samples / self.sample_rate):
+            raise InputError("delay_s", f"is {processing.delay_s:g} s, expected at most half a block of {block_s:g} s")
         kinds = sorted({block.quantity for block in first.responses})
         if len(kinds) > 1:
             raise InputError("responses", f"hold {', '.join(kinds)}; process one kind of response at a time")
@@ -66,8 +69,12 @@ class Spectra:
         frequency = scipy.fft.rfftfreq(self.samples, 1 / self.sample_rate)
         low, high = processing.band_hz or (0.5 * frequency[1], USABLE_SHARE * self.sample_rate)
         self.lines = np.flatnonzero((frequency >= low) & (frequency <= high))
-        if not self.lines.size:
-            raise InputError("band_hz", f"holds none of the lines {frequency[1]:g} to {frequency[-1]:g} Hz")
+        if self.lines.size < _FEWEST_LINES:
+            raise InputError(
+                "band_hz",
+                f"is {low:g} to {high:g} Hz and holds {self.lines.size} of the lines, which lie {frequency[1]:g} Hz apart up "
+                f"to {frequency[-1]:g} Hz; expected {_FEWEST_LINES} at least",
+            )
         self.lines = np.arange(self.lines[0], self.lines[-1] + 1)
         self.frequency = frequency[self.lines]
         self.delay = np.exp(2j * np.pi * self.frequency * processing.delay_s) if processing.delay_s else None
@@ -118,6 +125,16 @@ class Spectra:
         force = forces[:, self.compared]
         some = responses[:MOST_SENSORS]
         return np.concatenate([self.basis.shares(hit_frfs(force, r[:, self.compared])) for r in some], axis=1)
+
+    def strong_window(self) -> str | None:
+        """The exponential window in words, where it falls to 1 % in a quarter of the block: a chosen one is weaker than any
+        such, and it takes the resonances of whatever body.
+        """
+        block = self.samples / self.sample_rate
+        if not self.rate * block > 4 * np.log(1 / LEFT_AT_END):
+            return None
+        fall = np.log(1 / LEFT_AT_END) / self.rate
+        return f"the exponential window of {self.rate:g} per second, down to 1 % after {fall:.2g} of {block:.2g} s,"
 
     def check(self, hit: Hit) -> None:
         """Refuse a hit that is unlike the first.

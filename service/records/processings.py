@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -25,8 +25,9 @@ from service.jobs.queue import enqueue
 from service.jobs.state import job_state
 from service.jobs.tables import Job
 from service.records.computing import PointFile, ProcessingInputs, ProcessingOutput, process_records
-from service.records.hits import by_sensors, whole
+from service.records.hits import BlockRow, by_sensors, whole
 from service.records.operations import block_rows, sample_bytes
+from service.records.overrules import decisions
 from service.records.schemas import ProcessingIn, ProcessingOut
 from service.records.tables import Processing
 from service.storage import require_room
@@ -51,7 +52,8 @@ def load_records(
     The samples are put on the worker's disk, a file for each place and its sensors, as the server sends them: memory
     holds one block at a time.
     """
-    known = [whole(rows) for rows in block_rows(session, campaign_id).values()]
+    stored = block_rows(session, campaign_id)
+    known = [whole(rows) for rows in stored.values()]
     places = [alike for rows, _ in known for alike in by_sensors(rows)]
     if not places:
         return None
@@ -66,8 +68,18 @@ def load_records(
         points.append(PointFile(tuple(rows), path))
     assert next(samples, None) is None, "as many blocks as rows; and the query is at its end"
     positions = specimen_points(session, campaign_of(session, campaign_id))
-    processing = replace(options.processing(), strip=_strip(session, campaign_id), positions=positions)
+    processing = replace(
+        options.processing(),
+        overrules=decisions(options.overrules, _hits(stored.values())),
+        strip=_strip(session, campaign_id),
+        positions=positions,
+    )
     return ProcessingInputs(tuple(points), processing, tuple(left))
+
+
+def _hits(rows: Iterable[Sequence[BlockRow]]) -> Iterator[tuple[tuple[int, int], int]]:
+    """Place and number of each hit, also of those of which a block was deleted."""
+    return ((row.place, row.hit) for group in rows for row in group)
 
 
 def _strip(session: Session, campaign_id: UUID) -> Strip | None:
@@ -136,13 +148,15 @@ def start_processing(session: Session, user: User, campaign_id: UUID, body: Proc
         body: the choices; `{}` will do.
 
     Raises:
-        InputError: the band is empty.
+        InputError: the band is empty, or an overrule means no hit.
         NotFound: there is no such campaign, or it is other people's.
         Forbidden: the user's role is too low.
         QuotaExceeded: the project has no room for FRFs.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
     body.processing()  # a wrong choice is refused before it is queued
+    if body.overrules:
+        decisions(body.overrules, _hits(block_rows(session, campaign.id).values()))
     project_id = campaign_for.project_of(session, campaign)
     require_room(session, project_id)
     job = enqueue(session, kind=PROCESS, project_id=project_id)

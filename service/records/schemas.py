@@ -8,7 +8,6 @@ from uuid import UUID
 
 from pydantic import Field
 
-from fecore.frf import Dof
 from fecore.processing import Estimator, Processing, Windows
 from service.campaigns.schemas import Point
 from service.frfs.schemas import Direction
@@ -89,17 +88,19 @@ class Proposal(StrictModel):
 
 
 class WindowsIn(StrictModel):
-    """Windows; both are chosen from the hits where no object is sent."""
+    """Windows; both are chosen from the hits where no object is sent, and `{}` is neither of them."""
 
     force_length_s: float | None = Field(None, gt=0, le=100, description="about the pulse; null: the whole block")
-    rate_per_s: float = Field(0.0, ge=0, le=1e4, description="of the exponential window on both channels")
+    rate_per_s: float = Field(
+        0.0, ge=0, le=1e4, description="of the exponential window on both channels, 1/s; 0: there is none"
+    )
 
 
 class OverruleIn(StrictModel):
     """A user's decision about one hit."""
 
     point: Point
-    direction: Direction = 3
+    direction: Direction | None = Field(None, description="null: the one in which the point was hit")
     hit: int = Field(ge=1)
     use: bool
 
@@ -110,20 +111,22 @@ class ProcessingIn(StrictModel):
     model_config = example()
 
     estimator: Estimator = "H1"
-    windows: WindowsIn | None = None
+    windows: WindowsIn | None = Field(
+        None,
+        description="null: a force window, and where needed an exponential one, chosen from the hits; {}: no windows",
+    )
     band_hz: tuple[Annotated[float, Field(ge=0, le=1e7)], Annotated[float, Field(gt=0, le=1e7)]] | None = None
-    delay_s: float = Field(0.0, gt=-1, lt=1, description="lag of the response, to be taken out")
+    delay_s: float = Field(0.0, gt=-1, lt=1, description="lag of the response, to be taken out; at most half a block")
     overrules: list[OverruleIn] = Field(default_factory=list, max_length=100_000)
 
     def processing(self) -> Processing:
-        """The core's choices.
+        """The core's choices, but for the overrules, for which the hits must be known.
 
         Raises:
             InputError: the band is empty.
         """
         windows = None if self.windows is None else Windows(self.windows.force_length_s, self.windows.rate_per_s)
-        decisions = {(Dof(o.point, o.direction), o.hit): o.use for o in self.overrules}
-        return Processing(self.estimator, windows, self.band_hz, self.delay_s, overrules=decisions)
+        return Processing(self.estimator, windows, self.band_hz, self.delay_s)
 
 
 class ProcessingOut(JobOut):

@@ -129,7 +129,7 @@ TERMS: dict[str, str] = {
     "sentence": "the same in words",
     "use": "whether the hit is to be used, whatever the criteria say",
     "estimator": "of the FRFs: H1 (noise on the response), H2 (noise on the force), Hv (on both)",
-    "windows": "what to multiply the time blocks with; default: nothing",
+    "windows": "what the time blocks are multiplied with; null: chosen from the hits; {}: nothing",
     "overrules": "hits that are used or left out against the criteria",
     "band_hz": "first and last frequency line, Hz",
     # modes

@@ -171,7 +171,10 @@ def test_filters_and_pages(api: httpx.Client, campaign: str, checked: Checked) -
         checked(api.get(path, params=params), 422)
     mistyped = checked(api.get(path, params={"point": 1, "referense": 33, "foo": 1}), 422)["errors"]
     assert [fault["pointer"] for fault in mistyped] == ["foo", "referense"]
-    assert "expected one of cursor, direction, fmax, fmin, import_id, limit, point, quantity, reference" in mistyped[0]["detail"]
+    assert (
+        "expected one of cursor, direction, fmax, fmin, import_id, limit, point, quantity, reference"
+        in mistyped[0]["detail"]
+    )
     assert "this address takes none" in checked(api.get("projects/x?y=1"), 422)["detail"]
     mixed = checked(api.get(f"{path}/data"), 409)
     assert "quantity" in mixed["detail"]

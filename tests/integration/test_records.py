@@ -222,6 +222,21 @@ def test_a_user_overrules_and_the_document_says_so(
     hit = next(h for h in result["hits"] if (h["point"], h["hit"]) == (point, number))
     assert (hit["accepted"], hit["overruled"]) == (False, False)
 
+    # A decision that means no hit, or two decisions about one hit, are refused before anything is queued.
+    decision = body["overrules"][0]
+    for wrong, text in (
+        (
+            [{**decision, "point": 99}],
+            f"means hit {number} of point 99, which there is not; there are point 1, direction 3",
+        ),
+        ([{**decision, "hit": 99}], f"means hit 99 of point {point}"),
+        ([{**decision, "direction": -3}], "in direction -3, which there is not"),
+        ([decision, {**decision, "direction": 3, "use": True}], "contradicts another about"),
+    ):
+        refused = checked(api.post(f"campaigns/{campaign}/processings", json={"overrules": wrong}), 422)
+        assert text in refused["detail"], refused
+        assert refused["errors"][0]["pointer"] == f"/overrules/{len(wrong) - 1}"
+
 
 def test_a_mat_file_and_a_dry_run(api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]) -> None:
     file = io.BytesIO()

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.hammer import Bench, campaign
 from fecore.errors import InputError
 from fecore.frf import Dof, FrfSet
-from fecore.processing import Hit, Processing, Strip, by_point, process
+from fecore.processing import Hit, Processing, Strip, Windows, by_point, process
 from fecore.processing.heights import wrong_heights
 
 FIRST = {"clamped": 1.8751, "free": 4.7300}
@@ -40,6 +40,17 @@ def test_a_whole_campaign_by_what_a_strip_of_its_mass_shows(seed: int, kind: str
     wrong = process(by_point([_scaled(hit, factor) for hit in hits]), known).warnings
     assert any("strip of this mass" in w and "sensitivity" in w for w in wrong)
     assert all(v.accepted for v in process(by_point([_scaled(hit, factor) for hit in hits]), known).verdicts)
+
+
+def test_a_strong_window_is_named_where_it_makes_a_campaign_low() -> None:
+    bench, _, simulated = campaign(np.random.default_rng(21), "clamped", 4, 3, 0.0)
+    hits = by_point([_scaled(one.hit, 0.1) for one in simulated])
+    strong = process(hits, Processing(strip=_strip(bench), windows=Windows(rate_per_s=300.0))).warnings
+    (said,) = (w for w in strong if "strip of this mass" in w)
+    assert "the exponential window of 301 per second, down to 1 % after 0.015 of" in said
+    assert "sensitivity" not in said  # the bench's analyser adds 1 per second
+    weak = process(hits, Processing(strip=_strip(bench), windows=Windows(rate_per_s=3.0))).warnings
+    assert any("strip of this mass" in w and "sensitivity" in w for w in weak)
 
 
 @pytest.mark.parametrize("factor", [10.0, 0.1])

@@ -163,6 +163,8 @@ def test_a_users_decision_overrules_both_ways_and_changes_the_frf() -> None:
     assert forced.used == ((2, 3, 4, 5),)
     assert forced.verdicts[4].faults  # what was found stays said
     assert not np.array_equal(judged.frfs.values, forced.frfs.values)
+    with pytest.raises(InputError, match="none of the hits is used: all are left out by hand; see"):
+        process(by_point(hits[:2]), Processing(overrules={(dof, 1): False, (dof, 2): False}))
 
 
 def test_hits_are_looked_at_one_by_one_as_they_are_processed() -> None:
@@ -369,3 +371,14 @@ def test_hits_of_unlike_length_are_refused_with_both_lengths() -> None:
     )
     with pytest.raises(InputError, match=f"{hit.samples // 2} samples"):
         process([[hit, half]])
+
+
+def test_a_band_of_no_two_lines_and_a_delay_of_most_of_a_block_are_refused_with_what_was_stated() -> None:
+    hits = _hits(_bench(15), 2)
+    block_s = hits[0].samples / hits[0].sample_rate_hz
+    for band, lines in (((0.0, 0.4 / block_s), 1), ((100.1 / block_s, 100.4 / block_s), 0)):
+        with pytest.raises(InputError, match=f"is {band[0]:g} to {band[1]:g} Hz and holds {lines} of the lines"):
+            process([hits], Processing(band_hz=band))
+    assert process([hits], Processing(band_hz=(99.9 / block_s, 101.1 / block_s))).frfs.frequency_hz.size == 2
+    with pytest.raises(InputError, match="at most half a block of"):
+        process([hits], Processing(delay_s=-0.6 * block_s))
