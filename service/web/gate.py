@@ -2,7 +2,9 @@
 
 A request that is answered holds a slot. There are as many slots as connections to the database, and a thread for each, so
 that whoever has a slot never waits for either. Waiting for a slot happens in the event loop, where it costs next to nothing;
-it is bounded in number and in time. Callers take turns: one that sends a thousand requests delays its own.
+it is bounded in number and in time. Callers take turns: one that sends a thousand requests delays its own. Who waits already
+may take another place while at least as many are free as it has. So one caller has half of them at most, two have two thirds,
+and somebody new finds one, also beside a key that is counted under its address until it is known and then under its name.
 """
 
 from __future__ import annotations
@@ -34,11 +36,11 @@ class Gate:
 
         Args:
             slots: requests that are answered at the same time.
-            queue: requests that may wait; one caller may take half of the places.
+            queue: requests that may wait.
             seconds: for which one waits at most.
         """
         self.slots, self.answering, self.waiting = slots, 0, 0
-        self._queue, self._share, self._seconds = queue, max(1, queue // 2), seconds
+        self._queue, self._seconds = queue, seconds
         self._turns: OrderedDict[str, deque[asyncio.Future[None]]] = OrderedDict()
         self._took = 0.05  # seconds that an answer takes: a running mean
 
@@ -53,13 +55,13 @@ class Gate:
         """Take a slot, when it is the caller's turn.
 
         Raises:
-            TooManyRequests: this caller has taken its share of the places to wait in.
+            TooManyRequests: this caller has as many places to wait in as are free, or more.
             Unavailable: all places are taken, or no slot came free in time.
         """
         if self.try_enter():
             return
         mine = self._turns.get(caller)
-        if mine is not None and len(mine) >= self._share:
+        if mine is not None and len(mine) >= self._queue - self.waiting:
             raise TooManyRequests(
                 f"{len(mine)} requests of this key wait already, the most that one key may have; send fewer at a time",
                 retry_after=self.retry_after(),

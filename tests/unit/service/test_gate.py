@@ -64,6 +64,27 @@ def test_waiting_is_bounded_in_number() -> None:
     run(test)
 
 
+def test_one_client_under_two_names_leaves_places_to_others() -> None:
+    """A key is counted under its address until it is known, and then under its name."""
+
+    async def test() -> None:
+        gate = Gate(1, 20, 60)
+        await gate.enter("x")
+        crowd = [asyncio.ensure_future(gate.enter(name)) for name in ["address"] * 20 + ["key"] * 20]
+        await settle()
+        assert gate.waiting == 15
+        others = [asyncio.ensure_future(gate.enter(name)) for name in "abcde"]
+        await settle()
+        assert gate.waiting == 20
+        for one in (*crowd, *others):
+            one.cancel()
+        found = await asyncio.gather(*crowd, *others, return_exceptions=True)
+        assert sum(isinstance(answer, TooManyRequests) for answer in found) == 25
+        assert gate.waiting == 0
+
+    run(test)
+
+
 def test_waiting_is_bounded_in_time() -> None:
     async def test() -> None:
         gate = Gate(1, 4, 0.01)
