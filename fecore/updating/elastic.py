@@ -28,7 +28,7 @@ from fecore.updating.coordinates import Coordinates
 from fecore.updating.elastic_result import ElasticIterate, ElasticResult
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
-from fecore.updating.pairing import pair_likest, pair_with
+from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
 from fecore.updating.parameters import by_name
 from fecore.updating.posterior import (
     DISCREPANCY,
@@ -52,6 +52,18 @@ class NoPartnersError(UpdatingError):
     """No measured mode is like any mode of the model."""
 
 
+class SwingingError(UpdatingError):
+    """The partners of modes change to and fro for ever.
+
+    Attributes:
+        torn: measured modes whose partners change.
+        between: the pairings, each with the parameters that it was found at.
+    """
+
+    torn: tuple[int, ...] = ()
+    between: tuple[tuple[Partners, FloatArray], ...] = ()
+
+
 def update_elastic(
     forward: ForwardModel,
     modes: MeasuredModes,
@@ -61,6 +73,7 @@ def update_elastic(
     start: FloatArray | None = None,
     seek_excursions: Callable[[ForwardState], tuple[Excursion, ...]] = lambda _: (),
     likest: bool = False,
+    held: Partners | None = None,
 ) -> ElasticResult:
     """Estimate the parameters from measured modes.
 
@@ -72,27 +85,31 @@ def update_elastic(
         start: (p,) θ to start from, the prior means by default.
         seek_excursions: what inputs may do that are believed to be nothing, at the updated model.
         likest: pair the likest shapes at the prior means, however unlike, and keep these pairs.
+        held: partners to keep; by default the modes are paired anew in every turn.
 
     Raises:
         InputError: shapes are asked for and there are none.
         NoPartnersError: no mode could be paired.
+        SwingingError: the partners of modes change to and fro.
         UpdatingError: the iteration did not converge; it carries the best iterate.
         ModelError: the eigenproblem could not be solved.
     """
     if use_shapes and modes.shapes is None:
         raise InputError("use_shapes", "the measured modes have no shapes at points of the model")
-    fit = _Fit(forward, modes, use_shapes, likest)
+    fit = _Fit(forward, modes, use_shapes, likest, held)
     prior_mean = forward.parametrisation.prior_mean
     initial = forward.solve(prior_mean)
     initial_pairing = fit.pair(initial)
     state = initial if start is None else forward.solve(start)
     pairing, spread = fit.pair(state), DISCREPANCY
     history: list[ElasticIterate] = []
-    torn: set[int] = set()
-    visited = 0
+    between: dict[Partners, FloatArray] = {}
+    visited = turn = 0
 
     def visit(_: int, point: _Point) -> None:
         nonlocal visited
+        if turn >= _SWINGING:  # modes may cross within a turn too
+            between.setdefault(partners_of(point.pairing, point.state.kinds), point.state.theta)
         progress(1 - 0.7**visited)
         visited += 1
         if not history or point.state.theta is not history[-1].theta:
@@ -102,21 +119,29 @@ def update_elastic(
     for turn in range(_TURNS):
         stopping = Stopping(relative=0.0, absolute=_REST**2 / 2, steps=_STEPS)
         found = minimise(fit.at(state, pairing, spread), fit.move, stopping, visit)
-        state, before = found.point.state, pairing
+        state, before = found.point.state, found.point.pairing
         pairing = fit.pair(state)
         if turn >= _SWINGING:
-            torn |= {row for row, _ in set(before.pairs) ^ set(pairing.pairs)}
+            between.setdefault(partners_of(pairing, state.kinds), state.theta)
         fresh = discrepancy(*fit.relative_residual(fit.at(state, pairing, spread)), DISCREPANCY)
         settled = abs(fresh / spread - 1) < _SAME_DISCREPANCY and before.pairs == pairing.pairs
         if settled and found.outcome in ("converged", "stuck"):
             point = fit.at(state, pairing, spread)
             return fit.finish(point, initial, initial_pairing, tuple(history), seek_excursions(state))
         spread = fresh
-    raise UpdatingError(
+    if not has_shapes(modes):  # at a crossing a fit creeps along the lower of two modes, and pairs with that one alone
+        between |= dict.fromkeys(exchanged(pairing, state.kinds), state.theta)
+    in_all = set.intersection(*(set(partners) for partners in between))
+    torn = {row for partners in between for row, *_ in set(partners) - in_all}
+    error = SwingingError if torn else UpdatingError
+    raised = error(
         fit.without_rest(torn),
         best=by_name(forward.parametrisation.names, state.theta),
         history=tuple(iterate.cost for iterate in history),
     )
+    if isinstance(raised, SwingingError):
+        raised.torn, raised.between = tuple(sorted(torn)), tuple(between.items())
+    raise raised
 
 
 @dataclass(frozen=True)
@@ -142,6 +167,7 @@ class _Fit:
     modes: MeasuredModes
     use_shapes: bool = False
     likest: bool = False
+    held: Partners | None = None
 
     @cached_property
     def coordinates(self) -> Coordinates:
@@ -150,7 +176,7 @@ class _Fit:
     def pair(self, state: ForwardState) -> Pairing:
         if self.likest:
             return replace(self._likest, mac=pair_likest(self.modes, state).mac)
-        pairing = pair_with(self.modes, state)
+        pairing = pair_with(self.modes, state) if self.held is None else pair_held(self.modes, state, self.held)
         if not pairing.pairs:
             raise NoPartnersError(
                 "no measured mode is like any mode of the model; check the boundary, the grid points and the frame",
@@ -194,11 +220,16 @@ class _Fit:
         )
 
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
-        """The point that a step in the coordinates leads to; None where no specimen could be."""
+        """The point that a step in the coordinates leads to; None where no specimen could be, or a held partner is lost."""
         xi = self.coordinates.of(point.state.theta) + step
         if not self.coordinates.are_believable(xi[None])[0]:
             return None
-        return self.at(self.forward.solve(self.coordinates.values(xi)), point.pairing, point.spread)
+        state, pairing = self.forward.solve(self.coordinates.values(xi)), point.pairing
+        if self.held is not None:
+            pairing = self.pair(state)
+            if len(pairing.pairs) < len(point.pairing.pairs):  # a partner rose above the modes that were solved for
+                return None
+        return self.at(state, pairing, point.spread)
 
     def shape_residual(self, state: ForwardState, pairing: Pairing) -> tuple[FloatArray, FloatArray]:
         """Realised measured less model shapes, each at its best scale, in standard deviations, and -∂/∂θ of them."""
@@ -287,6 +318,7 @@ class _Fit:
             discrepancy=point.spread,
             residual=point.residual,
             history=history,
+            held=self.held,
             unlike=self.likest,
         )
 

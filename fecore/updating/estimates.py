@@ -22,6 +22,9 @@ from fecore.updating.law_ranking import RankedLaw
 from fecore.updating.result import BudgetEntry, Comparable, ParameterEstimate
 from fecore.updating.sampling import Posterior
 
+OTHER_PARTNERS = "partners of the modes"
+"""The budget's source for pairings of the modes that are nearly as likely as the chosen one."""
+
 _SMALLEST_SHARE = 1e-4  # of the variance that is worth a line of the budget
 _DIFFERENT = 0.25  # relative difference of two standard deviations of one posterior that is worth a warning
 
@@ -151,13 +154,22 @@ def disagreements(elastic: ElasticResult, sampled: Posterior | None) -> list[str
 
 
 def _constant_spread(elastic: ElasticResult, column: int, samples: FloatArray | None) -> _Spread:
-    """Of one of stage 1's coordinates; what the marginalised discrepancy adds to the mean one's part is the discrepancy's."""
+    """Of one of stage 1's coordinates; what the marginalised discrepancy adds to the mean one's part is the discrepancy's.
+
+    Where other pairings of the modes are not ruled out, what they add is a source of its own. The samples are those of one
+    pairing, so the mixture over the pairings gives the interval then.
+    """
     along = np.eye(elastic.theta.size)[column]
     total = float(elastic.mixture.total[column, column])
     variance = {name: float(part[column] @ part[column]) for name, part in elastic.sources.items()}
     variance["model discrepancy"] = max(variance["model discrepancy"] + total - sum(variance.values()), 0.0)
     centred = None if samples is None else samples - elastic.coordinates.of(elastic.theta)[column]
     core = _sampled_or(centred, float(np.sqrt(total)), *elastic.mixture.reach(along))
+    if elastic.standing:
+        spanned = float(elastic.spanning.total[column, column])
+        variance = {name: part * min(spanned / total, 1.0) for name, part in variance.items()}
+        variance[OTHER_PARTNERS] = max(spanned - total, 0.0)
+        core = float(np.sqrt(spanned)), *elastic.spanning.reach(along)
     return _with_excursions(*core, variance, elastic.excursions, elastic.pulls[column])
 
 
@@ -203,6 +215,8 @@ def _provenance(elastic: ElasticResult, inputs: Inputs, damping: DampingResult |
         "measurement noise": "covariance of the measured modes",
         "model discrepancy": f"{100 * elastic.discrepancy:.2g} % of a frequency, from the residuals and its prior",
     }
+    if elastic.standing:
+        words[OTHER_PARTNERS] = f"{len(elastic.standing)} other pairings that the frequencies do not rule out"
     for column, name in enumerate(prior.names):
         sd = f"{prior.prior_sd[column]:.3g} {prior.units[prior.constant_names.index(name)]}"
         if name in prior.reported:

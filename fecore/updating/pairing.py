@@ -8,11 +8,13 @@ has no partner are those of the least
     Σ_pairs (½ (ln f_e - ln f_n - c)²/σ² - ln p_k) - Σ_missed ln(1 - p_k) + ½ c²/σ_c² + L · (measured modes alone),
 
 p_k the probability that mode k is seen, which is small where the FRFs' points lie near its nodes. Kinds of modes that swap
-their order as constants move are a matter for several starts (`elastic_starts`): each constant moves its own kind.
+their order as constants move are a matter for several starts (`elastic_starts`): each constant moves its own kind. Partners
+that are held are named by their kind, so that they stay the same where modes of two kinds cross.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +27,9 @@ from fecore.updating.forward import ForwardState
 FEWEST_DOFS = 3
 """Dofs from which shapes distinguish modes."""
 
+Partners = tuple[tuple[int, str, int], ...]
+"""Measured modes with the kinds of their partners, and the partners' places among the model's modes of their kind."""
+
 _SCATTER = 0.06  # σ: of kinds of modes about the common factor, as the constants' ratios are off
 _FACTOR_SD, _FACTORS = 0.15, np.linspace(-0.5, 0.5, 41)  # σ_c, and the c that are tried
 _ALONE = 8.0  # L: a measured mode without a partner is what an offset of four σ would cost
@@ -33,10 +38,15 @@ _LEAST, _MOST = 0.05, 0.95  # p_k: nothing is sure
 _SAME = 1e-9  # relative distance of frequencies that is round-off
 
 
+def has_shapes(modes: MeasuredModes) -> bool:
+    """Whether the modes have shapes that distinguish them."""
+    return modes.shapes is not None and len(modes.dofs) >= FEWEST_DOFS
+
+
 def pair_with(modes: MeasuredModes, state: ForwardState) -> Pairing:
     """Measured modes with those of a solved model, whose first points are those of the shapes."""
     dofs = len(modes.dofs)
-    if modes.shapes is not None and dofs >= FEWEST_DOFS:
+    if has_shapes(modes):
         return pair_modes(
             modes.shapes, state.shapes[:, :dofs], modes.frequency_hz, state.frequency_hz, hidden=state.hidden
         )
@@ -57,6 +67,30 @@ def pair_likest(modes: MeasuredModes, state: ForwardState) -> Pairing:
         maximum_frequency_ratio=np.inf,
         hidden=state.hidden,
     )
+
+
+def partners_of(pairing: Pairing, kinds: Sequence[str]) -> Partners:
+    """Who is paired with whom, whatever other kinds lie between."""
+    return tuple((row, kinds[column], kinds[:column].count(kinds[column])) for row, column in pairing.pairs)
+
+
+def exchanged(pairing: Pairing, kinds: Sequence[str]) -> list[Partners]:
+    """The partners with one measured mode's other candidate, of another kind, in place of its own."""
+    own = dict(pairing.pairs)
+    changes = [{row: other} for row, _, other in pairing.ambiguous if kinds[other] != kinds[own[row]]]
+    return [partners_of(replace(pairing, pairs=tuple({**own, **change}.items())), kinds) for change in changes]
+
+
+def pair_held(modes: MeasuredModes, state: ForwardState, partners: Partners) -> Pairing:
+    """The pairing with given partners at a solved model; those that the model does not have there are left out."""
+    kinds = state.kinds
+    numbers: dict[tuple[str, int], int] = {
+        (kind, kinds[:column].count(kind)): column for column, kind in enumerate(kinds)
+    }
+    pairs = tuple((row, numbers[kind, place]) for row, kind, place in partners if (kind, place) in numbers)
+    seen = probability_seen(modes, state)
+    seen[list(state.hidden)] = 0.0  # so that none of these is a rival, or was missed
+    return _described(pairs, modes.frequency_hz, state.frequency_hz, seen)
 
 
 def _among(shown: IntArray, pairing: Pairing) -> Pairing:

@@ -191,7 +191,14 @@ def _elastic(
             return found, modes
 
         def refit(model: ForwardModel, former: ElasticResult) -> ElasticResult:
-            return update_elastic(model, modes, use_shapes=recipe.use_shapes, start=former.theta, seek_excursions=seek)
+            return update_elastic(
+                model,
+                modes,
+                use_shapes=recipe.use_shapes,
+                start=former.theta,
+                seek_excursions=seek,
+                held=former.held,
+            )
 
         return sparse_zones(found, refit), data.modes
     assert data.fitted is not None, "without modes there are FRFs"

@@ -13,7 +13,7 @@ estimate (Gelman et al., Bayesian Data Analysis, 3rd ed., 14). With few modes it
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -65,6 +65,17 @@ def identifiability(
             tuple(names[j] for j in np.flatnonzero(shared[i] > _IN_NULL) if j != i),
         )
         for i, name in enumerate(names)
+    )
+
+
+def spread_over(
+    known: tuple[Identifiability, ...], covariance: FloatArray, prior_sd: FloatArray
+) -> tuple[Identifiability, ...]:
+    """The same where the posterior is wider than it was judged by, from its (p, p) second moments about the estimate."""
+    information = np.clip(1 - np.diag(covariance) / prior_sd**2, 0, 1)
+    return tuple(
+        replace(each, identifiable=bool(each.identifiable and left > _INFORMED), information=float(left))
+        for each, left in zip(known, information, strict=True)
     )
 
 

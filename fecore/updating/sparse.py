@@ -52,4 +52,4 @@ def sparse_zones(first: ElasticResult, refit: Callable[[ForwardModel, ElasticRes
         sds = prior.prior_sd.copy()
         sds[zones] = wanted
         result = refit(replace(forward, parametrisation=replace(prior, prior_sd=sds)), result)
-    return replace(result, starts=first.starts)
+    return replace(result, starts=first.starts, rivals=first.rivals, torn=first.torn)

@@ -290,10 +290,11 @@ class Summary:
         return StartHistory(dict(zip(names, thetas.T, strict=True)), start.cost, chosen, start.failure)
 
     def _pairing(self) -> PairingSummary:
-        elastic, rival = self.elastic, self.elastic.rival
+        elastic = self.elastic
         state, names = elastic.updated, elastic.updated.forward.parametrisation.reported
         other = None
-        if rival is not None:
+        if elastic.rivals:
+            rival = elastic.rivals[0]
             partners = _partners(rival.pairs, rival.frequency_hz, rival.kinds)
             other = RivalPairing(partners, by_name(names, rival.theta[: len(names)]), rival.evidence)
         by: Literal["shapes", "order"] = "order" if elastic.pairing.mac is None else "shapes"
