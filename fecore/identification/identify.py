@@ -93,12 +93,15 @@ def identify(
 
 @dataclass(frozen=True)
 class _Sought:
-    """The FRFs as aligned, their linear stage, the poles that they need, and the drift that was taken out."""
+    """The FRFs as aligned, their linear stage, the poles that they need, the drift that was taken out, and whether the
+    search had as many poles as it may.
+    """
 
     arrangement: Arrangement
     linear: LinearStage
     searched: Searched
     drift: Drift | None
+    stopped: bool
 
 
 def _seek(prepared: Prepared, linear: LinearStage, options: Options, report: Report) -> _Sought:
@@ -108,10 +111,16 @@ def _seek(prepared: Prepared, linear: LinearStage, options: Options, report: Rep
     searched = search_poles(arrangement, noise, linear.pool, most, report)
     stretch = without_stretch(arrangement, searched.sifted.fit.terms, noise)
     if stretch is None:
-        return _Sought(arrangement, linear, searched, None)
+        return _Sought(arrangement, linear, searched, None, _stopped(searched, options))
     aligned, drift = stretch
     linear = linear_stage(aligned, options.highest_order)
-    return _Sought(aligned, linear, search_poles(aligned, noise, linear.pool, most, report), drift)
+    searched = search_poles(aligned, noise, linear.pool, most, report)
+    return _Sought(aligned, linear, searched, drift, _stopped(searched, options))
+
+
+def _stopped(searched: Searched, options: Options) -> bool:
+    """Whether there were as many poles as the options allow."""
+    return searched.sifted.fit.terms.pairs + len(searched.sifted.dropped) >= options.most_modes
 
 
 def _judged(prepared: Prepared, sought: _Sought, final: Final, clock: _Clock, report: Report) -> Identification:
@@ -126,7 +135,7 @@ def _judged(prepared: Prepared, sought: _Sought, final: Final, clock: _Clock, re
     verdict = judge(arrangement, final.fit, search, witnesses)
     refused = (*verdict.refused, *(RefusedPole(*pole) for pole in sifted.dropped))
     if not verdict.kept.size:
-        raise IdentificationError(_nothing(arrangement, diagram, refused))
+        raise IdentificationError(_nothing(arrangement, diagram, refused, sought.stopped))
     fit, verdict, parted = part(arrangement, final.fit, verdict)
     shapes = _shapes(arrangement, fit, verdict)
     notes = (
@@ -212,7 +221,7 @@ def _noise_remarks(arrangement: Arrangement, fit: Fit) -> list[str]:
     ]
 
 
-def _nothing(arrangement: Arrangement, diagram: Stabilisation, refused: tuple[RefusedPole, ...]) -> str:
+def _nothing(arrangement: Arrangement, diagram: Stabilisation, refused: tuple[RefusedPole, ...], stopped: bool) -> str:
     """What was seen and what to try, for a record without a mode."""
     band = f"{arrangement.frequency_hz[0]:g} to {arrangement.frequency_hz[-1]:g} Hz"
     stable = np.unique(np.round(diagram.frequency_hz[diagram.damping_stable], -1))
@@ -222,6 +231,7 @@ def _nothing(arrangement: Arrangement, diagram: Stabilisation, refused: tuple[Re
         f"no mode is supported by the {len(arrangement.pairs)} FRFs from {band}. "
         + (f"Poles seen and refused: {'; '.join(seen)}. " if seen else "No pole lowers the misfit by what it costs. ")
         + (again if stable.size else "")
+        + ("The search stopped at most_modes; raise it, or leave it out. " if stopped else "")
         + "Try a band around a resonance, more averages, or a higher order; check that responses and forces are not"
         " swapped, and that the imaginary part has the sign of exp(+iωt)."
     )

@@ -17,6 +17,7 @@ from fecore.arrays import FloatArray
 from fecore.body.layered import LayeredSpecimen
 from fecore.body.specimen import Specimen
 from fecore.dynamics.eigen import modes_below, normal_modes
+from fecore.errors import InputError
 
 DISCRETISATION = 2e-4
 """Largest relative error of a natural frequency by the mesh."""
@@ -26,6 +27,7 @@ _FEWEST = (8, 2)  # elements along and across
 _EDGE_LAYER = 2.0  # thicknesses that an element may be wide, to begin with, …
 _MOST_ACROSS = 16  # … but not beyond so many elements: on a wide plate the layer weighs little
 _MOST = 1500  # elements: a job with more would take minutes
+_HOPELESS = 9 * _MOST  # wanted elements from which those allowed are fewer than two a wave, and modes thousands
 _SAFETY = 1.3  # on the number of elements that the fourth power asks for
 _ROUNDS = 3  # of solving, estimating and refining
 
@@ -49,8 +51,19 @@ def discretise(specimen: Specimen | LayeredSpecimen, highest_hz: float) -> Discr
     """Choose a specimen's mesh for its modes up to a frequency, at its nominal constants.
 
     Where the tolerance would take more elements than `_MOST`, the finest mesh allowed stands with what it misses.
+
+    Raises:
+        InputError: the body is so large for its thickness and the band that no mesh allowed follows its waves.
     """
-    divisions = _within(_first(specimen, highest_hz))
+    wanted = _first(specimen, highest_hz)
+    if wanted[0] * wanted[1] > _HOPELESS:
+        sides = " × ".join(f"{side:g}" for side in (specimen.length, specimen.width, specimen.thickness))
+        raise InputError(
+            "geometry",
+            f"of {sides} m takes {wanted[0]} × {wanted[1]} elements for its waves up to {highest_hz:.4g} Hz, in all "
+            f"{wanted[0] * wanted[1]} and more than {_HOPELESS}: lengths are in m, not in mm; or lower the band",
+        )
+    divisions = _within(wanted)
     for _ in range(_ROUNDS):
         found = _estimate(specimen, divisions, highest_hz)
         if found.error.max(initial=0.0) <= DISCRETISATION or np.prod(divisions) >= 0.9 * _MOST:

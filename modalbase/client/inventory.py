@@ -148,6 +148,10 @@ def _listed(
         print_table("", shown, [[one[name] for name in columns] for one in found])
 
 
+_SMALL_M = 0.005
+"""Longest side below which a size was probably stated in m."""
+
+
 def _geometry(text: str) -> dict[str, float]:
     """Length, width and thickness in m of a text in mm."""
     parts = text.lower().replace("×", "x").split("x")
@@ -157,6 +161,9 @@ def _geometry(text: str) -> dict[str, float]:
         raise ClientError(
             f"--size {text!r} is no length x width x thickness in mm, such as 500x40x10", Exit.USAGE
         ) from None
+    if max(length, width, thickness) < _SMALL_M:
+        longest = 1000 * max(length, width, thickness)
+        typer.echo(f"--size {text}: the longest side is {longest:g} mm; sizes are in mm", err=True)
     return {"length_m": length, "width_m": width, "thickness_m": thickness}
 
 

@@ -22,7 +22,7 @@ from modalbase.formats.frfs.table import DOFS
 from service.errors import Fault, Invalid
 from service.frfs.schemas import FrfsIn
 from service.frfs.spectra import encode, encode_axis
-from service.web.json_body import BULK_VALUES, checked, parse_json, pointer
+from service.web.json_body import BULK_VALUES, checked, parse_json, parse_parameter, pointer
 
 MOST_FRFS = 10_000
 """Of one body: each is a row of the answer."""
@@ -144,7 +144,7 @@ def from_mat(sent: Sent) -> Frfs:
     Raises:
         Invalid: it cannot be read, its mapping is missing or does not fit, or the FRFs do not hold together.
     """
-    document = None if sent.mapping is None else parse_json(sent.mapping.encode())
+    document = None if sent.mapping is None else parse_parameter("mapping", sent.mapping)
     try:
         return _consistent(read_mat(sent.path, document, sent.quantity, sent.limit_bytes))
     except FormatError as error:

@@ -11,7 +11,7 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.records import Mapping, TimeBlock, Variables, blocks_of, propose, read_mapping, read_variables
 from service.errors import Fault, Invalid
 from service.records.schemas import Proposal
-from service.web.json_body import parse_json, pointer
+from service.web.json_body import parse_json, parse_parameter, pointer
 
 SUFFIX_OF = {"application/x-npz": ".npz", "text/csv": ".csv", "audio/wav": ".wav", "audio/x-wav": ".wav"}
 
@@ -59,7 +59,7 @@ def from_file(path: Path, filename: str, content_type: str, mapping: str | None,
         variables = read_variables(path, suffix, limit_bytes)
     except FormatError as error:
         raise _invalid(error) from None
-    return Sent(variables, None if mapping is None else parse_json(mapping.encode()))
+    return Sent(variables, None if mapping is None else parse_parameter("mapping", mapping))
 
 
 def from_json(body: bytes) -> Sent:

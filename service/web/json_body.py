@@ -44,6 +44,19 @@ def refuse_unstorable_text(value: str) -> str:
     return value
 
 
+def parse_parameter(name: str, text: str) -> Any:
+    """The value of a query parameter that is JSON.
+
+    Raises:
+        Invalid: as `parse_json`, naming the parameter.
+    """
+    try:
+        return parse_json(text.encode(errors="replace"))
+    except Invalid as error:
+        faults = [Fault(name + one.pointer, one.detail.removeprefix("the body ")) for one in error.faults]
+        raise Invalid(faults, count=error.count) from None
+
+
 def parse_json(body: bytes, *, most_values: int = MOST_VALUES) -> Any:
     """The value of a JSON body.
 

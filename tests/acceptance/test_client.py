@@ -154,6 +154,15 @@ def test_values_have_the_digits_that_their_uncertainty_leaves(capsys: pytest.Cap
     assert said.err == "warning: look\n"
 
 
+def test_a_size_in_metres_is_made_and_questioned(run: Run, project: str) -> None:
+    for size, said in (
+        ("0.5x0.04x0.01", "--size 0.5x0.04x0.01: the longest side is 0.5 mm; sizes are in mm\n"),
+        ("500x40x10", ""),
+    ):
+        made = run("structures", "--project", project, "--new", size, "--size", size, "--json")
+        assert made.stderr == said
+
+
 def test_structures_are_listed_for_the_commands_that_want_their_id(run: Run, structure: str, project: str) -> None:
     assert structure in run("structures").stdout
     (found,) = json.loads(run("structures", "--project", project, "--json").stdout)
@@ -287,7 +296,7 @@ def test_an_update_that_fails_says_why(run: Run, campaign: str) -> None:
 
 
 def test_the_client_starts_without_the_database_and_the_core() -> None:
-    code = "import sys, service.cli, modalbase.client.connection, modalbase.client.results; print(*sys.modules)"
+    code = "import sys, service.cli.command, modalbase.client.connection, modalbase.client.results; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.split())
     assert not loaded & {"numpy", "scipy", "sqlalchemy", "psycopg", "fastapi", "pydantic", "fecore", "service.settings"}

@@ -315,6 +315,8 @@ def test_what_cannot_be_right_is_refused_with_its_place(
     lame = {**MAPPING, "sample_rate_hz": {"variable": "rate"}}
     problem = checked(post(api, campaign, npz(hits[:1]), mapping=json.dumps(lame)), 422)
     assert "is not in the file" in json.dumps(problem)
+    (fault,) = checked(post(api, campaign, npz(hits[:1]), mapping="{force"), 422)["errors"]
+    assert (fault["pointer"], fault["detail"].split(":")[0]) == ("mapping", "is not JSON")
     checked(post(api, campaign, b"no archive"), 422)
     assert "the body is empty" in checked(post(api, campaign, b""), 422)["detail"]
     unmapped = api.post(f"campaigns/{campaign}/records", content=npz(hits[:1]), params={"filename": "hits.npz"})

@@ -22,7 +22,7 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records.blocks import ChannelQuantity, TimeBlock
-from modalbase.formats.records.variables import Variables
+from modalbase.formats.records.variables import SAMPLE_RATE, Variables
 from modalbase.formats.types import FloatArray
 
 Value = float | str
@@ -30,6 +30,7 @@ Value = float | str
 
 _FEWEST_SAMPLES = 64
 _UNEVEN = 1e-3
+_OTHER_RATE = 0.01  # by which a stated rate may differ from the file's own
 _FASTEST_HZ = 1e9  # no analyser of vibrations samples faster
 _LARGEST = 1e15  # N, m/s², m/s or m: whatever is larger is not a measurement
 _RATES = ("fs", "sr", "samplerate", "sampleratehz", "samplingrate", "samplingfrequency")
@@ -250,6 +251,12 @@ def _in_si(table: FloatArray, channel: ChannelMapping) -> FloatArray:
 def _rate(variables: Variables, given: Value, samples: int) -> float:
     if not isinstance(given, str):
         rate = float(given)
+        own = variables.get(SAMPLE_RATE, np.array(rate))
+        if own.size == 1 and own.dtype.kind != "c" and abs(rate - float(own.item())) > _OTHER_RATE * rate:
+            raise FormatError(
+                "mapping.sample_rate_hz",
+                f'is {rate:g}, and the file says {float(own.item()):g}; state {{"variable": "{SAMPLE_RATE}"}}',
+            )
     else:
         values = _real(np.ravel(_array(variables, given)), given)
         if values.size == 1:

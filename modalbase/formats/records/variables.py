@@ -5,6 +5,7 @@ Nothing is unpickled and nothing is guessed: what the arrays mean is the mapping
 
 from __future__ import annotations
 
+import codecs
 import csv
 import io
 import warnings
@@ -27,8 +28,8 @@ SAMPLE_RATE = "sample_rate_hz"
 def read_variables(path: Path, suffix: str | None = None, limit_bytes: int | None = None) -> Variables:
     """The numeric arrays of a file by name.
 
-    A wav file's channels are `channel_1`, `channel_2` … and its rate `sample_rate_hz`; a CSV's columns have the names
-    of its first line.
+    A wav file's channels are `channel_1`, `channel_2` …, from -1 to 1 also where its samples are integers, and its rate
+    `sample_rate_hz`; a CSV's columns have the names of its first line.
 
     Args:
         path: of the file.
@@ -128,7 +129,10 @@ def _mat73(path: Path, limit_bytes: int | None) -> Variables:
 
 def _csv(path: Path, limit_bytes: int | None) -> Variables:
     _within(path.stat().st_size, limit_bytes, "")
-    text = path.read_bytes().decode("utf-8-sig", errors="replace")
+    content = path.read_bytes()
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise FormatError("", "is a CSV in UTF-16, as spreadsheets write Unicode text; save it as UTF-8")
+    text = content.decode("utf-8-sig", errors="replace")
     first = text.partition("\n")[0]
     separator = max(";\t,", key=first.count)
     names = [name.strip() for name in next(csv.reader(io.StringIO(first), delimiter=separator), [])]
@@ -158,8 +162,19 @@ def _wav(path: Path, limit_bytes: int | None) -> Variables:
         warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks beside the samples
         rate, samples = wavfile.read(path)
     table = samples[:, np.newaxis] if samples.ndim == 1 else samples
-    channels = {f"channel_{i + 1}": table[:, i].astype(float) for i in range(table.shape[1])}
+    scale, zero = _full_scale(table.dtype)
+    channels = {f"channel_{i + 1}": (table[:, i].astype(float) - zero) / scale for i in range(table.shape[1])}
     return {SAMPLE_RATE: np.array(float(rate)), **channels}
+
+
+def _full_scale(kind: np.dtype[Any]) -> tuple[float, float]:
+    """Counts of full scale and of zero, by which all kinds of samples go from -1 to 1, as those of floating point do; scipy
+    puts 24 bits into the upper ones of 32.
+    """
+    if kind.kind == "f":
+        return 1.0, 0.0
+    half = 2.0 ** (8 * kind.itemsize - 1)
+    return half, half if kind.kind == "u" else 0.0
 
 
 def _whole_wav(path: Path) -> None:

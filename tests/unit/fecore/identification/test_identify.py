@@ -367,6 +367,11 @@ def test_noise_alone_holds_no_mode() -> None:
         identify(FrfSet(np.arange(1.0, 801.0), values, dofs, (dofs[0],) * 10))
 
 
+def test_a_limit_on_the_modes_that_stopped_the_search_is_named() -> None:
+    with pytest.raises(IdentificationError, match="The search stopped at most_modes; raise it"):
+        identify(paper_frfs(0.05, 0), Options(most_modes=1))
+
+
 def test_a_single_frf_is_enough() -> None:
     found = identify(paper_frfs(0.01, 6).select([0]))
     assert np.allclose(found.found.modes.frequency_hz, PAPER_HZ, rtol=0.01)

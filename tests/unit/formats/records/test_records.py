@@ -102,6 +102,34 @@ def test_wav_carries_its_own_rate(tmp_path: Path) -> None:
     np.testing.assert_array_equal(blocks[0].samples, FORCE[0].astype(float))
 
 
+@pytest.mark.parametrize(("kind", "full"), [("u1", 2**7), ("<i2", 2**15), ("<i4", 2**31)])
+def test_integers_of_a_wav_go_from_minus_one_to_one(kind: str, full: int, tmp_path: Path) -> None:
+    path = tmp_path / "hit.wav"
+    shares = np.array([-1.0, -0.5, 0.0, 0.25, 127 / 128] * 20)
+    wavfile.write(path, 2048, (shares * full + (full if kind == "u1" else 0)).astype(kind))
+    np.testing.assert_array_equal(read_variables(path)["channel_1"], shares)
+
+
+def test_a_stated_rate_that_the_file_contradicts_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "hit.wav"
+    wavfile.write(path, 2048, np.stack([FORCE[0], RESPONSE[0]], axis=1))
+    channels = [
+        {"variable": "channel_1", "quantity": "force", "point": 4},
+        {"variable": "channel_2", "quantity": "acceleration", "point": 33},
+    ]
+    near = blocks_of(read_variables(path), read_mapping({"sample_rate_hz": 2050, "channels": channels}))
+    assert near[0].sample_rate_hz == 2050
+    with pytest.raises(FormatError, match="sample_rate_hz: is 51200, and the file says 2048"):
+        blocks_of(read_variables(path), read_mapping({"sample_rate_hz": 51200, "channels": channels}))
+
+
+def test_a_csv_in_utf_16_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "hit.csv"
+    path.write_text("time_s,force\n0,1\n", encoding="utf-16")
+    with pytest.raises(FormatError, match=r"CSV in UTF-16.* save it as UTF-8"):
+        read_variables(path)
+
+
 def test_a_proposal_names_what_it_recognises_and_needs_little_more() -> None:
     proposed = propose(ARRAYS)
     assert proposed["sample_rate_hz"] == {"variable": "fs"}
