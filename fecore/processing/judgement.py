@@ -24,6 +24,8 @@ _SWAPPED = 4.0  # times that a force may last as long as a response of it, which
 _STOP_BAND_SCATTER = 3.0  # ratio that the noise between channels may scatter by
 # Part above the filter's cut, and over the usual one, that two equal samples need.
 _TWO_EQUAL, _TWO_EQUAL_SCATTER = 0.01, 1.5
+_LOUDER = 2.0  # times the noise: a smaller change of range is below the limits on level and line
+_NOISE_SAMPLES = 40  # before the pulse, below which a single line that rings is as wide as the band
 
 Criterion = Literal["double", "overload", "quiet", "late", "early", "place", "polarity", "height", "swapped"]
 
@@ -274,13 +276,17 @@ def _early(traits: Traits, others: Usual, limits: Limits) -> list[Finding]:
 
 def _still_rings(before: Before, share: float, quiet: Ordinary, lines: Lines | None, limits: Limits) -> Finding:
     """Whether the response before the pulse is louder than the campaign's own is, as a whole or in one line, and then
-    whether that is enough to matter beside what the hit excites.
+    whether that is enough to matter beside what the hit excites. What is louder in all lines alike is noise, as where a
+    range or a sensitivity was another, and no body that rings.
     """
-    number, limit = before.level / quiet.level, max(limits.before_noise, quiet.reach / quiet.level)
+    gain = _louder_noise(before, lines)
+    number, limit = before.level / (gain * quiet.level), max(limits.before_noise, quiet.reach / quiet.level)
+    quiet_hits = "quiet hits" if gain == 1 else f"quiet hits whose noise were {gain:.2g} times as loud"
     sentence = (
-        f"Before the pulse the response is {number:.2g} times as loud as before quiet hits; the limit is {limit:.2g}."
+        f"Before the pulse the response is {number:.2g} times as loud as before {quiet_hits}; the limit is {limit:.2g}."
     )
     loudest, most = _loudest_line(before, lines, limits)
+    loudest /= gain**2
     if number <= limit and loudest > most:
         number, limit = loudest, most
         sentence = (
@@ -292,6 +298,16 @@ def _still_rings(before: Before, share: float, quiet: Ordinary, lines: Lines | N
         sentence += f" It is {part:.2%} of what the hit excites there, so the hit is not refused."
         failed = False
     return Finding("early", number, limit, failed, sentence)
+
+
+def _louder_noise(before: Before, others: Lines | None) -> float:
+    """How much louder the noise before the pulse is than usual, by the median line, which a ringing body hardly raises; of
+    white noise it is ln 2 of the mean. 1 where it is less than `_LOUDER`, which no limit minds.
+    """
+    if others is None or before.samples < _NOISE_SAMPLES or not others.power.min() > 0:
+        return 1.0
+    gain = float(np.sqrt(np.median(before.lines / others.power) / np.log(2)))
+    return gain if gain > _LOUDER else 1.0
 
 
 def _of_excited(before: Before, others: Lines | None) -> float:

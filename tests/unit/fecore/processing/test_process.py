@@ -101,6 +101,20 @@ def test_a_body_that_still_rings_under_the_noise_is_found_by_one_line_of_its_spe
     assert [v.accepted for v in verdicts[:-1]] == [True] * 5
 
 
+def test_a_range_that_was_changed_for_a_hit_is_no_body_that_rings() -> None:
+    """Its noise is louder in all lines alike; a ring of the same level beside it is found."""
+    bench = _bench(2, "free", sample_rate_hz=6400.0, samples=8192, pretrigger=380, response_noise=3e-4, hum=1e-5)
+    hits = [hit for label in (1, 2, 3) for hit in _hits(bench, 4, label=label)]
+    louder = [_with_response(hit, 5 * hit.responses[0].samples) for hit in hits[:4]]
+    verdicts = process(by_point([*louder, *hits[4:]])).verdicts
+    assert [v.accepted for v in verdicts] == [True] * 12
+    level = 5 * hits[0].responses[0].samples[:250].std()
+    ring = np.sqrt(2) * level * np.exp(-np.arange(8192) / 4000) * np.sin(0.4 * np.arange(8192))
+    ringing = _with_response(hits[0], hits[0].responses[0].samples + ring)
+    (fault,) = process(by_point([ringing, *hits[1:]])).verdicts[0].faults
+    assert fault.criterion == "early"
+
+
 def test_a_top_of_two_equal_samples_is_an_overload_where_the_filter_lets_nothing_through() -> None:
     bench = _bench(5, "free", sample_rate_hz=6400.0, samples=8192, force_noise=1e-2, tip_s=1.2e-3)
     hits = _hits(bench, 5)
