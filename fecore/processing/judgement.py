@@ -25,6 +25,7 @@ _STOP_BAND_SCATTER = 3.0  # ratio that the noise between channels may scatter by
 # Part above the filter's cut, and over the usual one, that two equal samples need.
 _TWO_EQUAL, _TWO_EQUAL_SCATTER = 0.01, 1.5
 _LOUDER = 2.0  # times the noise: a smaller change of range is below the limits on level and line
+_ALL = 2.0  # times the level that the louder noise accounts for, beyond which something else is louder too
 _NOISE_SAMPLES = 40  # before the pulse, below which a single line that rings is as wide as the band
 
 Criterion = Literal["double", "overload", "quiet", "late", "early", "place", "polarity", "height", "swapped"]
@@ -279,7 +280,7 @@ def _still_rings(before: Before, share: float, quiet: Ordinary, lines: Lines | N
     whether that is enough to matter beside what the hit excites. What is louder in all lines alike is noise, as where a
     range or a sensitivity was another, and no body that rings.
     """
-    gain = _louder_noise(before, lines)
+    gain = _louder_noise(before, quiet, lines)
     number, limit = before.level / (gain * quiet.level), max(limits.before_noise, quiet.reach / quiet.level)
     quiet_hits = "quiet hits" if gain == 1 else f"quiet hits whose noise were {gain:.2g} times as loud"
     sentence = (
@@ -300,14 +301,14 @@ def _still_rings(before: Before, share: float, quiet: Ordinary, lines: Lines | N
     return Finding("early", number, limit, failed, sentence)
 
 
-def _louder_noise(before: Before, others: Lines | None) -> float:
+def _louder_noise(before: Before, quiet: Ordinary, others: Lines | None) -> float:
     """How much louder the noise before the pulse is than usual, by the median line, which a ringing body hardly raises; of
-    white noise it is ln 2 of the mean. 1 where it is less than `_LOUDER`, which no limit minds.
+    white noise it is ln 2 of the mean. 1 where it is less than `_LOUDER`, which no limit minds, or not all that is louder.
     """
     if others is None or before.samples < _NOISE_SAMPLES or not others.power.min() > 0:
         return 1.0
     gain = float(np.sqrt(np.median(before.lines / others.power) / np.log(2)))
-    return gain if gain > _LOUDER else 1.0
+    return gain if gain > _LOUDER and before.level < _ALL * gain * quiet.level else 1.0
 
 
 def _of_excited(before: Before, others: Lines | None) -> float:
