@@ -30,7 +30,7 @@ class Named(BaseModel):
     name: str
 
 
-router = APIRouter()
+router = APIRouter(prefix=PREFIX)
 
 
 @router.put("/things/{thing}")
@@ -139,7 +139,7 @@ def front(sessions: Sessions) -> Open:
             if refusal is not None:
                 raise refusal
 
-        paths = Paths([router], PREFIX, {"thing": find})
+        paths = Paths(router.routes, PREFIX, {"thing": find})
         door = Door(house, Settings(database_url="postgresql://nowhere/x", **settings), sessions, paths, [PREFIX])
         house.door = door
         for bucket in (door._requests, door._bytes, door.keys._failures):
@@ -262,7 +262,7 @@ def test_key_and_role_are_asked_before_what_costs_is_received(front: Open) -> No
         assert (await at.ask(b"x", path=f"/files/{FILE}/x"))[0] == 200
         assert (await at.ask(b"x", path="/files/none/x"))[0] == 200  # the route says what is wrong with it
         assert at.looked == [("ada", THING, "editor"), ("ada", FILE, "editor")]
-        assert at.house.asked[-1]["route"].path == "/files/{thing}/{part}"
+        assert at.house.asked[-1]["route"].path == f"{PREFIX}/files/{{thing}}/{{part}}"
 
     run(test)
 
@@ -406,7 +406,7 @@ def test_ids_of_a_path_are_found_by_method_and_pattern() -> None:
     def find(*_: object) -> None:
         """Never called."""
 
-    paths = Paths([router], PREFIX, {"thing": find})
+    paths = Paths(router.routes, PREFIX, {"thing": find})
     key = uuid4()
     for method, path, expected in (
         ("PUT", f"/things/{key}", [(find, key)]),

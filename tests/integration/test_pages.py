@@ -65,7 +65,9 @@ def test_a_page_shows_one_moment(
         ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "later", "modes": [{"frequency_hz": 10.0}]}), 201)
         holding.rollback()
         assert "No mode set yet" in asked.result().text
-    assert "No mode set yet" not in browser.get(path).text
+    then = browser.get(path).text
+    assert "No mode set yet" not in then
+    assert "later" in then
 
 
 def test_the_policy_lets_a_page_ask_nobody_else(browser: httpx.Client) -> None:
