@@ -13,7 +13,7 @@ of its partner. Every pairing whose evidence is near the best one's then takes p
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -113,17 +113,22 @@ def update_from_several_starts(
     best = min(verified, key=lambda result: evidence(result, modes))
     torn = found[0].torn if isinstance(found[0], SwingingError) and not by_shapes else ()
     best = replace(best, starts=tried, rivals=_rivals(best, found, modes), torn=torn)
-    known = spread_over(best.identifiability, best.spanning.total, best.coordinates.sd) if best.standing else None
-    return best if known is None else replace(best, identifiability=known)
+    if not best.standing:
+        return best
+    return replace(best, identifiability=spread_over(best.identifiability, best.spanning.total, best.coordinates.sd))
+
+
+def _ranked(found: Sequence[ElasticResult | UpdatingError], modes: MeasuredModes) -> list[ElasticResult]:
+    """Those that are results, the best supported first."""
+    results = [each for each in found if isinstance(each, ElasticResult)]
+    return sorted(results, key=lambda result: evidence(result, modes))
 
 
 def _to_hold(
     found: list[ElasticResult | UpdatingError], modes: MeasuredModes, forward: ForwardModel
 ) -> list[tuple[Partners, FloatArray]]:
     """Pairings that no fit came to rest at but may be as likely, each with the parameters to start from."""
-    results = sorted(
-        (each for each in found if isinstance(each, ElasticResult)), key=lambda each: evidence(each, modes)
-    )
+    results = _ranked(found, modes)
     prior = forward.solve(forward.parametrisation.prior_mean)
     candidates = [(partners_of(pair_with(modes, prior), prior.kinds), prior.theta)]
     candidates += [pair for each in found if isinstance(each, SwingingError) for pair in each.between]
@@ -138,9 +143,8 @@ def _to_hold(
 
 def _worth_verifying(found: list[ElasticResult], modes: MeasuredModes) -> list[ElasticResult]:
     """Those that are better than every verified result, or the best two where there is none; one of each pairing."""
-    ranked = sorted(found, key=lambda result: evidence(result, modes))
     best: dict[Partners, ElasticResult] = {}
-    for result in ranked:
+    for result in _ranked(found, modes):
         if result.updated.forward.verified:
             break
         best.setdefault(_partners(result), result)
@@ -156,9 +160,7 @@ def _as_start(found: ElasticResult | UpdatingError) -> Start:
 def _rivals(best: ElasticResult, found: list[ElasticResult | UpdatingError], modes: MeasuredModes) -> tuple[Rival, ...]:
     """The best point of each pairing other than the chosen one, the likest first."""
     others: dict[Partners, ElasticResult] = {}
-    for each in sorted(
-        (each for each in found if isinstance(each, ElasticResult)), key=lambda each: evidence(each, modes)
-    ):
+    for each in _ranked(found, modes):
         if _partners(each) != _partners(best):
             others.setdefault(_partners(each), each)
     chosen = evidence(best, modes)

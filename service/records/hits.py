@@ -14,6 +14,9 @@ from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.processing import Block, ChannelQuantity, Hit, Verdict
 
+Place = tuple[int, int]
+"""Point and direction of a hit."""
+
 
 @dataclass(frozen=True)
 class BlockRow:
@@ -34,7 +37,7 @@ class BlockRow:
     dtype: str
 
     @property
-    def place(self) -> tuple[int, int]:
+    def place(self) -> Place:
         """Where the hit was."""
         return self.force_point, self.force_direction
 

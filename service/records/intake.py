@@ -14,7 +14,8 @@ from sqlalchemy.orm import Session
 from modalbase.formats.records import TimeBlock
 from service.campaigns.operations import campaign_for, campaign_of
 from service.db.bytea import copy_rows
-from service.records.operations import COLUMNS, Place, columns_of, last_hits
+from service.records.hits import Place
+from service.records.operations import COLUMNS, columns_of, last_hits
 from service.records.tables import Record
 from service.storage import StorageOwner, book
 

@@ -18,7 +18,7 @@ from service.campaigns.operations import campaign_for
 from service.db.bytea import copy_rows, new_keys, stream_rows
 from service.errors import Conflict, Damaged, verified
 from service.frfs.spectra import encode
-from service.records.hits import BlockRow, by_sensors, describe_verdict, hits_of, whole
+from service.records.hits import BlockRow, Place, by_sensors, describe_verdict, hits_of, whole
 from service.records.schemas import UNITS, HitOut, RecordOut, StoredRecords
 from service.records.tables import Record
 from service.storage import StorageOwner, book
@@ -40,8 +40,6 @@ COLUMNS = {
 
 _SHOWN = tuple(name for name in RecordOut.model_fields if name not in ("unit", "sha256", "dtype"))
 _TYPES = {name: str(np.dtype(name)) for name in ("<f4", "<f8")}
-
-Place = tuple[int, int]
 
 record_for = Lookup(Record, "record", "campaign_id", campaign_for)
 """The record, if the user has at least a role in its project."""

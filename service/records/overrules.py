@@ -6,12 +6,10 @@ from collections.abc import Iterable, Sequence
 
 from fecore.errors import InputError
 from fecore.frf import Dof
+from service.records.hits import Place
 from service.records.schemas import OverruleIn
 
 _MOST_PLACES = 8  # that a message names
-
-Place = tuple[int, int]
-"""Point and direction of a hit."""
 
 
 def decisions(overrules: Sequence[OverruleIn], hits: Iterable[tuple[Place, int]]) -> dict[tuple[Dof, int], bool]:

@@ -25,7 +25,7 @@ from service.jobs.queue import enqueue
 from service.jobs.state import job_state
 from service.jobs.tables import Job
 from service.records.computing import PointFile, ProcessingInputs, ProcessingOutput, process_records
-from service.records.hits import BlockRow, by_sensors, whole
+from service.records.hits import BlockRow, Place, by_sensors, whole
 from service.records.operations import block_rows, sample_bytes
 from service.records.overrules import decisions
 from service.records.schemas import ProcessingIn, ProcessingOut
@@ -77,7 +77,7 @@ def load_records(
     return ProcessingInputs(tuple(points), processing, tuple(left))
 
 
-def _hits(rows: Iterable[Sequence[BlockRow]]) -> Iterator[tuple[tuple[int, int], int]]:
+def _hits(rows: Iterable[Sequence[BlockRow]]) -> Iterator[tuple[Place, int]]:
     """Place and number of each hit, also of those of which a block was deleted."""
     return ((row.place, row.hit) for group in rows for row in group)
 
