@@ -55,7 +55,7 @@ def put_member(
     found = expected_user(session, member)
     if body.role != "owner":
         _keep_an_owner(session, project_id, found)
-    _require_place(session, project_id)
+    _require_place(session, project_id, found)
     session.execute(
         insert(Member)
         .values(project_id=project.id, user_id=found.id, role=body.role)
@@ -80,10 +80,11 @@ def delete_member(project_id: UUID, member: str, session: SessionDep, user: Curr
     audit(session, user, "member.delete", "user", found.id, project.id)
 
 
-def _require_place(session: Session, project_id: UUID) -> None:
-    count = session.scalar(select(func.count()).select_from(Member).where(Member.project_id == project_id)) or 0
-    if count >= MOST_MEMBERS:
-        raise Conflict(f"the project has {count} members, as many as it may; take one out first")
+def _require_place(session: Session, project_id: UUID, coming: User) -> None:
+    """Refuse one member too many; the role of one who is in the project already can be changed."""
+    others = select(func.count()).where(Member.project_id == project_id, Member.user_id != coming.id)
+    if session.scalars(others).one() >= MOST_MEMBERS:
+        raise Conflict(f"the project has {MOST_MEMBERS} members, as many as it may; take one out first")
 
 
 def _keep_an_owner(session: Session, project_id: UUID, leaving: User) -> None:

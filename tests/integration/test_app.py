@@ -186,6 +186,9 @@ def uploads_over_the_limit_are_413(client: httpx.Client, campaign: str) -> None:
     is_problem(client.post(f"{campaign}/imports", content=iter([head, *[block] * 3]), headers=form), 413)
     npz = {"Content-Type": "application/x-npz"}
     is_problem(client.post(f"{campaign}/frfs", content=iter([block] * 3), headers=npz), 413)
+    points = "label,x_m,y_m\n" + "".join(f"{n},0,0\n" for n in range(1, 200))
+    refused = client.put(f"{campaign}/grid-points", content=points, headers={"Content-Type": "text/csv"})
+    assert is_problem(refused, 413)["detail"] == f"the body has {len(points)} bytes, the operator allows 1000"
     assert client.get(f"{campaign}/imports").json()["items"] == []
 
 

@@ -15,7 +15,7 @@ from sqlalchemy import Engine, LargeBinary, insert, inspect, select, text
 import service.composition  # noqa: F401  imports every table
 from fecore import __version__
 from service.access.tables import Member, Project, User
-from service.backup.archive import BackupError
+from service.backup.archive import MANIFEST, BackupError
 from service.backup.restoring import restore_backup
 from service.backup.verification import CHECKED, find_damage
 from service.backup.writing import our_tables, write_backup
@@ -207,11 +207,43 @@ def test_a_newer_version_s_backup_is_refused(engine: Engine, target: Engine, tmp
     with engine.begin() as connection:
         connection.execute(text(f"UPDATE alembic_version SET version_num = '{head_revision()}'"))
     file = backup_of(engine, tmp_path / "backup")
-    with ZipFile(file) as old, ZipFile(tmp_path / "newer", "w") as new:
-        for name in old.namelist():
-            new.writestr(name, old.read(name).replace(head_revision().encode(), b"9999_future"))
-    with pytest.raises(BackupError, match="which is newer; install that version"):
-        restore_backup(target, tmp_path / "newer")
+    newer = {
+        "which is newer; install that version": (head_revision().encode(), b"9999_future"),
+        "is a backup of format 2; install a newer modalbase": (b'"format": 1', b'"format": 2'),
+    }
+    for says, change in newer.items():
+        with pytest.raises(BackupError, match=says):
+            restore_backup(target, changed(file, *change))
+
+
+def changed(file: Path, old: bytes, new: bytes) -> Path:
+    """The backup with other words in its manifest."""
+    other = file.with_name("changed")
+    with ZipFile(file) as source, ZipFile(other, "w") as target:
+        for name in source.namelist():
+            content = source.read(name)
+            target.writestr(name, content.replace(old, new) if name == MANIFEST else content)
+    return other
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        (
+            b'"name": "users"',
+            b'"name": "people"',
+            "the backup's tables are not those of its schema; the file is damaged",
+        ),
+        (b'"rows": 1,', b'"rows": 2,', "the backup's table users is damaged: it is not what was written"),
+    ],
+)
+def test_a_manifest_that_does_not_fit_its_tables_is_refused(
+    engine: Engine, target: Engine, tmp_path: Path, old: bytes, new: bytes, says: str
+) -> None:
+    file = backup_of(engine, tmp_path / "backup")
+    with pytest.raises(BackupError, match=says):
+        restore_backup(target, changed(file, old, new))
+    assert inspect(target).get_table_names() == []
 
 
 def test_damage_of_the_database_is_named_and_carried(source: Engine, target: Engine, tmp_path: Path) -> None:

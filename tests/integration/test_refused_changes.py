@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
+from uuid import uuid4
 
 import httpx
 import pytest
@@ -65,3 +67,22 @@ def test_a_session_begins_and_ends_no_other(api: httpx.Client) -> None:
 def test_a_version_that_never_was_is_not_found(api: httpx.Client, structure: str) -> None:
     for number in (0, 2):
         ok(api.get(f"structures/{structure}/versions/{number}"), 404)
+
+
+def test_a_project_that_is_full_takes_no_member_more_but_another_role(
+    api: httpx.Client, project: str, rows: Callable[..., list[dict[str, Any]]]
+) -> None:
+    crowd = uuid4().hex
+    rows(
+        "WITH new AS (INSERT INTO users (name) SELECT %s || n FROM generate_series(1, 999) n RETURNING id) "
+        "INSERT INTO members SELECT %s, id, 'viewer' FROM new RETURNING role",
+        crowd,
+        project,
+    )
+    assert (
+        "has 1000 members"
+        in ok(api.put(f"projects/{project}/members/one-more", json={"role": "viewer"}), 409)["detail"]
+    )
+    assert ok(api.put(f"projects/{project}/members/{crowd}1", json={"role": "editor"}), 200)["role"] == "editor"
+    ok(api.delete(f"projects/{project}/members/{crowd}2"), 204)
+    ok(api.put(f"projects/{project}/members/one-more", json={"role": "viewer"}), 200)
