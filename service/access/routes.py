@@ -130,10 +130,12 @@ def create_api_key(body: KeyIn, session: SessionDep, user: CurrentUser, own: Cur
     if more := [scope for scope in scopes if scope not in own.scopes]:
         raise Invalid("/scopes", f"has {', '.join(more)}, which the key that makes it has not")
     expires_at = body.expires_at or own.expires_at
-    if expires_at is not None and expires_at <= transaction_time(session):
-        raise Invalid("/expires_at", "is over already")
-    if own.expires_at is not None and expires_at is not None and expires_at > own.expires_at:
-        raise Invalid("/expires_at", f"is later than the end of the key that makes it, {own.expires_at.isoformat()}")
+    if expires_at is not None:
+        if expires_at <= transaction_time(session):
+            raise Invalid("/expires_at", "is over already")
+        if own.expires_at is not None and expires_at > own.expires_at:
+            end = own.expires_at.isoformat()
+            raise Invalid("/expires_at", f"is later than the end of the key that makes it, {end}")
     row, key = create_key(session, user, body.name, scopes, expires_at)
     session.refresh(row)
     audit(session, user, "api_key.create", "api_key", row.id, name=body.name, scopes=scopes)

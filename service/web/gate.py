@@ -45,8 +45,8 @@ class Gate:
         self._took = 0.05  # seconds that an answer takes: a running mean
 
     def try_enter(self) -> bool:
-        """Take a slot if that needs no waiting."""
-        if self.waiting or self.answering >= self.slots:
+        """Take a slot if that needs no waiting: while anybody waits, none is free."""
+        if self.answering >= self.slots:
             return False
         self.answering += 1
         return True

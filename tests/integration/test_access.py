@@ -49,6 +49,7 @@ def test_roles(new_client: NewClient) -> None:
     assert owner.put(f"projects/{key}/members/{name}", json={"role": "viewer"}).json()["role"] == "viewer"
     assert guest.get(f"projects/{key}").status_code == 200
     assert guest.put(f"projects/{key}/members/{name}", json={"role": "owner"}).status_code == 403
+    assert guest.delete(f"projects/{key}/members/{name_of(owner)}").status_code == 403
     members = guest.get(f"projects/{key}/members").json()["items"]
     assert {(m["user"], m["role"]) for m in members} == {(name_of(owner), "owner"), (name, "viewer")}
     assert owner.put(f"projects/{key}/members/{name}", json={"role": "king"}).status_code == 422
@@ -95,6 +96,8 @@ def test_the_last_owner_stays(new_client: NewClient) -> None:
     assert owner.put(f"projects/{key}/members/{name_of(heir)}", json={"role": "owner"}).status_code == 200
     assert owner.delete(f"projects/{key}/members/{name_of(owner)}").status_code == 204
     assert heir.get(f"projects/{key}").status_code == 200
+    acts = [(event["action"], event["detail"]) for event in heir.get("audit-events").json()["items"]]
+    assert acts == [("member.delete", {}), ("member.put", {"role": "owner"}), ("project.create", {"name": "beam"})]
 
 
 def test_pages_by_cursor(api: httpx.Client) -> None:
@@ -118,8 +121,15 @@ def test_keys_are_shown_once_and_can_be_revoked(api: httpx.Client) -> None:
     assert len(listed) == 2
     assert all("key" not in item for item in listed)
     assert made["key"].split("_", 2)[2] not in api.get("api-keys").text
-    assert api.delete(f"api-keys/{made['id']}").status_code == 204
+    for _ in range(2):  # again is fine, and no act
+        assert api.delete(f"api-keys/{made['id']}").status_code == 204
     assert api.get("projects", headers=other).status_code == 401
+    assert api.delete(f"api-keys/{uuid4()}").status_code == 404
+    events = api.get("audit-events").json()["items"]
+    assert [(event["action"], event["subject_id"], event["detail"]) for event in events] == [
+        ("api_key.revoke", made["id"], {}),
+        ("api_key.create", made["id"], {"name": "script", "scopes": made["scopes"]}),
+    ]
 
 
 def test_other_peoples_keys_are_404(new_client: NewClient) -> None:
@@ -137,6 +147,10 @@ def test_acts_are_audited_with_their_request(new_client: NewClient) -> None:
     assert (event["user"], event["detail"]) == (name_of(api), {"name": "beam"})
     assert other.get("audit-events").json()["items"] == []
     assert other.get("audit-events", params={"project": answer.json()["id"]}).status_code == 404
+    second = project(api)
+    for key in (answer.json()["id"], second):
+        own = api.get("audit-events", params={"project": key}).json()["items"]
+        assert [event["subject_id"] for event in own] == [key]
 
 
 def test_what_fails_leaves_no_trace(api: httpx.Client) -> None:

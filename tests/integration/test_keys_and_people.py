@@ -84,8 +84,9 @@ def test_a_key_makes_none_with_more_rights(api: httpx.Client) -> None:
     ):
         answer = api.post("api-keys", json={"name": "b", **body}, headers=narrow)
         assert (answer.status_code, answer.json()["errors"][0]["pointer"]) == (422, pointer)
-    heir = api.post("api-keys", json={"name": "b"}, headers=narrow).json()
-    assert (heir["scopes"], heir["expires_at"]) == (made["scopes"], made["expires_at"])
+    for body in ({}, {"expires_at": soon, "scopes": ["read", "admin", "read"]}):
+        heir = api.post("api-keys", json={"name": "b", **body}, headers=narrow).json()
+        assert (heir["scopes"], heir["expires_at"]) == (made["scopes"], made["expires_at"])
 
 
 def test_an_edit_keeps_other_edits_off_and_no_reader(api: httpx.Client, project: str, service: LocalService) -> None:
@@ -141,10 +142,14 @@ def test_administrators_look_after_users_and_their_keys(service: LocalService, n
         assert datetime.fromisoformat(ended["expires_at"]) == datetime.fromisoformat(soon)
         for wrong in (later, "2020-01-01T00:00:00Z"):
             ok(chief.patch(f"{place}/api-keys/{spare['id']}", json={"expires_at": wrong}), 422)
+        assert ok(chief.patch(f"{place}/api-keys/{spare['id']}", json={"expires_at": soon}), 200) == ended
         own = ok(chief.get("api-keys"), 200)["items"][0]["id"]
         ok(chief.delete(f"{place}/api-keys/{own}"), 404)  # a key of another user
-        ok(chief.delete(f"{place}/api-keys/{spare['id']}"), 204)
+        for _ in range(2):  # again is fine, and no act
+            ok(chief.delete(f"{place}/api-keys/{spare['id']}"), 204)
         assert guest.get("projects", headers=with_key(spare)).status_code == 401
+        ok(chief.get(f"users/{uuid4()}"), 404)
+        assert ok(chief.get(place), 200) == user
         ok(chief.patch(f"{place}/api-keys/{spare['id']}", json={"expires_at": soon}), 409)
         assert [k["revoked_at"] is None for k in ok(chief.get(f"{place}/api-keys"), 200)["items"]] == [True, False]
         assert "mb_" not in chief.get(f"{place}/api-keys").text
@@ -155,7 +160,7 @@ def test_administrators_look_after_users_and_their_keys(service: LocalService, n
         myself = ok(chief.get("users", params={"name": ann}), 200)["items"][0]["id"]
         assert "themselves" in ok(chief.post(f"users/{myself}/disable"), 409)["detail"]
         acts = [event["action"] for event in ok(chief.get("audit-events"), 200)["items"]]
-        assert acts[:4] == ["user.enable", "user.disable", "api_key.revoke", "api_key.expire"]
+        assert acts[:5] == ["user.enable", "user.disable", "api_key.revoke", "api_key.expire", "api_key.expire"]
         assert ok(chief.get("projects"), 200)["items"] == []
 
 
@@ -187,6 +192,19 @@ def test_a_project_is_edited_and_archived(api: httpx.Client, project: str, beam:
     assert api.get(f"projects/{project}/structures").status_code == 200
     again = api.patch(f"projects/{project}", json={"archived": False}, headers={"If-Match": changed.headers["ETag"]})
     assert again.json()["archived_at"] is None
+    now = {"If-Match": again.headers["ETag"]}
+    assert api.patch(f"projects/{project}", json={}, headers=now).status_code == 422
+    moments = []
+    for _ in range(2):  # what is archived already stays archived since then
+        answer = api.patch(
+            f"projects/{project}", json={"archived": True, "description": "e"}, headers={"If-Match": "*"}
+        )
+        moments.append(answer.json()["archived_at"])
+    assert moments[0] == moments[1]
+    said = api.get("audit-events").json()["items"][0]
+    assert (said["action"], said["subject_id"]) == ("project.change", project)
+    assert said["detail"] == {"was": {"description": "e"}, "now": {"archived": True, "description": "e"}}
+    assert api.patch(f"projects/{project}", json={"archived": False}, headers={"If-Match": "*"}).status_code == 200
     assert api.post(f"projects/{project}/structures", json=beam).status_code == 201
 
 
@@ -206,9 +224,14 @@ def test_what_is_deleted_is_restored_or_purged(
     assert api.get(f"campaigns/{campaign}").status_code == 200
     assert api.delete(f"projects/{project}").status_code == 204
     assert api.get(f"structures/{structure}").status_code == 404
+    assert api.delete(f"projects/{project}").status_code == 404
+    assert api.patch(f"projects/{project}", json={"name": "x"}, headers={"If-Match": "*"}).status_code == 404
     assert project not in api.get("projects").text
     assert project in api.get("projects?deleted=true").text
-    assert api.post(f"projects/{project}/restore").status_code == 200
+    assert api.post(f"projects/{project}/restore").json()["deleted_at"] is None
+    assert api.post(f"projects/{project}/restore").status_code == 409
+    acts = [event["action"] for event in api.get("audit-events").json()["items"][:2]]
+    assert acts == ["project.restore", "project.delete"]
     assert api.get(f"campaigns/{campaign}").status_code == 200
     api.delete(f"projects/{project}").raise_for_status()
     assert rows("SELECT 1 FROM original_chunks WHERE sha256 = %s", sha256)
@@ -225,6 +248,14 @@ def test_a_member_may_leave(new_client: NewClient) -> None:
     owner, guest = new_client(), new_client()
     key = owner.post("projects", json={"name": "p"}).json()["id"]
     name = guest.get("api-keys").json()["items"][0]["name"]
-    assert owner.put(f"projects/{key}/members/{name}", json={"role": "viewer"}).status_code == 200
-    assert guest.delete(f"projects/{key}/members/{name}").status_code == 204
-    assert guest.get(f"projects/{key}").status_code == 404
+    for act in ("archived", "deleted"):
+        assert owner.put(f"projects/{key}/members/{name}", json={"role": "viewer"}).status_code == 200
+        if act == "archived":
+            ok(owner.patch(f"projects/{key}", json={"archived": True}, headers={"If-Match": "*"}), 200)
+        else:
+            ok(owner.delete(f"projects/{key}"), 204)
+        assert guest.delete(f"projects/{key}/members/{name}").status_code == 204
+        if act == "archived":
+            assert guest.get(f"projects/{key}").status_code == 404
+            ok(owner.patch(f"projects/{key}", json={"archived": False}, headers={"If-Match": "*"}), 200)
+    assert guest.get("projects?deleted=true").json()["items"] == []

@@ -33,7 +33,8 @@ def test_the_cookie_is_kept_from_scripts_and_other_sites(api: httpx.Client) -> N
     answer = api.post("session")
     name, _, flags = answer.headers["set-cookie"].partition(";")
     assert name.startswith(f"{COOKIE}=mbs_")
-    assert {flag.strip().lower() for flag in flags.split(";")} >= {"httponly", "samesite=strict", "path=/"}
+    stated = {flag.strip().lower() for flag in flags.split(";")}
+    assert stated == {"httponly", "samesite=strict", "path=/", "max-age=43200"}  # `secure` where one comes by HTTPS
     assert answer.headers["cache-control"] == "no-store"
     assert name.partition("=")[2] not in answer.text
 
@@ -48,9 +49,14 @@ def test_a_change_without_the_sessions_token_is_refused(signed_in: httpx.Client,
     assert ok(signed_in.get("projects"))["items"] == []
 
 
-def test_a_session_ends_when_its_owner_signs_out(signed_in: httpx.Client) -> None:
-    assert signed_in.delete("session").status_code == 204
+def test_a_session_ends_when_its_owner_signs_out(api: httpx.Client, signed_in: httpx.Client) -> None:
+    answer = signed_in.delete("session")
+    assert answer.status_code == 204
+    assert answer.headers["set-cookie"].startswith(f'{COOKIE}=""; ')
+    assert {"httponly", "max-age=0"} <= {flag.strip().lower() for flag in answer.headers["set-cookie"].split(";")}
     assert signed_in.get("projects").status_code == 401
+    acts = [event["action"] for event in ok(api.get("audit-events"))["items"]]
+    assert acts == ["session.delete", "session.create"]
 
 
 def test_a_session_ends_with_its_key(api: httpx.Client) -> None:

@@ -194,6 +194,12 @@ def test_frequency_settles_spatial_aliasing_and_says_so() -> None:
     assert pairing.ambiguous == ((1, 2, 1),)
 
 
+@pytest.mark.parametrize(("likeness", "partner"), [(0.98, 1), (0.99, 0)])
+def test_a_fifth_off_in_frequency_costs_as_much_as_a_little_mac(likeness: float, partner: int) -> None:
+    model = [[np.sqrt(likeness), np.sqrt(1 - likeness)], [1, 0]]
+    assert pair_modes([[1, 0]], model, [100], [100, 100 * np.exp(FREQUENCY_SCALE)]).pairs == ((0, partner),)
+
+
 def test_without_shapes_frequency_pairs() -> None:
     pairing = pair_modes(None, None, [25, 160, 440], [26, 158, 400, 441, 900])
     assert pairing.pairs == ((0, 0), (1, 1), (2, 3))

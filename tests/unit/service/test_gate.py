@@ -10,7 +10,7 @@ import pytest
 
 from service.errors import TooManyRequests, Unavailable
 from service.web.buckets import Buckets
-from service.web.gate import Gate, Slot
+from service.web.gate import SLOT, Gate, Slot, without_slot
 
 
 def run(test: Callable[[], Awaitable[Any]]) -> None:
@@ -81,6 +81,47 @@ def test_one_client_under_two_names_leaves_places_to_others() -> None:
         found = await asyncio.gather(*crowd, *others, return_exceptions=True)
         assert sum(isinstance(answer, TooManyRequests) for answer in found) == 25
         assert gate.waiting == 0
+
+    run(test)
+
+
+def test_who_is_refused_is_asked_to_come_back_when_the_queue_will_have_been_answered() -> None:
+    async def test() -> None:
+        gate = Gate(2, 40, 60)
+        assert gate.retry_after() == 1
+        for _ in range(2):
+            await gate.enter("x")
+        gate.leave(10)  # so answers seem to take 0.05 s + (10 s - 0.05 s)/20
+        await gate.enter("x")
+        waiting = [asyncio.ensure_future(gate.enter(str(number))) for number in range(40)]
+        await settle()
+        with pytest.raises(Unavailable, match="40 wait, as many as may wait") as full:
+            await gate.enter("y")
+        assert full.value.retry_after == gate.retry_after() == 11  # 40 · 0.5475 s / 2 slots
+        for one in waiting:
+            one.cancel()
+        await asyncio.gather(*waiting, return_exceptions=True)
+        assert gate.retry_after() == 1
+
+    run(test)
+
+
+def test_a_slot_is_given_back_once() -> None:
+    async def test() -> None:
+        gate = Gate(2, 4, 60)
+        first, second, third = (Slot(gate, name) for name in "abc")
+        assert first.try_take()
+        await second.take()
+        assert not third.try_take()
+        third.give_back()  # it has none
+        for _ in range(2):
+            first.give_back()
+            assert gate.answering == 1
+        async with without_slot({SLOT: second}):
+            assert gate.answering == 0
+        assert gate.answering == 1
+        async with without_slot({}):
+            assert gate.answering == 1
 
     run(test)
 
