@@ -73,7 +73,10 @@ def shapes_at_poles(
     """
     frequency, zeta = np.asarray(frequency_hz, dtype=float), np.asarray(damping_ratio, dtype=float)
     if frequency.ndim != 1 or frequency.size == 0 or zeta.shape != frequency.shape:
-        raise InputError("frequency_hz", f"and damping_ratio have shapes {frequency.shape} and {zeta.shape}")
+        raise InputError(
+            "frequency_hz",
+            f"and damping_ratio have shapes {frequency.shape} and {zeta.shape}, expected one of each a mode",
+        )
     if not np.all(np.isfinite(frequency) & (frequency > 0)) or np.any(np.diff(frequency) < 0):
         raise InputError("frequency_hz", "must be positive and ascend")
     if not np.all((zeta > 0) & (zeta < 1)):

@@ -145,7 +145,7 @@ def _swapped(traits: Traits) -> list[Finding]:
         text = f"The force swings back by {traits.rebound:.0%} of its largest value; up to {REBOUND:.0%} it is a pulse."
         return [Finding("swapped", traits.rebound, REBOUND, False, text)]
     force, *responses = traits.lasting
-    if force == 0 or not (held := [value for value in responses if value > 0]):
+    if not (held := [value for value in responses if value > 0]):
         return []
     ratio = force / min(held)
     if ratio > _SWAPPED:
@@ -260,7 +260,7 @@ def _early(traits: Traits, others: Usual, limits: Limits) -> list[Finding]:
         share = before.level / top.level
         quiet = others.before.get(dof)
         if quiet is not None and quiet.level > 0:
-            found.append(_still_rings(before, share, quiet, others.lines.get(dof), limits))
+            found.append(_still_rings(before, share, quiet, others.lines[dof], limits))
         else:
             sentence = (
                 f"Before the pulse the response is {share:.2%} of its largest value; "
@@ -275,7 +275,7 @@ def _early(traits: Traits, others: Usual, limits: Limits) -> list[Finding]:
     return found
 
 
-def _still_rings(before: Before, share: float, quiet: Ordinary, lines: Lines | None, limits: Limits) -> Finding:
+def _still_rings(before: Before, share: float, quiet: Ordinary, lines: Lines, limits: Limits) -> Finding:
     """Whether the response before the pulse is louder than the campaign's own is, as a whole or in one line, and then
     whether that is enough to matter beside what the hit excites. What is louder in all lines alike is noise, as where a
     range or a sensitivity was another, and no body that rings.
@@ -301,27 +301,25 @@ def _still_rings(before: Before, share: float, quiet: Ordinary, lines: Lines | N
     return Finding("early", number, limit, failed, sentence)
 
 
-def _louder_noise(before: Before, quiet: Ordinary, others: Lines | None) -> float:
+def _louder_noise(before: Before, quiet: Ordinary, others: Lines) -> float:
     """How much louder the noise before the pulse is than usual, by the median line, which a ringing body hardly raises; of
     white noise it is ln 2 of the mean. 1 where it is less than `_LOUDER`, which no limit minds, or not all that is louder.
     """
-    if others is None or before.samples < _NOISE_SAMPLES or not others.power.min() > 0:
+    if before.samples < _NOISE_SAMPLES or not others.power.min() > 0:
         return 1.0
     gain = float(np.sqrt(np.median(before.lines / others.power) / np.log(2)))
     return gain if gain > _LOUDER and before.level < _ALL * gain * quiet.level else 1.0
 
 
-def _of_excited(before: Before, others: Lines | None) -> float:
+def _of_excited(before: Before, others: Lines) -> float:
     """Amplitude before the pulse over that behind it, in the line that has most before it beyond what is usual."""
-    if others is None:
-        return np.inf
     line = int(np.argmax(before.lines - others.power))
     return float(np.sqrt(before.lines[line] / before.after[line])) if before.after[line] > 0 else np.inf
 
 
-def _loudest_line(before: Before, others: Lines | None, limits: Limits) -> tuple[float, float]:
-    """Largest power of a line before the pulse, over what it usually is, and its limit; 0 where that is not known."""
-    if others is None or not others.power.min() > 0:
+def _loudest_line(before: Before, others: Lines, limits: Limits) -> tuple[float, float]:
+    """Largest power of a line before the pulse, over what it usually is, and its limit; 0 where that is nothing."""
+    if not others.power.min() > 0:
         return 0.0, limits.before_line
     return float((before.lines / others.power).max()), max(limits.before_line, others.reach)
 

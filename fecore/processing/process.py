@@ -54,12 +54,9 @@ def process(source: Source, processing: Processing | None = None, progress: Prog
         InputError: no hits; hits of unlike sampling rate, length, window or kind of response; no hit of any point is
         good.
     """
-    parts: list[Averages] = []
-    for item in process_in_parts(source, processing, progress, shelf={}):
-        if isinstance(item, Findings):
-            return Processed(**{**vars(_joined(parts)), **vars(item)})
-        parts.append(item)
-    raise AssertionError("the findings come last")
+    found = list(process_in_parts(source, processing, progress, shelf={}))
+    parts = [item for item in found if isinstance(item, Averages)]
+    return Processed(**{**vars(_joined(parts)), **vars(found[-1])})
 
 
 def process_in_parts(

@@ -60,7 +60,7 @@ class Usual:
         before: level before the pulse of the quiet hits, by response dof.
         stop_band: by response dof, and of the force under None.
         polarity: sign of most pulses.
-        lines: before the pulse, by response dof.
+        lines: before the pulse, of the response dofs that `before` has.
     """
 
     peak: float | None

@@ -1,0 +1,164 @@
+"""Hits that hold almost nothing: a dead channel, a pulse at the edge of its block, a point without one good hit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fecore.arrays import FloatArray
+from fecore.frf import Dof
+from fecore.processing import Block, Hit, Processed, Processing, by_point, each_hit, process
+from fecore.processing.abreast import abreast
+from fecore.processing.windows import Windows
+
+RATE, SAMPLES = 2048.0, 2048
+TIME = np.arange(SAMPLES) / RATE
+
+
+def noise(*seed: int) -> FloatArray:
+    return 1e-3 * np.random.default_rng(seed).standard_normal(SAMPLES)
+
+
+def pulse(at: int = 200, width: int = 8, *, seed: int = 0) -> FloatArray:
+    """A hammer's pulse with the converter's noise."""
+    force = noise(1, seed)
+    force[at : at + width] += 100 * np.hanning(width + 2)[1 : 1 + len(force[at : at + width])]
+    return force
+
+
+def ringing(at: int = 200, *, point: int = 1, seed: int = 0) -> FloatArray:
+    """A body of two modes from that sample on."""
+    after = np.clip(TIME - at / RATE, 0, None)
+    x = sum(
+        amplitude * np.exp(-zeta * 2 * np.pi * hz * after) * np.sin(2 * np.pi * hz * after)
+        for amplitude, hz, zeta in ((9.0, 97.0, 0.02), (4.0 / point, 310.0, 0.01))
+    )
+    return np.asarray(x) + noise(2, point, seed)
+
+
+def a_hit(number: int, point: int = 1, *, force: FloatArray | None = None, response: FloatArray | None = None) -> Hit:
+    return Hit(
+        Block(Dof(point, 3), "force", pulse(seed=number) if force is None else force),
+        (Block(Dof(9, 3), "acceleration", ringing(point=point, seed=number) if response is None else response),),
+        RATE,
+        number,
+    )
+
+
+def processed(*hits: Hit, **choices: Any) -> Processed:
+    return process(by_point(list(hits)), **choices)
+
+
+DEAD = np.zeros(SAMPLES)
+LOUD = 100 * ringing()
+TOUR = {point: (0.1 * point, 0.0) for point in range(1, 8)}
+
+
+@pytest.mark.parametrize(
+    ("force", "response", "fault"),
+    [
+        (DEAD, None, "The force block holds no pulse above its noise"),
+        (np.full(SAMPLES, 3.0), None, "The force block holds no pulse above its noise"),
+        (pulse(at=SAMPLES - 6), None, "The pulse lies at 100% of the block; most of the response is lost."),
+        (None, DEAD, "2048 samples of the acceleration at point 9 stand at its largest level, 0"),
+        (LOUD, DEAD, "its top was cut off behind the filter"),
+        (LOUD, LOUD, "its top was cut off behind the filter"),
+    ],
+)
+def test_a_hit_of_almost_nothing_is_refused_beside_good_ones(
+    force: FloatArray | None, response: FloatArray | None, fault: str
+) -> None:
+    found = processed(*(a_hit(n) for n in (1, 2, 3)), a_hit(4, force=force, response=response))
+    assert [v.accepted for v in found.verdicts] == [True, True, True, False]
+    assert any(fault in f.sentence for f in found.verdicts[3].faults), found.verdicts[3].faults
+
+
+def test_a_point_without_a_good_hit_has_no_frf_and_a_warning() -> None:
+    hits = [a_hit(n) for n in (1, 2, 3)] + [a_hit(n, point=2, force=DEAD) for n in (1, 2)] + [a_hit(1, point=3)]
+    found = processed(*hits, processing=Processing(positions=TOUR))
+    assert [dof.point for dof in found.frfs.references] == [1, 3]
+    none, single = (next(w for w in found.warnings if words in w) for words in ("no hit of point", "a single good hit"))
+    assert none.startswith("no hit of point 2 is good, so there is no FRF")
+    assert single.startswith("a single good hit at point 3")
+
+
+def test_hits_left_out_one_and_all_have_no_mean() -> None:
+    hits = [a_hit(n) for n in (1, 2)]
+    assert each_hit(hits, [False, False]).mean == ()
+
+
+def test_many_hits_of_a_point_are_compared_as_few_are() -> None:
+    hits = [a_hit(n, response=-ringing() if n == 14 else None) for n in range(1, 15)]
+    faults = [[f.criterion for f in v.faults] for v in processed(*hits).verdicts]
+    assert faults == [[]] * 13 + [["polarity"]]
+
+
+def test_frfs_in_parts_are_those_of_one_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    hits = [a_hit(n, point=point) for point in (1, 2, 3) for n in (1, 2, 3)]
+    whole = processed(*hits)
+    monkeypatch.setattr(import_module("fecore.processing.process"), "_PART_BYTES", 1)
+    parted = processed(*hits)
+    assert np.array_equal(parted.frfs.values, whole.frfs.values)
+    assert (parted.used, parted.warnings, parted.frfs.references) == (whole.used, whole.warnings, whole.frfs.references)
+
+
+def test_a_force_window_that_is_longer_than_the_block_takes_nothing() -> None:
+    hits = [a_hit(n) for n in (1, 2, 3)]
+    wide, none = (processed(*hits, processing=Processing(windows=Windows(s))).frfs.values for s in (2.0, None))
+    assert np.array_equal(wide, none)
+
+
+def test_places_that_say_nothing_of_the_hits_change_no_verdict() -> None:
+    """Too few hits at one point, as many here as there at another, and shares that change along one axis alone."""
+
+    def at(point: int, *places: int) -> list[Hit]:
+        return [a_hit(n, point, response=ringing(point=place, seed=n)) for n, place in enumerate(places, start=1)]
+
+    hits = [*at(1, 1), *at(2, 2, 2, 5, 5), *(hit for point in (3, 4, 5, 6, 7) for hit in at(point, *[point] * 3))]
+    placed, unplaced = (processed(*hits, processing=Processing(positions=places)) for places in (TOUR, {}))
+    assert placed.verdicts == unplaced.verdicts
+    assert np.array_equal(placed.frfs.values, unplaced.frfs.values)
+
+
+def test_a_second_pulse_is_as_large_under_an_analysers_window() -> None:
+    def second(rate: float) -> float:
+        decay = np.exp(-rate * TIME)
+
+        def windowed(number: int) -> Hit:
+            force = pulse(seed=number) + (0.5 * pulse(900) if number == 3 else 0)
+            hit = a_hit(number, force=force * decay, response=ringing(seed=number) * decay)
+            force_block, block = (replace(b, window_rate_per_s=rate) for b in (hit.force, *hit.responses))
+            return Hit(force_block, (block,), RATE, number)
+
+        *_, double = processed(*(windowed(n) for n in (1, 2, 3))).verdicts
+        (fault,) = double.faults
+        assert fault.criterion == "double"
+        return fault.number
+
+    assert second(2.0) == pytest.approx(second(0.0), rel=0.02)
+
+
+def test_hits_in_the_shortest_blocks_are_taken() -> None:
+    def cut(block: Block) -> Block:
+        return replace(block, samples=block.samples[190:254])
+
+    hits = [a_hit(n) for n in (1, 2, 3)]
+    found = processed(*(Hit(cut(hit.force), (cut(hit.responses[0]),), RATE, hit.number) for hit in hits))
+    assert [v.accepted for v in found.verdicts] == [True] * 3
+    assert found.frfs.values.shape == (1, 25)
+
+
+@pytest.mark.parametrize("response", [DEAD, pulse()], ids=["dead", "rigid"])
+def test_hits_of_a_body_that_shows_no_resonance_are_not_located(response: FloatArray) -> None:
+    hits = [a_hit(n, point, response=response) for point in TOUR for n in (1, 2, 3)]
+    overrules = {(hit.force.dof, hit.number): True for hit in hits}
+    found = processed(*hits, processing=Processing(positions=TOUR, overrules=overrules))
+    assert not [f for v in found.verdicts for f in v.findings if "mm" in f.sentence]
+
+
+def test_one_thread_and_three_give_the_same_in_the_same_order() -> None:
+    assert list(abreast(lambda n: n * n, 9, 1)) == list(abreast(lambda n: n * n, 9, 3)) == [n * n for n in range(9)]
