@@ -177,10 +177,15 @@ class Trial:
         """Run the tests on the modules as they are, with what is loaded and anew."""
         self._tests, self._folder = tests, folder
         self._loaded, self._called = loaded
+        self._warm = self._patience(lambda: warm(tests, FIRST, lambda: True))
+        self._cold = self._patience(lambda: cold(folder, tests, FIRST))
+
+    def _patience(self, fails: Callable[[], bool | None]) -> float:
+        """Seconds that a mutant may take where the unchanged modules take what they do."""
         began = time.monotonic()
-        if warm(tests, FIRST, lambda: True) or cold(folder, tests, FIRST):
+        if fails():
             raise SystemExit("the tests fail on the modules as they are")
-        self._seconds = PATIENCE * (time.monotonic() - began)
+        return PATIENCE * max(1.0, time.monotonic() - began)
 
     def notices(self, mutant: Mutant) -> bool:
         """Whether the tests notice a mutant."""
@@ -191,8 +196,8 @@ class Trial:
             noticed = None
             if name is not None and f"{mutant.module}:{name}" not in self._called:
                 change = partial(put, self._loaded[mutant.module], name, mutant.text)
-                noticed = warm(self._tests, self._seconds, change)
-            return cold(self._folder, self._tests, self._seconds) if noticed is None else noticed
+                noticed = warm(self._tests, self._warm, change)
+            return cold(self._folder, self._tests, self._cold) if noticed is None else noticed
         finally:
             file.write_text(unchanged)
 

@@ -194,10 +194,35 @@ def test_frequency_settles_spatial_aliasing_and_says_so() -> None:
     assert pairing.ambiguous == ((1, 2, 1),)
 
 
-@pytest.mark.parametrize(("likeness", "partner"), [(0.98, 1), (0.99, 0)])
-def test_a_fifth_off_in_frequency_costs_as_much_as_a_little_mac(likeness: float, partner: int) -> None:
+@pytest.mark.parametrize(
+    ("likeness", "scales", "partner"),
+    [
+        (0.98, 1, 1),
+        (0.99, 1, 0),
+        (0.95, 1.5, 1),
+        (0.90, 3, 1),
+        (0.92, 3, 0),
+    ],  # however far off, no more than four times as much
+)
+def test_a_distance_in_frequency_costs_as_much_as_some_mac(likeness: float, scales: float, partner: int) -> None:
     model = [[np.sqrt(likeness), np.sqrt(1 - likeness)], [1, 0]]
-    assert pair_modes([[1, 0]], model, [100], [100, 100 * np.exp(FREQUENCY_SCALE)]).pairs == ((0, partner),)
+    assert pair_modes([[1, 0]], model, [100], [100, 100 * np.exp(scales * FREQUENCY_SCALE)]).pairs == ((0, partner),)
+
+
+def test_of_two_poor_partners_the_better_one_is_taken() -> None:
+    model = np.sqrt([[0.55, 0.45], [0.6, 0.4]])
+    assert pair_modes([[1, 0]], model, [100], [280, 280]).pairs == ((0, 1),)
+
+
+def test_a_bound_itself_is_within() -> None:
+    assert pair_modes([[1, 0]], [[1, 0]], [10], [10], minimum_mac=1.0, maximum_frequency_ratio=1.0).pairs == ((0, 0),)
+
+
+def test_a_hidden_mode_is_neither_a_partner_nor_missed() -> None:
+    shapes = np.eye(2)[[0, 0, 1]]
+    pairing = pair_modes(np.eye(2), shapes, [10, 30], [10, 10.5, 30], hidden=[0])
+    assert (pairing.pairs, pairing.unpaired_model) == (((0, 1), (1, 2)), ())
+    assert pair_modes(None, None, [10], [10, 12], hidden=[0]).pairs == ((0, 1),)
 
 
 def test_without_shapes_frequency_pairs() -> None:
@@ -205,6 +230,8 @@ def test_without_shapes_frequency_pairs() -> None:
     assert pairing.pairs == ((0, 0), (1, 1), (2, 3))
     assert pairing.mac is None
     assert pairing.unpaired_model == (2,)
+    assert pair_modes(None, None, [100], [101, 120]).ambiguous == ()
+    assert pair_modes(None, None, [100], [98, 103]).ambiguous == ((0, 0, 1),)
 
 
 def test_a_mode_far_off_in_frequency_is_no_partner() -> None:
@@ -250,6 +277,7 @@ def test_what_does_not_fit_is_refused_by_name() -> None:
         ("shapes", lambda: comac(one, two)),
         ("shapes", lambda: mac(one, np.ones((1, 2)))),
         ("a", lambda: mac([[np.nan]], [[1]])),
+        ("a", lambda: mac(np.ones((1, 2, 3)), one)),
         ("b", lambda: mac([[1]], [[np.nan]])),
         ("predicted_hz", lambda: frequency_error([1], [1, 2])),
         ("measured_hz", lambda: frequency_error([0], [1])),
@@ -262,7 +290,7 @@ def test_what_does_not_fit_is_refused_by_name() -> None:
 
 
 def test_slow_modes_are_paired_and_a_factor_of_three_is_the_furthest() -> None:
-    assert pair_modes(None, None, [0.4], [0.5]).pairs == ((0, 0),)
+    assert pair_modes(None, None, [0.3], [0.5]).pairs == ((0, 0),)
     assert frequency_error([0.4], [0.5]) == pytest.approx([0.25])
     assert pair_modes(np.eye(1), np.eye(1), [10], [29.9]).pairs == ((0, 0),)
     assert pair_modes(np.eye(1), np.eye(1), [10], [30.1]).pairs == ()

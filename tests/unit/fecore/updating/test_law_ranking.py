@@ -1,0 +1,108 @@
+"""The ranking of damping laws against generalised least squares written out, and what it says in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries
+from fecore.dynamics.mechanism_laws import MechanismDamping
+from fecore.updating.law_ranking import LawRanking, RankedLaw, identifiable_laws, rank_laws
+from fecore.updating.measured_ratios import MeasuredRatios
+
+OMEGA = 2 * np.pi * np.array([25.0, 160.0, 400.0, 445.0, 866.0])
+RATIO = (30 / OMEGA + 1e-5 * OMEGA) / 2 * np.array([1.01, 0.98, 1.3, 1.0, 1.0])
+NOISE = np.diag([0.01, 0.02, 0.005, 0.01, 0.03]) ** 2 + 1e-5
+RATIOS = MeasuredRatios(OMEGA, RATIO, NOISE)
+CAUGHEY = CaugheySeries("caughey", (-1, 0, 1))
+
+
+@pytest.mark.parametrize("scatter", [1.0, 0.01])  # a law that fits has no wider covariance for it
+def test_laws_are_ranked_by_generalised_least_squares(scatter: float) -> None:
+    law = (30 / OMEGA + 1e-5 * OMEGA) / 2
+    ratios = replace(RATIOS, ratio=law * (RATIO / law) ** scatter)
+    (found,) = rank_laws(ratios, [0, 1, 2, 4, 6], [RAYLEIGH]).laws
+    B = np.column_stack([1 / OMEGA, OMEGA]) / 2 / ratios.ratio[:, None]
+    V = NOISE + 0.02**2 * np.eye(5)
+    W = np.linalg.inv(V)
+    spread = np.linalg.inv(B.T @ W @ B)
+    gain = spread @ B.T @ W
+    coefficients = gain.sum(axis=1)
+    missed = B @ coefficients - 1
+    chi_squared = missed @ W @ missed
+    assert bool(chi_squared > 3) is (scatter == 1.0)
+    np.testing.assert_allclose(found.coefficients, coefficients, rtol=1e-9)
+    np.testing.assert_allclose(found.missed, missed, atol=1e-10)
+    assert found.chi_squared == pytest.approx(chi_squared)
+    assert found.bic == pytest.approx(chi_squared + 2 * np.log(5))
+    np.testing.assert_allclose(found.covariance, spread * max(1, chi_squared / 3), rtol=1e-8)
+    np.testing.assert_allclose(found.noise_covariance, gain @ NOISE @ gain.T, rtol=1e-8)
+    numbers = [(1, 2, 3, 5, 7)[k] for k in range(5) if abs(missed[k]) > 3 * np.sqrt(V[k, k])]
+    assert [number for number, _ in found.named] == numbers
+    assert (3 in numbers) is (scatter == 1.0)
+    assert [miss for _, miss in found.named] == [found.missed[(1, 2, 3, 5, 7).index(number)] for number in numbers]
+
+
+def test_as_many_coefficients_as_modes_fit_exactly() -> None:
+    ratios = MeasuredRatios(OMEGA[:2], RATIO[:2], NOISE[:2, :2])
+    (found,) = rank_laws(ratios, [0, 1], [RAYLEIGH]).laws
+    assert found.chi_squared == pytest.approx(0, abs=1e-12)
+    assert found.bic == pytest.approx(2 * np.log(2))
+    assert identifiable_laws(2, [RAYLEIGH, CAUGHEY]) == (RAYLEIGH,)
+    assert identifiable_laws(3, [RAYLEIGH, CAUGHEY]) == (RAYLEIGH, CAUGHEY)
+
+
+def test_a_law_that_would_damp_a_mode_negatively_is_not_possible() -> None:
+    falling = MeasuredRatios(OMEGA[:3], np.array([0.3, 0.02, 0.02]), np.diag([1e-6, 1e-6, 1e4]))
+    found = rank_laws(falling, [0, 1, 2], [RAYLEIGH]).laws[0]
+    assert np.any(found.missed <= -1)
+    assert np.isinf(found.bic)
+
+
+LOSSES = MechanismDamping("mechanism", (("E", (0,)), ("G", (1,))))
+
+
+def ranked(shear: list[float], losses: tuple[float, float, float], noise: float = 0.01) -> RankedLaw:
+    """The law by mechanism on modes with these shares of shear that follow it, a0 and two loss factors, exactly."""
+    strain = np.column_stack([1 - np.array(shear), shear])
+    exact = (losses[0] + OMEGA * (strain @ losses[1:])) / OMEGA / 2
+    return rank_laws(MeasuredRatios(OMEGA, exact, noise**2 * np.eye(5), strain), list(range(5)), [LOSSES]).laws[0]
+
+
+@pytest.mark.parametrize(
+    ("shear", "losses", "possible"),
+    [
+        ([0.01, 0.02, 0.9, 0.03, 0.06], (10.0, 0.015, 0.03), True),
+        ([0.01, 0.02, 0.04, 0.03, 0.049], (10.0, 0.015, 0.03), False),  # no mode shows the damping of shear
+        ([0.01, 0.02, 0.06, 0.03, 0.04], (0.001, 0.015, 0.015), True),
+        ([0.400, 0.405, 0.4, 0.4, 0.4], (10.0, 0.015, 0.03), False),  # all modes have the same shares
+        ([0.01, 0.02, 0.9, 0.03, 0.06], (10.0, 0.03, -0.002), False),  # a material that feeds energy in
+        ([0.01, 0.02, 0.06, 0.03, 0.04], (10.0, 0.03, -0.002), True),  # ... within what the modes leave in doubt
+    ],
+)
+def test_a_mechanism_must_be_seen_and_take_energy(
+    shear: list[float], losses: tuple[float, float, float], possible: bool
+) -> None:
+    found = ranked(shear, losses)
+    np.testing.assert_allclose(found.coefficients, losses, rtol=1e-6, atol=1e-9)
+    assert np.isfinite(found.bic) is np.bool_(possible)
+
+
+def law(name: str, bic: float, named: tuple[tuple[int, float], ...] = ()) -> RankedLaw:
+    exact = rank_laws(RATIOS, [0, 1, 2, 3, 4], [RAYLEIGH]).laws[0]
+    return replace(exact, law=CaugheySeries(name, (0,)), bic=bic, named=named)
+
+
+def test_what_a_user_must_know_of_the_first_law() -> None:
+    first, better, same = law("first", 30.0), law("better", 19.9), law("same", 19.9 + 4e-7)
+    assert LawRanking((first, law("fair", 20.0))).sentences() == []
+    assert LawRanking((first, better, same)).preferred is same
+    assert LawRanking((first, better)).sentences() == [
+        "the first law is inadequate for this damping; the evidence prefers better (BIC 19.9 against 30.0)"
+    ]
+    missing = law("first", 10.0, ((2, -0.381), (5, 0.2)))
+    assert LawRanking((missing, better)).sentences() == [
+        "the first law is inadequate for this damping: it misses mode 2 by -38 %, mode 5 by +20 %"
+    ]
