@@ -129,15 +129,18 @@ def _run(tests: Sequence[str], change: Callable[[], bool]) -> None:
 
 
 def _ended(child: int, seconds: float) -> bool | None:
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        ended, status = os.waitpid(child, os.WNOHANG)
-        if ended:
-            return None if os.waitstatus_to_exitcode(status) == CANNOT else status != 0
-        time.sleep(0.01)
-    os.killpg(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-    return True
+    until, ended = time.monotonic() + seconds, 0
+    try:
+        while time.monotonic() < until:
+            ended, status = os.waitpid(child, os.WNOHANG)
+            if ended:
+                return None if os.waitstatus_to_exitcode(status) == CANNOT else status != 0
+            time.sleep(0.01)
+        return True
+    finally:  # also where somebody has seen enough
+        if not ended:
+            os.killpg(child, signal.SIGKILL)
+            os.waitpid(child, 0)
 
 
 def cold(folder: Path, tests: Sequence[str], seconds: float) -> bool:

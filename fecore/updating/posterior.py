@@ -54,7 +54,7 @@ def identifiability(
     names: tuple[str, ...], covariance: FloatArray, prior_sd: FloatArray
 ) -> tuple[Identifiability, ...]:
     """Of each of p parameters, from the (p, p) posterior covariance and the (p,) prior standard deviations, in coordinates."""
-    information = np.clip(1 - np.diag(covariance) / prior_sd**2, 0, 1)
+    information = np.maximum(1 - np.diag(covariance) / prior_sd**2, 0)
     unseen = null_directions(covariance, prior_sd)
     shared = np.abs(unseen.T @ unseen)  # projector on what the data do not see: the same for any basis of it
     return tuple(
@@ -72,7 +72,7 @@ def spread_over(
     known: tuple[Identifiability, ...], covariance: FloatArray, prior_sd: FloatArray
 ) -> tuple[Identifiability, ...]:
     """The same where the posterior is wider than it was judged by, from its (p, p) second moments about the estimate."""
-    information = np.clip(1 - np.diag(covariance) / prior_sd**2, 0, 1)
+    information = np.maximum(1 - np.diag(covariance) / prior_sd**2, 0)
     return tuple(
         replace(each, identifiable=bool(each.identifiable and left > _INFORMED), information=float(left))
         for each, left in zip(known, information, strict=True)

@@ -7,7 +7,6 @@ import pytest
 import scipy
 
 from fecore.updating.posterior import (
-    DISCREPANCY,
     Mixture,
     ScaleMixture,
     discrepancy,
@@ -42,8 +41,8 @@ def over(scales: np.ndarray, log_prior: np.ndarray, values: np.ndarray) -> np.nd
 
 def test_the_likelihood_is_that_of_gaussians_over_the_priors_scales() -> None:
     tried = RANDOM.standard_normal((6, 4)) * np.array([[0.0005], [0.001], [0.002], [0.005], [0.01], [0.03]])
-    scale = DISCREPANCY * np.exp(np.linspace(np.log(0.1), np.log(30.0), 41))
-    of_square = -2 * np.log(scale**2) - DISCREPANCY**2 / scale**2  # inverse gamma of shape 1, which is ν₀/2
+    scale = 0.001 * np.exp(np.linspace(np.log(0.1), np.log(30.0), 41))
+    of_square = -2 * np.log(scale**2) - 0.001**2 / scale**2  # inverse gamma of shape 1, which is ν₀/2
     expected = over(scale, of_square + 2 * np.log(scale), tried)  # of ln s
     np.testing.assert_allclose(np.diff(log_likelihood(NOISE)(tried)), np.diff(expected), rtol=1e-9)
 
@@ -60,7 +59,8 @@ def test_the_mixture_is_likelihood_times_prior() -> None:
     expected = likelihood + at @ DESCENT - np.einsum("np,pq,nq->n", at, PRIOR, at) / 2
     np.testing.assert_allclose(np.diff(np.log(density)), np.diff(expected), rtol=1e-8)
     narrow, wide = found.covariance[0], found.covariance[-1]
-    assert np.all(np.diag(narrow) < np.diag(wide))  # the scales are in the order of the grid
+    assert np.all(np.diag(narrow) < np.diag(wide))
+    assert found.scale[[0, -1]] == pytest.approx([1e-4, 0.03])
 
 
 def test_moments_and_reach_are_those_of_the_mixture() -> None:
