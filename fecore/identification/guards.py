@@ -221,7 +221,7 @@ def hidden_distortion(search: Search) -> float:
 
 def heights(arrangement: Arrangement, fit: Fit) -> FloatArray:
     """(n,) height of each resonance, all FRFs together, over that of the highest in the band."""
-    residues = fit.linear.coefficients[:, : 2 * fit.terms.pairs] if fit.terms.pairs else np.zeros((1, 0))
+    residues = fit.linear.coefficients[:, : 2 * fit.terms.pairs]
     size = np.linalg.norm(residues[:, 0::2] + 1j * residues[:, 1::2], axis=0)
     f = fit.terms.frequency_hz
     high = size * f ** (arrangement.power - 1) / fit.terms.damping_ratio

@@ -233,7 +233,7 @@ def scale_of_deviations(residual: FloatArray, noise: FloatArray, basis: FloatArr
     values, turn = np.linalg.eigh(noise)
     free = np.linalg.svd(basis)[0][:, basis.shape[1] :]  # what the coefficients cannot take up: |W|/|BᵀWB| = 1/|FᵀVF|
     r, V = free.T @ residual, free.T @ ((turn * np.maximum(values, 0)) @ turn.T) @ free
-    for number, s in enumerate(scale if r.size else ()):
+    for number, s in enumerate(scale):
         covariance = V + s**2 * np.eye(r.size)
         log_weight[number] -= (np.linalg.slogdet(covariance)[1] + r @ np.linalg.solve(covariance, r)) / 2
     return ScaleMixture(np.exp(log_weight - scipy.special.logsumexp(log_weight)), scale)

@@ -219,6 +219,8 @@ def test_heights_are_those_of_resonances_over_the_highest_in_band() -> None:
     residues = np.array([[-1e-3j, -2e-3j]] * 12)
     high = guards.heights(arrangement, with_residues(fit, residues))
     assert high == pytest.approx([1e-3 / 50 / 0.01 / (2e-3 / 160.7 / 0.02), 1.0])
+    none = evaluate(arrangement, Terms(np.empty(0), np.empty(0), (0,)), fit.variance)
+    assert guards.heights(arrangement, none).size == 0
 
 
 def test_a_tone_of_the_mains_between_lines_may_look_narrow() -> None:
