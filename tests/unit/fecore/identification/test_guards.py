@@ -112,14 +112,15 @@ def test_a_mode_is_seen_in_two_frfs_where_there_are_three(count: int, shown: int
     assert found == reason
 
 
-def test_an_frf_shows_a_pole_whose_residue_pays_for_itself() -> None:
+@pytest.mark.parametrize("k", [0, 1])
+def test_an_frf_shows_a_pole_whose_residue_pays_for_itself(k: int) -> None:
     _, fit = fitted()
-    part = fit.linear.covariance[4, :2, :2]
+    part = fit.linear.covariance[4, 2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
     pays = np.log(2 * 12 * 161) * (2 * 12 + 2) / 12
     for share, seen in ((1.01, [4]), (0.99, [])):
         coefficients = np.zeros_like(fit.linear.coefficients)
-        coefficients[4, 0] = np.sqrt(share * pays / np.linalg.inv(part)[0, 0])
-        assert guards._seen_in(replace(fit, linear=replace(fit.linear, coefficients=coefficients)), 0) == seen
+        coefficients[4, 2 * k] = np.sqrt(share * pays / np.linalg.inv(part)[0, 0])
+        assert guards._seen_in(replace(fit, linear=replace(fit.linear, coefficients=coefficients)), k) == seen
 
 
 COMPLEX = np.exp(2j * np.pi * np.arange(12) / 12)[:, None] * np.array([1.0, 0])  # of no phase of its own
@@ -201,15 +202,18 @@ def test_a_weak_mode_is_doubtful_unless_the_evidence_is_strong(count: int) -> No
     assert {each[0] for each in seen} == {True, False}
 
 
-def test_shares_are_of_the_response_at_the_modes_own_frequency() -> None:
-    arrangement, fit = fitted(101.0)
+@pytest.mark.parametrize("k", [0, 1])
+def test_shares_are_of_the_response_at_the_modes_own_frequency(k: int) -> None:
+    hz, zeta = np.array([101.0, 160.0]), np.array([0.01, 0.02])
+    arrangement = measured()
+    fit = evaluate(arrangement, Terms(hz, zeta, ()), np.full(arrangement.values.shape, 2e-14))
     residues = np.array([[-1e-3j, -2e-3j]] * 12)
     residues[0] = [-3e-3j, -1e-3j]
-    s, omega = 2j * np.pi * 101.0, 2 * np.pi * np.array([101.0, 160.7])
-    pole = omega * (-np.array([0.01, 0.02]) + 1j * np.sqrt(1 - np.array([0.01, 0.02]) ** 2))
+    s, omega = 2j * np.pi * hz[k], 2 * np.pi * hz
+    pole = omega * (-zeta + 1j * np.sqrt(1 - zeta**2))
     each = residues / (s - pole) + residues.conj() / (s - pole.conj())
-    mode, whole = np.abs(each[:, 0]), np.abs(each.sum(axis=1))
-    largest, share = guards.shares(arrangement, with_residues(fit, residues), 0)
+    mode, whole = np.abs(each[:, k]), np.abs(each.sum(axis=1))
+    largest, share = guards.shares(arrangement, with_residues(fit, residues), k)
     assert largest == pytest.approx(np.max(mode / whole))
     assert share == pytest.approx(np.linalg.norm(mode) / np.linalg.norm(whole))
 
