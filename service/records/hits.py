@@ -10,7 +10,6 @@ from uuid import UUID
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.processing import Block, ChannelQuantity, Hit, Verdict
 
@@ -74,11 +73,7 @@ def by_sensors(rows: Sequence[BlockRow]) -> list[list[BlockRow]]:
 
 
 def hits_of(rows: Sequence[BlockRow], samples: Iterable[FloatArray]) -> list[Hit]:
-    """The hits of one place and one set of sensors, from their blocks.
-
-    Raises:
-        InputError: a hit has no force, or no response.
-    """
+    """The hits of one place and one set of sensors, from the blocks of `whole` hits."""
     found: dict[int, list[tuple[BlockRow, Block]]] = {}
     for row, values in zip(rows, samples, strict=True):
         dof = Dof(row.point, row.direction)
@@ -87,12 +82,9 @@ def hits_of(rows: Sequence[BlockRow], samples: Iterable[FloatArray]) -> list[Hit
         found.setdefault(row.hit, []).append((row, block))
     hits = []
     for number, blocks in sorted(found.items()):
-        forces = [b for r, b in blocks if r.quantity == "force"]
+        (force,) = (b for r, b in blocks if r.quantity == "force")
         responses = sorted((b for r, b in blocks if r.quantity != "force"), key=lambda b: b.dof)
-        if len(forces) != 1 or not responses:
-            what = "response" if forces else "force"
-            raise InputError("records", f"hit {number} of point {blocks[0][0].force_point} has no {what}")
-        hits.append(Hit(forces[0], tuple(responses), blocks[0][0].sample_rate_hz, number))
+        hits.append(Hit(force, tuple(responses), blocks[0][0].sample_rate_hz, number))
     return hits
 
 

@@ -88,7 +88,6 @@ def _parts(block: Block) -> list[Any]:
             return [flow.Spacer(1, 34), _signatures(roles)]
         case PageBreak():
             return [flow.PageBreak()]
-    raise AssertionError("every kind of block is written")
 
 
 def _picture(figure: Figure, width: float) -> Any:

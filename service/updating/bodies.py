@@ -9,7 +9,7 @@ from fecore.body.layered import PLY_CONSTANTS, LayeredSpecimen
 from fecore.body.model import PointMass
 from fecore.body.specimen import Specimen, kind_of
 from fecore.errors import InputError
-from service.structures.schemas import Geometry, StructureIn
+from service.structures.schemas import Geometry, Laminate, StructureIn
 from service.updating.schemas import RecipeIn
 
 
@@ -29,7 +29,9 @@ def body_of(
         return replace(nominal_specimen(structure, boundary, masses), springs=springs, zones=tuple(recipe.zones_m))
     names = [parameter.name for parameter in recipe.parameters or ()]
     if any(kind_of(name) in (*PLY_CONSTANTS, "angle") for name in names):
-        return replace(layered_specimen(structure, boundary, masses), springs=springs, zones=tuple(recipe.zones_m))
+        return replace(
+            _layered(structure, structure.laminate, boundary, masses), springs=springs, zones=tuple(recipe.zones_m)
+        )
     try:
         return replace(nominal_specimen(structure, boundary, masses), springs=springs, zones=tuple(recipe.zones_m))
     except InputError as error:
@@ -38,7 +40,9 @@ def body_of(
         if recipe.parameters is not None:
             hint = "name constants of its plies as parameters: " + ", ".join(PLY_CONSTANTS)
             raise InputError("laminate", f"{error.message}; {hint}") from None
-        return replace(layered_specimen(structure, boundary, masses), springs=springs, zones=tuple(recipe.zones_m))
+        return replace(
+            _layered(structure, structure.laminate, boundary, masses), springs=springs, zones=tuple(recipe.zones_m)
+        )
 
 
 def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointMass, ...] = ()) -> Specimen:
@@ -64,16 +68,12 @@ def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointM
     return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses, pieces=pieces)  # type: ignore[arg-type]
 
 
-def layered_specimen(structure: StructureIn, boundary: str, masses: tuple[PointMass, ...] = ()) -> LayeredSpecimen:
-    """A structure's laminate as the core's specimen of plies, with nominal constants.
-
-    Raises:
-        InputError: the structure lacks what a model needs.
-    """
+def _layered(
+    structure: StructureIn, laminate: Laminate, boundary: str, masses: tuple[PointMass, ...]
+) -> LayeredSpecimen:
+    """A structure's laminate as the core's specimen of plies, with nominal constants."""
     g, density = _known(structure)
-    if structure.laminate is None:
-        raise InputError("structure", "states no laminate: constants of plies need one")
-    plies = tuple(ply.to_core(density) for ply in structure.laminate.plies)
+    plies = tuple(ply.to_core(density) for ply in laminate.plies)
     pieces = tuple(piece.to_core() for piece in structure.pieces or ())
     size = g.length_m, g.width_m, g.thickness_m
     return LayeredSpecimen(*size, plies, density, boundary, masses, pieces=pieces)  # type: ignore[arg-type]

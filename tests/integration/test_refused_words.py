@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 from uuid import uuid4
 
@@ -29,6 +29,9 @@ def room(service: LocalService) -> Iterator[tuple[httpx.Client, Ids]]:
         ids["structure"], ids["elsewhere"] = (
             posted(api, f"projects/{ids['project']}/structures", {**BEAM, "name": name})["id"] for name in ("a", "b")
         )
+        apart = posted(api, "projects", {"name": "q"})["id"]
+        far = posted(api, f"projects/{apart}/structures", BEAM)["id"]
+        ids["far"] = posted(api, f"structures/{far}/campaigns", {"name": "c", "boundary": "free"})["id"]
         bare = posted(api, f"projects/{ids['project']}/structures", {"name": "bare"})["id"]
         for name, structure in (("campaign", "structure"), ("other", "structure"), ("foreign", "elsewhere")):
             body = {"name": name, "boundary": "cantilever"}
@@ -96,6 +99,8 @@ REFUSED: list[tuple[str, str, Any, int, str, str]] = [
     ("POST", "campaigns/{campaign}/mode-sets", {"name": "m", "modes": [{"frequency_hz": 1, "shape": [{**SHAPE, "real": 0}]}]},
      422, "/modes/0/shape", "is zero everywhere"),
     ("POST", "campaigns/{campaign}/identifications", {"band_hz": [3, 1]}, 422, "/band_hz", "is (3, 1), expected low < high"),
+    ("DELETE", "campaigns/{campaign}", None, 412, "", "it was changed since: its ETag is now"),
+    ("DELETE", "structures/{structure}", None, 412, "", "it was changed since: its ETag is now"),
     # Time blocks
     ("POST", "campaigns/{campaign}/records", {"force": [1]}, 422, "", 'is not {"variables": {name: numbers}, "mapping"'),
     ("POST", "campaigns/{campaign}/records", {"variables": {"a": [[1], [1, 2]]}}, 422, "/variables/a",
@@ -141,6 +146,10 @@ REFUSED: list[tuple[str, str, Any, int, str, str]] = [
     ("POST", "update-jobs", {"joint": True, "jobs": [{"campaign_id": "{campaign}",
      "recipe": {"mode_set": "{mode_set}"}}]}, 422,
      "/jobs/0/recipe/mode_set", "belongs to another campaign"),
+    ("POST", "update-jobs", {"joint": True, "recipe": {"mode_set": "{mode_set}"}, "jobs": [{"campaign_id": "{campaign}"}]}, 422,
+     "/recipe/mode_set", "state it in that job's recipe"),
+    ("POST", "update-jobs", {"joint": True, "jobs": [{"campaign_id": "{campaign}"}, {"campaign_id": "{far}"}]}, 422, "/jobs",
+     "belong to several projects; a joint update takes campaigns of one"),
     ("POST", "structures/{structure}/plans", {"made": [{"campaign_id": "{campaign}", "mode_set": "{mode_set}"}]}, 422,
      "/made/0/mode_set", "belongs to another campaign"),
     # Results
@@ -153,6 +162,12 @@ REFUSED: list[tuple[str, str, Any, int, str, str]] = [
     ("PATCH", "monitors/{monitor}", {}, 422, "", "names nothing to change"),
     ("POST", "structures/{structure}/monitors", {"name": "m", "parameters": [{"name": "Colour"}]}, 422, "/parameters",
      "Colour is no parameter that a result has"),
+    ("POST", "structures/{structure}/monitors", {"name": "m", "covariates": ["temperature_c"] * 2}, 422, "",
+     "a covariate is there twice"),
+    ("POST", "structures/{structure}/monitors", {"name": "m", "parameters": [{"name": "nu_xy"}]}, 422, "/parameters/0/name",
+     "nu_xy is not updated by the recipe, which updates Ex"),
+    ("POST", "structures/{structure}/monitors", {"name": "m", "mail_to": ["a@b.org"]}, 422, "/mail_to", "no SMTP server"),
+    ("PATCH", "monitors/{monitor}", {"mail_to": ["a@b.org"]}, 422, "/mail_to", "has set no SMTP server"),
     ("POST", "monitors/{resting}/runs", {}, 409, "", "the monitor is at rest; set `active` first"),
     ("POST", "monitors/{resting}/runs", {"rerun": True}, 409, "", "the monitor is at rest; set `active` first"),
     ("POST", "monitors/{monitor}/runs", {"campaign": "{foreign}"}, 422, "/campaign",
@@ -178,7 +193,7 @@ def test_a_refusal_says_where_and_what(
     room: tuple[httpx.Client, Ids], method: str, path: str, body: Any, status: int, place: str, says: str
 ) -> None:
     api, ids = room
-    headers = {"If-Match": "*"} if method == "PATCH" else {}
+    headers = {"PATCH": {"If-Match": "*"}, "DELETE": {"If-Match": '"old"'}}.get(method, {})
     content = {} if body is None else {"json": filled(body, ids)}
     problem = ok(api.request(method, filled(path, ids), headers=headers, **content), status)
     wanted = filled(says, ids)
@@ -186,3 +201,24 @@ def test_a_refusal_says_where_and_what(
         assert place in pointers(problem), problem
         assert any(wanted in fault["detail"] for fault in problem["errors"] if fault["pointer"] == place), problem
     assert wanted in problem["detail"]
+
+
+def test_a_webhook_that_is_deleted_gets_nothing_any_more(
+    room: tuple[httpx.Client, Ids], rows: Callable[..., list[dict[str, Any]]]
+) -> None:
+    """What waits for it is given up, and nothing that it got is sent again."""
+    api, ids = room
+    made = (
+        "WITH hook AS (INSERT INTO webhooks (project_id, url, secret, events) "
+        "VALUES (%s, 'http://x.invalid', 's', '[]') RETURNING *) "
+        "INSERT INTO deliveries (project_id, webhook_id, message_id, event, body, due_at) "
+        "SELECT project_id, id, 'm', 'test', '{}', '2999-01-01' FROM hook RETURNING id, webhook_id"
+    )
+    ((waiting),) = rows(made, ids["project"])
+    hook, delivery = f"webhooks/{waiting['webhook_id']}", f"deliveries/{waiting['id']}"
+    assert [item["id"] for item in ok(api.get("webhooks", params={"project": ids["project"]}))["items"]] == [hook[9:]]
+    assert "it is sent again at" in ok(api.post(f"{delivery}/replay"), 409)["detail"]
+    ok(api.delete(hook), 204)
+    assert ok(api.post(f"{delivery}/replay"), 409)["detail"] == "the webhook was deleted"
+    (given_up,) = rows("SELECT state, last_error FROM deliveries WHERE id = %s", waiting["id"])
+    assert given_up == {"state": "failed", "last_error": "the webhook was deleted"}

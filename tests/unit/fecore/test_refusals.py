@@ -22,7 +22,7 @@ from fecore.correlation import mac
 from fecore.coupons import d3039, d3518
 from fecore.coupons.batch import CouponResult, Statistics, prior, statistics
 from fecore.coupons.curves import Curve, chord
-from fecore.errors import InputError, UpdatingError
+from fecore.errors import IdentificationError, InputError, UpdatingError
 from fecore.frf import Dof, FrfSet
 from fecore.identification.arrangement import arrange
 from fecore.identification.identify import Options
@@ -42,7 +42,7 @@ from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter, parametrise
-from fecore.updating.recipe import Recipe
+from fecore.updating.recipe import HoldOut, Recipe
 from tests.support.plates import PAPER
 
 LINES = np.arange(4.0)
@@ -387,3 +387,14 @@ def test_errors_survive_the_way_from_a_worker() -> None:
     assert (wrong.field, wrong.message) == ("band_hz", "is empty")
     failed = pickle.loads(pickle.dumps(UpdatingError("no rest", {"Ex": 1.0}, ((1.0,),))))
     assert (failed.message, failed.best, failed.history) == ("no rest", {"Ex": 1.0}, ((1.0,),))
+
+
+def test_sound_frfs_that_are_all_held_out_leave_nothing_to_fit() -> None:
+    points = {label: (0.1 * label, 0.0, 0.0) for label in (1, 2, 3)}
+    values = np.zeros((3, 200), complex)
+    values[0] = np.random.default_rng(5).standard_normal((2, 200)).T.copy().view(complex)[:, 0]
+    tour = FrfSet(np.linspace(1.0, 100.0, 200), values, (Dof(3, 3),) * 3, tuple(Dof(point, 3) for point in points))
+    with pytest.raises(
+        IdentificationError, match=r"no FRF that is to be fitted is usable: FRF 3Z/2Z was not used: is zero"
+    ):
+        prepare(Measurement(tour, points), STRIP, Recipe(hold_out=HoldOut(points=(1,))))
