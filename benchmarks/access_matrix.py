@@ -55,6 +55,16 @@ class Caller:
     key: str
     administrator: bool = False
 
+    @property
+    def user(self) -> str:
+        """Whose key it is."""
+        return "chief" if self.administrator else str(self.role)
+
+    @property
+    def may_most(self) -> bool:
+        """Whether nobody may more: who else asks for what is foreign is refused by the same lines."""
+        return (self.role == "owner" or self.administrator) and self.scopes == SCOPES
+
 
 @dataclass
 class Matrix:
@@ -145,10 +155,11 @@ class Round:
         """Ask everything, or only some operations, as every caller; what removes things last.
 
         Args:
-            long: every role with every scope, not only the owner.
+            long: every role with every scope, not only the owner; and each asks for what is not its own, not only those
+                that may most.
             only: these operations; all by default.
         """
-        self.matrix = Matrix()
+        self.matrix, self.long = Matrix(), long
         callers, judged = self.callers(long), judgements()
         asked = operations(self.document)
         for missing in asked.keys() - judged.keys():
@@ -193,27 +204,23 @@ class Round:
         if role == "administrator":
             self._ask_administrator(name, caller, body)
             return
-        random = self._ask(name, caller, self.random, body)
-        named = "{" in name
-        if named:
+        named, outside = "{" in name, self.long or caller.may_most
+        if named and outside:
+            random, foreign = (self._ask(name, caller, things, body) for things in (self.random, self.foreign))
             self._expect(name, caller, "random", random, {404})
-            foreign = self._ask(name, caller, self.foreign, body)
             self._expect(name, caller, "foreign", foreign, {404})
             self._same(name, caller, random, foreign, self.random, self.foreign)
         if role != "anyone" and RANK[caller.role] < RANK[role]:
             self._expect(name, caller, "own", self._ask(name, caller, self.own, body), {403})
             return
-        if named:
-            things = (
-                self._with_own_key("chief" if caller.administrator else str(caller.role))
-                if "{key_id}" in name
-                else self.own
-            )
-            own = self._ask(name, caller, things, body)
-            if own[0] in REFUSED and _anonymous(own[1], things) == _anonymous(random[1], self.random):
+        things = self._with_own_key(caller.user) if "{key_id}" in name else self.own
+        own = self._ask(name, caller, things, body)
+        if named and own[0] in REFUSED:
+            random = self._ask(name, caller, self.random, body)
+            if _anonymous(own[1], things) == _anonymous(random[1], self.random):
                 self._leak(name, caller, "own", own, "should be let in")
-            self._repair(name, own[0])
-        if len(caller.scopes) > 1:
+        self._repair(name, own[0])
+        if outside and len(caller.scopes) > 1:
             self._references(name, operation, caller, body)
 
     def _ask_administrator(self, name: str, caller: Caller, body: Any) -> None:

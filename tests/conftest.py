@@ -1,7 +1,7 @@
 """Fixtures at the level a user stands: a real PostgreSQL, real processes, real HTTP.
 
 server      URL of an embedded PostgreSQL that lives as long as the test session
-database    URL of a fresh, migrated database of its own (a copy of a template: a few hundredths of a second)
+database    URL of a migrated database without rows: a new one, or one that another test has used, emptied
 sessions    SQLAlchemy sessions on `database`
 service     a running modalbase for the session: API process and worker process, on free ports
 api         an httpx client of `service`, with a key of a user of its own: sees nothing of other tests
@@ -27,6 +27,7 @@ from service.db.engine import Sessions, make_engine, make_sessions
 from service.db.schema import upgrade
 from service.settings import Settings
 from service.supervisor import LocalService
+from tests.support.emptying import empty_tables, schema_print
 from tests.support.places import shared_folder
 from tests.support.rest import client_of
 
@@ -89,11 +90,21 @@ def _drop(server: str, url: str) -> None:
     _admin(server, f"DROP DATABASE {make_url(url).database} WITH (FORCE)")
 
 
+@pytest.fixture(scope="session")
+def emptied() -> list[tuple[str, str]]:
+    """Databases that a test has done with, each with its schema's print; copying the template takes ten times as long."""
+    return []
+
+
 @pytest.fixture
-def database(server: str, new_database: Callable[[], str]) -> Iterator[str]:
-    url = new_database()
+def database(server: str, new_database: Callable[[], str], emptied: list[tuple[str, str]]) -> Iterator[str]:
+    url, made = emptied.pop() if emptied else (new_database(), "")
+    made = made or schema_print(url)
     yield url
-    _drop(server, url)
+    if empty_tables(url) == made:
+        emptied.append((url, made))
+    else:
+        _drop(server, url)
 
 
 @pytest.fixture
@@ -138,7 +149,8 @@ def sessions(engine: Engine) -> Sessions:
 
 @pytest.fixture(scope="session")
 def service(new_database: Callable[[], str]) -> Iterator[LocalService]:
-    settings = Settings(database_url=new_database(), port=0, log_level="warning")
+    # What waits for its turn does so however slow the machine is.
+    settings = Settings(database_url=new_database(), port=0, log_level="warning", request_wait_seconds=600)
     with LocalService(settings) as running:
         yield running
 

@@ -14,8 +14,10 @@ from typing import Any
 import httpx
 import psycopg
 import pytest
+from fastapi import FastAPI
 from sqlalchemy import make_url
 
+from service.access.keys import create_key, user_named
 from service.app import create_app
 from service.settings import Settings
 from service.supervisor import LocalService
@@ -215,36 +217,44 @@ def test_a_request_that_is_broken_off_is_no_error_of_ours(
     assert api.get(f"campaigns/{campaign}/imports").json()["items"] == []
 
 
+def answers_of(app: FastAPI, key: str, *paths: str) -> list[httpx.Response]:
+    """What an application in this process answers, one after the other."""
+
+    async def ask() -> list[httpx.Response]:
+        transport, headers = httpx.ASGITransport(app), {"Authorization": f"Bearer {key}"}
+        async with httpx.AsyncClient(transport=transport, base_url="http://test", headers=headers) as client:
+            return [await client.get(path) for path in paths]
+
+    return asyncio.run(ask())
+
+
 def test_without_a_database_503_and_nothing_of_how_it_is_reached(new_database: Callable[[], str]) -> None:
     url = new_database()
-    with LocalService(Settings(database_url=url, port=0, log_level="error"), worker=False) as cut:
-        key = cut.new_key("k")
-        admin = make_url(url).set(database="postgres").render_as_string(hide_password=False)
-        with psycopg.connect(admin, autocommit=True) as connection:
-            connection.execute(f"DROP DATABASE {make_url(url).database} WITH (FORCE)")
-        with httpx.Client(
-            base_url=cut.url, headers={"Authorization": f"Bearer {key}"}, trust_env=False, timeout=60
-        ) as client:
-            assert is_problem(client.get("/readyz"), 503)["detail"] == "the database does not answer"
-            assert (
-                is_problem(client.get("/api/v1/projects"), 503)["detail"] == "the database does not answer; try again"
-            )
-            assert client.get("/healthz").status_code == 200
+    app = create_app(Settings(database_url=url))
+    with app.state.sessions.begin() as session:
+        key = create_key(session, user_named(session, "k"), "test")[1]
+    paths = "/readyz", "/api/v1/projects", "/healthz"
+    assert [answer.status_code for answer in answers_of(app, key, *paths)] == [200, 200, 200]
+    admin = make_url(url).set(database="postgres").render_as_string(hide_password=False)
+    with psycopg.connect(admin, autocommit=True) as connection:
+        connection.execute(f"DROP DATABASE {make_url(url).database} WITH (FORCE)")
+    ready, projects, health = answers_of(app, key, *paths)
+    assert is_problem(ready, 503)["detail"] == "the database does not answer"
+    assert is_problem(projects, 503)["detail"] == "the database does not answer; try again"
+    assert health.status_code == 200
+    app.state.engine.dispose()
 
 
 def test_when_all_connections_are_taken_503(new_database: Callable[[], str]) -> None:
     app = create_app(Settings(database_url=new_database(), database_pool=1))
-    engine = app.state.engine
+    engine, wrong = app.state.engine, "mb_000000000000_x"
     engine.pool._timeout = 0.05  # in place of half a minute
 
-    async def ask() -> httpx.Response:
-        transport = httpx.ASGITransport(app)
-        async with httpx.AsyncClient(transport=transport, base_url="http://test/api/v1/") as client:
-            return await client.get("projects", headers={"Authorization": "Bearer mb_000000000000_x"})
-
     with engine.connect(), engine.connect(), engine.connect():
-        assert is_problem(asyncio.run(ask()), 503)["detail"] == "the database does not answer; try again"
-    assert is_problem(asyncio.run(ask()), 401)
+        (answer,) = answers_of(app, wrong, "/api/v1/projects")
+        assert is_problem(answer, 503)["detail"] == "the database does not answer; try again"
+    (answer,) = answers_of(app, wrong, "/api/v1/projects")
+    assert is_problem(answer, 401)
     engine.dispose()
 
 

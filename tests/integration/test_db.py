@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import LiteralString
 
-import psutil
 import psycopg
 import pytest
 from alembic.autogenerate import compare_metadata
@@ -20,7 +16,6 @@ import service.composition  # noqa: F401  imports every table
 from service.access.tables import User
 from service.app import create_app
 from service.db.base import Base
-from service.db.embedded import embedded_server
 from service.db.engine import Sessions, for_reading, make_sessions, psycopg_url, sqlalchemy_url
 from service.db.schema import SchemaError, current_revision, head_revision, require_head, upgrade
 from service.settings import Settings
@@ -107,67 +102,6 @@ def test_libpq_understands_spaces_in_passwords_and_paths() -> None:
 def test_other_databases_are_refused() -> None:
     with pytest.raises(ValueError, match="expected a postgresql:// URL"):
         sqlalchemy_url("sqlite:///x.db")
-
-
-def running(folder: Path) -> bool:
-    """Is there a living server of that folder?"""
-    return any(
-        p.info["status"] != psutil.STATUS_ZOMBIE and p.info["cwd"] == str(folder / "postgres")
-        for p in psutil.process_iter(["status", "cwd"])
-    )
-
-
-HOLD = """
-import sys
-from pathlib import Path
-from service.db.embedded import embedded_server
-with embedded_server(Path(sys.argv[1])) as url:
-    print("in", flush=True)
-    sys.stdin.read()
-"""
-
-
-def test_embedded_server_lives_from_the_first_to_the_last_that_is_in(short_folder: Path) -> None:
-    folder = short_folder / "s"
-    with embedded_server(folder) as url:
-        other = subprocess.Popen(
-            [sys.executable, "-c", HOLD, str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        )
-        assert other.stdin is not None
-        assert other.stdout is not None
-        assert other.stdout.readline() == "in\n"
-    assert running(folder)  # the other is still in
-    with psycopg.connect(url) as connection:
-        assert connection.execute("SELECT 1").fetchone() == (1,)
-    other.communicate("")
-    assert other.returncode == 0
-    assert not running(folder)
-
-
-def test_embedded_server_survives_the_death_of_its_starter(short_folder: Path) -> None:
-    folder = short_folder / "k"
-    with subprocess.Popen(
-        [sys.executable, "-c", HOLD, str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as starter:
-        assert starter.stdout is not None
-        assert starter.stdout.readline() == "in\n"
-        starter.kill()
-    assert running(folder)  # nobody was there to stop it
-    with embedded_server(folder) as url, psycopg.connect(url) as connection:
-        assert connection.execute("SELECT 1").fetchone() == (1,)
-    assert not running(folder)
-
-
-def test_embedded_server_starts_over_a_stale_pid_file(short_folder: Path) -> None:
-    """After a power cut the file is cut off, or names a process id that may be another program's by now: here, ours."""
-    folder = short_folder / "p"
-    file = folder / "postgres" / "postmaster.pid"
-    with embedded_server(folder):
-        _, *rest = file.read_text().splitlines()
-    for left in ("\n".join([str(psutil.Process().pid), *rest]) + "\n", ""):
-        file.write_text(left)
-        with embedded_server(folder) as url, psycopg.connect(url) as connection:
-            assert connection.execute("SELECT 1").fetchone() == (1,)
 
 
 def test_a_connection_whose_server_process_has_gone_is_replaced(engine: Engine) -> None:

@@ -6,9 +6,11 @@ import os
 import shutil
 import stat
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import psutil
 import psycopg
 import pytest
 from sqlalchemy import make_url
@@ -37,7 +39,10 @@ def cluster(short_folder: Path) -> Iterator[Path]:
     """Files of a server that a test may copy, which is quicker than making new ones."""
     with embedded_server(short_folder / "cluster"):
         pass
-    yield short_folder / "cluster" / "postgres"
+    made = short_folder / "cluster" / "postgres"
+    with (made / "postgresql.conf").open("a") as file:
+        file.write("fsync = off\n")  # nothing here survives a power cut
+    yield made
     shutil.rmtree(short_folder / "cluster")
 
 
@@ -63,9 +68,15 @@ def test_any_path_will_do(folder: Path, cluster: Path, name: str) -> None:
     assert data in socket_of(again).parents or not socket_of(again).exists()  # nothing stays in the temporary folder
 
 
-def test_files_are_made_under_any_path(folder: Path) -> None:
-    with embedded_server(folder / 'Prüf stand $HOME"`') as url, psycopg.connect(url) as connection:
+def test_files_are_made_under_any_path_and_no_folder_of_others_changes_its_mode(folder: Path) -> None:
+    data = folder / 'Prüf stand $HOME"`' / "data"
+    data.parent.mkdir(mode=0o700)
+    watched = [folder, data.parent, programs(), *programs().parents, Path.home()]
+    before = [path.stat().st_mode for path in watched]
+    with embedded_server(data) as url, psycopg.connect(url) as connection:
         assert connection.execute("SHOW data_checksums").fetchone() == ("on",)
+    assert [path.stat().st_mode for path in watched] == before
+    assert stat.S_IMODE(data.stat().st_mode) == 0o700
 
 
 def test_a_server_that_died_comes_back_where_it_was(folder: Path, cluster: Path) -> None:
@@ -126,18 +137,6 @@ def test_another_local_user_does_not_reach_the_database(folder: Path, cluster: P
         (data / "postgres").chmod(0o700)
 
 
-@pytest.mark.skipif(not ROOT, reason="only root starts PostgreSQL as somebody else")
-def test_no_folder_of_others_changes_its_mode(folder: Path) -> None:
-    data = folder / "deep" / "data"
-    data.parent.mkdir(mode=0o700)
-    watched = [folder, data.parent, programs(), *programs().parents, Path.home()]
-    before = [path.stat().st_mode for path in watched]
-    with embedded_server(data) as url, psycopg.connect(url) as connection:
-        assert connection.execute("SELECT 1").fetchone() == (1,)
-    assert [path.stat().st_mode for path in watched] == before
-    assert stat.S_IMODE(data.stat().st_mode) == 0o700
-
-
 @pytest.mark.skipif(not ROOT, reason="only root can give a folder away")
 def test_root_starts_the_folder_of_an_ordinary_user(folder: Path, cluster: Path) -> None:
     filled(folder, cluster)
@@ -178,3 +177,63 @@ def test_the_log_says_why_it_does_not_start(folder: Path, cluster: Path) -> None
     with pytest.raises(PostgresError, match=r"configuration file .* contains errors"):
         cluster.start()
     assert not cluster.runs()
+
+
+def running(folder: Path) -> bool:
+    """Is there a living server of that folder?"""
+    return any(
+        p.info["status"] != psutil.STATUS_ZOMBIE and p.info["cwd"] == str(folder / "postgres")
+        for p in psutil.process_iter(["status", "cwd"])
+    )
+
+
+HOLD = """
+import sys
+from pathlib import Path
+from service.db.embedded import embedded_server
+with embedded_server(Path(sys.argv[1])) as url:
+    print("in", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_embedded_server_lives_from_the_first_to_the_last_that_is_in(folder: Path, cluster: Path) -> None:
+    filled(folder, cluster)
+    with embedded_server(folder) as url:
+        other = subprocess.Popen(
+            [sys.executable, "-c", HOLD, str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        assert other.stdin is not None
+        assert other.stdout is not None
+        assert other.stdout.readline() == "in\n"
+    assert running(folder)  # the other is still in
+    with psycopg.connect(url) as connection:
+        assert connection.execute("SELECT 1").fetchone() == (1,)
+    other.communicate("")
+    assert other.returncode == 0
+    assert not running(folder)
+
+
+def test_embedded_server_survives_the_death_of_its_starter(folder: Path, cluster: Path) -> None:
+    filled(folder, cluster)
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as starter:
+        assert starter.stdout is not None
+        assert starter.stdout.readline() == "in\n"
+        starter.kill()
+    assert running(folder)  # nobody was there to stop it
+    with embedded_server(folder) as url, psycopg.connect(url) as connection:
+        assert connection.execute("SELECT 1").fetchone() == (1,)
+    assert not running(folder)
+
+
+def test_embedded_server_starts_over_a_stale_pid_file(folder: Path, cluster: Path) -> None:
+    """After a power cut the file is cut off, or names a process id that may be another program's by now: here, ours."""
+    file = filled(folder, cluster) / "postgres" / "postmaster.pid"
+    with embedded_server(folder):
+        _, *rest = file.read_text().splitlines()
+    for left in ("\n".join([str(psutil.Process().pid), *rest]) + "\n", ""):
+        file.write_text(left)
+        with embedded_server(folder) as url, psycopg.connect(url) as connection:
+            assert connection.execute("SELECT 1").fetchone() == (1,)

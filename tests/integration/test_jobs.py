@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from uuid import UUID
 
 import psutil
 import pytest
-from sqlalchemy import func, select, text, update
+from sqlalchemy import delete, func, select, text, update
 
 from service.access.tables import Project
 from service.db.engine import Sessions
+from service.jobs.dispatch import begin_next
 from service.jobs.queue import enqueue, request_cancel
 from service.jobs.tables import Job
 from tests.support import job_kinds
 from tests.support.waiting import PATIENCE
-from tests.support.working import Gate, held, items, look, put, run, wait, worker
+from tests.support.working import Gate, Works, held, items, look, put, run, wait, worker
 
 
 def test_row_and_dispatch_are_one_transaction(sessions: Sessions) -> None:
@@ -44,17 +48,17 @@ def test_computes_in_a_child_and_stores(worked: Sessions) -> None:
     assert where["child"] != where["worker"] != os.getpid()
 
 
-def test_progress_is_seen_while_it_runs(sessions: Sessions, database: str, gate: Gate) -> None:
+def test_progress_is_seen_while_it_runs(works: Works) -> None:
+    sessions, gate = works.sessions, works.gate
     (job_id,) = put(sessions, "slow")
-    with worker(database, gate):
-        first = held(sessions, job_id, 10)
-        assert (first.state, first.progress) == ("running", 0.25)
-        gate.open(10)
-        later = held(sessions, job_id, 20)
-        assert (later.state, later.progress) == ("running", 0.5)
-        assert items(sessions, job_id) == []  # the result is one transaction, and it is not over
-        gate.open(20)
-        assert wait(sessions, job_id).state == "succeeded"
+    first = held(sessions, job_id, 10)
+    assert (first.state, first.progress) == ("running", 0.25)
+    gate.open(job_id, 10)
+    later = held(sessions, job_id, 20)
+    assert (later.state, later.progress) == ("running", 0.5)
+    assert items(sessions, job_id) == []  # the result is one transaction, and it is not over
+    gate.open(job_id, 20)
+    assert wait(sessions, job_id).state == "succeeded"
     assert items(sessions, job_id)[:4] == [0, 10, 20, 30]
 
 
@@ -98,87 +102,90 @@ def test_cancel_ends_a_stubborn_computation(worked: Sessions) -> None:
     assert wait(worked, job_id).state == "cancelled"
 
 
-def test_cancelled_before_it_began_is_never_run(sessions: Sessions, database: str) -> None:
-    (job_id,), (other,) = put(sessions, "echo"), put(sessions, "echo")
-    with sessions.begin() as session:
-        assert request_cancel(session, job_id).state == "cancelled"
-    with worker(database):
-        assert wait(sessions, other).state == "succeeded"
-    assert wait(sessions, job_id).attempt == 0
+@contextmanager
+def busy(works: Works) -> Iterator[UUID]:
+    """The worker has a job in hand throughout the block, which ends well afterwards."""
+    (job_id,) = put(works.sessions, "slow")
+    held(works.sessions, job_id)
+    try:
+        yield job_id
+    finally:
+        works.gate.open(job_id, 10, 20)
 
 
-def test_superseded_attempt_stores_nothing(sessions: Sessions, database: str, gate: Gate) -> None:
-    with worker(database, gate):
-        (job_id,) = put(sessions, "slow")
-        held(sessions, job_id)
-        with sessions.begin() as session:
-            session.execute(update(Job).where(Job.id == job_id).values(attempt=7))
-        gate.open(10, 20)
-        assert wait(sessions, put(sessions, "echo")[0]).state == "succeeded"  # it came after the slow one
-        after = look(sessions, job_id)
+def test_cancelled_before_it_began_is_never_run(works: Works) -> None:
+    with busy(works):
+        (job_id,) = put(works.sessions, "echo")
+        with works.sessions.begin() as session:
+            assert request_cancel(session, job_id).state == "cancelled"
+    assert run(works.sessions, "echo").state == "succeeded"
+    assert look(works.sessions, job_id).attempt == 0
+
+
+def test_a_job_whose_ticket_is_gone_runs(works: Works) -> None:
+    tickets = "FROM procrastinate_jobs WHERE args->>'job_id' = :job"
+    with busy(works):
+        (job_id,) = put(works.sessions, "echo")
+        with works.sessions.begin() as session:
+            session.execute(text(f"DELETE {tickets}"), {"job": str(job_id)})
+    assert wait(works.sessions, job_id).state == "succeeded"
+    with works.sessions() as session:
+        assert session.scalar(text(f"SELECT count(*) {tickets}"), {"job": str(job_id)}) == 0
+
+
+def test_superseded_attempt_stores_nothing(works: Works) -> None:
+    with busy(works) as job_id, works.sessions.begin() as session:
+        session.execute(update(Job).where(Job.id == job_id).values(attempt=7))
+    assert run(works.sessions, "echo").state == "succeeded"  # it came after the slow one
+    after = look(works.sessions, job_id)
     assert (after.state, after.attempt) == ("running", 7)
-    assert items(sessions, job_id) == []
+    assert items(works.sessions, job_id) == []
+    with works.sessions.begin() as session:
+        session.execute(delete(Job).where(Job.id == job_id))  # or it would be taken up again some time
 
 
-def test_a_worker_that_shall_end_finishes_what_runs(sessions: Sessions, database: str, gate: Gate) -> None:
-    with worker(database, gate) as process:
-        first, second = put(sessions, "slow", 2)
-        held(sessions, first)
-        process.send_signal(signal.SIGTERM)
-        gate.open(10, 20)
-        assert process.wait(PATIENCE) == 0
-    assert wait(sessions, first).state == "succeeded"
-    assert look(sessions, second).state == "queued"
-
-
-def test_a_worker_that_shall_end_puts_back_what_does_not_end(sessions: Sessions, database: str, gate: Gate) -> None:
-    (job_id,) = put(sessions, "slow")
-    with worker(database, gate, job_drain_seconds=0.2) as process:
-        held(sessions, job_id)
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(PATIENCE) == 0
-    assert look(sessions, job_id).state == "queued"
-    with worker(database):
-        job = wait(sessions, job_id)
-    assert (job.state, job.attempt) == ("succeeded", 2)
-
-
-def test_killed_worker_takes_its_child_along_and_another_reruns_the_job(
+def test_a_worker_that_shall_end_finishes_what_runs_or_puts_it_back(
     sessions: Sessions, database: str, gate: Gate
 ) -> None:
-    (job_id,) = put(sessions, "slow")
-    with worker(database, gate) as first:
-        held(sessions, job_id)
-        family = psutil.Process(first.pid).children(recursive=True)
-        assert family
-        first.kill()
-        first.wait()
-        _, alive = psutil.wait_procs(family, timeout=PATIENCE)
-        assert [p for p in alive if p.status() != psutil.STATUS_ZOMBIE] == []
-    with worker(database, job_lease_seconds=1):
-        job = wait(sessions, job_id)
-    assert (job.state, job.attempt) == ("succeeded", 2)
-    assert len(items(sessions, job_id)) == 5
+    first, second = put(sessions, "slow", 2)
+    with worker(database, gate) as process:
+        held(sessions, first)
+        process.send_signal(signal.SIGTERM)
+        gate.open(first, 10, 20)
+        assert process.wait(PATIENCE) == 0
+    assert look(sessions, first).state == "succeeded"
+    assert look(sessions, second).state == "queued"
+    with worker(database, gate, job_drain_seconds=0.1) as process:
+        held(sessions, second)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(PATIENCE) == 0
+    job = look(sessions, second)
+    assert (job.state, job.attempt, job.losses) == ("queued", 1, 0)
+    with sessions.begin() as session:
+        again = begin_next(session, None, "another worker", None)
+        assert again is not None
+        assert (again.id, again.attempt) == (second, 2)
 
 
-def test_two_workers_share_without_doing_anything_twice(sessions: Sessions, database: str) -> None:
-    with worker(database), worker(database):
-        jobs = [wait(sessions, job_id) for job_id in put(sessions, "echo", 20)]
+def test_two_workers_share_without_doing_anything_twice(works: Works) -> None:
+    with worker(works.url):
+        with busy(works):  # one of them, so that the other has come when the next is done
+            assert run(works.sessions, "echo").state == "succeeded"
+        jobs = [wait(works.sessions, job_id) for job_id in put(works.sessions, "echo", 20)]
     assert {(job.state, job.attempt) for job in jobs} == {("succeeded", 1)}
-    assert all(len(items(sessions, job.id)) == 2 for job in jobs)
+    assert all(len(items(works.sessions, job.id)) == 2 for job in jobs)
 
 
-def test_worker_comes_back_when_the_database_cut_it_off(sessions: Sessions, database: str) -> None:
+def test_worker_comes_back_when_the_database_cut_it_off(works: Works) -> None:
     cut = text(
         "SELECT pg_terminate_backend(pid) FROM pg_stat_activity"
         " WHERE datname = current_database() AND pid <> pg_backend_pid()"
     )
-    with worker(database) as process:
-        assert wait(sessions, put(sessions, "echo")[0]).state == "succeeded"
-        with sessions.begin() as session:
-            assert len(session.execute(cut).all()) >= 2
-        assert wait(sessions, put(sessions, "echo")[0]).state == "succeeded"
-        assert process.poll() is None
+    assert run(works.sessions, "echo").state == "succeeded"
+    with works.sessions.begin() as session:
+        assert len(session.execute(cut).all()) >= 2
+    assert run(works.sessions, "echo").state == "succeeded"
+    assert works.process.poll() is None
 
 
 def test_workspace_is_gone_afterwards(worked: Sessions) -> None:
@@ -186,30 +193,26 @@ def test_workspace_is_gone_afterwards(worked: Sessions) -> None:
     assert not Path(where["file"]).parent.exists()
 
 
-def test_a_killed_fork_server_costs_an_attempt_and_no_job(sessions: Sessions, database: str, gate: Gate) -> None:
-    (job_id,) = put(sessions, "slow")
-    with worker(database, gate) as process:
-        held(sessions, job_id)
-        server = fork_server_of(process.pid)
+def test_a_killed_fork_server_costs_an_attempt_and_no_job(works: Works) -> None:
+    with busy(works) as job_id:
+        server = fork_server_of(works.process.pid)
         family = [server, *server.children()]
         server.kill()
         assert not psutil.wait_procs(family, timeout=PATIENCE)[1]
-        gate.open(10, 20)
-        job = wait(sessions, job_id)
+    job = wait(works.sessions, job_id)
     assert (job.state, job.attempt, job.losses) == ("succeeded", 2, 1)
-    assert len(items(sessions, job_id)) == 5
+    assert len(items(works.sessions, job_id)) == 5
 
 
-def test_fork_server_killed_while_it_starts_a_child(sessions: Sessions, database: str) -> None:
+def test_fork_server_killed_while_it_starts_a_child(works: Works) -> None:
     """It is stopped, so that the worker waits for its child, or is about to, when it is killed."""
-    with worker(database) as process:
-        wait(sessions, put(sessions, "echo")[0])
-        server = fork_server_of(process.pid)
-        server.suspend()
-        (job_id,) = put(sessions, "echo")
-        wait(sessions, job_id, lambda job: job.state == "running")
-        server.kill()
-        job = wait(sessions, job_id)
+    run(works.sessions, "echo")
+    server = fork_server_of(works.process.pid)
+    server.suspend()
+    (job_id,) = put(works.sessions, "echo")
+    wait(works.sessions, job_id, lambda job: job.state == "running")
+    server.kill()
+    job = wait(works.sessions, job_id)
     assert (job.state, job.attempt) == ("succeeded", 1 + job.losses), job.error
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import signal
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
@@ -25,7 +25,7 @@ from service.jobs.queue import enqueue, request_cancel, retry
 from service.jobs.tables import Job, JobCheckpoint
 from tests.support import job_kinds
 from tests.support.waiting import PATIENCE, until
-from tests.support.working import Gate, held, items, look, put, wait, worker
+from tests.support.working import Gate, Works, held, items, put, run, wait, worker
 
 TICKETS = text("SELECT count(*) FROM procrastinate_jobs")
 
@@ -49,9 +49,9 @@ def take(sessions: Sessions, limit: int | None = None) -> UUID | None:
         return None if job is None else job.id
 
 
-def end(sessions: Sessions, job_id: UUID | None) -> None:
+def end(sessions: Sessions, job_id: UUID | None, state: str = "succeeded") -> None:
     with sessions.begin() as session:
-        session.execute(update(Job).where(Job.id == job_id).values(state="succeeded", finished_at=func.now()))
+        session.execute(update(Job).where(Job.id == job_id).values(state=state, finished_at=func.clock_timestamp()))
 
 
 def test_projects_take_turns(sessions: Sessions) -> None:
@@ -95,30 +95,43 @@ def test_limit_of_a_project_holds_when_many_claim_at_once(sessions: Sessions) ->
     assert len({take(sessions) for _ in range(5)}) == 5
 
 
-def test_a_job_that_the_limit_held_back_starts_when_there_is_room(sessions: Sessions, database: str) -> None:
-    jobs = queued(sessions, many=4)["many"]
-    with worker(database, worker_concurrency=2, project_job_limit=1):
-        ended = [wait(sessions, job_id) for job_id in jobs]
+@pytest.fixture(scope="module")
+def worker_settings() -> dict[str, Any]:
+    return {"worker_concurrency": 2, "project_job_limit": 1}
+
+
+def test_a_job_that_the_limit_held_back_starts_when_there_is_room(worked: Sessions) -> None:
+    jobs = queued(worked, many=4)["many"]
+    ended = [wait(worked, job_id) for job_id in jobs]
     spans = sorted((job.started_at, job.finished_at) for job in ended if job.started_at and job.finished_at)
+    assert len(spans) == 4
     assert all(first[1] <= second[0] for first, second in pairwise(spans))
 
 
+@pytest.fixture
+def no_notice(worked: Sessions) -> Iterator[None]:
+    """The worker is not woken by what asks it to abort a job."""
+    trigger = "procrastinate_jobs_notify_queue_job_aborted_v1"
+    for act in ("DISABLE", "ENABLE"):
+        with worked.begin() as session:
+            session.execute(text(f"ALTER TABLE procrastinate_jobs {act} TRIGGER {trigger}"))
+        if act == "DISABLE":
+            yield
+
+
 @pytest.mark.parametrize("notice", [True, False], ids=["notice", "looking"])
-def test_cancelled_computation_is_gone(sessions: Sessions, database: str, notice: bool) -> None:
+def test_cancelled_computation_is_gone(worked: Sessions, notice: bool, request: pytest.FixtureRequest) -> None:
     if not notice:
-        with sessions.begin() as session:
-            trigger = "procrastinate_jobs_notify_queue_job_aborted_v1"
-            session.execute(text(f"ALTER TABLE procrastinate_jobs DISABLE TRIGGER {trigger}"))
-    (job_id,) = put(sessions, "stubborn")
-    with worker(database):
-        stage = wait(sessions, job_id, lambda job: "factorising" in (job.stage or "")).stage or ""
-        child = psutil.Process(int(stage.rsplit(maxsplit=1)[1]))
-        with sessions.begin() as session:
-            assert request_cancel(session, job_id).state == "running"
-        job = wait(sessions, job_id)
-        assert (job.state, job.message) == ("cancelled", "cancelled on request")
-        until(lambda: not child.is_running() or child.status() == psutil.STATUS_ZOMBIE, "the end of the child")
-        assert wait(sessions, put(sessions, "echo")[0]).state == "succeeded"
+        request.getfixturevalue("no_notice")
+    (job_id,) = put(worked, "stubborn")
+    stage = wait(worked, job_id, lambda job: "factorising" in (job.stage or "")).stage or ""
+    child = psutil.Process(int(stage.rsplit(maxsplit=1)[1]))
+    with worked.begin() as session:
+        assert request_cancel(session, job_id).state == "running"
+    job = wait(worked, job_id)
+    assert (job.state, job.message) == ("cancelled", "cancelled on request")
+    until(lambda: not child.is_running() or child.status() == psutil.STATUS_ZOMBIE, "the end of the child")
+    assert run(worked, "echo").state == "succeeded"
 
 
 def test_retried_job_runs_again(worked: Sessions) -> None:
@@ -131,18 +144,17 @@ def test_retried_job_runs_again(worked: Sessions) -> None:
     assert (job.state, job.attempt) == ("failed", 2)
 
 
-def test_cancelled_job_can_be_retried(sessions: Sessions, database: str, gate: Gate) -> None:
-    (job_id,) = put(sessions, "slow")
-    with worker(database, gate):
-        held(sessions, job_id)
-        with sessions.begin() as session:
-            request_cancel(session, job_id)
-        assert wait(sessions, job_id).state == "cancelled"
-        gate.open(10, 20)
-        with sessions.begin() as session:
-            retry(session, job_id)
-        assert wait(sessions, job_id).state == "succeeded"
-    assert len(items(sessions, job_id)) == 5  # those of the attempt that succeeded
+def test_cancelled_job_can_be_retried(works: Works) -> None:
+    (job_id,) = put(works.sessions, "slow")
+    held(works.sessions, job_id)
+    with works.sessions.begin() as session:
+        request_cancel(session, job_id)
+    assert wait(works.sessions, job_id).state == "cancelled"
+    works.gate.open(job_id, 10, 20)
+    with works.sessions.begin() as session:
+        retry(session, job_id)
+    assert wait(works.sessions, job_id).state == "succeeded"
+    assert len(items(works.sessions, job_id)) == 5  # those of the attempt that succeeded
 
 
 def test_only_what_failed_or_was_cancelled_is_retried(worked: Sessions) -> None:
@@ -152,13 +164,24 @@ def test_only_what_failed_or_was_cancelled_is_retried(worked: Sessions) -> None:
         retry(session, job_id)
 
 
-def test_long_job_goes_on_where_it_was_when_its_worker_is_killed(sessions: Sessions, database: str, gate: Gate) -> None:
+def test_killed_workers_job_goes_on_where_it_was_and_nothing_else_of_it_stays(
+    sessions: Sessions, database: str, gate: Gate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folders = tmp_path / "tmp"
+    folders.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folders))  # for the workers
     (job_id,) = put(sessions, "chain")
     with worker(database, gate, job_lease_seconds=2) as first:
         held(sessions, job_id, 20)
         until(lambda: saved_step(sessions, job_id) == 20, "the checkpoint of step 20")
+        family = psutil.Process(first.pid).children(recursive=True)
+        assert len(family) >= 2  # the fork server, and the computation
         first.kill()
         first.wait()
+        _, alive = psutil.wait_procs(family, timeout=PATIENCE)
+        assert [process for process in alive if process.status() != psutil.STATUS_ZOMBIE] == []
+    (left,) = folders.glob("modalbase-worker-*/*/input.txt")
+    gate.open(job_id, 20)
     with worker(database, job_lease_seconds=2):
         job = wait(sessions, job_id)
         assert (job.state, job.attempt, job.losses) == ("succeeded", 2, 1)
@@ -168,6 +191,8 @@ def test_long_job_goes_on_where_it_was_when_its_worker_is_killed(sessions: Sessi
         for step in range(40):
             digest = hashlib.sha256(digest + bytes([step])).digest()
         assert result["digest"] == digest.hex()  # the same bits as without the kill
+        assert not left.parent.parent.exists()
+        assert len(list(folders.glob("modalbase-worker-*/"))) == 1
     with sessions() as session:
         assert session.scalar(select(func.count()).select_from(JobCheckpoint)) == 0
         assert session.scalar(TICKETS) == 0
@@ -190,36 +215,13 @@ def test_checkpoint_of_an_attempt_that_is_no_longer_the_present_one_is_not_kept(
         assert checkpoints.load(session, job_id) == b"second"
 
 
-def test_drained_job_counts_no_loss(sessions: Sessions, database: str, gate: Gate) -> None:
-    (job_id,) = put(sessions, "slow")
-    with worker(database, gate, job_drain_seconds=0.1) as process:
-        held(sessions, job_id)
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(PATIENCE) == 0
-    job = look(sessions, job_id)
-    assert (job.state, job.attempt, job.losses) == ("queued", 1, 0)
-
-
-def test_killed_workers_folder_is_cleared_by_the_next(
-    sessions: Sessions, database: str, gate: Gate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("TMPDIR", str(tmp_path))  # for the workers
-    (job_id,) = put(sessions, "slow")
-    with worker(database, gate) as first:
-        held(sessions, job_id)
-        first.kill()
-        first.wait()
-    (left,) = tmp_path.glob("modalbase-worker-*/*/input.txt")
-    with worker(database):
-        assert wait(sessions, put(sessions, "echo")[0]).state == "succeeded"
-        assert not left.parent.parent.exists()
-        assert len(list(tmp_path.glob("modalbase-worker-*/"))) == 1
-
-
-def test_metrics_by_kind_and_outcome(sessions: Sessions, database: str) -> None:
-    with worker(database):
-        for kind in ("echo", "echo", "refusing"):
-            wait(sessions, put(sessions, kind)[0])
+def test_metrics_by_kind_and_outcome(sessions: Sessions) -> None:
+    for job_id in queued(sessions, one=2)["one"]:
+        assert take(sessions) == job_id
+        end(sessions, job_id)
+    (failed,) = put(sessions, "refusing")
+    assert take(sessions) == failed
+    end(sessions, failed, "failed")
     put(sessions, "slow", 3)
     registry = CollectorRegistry()
     registry.register(JobMetrics(sessions))

@@ -21,7 +21,9 @@ SLOTS, QUEUE = 4, 20
 
 @pytest.fixture(scope="module")
 def narrow(new_database: Callable[[], str]) -> Iterator[LocalService]:
-    """A service that answers few requests at a time; those that may wait do, however slow the machine is."""
+    """A service that answers few requests at a time, with few streams of events; those that may wait do, however slow the
+    machine is.
+    """
     settings = Settings(
         database_url=new_database(),
         port=0,
@@ -29,25 +31,15 @@ def narrow(new_database: Callable[[], str]) -> Iterator[LocalService]:
         database_pool=SLOTS,
         request_queue=QUEUE,
         request_wait_seconds=600,
+        event_streams=4,
     )
     with LocalService(settings, worker=False) as running:
         yield running
 
 
-@pytest.fixture(scope="module")
-def patient(new_database: Callable[[], str]) -> Iterator[LocalService]:
-    """A service where nothing waits in vain, however slow the machine is, with few streams of events."""
-    settings = Settings(
-        database_url=new_database(), port=0, log_level="error", request_wait_seconds=600, event_streams=4
-    )
-    with LocalService(settings, worker=False) as running:
-        yield running
-
-
-@pytest.mark.parametrize("count", [60, 120, 300])
-def test_a_burst_of_one_key_is_answered(patient: LocalService, count: int) -> None:
-    answers = at_once(patient, patient.new_key(f"burst-{uuid4()}"), "projects?limit=5", count)
-    assert statuses(answers) == {200: count}
+def test_a_burst_of_one_key_is_answered(service: LocalService) -> None:
+    answers = at_once(service, service.new_key(f"burst-{uuid4()}"), "projects?limit=5", 200)
+    assert statuses(answers) == {200: 200}
 
 
 def test_beyond_what_may_wait_the_answer_says_so_and_when_to_come_back(narrow: LocalService) -> None:
@@ -81,13 +73,13 @@ def test_one_key_in_a_hurry_does_not_hold_up_another(narrow: LocalService) -> No
 
 
 def test_many_streams_of_events_hold_nothing_up(service: LocalService, api: httpx.Client, campaign: str) -> None:
-    """400 streams at once; lists and health answer beside them, and each stream sees its job's end."""
+    """200 streams at once; lists and health answer beside them, and each stream sees its job's end."""
     key = api.headers["Authorization"].removeprefix("Bearer ")
 
     async def crowd(client: httpx.AsyncClient) -> tuple[list[str], list[httpx.Response]]:
         opened = asyncio.Semaphore(0)
         second = {"Authorization": f"Bearer {(await client.post('api-keys', json={'name': 'x'})).json()['key']}"}
-        jobs = [(await client.post(f"campaigns/{campaign}/update-jobs", json={})).json()["id"] for _ in range(20)]
+        jobs = [(await client.post(f"campaigns/{campaign}/update-jobs", json={})).json()["id"] for _ in range(5)]
 
         async def watch(job: str, **headers: str) -> str:
             async with client.stream("GET", f"update-jobs/{job}/events", headers=headers) as answer:
@@ -95,19 +87,19 @@ def test_many_streams_of_events_hold_nothing_up(service: LocalService, api: http
                 opened.release()
                 return (await answer.aread()).decode()
 
-        watching = [asyncio.ensure_future(watch(jobs[i % len(jobs)], **(second if i % 2 else {}))) for i in range(400)]
-        lists = await asyncio.gather(*[client.get("projects?limit=5") for _ in range(60)])
+        watching = [asyncio.ensure_future(watch(jobs[i % len(jobs)], **(second if i % 2 else {}))) for i in range(200)]
+        lists = await asyncio.gather(*[client.get("projects?limit=5") for _ in range(30)])
         health = await client.get(f"{service.url}/healthz")
         return await asyncio.gather(*watching), [*lists, health]
 
     stories, answers = asyncio.run(with_crowd(service, key, crowd))
-    assert statuses(answers) == {200: 61}
+    assert statuses(answers) == {200: 31}
     assert all('"status": "failed"' in story for story in stories)
 
 
-def test_one_key_has_half_of_the_streams_of_events(patient: LocalService) -> None:
+def test_one_key_has_half_of_the_streams_of_events(narrow: LocalService) -> None:
     with ExitStack() as stack:
-        api = stack.enter_context(client_of(patient, "ada"))
+        api = stack.enter_context(client_of(narrow, "ada"))
         project = ok(api.post("projects", json={"name": "p"}))["id"]
         structure = ok(api.post(f"projects/{project}/structures", json=BEAM))["id"]
         campaign = ok(api.post(f"structures/{structure}/campaigns", json={"name": "c", "boundary": "free"}))["id"]

@@ -107,15 +107,6 @@ def test_what_a_worker_is_said_to_run_and_does_not_waits_again(sessions: Session
     assert (look(sessions, first).state, look(sessions, second).state) == ("running", "queued")
 
 
-def test_a_job_whose_ticket_is_gone_runs(sessions: Sessions, database: str) -> None:
-    (job_id,) = put(sessions, "echo")
-    with sessions.begin() as session:
-        session.execute(text("DELETE FROM procrastinate_jobs"))
-    with worker(database):
-        assert wait(sessions, job_id).state == "succeeded"
-    assert all_tickets(sessions) == []
-
-
 def test_a_jobs_ticket_goes_with_its_row(sessions: Sessions) -> None:
     put(sessions, "echo", 2)
     with sessions.begin() as session:

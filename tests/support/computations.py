@@ -26,22 +26,22 @@ def echo(inputs: dict[str, Any], report: Report) -> Iterator[Any]:
     yield inputs | {"child": os.getpid(), "threads": os.environ["OPENBLAS_NUM_THREADS"]}
 
 
-def hold(report: Report, step: int) -> None:
+def hold(inputs: dict[str, Any], report: Report, step: int) -> None:
     """Wait in this step, and say so, until the test opens the gate that it gave the worker, if any (`working.Gate`)."""
     if GATE in os.environ:
         report(f"held in step {step}", step / 40)
-        while not (Path(os.environ[GATE]) / str(step)).exists():
+        while not (Path(os.environ[GATE]) / f"{inputs['job']} {step}").exists():
             time.sleep(0.01)
 
 
-def slow(_: dict[str, Any], report: Report) -> Iterator[Any]:
+def slow(inputs: dict[str, Any], report: Report) -> Iterator[Any]:
     """Forty steps, of which every tenth gives a row; held in the 10th and the 20th."""
     for step in range(40):
         report("stepping", step / 40)
         if step % 10 == 0:
             yield step
         if step in (10, 20):
-            hold(report, step)
+            hold(inputs, report, step)
     yield os.getpid()
 
 
@@ -79,7 +79,7 @@ def buggy(_: dict[str, Any], report: Report) -> Iterator[Any]:
     yield {}["missing"]
 
 
-def chain(_: dict[str, Any], report: Report) -> Iterator[Any]:
+def chain(inputs: dict[str, Any], report: Report) -> Iterator[Any]:
     """A long computation that saves its state: steps done, and a digest that depends on every step; held in the 20th."""
     begun = step = int.from_bytes(report.restored[:2]) if report.restored else 0
     digest = report.restored[2:] if report.restored else b""
@@ -90,5 +90,5 @@ def chain(_: dict[str, Any], report: Report) -> Iterator[Any]:
         if step % 5 == 0:
             report.checkpoint(step.to_bytes(2) + digest)
         if step == 20:
-            hold(report, step)
+            hold(inputs, report, step)
     yield {"begun at": begun, "digest": digest.hex()}

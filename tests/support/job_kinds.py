@@ -20,7 +20,7 @@ from tests.support import computations
 def load(session: Session, job_id: UUID, workspace: Path) -> dict[str, Any]:
     kind = session.scalars(select(Job.kind).where(Job.id == job_id)).one()
     (workspace / "input.txt").write_text(kind)
-    return {"file": str(workspace / "input.txt"), "worker": os.getpid()}
+    return {"file": str(workspace / "input.txt"), "worker": os.getpid(), "job": str(job_id)}
 
 
 def store(session: Session, job_id: UUID, items: Iterator[Any]) -> None:

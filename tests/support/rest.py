@@ -7,6 +7,7 @@ from typing import Any
 import httpx
 
 from fecore.modes import MeasuredModes
+from modalbase.client.connection import no_certificates
 from service.supervisor import LocalService
 from tests.support.waiting import PATIENCE, until
 
@@ -18,8 +19,14 @@ def client_at(url: str, key: str) -> httpx.Client:
 
     It uses no connection twice: an idle one may be closed by the service at the very moment of its next use.
     """
-    headers = {"Authorization": f"Bearer {key}"}
-    return httpx.Client(base_url=f"{url}/api/v1/", headers=headers, timeout=PATIENCE, trust_env=False, limits=ONCE)
+    return plain_client(f"{url}/api/v1/", {"Authorization": f"Bearer {key}"})
+
+
+def plain_client(base_url: httpx.URL | str, headers: dict[str, str] | None = None) -> httpx.Client:
+    """A client over HTTP without TLS."""
+    return httpx.Client(
+        base_url=base_url, headers=headers, timeout=PATIENCE, trust_env=False, limits=ONCE, verify=no_certificates()
+    )
 
 
 def client_of(service: LocalService, name: str) -> httpx.Client:
@@ -40,7 +47,7 @@ def session_client(
     answer = api.post("session", headers=headers)
     token = ok(answer, 201)["csrf_token"]
     own = {"Cookie": answer.headers["set-cookie"].split(";")[0], "X-CSRF-Token": token}
-    return httpx.Client(base_url=base or api.base_url, headers=own, timeout=PATIENCE, trust_env=False, limits=ONCE)
+    return plain_client(base or api.base_url, own)
 
 
 def ok(answer: httpx.Response, status: int | None = None) -> Any:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -29,21 +30,21 @@ from tests.support.waiting import until
 ENDED = ("succeeded", "failed", "cancelled")
 
 
+@dataclass(frozen=True)
 class Gate:
     """Holds jobs of the kinds `slow` and `chain` in known steps, so that a test acts while they run."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        folder.mkdir()
+    folder: Path
 
-    def open(self, *steps: int) -> None:
+    def open(self, job_id: UUID, *steps: int) -> None:
+        """Let a job pass these steps."""
         for step in steps:
-            (self.folder / str(step)).touch()
+            (self.folder / f"{job_id} {step}").touch()
 
 
 @pytest.fixture
 def gate(tmp_path: Path) -> Gate:
-    return Gate(tmp_path / "gate")
+    return Gate(tmp_path)
 
 
 def held(sessions: Sessions, job_id: UUID, step: int = 10) -> Job:
@@ -74,14 +75,38 @@ def worker(database: str, gate: Gate | None = None, **settings: Any) -> Iterator
         process.wait()
 
 
+@dataclass(frozen=True)
+class Works:
+    """A worker, the database on which it works alone, and the gate that holds its jobs."""
+
+    process: subprocess.Popen[bytes]
+    url: str
+    sessions: Sessions
+    gate: Gate
+
+
 @pytest.fixture(scope="module")
-def worked(new_database: Callable[[], str]) -> Iterator[Sessions]:
-    """Sessions on a database on which one worker works throughout this module."""
-    url = new_database()
+def worker_settings() -> dict[str, Any]:
+    """Of the worker that works throughout a module, which may have a fixture of this name."""
+    return {}
+
+
+@pytest.fixture(scope="module")
+def works(
+    new_database: Callable[[], str], tmp_path_factory: pytest.TempPathFactory, worker_settings: dict[str, Any]
+) -> Iterator[Works]:
+    """A worker that works throughout a module: what one test leaves there is nothing to the next."""
+    url, gate = new_database(), Gate(tmp_path_factory.mktemp("gate"))
     engine = make_engine(url)
-    with worker(url):
-        yield make_sessions(engine)
+    with worker(url, gate, **worker_settings) as process:
+        yield Works(process, url, make_sessions(engine), gate)
     engine.dispose()
+
+
+@pytest.fixture
+def worked(works: Works) -> Sessions:
+    """Sessions on the database of the module's worker."""
+    return works.sessions
 
 
 def put(sessions: Sessions, kind: str, count: int = 1) -> list[UUID]:
