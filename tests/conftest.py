@@ -149,8 +149,15 @@ def sessions(engine: Engine) -> Sessions:
 
 @pytest.fixture(scope="session")
 def service(new_database: Callable[[], str]) -> Iterator[LocalService]:
-    # What waits for its turn does so however slow the machine is.
-    settings = Settings(database_url=new_database(), port=0, log_level="warning", request_wait_seconds=600)
+    settings = Settings(
+        database_url=new_database(),
+        port=0,
+        log_level="warning",
+        request_wait_seconds=600,  # what waits for its turn does so however slow the machine is
+        webhook_networks="127.0.0.0/8",
+        webhook_ports="1-65535",
+        delivery_pause_seconds=0.05,
+    )
     with LocalService(settings) as running:
         yield running
 

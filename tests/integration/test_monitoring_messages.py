@@ -18,7 +18,7 @@ import pytest
 import trustme
 from sqlalchemy import select
 
-import service.composition
+import service.composition  # noqa: F401  imports every table
 from service.access import Project
 from service.db.engine import Sessions
 from service.notifications import delivery as attempts
@@ -28,7 +28,6 @@ from service.notifications.messages import EVENTS
 from service.notifications.sender import ATTEMPTS, Sender
 from service.notifications.tables import Delivery, Webhook
 from service.settings import Settings
-from service.supervisor import LocalService
 from tests.support.receivers import ACCOUNT, MailServer, Receiver, dripping, mail_server, receiver, signature_holds
 from tests.support.waiting import until
 
@@ -61,20 +60,6 @@ ALARM = {
 def hook() -> Iterator[Receiver]:
     with receiver() as server:
         yield server
-
-
-@pytest.fixture(scope="module")
-def service(new_database: Callable[[], str]) -> Iterator[LocalService]:
-    settings = Settings(
-        database_url=new_database(),
-        port=0,
-        log_level="warning",
-        webhook_networks="127.0.0.0/8",
-        webhook_ports="1-65535",
-        delivery_pause_seconds=0.05,
-    )
-    with LocalService(settings) as running:
-        yield running
 
 
 @pytest.fixture

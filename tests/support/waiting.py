@@ -11,7 +11,10 @@ T = TypeVar("T")
 PATIENCE = 300.0
 """Seconds after which something that is waited for is taken for broken; a busy machine needs a small part of them."""
 
-LOOK_SECONDS = 0.02
+SOON, SHARE, SELDOM = 0.02, 0.1, 0.3
+"""Seconds until the next look, share of the time waited so far beside them, and most of both: who asks a service again and
+again takes its processor from what is waited for.
+"""
 
 
 def until(condition: Callable[[], T], what: str, now: Callable[[], object] | None = None) -> T:
@@ -25,9 +28,10 @@ def until(condition: Callable[[], T], what: str, now: Callable[[], object] | Non
     Raises:
         AssertionError: not within `PATIENCE`.
     """
-    end = time.monotonic() + PATIENCE
+    began = time.monotonic()
     while not (found := condition()):
-        if time.monotonic() > end:
+        waited = time.monotonic() - began
+        if waited > PATIENCE:
             raise AssertionError(f"not within {PATIENCE:g} s: {what}; now: {now() if now else found}")
-        time.sleep(LOOK_SECONDS)
+        time.sleep(min(SOON + SHARE * waited, SELDOM))
     return found
