@@ -264,6 +264,8 @@ def _elastic_density(elastic: ElasticResult) -> LogProbability:
 def _with_inputs(elastic: ElasticResult, xi: FloatArray, random: np.random.Generator) -> FloatArray:
     """(n, p) all coordinates: (n, q) samples of the parameters, and the inputs drawn from their Gaussian given these."""
     free, joint, centre = xi.shape[1], elastic.mixture.total, elastic.coordinates.of(elastic.theta)
+    if free == len(joint):  # all inputs are known exactly
+        return xi
     slope = np.linalg.solve(joint[:free, :free], joint[:free, free:])
     left = joint[free:, free:] - joint[free:, :free] @ slope
     drawn = random.multivariate_normal(np.zeros(len(left)), left, len(xi), method="svd")

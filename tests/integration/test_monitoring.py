@@ -43,6 +43,7 @@ from tests.support.waiting import until
 
 START = datetime(2024, 1, 15, 10, tzinfo=UTC)
 RECIPE = {
+    "identification": {"band_hz": [5, 500], "highest_order": 10},
     "damping_models": ["rayleigh"],
     "parameters": [{"name": "Ex"}, {"name": "Gxy", "tied_to": "Ex"}, {"name": "Gxz", "tied_to": "Ex"}],
 }
