@@ -25,7 +25,12 @@ MONITOR: dict[str, Any] = {
     "baseline": {"campaigns": 4},
 }
 HOOK = "https://198.51.100.1/hook"  # nobody has this address
-NETWORKS = "198.51.100.0/24"  # so the service must be allowed to send there
+ASKED_FREELY: dict[str, Any] = {
+    "webhook_networks": "198.51.100.0/24",  # so the service must be allowed to send there
+    "key_requests_a_second": 10**6,
+    "key_failures_a_minute": 10**6,
+}
+"""Settings of a service that is asked as much as can be."""
 
 
 def frfs(first: int = 1) -> dict[str, Any]:

@@ -26,7 +26,7 @@ import httpx
 from sqlalchemy import update
 
 from benchmarks.access_judged import BODIES, judgements
-from benchmarks.access_laboratory import FORM, HOOK, NETWORKS, Things, furnish, record
+from benchmarks.access_laboratory import ASKED_FREELY, FORM, HOOK, Things, furnish, record
 from service.access.keys import create_key, user_named
 from service.access.scopes import SCOPES
 from service.access.tables import ApiKey, User
@@ -378,20 +378,20 @@ def _with(body: Any, place: tuple[str | int, ...], value: str) -> Any:
 
 
 @contextmanager
-def asking(database_url: str | None = None) -> Iterator[Round]:
-    """A service with its projects and callers, while the block runs.
-
-    Args:
-        database_url: a migrated, empty database; a temporary embedded one by default.
-    """
+def asking() -> Iterator[Round]:
+    """A service on a temporary database, with its projects and callers, while the block runs."""
     with ExitStack() as stack:
         data = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mb-", ignore_cleanup_errors=True)))
         data.chmod(0o755)  # the server may run as a user of its own
-        settings = Settings(
-            database_url=database_url, data=data, port=0, log_level="error", webhook_networks=NETWORKS,
-            key_requests_a_second=10**6, key_failures_a_minute=10**6,
-        )  # fmt: skip
+        settings = Settings(data=data, port=0, log_level="error", **ASKED_FREELY)
         service = stack.enter_context(LocalService(settings, worker=False))
+        yield stack.enter_context(asking_of(service))
+
+
+@contextmanager
+def asking_of(service: LocalService) -> Iterator[Round]:
+    """Projects and callers of a service that runs with settings such as `ASKED_FREELY`."""
+    with ExitStack() as stack:
         engine = make_engine(service.settings.database_url or "", pool_size=2)
         stack.callback(engine.dispose)
         line = stack.enter_context(httpx.Client(base_url=service.url, timeout=120, trust_env=False))

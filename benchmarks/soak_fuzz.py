@@ -14,7 +14,7 @@ import tempfile
 import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ from schemathesis.specs.openapi.checks import (
     status_code_conformance,
 )
 
-from benchmarks.access_laboratory import NETWORKS, furnish
+from benchmarks.access_laboratory import ASKED_FREELY, furnish
 from service.db.engine import make_engine, make_sessions
 from service.settings import Settings
 from service.supervisor import LocalService
@@ -132,41 +132,40 @@ class _Fuzzer:
             self.things[KINDS[steps[0]]].append(steps[1])
 
 
-def fuzz(
-    minutes: float = 0.0, examples: int = 3, start: int = SEED, database_url: str | None = None, worker: bool = True
-) -> Fuzzed:
+def fuzz(service: LocalService, minutes: float = 0.0, examples: int = 3, start: int = SEED) -> Fuzzed:
     """Send requests until the time is over, at least one round.
 
     Args:
+        service: that runs with settings such as `ASKED_FREELY`.
         minutes: time to send for.
         examples: requests of each operation in a round.
         start: seed of the first round.
-        database_url: a migrated database; a temporary embedded one by default.
-        worker: whether jobs are run.
     """
-    with ExitStack() as stack:
-        data = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mb-", ignore_cleanup_errors=True)))
-        data.chmod(0o755)  # the server may run as a user of its own
-        chosen = Settings(
-            database_url=database_url, data=data, port=0, log_level="error", webhook_networks=NETWORKS,
-            key_requests_a_second=10**6,
-        )  # fmt: skip
-        service = stack.enter_context(LocalService(chosen, worker=worker))
-        engine = make_engine(service.settings.database_url or "", pool_size=1)
-        stack.callback(engine.dispose)
-        key = service.new_key("fuzz")
-        headers = {"Authorization": f"Bearer {key}"}
-        with httpx.Client(base_url=f"{service.url}{PREFIX}", headers=headers, timeout=120, trust_env=False) as client:
-            things = furnish(client, make_sessions(engine), "fuzz").ids
-            spare = client.post("api-keys", json={"name": "spare"}).raise_for_status().json()["id"]
-        fuzzer = _Fuzzer(service, things | {"key_id": spare, "member": "fuzz"}, key, start)
-        end = time.monotonic() + 60 * minutes
-        number = start
+    engine = make_engine(service.settings.database_url or "", pool_size=1)
+    key = service.new_key("fuzz")
+    headers = {"Authorization": f"Bearer {key}"}
+    with httpx.Client(base_url=f"{service.url}{PREFIX}", headers=headers, timeout=120, trust_env=False) as client:
+        things = furnish(client, make_sessions(engine), "fuzz").ids
+        spare = client.post("api-keys", json={"name": "spare"}).raise_for_status().json()["id"]
+    engine.dispose()
+    fuzzer = _Fuzzer(service, things | {"key_id": spare, "member": "fuzz"}, key, start)
+    end = time.monotonic() + 60 * minutes
+    number = start
+    fuzzer.round(examples, number)
+    while time.monotonic() < end:
+        number += 1
         fuzzer.round(examples, number)
-        while time.monotonic() < end:
-            number += 1
-            fuzzer.round(examples, number)
-        return fuzzer.found
+    return fuzzer.found
+
+
+@contextmanager
+def running() -> Iterator[LocalService]:
+    """A service on a temporary database, whose jobs are run."""
+    with tempfile.TemporaryDirectory(prefix="mb-", ignore_cleanup_errors=True) as folder:
+        data = Path(folder)
+        data.chmod(0o755)  # the server may run as a user of its own
+        with LocalService(Settings(data=data, port=0, log_level="error", **ASKED_FREELY)) as service:
+            yield service
 
 
 def report(found: Fuzzed) -> Iterator[str]:
@@ -179,6 +178,7 @@ def report(found: Fuzzed) -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    result = fuzz(float(sys.argv[1]) if len(sys.argv) > 1 else MINUTES, examples=10)
+    with running() as service:
+        result = fuzz(service, float(sys.argv[1]) if len(sys.argv) > 1 else MINUTES, examples=10)
     print("\n".join(report(result)))
     sys.exit(1 if result.faults else 0)

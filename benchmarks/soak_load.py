@@ -190,8 +190,8 @@ def _frfs() -> dict[str, Any]:
 
 
 class _Crowd:
-    def __init__(self, service: LocalService, places: list[_Place], load: Load) -> None:
-        self.port, self.places, self.load = int(service.url.rsplit(":", 1)[1]), places, load
+    def __init__(self, service: LocalService, places: list[_Place], load: Load, pause: float) -> None:
+        self.port, self.places, self.load, self.pause = int(service.url.rsplit(":", 1)[1]), places, load, pause
         self.api = psutil.Process(service.processes["api"].pid)
         self.over = asyncio.Event()
         self.open = 0
@@ -227,7 +227,7 @@ class _Crowd:
         (kind,) = choose.choices(list(SHARES), list(SHARES.values()))
         line = Line(self.port, place.key)
         try:
-            while not await self._rested(choose.expovariate(1 / PAUSE_SECONDS)):
+            while not await self._rested(choose.expovariate(1 / self.pause)):
                 began = time.perf_counter()
                 status, headers = await self._requests[kind](self, line, place)
                 self.load.seconds[kind].append(time.perf_counter() - began)
@@ -317,6 +317,7 @@ def load(
     streams: int = STREAMS,
     keys: int = KEYS,
     seed: int = SEED,
+    pause: float = PAUSE_SECONDS,
     database_url: str | None = None,
 ) -> Load:
     """Put the service under load.
@@ -327,6 +328,7 @@ def load(
         streams: of events that are open meanwhile.
         keys: among which clients and streams are shared out.
         seed: of who asks what when.
+        pause: seconds between two requests of a client, on average.
         database_url: a migrated database; a temporary embedded one by default.
     """
     found = Load()
@@ -338,7 +340,7 @@ def load(
         places = [_furnished(service, number) for number in range(keys)]
 
         async def all_at_once() -> None:
-            await _Crowd(service, places, found).run(clients, streams, seconds, seed)
+            await _Crowd(service, places, found, pause).run(clients, streams, seconds, seed)
 
         asyncio.run(all_at_once())
     return found

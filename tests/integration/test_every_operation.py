@@ -1,17 +1,24 @@
-"""Junk on every documented route: whatever a client sends, the answer is a problem document and never a 500.
+"""Every operation of the OpenAPI document: who gets in where, what is drawn from the document, and junk.
 
-The routes are taken from the service's own OpenAPI document, so a new one is tested from its first day.
+The operations are taken from the service's own document, so a new one is tested from its first day. `make soak` asks the
+same at length and prints what came of it.
 """
 
 from __future__ import annotations
 
 import json
 import random
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import httpx
 import pytest
+
+from benchmarks import access_matrix
+from benchmarks.access_laboratory import ASKED_FREELY
+from benchmarks.soak_fuzz import fuzz
+from service.settings import Settings
+from service.supervisor import LocalService
 
 SEED = 20_150
 REQUESTS_AN_OPERATION = 6
@@ -36,6 +43,54 @@ HEADERS = (
     {"Range": "bytes=9-1"},
     {"Last-Event-ID": "x"},
 )
+
+
+@pytest.fixture(scope="module")
+def service(new_database: Callable[[], str]) -> Iterator[LocalService]:
+    """One that is asked freely, and runs no jobs."""
+    settings = Settings(database_url=new_database(), port=0, log_level="error", **ASKED_FREELY)
+    with LocalService(settings, worker=False) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def asked(service: LocalService) -> Iterator[access_matrix.Round]:
+    """Every kind of caller, with own, foreign and random ids."""
+    with access_matrix.asking_of(service) as asked:
+        yield asked
+
+
+def test_nothing_leaks_and_every_operation_is_judged(asked: access_matrix.Round) -> None:
+    found = asked.run()
+    assert found.leaks == []
+    assert min(found.calls.values()) > 0
+    assert {200, 401, 403, 404} <= found.statuses.keys()
+
+
+def test_a_wrong_judgement_and_a_missing_one_are_found(
+    asked: access_matrix.Round, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    judged = access_matrix.judgements()
+    judged["GET /projects/{project_id}"] = ("read", "editor")
+    judged["GET /structures/{structure_id}"] = ("write", "viewer")
+    del judged["GET /alarms"]
+    monkeypatch.setattr(access_matrix, "judgements", lambda: judged)
+    only = ["GET /projects/{project_id}", "GET /structures/{structure_id}"]
+    leaks = asked.run(only=only).leaks
+    assert any(leak.startswith("GET /alarms: nobody has judged") for leak in leaks)
+    assert any(
+        leak.startswith("GET /projects/{project_id}, viewer, own id: should be 403; it is 200") for leak in leaks
+    )
+    assert any(leak.startswith("GET /structures/{structure_id}, owner, read alone, own id") for leak in leaks)
+
+
+def test_no_request_that_the_document_allows_or_forbids_is_an_error_or_an_undocumented_answer(
+    service: LocalService,
+) -> None:
+    found = fuzz(service, examples=1)
+    assert found.faults == {}
+    assert len(found.answered) > 30  # else nothing got anywhere
+    assert {200, 201, 404, 422} <= found.statuses.keys()
 
 
 @pytest.fixture
