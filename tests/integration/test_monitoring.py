@@ -65,7 +65,7 @@ def service(new_database: Callable[[], str]) -> Iterator[LocalService]:
         database_url=new_database(),
         port=0,
         log_level="warning",
-        monitor_sweep_seconds=0.5,
+        monitor_sweep_seconds=2.0,
         campaign_settle_seconds=0.0,
         webhook_networks="127.0.0.0/8",
         webhook_ports="1-65535",
