@@ -17,7 +17,7 @@ from fecore.body.specimen import Specimen
 from modalbase.formats.decks import Deck, write_shells
 from service.demo import paper
 from service.supervisor import LocalService
-from tests.support.command import modalbase
+from tests.support.command import modalbase_here
 from tests.support.plates import solve
 from tests.support.rest import finished, ok, posted, result_of
 
@@ -55,21 +55,7 @@ def job(api: httpx.Client, project: str) -> dict[str, Any]:
     return {**made, "result": result_of(api, f"update-jobs/{made['id']}")}
 
 
-@needs_ccx
-def test_calculix_finds_the_frequencies_of_the_job(api: httpx.Client, job: dict[str, Any], tmp_path: Path) -> None:
-    updated = [mode["updated_hz"] for mode in job["result"]["modes"]]
-    for element, most in (("solid", 0.002), ("shell", 0.01)):
-        deck = ok_text(api, f"update-jobs/{job['id']}/cards?element={element}")
-        assert errors(frequencies(deck, tmp_path), updated).max() < most, element
-
-
-def ok_text(api: httpx.Client, path: str) -> str:
-    answer = api.get(path)
-    assert answer.status_code == 200, answer.text
-    return answer.text
-
-
-def test_the_cards_say_where_they_are_from(
+def test_the_cards_say_where_they_are_from_and_calculix_finds_the_frequencies(
     api: httpx.Client, job: dict[str, Any], service: LocalService, tmp_path: Path
 ) -> None:
     estimates = {row["name"]: row["estimate"] for row in job["result"]["parameters"]}
@@ -86,11 +72,25 @@ def test_the_cards_say_where_they_are_from(
     problem = api.get(f"update-jobs/{job['id']}/cards?format=nastran&element=solid")
     assert (problem.status_code, problem.json()["errors"][0]["pointer"]) == (422, "element")
     key = api.headers["authorization"].split()[1]
-    done = modalbase(
-        "cards", job["id"], "--out", "beam.bdf", cwd=tmp_path, MODALBASE_URL=service.url, MODALBASE_API_KEY=key
-    )
-    assert done.returncode == 0, done.stderr
+    around = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": key}
+    modalbase_here("cards", job["id"], "--out", "beam.bdf", cwd=tmp_path, code=0, **around)
     assert (tmp_path / "beam.bdf").read_text() == nastran
+    calculix_finds_the_frequencies(api, job, tmp_path)
+
+
+def calculix_finds_the_frequencies(api: httpx.Client, job: dict[str, Any], folder: Path) -> None:
+    if shutil.which("ccx") is None:
+        pytest.skip("the cards are right; CalculiX (ccx), which runs the deck, is not installed")
+    updated = [mode["updated_hz"] for mode in job["result"]["modes"]]
+    for element, most in (("solid", 0.002), ("shell", 0.01)):
+        deck = ok_text(api, f"update-jobs/{job['id']}/cards?element={element}")
+        assert errors(frequencies(deck, folder), updated).max() < most, element
+
+
+def ok_text(api: httpx.Client, path: str) -> str:
+    answer = api.get(path)
+    assert answer.status_code == 200, answer.text
+    return answer.text
 
 
 def test_a_job_without_a_result_or_with_springs_has_no_deck(api: httpx.Client, campaign: str) -> None:
@@ -108,8 +108,8 @@ def test_other_boundaries_are_held_alike(boundary: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(20)
     moduli = tuple(float(m) for m in rng.uniform(0.8, 1.2, 5) * [30e9, 12e9, 5e9, 4e9, 3e9])
     material = OrthotropicMaterial(*moduli, nu_xy=0.2, density=1900.0)
-    specimen = Specimen(0.6, 0.2, 0.008, material, boundary, divisions=(24, 8))  # type: ignore[arg-type]
+    specimen = Specimen(0.6, 0.09, 0.008, material, boundary, divisions=(30, 6))  # type: ignore[arg-type]
     found = solve(specimen.model, specimen.section, 12).frequency_hz
     ours = found[found > 1.0][:6]
-    deck = Deck(0.6, 0.2, 0.008, moduli, 0.2, 1900.0, boundary, 24)
+    deck = Deck(0.6, 0.09, 0.008, moduli, 0.2, 1900.0, boundary, 14)
     assert errors(frequencies(write_shells(deck, corrected=True), tmp_path), ours.tolist()).max() < 0.002

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import signal
 import socket
 import subprocess
@@ -13,33 +12,12 @@ import psutil
 import pytest
 
 from fecore import __version__
-from tests.support.command import COMMAND, environment, living, modalbase, status, up, wait_until_gone
+from tests.support.command import COMMAND, environment, modalbase, modalbase_here, wait_until_gone
 from tests.support.waiting import PATIENCE, until
 
 
 def test_version() -> None:
     assert modalbase("--version").stdout == f"modalbase {__version__}\n"
-
-
-def test_up_and_down(short_folder: Path) -> None:
-    """The first start makes a key and prints it, keys can be made meanwhile, and the end leaves nothing running."""
-    data = short_folder / "up"
-    with up(data) as (process, url, key):
-        assert status(url, key) == 200
-        made = modalbase("keys", "create", "--name", "ada", "--data", str(data))
-        assert made.returncode == 0, made.stderr
-        assert re.fullmatch(r"mb_[0-9a-f]{12}_\S+\n", made.stdout)
-        assert status(url, made.stdout.strip()) == 200
-        assert len(living(data)) >= 4  # the command, the API, the worker, PostgreSQL
-        process.send_signal(signal.SIGINT)
-        assert process.wait(PATIENCE) == 0
-    wait_until_gone(data)
-    with up(data) as (process, url, second):
-        assert second == ""  # there is a key already
-        assert status(url, key) == 200
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(PATIENCE) == 0
-    wait_until_gone(data)
 
 
 def test_port_in_use_is_a_clear_error(short_folder: Path) -> None:
@@ -54,13 +32,13 @@ def test_port_in_use_is_a_clear_error(short_folder: Path) -> None:
 
 def test_schema_that_is_not_at_head_is_refused_with_the_command_that_mends_it(empty_database: str) -> None:
     for command in (["serve", "--port", "0"], ["worker"], ["up", "--port", "0"], ["keys", "create", "--name", "x"]):
-        ended = modalbase(*command, MODALBASE_DATABASE_URL=empty_database)
+        ended = (modalbase_here if command[0] == "keys" else modalbase)(*command, MODALBASE_DATABASE_URL=empty_database)
         assert (ended.returncode, ended.stdout) == (1, "")
         assert "run `modalbase db upgrade`" in ended.stderr
         assert "Traceback" not in ended.stderr
-    assert modalbase("db", "current", MODALBASE_DATABASE_URL=empty_database).stdout == "empty\n"
+    assert modalbase_here("db", "current", MODALBASE_DATABASE_URL=empty_database).stdout == "empty\n"
     assert modalbase("db", "upgrade", MODALBASE_DATABASE_URL=empty_database).returncode == 0
-    assert modalbase("keys", "create", "--name", "x", MODALBASE_DATABASE_URL=empty_database).returncode == 0
+    modalbase_here("keys", "create", "--name", "x", code=0, MODALBASE_DATABASE_URL=empty_database)
 
 
 @pytest.mark.parametrize("made", ["a file", "below a file"])
@@ -69,7 +47,7 @@ def test_data_folder_that_cannot_be_used_is_a_clear_error(short_folder: Path, ma
     file.write_text("")
     data = file if made == "a file" else file / "data"
     for command in (["up", "--port", "0"], ["keys", "create", "--name", "x"]):
-        ended = modalbase(*command, "--data", str(data))
+        ended = (modalbase_here if command[0] == "keys" else modalbase)(*command, "--data", str(data))
         assert (ended.returncode, ended.stdout) == (1, "")
         assert ended.stderr.startswith(f"modalbase: cannot use the data folder {data}: ")
         assert len(ended.stderr.splitlines()) == 1
@@ -105,18 +83,14 @@ def starting(data: Path) -> tuple[subprocess.Popen[str], psutil.Process]:
     return process, found
 
 
-def test_an_api_that_dies_while_starting_ends_up_at_once(short_folder: Path) -> None:
+def test_an_api_that_dies_while_starting_ends_up_at_once_and_so_does_a_signal(short_folder: Path) -> None:
     data = short_folder / "dies"
     process, api = starting(data)
     api.kill()
-    said, errors = process.communicate(timeout=PATIENCE)
-    assert (process.returncode, said) == (1, "")
+    shown, errors = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, shown) == (1, "")
     assert errors.splitlines()[-1] == "modalbase: the api ended while starting; its log says why"
     wait_until_gone(data)
-
-
-def test_up_can_be_ended_while_it_starts(short_folder: Path) -> None:
-    data = short_folder / "ended"
     process, api = starting(data)
     api.suspend()  # it stays starting
     process.send_signal(signal.SIGTERM)
@@ -128,7 +102,7 @@ def test_up_can_be_ended_while_it_starts(short_folder: Path) -> None:
 
 @pytest.mark.parametrize("name", ["", "  ", "x" * 201])
 def test_a_users_name_is_as_rest_takes_it(short_folder: Path, name: str) -> None:
-    ended = modalbase("keys", "create", "--name", name, "--data", str(short_folder / "names"))
+    ended = modalbase_here("keys", "create", "--name", name, "--data", short_folder / "names")
     assert (ended.returncode, ended.stdout) == (2, "")
     assert not (short_folder / "names").exists()
 
@@ -143,7 +117,7 @@ def test_a_users_name_is_as_rest_takes_it(short_folder: Path, name: str) -> None
     ],
 )
 def test_database_that_does_not_answer_is_a_clear_error(url: str) -> None:
-    ended = modalbase("keys", "create", "--name", "x", MODALBASE_DATABASE_URL=url)
+    ended = modalbase_here("keys", "create", "--name", "x", MODALBASE_DATABASE_URL=url)
     assert (ended.returncode, ended.stdout) == (1, "")
     assert ended.stderr.startswith("modalbase: ")
     assert "Traceback" not in ended.stderr

@@ -1,4 +1,4 @@
-"""The client's commands against the running service, each as a process of its own, as a script calls them."""
+"""The client's commands against the running service, as a script calls them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from modalbase.client.results import print_result
 from modalbase.formats.uff import DatasetReport, Frf, ModeShape, read_file
 from service.demo import paper
 from service.supervisor import LocalService
-from tests.support.places import ROOT
+from tests.support.command import modalbase_here
 from tests.support.waiting import PATIENCE
 
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -32,24 +32,9 @@ REFUSED, USAGE, UNREACHABLE, FAILED = 1, 2, 3, 4
 def run(service: LocalService, api: httpx.Client, tmp_path: Path) -> Run:
     key = api.headers["authorization"].split()[1]
 
-    def call(*arguments: object, code: int = 0, **environment: str) -> subprocess.CompletedProcess[str]:
-        done = subprocess.run(
-            [sys.executable, "-m", "service", *map(str, arguments)],
-            env={
-                "PATH": "",
-                "PYTHONPATH": str(ROOT),
-                "MODALBASE_URL": service.url,
-                "MODALBASE_API_KEY": key,
-                **environment,
-            },
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE,
-            check=False,
-        )
-        assert done.returncode == code, f"{done.returncode}: {done.stdout} {done.stderr}"
-        return done
+    def call(*words: object, code: int = 0, **more: str) -> subprocess.CompletedProcess[str]:
+        around = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": key, **more}
+        return modalbase_here(*words, cwd=tmp_path, code=code, **around)
 
     return call
 

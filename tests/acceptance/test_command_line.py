@@ -12,8 +12,7 @@ import pytest
 
 from service.demo import paper
 from service.supervisor import LocalService
-from tests.support.command import COMMAND, environment
-from tests.support.waiting import PATIENCE
+from tests.support.command import modalbase_here
 
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
 MODULI = "Ex=33.05,Ey=31.8,Gxy=5.73,Gxz=4.5,Gyz=4.5,nu_xy=0.15"
@@ -24,17 +23,8 @@ def run(service: LocalService, api: httpx.Client, tmp_path: Path) -> Run:
     key = api.headers["authorization"].split()[1]
 
     def call(*words: object, code: int = 0, **more: str) -> subprocess.CompletedProcess[str]:
-        done = subprocess.run(
-            [str(COMMAND), *map(str, words)],
-            env=environment(**{"MODALBASE_URL": service.url, "MODALBASE_API_KEY": key, "COLUMNS": "200", **more}),
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE,
-            check=False,
-        )
-        assert done.returncode == code, f"{done.returncode}: {done.stdout} {done.stderr}"
-        return done
+        around = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": key, "COLUMNS": "200", **more}
+        return modalbase_here(*words, cwd=tmp_path, code=code, **around)
 
     return call
 

@@ -1,64 +1,16 @@
-"""`modalbase demo` and the README's commands."""
+"""The demonstration's file and the README's commands; the demonstration itself runs in `test_packages.py`."""
 
 from __future__ import annotations
 
-import json
-import os
 import re
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from modalbase.formats.uff import Frf, GridPoint, read_file
-from tests.support.command import modalbase
 from tests.support.places import ROOT
-from tests.support.waiting import until
-
-POISON = """import os
-open(os.environ["POISONED"], "a").write(__name__ + "\\n")
-raise ImportError("this is a laboratory's own file")
-"""
-
-
-def test_demo_prints_the_result_alone_and_leaves_nothing_running(tmp_path: Path) -> None:
-    """In a laboratory's own folder: its `signal.py` is no reason to stop, its `service.py` nothing to run, in no process."""
-    mark = f"demo-test-{os.getpid()}"
-    folder, poisoned = tmp_path / "laboratory", tmp_path / "poisoned"
-    folder.mkdir()
-    for name in ("signal", "service", "numpy", "json", "fecore", "modalbase", "multiprocessing", "migrations"):
-        (folder / f"{name}.py").write_text(POISON)
-    around = {"MODALBASE_TEST_MARK": mark, "HOME": str(tmp_path), "POISONED": str(poisoned)}
-    ended = modalbase("demo", "--json", cwd=folder, **around)
-    assert ended.returncode == 0, ended.stderr
-    assert not poisoned.exists()
-    result = json.loads(ended.stdout)  # the document and nothing else
-    found = {row["name"]: row for row in result["parameters"]}
-    assert found["Ex"]["estimate"] == pytest.approx(
-        31.66e9, rel=0.005
-    )  # the paper's; the target of docs/theory.md, section 10
-    assert found["Gxy"]["estimate"] == pytest.approx(6.30e9, rel=0.02)
-    assert not found["Ey"]["identifiable"]
-    assert any("rayleigh" in warning for warning in result["warnings"])
-    assert "The demonstration takes a cantilever" in ended.stderr
-    assert "the paper's own measured damping, not its print" in " ".join(ended.stderr.split())
-    assert "next: modalbase up" in ended.stderr
-    until(lambda: not _processes_with(mark), "the end of all that it started", lambda: _processes_with(mark))
-
-
-def _processes_with(mark: str) -> list[str]:
-    """Processes whose environment carries the mark: whatever the demonstration started and did not end."""
-    left = []
-    for process in Path("/proc").iterdir():
-        if process.name.isdigit() and int(process.name) != os.getpid():
-            try:
-                if mark.encode() in (process / "environ").read_bytes():
-                    left.append((process / "cmdline").read_text())
-            except OSError:
-                continue  # it ended meanwhile, or is not ours
-    return left
 
 
 def test_the_script_makes_the_demonstrations_file(tmp_path: Path) -> None:

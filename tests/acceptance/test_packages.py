@@ -1,16 +1,24 @@
-"""The wheel and the source archive: what is in them, and that the wheel alone works from an empty folder."""
+"""The wheel and the source archive: what is in them, and that the wheel alone runs the demonstration."""
 
 from __future__ import annotations
 
+import json
+import os
 import subprocess
 import sys
 import tarfile
 import zipfile
 from pathlib import Path
 
-from tests.support.command import environment
-from tests.support.waiting import PATIENCE
+import pytest
 
+from tests.support.command import environment, modalbase
+from tests.support.waiting import until
+
+POISON = """import os
+open(os.environ["POISONED"], "a").write(__name__ + "\\n")
+raise ImportError("this is a laboratory's own file")
+"""
 LIGHT = {"httpx", "numpy", "platformdirs", "pyuff", "rich", "typer"}
 
 
@@ -35,24 +43,46 @@ def test_the_source_archive_builds_the_same_packages(built: tuple[Path, Path]) -
     assert {"pyproject.toml", "README.md", "LICENSE", "modalbase/__init__.py", "service/demo/paper_beam.uff"} <= names
 
 
-def test_the_wheel_alone_runs_from_an_empty_folder(unpacked: Path, tmp_path: Path) -> None:
-    place, empty = unpacked, tmp_path / "empty"
-    empty.mkdir()
+def test_the_wheel_alone_runs_in_a_laboratorys_own_folder_and_leaves_nothing_running(
+    unpacked: Path, tmp_path: Path
+) -> None:
+    """The folder's `signal.py` is no reason to stop, its `service.py` nothing to run, in no process."""
+    mark = f"demo-test-{os.getpid()}"
+    folder, poisoned = tmp_path / "laboratory", tmp_path / "poisoned"
+    folder.mkdir()
+    for name in ("signal", "service", "numpy", "json", "fecore", "modalbase", "multiprocessing", "migrations"):
+        (folder / f"{name}.py").write_text(POISON)
+    around = {"PYTHONPATH": str(unpacked), "HOME": str(tmp_path)}
     names = ("modalbase", "fecore", "service", "migrations")
     code = f"import {', '.join(names)}; print(*(p.__file__ for p in ({', '.join(names)})))"
-    around = environment(PYTHONPATH=str(place), HOME=str(empty))
-    found = subprocess.run(
-        [sys.executable, "-c", code], cwd=empty, env=around, capture_output=True, text=True, check=True
+    found = subprocess.check_output(
+        [sys.executable, "-P", "-c", code], cwd=folder, env=environment(**around), text=True
     )
-    assert all(Path(file).is_relative_to(place) for file in found.stdout.split())
-    done = subprocess.run(
-        [sys.executable, "-m", "modalbase", "demo"],
-        cwd=empty,
-        env=around,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert "updated parameters" in done.stdout
+    assert all(Path(file).is_relative_to(unpacked) for file in found.split())
+    ended = modalbase("demo", "--json", cwd=folder, MODALBASE_TEST_MARK=mark, POISONED=str(poisoned), **around)
+    assert ended.returncode == 0, ended.stderr
+    assert not poisoned.exists()
+    result = json.loads(ended.stdout)  # the document and nothing else
+    rows = {row["name"]: row for row in result["parameters"]}
+    assert rows["Ex"]["estimate"] == pytest.approx(31.66e9, rel=0.005)  # the paper's; docs/theory.md, section 10
+    assert rows["Gxy"]["estimate"] == pytest.approx(6.30e9, rel=0.02)
+    assert not rows["Ey"]["identifiable"]
+    assert any("rayleigh" in warning for warning in result["warnings"])
+    assert "The demonstration takes a cantilever" in ended.stderr
+    assert "updated parameters" in ended.stderr
+    assert "the paper's own measured damping, not its print" in " ".join(ended.stderr.split())
+    assert "next: modalbase up" in ended.stderr
+    until(lambda: not _processes_with(mark), "the end of all that it started", lambda: _processes_with(mark))
+
+
+def _processes_with(mark: str) -> list[str]:
+    """Processes whose environment carries the mark: whatever the demonstration started and did not end."""
+    left = []
+    for process in Path("/proc").iterdir():
+        if process.name.isdigit() and int(process.name) != os.getpid():
+            try:
+                if mark.encode() in (process / "environ").read_bytes():
+                    left.append((process / "cmdline").read_text())
+            except OSError:
+                continue  # it ended meanwhile, or is not ours
+    return left

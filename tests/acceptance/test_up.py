@@ -10,7 +10,7 @@ import pytest
 from service.db.opening import DataFolderError
 from service.settings import Settings
 from service.supervisor import LocalService, StartError
-from tests.support.command import modalbase, status, up, wait_until_gone
+from tests.support.command import modalbase, modalbase_here, status, up, wait_until_gone
 from tests.support.waiting import until
 
 
@@ -19,27 +19,47 @@ def part(up: psutil.Process, name: str) -> psutil.Process:
     return next(child for child in up.children() if name in child.cmdline())
 
 
-def test_what_dies_is_started_again(short_folder: Path) -> None:
-    """The API, the worker and PostgreSQL; and when the command itself is killed, nothing of it goes on."""
-    data, log = short_folder / "dying", short_folder / "dying.log"
-    with log.open("w") as stderr, up(data, stderr=stderr) as (process, url, key):
-        command = psutil.Process(process.pid)
-        for name, said in (("serve", "the api"), ("worker", "the worker")):
-            part(command, name).kill()
-            line = f"modalbase: {said} runs again"
-            until(lambda line=line: line in log.read_text(), line, log.read_text)
-            assert status(url, key) == 200  # at the same address; a request in between waits
-        assert f"{said} was killed, perhaps for lack of memory; it is started again in 0.5 s" in log.read_text()
-        postmaster = int((data / "postgres" / "postmaster.pid").read_text().split()[0])
-        psutil.Process(postmaster).kill()
-        seen = {200}
-        until(lambda: "modalbase: PostgreSQL runs again" in log.read_text(), "PostgreSQL", log.read_text)
-        until(lambda: seen.add(answer := status(url, key)) or answer == 200, "the API's answer")
-        assert seen <= {200, 503}
+def test_what_dies_is_started_again_and_other_commands_find_what_runs(short_folder: Path, database: str) -> None:
+    """In the default folder of a home with a space, as on macOS, beside a service on a server of its own; nobody says which."""
+    home = short_folder / "Prüf stand" / ("with a long name, " * 6)
+    home.mkdir(parents=True)
+    around = {"HOME": str(home), "XDG_STATE_HOME": "", "XDG_DATA_HOME": "", "MODALBASE_LOG_LEVEL": "info"}
+    log = short_folder / "home.log"
+    with log.open("w") as stderr, up(None, stderr=stderr, **around) as (process, url, key):
+        data = home / ".local" / "share" / "modalbase"
+        made = modalbase("keys", "create", "--name", "ada", **around)
+        assert status(url, made.stdout.strip()) == 200, made.stderr
+        modalbase_here("db", "current", code=0, **around)
+        the_parts_die(psutil.Process(process.pid), data, log, url, key)
         assert process.poll() is None
-        process.kill()
-        process.wait()
-        wait_until_gone(data)
+        with up(short_folder / "no data", MODALBASE_DATABASE_URL=database, **around):
+            ended = modalbase_here("keys", "create", "--name", "ada", code=1, **around)
+            assert "2 services run here; say which with --data" in ended.stderr
+            assert str(data) in ended.stderr
+            process.kill()  # its note stays, and names nobody
+            process.wait()
+            wait_until_gone(data)
+            ended = modalbase_here("keys", "create", "--name", "x", code=1, **around)
+            assert "has a database server of its own; set MODALBASE_DATABASE_URL" in ended.stderr
+        assert "/api/v1/projects" not in log.read_text()  # no line for each request
+    modalbase_here("keys", "create", "--name", "x", "--data", data, code=0)
+    assert "services run here" not in modalbase_here("db", "current", **around).stderr
+
+
+def the_parts_die(command: psutil.Process, data: Path, log: Path, url: str, key: str) -> None:
+    """The API, the worker and PostgreSQL, one after the other; each runs again."""
+    for name, said in (("serve", "the api"), ("worker", "the worker")):
+        part(command, name).kill()
+        line = f"modalbase: {said} runs again"
+        until(lambda line=line: line in log.read_text(), line, log.read_text)
+        assert status(url, key) == 200  # at the same address; a request in between waits
+        assert f"{said} was killed, perhaps for lack of memory; it is started again in 0.5 s" in log.read_text()
+    postmaster = int((data / "postgres" / "postmaster.pid").read_text().split()[0])
+    psutil.Process(postmaster).kill()
+    seen = {200}
+    until(lambda: "modalbase: PostgreSQL runs again" in log.read_text(), "PostgreSQL", log.read_text)
+    until(lambda: seen.add(answer := status(url, key)) or answer == 200, "the API's answer")
+    assert seen <= {200, 503}
 
 
 def test_what_dies_again_and_again_is_given_up(database: str) -> None:
@@ -75,36 +95,3 @@ def test_a_start_without_its_database_is_reported_once(short_folder: Path) -> No
         pass
     assert log.read_text() == ""
     assert set(psutil.Process().children()) <= before
-
-
-def test_the_other_commands_find_the_service_that_runs(short_folder: Path) -> None:
-    """In the default folder of a home with a space, as on macOS, and in one of one's own; nobody says which."""
-    home = short_folder / "Prüf stand" / ("with a long name, " * 6)
-    home.mkdir(parents=True)
-    around = {"HOME": str(home), "XDG_STATE_HOME": "", "XDG_DATA_HOME": "", "MODALBASE_LOG_LEVEL": "info"}
-    log, elsewhere = short_folder / "home.log", short_folder / "elsewhere"
-    with up(elsewhere, **around) as (first, url, _):
-        made = modalbase("keys", "create", "--name", "ada", **around)
-        assert status(url, made.stdout.strip()) == 200, made.stderr
-        assert modalbase("db", "current", **around).returncode == 0
-        with log.open("w") as stderr, up(None, stderr=stderr, **around) as (_, url, key):
-            ended = modalbase("keys", "create", "--name", "ada", **around)
-            assert ended.returncode == 1
-            assert "2 services run here; say which with --data" in ended.stderr
-            assert str(elsewhere) in ended.stderr
-            first.kill()  # its note stays, and names nobody
-            first.wait()
-            assert status(url, key) == 200
-            made = modalbase("keys", "create", "--name", "ada", **around)
-            assert status(url, made.stdout.strip()) == 200, made.stderr
-            assert "/api/v1/projects" not in log.read_text()  # no line for each request
-        assert modalbase("keys", "create", "--name", "x", "--data", str(elsewhere)).returncode == 0
-    assert "services run here" not in modalbase("db", "current", **around).stderr
-
-
-def test_a_service_on_a_server_of_its_own_says_what_is_missing(short_folder: Path, database: str) -> None:
-    around = {"HOME": str(short_folder), "XDG_STATE_HOME": ""}
-    with up(None, MODALBASE_DATABASE_URL=database, **around):
-        ended = modalbase("keys", "create", "--name", "x", **around)
-        assert "has a database server of its own; set MODALBASE_DATABASE_URL" in ended.stderr
-        assert ended.returncode == 1

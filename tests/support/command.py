@@ -7,9 +7,12 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
+from signal import SIGTERM, getsignal, signal
 from typing import IO
+from unittest.mock import patch
 
 import httpx
 import psutil
@@ -34,6 +37,42 @@ def modalbase(*words: str, cwd: Path | None = None, **env: str) -> subprocess.Co
         env=environment(**env),
         cwd=cwd,
     )
+
+
+def modalbase_here(
+    *words: object, cwd: Path | None = None, code: int | None = None, **env: str
+) -> subprocess.CompletedProcess[str]:
+    """What a command says that starts no process: run in this one, as each process of its own imports for a second.
+
+    Args:
+        words: of the command line.
+        cwd: its folder.
+        code: that it must end with; None where the caller looks.
+        env: beside an environment that says nothing of a service.
+    """
+    from service.cli import main
+
+    line, ended = list(map(str, words)), 0
+    out, err = (TextIOWrapper(BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
+    before, hook, handler = os.getcwd(), sys.excepthook, getsignal(SIGTERM)
+    try:
+        os.chdir(cwd or before)
+        with (
+            patch.dict(os.environ, environment(**env), clear=True),
+            patch.object(sys, "argv", ["modalbase", *line]),
+            redirect_stdout(out),
+            redirect_stderr(err),
+        ):
+            main()
+    except SystemExit as end:
+        ended = end.code if isinstance(end.code, int) else int(end.code is not None)
+    finally:
+        os.chdir(before)
+        sys.excepthook = hook
+        signal(SIGTERM, handler)
+    shown, errors = (stream.buffer.getvalue().decode() for stream in (out, err))  # type: ignore[attr-defined]
+    assert code in (None, ended), f"{ended}: {shown} {errors}"
+    return subprocess.CompletedProcess(line, ended, shown, errors)
 
 
 @contextmanager

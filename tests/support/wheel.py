@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from fasteners import InterProcessLock
 
 from tests.support.places import ROOT
 
@@ -17,15 +19,25 @@ BUILD = "import setuptools.build_meta as build; build.build_wheel(%r); build.bui
 
 @pytest.fixture(scope="session")
 def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """The wheel and the source archive of this tree."""
-    copy, out = tmp_path_factory.mktemp("tree") / "modalbase", tmp_path_factory.mktemp("dist")
+    """The wheel and the source archive of this tree; the first of pytest's processes that wants them builds them for all."""
+    base = tmp_path_factory.getbasetemp()
+    place = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "wheel"
+    place.mkdir(exist_ok=True)
+    with InterProcessLock(place / "lock"):
+        if not (place / "dist").is_dir():
+            _build(place / "modalbase", place / "unfinished")
+            (place / "unfinished").rename(place / "dist")
+    (wheel,), (archive,) = (place / "dist").glob("*.whl"), (place / "dist").glob("*.tar.gz")
+    return wheel, archive
+
+
+def _build(copy: Path, out: Path) -> None:
+    out.mkdir()
     for name in ("fecore", "migrations", "modalbase", "service"):
         shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, copy / name)
     subprocess.run([sys.executable, "-c", BUILD % (str(out), str(out))], cwd=copy, check=True, capture_output=True)
-    (wheel,), (archive,) = out.glob("*.whl"), out.glob("*.tar.gz")
-    return wheel, archive
 
 
 @pytest.fixture(scope="session")
