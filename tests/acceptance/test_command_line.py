@@ -12,7 +12,7 @@ import pytest
 
 from service.demo import paper
 from service.supervisor import LocalService
-from tests.support.command import modalbase_here
+from tests.support.command import modalbase, modalbase_here
 
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
 MODULI = "Ex=33.05,Ey=31.8,Gxy=5.73,Gxz=4.5,Gyz=4.5,nu_xy=0.15"
@@ -109,7 +109,10 @@ def test_a_profile_stands_in_for_the_environment(run: Run, service: LocalService
     run("projects", MODALBASE_URL="", MODALBASE_API_KEY="", **profile)
 
 
-def test_a_shell_completes_names(run: Run) -> None:
+def test_a_shell_completes_names(run: Run, service: LocalService, api: httpx.Client) -> None:
     run("projects", "--new", "deck of a bridge")
     words = {"COMP_WORDS": "modalbase structures --project de", "COMP_CWORD": "3"}
-    assert run(_MODALBASE_COMPLETE="complete_bash", **words).stdout.splitlines() == ["deck of a bridge"]
+    key = api.headers["authorization"].split()[1]
+    around = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": key}  # completion goes by the name of a process
+    shown = modalbase(_MODALBASE_COMPLETE="complete_bash", **words, **around).stdout
+    assert shown.splitlines() == ["deck of a bridge"]
