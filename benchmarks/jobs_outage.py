@@ -18,7 +18,7 @@ from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from sqlalchemy import make_url
+from sqlalchemy import URL, make_url
 
 from benchmarks.jobs_floor import SECOND, Floor, floor
 
@@ -95,15 +95,16 @@ class Outage:
     same_worker: bool
 
 
-def outage(seconds: float, *, others: bool, jobs: int = 6) -> Outage:
+def outage(seconds: float, *, others: bool, jobs: int = 6, database_url: str | None = None) -> Outage:
     """Cut a worker off while it works on jobs of a second each.
 
     Args:
         seconds: how long; with another worker, from when that one has done all there is.
         others: another worker is there, which is not cut off.
         jobs: queued before the cut.
+        database_url: of a migrated database on a server of this machine; one of its own by default.
     """
-    with floor() as here, closing(Proxy(here.folder / "postgres" / ".s.PGSQL.5432")) as proxy:
+    with floor(database_url) as here, closing(Proxy(_socket(make_url(here.url)))) as proxy:
         database = make_url(here.url)
         through = database.set(host="127.0.0.1", port=proxy.port, query={}).render_as_string(hide_password=False)
         here.put(SECOND, jobs)
@@ -142,6 +143,11 @@ def outage(seconds: float, *, others: bool, jobs: int = 6) -> Outage:
             back_seconds=min(ends, default=float("nan")),
             same_worker=worker.poll() is None,
         )
+
+
+def _socket(database: URL) -> Path:
+    """The Unix socket of a database's server."""
+    return Path(str(database.query["host"])) / ".s.PGSQL.5432"
 
 
 def _computing(here: Floor, worker: subprocess.Popen[bytes]) -> bool:

@@ -123,18 +123,19 @@ class _Client:
             time.sleep(0.1)
 
 
-def soak(kills: int = KILLS, seed: int = 11) -> Tally:
+def soak(kills: int = KILLS, seed: int = 11, workers: int = WORKERS) -> Tally:
     """Kill so often, and count what came of it.
 
     Args:
         kills: how often.
+        workers: kept running.
         seed: of the moments and of which worker.
     """
     tally, began = Tally(), time.monotonic()
     with floor() as here, _receiver(tally.received) as hook:
         with listening_socket("127.0.0.1", 0) as free:
             port = free.getsockname()[1]
-        house = _House(here, port)
+        house = _House(here, port, workers)
         with here.sessions.begin() as session:
             key = create_key(session, user_named(session, "soak"), "soak")[1]
         with ExitStack() as lines:
@@ -215,10 +216,10 @@ def _messages(hook: str) -> Callable[[_Client, Tally, threading.Event], None]:
 class _House:
     """The service's processes, each started again when it is killed."""
 
-    def __init__(self, here: Floor, port: int) -> None:
+    def __init__(self, here: Floor, port: int, workers: int) -> None:
         self.here, self.port = here, port
         self.api = here.api(port, **SETTINGS)
-        self.workers = [self._worker() for _ in range(WORKERS)]
+        self.workers = [self._worker() for _ in range(workers)]
 
     def _worker(self) -> subprocess.Popen[bytes]:
         return self.here.modalbase("worker", **SETTINGS)
@@ -286,6 +287,9 @@ def _count(here: Floor, client: _Client, tally: Tally) -> None:
         for key in tally.acknowledged[kind]:
             if key not in jobs or jobs[key].state != "succeeded":
                 tally.lost.append(f"{kind} {key} is {jobs[key].state if key in jobs else 'gone'}")
+    updates = sum(job.kind == "update" for job in jobs.values())
+    if updates != len(tally.acknowledged["update"]):  # a repeated request has made a second one
+        tally.lost.append(f"{updates} update jobs for {len(tally.acknowledged['update'])} requests")
     for key in tally.acknowledged["update"]:
         if not client.ask("GET", f"update-jobs/{key}/result")["parameters"]:
             tally.lost.append(f"update {key} has no parameters")
