@@ -90,6 +90,24 @@ def test_a_mechanism_must_be_seen_and_take_energy(
     assert np.isfinite(found.bic) is np.bool_(possible)
 
 
+def test_three_standard_deviations_name_a_mode_and_refute_a_mechanism() -> None:
+    law, sd = (30 / OMEGA + 1e-5 * OMEGA) / 2, np.sqrt(np.diag(NOISE) + 0.02**2)
+    off = []
+    for factor in np.linspace(1.0, 1.2, 41):
+        ratios = replace(RATIOS, ratio=law * np.array([1, 1, factor, 1, 1]))
+        found = rank_laws(ratios, [0, 1, 2, 3, 4], [RAYLEIGH]).laws[0]
+        off.append(abs(found.missed[2]) / sd[2])
+        assert (3 in [number for number, _ in found.named]) is bool(off[-1] > 3)
+    below = []
+    for shear in np.linspace(-0.001, 0.0, 41):
+        mechanism = ranked([0.01, 0.02, 0.9, 0.03, 0.06], (10.0, 0.03, shear))
+        below.append(mechanism.coefficients[2] / np.sqrt(mechanism.covariance[2, 2]))
+        assert bool(np.isinf(mechanism.bic)) is bool(below[-1] < -3)
+    for tried in (off, np.negative(below)):
+        assert np.any((np.array(tried) > 2.5) & (np.array(tried) < 3))
+        assert np.any((np.array(tried) > 3) & (np.array(tried) < 3.5))
+
+
 def law(name: str, bic: float, named: tuple[tuple[int, float], ...] = ()) -> RankedLaw:
     exact = rank_laws(RATIOS, [0, 1, 2, 3, 4], [RAYLEIGH]).laws[0]
     return replace(exact, law=CaugheySeries(name, (0,)), bic=bic, named=named)
