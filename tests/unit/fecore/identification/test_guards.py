@@ -164,7 +164,8 @@ SMALL = {"evidence": 19.0, "ratio": 49.0, "size": 0.99}
         (SMALL, "it is small, 99 % as high as a distortion"),
         (
             SMALL | {"stable": 0.7, "ratio": 49.4},
-            "explains 49 times the errors of the FRFs: a weak non-linearity may look",
+            "explains 49 times the errors of the FRFs: a weak non-linearity may look like it"
+            " (it comes back in 70 % of the orders)",
         ),
         (SMALL | {"evidence": 21.0}, None),
         (SMALL | {"ratio": 51.0}, None),
