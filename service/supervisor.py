@@ -20,18 +20,22 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
-from functools import partial
+from functools import cached_property, partial
 from http import HTTPStatus
 from http.client import HTTPConnection, HTTPException
 from pathlib import Path
 from selectors import EVENT_READ, DefaultSelector
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from service.parts import PAUSES, GivenUpError, NotStartedError, Part, how_it_ended
 from service.settings import Settings
 
-# What reaches the database is imported where it is used: it takes half a second to load, in which the API loads too.
+if TYPE_CHECKING:
+    from sqlalchemy import Engine
+
+# What reaches the database is imported where it is used, in which time the API loads too; SQLAlchemy by those alone who need
+# it after the start.
 
 START_SECONDS = 120.0
 ANSWER_SECONDS = 2.0  # the socket listens before the API answers: ask again, and see whether the API still runs
@@ -79,14 +83,14 @@ class LocalService:
             self.url = f"http://{_bracketed(self.given.host)}:{self._port}"
             log = stack.enter_context(self.log_file.open("ab")).fileno() if self.log_file else STANDARD_ERROR
             stack.callback(self._end_processes)  # where the database does not open
-            self._run("api", ["serve", "--listener", str(listener.fileno())], log, listener.fileno())
+            self._run("api", "serve", log, listener.fileno())
             self._open_database(stack)
             stack.callback(self._end_processes)  # before the database is closed
             if self.worker:
                 reading, writing = os.pipe()  # each worker writes to it when it takes jobs
                 stack.callback(os.close, reading)
                 stack.callback(os.close, writing)
-                self._run("worker", ["worker", "--ready", str(writing)], log, writing)
+                self._run("worker", "worker", log, writing)
                 self._wait_until("the worker takes no jobs", partial(_has_come, reading))
             self._wait_until(f"the API does not answer at {self.url}", self._answers)
             self._stack = stack.pop_all()
@@ -94,19 +98,33 @@ class LocalService:
 
     def _open_database(self, stack: ExitStack) -> None:
         """Have the database answer until the stack is closed, and let those who wait for that begin."""
-        from service.db.engine import make_engine
         from service.db.opening import open_database
-        from service.db.schema import require_head
+        from service.db.schema import require_fit, revision_at
 
         self.settings = stack.enter_context(open_database(self.given, migrate_embedded=True))
-        self._engine = make_engine(self.settings.database_url or "", pool_size=1)
-        stack.callback(self._engine.dispose)
-        require_head(self._engine)
+        require_fit(revision_at(self._address()))
         if self.given.database_url is None:
             self._parts.insert(0, Part("PostgreSQL", self._start_postgresql, self._postgresql_ended, self.pauses))
         self._open = True
         for process in self.processes.values():
             _let_begin(process)
+
+    def _address(self) -> str:
+        """Where psycopg finds the open database."""
+        if self.given.database_url is None:
+            return self.settings.database_url or ""
+        from service.db.engine import psycopg_url
+
+        return psycopg_url(self.given.database_url)
+
+    @cached_property
+    def _engine(self) -> Engine:
+        """The open database for operations; disposed of when the service ends."""
+        from service.db.engine import make_engine
+
+        engine = make_engine(self.settings.database_url or "", pool_size=1)
+        self._stack.callback(engine.dispose)
+        return engine
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -125,13 +143,11 @@ class LocalService:
 
     def has_keys(self) -> bool:
         """Is there any API key that opens something?"""
-        from sqlalchemy import func, select
+        import psycopg
 
-        from service.access.tables import ApiKey
-        from service.db.engine import make_sessions
-
-        with make_sessions(self._engine)() as session:
-            return bool(session.scalar(select(func.count()).where(ApiKey.revoked_at.is_(None)).select_from(ApiKey)))
+        with psycopg.connect(self._address(), autocommit=True) as connection:
+            row = connection.execute("SELECT EXISTS (SELECT FROM api_keys WHERE revoked_at IS NULL)").fetchone()
+        return row is not None and bool(row[0])
 
     def ended(self) -> str | None:
         """Name of a process that ended by itself, which none should; None while all run."""
@@ -167,20 +183,20 @@ class LocalService:
 
         return None if runs(self.given.data) else "ended by itself"
 
-    def _run(self, name: str, command: list[str], log: int, *fds: int) -> None:
-        """Start a process that runs as long as the service does."""
+    def _run(self, name: str, command: str, log: int, descriptor: int) -> None:
+        """Start a process that runs as long as the service does, and has this descriptor; see `service.attached`."""
 
         def start() -> None:
             if (old := self.processes.get(name)) is not None and old.stdin is not None:
                 old.stdin.close()
             self.processes[name] = subprocess.Popen(
                 # -P and its variable, for its children: no module of the folder that it is started in is imported.
-                [sys.executable, "-P", "-m", "service", *command, "--attached"],
+                [sys.executable, "-P", "-m", "service.attached", command, str(descriptor)],
                 env=environment(self.given),
                 stdin=subprocess.PIPE,
                 stdout=log,
                 stderr=log,
-                pass_fds=fds,
+                pass_fds=(descriptor,),
                 start_new_session=True,  # Ctrl-C is ours, and ends them through us
             )
             if self._open:
@@ -196,7 +212,7 @@ class LocalService:
                 raise StartError(f"the {name} ended while starting; its log says why")
             if time.monotonic() > deadline:
                 raise StartError(f"{otherwise} after {START_SECONDS:g} s")
-            time.sleep(0.05)
+            time.sleep(0.01)
 
     def _answers(self) -> bool:
         connection = HTTPConnection(self.given.host, self._port, timeout=ANSWER_SECONDS)

@@ -18,20 +18,23 @@ from service.web import IF_MATCH, api_router, etag_of, require_match
 from service.web.json_body import BULK_VALUES, checked, parse_json
 from service.web.negotiation import choose_format, one_of
 from service.web.openapi import schema_of
+from service.web.routing import Later
 
 router = api_router(tags=["grid points"])
 
 MEDIA_TYPES = {"json": "application/json", "csv": "text/csv"}
-BODY = {
-    **IF_MATCH,
-    "requestBody": {
-        "required": True,
-        "content": {
-            "application/json": {"schema": schema_of(GridPoints)},
-            "text/csv": {"schema": {"type": "string"}},
+BODY = Later(
+    lambda: {
+        **IF_MATCH,
+        "requestBody": {
+            "required": True,
+            "content": {
+                "application/json": {"schema": schema_of(GridPoints)},
+                "text/csv": {"schema": {"type": "string"}},
+            },
         },
-    },
-}
+    }
+)
 
 FILES: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from service.cli.options import Data, settings_of_running, stop_with
+from service.cli.ending import stop_with
+from service.cli.options import Data, settings_of_running
 
 if TYPE_CHECKING:
     from sqlalchemy import Engine

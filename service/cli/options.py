@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any
 
 import typer
+
+from service.cli.ending import stop_with
 
 Data = Annotated[Path | None, typer.Option(help="Folder of the embedded database [MODALBASE_DATA]")]
 Host = Annotated[str | None, typer.Option(help="Address to listen on [MODALBASE_HOST]")]
 Port = Annotated[int | None, typer.Option(help="Port to listen on; 0: any free one [MODALBASE_PORT]")]
-Attached = Annotated[bool, typer.Option("--attached", hidden=True, help="End when standard input closes")]
-
-
-def stop_with(message: str, code: int = 1) -> NoReturn:
-    """End the command with one line on standard error."""
-    typer.echo(f"modalbase: {message}", err=True)
-    sys.exit(code)
 
 
 def settings_of(**given: Any) -> Any:

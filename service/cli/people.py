@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from service.cli import people_remote
-from service.cli.options import Data, settings_of_running, stop_with
+from service.cli.ending import stop_with
+from service.cli.options import Data, settings_of_running
 from service.cli.people_remote import Remote, Url, remote_service
 
 if TYPE_CHECKING:

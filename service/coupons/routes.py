@@ -20,6 +20,7 @@ from service.figures.answers import RESPONSES, Asked, FigureName, require_figure
 from service.figures.coupon import coupon_figure
 from service.structures.operations import structure_for
 from service.web import IF_MATCH, Cursor, Limit, Page, api_router, etag_of, paged, require_match
+from service.web.routing import Later
 
 router = api_router(tags=["coupons"])
 
@@ -56,7 +57,7 @@ def get_batch(batch_id: UUID, session: SessionDep, user: CurrentUser) -> BatchOu
     return operations.describe_all(session, [operations.batch_for(session, user, batch_id)])[0]
 
 
-@router.post("/coupon-batches/{batch_id}/coupons", status_code=201, openapi_extra=documented())
+@router.post("/coupon-batches/{batch_id}/coupons", status_code=201, openapi_extra=Later(documented))
 def create_coupons(batch_id: UUID, body: CouponBody, session: SessionDep, user: CurrentUser) -> Page[CouponOut]:
     """Record specimens: results of one, or of several as a list, in JSON; or the raw curve of one as multipart.
 

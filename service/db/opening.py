@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
 from service.db.embedded import embedded_server
-from service.db.engine import make_engine
 from service.db.postgres import PostgresError
-from service.db.schema import current_revision, head_revision, upgrade
+from service.db.schema import head_revision, revision_at, upgrade
 from service.settings import Settings
 
 
@@ -46,11 +45,17 @@ def open_database(
             raise DataFolderError(f"cannot use the data folder {settings.data}: {error.strerror or error}") from error
         except PostgresError as error:
             raise DataFolderError(f"PostgreSQL does not start in {settings.data}: {error}") from error
-        engine = make_engine(url)
-        try:
-            current = current_revision(engine)
-            if (migrate_embedded and current != head_revision()) or (migrate_new and current is None):
-                upgrade(engine)
-        finally:
-            engine.dispose()
+        current = revision_at(url)
+        if (migrate_embedded and current != head_revision()) or (migrate_new and current is None):
+            _upgrade(url)
         yield settings.model_copy(update={"database_url": url})
+
+
+def _upgrade(url: str) -> None:
+    from service.db.engine import make_engine  # takes longer to load than to ask whether it is needed
+
+    engine = make_engine(url)
+    try:
+        upgrade(engine)
+    finally:
+        engine.dispose()

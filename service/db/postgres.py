@@ -16,11 +16,9 @@ import tempfile
 import time
 from importlib.util import find_spec
 from pathlib import Path
+from urllib.parse import quote
 
 import psutil
-from sqlalchemy import URL
-
-from service.db.engine import psycopg_url
 
 VERSION = "18"
 ACCOUNT = "pgserver"
@@ -119,8 +117,7 @@ class Cluster:
             if time.monotonic() > end:
                 raise PostgresError(f"the server that runs does not become ready: {lines[-1].strip()}")
             time.sleep(0.05)
-        url = URL.create("postgresql", username=SUPERUSER, database=database, query={"host": lines[4]})
-        return psycopg_url(url.render_as_string(hide_password=False))
+        return f"postgresql://{SUPERUSER}@/{database}?host={quote(lines[4], safe='')}"
 
     def _postmaster(self) -> list[str]:
         """Lines of `postmaster.pid`: process id, files, start, port, socket's folder, address, memory, state."""

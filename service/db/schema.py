@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import Connection, Engine, text
+import psycopg
 
 import migrations
 from migrations import procrastinate_schema
 
 if TYPE_CHECKING:
     from alembic.config import Config
+    from sqlalchemy import Connection, Engine
 
 # Alembic is imported where a schema is changed: whether one is this version's is asked at each start, by every process.
+# SQLAlchemy is not imported here at all: who starts the others asks before it has any other use for it.
 
 MIGRATION_LOCK = 0x6D6F_6461_6C62  # an advisory lock of our own: two upgrades at once wait for each other
 
@@ -44,13 +47,33 @@ def current_revision(engine: Engine) -> str | None:
         return _revision(connection)
 
 
+def revision_at(url: str) -> str | None:
+    """The revision of the database at an address for psycopg, on a connection of its own; None where it is empty.
+
+    Raises:
+        SchemaError: the server's PostgreSQL is too old.
+        psycopg.OperationalError: the database does not answer.
+    """
+    with psycopg.connect(url, autocommit=True, connect_timeout=10) as connection:
+        _require_new(connection.info.server_version)
+
+        def scalar(statement: str) -> Any:
+            row = connection.execute(statement.encode()).fetchone()
+            return row and row[0]
+
+        return _ask_revision(scalar)
+
+
 def require_version(connection: Connection) -> None:
     """Refuse a server whose PostgreSQL lacks what the schema needs, such as `uuidv7()`.
 
     Raises:
         SchemaError: with its version and the one that is needed.
     """
-    version = connection.connection.driver_connection.info.server_version  # type: ignore[union-attr]  # psycopg's
+    _require_new(connection.connection.driver_connection.info.server_version)  # type: ignore[union-attr]  # psycopg's
+
+
+def _require_new(version: int) -> None:
     if version < 10_000 * POSTGRESQL:
         found = f"{version // 10_000}.{version % 10_000}"
         raise SchemaError(
@@ -93,9 +116,18 @@ def require_head(engine: Engine) -> None:
     Raises:
         SchemaError: the schema is older, or newer, or missing; or the queue's library wants another one for its tables.
     """
+    require_fit(current_revision(engine))
+
+
+def require_fit(current: str | None) -> None:
+    """Refuse to work on a schema at another revision than this version's; None is that of an empty database.
+
+    Raises:
+        SchemaError: as `require_head`.
+    """
     if (unfit := procrastinate_schema.mismatch()) is not None:
         raise SchemaError(unfit)
-    current, head = current_revision(engine), head_revision()
+    head = head_revision()
     if current == head:
         return
     if current is None:
@@ -124,7 +156,7 @@ def upgrading(engine: Engine) -> Iterator[Connection]:
     """
     with engine.begin() as connection:
         require_version(connection)
-        connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": MIGRATION_LOCK})
+        connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({MIGRATION_LOCK})")
         yield connection
 
 
@@ -136,12 +168,18 @@ def upgrade_on(connection: Connection, revision: str) -> None:
 
 
 def _revision(connection: Connection) -> str | None:
-    if connection.scalar(text("SELECT to_regclass('alembic_version')")) is None:
+    return _ask_revision(lambda statement: connection.exec_driver_sql(statement).scalar())
+
+
+def _ask_revision(scalar: Callable[[str], Any]) -> str | None:
+    """The revision, from a function that gives the value of a statement."""
+    if scalar("SELECT to_regclass('alembic_version')") is None:
         return None
-    revision: str | None = connection.scalar(text("SELECT version_num FROM alembic_version"))
+    revision: str | None = scalar("SELECT version_num FROM alembic_version")
     return revision
 
 
+@cache
 def _parents() -> dict[str, str | None]:
     """The revision before each that this version knows, as the migrations state them; None before the first."""
     files = Path(migrations.__file__).parent.joinpath("versions").glob("[0-9]*.py")

@@ -31,6 +31,7 @@ from service.web.downloads import fits_memory, in_memory, spooled
 from service.web.gate import without_slot
 from service.web.negotiation import choose_format, one_of
 from service.web.openapi import schema_of
+from service.web.routing import Later
 
 router = api_router(tags=["FRFs"])
 
@@ -44,17 +45,19 @@ KINDS: dict[str, Literal["json", "npz", "csv", "mat"]] = {
     "application/x-matlab-data": "mat",
 }
 """Media types of bodies that are read."""
-BODY = {
-    "requestBody": {
-        "required": True,
-        "content": {
-            "application/json": {"schema": schema_of(FrfsIn)},
-            "application/x-npz": {"schema": {"type": "string", "format": "binary"}},
-            "text/csv": {"schema": {"type": "string"}},
-            "application/x-matlab-data": {"schema": {"type": "string", "format": "binary"}},
-        },
+BODY = Later(
+    lambda: {
+        "requestBody": {
+            "required": True,
+            "content": {
+                "application/json": {"schema": schema_of(FrfsIn)},
+                "application/x-npz": {"schema": {"type": "string", "format": "binary"}},
+                "text/csv": {"schema": {"type": "string"}},
+                "application/x-matlab-data": {"schema": {"type": "string", "format": "binary"}},
+            },
+        }
     }
-}
+)
 FILES = {200: {"content": {media_type: {} for media_type in MEDIA_TYPES.values()}, "description": "The spectra."}}
 
 Hertz = Annotated[float | None, Query(ge=0, le=1e12, allow_inf_nan=False)]

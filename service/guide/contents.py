@@ -17,7 +17,6 @@ FOLDER = Path(__file__).parent / "pages"
 PICTURES = {".svg": "image/svg+xml", ".png": "image/png"}
 INDEX = "index.html"
 _ENTRY = re.compile(r"^(?:## (?P<part>.+)|- \[(?P<title>[^\]]+)\]\((?P<page>[^)]+)\.md\))", re.MULTILINE)
-_templates = templates_in(Path(__file__).parent / "templates")
 
 
 @dataclass(frozen=True)
@@ -80,12 +79,16 @@ def whole_page(address: str, root: str, styles: tuple[str, ...], *, service: boo
     if not address.endswith(".html") or name not in files():
         return None
     home = "../" * address.count("/")
-    return _templates.get_template("guide.html").render(
-        page=_rendered(name),
-        parts=parts(),
-        home=home,
-        here="decisions/README.html" if address.startswith("decisions/") else address,
-        styles=[root + style for style in styles],
-        root=root if service else None,
-        version=__version__,
+    return (
+        templates_in(Path(__file__).parent / "templates")
+        .get_template("guide.html")
+        .render(
+            page=_rendered(name),
+            parts=parts(),
+            home=home,
+            here="decisions/README.html" if address.startswith("decisions/") else address,
+            styles=[root + style for style in styles],
+            root=root if service else None,
+            version=__version__,
+        )
     )

@@ -18,7 +18,6 @@ import time
 from dataclasses import dataclass
 from email.message import EmailMessage
 
-import httpx
 from anyio import to_thread
 
 from fecore import __version__
@@ -91,6 +90,8 @@ async def post(delivery: Delivery, hook: Webhook, settings: Settings) -> Outcome
     Returns:
         What became of it; nothing is raised for a receiver that fails.
     """
+    import httpx  # see `addresses`
+
     body, now = delivery.body.encode(), int(time.time())
     try:
         target = await to_thread.run_sync(resolve, hook.url, destinations(settings), abandon_on_cancel=True)

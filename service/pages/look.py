@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from fastapi import Depends, Request
 from fastapi.responses import HTMLResponse
@@ -18,6 +19,9 @@ from service.pages import numbers
 from service.pages.assets import address
 from service.web.templates import templates_in
 
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
 PREFIX = "/ui"
 EMPTY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
 """An empty style element, which Plotly makes and fills by the object model; a policy allows it by this digest of nothing."""
@@ -28,10 +32,6 @@ POLICY = (
 )
 HEADERS = {"Content-Security-Policy": POLICY, "Cache-Control": "no-store"}
 
-_templates = templates_in(Path(__file__).parent / "templates")
-_templates.filters.update(numbers.FILTERS)
-_templates.globals.update(asset=address, version=__version__)
-
 
 def root_of(path: str) -> str:
     """The service's root as seen from a path of it, so that pages work below any prefix of a proxy.
@@ -40,6 +40,14 @@ def root_of(path: str) -> str:
     '../../'
     """
     return "../" * (path.count("/") - 1) or "./"
+
+
+@cache
+def _templates() -> Environment:
+    made = templates_in(Path(__file__).parent / "templates")
+    made.filters.update(numbers.FILTERS)
+    made.globals.update(asset=address, version=__version__)
+    return made
 
 
 def page(request: Request, template: str, status_code: int = 200, **context: Any) -> HTMLResponse:
@@ -60,7 +68,7 @@ def page(request: Request, template: str, status_code: int = 200, **context: Any
         "docs": request.app.state.settings.docs if "app" in request.scope else True,
         **context,
     }
-    return HTMLResponse(_templates.get_template(template).render(shown), status_code, headers=HEADERS)
+    return HTMLResponse(_templates().get_template(template).render(shown), status_code, headers=HEADERS)
 
 
 @dataclass(frozen=True)

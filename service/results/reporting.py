@@ -11,14 +11,13 @@ from service.campaigns.operations import campaign_of
 from service.campaigns.operations import describe as describe_campaign
 from service.errors import Conflict
 from service.figures.look import Figure
-from service.reports.blocks import Report
-from service.reports.update_report import UpdateFacts, update_report
 from service.results.figure_data import UpdateFigures
 from service.results.figure_frf import Wanted
 from service.results.figures import draw_figure
 from service.structures.operations import describe_version, structure_of, version_of
 
 if TYPE_CHECKING:
+    from service.reports.blocks import Report
     from service.updating.tables import UpdateJob
 
 
@@ -28,6 +27,11 @@ def report_of(session: Session, user: User, job: UpdateJob) -> Report:
     Raises:
         Conflict: the job has no result, yet or ever.
     """
+    from service.reports.update_report import (  # with the terminal's tables, by the first report
+        UpdateFacts,
+        update_report,
+    )
+
     data = UpdateFigures(session, job)
     campaign = campaign_of(session, job.campaign_id)
     name = structure_of(session, campaign.structure_id).name

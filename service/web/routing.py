@@ -34,6 +34,18 @@ class StrictRequest(Request):
         return self.strict_json
 
 
+class Later(dict[str, Any]):
+    """What a route says of itself to OpenAPI, made when the route is put together.
+
+    Attributes:
+        make: makes it.
+    """
+
+    def __init__(self, make: Callable[[], dict[str, Any]]) -> None:
+        super().__init__()
+        self.make = make
+
+
 class LateRoute(APIRoute):
     """A route that FastAPI puts together when it is first asked for, with what its router was given.
 
@@ -68,6 +80,8 @@ class LateRoute(APIRoute):
                 self.path_regex, self.path_format, self.param_convertors = compile_path(self.path)
             elif not self._begun:
                 self._begun = True
+                if isinstance(extra := self.given.get("openapi_extra"), Later):
+                    extra.update(extra.make())
                 super().__init__(self.path, self.endpoint, name=self.name, methods=self.methods, **self.given)
             if name not in self.__dict__:
                 raise AttributeError(f"a route has no {name}")
