@@ -68,21 +68,8 @@ class Strip:
         return magnitude
 
 
-def wrong_heights(frfs: FrfSet, highest_hz: float, strip: Strip | None) -> list[str]:
-    """A sentence for every height that cannot be right.
-
-    Args:
-        frfs: of one quantity.
-        highest_hz: to which the hammer excites the body well.
-        strip: the body, where it is a strip; what is measured across it (z) bends it. None leaves the absolute height open.
-    """
-    heights = Heights(frfs.frequency_hz, highest_hz)
-    heights.add(frfs)
-    return heights.wrong(strip)
-
-
 class Heights:
-    """The same of FRFs that come in parts, on one axis of lines.
+    """The heights of FRFs that come in parts, on one axis of lines, and what is wrong with them.
 
     Args:
         frequency_hz: (L,) their lines.
@@ -112,7 +99,8 @@ class Heights:
         """A sentence for every height that cannot be right.
 
         Args:
-            strip: the body, where it is a strip.
+            strip: the body, where it is a strip; what is measured across it (z) bends it. None leaves the absolute height
+                open.
             damped: the window that lowers the FRFs of any body, in words; None: there is none.
         """
         if self._band is None:

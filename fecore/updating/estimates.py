@@ -73,6 +73,7 @@ def constant_estimates(elastic: ElasticResult, inputs: Inputs, sampled: Posterio
                     ),
                     budget=_budget(spread, abs(slope), _provenance(elastic, inputs)),
                     confounded_with=tuple(name for name in state.confounded_with if name != master),
+                    tied_to=None if prior.constant_names[row] == master else master,
                 )
             )
     order = {name: place for place, name in enumerate(prior.constant_names)}

@@ -75,11 +75,13 @@ class ParameterEstimate:
         standard_deviation: root mean square error, the model's discrepancy and the inputs' errors included.
         noise_standard_deviation: under measurement noise alone.
         interval_95: 95 % interval, everything included; not about the estimate's middle where it is not.
-        identifiable: whether the data supply more than half of what is known of it.
+        identifiable: whether the data supply more than half of what is known of it; of a tied one, of what it is tied to.
         prior_mean, prior_sd: None where the parameter had no prior.
         comparable: what to compare with another test of the same body.
         budget: what its variance is made of, the largest first.
         confounded_with: parameters with which it moves in a direction that the data do not see.
+        tied_to: the parameter that it follows in a fixed ratio, so that nothing here is its own: its estimate and interval
+            hold where the ratio does. None where it is its own.
     """
 
     name: str
@@ -95,6 +97,7 @@ class ParameterEstimate:
     comparable: Comparable
     budget: tuple[BudgetEntry, ...] = ()
     confounded_with: tuple[str, ...] = ()
+    tied_to: str | None = None
 
 
 @dataclass(frozen=True)

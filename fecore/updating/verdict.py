@@ -92,9 +92,9 @@ def _label(text: str) -> str:
 
 
 def _numbers(parameters: Sequence[ParameterEstimate]) -> str:
-    """How well each parameter is known, and which the data do not determine."""
-    known = [p for p in parameters if p.identifiable and p.estimate]
-    unknown = [p.name for p in parameters if not p.identifiable]
+    """How well each parameter is known, and which the data do not determine; a tied one is neither."""
+    known = [p for p in parameters if p.identifiable and p.estimate and p.tied_to is None]
+    unknown = [p.name for p in parameters if not p.identifiable and p.tied_to is None]
     words = [f"{p.name} to {100 * p.standard_deviation / abs(p.estimate):.2g} %" for p in known]
     text = ", ".join(words) if words else "no parameter is identifiable"
     return (

@@ -99,7 +99,7 @@ def _parameter(row: Mapping[str, Any]) -> list[Any]:
     interval = None if low is None or high is None else Written(f"{low} … {high}")
     return [
         row["name"], unit, written(row["initial"]), written(row["estimate"]), written(row["standard_deviation"]),
-        interval, row["identifiable"],
+        interval, f"as {master}" if (master := row.get("tied_to")) else row["identifiable"],
     ]  # fmt: skip
 
 

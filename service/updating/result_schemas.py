@@ -52,7 +52,12 @@ class ParameterOut(_Part):
     standard_deviation: float = Field(description="everything included, in its unit")
     noise_standard_deviation: float = Field(description="under measurement noise alone, in its unit")
     interval_95: tuple[float, float] = Field(description="95 % interval, everything included, in its unit")
-    identifiable: bool = Field(description="whether the data say more than half of what is known of it")
+    identifiable: bool = Field(
+        description="whether the data say more than half of what is known of it; of a tied one, of what it is tied to"
+    )
+    tied_to: str | None = Field(
+        None, description="the parameter whose ratio to it the recipe fixes; null where it is estimated itself"
+    )
     prior_mean: Number = Field(description="in its unit; null without a prior")
     prior_sd: Number = Field(description="in its unit; null without a prior")
     budget: list[BudgetOut] = Field(description="what its variance is made of, the largest first")

@@ -120,6 +120,7 @@ def test_values_have_the_digits_that_their_uncertainty_leaves(capsys: pytest.Cap
     parameters = [
         {"name": "Ex", "unit": "Pa", **common, **known},
         {"name": "g_root", "unit": "1/s", "initial": 25.0, "identifiable": False, **near_zero},
+        {"name": "Gyz", "unit": "Pa", "tied_to": "Gxz", **common, **known},
         {"name": "density", "unit": "kg/m³", **common, "initial": None, **fixed},
     ]
     criteria = {"sac": [0.5, 1.0], "frac": [1.0], "csac_mean": 0.99, "csf_mean": None}
@@ -133,6 +134,7 @@ def test_values_have_the_digits_that_their_uncertainty_leaves(capsys: pytest.Cap
     said = capsys.readouterr()
     lines = [line.split() for line in said.out.splitlines()]
     assert ["Ex", "GPa", "33.05", "31.70", "0.16", "31.39", "…", "32.01", "yes", "31.66"] in lines
+    assert ["Gyz", "GPa", "33.05", "31.70", "0.16", "31.39", "…", "32.01", "as", "Gxz", "–"] in lines
     assert ["g_root", "1/s", "25", "23", "13", "0", "…", "48", "no", "–"] in lines
     assert ["density", "kg/m³", "–", "2012", "0", "2012", "…", "2012", "yes", "–"] in lines
     assert ["updated", "0.7500", "1.0000", "0.9900", "–"] in lines

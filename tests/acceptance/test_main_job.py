@@ -67,6 +67,8 @@ def test_independent_data_give_their_constants_back(api: httpx.Client, name: str
         low, high = found[parameter]["interval_95"]
         assert low <= config[parameter] <= high, parameter
     assert not found["Ey"]["identifiable"]
+    assert {name: row["tied_to"] for name, row in found.items() if row["tied_to"]} == {"Gyz": "Gxz"}
+    assert "Gyz" not in result["verdict"]["sentence"]  # it is not known by itself
     assert all(abs(mode["error_percent"]) < 0.1 for mode in result["modes"])
     assert min(result["correlation"]["sac"]) > 0.99
     assert len(result["provenance"]["frfs"]) == 33

@@ -192,6 +192,7 @@ def _material(fitted: Fitted, known: Sequence[Spread]) -> tuple[ParameterEstimat
                     base,
                     identifiable=state.identifiable,
                     confounded_with=others,
+                    tied_to=None if name == master else master,
                     prior_mean=mean,
                     prior_sd=abs(ratio) * float(prior.prior_sd[column]),
                 )

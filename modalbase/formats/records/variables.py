@@ -12,7 +12,7 @@ import warnings
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, Literal
 
 import numpy as np
 
@@ -156,11 +156,11 @@ def _csv(path: Path, limit_bytes: int | None) -> Variables:
 
 def _wav(path: Path, limit_bytes: int | None) -> Variables:
     _within(path.stat().st_size, limit_bytes, "")
-    _whole_wav(path)
+    source = _whole_wav(path)
     wavfile = _scipy_io(".wav").wavfile
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks beside the samples
-        rate, samples = wavfile.read(path)
+        rate, samples = wavfile.read(source)
     table = samples[:, np.newaxis] if samples.ndim == 1 else samples
     scale, zero = _full_scale(table.dtype)
     channels = {f"channel_{i + 1}": (table[:, i].astype(float) - zero) / scale for i in range(table.shape[1])}
@@ -177,20 +177,56 @@ def _full_scale(kind: np.dtype[Any]) -> tuple[float, float]:
     return half, half if kind.kind == "u" else 0.0
 
 
-def _whole_wav(path: Path) -> None:
-    """Refuse a wav that ends before its samples do, of which scipy reads what is there."""
+_UNKNOWN = 0xFFFF_FFFF
+"""Size that a recorder declares, or 0, which writes its file as it measures and never comes back to the head."""
+
+
+def _whole_wav(path: Path) -> Path | io.BytesIO:
+    """What scipy is to read: the file, or its bytes with a length where it declares none.
+
+    Raises:
+        FormatError: it ends before its samples do, of which scipy would read what is there.
+    """
     with path.open("rb") as file:
         if (kind := file.read(12)[:4]) not in (b"RIFF", b"RIFX"):  # others state their sizes elsewhere
-            return
-        size = path.stat().st_size
+            return path
+        order: Literal["little", "big"] = "little" if kind == b"RIFF" else "big"
+        size, frame = path.stat().st_size, 1
         while len(head := file.read(8)) == 8:
-            declared = int.from_bytes(head[4:], "little" if kind == b"RIFF" else "big")
-            left = size - file.tell()
+            declared, begin = int.from_bytes(head[4:], order), file.tell()
+            left = size - begin
+            if head[:4] == b"fmt ":
+                frame = max(int.from_bytes(file.read(14)[12:], order), 1)
+            if head[:4] == b"data" and (declared == _UNKNOWN or (declared == 0 and not _are_chunks(file, left, order))):
+                return _with_length(path, begin, left // frame * frame, order)
             if head[:4] == b"data" and declared > left:
                 raise FormatError(
                     "", f"is cut off: it declares {declared} bytes of samples and has {left}; copy it again"
                 )
-            file.seek(declared + declared % 2, 1)
+            file.seek(begin + declared + declared % 2)
+    return path
+
+
+def _are_chunks(file: BinaryIO, left: int, order: Literal["little", "big"]) -> bool:
+    """Whether the rest of a file is chunks to its very end, so that those before them are as long as they declare."""
+    while left >= 8:
+        length = int.from_bytes(file.read(8)[4:], order)
+        length += length % 2
+        file.seek(length, 1)
+        left -= 8 + length
+    return left == 0
+
+
+def _with_length(path: Path, begin: int, length: int, order: Literal["little", "big"]) -> io.BytesIO:
+    """The bytes of a wav whose samples begin there and go to its end, with that for its length."""
+    warnings.warn(
+        f"{path.name} declares no length: it is read to its end, and nobody knows whether it was cut off",
+        stacklevel=4,
+    )
+    whole = bytearray(path.read_bytes()[: begin + length])
+    whole[begin - 4 : begin] = length.to_bytes(4, order)
+    whole[4:8] = (len(whole) - 8).to_bytes(4, order)
+    return io.BytesIO(whole)
 
 
 SUFFIXES: dict[str, Callable[[Path, int | None], Variables]] = {".npz": _npz, ".mat": _mat, ".csv": _csv, ".wav": _wav}

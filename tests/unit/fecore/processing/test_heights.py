@@ -11,7 +11,7 @@ from benchmarks.hammer import Bench, campaign
 from fecore.errors import InputError
 from fecore.frf import Dof, FrfSet
 from fecore.processing import Hit, Processing, Strip, Windows, by_point, process
-from fecore.processing.heights import wrong_heights
+from fecore.processing.heights import Heights
 
 FIRST = {"clamped": 1.8751, "free": 4.7300}
 
@@ -65,15 +65,21 @@ def test_two_hits_of_five_under_another_range_are_named_and_left_out(factor: flo
     assert "sensitivity" in fault.sentence
 
 
+def _wrong(frfs: FrfSet) -> list[str]:
+    heights = Heights(frfs.frequency_hz, 500.0)
+    heights.add(frfs)
+    return heights.wrong(None)
+
+
 def test_a_point_whose_sensitivity_was_changed_is_named() -> None:
     f = np.linspace(10, 500, 200)
     one = 1 / (1 - (f / 90) ** 2 + 0.02j * f / 90) + 0.3
     heights = np.array([0.2, 0.7, 1.0, 14.0, 2.0])  # near a clamp a point is low, and that is right
     points = tuple(Dof(n, 3) for n in range(1, 6))
     frfs = FrfSet(f, heights[:, None] * one, (Dof(33, 3),) * 5, points, "accelerance")
-    (said,) = wrong_heights(frfs, 500.0, None)
+    (said,) = _wrong(frfs)
     assert "at point 4 are 14 times as high" in said
-    assert wrong_heights(replace(frfs, values=np.minimum(heights, 2.0)[:, None] * one), 500.0, None) == []
+    assert _wrong(replace(frfs, values=np.minimum(heights, 2.0)[:, None] * one)) == []
 
 
 def test_a_pair_measured_both_ways_with_unlike_heights_is_named() -> None:
@@ -81,9 +87,9 @@ def test_a_pair_measured_both_ways_with_unlike_heights_is_named() -> None:
     one = 1 / (1 - (f / 90) ** 2 + 0.02j * f / 90) + 0.3
     places = (Dof(1, 3), Dof(2, 3))
     frfs = FrfSet(f, np.array([one, 10 * one]), places, places[::-1], "accelerance")
-    (said,) = wrong_heights(frfs, 500.0, None)
+    (said,) = _wrong(frfs)
     assert "point 1 hit at point 2 is 10 times lower than that of the opposite way" in said
-    assert wrong_heights(replace(frfs, values=np.array([one, 1.2 * one])), 500.0, None) == []
+    assert _wrong(replace(frfs, values=np.array([one, 1.2 * one]))) == []
 
 
 def test_a_strip_without_mass_is_refused() -> None:

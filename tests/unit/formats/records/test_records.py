@@ -385,6 +385,27 @@ def test_half_precision_goes_in_exactly_and_what_would_be_rounded_is_refused(tmp
             blocks_of({**ARRAYS, "force": FORCE.astype(np.longdouble)}, read_mapping(MAPPING))
 
 
+@pytest.mark.parametrize("declared", [0, 0xFFFFFFFF])
+@pytest.mark.parametrize("more", [b"", b"\x01\x02\x03"])  # half a frame, where the recorder was switched off
+def test_a_wav_that_declares_no_length_is_read_to_its_end(tmp_path: Path, declared: int, more: bytes) -> None:
+    path, samples = tmp_path / "hit.wav", np.stack([FORCE[0], RESPONSE[0]], axis=1)
+    wavfile.write(path, 2048, samples)
+    whole = bytearray(path.read_bytes())
+    at = whole.index(b"data") + 4
+    whole[at : at + 4] = whole[4:8] = declared.to_bytes(4, "little")
+    path.write_bytes(whole + more)
+    with pytest.warns(UserWarning, match="hit.wav declares no length: it is read to its end"):
+        found = read_variables(path)
+    np.testing.assert_array_equal(found["channel_2"], samples[:, 1])
+
+
+def test_a_wav_without_samples_is_none_of_those(tmp_path: Path) -> None:
+    path = tmp_path / "hit.wav"
+    wavfile.write(path, 2048, np.zeros((0, 2)))
+    path.write_bytes(path.read_bytes() + b"LIST\x04\x00\x00\x00INFO")
+    assert set(read_variables(path)) == {"sample_rate_hz"}
+
+
 @pytest.mark.parametrize("left", [64, 200])
 def test_a_wav_that_ends_before_its_samples_do_is_refused(tmp_path: Path, left: int) -> None:
     path = tmp_path / "hit.wav"
