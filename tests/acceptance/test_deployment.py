@@ -27,7 +27,6 @@ import trustme
 import yaml
 from packaging.requirements import Requirement
 
-from service.db.embedded import embedded_server
 from service.demo.laboratory import Laboratory
 from tests.support.servers import password_server
 from tests.support.waiting import PATIENCE, until
@@ -64,7 +63,8 @@ class Deployment:
         scratch = self.folder / service
         scratch.mkdir(exist_ok=True)
         path = f"{Path(sys.executable).parent}:/usr/bin:/bin"
-        return own | {"PATH": path, "TMPDIR": str(scratch), "HOME": str(scratch), "OPENBLAS_NUM_THREADS": "1"}
+        ours = {"OPENBLAS_NUM_THREADS": "1", "MODALBASE_JOB_LEASE_SECONDS": "5"}  # in place of 30: a worker is killed
+        return own | ours | {"PATH": path, "TMPDIR": str(scratch), "HOME": str(scratch)}
 
     def command(self, service: str) -> list[str]:
         image = re.findall(r"^CMD (\[.*\])$", LAST_STAGE, re.M)[-1]
@@ -85,13 +85,12 @@ class Deployment:
 
 
 @pytest.fixture
-def deployment(short_folder: Path) -> Iterator[Deployment]:
+def deployment(short_folder: Path, server: str) -> Iterator[Deployment]:
+    assert server  # which made the account that PostgreSQL runs as where root tests
     folder = short_folder / "deployment"
     secrets = folder / "secrets"
     secrets.mkdir(parents=True)
     short_folder.chmod(0o755)
-    with embedded_server(short_folder / "account"):  # makes the account that PostgreSQL runs as where root tests
-        pass
     password = "pass word/@:1"
     (secrets / "database_password").write_text(password + "\n")
     with password_server(short_folder / "server", "modalbase", "placeholder", "modalbase") as port:
@@ -109,14 +108,15 @@ def free_port() -> int:
 
 
 def test_the_compose_file_s_services_do_the_main_job(deployment: Deployment) -> None:
-    """Migrate, API, three workers, proxy; the worker that runs the update is killed, and another one ends the job."""
+    """Migrate, API, two workers, proxy; the worker that runs the update is killed, and the other one ends the job."""
     subprocess.run(deployment.command("migrate"), env=deployment.environment("migrate"), check=True, timeout=PATIENCE)
     port = free_port()
     with ExitStack() as stack:
         stack.enter_context(deployment.running("api", "--port", str(port)))
-        workers = [stack.enter_context(deployment.running("worker")) for _ in range(3)]
+        workers = [stack.enter_context(deployment.running("worker")) for _ in range(2)]
         check = json.loads(re.findall(r"HEALTHCHECK.* CMD (\[.*\])", LAST_STAGE)[0])
         check[0], check[2] = sys.executable, check[2].replace(":8000/", f":{port}/")
+        until(lambda: listens(port), "an API that listens")
         until(lambda: subprocess.run(check, capture_output=True, check=False).returncode == 0, "a healthy API")
         create = [str(Path(sys.executable).with_name("modalbase")), "keys", "create", "--name", "me"]
         key = subprocess.check_output(create, env=deployment.environment("api"), text=True).strip()
@@ -143,6 +143,11 @@ def test_the_compose_file_s_services_do_the_main_job(deployment: Deployment) -> 
         assert killed, "the update ended before it was seen"
         if base.startswith("https"):
             look_at_the_proxy(client, trusted)
+
+
+def listens(port: int) -> bool:
+    with socket.socket() as line:
+        return line.connect_ex(("127.0.0.1", port)) == 0
 
 
 def updating(deployment: Deployment) -> int | None:

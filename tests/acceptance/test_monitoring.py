@@ -43,7 +43,7 @@ def service(new_database: Callable[[], str]) -> Iterator[LocalService]:
         webhook_networks="127.0.0.0/8",
         webhook_ports="1-65535",
         delivery_pause_seconds=0.1,
-        job_lease_seconds=5.0,
+        job_lease_seconds=3.0,
     )
     with LocalService(settings) as running:
         yield running

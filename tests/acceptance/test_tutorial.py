@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import httpx
@@ -21,6 +22,14 @@ from tests.support.waiting import PATIENCE
 
 PAGE = (ROOT / "docs" / "tutorial.md").read_text()
 FILES = ROOT / "examples" / "tutorial"
+COMMANDS = """
+import json, shlex, sys
+import service
+from tests.support.command import modalbase_here
+around, lines = json.load(sys.stdin)
+assert service.__file__.startswith(around["PYTHONPATH"].split(":")[0]), service.__file__
+print(json.dumps([modalbase_here(*shlex.split(line)[1:], code=0, **around).stdout for line in lines]))
+"""
 TRUTH = {
     **{name: getattr(make_tutorial.TRUTH, name) for name in ("Ex", "Ey", "Gxy", "Gxz")},
     "a0": make_tutorial.A0,
@@ -37,16 +46,39 @@ def printed(service: LocalService, api: httpx.Client, unpacked: Path, tmp_path: 
     """What each command of the page prints, in a folder with the shipped files alone."""
     folder = tmp_path / "beam"
     shutil.copytree(FILES, folder)
-    key = api.headers["authorization"].split()[1]
-    around = environment(MODALBASE_URL=service.url, MODALBASE_API_KEY=key, COLUMNS="200", PYTHONPATH=str(unpacked))
+    ours = {
+        "MODALBASE_URL": service.url,
+        "MODALBASE_API_KEY": api.headers["authorization"].split()[1],
+        "COLUMNS": "200",
+        "PYTHONPATH": f"{unpacked}:{ROOT}",  # of this tree nothing but the tests: the wheel's packages come first
+    }
+    around = environment(**ours)
     around["PATH"] = f"{COMMAND.parent}:{around['PATH']}"
-    found = {}
-    for line in "".join(blocks("sh")).splitlines():
+    first, *others = blocks("sh")
+
+    def run(command: str | list[str], given: str = "") -> str:
         done = subprocess.run(
-            line, shell=True, cwd=folder, env=around, capture_output=True, text=True, timeout=PATIENCE, check=False
+            command,
+            shell=isinstance(command, str),
+            cwd=folder,
+            env=around,
+            input=given,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+            check=False,
         )
-        assert done.returncode == 0, f"{line}: {done.stdout} {done.stderr}"
-        found[line.split("--")[0].removeprefix("modalbase ").strip()] = done.stdout
+        assert done.returncode == 0, f"{command}: {done.stdout} {done.stderr}"
+        return done.stdout
+
+    lines = first.splitlines()
+    shown = [run(line) for line in lines]  # as a shell does; the others in one process, as each imports for a while
+    more = "".join(others).splitlines()
+    shown += json.loads(run([sys.executable, "-c", COMMANDS], json.dumps([ours, more])))
+    found = {
+        line.split("--")[0].removeprefix("modalbase ").strip(): out
+        for line, out in zip(lines + more, shown, strict=True)
+    }
     assert (folder / "frf.pdf").read_bytes().startswith(b"%PDF")
     assert "*ELASTIC, TYPE=ENGINEERING CONSTANTS" in (folder / "beam.inp").read_text()
     return found
