@@ -80,7 +80,7 @@ def orthonormal(basis: ComplexArray, weight: FloatArray) -> tuple[ComplexArray, 
     singular, right = singular[: len(right)], right[: singular.size]
     kept = singular > _NULL * singular.max(initial=0.0)
     turn = (right[kept] / singular[kept, None]).T / length[:, None]
-    return np.asarray(basis @ turn), np.asarray(turn)
+    return real_times(turn.T, basis.T).T, np.asarray(turn)
 
 
 def mean_weight(weight: FloatArray) -> FloatArray:
@@ -97,7 +97,7 @@ def solve_normal(
     Raises:
         IdentificationError: an FRF has fewer measured lines than unknowns.
     """
-    right = ((weight * values) @ frame.conj()).real
+    right = real_part(weight * values, frame.T)
     scale = np.sqrt(np.einsum("nii->ni", normal))
     if not np.all(scale > 0):
         raise IdentificationError("a term has no weight on the measured lines of an FRF; leave that FRF out")
@@ -123,18 +123,38 @@ def _roots(normal: FloatArray) -> FloatArray:
 
 def normal_matrices(basis: ComplexArray, weight: FloatArray) -> FloatArray:
     """(N, q, q) normal matrices Re Φᴴ W_i² Φ of all FRFs, by matrix products over the lines."""
+    return normal_columns(basis, weight, 0)
+
+
+def normal_columns(basis: ComplexArray, weight: FloatArray, first: int) -> FloatArray:
+    """(N, q, q - first) the columns of the normal matrices from the `first` on."""
     q, rows = basis.shape[1], weight.shape[0]
     if alike(weight):
         both = np.concatenate([basis.real, basis.imag]) * np.sqrt(np.tile(weight[0], 2))[:, None]
-        return np.asarray(np.broadcast_to(both.T @ both, (rows, q, q)))
+        return np.asarray(np.broadcast_to(both.T @ both[:, first:], (rows, q, q - first)))
     real, imag = np.ascontiguousarray(basis.real.T), np.ascontiguousarray(basis.imag.T)
     across = np.ascontiguousarray(weight.T)
-    normal = np.empty((q, q, rows))
+    normal = np.empty((q, q - first, rows))
     for i in range(q):  # one row of the matrices at a time: its products stay in the cache
-        outer = real[i:] * real[i] + imag[i:] * imag[i]
-        normal[i, i:] = outer @ across
-        normal[i:, i] = normal[i, i:]
+        start = max(i, first)
+        outer = real[start:] * real[i] + imag[start:] * imag[i]
+        normal[i, start - first :] = outer @ across
+        if i >= first:
+            normal[i:, i - first] = normal[i, i - first :]
     return np.ascontiguousarray(normal.transpose(2, 0, 1))
+
+
+def real_times(real: FloatArray, rows: ComplexArray) -> ComplexArray:
+    """(n, L) A Z of real (n, q) A and complex (q, L) Z, as one real product: half the work of a complex one."""
+    product: ComplexArray = (real @ np.ascontiguousarray(rows).view(np.float64)).view(np.complex128)
+    return product
+
+
+def real_part(rows: ComplexArray, others: ComplexArray) -> FloatArray:
+    """(n, m) Re Y Zᴴ of (n, L) Y and (m, L) Z, as one real product."""
+    own, other = (np.ascontiguousarray(each).view(np.float64) for each in (rows, others))
+    product: FloatArray = own @ other.T
+    return product
 
 
 def alike(weight: FloatArray) -> bool:

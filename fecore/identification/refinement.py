@@ -24,7 +24,16 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError
 from fecore.identification.arrangement import Arrangement
 from fecore.identification.basis import Terms, columns, derivatives, slopes
-from fecore.identification.linear import LinearFit, mean_weight, normal_matrices, orthonormal, solve_normal
+from fecore.identification.linear import (
+    LinearFit,
+    mean_weight,
+    normal_columns,
+    normal_matrices,
+    orthonormal,
+    real_part,
+    real_times,
+    solve_normal,
+)
 from fecore.identification.noise import residual_variance
 from fecore.identification.residues import known_or, weights
 
@@ -139,7 +148,33 @@ def spectrum(information: FloatArray) -> tuple[FloatArray, FloatArray, FloatArra
 def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fit:
     """Linear coefficients, residual and Gauss-Newton matrices at given poles.
 
-    The derivative columns are taken less their projection on the frame, which leaves H as it is and spares it the cancellation.
+    Raises:
+        IdentificationError: an FRF has no weight on the lines of a term.
+    """
+    return _with_slopes(arrangement, _level(arrangement, terms, variance))
+
+
+@dataclass(frozen=True)
+class _Level:
+    """The fit at given poles without derivatives: all that a step needs that is refused.
+
+    Attributes:
+        terms, variance, linear, residual, chi_squared: as in `Fit`.
+        weight: (N, L) of the lines.
+        own: (q, r) coefficients of the terms from those of the frame.
+    """
+
+    terms: Terms
+    variance: FloatArray
+    weight: FloatArray
+    own: FloatArray
+    linear: LinearFit
+    residual: ComplexArray
+    chi_squared: float
+
+
+def _level(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> _Level:
+    """Linear coefficients and residual at given poles.
 
     Raises:
         IdentificationError: an FRF has no weight on the lines of a term.
@@ -147,21 +182,30 @@ def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fi
     weight = weights(arrangement, variance)
     basis = columns(arrangement.omega, terms, arrangement.power)
     frame, own = orthonormal(basis, weight)
+    linear = solve_normal(normal_matrices(frame, weight), frame, own, arrangement.values, weight)
+    residual = np.where(arrangement.measured, arrangement.values - real_times(linear.coefficients, basis.T), 0)
+    chi_squared = float(np.sum((weight * residual.conj() * residual).real))
+    return _Level(terms, variance, weight, own, linear, residual, chi_squared)
+
+
+def _with_slopes(arrangement: Arrangement, level: _Level) -> Fit:
+    """The same fit with its Gauss-Newton matrices.
+
+    The derivative columns are taken less their projection on the frame, which leaves H as it is and spares it the cancellation.
+    """
+    terms, linear, frame, weight = level.terms, level.linear, level.linear.frame, level.weight
     steep = derivatives(arrangement.omega, terms, arrangement.power)
     mean = mean_weight(weight)[:, None] ** 2
-    inside = (frame.conj().T @ (mean * steep)).real
-    steep = steep - frame @ inside
+    inside = real_part(frame.T, (mean * steep).T)
+    steep = steep - real_times(inside.T, frame.T).T
     r = frame.shape[1]
-    gram = normal_matrices(np.concatenate([frame, steep], axis=1), weight)
-    linear = solve_normal(gram[:, :r, :r], frame, own, arrangement.values, weight)
-    residual = np.where(arrangement.measured, arrangement.values - linear.coefficients @ basis.T, 0)
-    pulled = weight * residual
+    gram = normal_columns(np.concatenate([frame, steep], axis=1), weight, r)
     turn = _slope_combinations(terms, linear.coefficients)
-    seen = np.matmul(linear.root, np.matmul(gram[:, :r, r:], turn))
-    whole = np.matmul(turn.transpose(0, 2, 1), np.matmul(gram[:, r:, r:], turn))
+    seen = np.matmul(linear.root, np.matmul(gram[:, :r], turn))
+    whole = np.matmul(turn.transpose(0, 2, 1), np.matmul(gram[:, r:], turn))
     information = (whole - np.matmul(seen.transpose(0, 2, 1), seen)).sum(axis=0)
-    lever = np.matmul(own, np.matmul(linear.root.transpose(0, 2, 1), seen) + np.matmul(inside, turn))
-    pull = np.einsum("nij,ni->nj", turn, (pulled @ steep.conj()).real)
+    lever = np.matmul(level.own, np.matmul(linear.root.transpose(0, 2, 1), seen) + np.matmul(inside, turn))
+    pull = np.einsum("nij,ni->nj", turn, real_part(weight * level.residual, steep.T))
     still = np.concatenate([terms.held, terms.held, terms.decay >= arrangement.omega[-1]])
     information[still, :] = information[:, still] = 0.0
     information[still, still] = _HELD
@@ -169,10 +213,10 @@ def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fi
     return Fit(
         terms=terms,
         linear=linear,
-        variance=variance,
-        residual=residual,
-        chi_squared=float(np.sum((pulled.conj() * residual).real)),
-        freedom=2 * int(arrangement.measured.sum()) - terms.parameters - len(residual) * terms.columns,
+        variance=level.variance,
+        residual=level.residual,
+        chi_squared=level.chi_squared,
+        freedom=2 * int(arrangement.measured.sum()) - terms.parameters - len(level.residual) * terms.columns,
         information=information,
         lever=lever,
         pull=pull,
@@ -198,7 +242,7 @@ def refine(
             gain = fit.chi_squared - trial.chi_squared
             damping = max(damping / (10 if gain > 0.7 * predicted else 2), 1e-10)
             small = small + 1 if gain < _STALLED else 0
-            fit = trial
+            fit = _with_slopes(arrangement, trial)
             if small == 2:
                 break
         else:
@@ -265,9 +309,9 @@ def _step(fit: Fit, damping: float) -> tuple[FloatArray, float]:
     return step, float(2 * step @ fit.gradient - step @ fit.information @ step)
 
 
-def _try(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fit | None:
+def _try(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> _Level | None:
     try:
-        return evaluate(arrangement, terms, variance)
+        return _level(arrangement, terms, variance)
     except IdentificationError:
         return None
 

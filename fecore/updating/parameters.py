@@ -115,7 +115,7 @@ class Parametrisation:
         """SI units of the constants."""
         return (*(UNITS[kind_of(name)] for name in self.body.nominal), *(spring.unit for spring in self.body.springs))
 
-    @property
+    @cached_property
     def signed(self) -> BoolArray:
         """(p,) parameters that may be negative."""
         return np.array([name in self.body.nominal and kind_of(name) in SIGNED for name in self.names])

@@ -259,10 +259,12 @@ def _prior_of_deviations(rms: float) -> tuple[FloatArray, FloatArray]:
 def _over_scales(noise: FloatArray, s: FloatArray, log_prior: FloatArray) -> Callable[[FloatArray], FloatArray]:
     values, turn = np.linalg.eigh(noise)
     variance = np.maximum(values, 0) + s[:, None] ** 2
-    constant = log_prior - np.log(variance).sum(axis=1) / 2
+    constant, inverse = log_prior - np.log(variance).sum(axis=1) / 2, (1 / variance).T
 
     def value(residual: FloatArray) -> FloatArray:
-        found: FloatArray = scipy.special.logsumexp(constant - (residual @ turn) ** 2 @ (1 / variance).T / 2, axis=1)
+        each = constant - (residual @ turn) ** 2 @ inverse / 2
+        largest = each.max(axis=1)  # scipy's logsumexp takes four times as long on these few numbers, at every step
+        found: FloatArray = largest + np.log(np.exp(each - largest[:, None]).sum(axis=1))
         return found
 
     return value

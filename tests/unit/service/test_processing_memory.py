@@ -67,7 +67,7 @@ def _peak_bytes(inputs: ProcessingInputs) -> int:
 
 
 def test_memory_does_not_grow_with_the_frfs_that_a_processing_makes(tmp_path: Path) -> None:
-    few, many = 40, 100
+    few, many = 40, 80
     _peak_bytes(_places(tmp_path / "first", 1))  # what it imports is no part of it
     grown = _peak_bytes(_places(tmp_path / "many", many)) - _peak_bytes(_places(tmp_path / "few", few))
     assert grown < 0.4 * (many - few) * FRF_BYTES  # all FRFs in memory, once, would be 1

@@ -42,7 +42,7 @@ def assert_papers_modes(found: Identification, f: float, zeta: float, shape: flo
 
 @pytest.fixture(scope="module")
 def seeds() -> list[Identification]:
-    return [identify(paper_frfs(0.05, seed)) for seed in range(8)]
+    return [identify(paper_frfs(0.05, seed)) for seed in range(4)]
 
 
 def test_five_per_cent_noise_and_a_heavily_damped_first_mode(seeds: list[Identification]) -> None:
@@ -65,7 +65,7 @@ def test_stated_standard_deviations_match_the_scatter(seeds: list[Identification
             for s in seeds
         ]
     )
-    # 80 standardised errors: their rms is 1 ± 0.08 when the stated values are right
+    # 40 standardised errors: their rms is 1 ± 0.11 when the stated values are right
     assert np.sqrt(np.mean(z**2)) == pytest.approx(1, abs=0.3)
 
 
@@ -105,8 +105,8 @@ def test_clean_data_are_found_to_nine_digits() -> None:
     assert np.allclose(found.modes.damping_ratio, PAPER_ZETA, rtol=1e-5)
 
 
-def test_the_same_data_give_the_same_bits() -> None:
-    first, second = identify(paper_frfs(0.05, 4)), identify(paper_frfs(0.05, 4))
+def test_the_same_data_give_the_same_bits(seeds: list[Identification]) -> None:
+    first, second = seeds[3], identify(paper_frfs(0.05, 3))
     assert np.array_equal(first.modes.frequency_hz, second.modes.frequency_hz)
     assert np.array_equal(first.modes.covariance, second.modes.covariance)
 
@@ -177,10 +177,9 @@ def test_a_double_mode_at_one_frequency_is_parted_by_the_references() -> None:
 
 
 def test_one_mode_is_not_made_two() -> None:
-    for seed in range(3):
-        found = identify(paper_frfs(0.02, 20 + seed))
-        assert len(found.modes) == 5
-        assert np.all(np.diff(found.modes.frequency_hz) > 10)
+    found = identify(paper_frfs(0.02, 20))
+    assert len(found.modes) == 5
+    assert np.all(np.diff(found.modes.frequency_hz) > 10)
 
 
 def test_rigid_body_motion_does_not_leak_into_the_first_mode() -> None:

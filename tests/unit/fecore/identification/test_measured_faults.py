@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ import pyuff
 from benchmarks.real_identification import KINDS, Draw
 from fecore.errors import IdentificationError
 from fecore.frf import Dof, FrfSet
-from fecore.identification import Found, identify
+from fecore.identification import Found, Identification, identify
 from fecore.identification.arrangement import arrange
 from fecore.identification.basis import Terms
 from fecore.identification.causality import turned_backwards
@@ -70,10 +71,16 @@ def test_open_sets_with_the_faults_of_measured_ones(kind: str) -> None:
     assert_found(identify(with_coherence(path)).found, Draw(with_coherence(path), f, zeta, suspension))
 
 
+@functools.cache
+def drawn(kind: str) -> tuple[Draw, Identification]:
+    draw = KINDS[kind](7)
+    return draw, identify(draw.frfs)
+
+
 @pytest.mark.parametrize("kind", ["bridge", "plate"])
 def test_draws_of_our_own(kind: str) -> None:
-    draw = KINDS[kind](7)
-    assert_found(identify(draw.frfs).found, draw)
+    draw, found = drawn(kind)
+    assert_found(found.found, draw)
 
 
 @pytest.mark.parametrize(("part", "said"), [("real", "no imaginary part"), ("imag", "no real part")])
@@ -86,11 +93,11 @@ def test_half_of_the_numbers_is_refused_by_name(part: str, said: str) -> None:
 
 @pytest.mark.parametrize("kind", ["bridge", "plate"])
 def test_conjugates_are_conjugated_back_and_named(kind: str) -> None:
-    draw = KINDS[kind](7)
+    draw, straight = drawn(kind)
     turned = identify(draw.frfs.conjugated())
     assert_found(turned.found, draw)
     assert any("the FRFs are conjugates" in w for w in turned.warnings)
-    assert np.allclose(turned.modes.frequency_hz, identify(draw.frfs).modes.frequency_hz, rtol=1e-9)
+    assert np.allclose(turned.modes.frequency_hz, straight.modes.frequency_hz, rtol=1e-9)
 
 
 def test_the_sense_is_judged_by_all_lines_and_noise_has_none() -> None:

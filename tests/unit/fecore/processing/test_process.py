@@ -235,7 +235,7 @@ def test_stated_variance_is_what_repeated_campaigns_show(monkeypatch: pytest.Mon
     bench = _bench(8, "clamped")
     windows = Processing(windows=Windows(40 / bench.laboratory.sample_rate_hz, 1.0))
     values, stated = [], []
-    for _ in range(60):
+    for _ in range(30):
         found = process(by_point(_hits(bench, 4)), windows)
         values.append(found.frfs.values[0])
         stated.append(found.frfs.variance[0])  # type: ignore[index]  # four hits have one
@@ -253,13 +253,13 @@ def test_damping_is_the_same_under_any_exponential_window() -> None:
     elastic = bench.body.frequency_hz[bench.body.frequency_hz > 5]
     band = (0.7 * elastic[0], (elastic[1] + elastic[2]) / 2)
     ratios = []
-    for rate in (0.0, 0.5, 1.0, 3.0):
+    for rate in (0.0, 3.0):
         found = process(by_point(hits), Processing(windows=Windows(length, rate), band_hz=band))
         modes = identify(found.frfs).modes
         frequency, damping = remove_window(modes.frequency_hz, modes.damping_ratio, found.rate_per_s)
         ratios.append([damping[np.argmin(np.abs(frequency - f))] for f in elastic[:2]])
     truth = bench.body.damping_ratio[bench.body.frequency_hz > 5][:2]
-    np.testing.assert_allclose(ratios, np.tile(truth, (4, 1)), rtol=0.02)
+    np.testing.assert_allclose(ratios, np.tile(truth, (2, 1)), rtol=0.02)
 
 
 def test_an_analysers_window_on_one_channel_is_completed_on_the_other() -> None:

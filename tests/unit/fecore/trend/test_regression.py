@@ -60,7 +60,7 @@ def test_scores_of_an_unchanged_structure_are_standard_normal(ratio: float) -> N
     # ratio = scatter between campaigns over own standard deviation
     rng = np.random.default_rng(4)
     scores = []
-    for _ in range(600):
+    for _ in range(400):
         temperature = 20 + 8 * rng.standard_normal(13)
         y = 100 - 0.1 * (temperature - 20) + 0.3 * (rng.standard_normal(13) + ratio * rng.standard_normal(13))
         series = Series("Ex", dates(13), y, np.full(13, 0.3), {"temperature_c": temperature})

@@ -108,15 +108,16 @@ def test_an_frf_against_its_copy_is_left_out_of_everything(measured: Measurement
     assert {refused.frf for refused in result.identification.refused} == {"33Z/1Z"}
 
 
-@pytest.mark.parametrize("weighting", ["noise", "linear", "relative", "log"])
-def test_gaps_are_no_data_to_any_stage(measured: Measurement, weighting: str) -> None:
+@pytest.mark.parametrize("weighting", ["noise", "relative", "log"])
+def test_gaps_are_no_data_to_any_stage(measured: Measurement, clean: UpdateResult, weighting: str) -> None:
     """A value that was not measured is 0 with an infinite variance, which stage 2 took for a stated noise."""
     values, frfs = measured.frfs.values.copy(), measured.frfs
     values[5, 40:60] = np.nan
     values[:, 100] = np.nan
     holed = set_with_gaps(frfs.frequency_hz, values, frfs.responses, frfs.references)
     recipe = Recipe(weighting=weighting)  # type: ignore[arg-type]
-    result, whole = update(replace(measured, frfs=holed), BEAM, recipe), update(measured, BEAM, recipe)
+    result = update(replace(measured, frfs=holed), BEAM, recipe)
+    whole = clean if recipe == Recipe() else update(measured, BEAM, recipe)
     assert_same(result, whole)
     assert result.correlation.updated.sac.min() > 0.98
     assert result.correlation.held_out_frfs is not None
@@ -124,7 +125,8 @@ def test_gaps_are_no_data_to_any_stage(measured: Measurement, weighting: str) ->
 
 
 def test_the_joint_update_knows_gaps_too(measured: Measurement) -> None:
-    values, frfs = measured.frfs.values.copy(), measured.frfs
+    frfs = measured.frfs.select(list(range(0, 33, 4)))
+    measured, values = replace(measured, frfs=frfs), frfs.values.copy()
     values[5, 40:60] = np.nan
     holed = set_with_gaps(frfs.frequency_hz, values, frfs.responses, frfs.references)
     recipe = Recipe(method="joint")
@@ -362,10 +364,7 @@ def test_screening_names_the_rows_that_may_be_used() -> None:
     "seed",
     [
         7,  # stage 2: two modes of a modal law shifted into the reach of one knot
-        51,
         146,  # few modes, a curved valley
-        152,
-        179,
         219,  # a start that would damp an unmeasured mode negatively
         228,  # stage 1: Gauss-Newton steps overshoot about a minimum with large residuals
     ],

@@ -22,6 +22,12 @@ from tests.support.moved_sensor import HAMMER, LAW, MASS, TRUE, forward, measure
 
 
 @pytest.fixture(scope="module")
+def nominal(nominal: Specimen) -> Specimen:
+    """On a mesh that is coarse, as what is measured comes from it too."""
+    return replace(nominal, divisions=(12, 2))
+
+
+@pytest.fixture(scope="module")
 def body(nominal: Specimen) -> Specimen:
     return replace(nominal, material=replace(nominal.material, **TRUE))
 
@@ -31,7 +37,7 @@ def test_each_frf_is_that_of_the_body_with_the_mass_at_its_response_point(nomina
     bare = replace(nominal, boundary=boundary, divisions=(20, 2))
     model = forward(bare, 24, reduced=False)
     state, c = nominal_state(model), nominal_state(model).coefficients
-    frequency = np.linspace(5, 1000, 40)
+    frequency = np.linspace(5, 1000, 20)
     K, M = bare.model.stiffness.at(c.stiffness), bare.model.mass.at(c.mass)
     damping = LAW[0] * M + LAW[1] * K  # of the body: the sensor has none
     row = {point: number for number, point in enumerate(model.points)}
@@ -131,7 +137,7 @@ def test_without_it_they_do_not_come_back(nominal: Specimen, body: Specimen) -> 
     """
     blind = update(replace(measured(body, MASS, 0.05), roving_mass=0.0, inputs=Inputs.exact()), nominal)
     rows = {row.name: row for row in blind.parameters}
-    assert rows["Ex"].estimate < 0.98 * TRUE["Ex"]
+    assert rows["Ex"].estimate < 0.985 * TRUE["Ex"]
     assert rows["Ex"].interval_95[1] < TRUE["Ex"]
 
 

@@ -10,9 +10,9 @@ from benchmarks import uff_damage
 
 
 def test_no_silent_change(tmp_path: Path) -> None:
-    table, _, silent = uff_damage.run(300, 1, tmp_path)
+    table, _, silent = uff_damage.run(150, 1, tmp_path)
     assert [(name, kind) for name, kind, _ in silent] == []
-    assert sum(counts.total() for counts in table.values()) == 300
+    assert sum(counts.total() for counts in table.values()) == 150
     assert all(counts for counts in table.values())
 
 
@@ -40,7 +40,7 @@ def test_floods_stay_within_bounds(tmp_path: Path, kind: str) -> None:
 
 def test_memory_follows_the_largest_dataset_not_the_file(tmp_path: Path) -> None:
     one = b"".join(uff_damage.encode(uff_damage.sample(1, single=False, even=True), binary=False))
-    many = one * (16_000_000 // len(one))
+    many = one * (8_000_000 // len(one))
     memory, _, outcome = uff_damage.flood(many, tmp_path / "large.uff")
-    assert outcome.count("read: None") > 5_000
-    assert memory < 40
+    assert outcome.count("read: None") > 2_500
+    assert memory < 20
