@@ -380,25 +380,21 @@ def test_a_single_frf_is_enough() -> None:
 
 
 @pytest.mark.parametrize(
-    ("a0", "a1", "highest_hz", "noise", "every"),
+    ("a0", "a1", "highest_hz", "noise"),
     [
-        (10.0, 5e-6, 1200, 1e-8, 1),
-        (10.0, 5e-6, 1200, 1e-8, 8),
-        (30.0, 1e-5, 1000, 0.0, 8),
-        (30.0, 1e-5, 1600, 1e-4, 1),
-        (60.0, 2e-5, 1600, 1e-4, 8),
+        (10.0, 5e-6, 1200, 1e-8),
+        (30.0, 1e-5, 1000, 0.0),
+        (60.0, 2e-5, 1600, 1e-4),
     ],
 )
-def test_nearly_no_noise_is_no_harm(
-    a0: float, a1: float, highest_hz: int, noise: float, every: int, monkeypatch
-) -> None:
+def test_nearly_no_noise_is_no_harm(a0: float, a1: float, highest_hz: int, noise: float, monkeypatch) -> None:
     """A simulated free body: at a hundred decibels its many residual terms must still be distinguished."""
     monkeypatch.setattr(synthesis, "NOISE", noise)
     beam = free_beam(FREE_UPDATED)
     x, y, _ = synthesis.grid(beam)[synthesis.SENSOR]
     beam = replace(beam, masses=(PointMass(x, y, 0.0048),))
     frfs = synthesis.rayleigh_body(beam, np.array([a0, a1]), 1, np.arange(1.0, highest_hz + 0.5))
-    found = identify(frfs.select([i for i in range(33) if every == 1 or i % every != every // 2])).modes
+    found = identify(frfs.select([i for i in range(33) if i % 8 != 4])).modes
     true = synthesis.solve(beam).frequency_hz
     true = true[true < highest_hz]
     assert len(found) == len(true)

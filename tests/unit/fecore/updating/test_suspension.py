@@ -49,7 +49,7 @@ def coefficients(result: UpdateResult) -> np.ndarray:
     return np.array([rows["a0"].estimate, rows["a1"].estimate])
 
 
-@pytest.mark.parametrize("factor", [0.0, 0.1, 1.0, 3.0])
+@pytest.mark.parametrize("factor", [0.0, 3.0])
 def test_rigid_modes_of_a_free_body_tell_nothing_of_its_law(updated_by_paper: Specimen, factor: float) -> None:
     """Rates from nothing to three times a0: taken for the law's they moved a0 by -6 to +2 %."""
     body = replace(updated_by_paper, boundary="free")
