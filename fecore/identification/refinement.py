@@ -184,8 +184,15 @@ def _level(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> _Lev
     frame, own = orthonormal(basis, weight)
     linear = solve_normal(normal_matrices(frame, weight), frame, own, arrangement.values, weight)
     residual = np.where(arrangement.measured, arrangement.values - real_times(linear.coefficients, basis.T), 0)
-    chi_squared = float(np.sum((weight * residual.conj() * residual).real))
-    return _Level(terms, variance, weight, own, linear, residual, chi_squared)
+    return _Level(
+        terms=terms,
+        variance=variance,
+        weight=weight,
+        own=own,
+        linear=linear,
+        residual=residual,
+        chi_squared=float(np.sum((weight * residual.conj() * residual).real)),
+    )
 
 
 def _with_slopes(arrangement: Arrangement, level: _Level) -> Fit:
