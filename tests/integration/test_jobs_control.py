@@ -165,9 +165,9 @@ def test_only_what_failed_or_was_cancelled_is_retried(worked: Sessions) -> None:
 
 
 def test_killed_workers_job_goes_on_where_it_was_and_nothing_else_of_it_stays(
-    sessions: Sessions, database: str, gate: Gate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    sessions: Sessions, database: str, gate: Gate, short_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folders = tmp_path / "tmp"
+    folders = short_folder / "tmp"  # the fork server's socket is in it
     folders.mkdir()
     monkeypatch.setenv("TMPDIR", str(folders))  # for the workers
     (job_id,) = put(sessions, "chain")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +20,14 @@ from service.doctor import Finding, examine
 from service.jobs.queue import enqueue
 from service.settings import Settings
 from service.supervisor import LocalService
+
+
+@pytest.fixture(scope="module")
+def service(new_database: Callable[[], str]) -> Iterator[LocalService]:
+    """A service of its own with few users: a list of all keys asks for those of each."""
+    settings = Settings(database_url=new_database(), port=0, log_level="warning")
+    with LocalService(settings, worker=False) as running:
+        yield running
 
 
 class Disk(NamedTuple):
