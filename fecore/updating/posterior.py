@@ -54,7 +54,7 @@ def identifiability(
     names: tuple[str, ...], covariance: FloatArray, prior_sd: FloatArray
 ) -> tuple[Identifiability, ...]:
     """Of each of p parameters, from the (p, p) posterior covariance and the (p,) prior standard deviations, in coordinates."""
-    information = np.maximum(1 - np.diag(covariance) / prior_sd**2, 0)
+    information = _information(covariance, prior_sd)
     unseen = null_directions(covariance, prior_sd)
     shared = np.abs(unseen.T @ unseen)  # projector on what the data do not see: the same for any basis of it
     return tuple(
@@ -72,11 +72,16 @@ def spread_over(
     known: tuple[Identifiability, ...], covariance: FloatArray, prior_sd: FloatArray
 ) -> tuple[Identifiability, ...]:
     """The same where the posterior is wider than it was judged by, from its (p, p) second moments about the estimate."""
-    information = np.maximum(1 - np.diag(covariance) / prior_sd**2, 0)
+    information = _information(covariance, prior_sd)
     return tuple(
         replace(each, identifiable=bool(each.identifiable and left > _INFORMED), information=float(left))
         for each, left in zip(known, information, strict=True)
     )
+
+
+def _information(covariance: FloatArray, prior_sd: FloatArray) -> FloatArray:
+    """(p,) share of what is known of each parameter that the data supply."""
+    return np.maximum(1 - np.diag(covariance) / prior_sd**2, 0)
 
 
 def null_directions(covariance: FloatArray, prior_sd: FloatArray) -> FloatArray:

@@ -25,24 +25,27 @@ def body_of(
             names constants of one.
     """
     springs = tuple(spring.to_core() for spring in recipe.springs)
+    return replace(_named(structure, boundary, recipe, masses), springs=springs, zones=tuple(recipe.zones_m))
+
+
+def _named(
+    structure: StructureIn, boundary: str, recipe: RecipeIn, masses: tuple[PointMass, ...]
+) -> Specimen | LayeredSpecimen:
+    """The body whose constants a recipe names."""
     if structure.laminate is None:
-        return replace(nominal_specimen(structure, boundary, masses), springs=springs, zones=tuple(recipe.zones_m))
+        return nominal_specimen(structure, boundary, masses)
     names = [parameter.name for parameter in recipe.parameters or ()]
     if any(kind_of(name) in (*PLY_CONSTANTS, "angle") for name in names):
-        return replace(
-            _layered(structure, structure.laminate, boundary, masses), springs=springs, zones=tuple(recipe.zones_m)
-        )
+        return _layered(structure, structure.laminate, boundary, masses)
     try:
-        return replace(nominal_specimen(structure, boundary, masses), springs=springs, zones=tuple(recipe.zones_m))
+        return nominal_specimen(structure, boundary, masses)
     except InputError as error:
         if error.field != "laminate":
             raise
         if recipe.parameters is not None:
             hint = "name constants of its plies as parameters: " + ", ".join(PLY_CONSTANTS)
             raise InputError("laminate", f"{error.message}; {hint}") from None
-        return replace(
-            _layered(structure, structure.laminate, boundary, masses), springs=springs, zones=tuple(recipe.zones_m)
-        )
+        return _layered(structure, structure.laminate, boundary, masses)
 
 
 def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointMass, ...] = ()) -> Specimen:

@@ -12,7 +12,6 @@ import json
 import re
 import shlex
 import shutil
-import subprocess
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -32,10 +31,9 @@ from service.structures.schemas import StructureIn
 from service.supervisor import LocalService
 from service.updating.schemas import RecipeIn
 from tests.support.blocks import AT_HAND, PAGES, Block, blocks
-from tests.support.command import COMMAND, environment, modalbase_here
+from tests.support.command import modalbase_here, run_as_typed
 from tests.support.places import ROOT
 from tests.support.rest import client_of, ok
-from tests.support.waiting import PATIENCE
 
 BLOCKS = blocks()
 FIRST = "docs/command-line.md"
@@ -76,26 +74,11 @@ class Reader:
         lines = block.text.replace("\\\n", " ").splitlines()
         plain = all(line.startswith("modalbase ") and not set(line.split("#")[0]) & SHELL for line in lines)
         if not plain:
-            self.shell(block)
+            run_as_typed(["bash", "-euo", "pipefail", "-c", STRICT + block.text], self.folder, **self.variables)
             return
         for line in lines:
             words = [Template(word).substitute(self.variables) for word in shlex.split(line, comments=True)]
             modalbase_here(*words[1:], cwd=self.folder, code=0, **self.variables)
-
-    def shell(self, block: Block) -> str:
-        around = environment(**self.variables)
-        around["PATH"] = f"{COMMAND.parent}:{around['PATH']}"
-        done = subprocess.run(
-            ["bash", "-euo", "pipefail", "-c", STRICT + block.text],
-            cwd=self.folder,
-            env=around,
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE,
-            check=False,
-        )
-        assert done.returncode == 0, f"{block}: {done.stdout} {done.stderr}"
-        return done.stdout
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
@@ -16,9 +15,8 @@ import pytest
 from examples import make_tutorial
 from modalbase.formats.uff import Frf, read_file
 from service.supervisor import LocalService
-from tests.support.command import COMMAND, environment
+from tests.support.command import run_as_typed
 from tests.support.places import ROOT
-from tests.support.waiting import PATIENCE
 
 PAGE = (ROOT / "docs" / "tutorial.md").read_text()
 FILES = ROOT / "examples" / "tutorial"
@@ -52,29 +50,13 @@ def printed(service: LocalService, api: httpx.Client, unpacked: Path, tmp_path: 
         "COLUMNS": "200",
         "PYTHONPATH": f"{unpacked}:{ROOT}",  # of this tree nothing but the tests: the wheel's packages come first
     }
-    around = environment(**ours)
-    around["PATH"] = f"{COMMAND.parent}:{around['PATH']}"
     first, *others = blocks("sh")
-
-    def run(command: str | list[str], given: str = "") -> str:
-        done = subprocess.run(
-            command,
-            shell=isinstance(command, str),
-            cwd=folder,
-            env=around,
-            input=given,
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE,
-            check=False,
-        )
-        assert done.returncode == 0, f"{command}: {done.stdout} {done.stderr}"
-        return done.stdout
-
     lines = first.splitlines()
-    shown = [run(line) for line in lines]  # as a shell does; the others in one process, as each imports for a while
+    shown = [
+        run_as_typed(line, folder, **ours) for line in lines
+    ]  # as a shell does; the others in one process, as each imports for a while
     more = "".join(others).splitlines()
-    shown += json.loads(run([sys.executable, "-c", COMMANDS], json.dumps([ours, more])))
+    shown += json.loads(run_as_typed([sys.executable, "-c", COMMANDS], folder, json.dumps([ours, more]), **ours))
     found = {
         line.split("--")[0].removeprefix("modalbase ").strip(): out
         for line, out in zip(lines + more, shown, strict=True)

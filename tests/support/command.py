@@ -39,6 +39,25 @@ def modalbase(*words: str, cwd: Path | None = None, **env: str) -> subprocess.Co
     )
 
 
+def run_as_typed(command: str | list[str], cwd: Path, given: str = "", **env: str) -> str:
+    """What a line of a shell, or a command and its words, prints where `modalbase` is on the path; it must succeed."""
+    around = environment(**env)
+    around["PATH"] = f"{COMMAND.parent}:{around['PATH']}"
+    done = subprocess.run(
+        command,
+        shell=isinstance(command, str),
+        cwd=cwd,
+        env=around,
+        input=given,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert done.returncode == 0, f"{command}: {done.stdout} {done.stderr}"
+    return done.stdout
+
+
 def modalbase_here(
     *words: object, cwd: Path | None = None, code: int | None = None, **env: str
 ) -> subprocess.CompletedProcess[str]:
