@@ -112,15 +112,20 @@ def loading() -> Iterator[None]:
       look through it takes 0.1 s at a time, in which everybody waits.
     - Pydantic puts a model together when it is first used, FastAPI's own models too.
     - structlog does not find rich, which it loads for tracebacks that `service.logs` writes without it.
+
+    SIGTERM ends the process at once, as nothing is open yet: an error raised from the handler may be swallowed or disguised by
+    whatever is being loaded at that moment.
     """
     from pydantic import BaseModel
 
+    unwinds = signal.signal(signal.SIGTERM, lambda _signal, _frame: os._exit(0))
     gc.disable()
     _load_structlog()
     BaseModel.model_config["defer_build"] = True
     try:
         yield
     finally:
+        signal.signal(signal.SIGTERM, unwinds)
         del BaseModel.model_config["defer_build"]
         gc.freeze()
         gc.enable()

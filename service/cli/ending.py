@@ -26,6 +26,9 @@ def ending() -> Iterator[None]:
     try:
         yield
     except Exception as error:
+        stop = error.__cause__
+        if isinstance(stop, SystemExit | KeyboardInterrupt):  # Python 3.11 wraps what is raised within `__set_name__`
+            raise stop from None
         if (known := _known(error)) is None:
             raise
         stop_with(*known)
