@@ -7,9 +7,10 @@ import os
 import pickle
 import signal
 import sys
+import tempfile
 import threading
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from multiprocessing import forkserver
 from typing import Any
@@ -49,7 +50,20 @@ def preload(modules: Iterable[str], threads: int) -> None:
         os.environ[name] = str(threads)
     if _METHOD == "forkserver":
         _context.set_forkserver_preload([*PRELOADED, *sorted(modules)])
-        forkserver.ensure_running()
+        with _short_folder():
+            forkserver.ensure_running()
+
+
+@contextmanager
+def _short_folder() -> Iterator[None]:
+    """Within this, temporary files have a folder in which a socket may be: the path of one has at most 107 bytes."""
+    usual = tempfile.gettempdir()
+    if len(os.fsencode(f"{usual}/pymp-12345678/listener-12345678")) > 107:
+        tempfile.tempdir = "/tmp"
+    try:
+        yield
+    finally:
+        tempfile.tempdir = usual
 
 
 def dismiss_children() -> None:

@@ -165,9 +165,9 @@ def test_only_what_failed_or_was_cancelled_is_retried(worked: Sessions) -> None:
 
 
 def test_killed_workers_job_goes_on_where_it_was_and_nothing_else_of_it_stays(
-    sessions: Sessions, database: str, gate: Gate, short_folder: Path, monkeypatch: pytest.MonkeyPatch
+    sessions: Sessions, database: str, gate: Gate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folders = short_folder / "tmp"  # the fork server's socket is in it
+    folders = tmp_path / ("long" * 30)  # no path of a socket in it would be short enough
     folders.mkdir()
     monkeypatch.setenv("TMPDIR", str(folders))  # for the workers
     (job_id,) = put(sessions, "chain")
