@@ -303,3 +303,9 @@ def test_a_row_is_read_again_under_its_lock(house: House, sessions: Sessions) ->
         other.execute(text("SELECT 1 FROM campaigns FOR KEY SHARE"))  # rows that refer to it come in
         with pytest.raises(OperationalError, match="lock timeout"):
             other.execute(select(Campaign).with_for_update(key_share=True))
+    with sessions() as edits, sessions() as other:
+        locked_user(edits, ada.id)
+        other.execute(text("SET LOCAL lock_timeout = '1ms'"))
+        other.execute(text("SELECT 1 FROM users FOR KEY SHARE"))  # keys and memberships of theirs still come in
+        with pytest.raises(OperationalError, match="lock timeout"):
+            other.execute(select(User).where(User.id == ada.id).with_for_update(key_share=True))

@@ -122,6 +122,11 @@ def test_a_slot_is_given_back_once() -> None:
         assert gate.answering == 1
         async with without_slot({}):
             assert gate.answering == 1
+        await third.take()
+        waits = asyncio.ensure_future(Slot(gate, "d").take())
+        await settle()
+        assert gate.retry_after() == 1  # what was held was held for a moment
+        waits.cancel()
 
     run(test)
 
@@ -151,18 +156,32 @@ def test_who_goes_away_leaves_no_gap() -> None:
         first.cancel()
         await third
         assert (gate.answering, gate.waiting) == (1, 0)
-        gate.leave(0)
-        assert (gate.answering, gate.waiting) == (0, 0)
+        for others in (["d"], []):  # it goes before its turn comes, and nobody has noticed yet
+            gone, *others_wait = (asyncio.ensure_future(gate.enter(name)) for name in ["c", *others])
+            await settle()
+            gone.cancel()
+            gate.leave(0)
+            await asyncio.gather(gone, *others_wait, return_exceptions=True)
+            assert gone.cancelled()
+            assert (gate.answering, gate.waiting) == (len(others), 0)
 
     run(test)
 
 
 def test_buckets_fill_again() -> None:
-    now = 0.0
+    now = 100.0
     buckets = Buckets(10, 5, clock=lambda: now)
     assert [buckets.take("a") for _ in range(11)] == [0] * 10 + [1]
-    assert buckets.take("b", 10) == 0
-    assert buckets.take("b", 4) == 2
-    now = 2.0
-    assert buckets.take("b", 4) == 0
+    assert buckets.take("b", 9) == 0
+    assert buckets.take("b", 5) == 2  # 4 are lacking, and 2 come in a second
+    now = 102.0
+    assert buckets.take("b", 5) == 0
     assert buckets.left("a") == 4
+
+
+def test_the_callers_that_were_silent_longest_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("service.web.buckets.MOST_CALLERS", 2)
+    buckets = Buckets(10, 5, clock=lambda: 0.0)
+    for caller in "abac":
+        assert buckets.take(caller, 2) == 0
+    assert [buckets.left(caller) for caller in "abc"] == [6, 10, 8]

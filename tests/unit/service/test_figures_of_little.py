@@ -1,0 +1,184 @@
+"""Figures of results that lack something, or have what few have: each panel, curve and mark is there where there is data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from service.figures.budget import OTHERS, budget_figure
+from service.figures.correlation import PointValues, points_figure
+from service.figures.coupon import CurveShown, coupon_figure
+from service.figures.frf import FrfCurves, Spread, frf_figure
+from service.figures.hits import HitShown, PointShown, hits_figure
+from service.figures.parameters import parameters_figure
+from service.figures.printing import draw
+from service.figures.series import series_figure
+from service.figures.shapes import ShapePair, shapes_figure
+
+
+def names(figure: Mapping[str, Any]) -> list[str]:
+    return [trace["name"] for trace in figure["data"] if trace.get("name")]
+
+
+HZ = np.linspace(10, 100, 7)
+FRF = FrfCurves("point 3", "accelerance", HZ, np.exp(1j * HZ))
+
+
+@pytest.mark.parametrize(
+    ("curves", "panels", "shades", "curves_named"),
+    [
+        (FRF, 2, 0, ["measured", "measured"]),
+        (replace(FRF, coherence=np.ones(7)), 3, 0, ["measured", "measured"]),
+        (replace(FRF, measured=np.zeros(7, complex)), 2, 0, ["measured", "measured"]),
+        (replace(FRF, spread=Spread(np.ones(7), np.ones(7))), 2, 0, ["measured", "measured"]),
+        (replace(FRF, band_hz=(20, 90)), 2, 4, ["measured", "measured"]),
+        (replace(FRF, held_band_hz=(30, 40)), 2, 2, ["measured", "measured"]),
+        (
+            replace(FRF, models={"updated": FRF.measured}, spread=Spread(np.ones(7), np.ones(7))),
+            2,
+            0,
+            ["updated, 95 %", "measured", "measured", "updated", "updated"],
+        ),
+    ],
+)
+def test_an_frf_alone_with_coherence_with_models(
+    curves: FrfCurves, panels: int, shades: int, curves_named: list[str]
+) -> None:
+    figure = frf_figure(curves)
+    assert sum(name.startswith("yaxis") for name in figure["layout"]) == panels
+    assert len(figure["layout"]["shapes"]) == shades
+    assert names(figure) == curves_named
+    assert ("range" in figure["layout"]["yaxis"]) == bool(curves.measured.any())
+
+
+def a_point(mean: np.ndarray | None, coherence: np.ndarray | None) -> PointShown:
+    hit = HitShown(1, good=True, why="", sentence="", force=np.ones(9), response=np.ones(9), frf=FRF.measured)
+    return PointShown("p", "acceleration", "accelerance", 100.0, HZ, (0.0, 0.01), [hit], mean, coherence)
+
+
+def test_hits_with_and_without_an_average_and_its_coherence() -> None:
+    none, one, both = (hits_figure(a_point(*given)) for given in ((None, None), (HZ + 0j, None), (HZ + 0j, np.ones(7))))
+    assert ["average of the good hits" in names(figure) for figure in (none, one, both)] == [False, True, True]
+    assert ["yaxis4" in figure["layout"] for figure in (none, one, both)] == [False, False, True]
+    assert [figure["data"][-1]["yaxis"] for figure in (none, one, both)] == ["y3", "y3", "y4"]
+    assert [figure["layout"]["xaxis3"]["anchor"] for figure in (one, both)] == ["y3", "y4"]
+
+
+TENSION = {
+    "area_m2": 1e-4, "chord_range": [0.001, 0.003], "modulus_pa": 50e9, "transition_strain": None, "poisson_ratio": None,
+    "ultimate_strain": None, "strength_pa": 250e6,
+}  # fmt: skip
+SHEAR = TENSION | {
+    "offset_strain": None, "offset_strength_pa": 30e6, "maximum_stress_strain": None, "maximum_stress_pa": 40e6
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("shear", "found", "more"),
+    [
+        (False, {}, []),
+        (False, {"transition_strain": 0.004}, ["transition"]),
+        (False, {"ultimate_strain": 0.005}, ["strength, 250.0 MPa at 0.5 %"]),
+        (False, {"poisson_ratio": 0.2}, ["Poisson's ratio ν = 0.200"]),
+        (True, {}, []),
+        (True, {"offset_strain": 0.003}, ["0.2 % offset, 30.0 MPa"]),
+        (True, {"maximum_stress_strain": 0.005}, ["maximum, 40.0 MPa at 0.5 %"]),
+    ],
+)
+def test_a_coupon_s_curve_has_what_its_standard_could_read_off(
+    shear: bool, found: dict[str, Any], more: list[str]
+) -> None:
+    strain = np.linspace(0, 0.005, 50)
+    curve = CurveShown("A1", shear, strain, 5e6 * strain, -0.2 * strain, (SHEAR if shear else TENSION) | found)
+    figure = coupon_figure(curve)
+    assert names(figure)[3:] == more  # after the curve, its chord and the chord's bounds
+    assert ("yaxis2" in figure["layout"]) is not shear
+
+
+def test_points_of_which_none_was_held_out_have_one_symbol() -> None:
+    one = np.array([0.9])
+    for held, symbols in ((False, ["circle", "circle"]), (True, ["diamond", "diamond"])):
+        figure = points_figure(PointValues([3], one, one, one, one, [held]), 1.0, 0.1)
+        assert [trace["marker"]["symbol"] for trace in figure["data"]] == symbols
+
+
+def a_row(**more: Any) -> dict[str, Any]:
+    return {
+        "name": "Ex", "unit": "Pa", "estimate": 2e9, "initial": 2e9, "standard_deviation": 1e8, "identifiable": True,
+        "interval_95": [1.8e9, 2.2e9], "prior_mean": None, "prior_sd": None, "budget": [],
+    } | more  # fmt: skip
+
+
+def test_a_prior_is_drawn_where_there_was_one_and_small_sources_are_added_up() -> None:
+    known = a_row(prior_mean=2e9, prior_sd=1e8)
+    assert [names(parameters_figure([row], "t")) for row in (a_row(), known)] == [
+        ["updated, 95 %"],
+        ["prior, 95 %", "updated, 95 %"],
+    ]
+    for count, last in ((2, "s 1"), (12, OTHERS)):
+        budget: list[dict[str, Any]] = [{"source": f"s_{k}", "share": (1 - 0.01 * k) / count} for k in range(count)]
+        figure = budget_figure([a_row(budget=budget)])
+        assert names(figure)[-1] == last
+        whole = 100 * sum(entry["share"] for entry in budget)
+        assert sum(trace["x"][0] for trace in figure["data"]) == pytest.approx(whole, abs=0.01)  # of four digits each
+
+
+def a_series(baseline: Any, score: float | None, judged: Any) -> dict[str, Any]:
+    point = {
+        "performed_at": "2026-03-02T12:00:00+00:00", "campaign_id": "c", "standard_deviation": 1e8, "raw": 2e9,
+        "corrected": 2e9, "judged": judged,
+    }  # fmt: skip
+    row = a_row(state="ok", points=[point], baseline=baseline, direction="fall", limits={"score": score, "chart": 4.0})
+    return {
+        "parameters": [row], "structure_name": "s", "monitor_name": "m", "alarms": [], "notes": [],
+        "campaigns": [{"campaign_id": "c", "name": "March"}],
+    }  # fmt: skip
+
+
+def test_a_series_is_drawn_before_its_baseline_and_before_it_is_judged() -> None:
+    baseline = {"mean": 2e9, "mean_sd": 1e7, "covariates": []}
+    judged = {"residual_limit": 1e8, "chart": {"fall": 1.0}, "outside": True}
+    steps = [
+        names(series_figure(a_series(*given), "Ex"))
+        for given in ((None, None, None), (baseline, 3.0, None), (baseline, None, judged), (baseline, 3.0, judged))
+    ]
+    known, chart = ["estimate", "baseline, 95 %", "baseline"], ["chart, fall", "limit of the chart"]
+    assert steps == [["estimate"], known, [*known, *chart], [*known, "limit of one campaign", *chart]]
+    assert names(series_figure(a_series(None, None, None), "Gxy")) == []
+
+
+def test_a_shape_without_measured_points_or_with_one_has_no_line() -> None:
+    places = np.array([[0.0, 0.0], [1.0, 0.5]])  # no two in a row of the grid
+    for measured in (np.zeros(0), np.array([1.0])):
+        figure = shapes_figure([ShapePair(1, "m", "u", measured + 0j, np.array([1.0, -1.0]))], [7, 8], places)
+        assert {trace["mode"] for trace in figure["data"]} == {"markers"}
+        assert [trace["customdata"] for trace in figure["data"]] == ([[7], [7, 8]] if measured.size else [[7, 8]])
+
+
+def a_print(*traces: dict[str, Any], shape: dict[str, Any] | None = None, **axes: Any) -> Any:
+    plain = {"title": {"text": ""}, "gridcolor": "#cccccc"}
+    layout = {
+        "title": {"text": "t"}, "font": {}, "plot_bgcolor": "#ffffff", "xaxis": plain, "yaxis": plain | axes,
+        "shapes": [] if shape is None else [shape],
+    }  # fmt: skip
+    return draw({"data": list(traces), "layout": layout}).axes[0]
+
+
+def test_a_print_has_words_standing_bars_and_equal_scales() -> None:
+    marker = {"color": "#123456"}
+    words = {"type": "scatter", "mode": "text", "x": [1, 2], "y": [1, 2], "text": ["one", "two &amp; more"]}
+    bars = {"type": "bar", "x": [1, 2], "y": [3, 4], "width": 0.7, "marker": marker}
+    axes = a_print(words, bars, scaleanchor="x", range=[0, 5])
+    assert [text.get_text() for text in axes.texts] == ["one", "two & more"]
+    assert [(bar.get_x() + bar.get_width() / 2, bar.get_height()) for bar in axes.patches] == [(1, 3), (2, 4)]
+    assert axes.get_aspect() == 1
+    matrix = {"type": "heatmap", "x": [0], "y": [0], "z": [[0.5]], "colorscale": "Cividis", "zmin": 0, "zmax": 1}
+    bar = {"title": {"text": "MAC"}}
+    for given, beside in (({"showscale": False}, 0), ({"colorbar": bar}, 1)):
+        assert len(a_print(matrix | given).child_axes) == beside
+    with pytest.raises(ValueError, match="a shape of type 'circle' cannot be printed"):
+        a_print(bars, shape={"type": "circle", "xref": "x", "yref": "y"})
