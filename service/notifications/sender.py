@@ -33,7 +33,7 @@ from service.settings import Settings
 ATTEMPTS = 8
 GROWTH = 4.0  # of the pause between attempts
 CLAIM_SECONDS = 60.0  # after which a message that somebody took and did not note is sent again
-LOOK_SECONDS = 1.0
+LOOK_SECONDS = 1.0  # between two looks at what others have put into the outbox
 AT_ONCE = 64  # attempts of a process
 OF_A_PROJECT = 8  # of them
 PATIENCE_SECONDS = 5.0  # that attempts under way get when the process ends
@@ -82,7 +82,7 @@ class Sender:
                 attempts.add(attempt)
                 attempt.add_done_callback(attempts.discard)
             with suppress(TimeoutError):
-                async with asyncio.timeout(min(LOOK_SECONDS, self._settings.delivery_pause_seconds)):
+                async with asyncio.timeout(LOOK_SECONDS):
                     await self._woken.wait()
         if attempts:
             await asyncio.wait(attempts, timeout=PATIENCE_SECONDS)
@@ -136,7 +136,9 @@ class Sender:
     async def _attempt(self, delivery: Delivery, hook: Webhook | None) -> None:
         try:
             outcome = await deliver(delivery, hook, self._settings)
-            await to_thread.run_sync(self._note, delivery, outcome)
+            again = await to_thread.run_sync(self._note, delivery, outcome)
+            if again is not None:
+                self._loop.call_later(again, self._woken.set)
         except SQLAlchemyError as error:
             log.warning("a delivery could not be noted; it is sent again", error=str(error).split("\n", 1)[0])
         except Exception:
@@ -145,19 +147,21 @@ class Sender:
             self._under_way.pop(_receiver(delivery), None)
             self._woken.set()
 
-    def _note(self, delivery: Delivery, outcome: Outcome) -> None:
+    def _note(self, delivery: Delivery, outcome: Outcome) -> float | None:
+        """Write down what became of an attempt. Seconds until the next one, where there is one."""
+        pause = None
         with self._sessions.begin() as session:
             row = session.get(Delivery, delivery.id, with_for_update=True)
             if row is None or row.attempts != delivery.attempts:
-                return  # the webhook is gone, or somebody else took the message because this took too long
+                return None  # the webhook is gone, or somebody else took the message because this took too long
             row.last_status, row.last_error = outcome.status, outcome.error
             if outcome.error is None:
                 row.state, row.delivered_at = "delivered", datetime.now(UTC)
             elif row.attempts >= ATTEMPTS:
                 row.state = "failed"
             else:
-                pause = self._settings.delivery_pause_seconds * GROWTH ** (row.attempts - 1)
-                row.due_at = datetime.now(UTC) + timedelta(seconds=pause * random.uniform(1.0, 1.2))
+                pause = self._settings.delivery_pause_seconds * GROWTH ** (row.attempts - 1) * random.uniform(1.0, 1.2)
+                row.due_at = datetime.now(UTC) + timedelta(seconds=pause)
         log.info(
             "delivery",
             delivery=str(row.id),
@@ -166,6 +170,7 @@ class Sender:
             attempt=row.attempts,
             error=outcome.error,
         )
+        return pause
 
 
 def _receiver(delivery: Delivery) -> str:
