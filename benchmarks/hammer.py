@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import signal
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import Dof
@@ -255,6 +254,8 @@ class Bench:
         self, gain: FloatArray, poles: ComplexArray, pulse: Pulse, first: int, last: int
     ) -> tuple[FloatArray, FloatArray]:
         """Force and acceleration of the samples `first` to `last` about a pulse, integrated on the fine grid."""
+        from scipy import signal  # takes a second to load
+
         lab, (height, start, tip) = self.laboratory, pulse
         fine = lab.sample_rate_hz * _FINE
         time = np.arange((first - _TAPS) * _FINE, (last + _TAPS) * _FINE) / fine - start
@@ -274,6 +275,8 @@ class Bench:
 
     def _chain(self, force: FloatArray, response: FloatArray, fault: str | None) -> tuple[FloatArray, FloatArray]:
         """High-pass, offset, hum, noise, overload, converter and window of both channels."""
+        from scipy import signal
+
         lab, rng = self.laboratory, self.rng
         time = np.arange(lab.samples) / lab.sample_rate_hz
         channels = []

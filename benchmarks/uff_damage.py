@@ -34,13 +34,13 @@ from modalbase.formats.uff import (
 from modalbase.formats.uff.write import encode
 
 VERDICTS = ("file refused", "dataset refused or noted", "equal", "reads what is written", "SILENT CHANGE")
-FLOODS = {
-    "20 MB of newlines": b"\n" * 20_000_000,
-    "20 MB of newlines in a dataset": b"    -1\n    15\n" + b"\n" * 20_000_000 + b"    -1\n",
-    "28 MB of -1 lines": b"    -1\n" * 4_000_000,
-    "28 MB of odd -1 lines in a dataset": b"    -1\n    58\n" + b"  -1\n" * 5_600_000 + b"    -1\n",
-    "28 MB of empty datasets": b"    -1\n   999\n    -1\n" * 1_330_000,
-    "20 MB without a line end": b"    -1\n    58\n" + b"1" * 20_000_000,
+FLOODS: dict[str, Callable[[], bytes]] = {
+    "20 MB of newlines": lambda: b"\n" * 20_000_000,
+    "20 MB of newlines in a dataset": lambda: b"    -1\n    15\n" + b"\n" * 20_000_000 + b"    -1\n",
+    "28 MB of -1 lines": lambda: b"    -1\n" * 4_000_000,
+    "28 MB of odd -1 lines in a dataset": lambda: b"    -1\n    58\n" + b"  -1\n" * 5_600_000 + b"    -1\n",
+    "28 MB of empty datasets": lambda: b"    -1\n   999\n    -1\n" * 1_330_000,
+    "20 MB without a line end": lambda: b"    -1\n    58\n" + b"1" * 20_000_000,
 }
 _IDS = ("beam", "run 1", "21-Nov-15 09:00:00", "NONE", "NONE")
 _NUMBER = re.compile(rb"[+-]?[0-9]+\.?[0-9]*(?:[eEdD][+-]?[0-9]+)?")
@@ -312,8 +312,8 @@ def main(count: int = 2000, seed: int = 2015) -> None:
         for kind, counts in table.items():
             print(f"{kind:<16}{counts.total():>6}" + "".join(f"{counts[verdict]:>26}" for verdict in VERDICTS))
         print(f"{'all':<16}{count:>6}" + "".join(f"{sum(c[v] for c in table.values()):>26}" for v in VERDICTS))
-        for kind, data in FLOODS.items():
-            memory, seconds, outcome = flood(data, folder / "flood.uff")
+        for kind, make in FLOODS.items():
+            memory, seconds, outcome = flood(make(), folder / "flood.uff")
             print(f"{kind:<36} +{memory:.0f} MiB {seconds:.2f} s  {outcome[:90]}")
     if silent:
         raise SystemExit(f"{len(silent)} silent changes")

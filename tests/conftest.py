@@ -9,10 +9,11 @@ api         an httpx client of `service`, with a key of a user of its own: sees 
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from uuid import uuid4
 
@@ -33,6 +34,17 @@ from tests.support.rest import client_of
 
 TEMPLATE = "test_template"
 pytest_plugins = ["tests.support.laboratory", "tests.support.wheel", "tests.support.working"]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """What is collected lives to the end: to look through it for garbage, again and again, takes a second of each process."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def _on(server: str, database: str) -> str:

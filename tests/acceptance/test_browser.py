@@ -7,18 +7,21 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 import httpx
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page
 
 from service.supervisor import LocalService
 from tests.support.browser import Watched, browser, chromium, drawn, hindrances, watched_page
 from tests.support.places import shared_file
 from tests.support.rest import client_at, ok, posted
 from tests.support.waiting import until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 MOST_CLICKS = 8
 PARTS = (

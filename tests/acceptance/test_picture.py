@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from examples import picture
 from tests.support.places import ROOT
 
 DRAWN = ROOT / "docs/images/beam.svg"
 
 
 def test_the_pictures_updated_model_lies_on_the_measurement(tmp_path: Path) -> None:
+    from examples import picture  # loads matplotlib
+
     frfs = picture.prediction()
     peak = np.abs(frfs.measured).max(axis=1, keepdims=True)
     # 1 % noise of each record's rms is 0.5 % of its peak at the most; the initial model is off by a resonance's width.

@@ -16,7 +16,6 @@ import pytest
 
 from benchmarks import access_matrix
 from benchmarks.access_laboratory import ASKED_FREELY
-from benchmarks.soak_fuzz import fuzz
 from service.settings import Settings
 from service.supervisor import LocalService
 
@@ -87,6 +86,8 @@ def test_a_wrong_judgement_and_a_missing_one_are_found(
 def test_no_request_that_the_document_allows_or_forbids_is_an_error_or_an_undocumented_answer(
     service: LocalService,
 ) -> None:
+    from benchmarks.soak_fuzz import fuzz  # loads schemathesis, which no other test needs
+
     found = fuzz(service, examples=1)
     assert found.faults == {}
     assert len(found.answered) > 30  # else nothing got anywhere

@@ -7,11 +7,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_playwright
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, ConsoleMessage, Page, Request
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 PATIENCE_MS = 120_000.0
@@ -30,6 +32,8 @@ def chromium() -> Path:
 @contextmanager
 def browser() -> Iterator[Browser]:
     """A browser without a window, which ends with the block."""
+    from playwright.sync_api import sync_playwright
+
     program = chromium()
     with sync_playwright() as playwright:
         running = playwright.chromium.launch(
@@ -110,6 +114,8 @@ def hindrances(page: Page) -> list[str]:
     """What axe-core finds on a page that seriously hinders people: rule, help, first element. Plotly's drawings have a table
     or a caption beside them and are left out.
     """
+    from axe_playwright_python.sync_playwright import Axe
+
     found = Axe().run(page, context={"exclude": [[".js-plotly-plot"]]}).response["violations"]
     grave = [rule for rule in found if rule["impact"] in ("serious", "critical")]
     return [f"{rule['id']}: {rule['help']}: {rule['nodes'][0]['html'][:200]} ({page.url})" for rule in grave]

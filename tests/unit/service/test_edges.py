@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure as Sheet
 
 from fecore.errors import InputError
 from fecore.frf import Dof
@@ -81,6 +80,8 @@ WRONG: dict[str, tuple[type[Exception], str, Callable[[], object]]] = {
 
 
 def _printed(**trace: object) -> object:
+    from matplotlib.figure import Figure as Sheet
+
     given = {"type": "scatter", "mode": "lines", "x": [0, 1], "y": [0, 1], "fillcolor": "#123456", **trace}
     return add_trace(Sheet().add_subplot(), given, None)
 

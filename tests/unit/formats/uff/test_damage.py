@@ -33,7 +33,7 @@ def test_the_verdict_knows_a_silent_change(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", uff_damage.FLOODS)
 def test_floods_stay_within_bounds(tmp_path: Path, kind: str) -> None:
-    memory, _, outcome = uff_damage.flood(uff_damage.FLOODS[kind], tmp_path / "flood.uff")
+    memory, _, outcome = uff_damage.flood(uff_damage.FLOODS[kind](), tmp_path / "flood.uff")
     assert "refused" in outcome
     assert memory < 120  # MiB above the start of a process, for files of 20 to 40 MB; pyuff takes 1,800
 
