@@ -27,6 +27,7 @@ from modalbase.formats.uff import (
     Frf,
     Function,
     GridPoint,
+    Limits,
     ModeShape,
     UffError,
     read_file,
@@ -276,29 +277,43 @@ def _variants(files: dict[str, bytes], count: int, rng: np.random.Generator) -> 
 
 
 _FLOOD = """
-import re, sys, time
+import os, re, sys, time
 from pathlib import Path
-from modalbase.formats.uff import DatasetReport, UffError, read_file
+from modalbase.formats.uff import DatasetReport, Limits, UffError, read_file
 def peak():  # of this process alone: ru_maxrss begins with its parent's
     return int(re.search(r"VmHWM:\\s*(\\d+)", Path("/proc/self/status").read_text())[1])
-before = peak()
-began = time.perf_counter()
-try:
-    outcome = "; ".join(f"{r.outcome}: {r.reason}" for r in read_file(Path(sys.argv[1])) if isinstance(r, DatasetReport))
-except UffError as error:
-    outcome = f"file refused: {error}"
-print(f"{(peak() - before) / 1024:.1f}|{time.perf_counter() - began:.2f}|{outcome}")
+def read(path, most):
+    before = peak()
+    began = time.perf_counter()
+    try:
+        said = [f"{r.outcome}: {r.reason}" for r in read_file(path, Limits(datasets=most)) if isinstance(r, DatasetReport)]
+        outcome = "; ".join(said)
+    except UffError as error:
+        outcome = f"file refused: {error}"
+    print(f"{(peak() - before) / 1024:.1f}|{time.perf_counter() - began:.2f}|{outcome}", flush=True)
+for path in sys.argv[2:]:
+    if not (child := os.fork()):
+        read(Path(path), int(sys.argv[1]))
+        os._exit(0)
+    if os.waitpid(child, 0)[1]:
+        sys.exit(f"reading {path} ended badly")
 """
 
 
-def flood(data: bytes, path: Path, timeout: float = 120) -> tuple[float, float, str]:
-    """MiB that reading a file adds to a fresh process, its time in seconds, and what became of it."""
-    path.write_bytes(data)
+def flood(files: dict[str, bytes], folder: Path, most: int = Limits().datasets) -> dict[str, tuple[float, float, str]]:
+    """Of each file, read in a process of its own that takes `most` datasets: MiB that it adds, seconds, what became of it."""
+    paths = [folder / f"{number}.uff" for number in range(len(files))]
+    for path, data in zip(paths, files.values(), strict=True):
+        path.write_bytes(data)
     done = subprocess.run(
-        [sys.executable, "-c", _FLOOD, str(path)], capture_output=True, text=True, timeout=timeout, check=True
-    )
-    memory, seconds, outcome = done.stdout.strip().split("|", 2)
-    return float(memory), float(seconds), outcome
+        [sys.executable, "-c", _FLOOD, str(most), *map(str, paths)],
+        capture_output=True, text=True, timeout=120, check=True,
+    )  # fmt: skip
+    said = (line.split("|", 2) for line in done.stdout.splitlines())
+    return {
+        name: (float(memory), float(seconds), outcome)
+        for name, (memory, seconds, outcome) in zip(files, said, strict=True)
+    }
 
 
 def main(count: int = 2000, seed: int = 2015) -> None:
@@ -312,8 +327,7 @@ def main(count: int = 2000, seed: int = 2015) -> None:
         for kind, counts in table.items():
             print(f"{kind:<16}{counts.total():>6}" + "".join(f"{counts[verdict]:>26}" for verdict in VERDICTS))
         print(f"{'all':<16}{count:>6}" + "".join(f"{sum(c[v] for c in table.values()):>26}" for v in VERDICTS))
-        for kind, make in FLOODS.items():
-            memory, seconds, outcome = flood(make(), folder / "flood.uff")
+        for kind, (memory, seconds, outcome) in flood({kind: make() for kind, make in FLOODS.items()}, folder).items():
             print(f"{kind:<36} +{memory:.0f} MiB {seconds:.2f} s  {outcome[:90]}")
     if silent:
         raise SystemExit(f"{len(silent)} silent changes")
