@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from benchmarks import laboratories
-from benchmarks.coverage import BEAM, draw
+from benchmarks import coverage, laboratories
+from benchmarks.coverage import draw
+from benchmarks.laboratories import Laboratory
 from fecore.body.specimen import Specimen
 from fecore.body.supports import Boundary
 from fecore.dynamics.damping_laws import RAYLEIGH, beyond, damping_rate
@@ -21,13 +21,14 @@ from fecore.modes import MeasuredModes
 from fecore.updating.elastic import _Fit
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import HoldOut, Recipe
+from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 
-Spoil = Callable[[np.ndarray], None]
+# A coarse mesh, whose bias is far below what the sets are drawn with, makes an update three times as fast.
+BEAM = replace(coverage.BEAM, divisions=(20, 2))
 
 
 @pytest.fixture(scope="module")
@@ -42,10 +43,14 @@ def clean(measured: Measurement) -> UpdateResult:
     return update(measured, BEAM)
 
 
-def spoilt(measurement: Measurement, spoil: Spoil) -> Measurement:
-    values = measurement.frfs.values.copy()
-    spoil(values)
-    return replace(measurement, frfs=replace(measurement.frfs, values=values))
+@pytest.fixture(scope="module")
+def identified(measured: Measurement) -> Measurement:
+    """The same with its modes handed in, for faults that identification does not see: the results keep their bits."""
+    return replace(measured, modes=prepare(measured, BEAM, Recipe()).modes)
+
+
+def scaled(measurement: Measurement, factor: float) -> Measurement:
+    return replace(measurement, frfs=replace(measurement.frfs, values=factor * measurement.frfs.values))
 
 
 def estimates(result: UpdateResult) -> np.ndarray:
@@ -62,26 +67,12 @@ def assert_same(result: UpdateResult, clean: UpdateResult) -> None:
     np.testing.assert_allclose(deviations(result), deviations(clean), rtol=0.1)
 
 
-def test_honest_frfs_raise_no_doubt(clean: UpdateResult) -> None:
+def test_honest_frfs_raise_no_doubt(clean: UpdateResult, identified: Measurement) -> None:
     assert clean.warnings == ()
+    assert estimates(update(identified, BEAM)).tolist() == estimates(clean).tolist()
 
 
 # --- values and FRFs that cannot be used -----------------------------------------------------------------------------
-
-
-def test_a_dead_channel_is_left_out_of_everything(measured: Measurement) -> None:
-    """Screened in identification alone it was fitted in stage 2 and had no SAC."""
-
-    def kill(values: np.ndarray) -> None:
-        values[3] = 0
-
-    recipe = Recipe(hold_out=HoldOut(points=(5, 13)))
-    without = replace(measured, frfs=measured.frfs.select([row for row in range(33) if row != 3]))
-    one, other = update(spoilt(measured, kill), BEAM, recipe), update(without, BEAM, recipe)
-    assert estimates(one).tolist() == estimates(other).tolist()
-    assert one.correlation.updated.sac.tolist() == other.correlation.updated.sac.tolist()
-    assert any("33Z/4Z was not used" in warning for warning in one.warnings)
-    assert len(one.prediction.responses) == 32
 
 
 def test_conjugates_give_the_same_constants_and_damping(measured: Measurement, clean: UpdateResult) -> None:
@@ -92,87 +83,55 @@ def test_conjugates_give_the_same_constants_and_damping(measured: Measurement, c
     assert any("the FRFs are conjugates" in warning for warning in turned.warnings)
 
 
-def test_an_frf_against_its_copy_is_left_out_of_everything(measured: Measurement, clean: UpdateResult) -> None:
+def test_what_cannot_be_used_is_left_out_of_everything(measured: Measurement, clean: UpdateResult) -> None:
+    """Six faults in one campaign, each of which was once left out of the identification alone.
+
+    A dead channel (fitted in stage 2, without a SAC), an FRF and its negative copy, a hit on the clamp (its FRF is 0 in the
+    model, its static deflection was 0/0), overloads, a tone of random phase in every FRF (it doubled the standard deviation of
+    a0), and gaps (0 with an infinite variance, which stage 2 took for a stated noise).
+    """
     frfs = measured.frfs
-    twice = replace(
-        frfs,
-        values=np.vstack([frfs.values, -frfs.values[:1]]),
-        measured=np.vstack([frfs.measured, frfs.measured[:1]]),
-        responses=(*frfs.responses, frfs.responses[0]),
-        references=(*frfs.references, frfs.references[0]),
-    )
-    result = update(replace(measured, frfs=twice), BEAM)
-    assert_same(result, clean)
-    assert len(result.prediction.responses) == 32
-    assert result.identification is not None
-    assert {refused.frf for refused in result.identification.refused} == {"33Z/1Z"}
-
-
-@pytest.mark.parametrize("weighting", ["noise", "relative", "log"])
-def test_gaps_are_no_data_to_any_stage(measured: Measurement, clean: UpdateResult, weighting: str) -> None:
-    """A value that was not measured is 0 with an infinite variance, which stage 2 took for a stated noise."""
-    values, frfs = measured.frfs.values.copy(), measured.frfs
+    level = np.sqrt(np.mean(np.abs(frfs.values) ** 2))
+    values = np.vstack([frfs.values, -frfs.values[:1], 1e-3 * frfs.values[:1]])
+    values[3] = 0
+    values[7, 100] += 50 * level
+    values[9, 13] += 30 * level
+    values[:, 25] += 10 * level * np.exp(2j * np.pi * np.random.default_rng(3).random(len(values)))
     values[5, 40:60] = np.nan
-    values[:, 100] = np.nan
-    holed = set_with_gaps(frfs.frequency_hz, values, frfs.responses, frfs.references)
-    recipe = Recipe(weighting=weighting)  # type: ignore[arg-type]
-    result = update(replace(measured, frfs=holed), BEAM, recipe)
-    whole = clean if recipe == Recipe() else update(measured, BEAM, recipe)
-    assert_same(result, whole)
+    values[:, 110] = np.nan
+    holed = set_with_gaps(
+        frfs.frequency_hz,
+        values,
+        (*frfs.responses, frfs.responses[0], frfs.responses[0]),
+        (*frfs.references, frfs.references[0], Dof(40, 3)),
+    )
+    result = update(replace(measured, frfs=holed, points={**measured.points, 40: (0.0, 0.01, 0.005)}), BEAM)
+    assert_same(result, clean)
+    assert len(result.prediction.responses) == 31
+    assert result.identification is not None
+    assert {"33Z/4Z", "33Z/1Z"} == {refused.frf for refused in result.identification.refused}
     assert result.correlation.updated.sac.min() > 0.98
     assert result.correlation.held_out_frfs is not None
     assert result.correlation.held_out_frfs.coverage_95 > 0.9
-
-
-def test_the_joint_update_knows_gaps_too(measured: Measurement) -> None:
-    frfs = measured.frfs.select(list(range(0, 33, 4)))
-    measured, values = replace(measured, frfs=frfs), frfs.values.copy()
-    values[5, 40:60] = np.nan
-    holed = set_with_gaps(frfs.frequency_hz, values, frfs.responses, frfs.references)
-    recipe = Recipe(method="joint")
-    assert_same(update(replace(measured, frfs=holed), BEAM, recipe), update(measured, BEAM, recipe))
-
-
-def test_overloaded_values_are_left_out_of_everything(measured: Measurement, clean: UpdateResult) -> None:
-    def overload(values: np.ndarray) -> None:
-        level = np.sqrt(np.mean(np.abs(values) ** 2))
-        values[7, 100] += 50 * level
-        values[9, 13] += 30 * level
-
-    result = update(spoilt(measured, overload), BEAM)
-    assert_same(result, clean)
-    assert result.correlation.updated.sac.min() > 0.98
-    (warning,) = (text for text in result.warnings if "left out" in text)  # one of two alike
+    assert any("33Z/4Z was not used" in warning for warning in result.warnings)
+    assert any("point 40 lies on a support" in warning for warning in result.warnings)
+    assert any("interference at 52 Hz: left out" in warning for warning in result.warnings)
+    (warning,) = (text for text in result.warnings if "overload" in text)  # one of two alike
     assert "line at 28 Hz" in warning
     assert "line at 202 Hz" in warning
 
 
-def test_mains_hum_does_not_widen_the_damping(measured: Measurement, clean: UpdateResult) -> None:
-    """A tone of random phase in every FRF doubled the standard deviation of a0 while stage 2 fitted its lines."""
-
-    def hum(values: np.ndarray) -> None:
-        phase = np.random.default_rng(3).uniform(0, 2 * np.pi, len(values))
-        values[:, 25] += 10 * np.sqrt(np.mean(np.abs(values) ** 2)) * np.exp(1j * phase)
-
-    result = update(spoilt(measured, hum), BEAM)
-    assert_same(result, clean)
-    assert "interference at 52 Hz: left out" in result.warnings
-
-
-def test_points_on_a_support_are_left_out_and_told(measured: Measurement, clean: UpdateResult) -> None:
-    """A hit on the clamp: its FRF is 0 in the model, and made its static deflection 0/0."""
-    frfs = measured.frfs
-    hit = replace(
-        frfs,
-        values=np.vstack([frfs.values, 1e-3 * frfs.values[:1]]),
-        measured=np.vstack([frfs.measured, frfs.measured[:1]]),
-        responses=(*frfs.responses, Dof(33, 3)),
-        references=(*frfs.references, Dof(40, 3)),
-    )
-    clamped = replace(measured, frfs=hit, points={**measured.points, 40: (0.0, 0.01, 0.005)})
-    result = update(clamped, BEAM)
-    assert estimates(result).tolist() == estimates(clean).tolist()
-    assert any("point 40 lies on a support" in warning for warning in result.warnings)
+@pytest.mark.parametrize("weighting", ["relative", "log"])
+def test_gaps_are_no_data_to_other_weightings(identified: Measurement, weighting: str) -> None:
+    frfs = identified.frfs.select(list(range(0, 33, 2)))
+    values = frfs.values.copy()
+    values[5, 40:60] = np.nan
+    values[:, 100] = np.nan
+    holed = set_with_gaps(frfs.frequency_hz, values, frfs.responses, frfs.references)
+    recipe = Recipe(weighting=weighting)  # type: ignore[arg-type]
+    with_gaps, whole = (update(replace(identified, frfs=each), BEAM, recipe) for each in (holed, frfs))
+    assert_same(with_gaps, whole)
+    assert with_gaps.correlation.updated.sac.min() > 0.98
 
 
 def test_a_boundary_that_holds_the_sensor_is_refused(measured: Measurement) -> None:
@@ -184,36 +143,22 @@ def test_a_boundary_that_holds_the_sensor_is_refused(measured: Measurement) -> N
 # --- a measurement that is not the model's ---------------------------------------------------------------------------
 
 
-def scale(rows: slice | int, factor: float) -> Spoil:
-    def spoil(values: np.ndarray) -> None:
-        values[rows] *= factor
-
-    return spoil
-
-
-@pytest.mark.parametrize(
-    ("spoil", "sentence"),
-    [
-        (scale(3, -1), r"FRF 33Z/4Z \(-(0.99|1.0\d)\) has the opposite sign of the model's"),
-        (scale(3, 2), r"FRF 33Z/4Z \(\+(1.99|2.0\d)\) has another height than the rest"),
-        (scale(slice(None), 2), "the FRFs are 2 times as large as the model's"),
-        (scale(slice(None), 1e-3), "the FRFs are 0.001 times as large as the model's"),
-    ],
-)
-def test_a_wrong_sign_or_factor_is_told(
-    measured: Measurement, clean: UpdateResult, spoil: Spoil, sentence: str
-) -> None:
-    result = update(spoilt(measured, spoil), BEAM)
-    assert any(re.match(sentence, warning) for warning in result.warnings), result.warnings
+def test_wrong_signs_factors_and_points_are_told(measured: Measurement, clean: UpdateResult) -> None:
+    """One FRF of the opposite sign, one twice as large, two points swapped, and all in units of a thousand times the stated."""
+    values, points = 1e-3 * measured.frfs.values, dict(measured.points)
+    values[3] *= -1
+    values[7] *= 2
+    points[5], points[20] = points[20], points[5]
+    result = update(replace(measured, frfs=replace(measured.frfs, values=values), points=points), BEAM)
+    for sentence in (
+        "the FRFs are 0.001 times as large as the model's",
+        r"FRF 33Z/4Z \(-(0.99|1.0\d)\) has the opposite sign of the model's",
+        r"FRF 33Z/8Z \(\+(1.99|2.0\d)\) has another height than the rest",
+        r"FRFs? .*33Z/20Z.* a wrong point",
+    ):
+        assert any(re.match(sentence, warning) for warning in result.warnings), (sentence, result.warnings)
     # Frequencies do not know of it.
     np.testing.assert_allclose(estimates(result)[:5], estimates(clean)[:5], rtol=1e-3)
-
-
-def test_two_swapped_points_are_told(measured: Measurement) -> None:
-    points = dict(measured.points)
-    points[5], points[20] = points[20], points[5]
-    result = update(replace(measured, points=points), BEAM)
-    assert any("33Z/20Z" in warning and "a wrong point" in warning for warning in result.warnings), result.warnings
 
 
 def without_damping(result: UpdateResult) -> str:
@@ -228,7 +173,7 @@ def without_damping(result: UpdateResult) -> str:
 
 
 def test_frfs_of_the_opposite_sign_have_no_damping(measured: Measurement, clean: UpdateResult) -> None:
-    result = update(spoilt(measured, scale(slice(None), -1)), BEAM)
+    result = update(scaled(measured, -1), BEAM)
     assert "most FRFs have the opposite sign" in without_damping(result)
     np.testing.assert_allclose(estimates(result)[:1], estimates(clean)[:1], rtol=1e-3)
 
@@ -240,15 +185,17 @@ def test_frfs_of_the_opposite_sign_have_no_damping(measured: Measurement, clean:
         (replace(BEAM, material=replace(BEAM.material, density=1811.0)), "0.9"),
     ],
 )
-def test_a_wrong_mass_shows_in_the_height_of_the_frfs(measured: Measurement, specimen: Specimen, height: str) -> None:
+def test_a_wrong_mass_shows_in_the_height_of_the_frfs(identified: Measurement, specimen: Specimen, height: str) -> None:
     """Elastic constants take up a wrong thickness or density: frequencies and intervals look as good as before."""
-    warned = [warning for warning in update(measured, specimen).warnings if "times as large as the model's" in warning]
+    warned = [
+        warning for warning in update(identified, specimen).warnings if "times as large as the model's" in warning
+    ]
     assert len(warned) == 1
     assert f"the FRFs are {height}" in warned[0]
 
 
-def test_a_wrong_boundary_is_told(measured: Measurement) -> None:
-    result = update(measured, replace(BEAM, boundary="free"))
+def test_a_wrong_boundary_is_told(identified: Measurement) -> None:
+    result = update(replace(identified, frfs=identified.frfs.band(2.0, 500.0)), replace(BEAM, boundary="free"))
     assert any("most FRFs are unlike the model's" in warning for warning in result.warnings)
     assert any("measured mode 2" in warning and "has only MAC" in warning for warning in result.warnings)
 
@@ -275,7 +222,11 @@ def test_a_second_beam_s_file_in_the_campaign_is_not_to_be_used(
     rate = damping_rate(RAYLEIGH, np.array([20.0, 1e-5]), model.omega)
     values = model.synthesise(lines, rate, beyond=beyond(RAYLEIGH, np.array([20.0, 1e-5]), float(model.omega[-1])))
     noise = 0.01 * np.sqrt(np.mean(np.abs(values) ** 2)) * np.random.default_rng(1).standard_normal(values.shape)
-    result = update(replace(measured, frfs=FrfSet(lines, values + noise, sensor, hammer)), BEAM)
+    ratio = rate[state.modes.rigid :] / (4 * np.pi * state.frequency_hz)
+    seen = np.flatnonzero(state.frequency_hz < lines[-1])
+    dofs = tuple(Dof(point, 3) for point in own)
+    modes = MeasuredModes(state.frequency_hz[seen], ratio[seen], state.shapes[seen] + 0j, dofs)
+    result = update(replace(measured, frfs=FrfSet(lines, values + noise, sensor, hammer), modes=modes), BEAM)
     assert result.verdict.level == "do_not_use"
     assert reason in " ".join(result.verdict.reasons)
     assert any(each.stage == "damping" and each.status == "failed" for each in result.outcomes)
@@ -302,15 +253,17 @@ def test_a_mode_that_the_update_cannot_reach_is_refused(measured: Measurement, c
     hz = np.array([mode.measured_hz for mode in clean.modes])
     hz[1] *= 4 / 3
     modes = MeasuredModes(hz, np.full(hz.size, np.nan))
-    result = update(replace(measured, modes=modes), BEAM)
+    result = update(replace(measured, frfs=measured.frfs.select(list(range(0, 33, 4))), modes=modes), BEAM)
     assert result.verdict.level == "do_not_use"
     assert "most FRFs are unlike the model's" in " ".join(result.verdict.reasons)
 
 
 @pytest.mark.parametrize(("mean", "where"), [(25e9, "above"), (45e9, "below")])
-def test_an_estimate_far_from_its_prior_is_told(measured: Measurement, mean: float, where: str) -> None:
+def test_an_estimate_far_from_its_prior_is_told(identified: Measurement, mean: float, where: str) -> None:
     result = update(
-        measured, BEAM, Recipe(parameters=(Parameter("Ex", prior_mean=mean, prior_sd=3e9), Parameter("Gxy")))
+        replace(identified, frfs=None),
+        BEAM,
+        Recipe(parameters=(Parameter("Ex", prior_mean=mean, prior_sd=3e9), Parameter("Gxy"))),
     )
     assert [re.sub(r"[\d.]+ prior.*", where, text) for text in result.warnings if "prior mean" in text] == [
         f"Ex ended {where}"
@@ -318,10 +271,10 @@ def test_an_estimate_far_from_its_prior_is_told(measured: Measurement, mean: flo
     assert all(where in text for text in result.warnings if "prior mean" in text)
 
 
-def test_frequencies_that_a_sure_prior_keeps_the_model_from_are_told(measured: Measurement) -> None:
+def test_frequencies_that_a_sure_prior_keeps_the_model_from_are_told(identified: Measurement) -> None:
     truth = draw(0)[1]["Ex"]
     sure = Recipe(parameters=(Parameter("Ex", prior_mean=1.05 * truth, prior_sd=1e-4 * truth), Parameter("Gxy")))
-    exact = replace(measured, inputs=Inputs.exact())
+    exact = replace(identified, frfs=None, inputs=Inputs.exact())
     warned = [text for text in update(exact, BEAM, sure).warnings if "misses the measured frequencies by" in text]
     assert len(warned) == 1
     percent = float(re.findall(r"by ([\d.]+) %", warned[0])[0])
@@ -342,7 +295,7 @@ def test_one_mode_needs_a_law_of_one_coefficient(measured: Measurement) -> None:
 
 def test_a_failure_of_stage_2_says_what_looked_wrong_before(measured: Measurement) -> None:
     low = replace(measured, frfs=measured.frfs.band(2.0, 70.0))
-    result = update(spoilt(low, scale(slice(None), 1.5)), BEAM, Recipe(damping_models=("rayleigh",)))
+    result = update(scaled(low, 1.5), BEAM, Recipe(damping_models=("rayleigh",)))
     assert "cannot fix the 2 coefficients" in without_damping(result)
     assert [text for text in result.warnings if text.startswith("the FRFs are 1.5 times as large")]
 
@@ -359,19 +312,32 @@ def test_screening_names_the_rows_that_may_be_used() -> None:
 # --- laboratories of the benchmark in which a fit once failed, or warned as numpy does --------------------------------
 
 
+def thinned(laboratory: Laboratory, step: int) -> Laboratory:
+    """The laboratory with one line in so many."""
+    frfs = laboratory.measurement.frfs
+    few = replace(
+        frfs,
+        frequency_hz=frfs.frequency_hz[::step],
+        values=frfs.values[:, ::step],
+        measured=frfs.measured[:, ::step],
+    )
+    return replace(laboratory, measurement=replace(laboratory.measurement, frfs=few))
+
+
 @pytest.mark.parametrize(
-    "seed",
+    ("seed", "step"),
     [
-        7,  # stage 2: two modes of a modal law shifted into the reach of one knot
-        146,  # few modes, a curved valley
-        219,  # a start that would damp an unmeasured mode negatively
-        228,  # stage 1: Gauss-Newton steps overshoot about a minimum with large residuals
+        (7, 1),  # two modes of a modal law shifted into the reach of one knot
+        (146, 2),  # few modes, a curved valley
+        (219, 4),  # a start that would damp an unmeasured mode negatively
     ],
 )
-def test_fits_come_to_rest(seed: int) -> None:
-    outcome = laboratories.judge(laboratories.draw(seed))
+def test_fits_come_to_rest(seed: int, step: int) -> None:
+    """Without the damping of the steps none does."""
+    outcome = laboratories.judge(thinned(laboratories.draw(seed), step))
     assert not outcome.error
     assert outcome.held
+    assert not [warning for warning in outcome.warnings if "could not be updated" in warning]
 
 
 def test_pairs_that_go_round_in_a_circle_are_named() -> None:
@@ -381,16 +347,16 @@ def test_pairs_that_go_round_in_a_circle_are_named() -> None:
 
 
 @pytest.mark.parametrize("law", ["rayleigh", "modal"])
-def test_modes_beyond_the_band_leave_stage_2_alone(measured: Measurement, clean: UpdateResult, law: str) -> None:
+def test_modes_beyond_the_band_leave_stage_2_alone(identified: Measurement, clean: UpdateResult, law: str) -> None:
     """Each had a shift and a ratio of its own of which the lines said nothing, and no fit converged."""
     recipe = Recipe(band_hz=(100.0, 440.0), damping_models=(law, "modal"))
-    result = update(measured, BEAM, recipe)
+    result = update(identified, BEAM, recipe)
     for mode, other in zip(result.modes[1:3], clean.modes[1:3], strict=True):
         assert mode.predicted_damping == pytest.approx(other.measured_damping, rel=0.01)
 
 
-def test_a_band_without_a_mode_is_refused(measured: Measurement) -> None:
-    result = update(measured, BEAM, Recipe(band_hz=(60.0, 90.0)))
+def test_a_band_without_a_mode_is_refused(identified: Measurement) -> None:
+    result = update(identified, BEAM, Recipe(band_hz=(60.0, 90.0)))
     assert "no paired mode lies in the band, 60 to 90 Hz" in without_damping(result)
 
 
@@ -401,15 +367,14 @@ def test_modes_typed_without_damping_raise_no_doubt(measured: Measurement, clean
 
 
 @pytest.mark.parametrize(
-    ("seed", "recipe"),
+    ("step", "recipe"),
     [
-        (305, Recipe(damping_models=("caughey3", "rayleigh"))),  # one start led to a singular matrix
-        (305, Recipe(method="joint")),  # the noise's share of a variance came out negative
-        (302, Recipe(method="joint")),  # a mode damped beyond the critical
+        (1, Recipe(damping_models=("caughey3", "rayleigh"))),  # one start led to a singular matrix
+        (2, Recipe(method="joint")),  # the noise's share of a variance came out negative
     ],
 )
-def test_damping_that_the_lines_do_not_resolve_ends_in_words_or_finite_numbers(seed: int, recipe: Recipe) -> None:
-    laboratory = laboratories.draw(seed)
+def test_damping_that_the_lines_do_not_resolve_ends_in_words_or_finite_numbers(step: int, recipe: Recipe) -> None:
+    laboratory = thinned(laboratories.draw(305), step)
     try:
         result = update(laboratory.measurement, laboratory.stated, recipe)
     except UpdatingError as error:
