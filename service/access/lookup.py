@@ -156,7 +156,6 @@ class Lookup(Generic[Row]):
 
     def _set_deleted(self, session: Session, user: User, row: Any, act: str, deleted_at: datetime | None) -> None:
         row.deleted_at, row.updated_at = deleted_at, transaction_time(session)
-        session.flush()
         audit(session, user, f"{self._kind}.{act}", self._kind, row.id, self.project_of(session, row))
 
 

@@ -8,12 +8,13 @@ from typing import Any
 from uuid import uuid4
 
 import pytest
-from sqlalchemy import select, text, update
+from sqlalchemy import delete, select, text, update
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
+from service.access import member_routes
 from service.access.keys import USED_RESOLUTION, create_key, found_key, user_named, user_of_key
-from service.access.lookup import Lookup
+from service.access.lookup import Lookup, purge
 from service.access.projects import Role
 from service.access.sessions import LIFETIME, close_session, is_session_token, key_of_session, open_session
 from service.access.tables import ApiKey, AuditEvent, BrowserSession, Member, Project, User
@@ -29,6 +30,8 @@ from service.access.users import (
 from service.campaigns.tables import Campaign
 from service.db.engine import Sessions
 from service.errors import Conflict, Forbidden, Invalid, NotFound, Unauthorized
+from service.imports.tables import Import, Original
+from service.jobs.tables import Job
 from service.structures.operations import structure_for
 from service.structures.tables import Structure
 
@@ -277,6 +280,7 @@ def test_what_is_deleted_is_not_found_with_all_that_is_in_it(house: House) -> No
     refused(NotFound, f"no campaign {key}", LINEAGE, session, ada, key)
     project.deleted_at = None
     structure_for.purge(session, ada, structure)
+    assert session.get(Structure, structure.id) is None
     for gone in (LINEAGE, CAMPAIGN):
         refused(NotFound, "no campaign", gone, session, ada, key, deleted=True)
     events = session.scalars(select(AuditEvent).order_by(AuditEvent.id)).all()
@@ -289,7 +293,30 @@ def test_what_is_deleted_is_not_found_with_all_that_is_in_it(house: House) -> No
     assert {(event.user_id, event.project_id) for event in events} == {(ada.id, project.id)}
 
 
-def test_a_row_is_read_again_under_its_lock(house: House, sessions: Sessions) -> None:
+def test_a_project_has_so_many_members_and_no_more(house: House, monkeypatch: pytest.MonkeyPatch) -> None:
+    session, ada, project, _, _ = house
+    eve = user_named(session, "eve")
+    monkeypatch.setattr(member_routes, "MOST_MEMBERS", 3)  # as many as there are: a role of theirs can be changed
+    member_routes._require_place(session, project.id, ada)
+    refused(Conflict, "the project has 3 members", member_routes._require_place, session, project.id, eve)
+    monkeypatch.setattr(member_routes, "MOST_MEMBERS", 4)
+    member_routes._require_place(session, project.id, eve)
+
+
+def test_a_project_goes_with_all_that_is_in_it_in_whatever_order(house: House) -> None:
+    session, ada, project, _, campaign = house
+    job, key = Job(project_id=project.id, kind="import", queue="imports"), project.id
+    session.add_all([job, Original(sha256=b"1", size=1)])
+    session.flush()
+    session.add(Import(id=job.id, campaign_id=campaign.id, filename="a.uff", sha256=b"1", dry_run=False))
+    project.deleted_at = datetime.now(UTC)
+    session.flush()
+    purge(session, ada, project, "project", key)
+    left = [session.execute(select(table.id)).all() for table in (Project, Structure, Campaign, Job, Import)]
+    assert left == [[], [], [], [], []]
+
+
+def test_a_row_is_read_again_under_its_lock(house: House, sessions: Sessions, monkeypatch: pytest.MonkeyPatch) -> None:
     session, ada, _, _, campaign = house
     session.commit()
     assert CAMPAIGN(session, ada, campaign.id).name == "c"
@@ -309,3 +336,12 @@ def test_a_row_is_read_again_under_its_lock(house: House, sessions: Sessions) ->
         other.execute(text("SELECT 1 FROM users FOR KEY SHARE"))  # keys and memberships of theirs still come in
         with pytest.raises(OperationalError, match="lock timeout"):
             other.execute(select(User).where(User.id == ada.id).with_for_update(key_share=True))
+
+    def removed_before(row: Campaign, **how: Any) -> None:
+        with sessions.begin() as other:
+            other.execute(delete(Campaign))
+        Session.refresh(session, row, **how)
+
+    session.commit()
+    monkeypatch.setattr(session, "refresh", removed_before)
+    refused(NotFound, "no campaign", CAMPAIGN, session, ada, campaign.id, lock=True)

@@ -85,6 +85,7 @@ class Front:
     house: House
     key: str
     looked: Found
+    client: tuple[str, int] = ("10.0.0.1", 1)
 
     async def ask(
         self,
@@ -102,7 +103,7 @@ class Front:
             "type": "http",
             "method": "PUT",
             "path": f"{PREFIX}{path}",
-            "client": ("10.0.0.1", 1),
+            "client": self.client,
             "headers": [(name.replace("_", "-").encode(), value.encode()) for name, value in shown.items()],
         }
         left = list(blocks)
@@ -273,8 +274,11 @@ def test_a_wrong_key_is_found_out_before_its_body_and_then_by_memory(front: Open
         wrong = f"{at.key[:-1]}{'a' if at.key[-1] != 'a' else 'b'}"
         assert (await at.ask(content_length="5", receive=nothing_comes, key=wrong))[0] == 401
         assert (await at.ask(content_length="5", receive=nothing_comes, key=wrong))[0] == 401
+        at.client = ("10.0.0.1", 2)
         status, headers, _ = await at.ask(key=f"{wrong}c")
         assert (status, headers["retry-after"]) == (429, "60")
+        at.client = ("10.0.0.2", 1)
+        assert (await at.ask(content_length="5", receive=nothing_comes, key=f"{wrong}d"))[0] == 401
         assert (at.door.gate.answering, at.house.asked, at.looked) == (0, [], [])
 
     run(test)
@@ -321,7 +325,7 @@ def test_so_many_large_bodies_are_received_at_a_time(front: Open) -> None:
     async def test() -> None:
         at = front(uploads=2)
         large = {"content_length": str(LARGE_BYTES + 1)}
-        for end in ({"type": "http.request", "body": b"x"}, {"type": "http.disconnect"}):
+        for end in ({"type": "http.disconnect"}, {"type": "http.request", "body": b"x"}):
             slow: Sequence[Slow] = (Slow(), Slow())
             coming = [asyncio.ensure_future(at.ask(receive=one, **large)) for one in slow]
             for one in slow:

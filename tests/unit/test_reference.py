@@ -25,7 +25,15 @@ def test_every_number_that_the_core_decides_by_has_its_meaning_beside_it() -> No
 
 
 def test_every_route_of_the_openapi_document_is_a_method_of_the_client() -> None:
-    found = {(one.method, one.path) for one in routes.described(routes.document())}
+    document = routes.document()
+    asked = [
+        given for path in document["paths"].values() for how in path.values() for given in how.get("parameters", ())
+    ]
+    assert {given["schema"]["default"] for given in asked if given["name"] == "limit"} == {
+        20,
+        100,
+    }  # 20 of what is long
+    found = {(one.method, one.path) for one in routes.described(document)}
     assert found == {(route.method, route.path) for route in ROUTES.values()}
     assert len(found) == len(ROUTES) > 80
     with Connection("http://127.0.0.1:1", "key") as nobody:
