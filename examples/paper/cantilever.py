@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -19,7 +19,10 @@ from examples.paper.published import (
 )
 from examples.paper.synthesis import grid, measured_body, rayleigh_body, solve
 from examples.paper.trials import Trials, run
+from fecore.dynamics.synthesis import ModalFrfModel
+from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
+from fecore.updating.forward import ForwardState
 from fecore.updating.measurement import Measurement
 from fecore.updating.misfit import Weighting
 from fecore.updating.pipeline import update
@@ -30,51 +33,67 @@ BAND_HZ = (1.0, 1000.0)
 WEIGHTINGS: tuple[Weighting, ...] = ("linear", "relative", "log")
 
 
-@dataclass(frozen=True)
 class Study:
-    """Everything of the cantilever.
+    """Everything of the cantilever, each part when it is first asked for."""
 
-    Attributes:
-        table_3_hz: (5,) frequencies of the model with Table 4's constants, t = 10.00 mm.
-        thick_hz: (5,) the same with the printed t = 10.12 mm.
-        update: the default job on the measured modes and the FRFs made from them.
-        trials: the six starts of Table 5 on the same FRFs, by the name of the residual's weighting.
-        recovered: the six starts on a body damped by the paper's a0 and a1.
-        law_update: the default job on that body, identification included.
-    """
+    def __init__(self) -> None:
+        self._paper = cantilever(TABLE_4_UPDATED)
+        self._points = grid(self._paper)
 
-    table_3_hz: np.ndarray
-    thick_hz: np.ndarray
-    update: UpdateResult
-    trials: dict[Weighting, Trials]
-    recovered: Trials
-    law_update: UpdateResult
+    @cached_property
+    def _state(self) -> ForwardState:
+        return solve(self._paper)
 
+    @cached_property
+    def _frfs(self) -> FrfSet:
+        return measured_body(self._paper, TABLE_3_MEASURED_HZ, TABLE_3_DAMPING, SEED)
 
-def study() -> Study:
-    """Run all of it."""
-    paper = cantilever(TABLE_4_UPDATED)
-    state, points = solve(paper), grid(paper)
-    frfs = measured_body(paper, TABLE_3_MEASURED_HZ, TABLE_3_DAMPING, SEED)
-    law_frfs = rayleigh_body(paper, CANTILEVER_CONVERGED, SEED)
-    modes = MeasuredModes(TABLE_3_MEASURED_HZ, TABLE_3_DAMPING)
-    model = state.frf_model(frfs.responses, frfs.references)
-    eigenvalue = model.eigenvalue.copy()
-    eigenvalue[:5] = (2 * np.pi * TABLE_3_MEASURED_HZ) ** 2  # so that nothing but damping is fitted
-    measured, band = model.with_eigenvalue(eigenvalue), frfs.band(*BAND_HZ)
-    return Study(
-        table_3_hz=state.frequency_hz[:5],
-        thick_hz=solve(cantilever(TABLE_4_UPDATED, thickness=0.01012)).frequency_hz[:5],
-        update=update(Measurement(frfs, points, modes), cantilever(TABLE_4_COUPONS)),
-        trials={name: run(band, measured, TABLE_5, name) for name in WEIGHTINGS},
-        recovered=run(law_frfs.band(*BAND_HZ), model, TABLE_5),
-        law_update=update(Measurement(law_frfs, points), cantilever(TABLE_4_COUPONS)),
-    )
+    @cached_property
+    def _law_frfs(self) -> FrfSet:
+        return rayleigh_body(self._paper, CANTILEVER_CONVERGED, SEED)
+
+    @cached_property
+    def _model(self) -> ModalFrfModel:
+        return self._state.frf_model(self._frfs.responses, self._frfs.references)
+
+    @cached_property
+    def table_3_hz(self) -> np.ndarray:
+        """(5,) frequencies of the model with Table 4's constants, t = 10.00 mm."""
+        return self._state.frequency_hz[:5]
+
+    @cached_property
+    def thick_hz(self) -> np.ndarray:
+        """(5,) the same with the printed t = 10.12 mm."""
+        return solve(cantilever(TABLE_4_UPDATED, thickness=0.01012)).frequency_hz[:5]
+
+    @cached_property
+    def update(self) -> UpdateResult:
+        """The default job on the measured modes and the FRFs made from them."""
+        modes = MeasuredModes(TABLE_3_MEASURED_HZ, TABLE_3_DAMPING)
+        return update(Measurement(self._frfs, self._points, modes), cantilever(TABLE_4_COUPONS))
+
+    @cached_property
+    def trials(self) -> dict[Weighting, Trials]:
+        """The six starts of Table 5 on the same FRFs, by the name of the residual's weighting."""
+        eigenvalue = self._model.eigenvalue.copy()
+        eigenvalue[:5] = (2 * np.pi * TABLE_3_MEASURED_HZ) ** 2  # so that nothing but damping is fitted
+        measured, band = self._model.with_eigenvalue(eigenvalue), self._frfs.band(*BAND_HZ)
+        return {name: run(band, measured, TABLE_5, name) for name in WEIGHTINGS}
+
+    @cached_property
+    def recovered(self) -> Trials:
+        """The six starts on a body damped by the paper's a0 and a1."""
+        return run(self._law_frfs.band(*BAND_HZ), self._model, TABLE_5)
+
+    @cached_property
+    def law_update(self) -> UpdateResult:
+        """The default job on that body, identification included."""
+        return update(Measurement(self._law_frfs, self._points), cantilever(TABLE_4_COUPONS))
 
 
 def report() -> None:
     """Print ours beside the paper's."""
-    found = study()
+    found = Study()
     printing.heading("Section 4: FRP cantilever")
     _elastic(found)
     _damping(found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -55,6 +56,7 @@ class Study:
     paper_ratios: np.ndarray
 
 
+@cache
 def study() -> Study:
     """Simulate the experiment and update from it."""
     state = solve(simulated(), POINTS)

@@ -303,12 +303,13 @@ def _by_elastic(data: DampingData, misfit: FrfMisfit, fit: DampingFit) -> FloatA
     state, frfs = data.elastic.updated, data.frfs
     omega = frfs.omega
     flexibility = convert(omega, frfs.quantity) / (fit.eigenvalue[:, None] - omega**2 + 1j * omega * fit.rate[:, None])
-    jacobian = misfit.jacobian(fit.eigenvalue, fit.rate)
+    predicted = misfit.predict(fit.eigenvalue, fit.rate)
+    jacobian = misfit.jacobian(fit.eigenvalue, fit.rate, predicted)
     by_residue = state.residue_jacobian(frfs.responses, frfs.references) @ flexibility
     if jacobian.factors is not None:
         by_drive = state.residue_jacobian(frfs.responses, frfs.responses) @ flexibility
         by_residue = jacobian.factors[0] * by_residue + jacobian.factors[1] * by_drive
-    _, weight = misfit.residual(misfit.predict(fit.eigenvalue, fit.rate))
+    _, weight = misfit.residual(predicted)
     gradients = np.array([jacobian.gradient(weight * change) for change in by_residue]) @ fit.normal.reduction
     stretch = _by_stretch(state)
     by_eigenvalue = np.zeros_like(gradients)

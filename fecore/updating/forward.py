@@ -338,8 +338,13 @@ class ForwardState:
         stiffness, mass = self.terms.sum("stiffness", c.stiffness), self.terms.sum("mass", c.mass)
         return mode_shape_derivatives(stiffness, mass, self.modes, *self.by_parameter)
 
-    def frf_model(self, responses: Sequence[Dof], references: Sequence[Dof]) -> ModalFrfModel:
-        """Synthesis of the FRFs between some dofs, with residual terms for the truncated modes."""
+    def frf_model(
+        self, responses: Sequence[Dof], references: Sequence[Dof], *, with_strain: bool = True
+    ) -> ModalFrfModel:
+        """Synthesis of the FRFs between some dofs, with residual terms for the truncated modes.
+
+        The shares of strain energy may be left out where no law looks at them.
+        """
         state, pairs, drive = self._ready(responses, references)
         roving = None
         if drive is not None:
@@ -350,7 +355,7 @@ class ForwardState:
             residual=pairs.residual(state),
             shift=state.modes.shift,
             roving=roving,
-            strain=state.strain,
+            strain=state.strain if with_strain else None,
         )
 
     def _ready(

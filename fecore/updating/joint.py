@@ -22,6 +22,7 @@ import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.dynamics.damping_laws import DampingLaw
+from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.errors import UpdatingError
 from fecore.frf import Dof, FrfSet
 from fecore.identification.noise import residual_variance
@@ -109,20 +110,23 @@ def _search(
     measured = _log_magnitude(frfs.values[:, coarse])
     known = frfs.measured[:, coarse]
     loose = forward.on_basis().unverified()
+    by_strain = isinstance(law, MechanismDamping)
     ranked: list[tuple[float, FloatArray, float]] = []
     for done, theta in enumerate(thetas):
         progress(done / len(thetas))
         if not prior.is_physical(theta):
             continue
-        model = loose.solve(theta).frf_model(frfs.responses, frfs.references)
-        omega = model.omega[model.omega > 0]
+        model = loose.solve(theta).frf_model(frfs.responses, frfs.references, with_strain=by_strain)
+        moving = model.omega > 0
+        omega, strain = model.omega[moving], None if model.strain is None else model.strain[moving]
+        # A law is linear in its coefficients, so these go with the ratio.
+        unit = law.basis(model.omega, model.strain) @ nearest_positive(law, omega, np.ones(omega.size), strain=strain)
+        if not np.all(unit[moving] > 0):
+            continue
         for ratio in _RATIOS:
-            moving = None if model.strain is None else model.strain[model.omega > 0]
-            start = nearest_positive(law, omega, np.full(omega.size, ratio), strain=moving)
-            rate = law.basis(model.omega, model.strain) @ start
-            if np.all(rate[model.omega > 0] > 0):
-                off = measured - _log_magnitude(model.synthesise(frfs.frequency_hz[coarse], rate, frfs.quantity))
-                ranked.append((float(np.mean(np.abs(off[known]))), theta, ratio))
+            predicted = model.synthesise(frfs.frequency_hz[coarse], ratio * unit, frfs.quantity)
+            off = measured - _log_magnitude(predicted)
+            ranked.append((float(np.mean(np.abs(off[known]))), theta, ratio))
     ranked.sort(key=lambda row: row[0])
     return _apart([(theta, ratio) for _, theta, ratio in ranked], prior.prior_sd)
 

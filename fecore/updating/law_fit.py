@@ -160,10 +160,11 @@ def _finished(problem: LawProblem, point: LawPoint, history: FloatArray) -> Damp
 def _covariance(problem: LawProblem, point: LawPoint, inverse: FloatArray) -> FloatArray:
     """Covariance of x by measurement noise; `inverse` is that of the hessian."""
     misfit, (eigenvalue, rate) = problem.misfit, problem.modes(point.x)
-    _, weight = misfit.residual(misfit.predict(eigenvalue, rate))
+    predicted = misfit.predict(eigenvalue, rate)
+    _, weight = misfit.residual(predicted)
     # Circular noise of variance v: cov(2 Re Jᴴ W n) = 2 Re Jᴴ W² V J, which is the hessian with weights w²v.
     moved = point.normal.reduction @ problem.chain(point.x)
-    spread = moved.T @ misfit.jacobian(eigenvalue, rate).hessian(misfit.scatter(weight)) @ moved
+    spread = moved.T @ misfit.jacobian(eigenvalue, rate, predicted).hessian(misfit.scatter(weight)) @ moved
     if misfit.weighting == "noise":  # a misfit above the noise is the model's error, which scatters likewise
         spread = problem.scale * spread
     known = problem.known(point.x)[1]

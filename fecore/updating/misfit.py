@@ -121,8 +121,9 @@ class FrfMisfit:
         """The most probable delay between the channels at given eigenvalues and rates, s."""
         if not self.delay_sd:
             return 0.0
-        residual, weight = self.residual(self.predict(eigenvalue, rate))
-        jacobian = self.jacobian(eigenvalue, rate)
+        predicted = self.predict(eigenvalue, rate)
+        residual, weight = self.residual(predicted)
+        jacobian = self.jacobian(eigenvalue, rate, predicted)
         g = slice(2 * eigenvalue.size, None)
         own = jacobian.hessian(weight)[g, g] + self.linear_prior
         return float(np.linalg.solve(own, jacobian.gradient(weight * residual)[g])[-1])
@@ -134,8 +135,9 @@ class FrfMisfit:
 
     def normal(self, eigenvalue: FloatArray, rate: FloatArray) -> NormalEquations:
         """Normal equations at given eigenvalues and rates."""
-        residual, weight = self.residual(self.predict(eigenvalue, rate))
-        jacobian = self.jacobian(eigenvalue, rate)
+        predicted = self.predict(eigenvalue, rate)
+        residual, weight = self.residual(predicted)
+        jacobian = self.jacobian(eigenvalue, rate, predicted)
         cost = float(np.sum(weight * np.abs(residual) ** 2))
         gradient, hessian = jacobian.gradient(weight * residual), jacobian.hessian(weight)
         plain = np.eye(2 * eigenvalue.size)
@@ -154,11 +156,11 @@ class FrfMisfit:
             np.vstack([plain, -drawn]) * s,
         )
 
-    def jacobian(self, eigenvalue: FloatArray, rate: FloatArray) -> FrfJacobian:
-        """Derivatives by u = λ, c and the gains at given eigenvalues and rates."""
+    def jacobian(self, eigenvalue: FloatArray, rate: FloatArray, predicted: ComplexArray) -> FrfJacobian:
+        """Derivatives by u = λ, c and the gains at given eigenvalues and rates, where `predict` gives so much."""
         model = self.model.with_eigenvalue(eigenvalue)
         factors = model.load_factors(self.frfs.frequency_hz, rate, self.frfs.quantity)
-        return FrfJacobian(self, eigenvalue, rate, factors)
+        return FrfJacobian(self, eigenvalue, rate, factors, predicted)
 
     @cached_property
     def pairs(self) -> tuple[IntArray, IntArray]:
@@ -192,12 +194,14 @@ class FrfJacobian:
         misfit: whose FRFs they are.
         eigenvalue, rate: (m,) where.
         factors: (N, L) g and h (`ModalFrfModel.load_factors`), or None.
+        predicted: (N, L) the FRFs there.
     """
 
     misfit: FrfMisfit
     eigenvalue: FloatArray
     rate: FloatArray
     factors: tuple[ComplexArray, ComplexArray] | None
+    predicted: ComplexArray
 
     @cached_property
     def denominator(self) -> ComplexArray:
@@ -214,7 +218,7 @@ class FrfJacobian:
     @cached_property
     def by_delay(self) -> ComplexArray:
         """(N, L) derivative by the delay."""
-        turned: ComplexArray = -1j * self.misfit.frfs.omega * self.misfit.predict(self.eigenvalue, self.rate)
+        turned: ComplexArray = -1j * self.misfit.frfs.omega * self.predicted
         return turned
 
     def gradient(self, weighted: ComplexArray) -> FloatArray:

@@ -65,12 +65,10 @@ def predictive_p(fitted: Fitted, number: int, among: Sequence[int], scatter_scal
     others = problem.only(_rows_of(fitted, [other for other in among if other != number]))
     mixture, _ = others.mixture(scatter_scale)
     S, residual, noise = problem.sensitivity[at], problem.residual[at], problem.noise[at, at]
-    tails = []
-    for shift, covariance, spread in zip(mixture.shift, mixture.covariance, mixture.scale, strict=True):
-        missed = residual - S @ shift
-        spanned = noise + spread**2 * np.eye(residual.size) + S @ covariance @ S.T
-        tails.append(float(scipy.special.chdtrc(residual.size, missed @ np.linalg.solve(spanned, missed))))
-    return float(mixture.weight @ np.array(tails))
+    missed = residual - mixture.shift @ S.T
+    spanned = noise + mixture.scale[:, None, None] ** 2 * np.eye(residual.size) + S @ mixture.covariance @ S.T
+    distance = np.sum(missed * np.linalg.solve(spanned, missed[..., None])[..., 0], axis=1)
+    return float(mixture.weight @ scipy.special.chdtrc(residual.size, distance))
 
 
 def _agreement(fitted: Fitted, number: int, scatter_scale: float) -> Agreement:

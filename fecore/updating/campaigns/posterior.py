@@ -51,17 +51,29 @@ class LinearProblem:
 
     def solve(self, spread: float, scatter: float) -> tuple[FloatArray, FloatArray, float]:
         """(X,) step and (X, X) covariance at a discrepancy and a scatter, and the logarithm of the evidence."""
-        precision = self.sd(scatter) ** -2
+        step, covariance, evidence = self._solve_all(np.array([spread]), np.array([scatter]))
+        return step[0, 0], covariance[0, 0], float(evidence[0, 0])
+
+    def _solve_all(self, spreads: FloatArray, scatters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(t, s, X) steps, (t, s, X, X) covariances and (t, s) evidence at every pair of t scatters and s discrepancies."""
+        data = [self._of_data(float(spread)) for spread in spreads]
+        own, pull, misfit = (np.array(part) for part in zip(*data, strict=True))
+        precision = np.array([self.sd(float(scatter)) for scatter in scatters]) ** -2
+        hessian = own + precision[:, None, :, None] * np.eye(self.x.size)
+        descent = pull - (precision * self.x)[:, None]
+        covariance = np.linalg.inv(hessian)
+        step = (covariance @ descent[..., None])[..., 0]
+        gain = np.sum(descent * step, axis=-1) - misfit - ((precision * self.x) @ self.x)[:, None]
+        logs = np.sum(np.log(precision), axis=-1)[:, None] - np.linalg.slogdet(hessian)[1]
+        return step, covariance, (gain + logs) / 2
+
+    def _of_data(self, spread: float) -> tuple[FloatArray, FloatArray, float]:
+        """What no scatter changes: SᵀW_sS and SᵀW_sr with what is no frequency, and rᵀW_sr - log|W_s|."""
         variance = self.noise + spread**2 * np.eye(self.residual.size)
         weighted = np.linalg.solve(variance, np.column_stack([self.sensitivity, self.residual]))
         S, r = weighted[:, :-1], weighted[:, -1]
-        hessian = self.sensitivity.T @ S + self.other_hessian + np.diag(precision)
-        descent = self.sensitivity.T @ r + self.other_descent - precision * self.x
-        covariance = np.linalg.inv(hessian)
-        step = covariance @ descent
-        gain = descent @ step - self.residual @ r - self.x @ (precision * self.x)
-        logs = np.sum(np.log(precision)) - np.linalg.slogdet(hessian)[1] - np.linalg.slogdet(variance)[1]
-        return step, covariance, float(gain + logs) / 2
+        hessian, descent = self.sensitivity.T @ S + self.other_hessian, self.sensitivity.T @ r + self.other_descent
+        return hessian, descent, float(self.residual @ r + np.linalg.slogdet(variance)[1])
 
     def only(self, rows: BoolArray) -> LinearProblem:
         """The problem of some frequencies alone: (n,) `rows` says which."""
@@ -78,21 +90,16 @@ class LinearProblem:
     def mixture(self, scatter_scale: float) -> tuple[Mixture, FloatArray]:
         """The posterior about the estimate, and (m,) the scatter of each of its Gaussians; a scale of 0 has no scatter."""
         scatters = scatter_scale * _SCATTERS if scatter_scale else np.zeros(1)
-        rows = []
-        for scatter in scatters:
-            for spread in _DISCREPANCIES:
-                step, covariance, evidence = self.solve(spread, scatter)
-                prior = _log_prior(spread, DISCREPANCY)
-                if scatter_scale:
-                    prior += _log_prior(scatter, scatter_scale)
-                rows.append((evidence + prior, step, covariance, spread, scatter))
-        log_weight = np.array([row[0] for row in rows])
-        weight = np.exp(log_weight - scipy.special.logsumexp(log_weight))
-        steps, covariances = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
-        mixture = Mixture(weight, steps, covariances, np.array([row[3] for row in rows]))
-        return mixture, np.array([row[4] for row in rows])
+        step, covariance, evidence = self._solve_all(_DISCREPANCIES, scatters)
+        log_weight = evidence + _log_prior(_DISCREPANCIES, DISCREPANCY)
+        if scatter_scale:
+            log_weight += _log_prior(scatters, scatter_scale)[:, None]
+        weight, size = np.exp(log_weight - scipy.special.logsumexp(log_weight)).ravel(), self.x.size
+        spread = np.tile(_DISCREPANCIES, scatters.size)
+        mixture = Mixture(weight, step.reshape(-1, size), covariance.reshape(-1, size, size), spread)
+        return mixture, np.repeat(scatters, _DISCREPANCIES.size)
 
 
-def _log_prior(value: float, scale: float) -> float:
+def _log_prior(value: FloatArray, scale: float) -> FloatArray:
     """Of ln s for a scaled inverse χ² of two degrees of freedom, up to a constant."""
-    return float(-DISCREPANCY_DOF * (np.log(value) + scale**2 / (2 * value**2)))
+    return -DISCREPANCY_DOF * (np.log(value) + scale**2 / (2 * value**2))

@@ -121,10 +121,10 @@ def test_the_odd_one_out_is_named_with_a_number(campaigns: list[Campaign]) -> No
 
 
 def test_scatter_widens_and_coupons_narrow(campaigns: list[Campaign], together: CampaignsResult) -> None:
-    one_material = update_campaigns(campaigns[:3], CampaignsRecipe(scatter=0))
-    scattering = update_campaigns(campaigns[:3], CampaignsRecipe(scatter=0.05))
+    one_material = update_campaigns(campaigns[:2], CampaignsRecipe(scatter=0))
+    scattering = update_campaigns(campaigns[:2], CampaignsRecipe(scatter=0.05))
     weighed = update_campaigns(
-        campaigns[:3], CampaignsRecipe(scatter=0), [Coupon("Ex", TRUTH["Ex"], 0.005 * TRUTH["Ex"])]
+        campaigns[:2], CampaignsRecipe(scatter=0), [Coupon("Ex", TRUTH["Ex"], 0.005 * TRUTH["Ex"])]
     )
     firm, loose, known = ({p.name: p for p in r.parameters}["Ex"] for r in (one_material, scattering, weighed))
     assert one_material.scatter is None

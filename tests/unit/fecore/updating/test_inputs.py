@@ -23,8 +23,29 @@ from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
+from fecore.updating.result import UpdateResult
 from fecore.updating.window import looks_windowed
 from tests.support.cantilever import MEASURED_HZ, PARAMETERS
+
+# What is not about the mesh is updated on a coarse one.
+COARSE = replace(BEAM, divisions=(20, 2))
+
+
+@pytest.fixture(scope="module")
+def drawn() -> tuple[Measurement, dict[str, float]]:
+    return draw(0)
+
+
+@pytest.fixture(scope="module")
+def identified(drawn: tuple[Measurement, dict[str, float]]) -> Measurement:
+    """With its modes handed in."""
+    return replace(drawn[0], modes=prepare(drawn[0], COARSE, Recipe()).modes)
+
+
+@pytest.fixture(scope="module")
+def exact(identified: Measurement) -> UpdateResult:
+    """In a laboratory that knows all that it states, a window of none included."""
+    return update(replace(identified, inputs=Inputs.exact()), COARSE)
 
 
 def frequencies(specimen: Specimen | BeamSpecimen, count: int = 12) -> np.ndarray:
@@ -91,9 +112,10 @@ def test_constants_with_a_common_scale_are_not_identifiable(nominal: Specimen) -
         assert set(found[name].confounded_with) & {"Ex", "Gxy", "density"}
 
 
-def test_what_is_not_stated_widens_and_what_is_known_does_not() -> None:
-    measurement, true = draw(0)
-    default, exact = update(measurement, BEAM), update(replace(measurement, inputs=Inputs.exact()), BEAM)
+def test_what_is_not_stated_widens_and_what_is_known_does_not(
+    drawn: tuple[Measurement, dict[str, float]], identified: Measurement, exact: UpdateResult
+) -> None:
+    true, default = drawn[1], update(identified, COARSE)
     wide, narrow = ({p.name: p for p in result.parameters} for result in (default, exact))
     assert wide["Ex"].standard_deviation > 5 * narrow["Ex"].standard_deviation
     below, above = (abs(end - wide["Ex"].estimate) for end in wide["Ex"].interval_95)
@@ -108,18 +130,16 @@ def test_what_is_not_stated_widens_and_what_is_known_does_not() -> None:
         assert narrow[name].interval_95[0] < true[name] < narrow[name].interval_95[1]
 
 
-def test_a_stated_window_is_taken_off_the_damping() -> None:
-    measurement, _ = draw(0)
-    plain = replace(measurement, inputs=Inputs.exact())
+def test_a_stated_window_is_taken_off_the_damping(identified: Measurement, exact: UpdateResult) -> None:
     # 1/τ = 4 1/s on top of what the body has: a0 comes out 8 1/s lower, and nothing else moves.
-    seen = {p.name: p.estimate for p in update(plain, BEAM).parameters}
-    windowed = replace(plain, inputs=replace(Inputs.exact(), window_rate=4.0))
-    found = {p.name: p.estimate for p in update(windowed, BEAM).parameters}
+    seen = {p.name: p.estimate for p in exact.parameters}
+    windowed = replace(identified, inputs=replace(Inputs.exact(), window_rate=4.0))
+    found = {p.name: p.estimate for p in update(windowed, COARSE).parameters}
     assert found["a0"] == pytest.approx(seen["a0"] - 8, abs=0.25)
     assert found["a1"] == pytest.approx(seen["a1"], rel=0.01)
     assert found["Ex"] == pytest.approx(seen["Ex"], rel=1e-4)
     with pytest.raises(InputError, match="more than measured mode 1 decays by"):
-        update(replace(plain, inputs=replace(Inputs.exact(), window_rate=40.0)), BEAM)
+        update(replace(identified, inputs=replace(Inputs.exact(), window_rate=40.0)), COARSE)
 
 
 def test_frfs_that_look_windowed_are_used_with_care_until_somebody_says() -> None:
@@ -132,22 +152,22 @@ def test_frfs_that_look_windowed_are_used_with_care_until_somebody_says() -> Non
     assert looks_windowed(omega[:2], own[:2] + 6 / omega[:2], 0.5) is None
 
 
-def test_a_delay_between_channels_is_found_and_leaves_the_damping_alone() -> None:
-    delay = -80e-6
-    measurement, _ = draw(0)
-    frfs = measurement.frfs
+def test_a_delay_between_channels_is_found_and_leaves_the_damping_alone(
+    drawn: tuple[Measurement, dict[str, float]], identified: Measurement
+) -> None:
+    inputs = Inputs(window_rate=0.0)
+    delay, frfs = -80e-6, drawn[0].frfs
     assert frfs is not None
     late = replace(frfs, values=frfs.values * np.exp(-1j * frfs.omega * delay))
-    inputs = Inputs(window_rate=0.0)
-    clean = update(replace(measurement, inputs=inputs), BEAM)
-    result = update(replace(measurement, frfs=late, inputs=inputs), BEAM)
+    clean = update(replace(identified, inputs=inputs), COARSE)
+    result = update(replace(drawn[0], frfs=late, inputs=inputs), COARSE)
     assert result.channel_delay_s == pytest.approx(delay, abs=1e-6)
     for one, other in zip(result.parameters[-2:], clean.parameters[-2:], strict=True):
         assert one.estimate == pytest.approx(other.estimate, rel=0.005), one.name
 
 
 def test_modes_without_frfs_give_constants_and_a_law(nominal: Specimen) -> None:
-    ratio = np.array([0.1556, 0.0284, 0.0243, 0.0147, 0.0126])
+    ratio, nominal = np.array([0.1556, 0.0284, 0.0243, 0.0147, 0.0126]), replace(nominal, divisions=(20, 2))
     result = update(Measurement(None, {}, MeasuredModes(MEASURED_HZ, ratio)), nominal)
     assert [(o.stage, o.status) for o in result.outcomes] == [("elastic", "succeeded"), ("damping", "succeeded")]
     found = {p.name: p.estimate for p in result.parameters}

@@ -30,7 +30,12 @@ def test_the_papers_two_tests_of_one_bar_agree() -> None:
         (free_beam(TABLE_4_COUPONS), FREE_MEASURED_HZ, FREE_DAMPING),
     ]
     clamped, free = (
-        {p.name: p for p in update(Measurement(None, {}, MeasuredModes(hz, ratio)), body).parameters}
+        {
+            p.name: p
+            for p in update(
+                Measurement(None, {}, MeasuredModes(hz, ratio)), replace(body, divisions=(20, 2))
+            ).parameters
+        }
         for body, hz, ratio in tests
     )
     assert clamped["Ex"].estimate < 0.98 * free["Ex"].estimate
@@ -42,9 +47,15 @@ def test_the_papers_two_tests_of_one_bar_agree() -> None:
 def test_a_plate_of_another_poissons_ratio_lies_within_its_intervals() -> None:
     """ν_xy is stated as 0.25 and is 0.33: Ey of a wide plate came out 4.7 % high and three standard deviations off."""
     stated = replace(
-        STATED, length=0.3, width=0.25, thickness=0.004, boundary="free", material=replace(NOMINAL, nu_xy=0.25)
+        STATED,
+        length=0.3,
+        width=0.25,
+        thickness=0.004,
+        boundary="free",
+        material=replace(NOMINAL, nu_xy=0.25),
+        divisions=(12, 10),
     )
-    body = replace(stated, material=replace(NOMINAL, nu_xy=0.33), divisions=(24, 20))
+    body = replace(stated, material=replace(NOMINAL, nu_xy=0.33))
     points = {i + 1: (0.3 * x, 0.25 * (y - 0.5), 0.0) for i, (x, y) in enumerate(np.argwhere(np.ones((5, 5))) / 4)}
     places = np.array(list(points.values()))[:, :2]
     truth = ForwardModel(body, parametrise(body, [Parameter("Ex")]), tuple(points), places, 12)
@@ -64,7 +75,7 @@ def test_damping_does_not_suffer_from_a_clamp_that_gives_way_and_an_unstated_sen
     """
     truth = Truth(clamp=0.01, sensor=1.5e-3, length=0.5e-3)
     material = replace(NOMINAL, Ex=0.8 * NOMINAL.Ex, Gxy=1.2 * NOMINAL.Gxy)
-    result = update(measured(truth, material, np.random.default_rng(3)), STATED)
+    result = update(measured(truth, material, np.random.default_rng(3)), replace(STATED, divisions=(20, 2)))
     a1 = next(p for p in result.parameters if p.name == "a1")
     assert abs(a1.estimate / LAW[1] - 1) < 0.005
     low, high = a1.interval_95

