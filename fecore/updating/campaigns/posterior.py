@@ -102,4 +102,5 @@ class LinearProblem:
 
 def _log_prior(value: FloatArray, scale: float) -> FloatArray:
     """Of ln s for a scaled inverse χ² of two degrees of freedom, up to a constant."""
-    return -DISCREPANCY_DOF * (np.log(value) + scale**2 / (2 * value**2))
+    log: FloatArray = -DISCREPANCY_DOF * (np.log(value) + scale**2 / (2 * value**2))
+    return log
