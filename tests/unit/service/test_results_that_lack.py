@@ -1,0 +1,386 @@
+"""Results, campaigns and time blocks that lack something: what is left out, and what is said where nothing remains."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+from uuid import UUID
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from fecore.errors import InputError, UpdatingError
+from fecore.frf import Dof
+from fecore.updating.recipe import Recipe
+from fecore.updating.result import PosteriorSummary
+from modalbase.formats.records import TimeBlock
+from service.errors import Conflict, Invalid, NotFound
+from service.frfs.measured_campaign import MeasuredFrfs
+from service.monitoring.computation import _same_mode
+from service.monitoring.runs import _held_otherwise
+from service.monitoring.schemas import WatchedIn
+from service.notifications.messages import as_mail
+from service.pages.grid import draw_grid
+from service.records import processings
+from service.records.intake import RecordIntake
+from service.results import cards, predictions
+from service.results.figure_data import UpdateFigures
+from service.results.figure_frf import Wanted, _row_at
+from service.results.figures import FIGURES, _shapes, draw_figure
+from service.updating.arrays import as_npz
+from service.updating.batches import _placed
+from service.updating.computation import _measured, _within_force
+from service.updating.document import _agreement, _posterior
+from service.updating.loading import _with_sensor_of, carried_masses
+
+HERE = UUID(int=1)
+
+
+def a_result(arrays: dict[str, Any] | None = None, **document: Any) -> UpdateFigures:
+    """What a job's figures are drawn from, as if it had been read."""
+    data = UpdateFigures(None, None)  # type: ignore[arg-type]  # nothing is read
+    vars(data).update(document=document, light=document, arrays=arrays or {})
+    return data
+
+
+NO_LINES = {"frequency_hz": np.zeros(0)}
+OLDER = "this result was computed by an earlier version, which kept no data for this figure; run the update again"
+MODES = [{"number": 1, "measured_hz": 10.0}, {"number": 2, "measured_hz": 20.0}]
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "why"),
+    [
+        ("frf", a_result(NO_LINES, outcomes=[]), "this update predicts no FRF, as its damping was not fitted to any"),
+        (
+            "frf",
+            a_result(NO_LINES, outcomes=[{"stage": "damping", "message": "no modes"}]),
+            "this update predicts no FRF, as its damping was not fitted to any: no modes",
+        ),
+        ("csac", a_result({"frequency_hz": np.ones(3)}), OLDER),
+        ("mac", a_result(correlation={"mac_matrix": None}), "the measured modes have no shapes, so there is no MAC"),
+        ("automac", a_result(correlation={"mac_matrix": [[1.0]]}), OLDER),
+        ("shapes", a_result(provenance={"frfs": [{}]}), OLDER),
+        (
+            "shapes",
+            a_result(provenance={"frfs": []}),
+            "there are no FRFs and the modes have no shapes, so there is nothing to draw",
+        ),
+        ("posterior", a_result(posterior={"method": "gaussian"}), OLDER),
+        (
+            "budget",
+            a_result(parameters=[{"budget": []}]),
+            "no parameter of this result has a budget of its variance",
+        ),
+        (
+            "damping",
+            a_result(damping_models=[], outcomes=[]),
+            "no damping law was fitted: no measured mode has a damping ratio",
+        ),
+        ("damping", a_result(damping_models=[{"name": "rayleigh"}]), OLDER),
+        (
+            "stabilisation",
+            a_result(identification=None),
+            "this update was given its modes and identified none, so there is no stabilisation diagram",
+        ),
+    ],
+)
+def test_a_figure_says_why_there_is_nothing_to_draw(name: str, data: UpdateFigures, why: str) -> None:
+    with pytest.raises(Conflict) as refused:
+        draw_figure(data, name, Wanted())
+    assert str(refused.value) == why
+
+
+def test_lines_modes_and_points_that_a_result_has_not() -> None:
+    two = np.array([[0.9, 0.8], [1.0, 0.9]])
+    arrays = {"band_lines_hz": np.array([10.0, 20.0]), "csac": two, "frequency_hz": np.ones(2)}
+    data = a_result(arrays, modes=MODES)
+    with pytest.raises(NotFound, match="line of the fitted band, 10 to 20 Hz, between 12 and 13 Hz"):
+        draw_figure(data, "csac", Wanted(fmin=12, fmax=13))
+    assert draw_figure(data, "csac", Wanted(fmin=12))["data"][0]["x"] == [20.0]
+    shapes = {"shapes_updated": np.ones((3, 1)), "shape_pairs": np.array([[0, 0]])}
+    alone = _shapes(a_result(shapes, modes=MODES), Wanted(measured=2))
+    assert "this mode has no partner" in alone["layout"]["annotations"][0]["text"]
+    pairs = a_result(
+        {"responses": np.array([[1, 3], [2, 3], [2, 3]]), "references": np.array([[3, 3], [1, 3], [2, 3]])}
+    )
+    assert [_row_at(pairs, Wanted(point=point, reference=other)) for point, other in ((2, 2), (2, 1), (3, 1))] == [
+        2,
+        1,
+        0,
+    ]
+    with pytest.raises(NotFound, match="FRF at point 1 and 1 in this result; there are points 1, 2, 3"):
+        _row_at(pairs, Wanted(point=1, reference=1))
+
+
+def test_points_are_shown_without_held_out_ones() -> None:
+    arrays = {
+        "frequency_hz": np.ones(1), "fitted": np.array([0]), "held": np.array([1]), "shape_points": np.array([1, 2]),
+        "shape_places_m": np.array([[0.1, 0.0], [0.2, 0.0]]), "responses": np.array([[1, 3], [2, 3]]),
+        "references": np.array([[1, 3], [1, 3]]),
+    }  # fmt: skip
+    found = {"sac": [0.9], "frac": [0.8]}
+    for held, shown in ((None, [[1], [1]]), (found, [[1], [2], [1], [2]])):
+        data = a_result(arrays, correlation=found | {"held_out": {"frfs": held}})
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(UpdateFigures, "plan", (1.0, 0.1))
+            figure = FIGURES["sac"].draw(data, Wanted())
+        assert [trace["customdata"] for trace in figure["data"]] == shown
+
+
+@dataclass
+class Row:
+    """As much of a stored FRF as says what it is of."""
+
+    response_point: int
+    response_direction: int = 3
+    reference_point: int = 9
+    reference_direction: int = 3
+
+
+def test_predictions_are_assigned_where_the_frame_is_still_theirs(monkeypatch: pytest.MonkeyPatch) -> None:
+    job: Any = SimpleNamespace(campaign_id=HERE)
+    rows: list[Any] = [Row(1), Row(2), Row(3)]
+    monkeypatch.setattr(predictions, "campaign_of", lambda *_: None)
+    monkeypatch.setattr(predictions, "frame_of", lambda _: SimpleNamespace(dof=lambda dof: dof))
+    some = [(Dof(1, 3), Dof(9, 3)), (Dof(3, 3), Dof(9, 3))]
+    assert predictions.used_frfs(job, job, rows, some) == [rows[0], rows[2]]
+    assert predictions.used_frfs(job, job, rows[:2], some) == rows[:2]
+    with pytest.raises(Conflict, match="the campaign's frame is not the one of this result; restore it"):
+        predictions.used_frfs(job, job, rows, [(Dof(1, -3), Dof(9, 3))])
+
+
+def test_a_deck_that_cannot_be_written() -> None:
+    job: Any = None
+    with pytest.raises(Invalid, match="there is no nastran deck of solids; there is one of shells"):
+        cards.written_deck(job, job, "nastran", "solid")
+    spring = {"name": "k_clamp", "x_m": 0.0, "dof": "w"}
+    for recipe, why in (
+        ({"zones_m": [0.1]}, "the recipe has zones of other stiffness, which no deck is written with"),
+        ({"springs": [spring]}, r"the recipe has elastic supports \(k_clamp\), which no deck is written with"),
+    ):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(cards, "result_document", lambda *_: {})
+            patch.setattr(cards.RecipeIn, "model_validate", lambda given: SimpleNamespace(
+                springs=[SimpleNamespace(**one) for one in given.get("springs", ())], zones_m=given.get("zones_m")
+            ))  # fmt: skip
+            with pytest.raises(Conflict, match=why):
+                cards.updated_deck(job, SimpleNamespace(recipe=recipe))  # type: ignore[arg-type]
+    other, pair = {"name": "caughey", "coefficients": {}}, {"name": "rayleigh", "coefficients": {"a0": 1, "a1": 2}}
+    for laws, expected in (([], None), ([other], None), ([other, pair], (1.0, 2.0))):
+        assert cards._rayleigh({"damping_models": laws}) == expected
+
+
+@pytest.mark.parametrize(
+    ("instruments", "points", "masses", "remark"),
+    [
+        ({}, [1], [], None),
+        ({"sensor_mass_kg": 0.002, "sensor_point": 2}, [1, 3], [0.2], None),
+        ({"sensor_mass_kg": 0.002}, [1, 1], [0.1], None),
+        ({"sensor_mass_kg": 0.002}, [1, 2], [], "the sensor moved with the response: the deck has no mass of it"),
+    ],
+)
+def test_a_deck_has_the_sensor_where_it_stayed(
+    monkeypatch: pytest.MonkeyPatch, instruments: dict[str, Any], points: list[int], masses: list[float], remark: Any
+) -> None:
+    job: Any = SimpleNamespace(campaign_id=HERE)
+    monkeypatch.setattr(cards, "campaign_of", lambda *_: SimpleNamespace(instruments=instruments))
+    monkeypatch.setattr(cards, "frfs_of", lambda *_: [Row(point) for point in points])
+    monkeypatch.setattr(cards, "specimen_points", lambda *_: {n: (n / 10, 0.0, 0.0) for n in (1, 2, 3)})
+    found, said = cards._sensor(job, job, {"provenance": {"frfs": []}})
+    assert ([mass.x for mass in found], said) == (masses, remark)
+
+
+def test_arrays_and_document_of_a_result_without_prediction_shapes_and_samples() -> None:
+    posterior = SimpleNamespace(samples=None)
+    correlation = SimpleNamespace(initial=None, updated=None)
+    bare: Any = SimpleNamespace(
+        prediction=None, shapes=None, posterior=posterior, correlation=correlation, band_hz=None
+    )
+    with np.load(io.BytesIO(as_npz(bare))) as found:
+        assert {name: values.size for name, values in found.items()} == dict.fromkeys(
+            ("frequency_hz", "responses", "references", "initial", "updated"), 0
+        )
+    posterior.samples = np.arange(5000.0)[:, None]
+    with np.load(io.BytesIO(as_npz(bare))) as found:
+        assert found["samples"].ravel()[:3].tolist() == [0.0, 3.0, 6.0]  # 2000 at most
+    assert _agreement(None) == {"sac": [], "frac": [], "csac_mean": None, "csf_mean": None}
+    gaussian = PosteriorSummary("gaussian", (), (), (), (), samples=None, correlation=None)
+    assert _posterior(gaussian) == {"method": "gaussian"}
+    one = np.ones((1, 1))
+    assert _posterior(replace(gaussian, names=("Ex",), correlation=one, samples=one))["samples"] == 1
+
+
+def test_faults_of_a_batch_are_placed_in_its_job() -> None:
+    errors: list[tuple[Any, str, str]] = [
+        (NotFound("campaign", "x"), "/jobs/2/campaign_id", "no campaign x"),
+        (Invalid("/hold_out", "is too much"), "/jobs/2/recipe/hold_out", "is too much"),
+        (InputError("identification.band_hz", "is empty"), "/jobs/2/recipe/identification/band_hz", "is empty"),
+        (UpdatingError("no modes", {}, ()), "/jobs/2", "no modes"),
+    ]
+    for error, pointer, detail in errors:
+        (fault,) = _placed(error, 2)
+        assert (fault.pointer, fault.detail) == (pointer, detail)
+
+
+def a_campaign(**known: Any) -> Any:
+    @dataclass(frozen=True)
+    class Campaign:
+        sensor_mass_kg: float = 0.002
+        sensor_point: int | None = None
+        added_masses: tuple[Any, ...] = ()
+        points: Any = None
+        frf_sets: tuple[Any, ...] = ()
+
+    return Campaign(**known)
+
+
+def test_the_sensor_of_time_blocks_is_where_all_of_them_were_recorded() -> None:
+    def records(*points: int) -> Any:
+        rows = [SimpleNamespace(point=point, quantity="acceleration") for point in points]
+        return SimpleNamespace(points=[SimpleNamespace(rows=[*rows, SimpleNamespace(point=8, quantity="force")])])
+
+    free, stated = a_campaign(), a_campaign(sensor_point=5)
+    assert _with_sensor_of(free, records(3, 3)).sensor_point == 3
+    assert _with_sensor_of(free, records(3, 4)) is free
+    assert _with_sensor_of(stated, records(3)) is stated
+    with pytest.raises(InputError, match="5 is not a grid point of the campaign"):
+        carried_masses(a_campaign(sensor_point=5, points={3: (0, 0, 0)}))
+
+
+def test_what_a_recipe_or_campaign_states_is_kept_where_hits_would_say_otherwise() -> None:
+    frfs: Any = SimpleNamespace(frequency_hz=np.array([2.0, 4.0]))
+    processed: Any = SimpleNamespace(frfs=frfs, strong_hz=800.0, rate_per_s=3.0)
+    recipe, notes = _within_force(Recipe(), processed)
+    assert (recipe.identification.band_hz, len(notes)) == ((2.0, 800.0), 1)
+    stated = replace(Recipe(), identification=replace(Recipe().identification, band_hz=(10.0, 90.0)))
+    assert _within_force(stated, processed) == (stated, ())
+
+    @dataclass(frozen=True)
+    class Part:
+        responses: tuple[Dof, ...] = ()
+        references: tuple[Dof, ...] = ()
+        window_rate: float | None = None
+
+    for rate, kept in ((None, 3.0), (5.0, 5.0)):
+        hits: Any = SimpleNamespace(inputs=Part(window_rate=rate), frame=None, points={}, roving_mass=0.0)
+        made = SimpleNamespace(frfs=Part(), rate_per_s=3.0)
+        assert _measured(hits, made).inputs.window_rate == kept  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ([("acceleration", 0, 0)], {0: "is a time block without a point and direction"}),
+        ([("acceleration", 2, 0)], {0: "names no force and comes before any force block"}),
+        ([("force", 1, 0)], {0: "is the force of hit 1 at point 1, of which the file has no response"}),
+        ([("acceleration", 2, 1)], {0: "is a response to hit 1 at point 1, of which the file has no force block"}),
+        (
+            [("force", 1, 0), ("acceleration", 2, 0, 5)],
+            {1: "has 5 samples at 100 Hz, the force of its hit 4 at 100 Hz", 0: "is the force of hit 1 at point 1"},
+        ),
+        ([("force", 1, 0), ("acceleration", 2, 0)], {}),
+    ],
+)
+def test_time_blocks_of_a_file_that_make_no_whole_hit(given: list[tuple[Any, ...]], why: dict[int, str]) -> None:
+    with RecordIntake() as intake:
+        refused: dict[int, str] = {}
+        for number, (quantity, point, force, *samples) in enumerate(given):
+            block = TimeBlock(
+                quantity=quantity, samples=np.zeros(*(samples or (4,))), sample_rate_hz=100.0, point=point,
+                direction=3 if point else 0, force_point=force, force_direction=3 if force else 0, hit=0,
+            )  # fmt: skip
+            if (reason := intake.take(number, block)) is not None:
+                refused[number] = reason
+        refused |= intake.finish()
+    assert refused.keys() == why.keys()
+    assert all(words in refused[number] for number, words in why.items())
+
+
+def test_a_strip_is_one_of_known_mass_and_stiffness(monkeypatch: pytest.MonkeyPatch) -> None:
+    session: Any = None
+    monkeypatch.setattr(processings, "campaign_of", lambda *_: SimpleNamespace(structure_id=HERE))
+    size = SimpleNamespace(length_m=1.0, width_m=0.1, thickness_m=0.01)
+    whole = {"geometry": size, "density_kg_m3": 2000.0, "laminate": None, "material": SimpleNamespace(Ex_Pa=1e10)}
+
+    def strip(**lacks: Any) -> Any:
+        monkeypatch.setattr(processings, "present_structure", lambda *_: (None, SimpleNamespace(**whole | lacks)))
+        return processings._strip(session, HERE)
+
+    found = strip()
+    assert (found.mass_per_length, found.bending_stiffness) == pytest.approx((2.0, 1e10 * 0.1 * 1e-6 / 12))
+    wide = SimpleNamespace(length_m=1.0, width_m=0.5, thickness_m=0.01)
+    assert [
+        strip(**lacks)
+        for lacks in ({"geometry": None}, {"density_kg_m3": None}, {"geometry": wide}, {"material": None})
+    ] == [None] * 4
+    monkeypatch.setattr(processings, "load_records", lambda *_: None)
+    row = SimpleNamespace(campaign_id=HERE, options={})
+    with pytest.raises(InputError, match="has no time blocks; POST records first"):
+        processings._load(SimpleNamespace(get_one=lambda *_: row), HERE, None)  # type: ignore[arg-type]
+
+
+def test_windows_are_remarked_upon_where_there_are_any() -> None:
+    def frfs(*rates: float | None) -> MeasuredFrfs:
+        return MeasuredFrfs(None, (), (), frozenset(rates))  # type: ignore[arg-type]  # its values are not asked for
+
+    assert (frfs(None).window_remark, frfs(None).window_rate) == ([], None)
+    assert "an exponential window of 2, 3 per second" in frfs(3.0, 2.0, None).window_remark[0]
+    assert (frfs(3.0).window_rate, frfs(3.0, 2.0).window_rate) == (3.0, None)
+
+
+@pytest.mark.parametrize(
+    ("name", "direction"),
+    [("Ex", "fall"), ("frequency_2", "fall"), ("density", "both"), ("damping_ratio_1", "rise"), ("a0", "rise")],
+)
+def test_a_parameter_is_watched_where_it_is_worse(name: str, direction: str) -> None:
+    assert WatchedIn(name=name).watched_direction == direction
+    assert WatchedIn(name=name, direction="both").watched_direction == "both"
+    with pytest.raises(ValidationError):
+        WatchedIn(name=name, direction="up")  # type: ignore[arg-type]
+
+
+def test_a_campaign_that_was_held_otherwise_is_not_compared() -> None:
+    monitor: Any = SimpleNamespace(boundary=None)
+    seen = [SimpleNamespace(campaign=SimpleNamespace(boundary=boundary)) for boundary in ("free", "free", "cantilever")]
+    said = [_held_otherwise(one, monitor) for one in seen]  # type: ignore[arg-type]
+    assert said[:2] == [None, None]
+    assert said[2] == "the specimen was held 'cantilever'; this monitor compares campaigns held 'free'"
+
+
+def test_a_mode_is_followed_by_its_frequency() -> None:
+    first, later, bare = (
+        SimpleNamespace(performed_at=at, values={"modes": [[hz, None, None, None] for hz in modes]})
+        for at, modes in ((1, (10.0, 20.0)), (2, (10.5, 30.0)), (3, ()))
+    )
+    every: Any = [later, first, bare]
+
+    def followed(number: int, one: Any) -> float | None:
+        found = _same_mode(number, one, every)
+        return None if found is None else found[0]
+
+    assert [followed(1, one) for one in (first, later, bare)] == [10.0, 10.5, None]
+    assert [followed(number, later) for number in (2, 3)] == [None, None]
+
+
+def test_mail_of_what_is_no_alarm_names_structure_monitor_and_state() -> None:
+    body = (
+        '{"timestamp": "2026-03-02T12:00:00+00:00", "data": {"structure": {"name": "s", "id": "1"},'
+        ' "monitor": {"name": "m", "id": "2", "state": "normal"}}}'
+    )
+    delivery: Any = SimpleNamespace(body=body, recipient="a@b.de", event="ping", message_id="msg_1")
+    mail = as_mail(delivery, "lab@b.de")
+    assert mail.get_content().splitlines() == ["structure   s (1)", "monitor     m (2)", "state       normal"]
+
+
+def test_points_without_a_geometry_are_seen_from_where_they_spread() -> None:
+    flat, upright = ({1: (0.0, 0.0, 0.0), 2: (1.0, y, z)} for y, z in ((0.5, 0.0), (0.0, 0.5)))
+    for points in (flat, upright):
+        drawn = draw_grid(points, None, {2: 3})
+        assert drawn is not None
+        assert drawn.outline is None
+        assert [(mark.label, mark.frfs) for mark in drawn.marks] == [(1, 0), (2, 3)]
+        assert drawn.marks[0].y > drawn.marks[1].y
