@@ -81,7 +81,7 @@ def mode_shape_derivatives(
 
 def _bordered_solve(matrix: Matrix, border: FloatArray, right: FloatArray) -> FloatArray:
     size = border.shape[1]
-    scale = np.abs(matrix.data if scipy.sparse.issparse(matrix) else matrix).max() / np.abs(border).max()
+    scale = abs(matrix).max() / np.abs(border).max()
     border = border * scale  # of the matrix's own size, for the sake of the pivots
     right = np.vstack([right[:-size], right[-size:] * scale])
     if scipy.sparse.issparse(matrix):

@@ -8,7 +8,6 @@ from typing import Any
 from service.web.terms import OPEN, TAGS, TERMS
 
 Node = dict[str, Any]
-METHODS = ("get", "post", "put", "patch", "delete", "head")
 
 ERRORS = {
     "401": "No key, or one that is not valid: **Authorize**, or send `Authorization: Bearer KEY`",
@@ -64,9 +63,8 @@ def undescribed(document: Node) -> list[str]:
 
 def _operations(document: Node) -> Iterator[tuple[str, Node]]:
     for path, methods in document["paths"].items():
-        for method, operation in methods.items():
-            if method in METHODS:
-                yield path, operation
+        for operation in methods.values():
+            yield path, operation
 
 
 def _bodies(operation: Node) -> Iterator[Node]:

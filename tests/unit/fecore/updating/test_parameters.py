@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fecore.body.laminate import OrthotropicMaterial, Ply
+from fecore.body.layered import LayeredSpecimen
 from fecore.body.specimen import CONSTANTS, Specimen
 from fecore.body.supports import Spring
 from fecore.errors import InputError
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import DEFAULT_PARAMETERS, PLY_PARAMETERS, Parameter, default_parameters, parametrise
 
 EVERYTHING = tuple(Parameter(name) for name in CONSTANTS)
 
@@ -42,6 +44,17 @@ def test_a_tied_constant_keeps_the_ratio_of_nominal_values(nominal: Specimen) ->
     constants = dict(zip(CONSTANTS, parametrise(nominal, recipe).constants(np.array([5e9])), strict=True))
     assert constants["Gyz"] == pytest.approx(7.5e9, rel=1e-15)
     assert constants["Ex"] == nominal.material.Ex
+    signed = parametrise(nominal, (Parameter("Ex"), Parameter("nu_xy", prior_mean=0.0, prior_sd=0.1)))
+    assert signed.spread[CONSTANTS.index("nu_xy")].tolist() == [0.0, 1.0]  # a free one follows itself, also from 0
+
+
+def test_without_a_recipe_a_layer_s_constants_a_laminate_s_plies_and_every_zone_are_updated(nominal: Specimen) -> None:
+    ply = Ply(OrthotropicMaterial(30e9, 10e9, 5e9, 4e9, 4e9, 0.2, 1600.0), 0.001)
+    plies = LayeredSpecimen(0.3, 0.1, 0.002, (ply, ply), 1600.0)
+    assert default_parameters(nominal) == DEFAULT_PARAMETERS
+    assert default_parameters(plies) == PLY_PARAMETERS
+    names = [one.name for one in default_parameters(replace(nominal, zones=(0.1, 0.2)))]
+    assert names == [*(one.name for one in DEFAULT_PARAMETERS), "zone_1", "zone_2", "zone_3"]
 
 
 def test_a_fixed_constant_is_its_prior_mean(nominal: Specimen) -> None:
@@ -58,6 +71,9 @@ def test_priors_signs_and_inputs_have_their_places(nominal: Specimen) -> None:
     np.testing.assert_allclose(parametrisation.prior_sd, [0.3 * nominal.material.Ex, 0.02], rtol=1e-15)
     assert parametrisation.signed.tolist() == [False, True]
     assert parametrisation.constants(parametrisation.prior_mean).shape == (len(CONSTANTS),)
+    assert parametrisation.reported == parametrisation.names
+    assert parametrisation.units[:6] == ("Pa",) * 5 + ("1",)
+    assert len(parametrisation.units) == len(parametrisation.constant_names)
     # An input that is exactly known or that is a parameter anyway is not let go.
     wider = parametrisation.with_inputs({"density": 10.0, "thickness": 0.0, "Ex": 1e9})
     assert wider.names == ("Ex", "nu_xy", "density")
