@@ -23,7 +23,7 @@ import psutil
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from benchmarks.jobs_floor_work import compute, empty
+from benchmarks.jobs_floor_work import compute, empty, wait
 from service.access.tables import AuditEvent, Project
 from service.db.embedded import embedded_server
 from service.db.engine import make_engine, make_sessions
@@ -61,6 +61,7 @@ def store(session: Session, job_id: UUID, items: Iterator[dict[str, Any]]) -> No
 # Where every second or so the worker of some job is killed on purpose, a job may well meet that a dozen times.
 UPDATE = JobKind("update", load=load, compute=compute, store=store, max_attempts=100)
 SECOND = JobKind("second", load=load_second, compute=compute, store=store, max_attempts=5)
+WAITING = JobKind("waiting", load=load_second, compute=wait, store=store, max_attempts=5)
 EMPTY = JobKind("empty", load=lambda *_: None, compute=empty, store=lambda *_: None)
 
 
@@ -70,7 +71,7 @@ def work() -> None:
     from service.logs import configure_logs
 
     configure_logs(Settings())
-    run_worker(Settings(), (UPDATE, SECOND, EMPTY))
+    run_worker(Settings(), (UPDATE, SECOND, WAITING, EMPTY))
 
 
 class Floor:

@@ -23,6 +23,14 @@ def compute(inputs: dict[str, Any], report: Report) -> Iterator[dict[str, Any]]:
     yield {"job": inputs["job"], "child": os.getpid()}
 
 
+def wait(inputs: dict[str, Any], report: Report) -> Iterator[dict[str, Any]]:
+    """Take so many seconds, in ten steps, and leave the processor to others."""
+    for step in range(STEPS):
+        report(f"step {step + 1} of {STEPS}", step / STEPS)
+        time.sleep(inputs["seconds"] / STEPS)
+    yield {"job": inputs["job"], "child": os.getpid()}
+
+
 def empty(_: None, report: Report) -> Iterator[None]:
     """Nothing at all."""
     report("nothing", 1.0)

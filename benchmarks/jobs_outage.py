@@ -20,7 +20,7 @@ from pathlib import Path
 
 from sqlalchemy import URL, make_url
 
-from benchmarks.jobs_floor import SECOND, Floor, floor
+from benchmarks.jobs_floor import WAITING, Floor, floor
 
 LEASE_SECONDS = 3.0
 
@@ -107,7 +107,7 @@ def outage(seconds: float, *, others: bool, jobs: int = 6, database_url: str | N
     with floor(database_url) as here, closing(Proxy(_socket(make_url(here.url)))) as proxy:
         database = make_url(here.url)
         through = database.set(host="127.0.0.1", port=proxy.port, query={}).render_as_string(hide_password=False)
-        here.put(SECOND, jobs)
+        here.put(WAITING, jobs)
         worker = here.worker(through, job_lease_seconds=LEASE_SECONDS)
         here.wait(1)
         here.until(lambda: _computing(here, worker), "the second job's computation")
@@ -122,7 +122,7 @@ def outage(seconds: float, *, others: bool, jobs: int = 6, database_url: str | N
         if others:
             other.terminate()
             other.wait()
-            here.put(SECOND, 2)  # for the worker that comes back, and nobody else
+            here.put(WAITING, 2)  # for the worker that comes back, and nobody else
             jobs += 2
         here.wait(jobs)
         rows, results = here.jobs(), Counter(here.results())

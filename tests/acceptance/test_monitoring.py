@@ -1,4 +1,4 @@
-"""A year on a beam that works loose: twelve campaigns over HTTP, one alarm, announced once, whoever dies in between."""
+"""A beam that works loose: nine campaigns over HTTP, one alarm, announced once, though a worker dies over it."""
 
 from __future__ import annotations
 
@@ -26,11 +26,12 @@ MONITOR = {
     "name": "stringer",
     "recipe": {"damping_models": ["rayleigh"], "parameters": [{"name": "Ex"}, {"name": "Gxy"}]},
     "parameters": [{"name": "Ex"}, {"name": "a1"}],
-    "baseline": {"campaigns": 8},
+    "baseline": {"campaigns": 5},
     "covariates": ["temperature_c"],
 }
-TEMPERATURE = (15.0, 22.0, None, 9.0, 18.0, 25.0, 12.0, 16.0, 20.0, None, 17.0, 14.0)
-LOOSE = 10  # first campaign with 4 % less stiffness; damping stays
+TEMPERATURE = (15.0, 22.0, None, 9.0, 18.0, 25.0, None, 17.0, 14.0)
+UNKNOWN = (2, 6)  # campaigns whose temperature nobody measured, in the baseline and after it
+LOOSE = 7  # first campaign with 4 % less stiffness; damping stays
 
 
 @pytest.fixture
@@ -43,7 +44,7 @@ def service(new_database: Callable[[], str]) -> Iterator[LocalService]:
         webhook_networks="127.0.0.0/8",
         webhook_ports="1-65535",
         delivery_pause_seconds=0.1,
-        job_lease_seconds=3.0,
+        job_lease_seconds=2.0,
     )
     with LocalService(settings) as running:
         yield running
@@ -53,7 +54,7 @@ def campaign(api: httpx.Client, structure: str, number: int) -> str:
     temperature = TEMPERATURE[number]
     climate = 1 - 0.001 * ((15.0 if temperature is None else temperature) - 15.0)
     state = State(stiffness=0.96 if number >= LOOSE else 1.0, climate=climate)
-    when = datetime.now(UTC) - timedelta(days=30 * (12 - number))
+    when = datetime.now(UTC) - timedelta(days=30 * (len(TEMPERATURE) - number))
     body = {"name": f"campaign {number}", "performed_at": when.isoformat(), "temperature_c": temperature}
     return post_campaign(api, structure, body, measured_frfs(state, number))
 
@@ -81,17 +82,15 @@ def kill_while_it_runs(service: LocalService, worker: subprocess.Popen[bytes], k
         worker.wait()
 
 
-def test_one_alarm_told_once_though_two_workers_die(service: LocalService) -> None:
+def test_one_alarm_told_once_though_a_worker_dies_over_it(service: LocalService) -> None:
     with receiver() as hook, client_of(service, "laboratory") as api:
         project = ok(api.post("projects", json={"name": "bridge"}))["id"]
         structure = ok(api.post(f"projects/{project}/structures", json=structure_body()))["id"]
         monitor = ok(api.post(f"structures/{structure}/monitors", json={**MONITOR, "runs_on": "hand"}))["id"]
         secret = ok(api.post("webhooks", json={"project": project, "url": hook.url}))["secret"]
-        made = [campaign(api, structure, number) for number in range(12)]
+        made = [campaign(api, structure, number) for number in range(len(TEMPERATURE))]
         ok(api.post(f"monitors/{monitor}/runs", json={}))
-        kill_while_it_runs(service, service.processes["worker"], "update", "update_results")
-        with another_worker(service) as second:
-            kill_while_it_runs(service, second, "judge", "monitor_series")
+        kill_while_it_runs(service, service.processes["worker"], "judge", "monitor_series")
         with another_worker(service):
             until(lambda: ok(api.get(f"monitors/{monitor}"))["state"] == "alarm", "the alarm")
             until(lambda: hook.got, "the message")
@@ -100,7 +99,7 @@ def test_one_alarm_told_once_though_two_workers_die(service: LocalService) -> No
             until(lambda: ok(api.get(f"monitors/{monitor}"))["state"] == "acknowledged", "the acknowledgement")
             hook.wait_for(2)
             jobs = ok(api.get("update-jobs"))["items"]
-    assert len(jobs) == 12
+    assert len(jobs) == len(TEMPERATURE)
     assert {job["status"] for job in jobs} == {"succeeded"}
     assert [event["type"] for event in hook.events()] == ["alarm.raised", "alarm.acknowledged"]
     assert all(signature_holds(secret, *got) for got in hook.got)
@@ -114,17 +113,17 @@ def check_series(api: httpx.Client, monitor: str, made: list[str]) -> None:
     assert [c["campaign_id"] for c in series["campaigns"]] == made
     ex, a1 = series["parameters"]
     assert (ex["state"], a1["state"]) == ("alarm", "normal")
-    assert ex["baseline"]["campaign_ids"] == [c for i, c in enumerate(made[:9]) if i != 2]
-    assert f"left out of the baseline, a covariate is missing: {made[2]}" in ex["notes"]
-    assert any("a covariate was not measured" in note and made[9] in note for note in ex["notes"])
+    assert ex["baseline"]["campaign_ids"] == [c for i, c in enumerate(made[: UNKNOWN[1]]) if i != UNKNOWN[0]]
+    assert f"left out of the baseline, a covariate is missing: {made[UNKNOWN[0]]}" in ex["notes"]
+    assert any("a covariate was not measured" in note and made[UNKNOWN[1]] in note for note in ex["notes"])
     (slope,) = ex["baseline"]["covariates"]
     assert slope["slope"] / 33.0e9 == pytest.approx(-0.001, rel=0.02)
     last = ex["points"][-1]
     assert last["corrected"] / ex["baseline"]["mean"] == pytest.approx(0.96, rel=1e-3)
-    assert not ex["points"][9]["judged"]["outside"]
+    assert not ex["points"][UNKNOWN[1]]["judged"]["outside"]
     assert last["judged"]["outside"]
     assert ex["change_point"]["date"][:10] == ex["points"][LOOSE]["performed_at"][:10]
-    for file_format, begin in (("plotly", b"{"), ("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")):
+    for file_format, begin in (("plotly", b"{"), ("pdf", b"%PDF")):
         answer = api.get(f"monitors/{monitor}/series/figure", params={"parameter": "Ex", "format": file_format})
         assert answer.is_success, answer.text
         assert answer.content.startswith(begin)

@@ -52,9 +52,9 @@ def campaign_with(api: httpx.Client, name: str, taken: Measurement) -> str:
 
 
 def moved() -> Measurement:
-    """Eleven of the points: each is a body of its own to solve, and the core's test has all."""
+    """Four of the points: each is a body of its own to solve, and the core's test has all."""
     tour = measured(BODY, MASS)
-    return replace(tour, frfs=tour.frfs.select(list(range(2, 33, 3))))
+    return replace(tour, frfs=tour.frfs.select(list(range(5, 33, 9))))
 
 
 def standing() -> Measurement:
@@ -66,7 +66,7 @@ def standing() -> Measurement:
 @pytest.mark.parametrize(("name", "taken", "roves"), [("moved", moved, True), ("standing", standing, False)])
 def test_the_sensors_mass_is_modelled(api: httpx.Client, name: str, taken, roves: bool) -> None:
     campaign = campaign_with(api, name, taken())
-    recipe = {"damping_models": ["rayleigh"]}
+    recipe = {"damping_models": ["rayleigh"], "parameters": [{"name": "Ex"}, {"name": "Gxy"}]}
     location = api.post(f"campaigns/{campaign}/update-jobs", json=recipe).raise_for_status().headers["Location"]
     job = finished(api, location)
     assert job["status"] == "succeeded", job
