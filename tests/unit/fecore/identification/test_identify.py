@@ -30,6 +30,7 @@ from tests.support.places import shared_file
 
 BENDING_HZ = (51.5, 142.2, 278.7, 460.4, 687.2, 958.5)  # of the free beam that somebody measured
 TRUE_SHAPES = cantilever_shapes(grid())[:5]
+LINES = 500  # 2 Hz apart, a fourth of the narrowest mode's half-power bandwidth
 
 
 def assert_papers_modes(found: Identification, f: float, zeta: float, shape: float = 0.999) -> None:
@@ -42,12 +43,12 @@ def assert_papers_modes(found: Identification, f: float, zeta: float, shape: flo
 
 @pytest.fixture(scope="module")
 def seeds() -> list[Identification]:
-    return [identify(paper_frfs(0.05, seed)) for seed in range(4)]
+    return [identify(paper_frfs(0.05, seed, LINES)) for seed in range(4)]
 
 
 def test_five_per_cent_noise_and_a_heavily_damped_first_mode(seeds: list[Identification]) -> None:
-    for found in seeds:  # ± 4 standard deviations of ζ₁ (0.9 %) and of the others (0.25 %)
-        assert_papers_modes(found, 6e-3, 0.04)
+    for found in seeds:  # ± 3 standard deviations of ζ₁ (1.3 %) and many of the others (0.4 %)
+        assert_papers_modes(found, 6e-3, 0.04, 0.998)
     zeta = np.mean([s.modes.damping_ratio for s in seeds], axis=0)
     hz = np.mean([s.modes.frequency_hz for s in seeds], axis=0)
     assert abs(zeta[0] / PAPER_ZETA[0] - 1) < 0.02
@@ -90,7 +91,7 @@ def test_one_per_cent_noise() -> None:
 
 @pytest.mark.parametrize("quantity", ["mobility", "receptance"])
 def test_other_quantities(quantity: str) -> None:
-    clean = paper_frfs(0.0).to_quantity(quantity)  # type: ignore[arg-type]
+    clean = paper_frfs(0.0, lines=LINES).to_quantity(quantity)  # type: ignore[arg-type]
     noisy = replace(clean, values=add_noise(clean.values, 0.01, 0.5, np.random.default_rng(2)))
     found = identify(noisy)
     # noise as a share of the rms, which a receptance has in its first mode: the higher ones drown
@@ -100,13 +101,13 @@ def test_other_quantities(quantity: str) -> None:
 
 
 def test_clean_data_are_found_to_nine_digits() -> None:
-    found = identify(paper_frfs(0.0))
+    found = identify(paper_frfs(0.0, lines=LINES))
     assert np.allclose(found.modes.frequency_hz, PAPER_HZ, rtol=1e-6)
     assert np.allclose(found.modes.damping_ratio, PAPER_ZETA, rtol=1e-5)
 
 
 def test_the_same_data_give_the_same_bits(seeds: list[Identification]) -> None:
-    first, second = seeds[3], identify(paper_frfs(0.05, 3))
+    first, second = seeds[3], identify(paper_frfs(0.05, 3, LINES))
     assert np.array_equal(first.modes.frequency_hz, second.modes.frequency_hz)
     assert np.array_equal(first.modes.covariance, second.modes.covariance)
 
@@ -118,13 +119,13 @@ def test_a_band_is_kept_and_its_neighbours_do_not_leak_in() -> None:
 
 
 def test_known_variance_weights_the_fit() -> None:
-    clean, noisy = paper_frfs(0.0), paper_frfs(0.05, 5)
+    clean, noisy = paper_frfs(0.0, lines=LINES), paper_frfs(0.05, 5, LINES)
     rms = np.mean(np.abs(clean.values) ** 2, axis=1, keepdims=True)
     variance = 0.025**2 * np.abs(clean.values) ** 2 + 0.05**2 * rms
     found = identify(replace(noisy, variance=variance))
-    assert_papers_modes(found, 6e-3, 0.04)
+    assert_papers_modes(found, 6e-3, 0.04, 0.998)
     assert np.array_equal(found.noise_variance, variance)
-    assert found.noise_ratio == pytest.approx(1, abs=0.03)  # 60,000 values: ± 0.006
+    assert found.noise_ratio == pytest.approx(1, abs=0.03)  # 30,000 values: ± 0.008
     optimistic = identify(replace(noisy, variance=variance / 25))
     assert any("5.0 times the noise" in w or "scatter more" in w for w in optimistic.warnings)
     assert len(optimistic.modes) == 5
@@ -133,7 +134,7 @@ def test_known_variance_weights_the_fit() -> None:
 
 def test_stabilisation_data_show_the_true_poles(seeds: list[Identification]) -> None:
     diagram = seeds[0].stabilisation
-    assert diagram.line_hz.size == diagram.indicator.size == 1000
+    assert diagram.line_hz.size == diagram.indicator.size == LINES
     for hz in PAPER_HZ[1:]:
         near = np.abs(diagram.frequency_hz / hz - 1) < 0.005
         assert np.sum(near & diagram.damping_stable) > 15
@@ -157,7 +158,7 @@ def plate_frfs(separation: float, references: tuple[int, ...], noise: float = 0.
     return FrfSet(frequency, values, responses, tuple(Dof(j + 1, 3) for j in references for _ in range(12))), shapes
 
 
-@pytest.mark.parametrize("references", [(5,), (0, 5), (0, 5, 7)])
+@pytest.mark.parametrize("references", [(5,), (0, 5)])
 def test_two_modes_within_a_bandwidth_are_kept_as_two(references: tuple[int, ...]) -> None:
     frfs, shapes = plate_frfs(0.005, references)  # 1.5 Hz apart, a quarter of the half-power bandwidth
     found = identify(frfs)
@@ -177,7 +178,7 @@ def test_a_double_mode_at_one_frequency_is_parted_by_the_references() -> None:
 
 
 def test_one_mode_is_not_made_two() -> None:
-    found = identify(paper_frfs(0.02, 20))
+    found = identify(paper_frfs(0.02, 20, LINES))
     assert len(found.modes) == 5
     assert np.all(np.diff(found.modes.frequency_hz) > 10)
 
@@ -202,158 +203,116 @@ def test_rigid_body_motion_does_not_leak_into_the_first_mode() -> None:
 # --- faults of the input ---------------------------------------------------------------------------------------------
 
 
-def test_a_dead_channel_is_named_and_the_rest_goes_on() -> None:
-    frfs = paper_frfs(0.01, 6)
-    values = frfs.values.copy()
+@pytest.fixture(scope="module")
+def good() -> FrfSet:
+    """FRFs that the tests spoil: line k is at 2 (k + 1) Hz, row r is 33Z/(r + 1)Z."""
+    return paper_frfs(0.01, 6, LINES)
+
+
+def test_what_was_not_measured_is_left_out_and_told(good: FrfSet) -> None:
+    """A line at zero, a dead channel, an overload, lines that are missing from one FRF and from all; and the driving point has
+    the wrong sign.
+    """
+    values = good.values.copy()
     values[7] = 0
-    found = identify(replace(frfs, values=values))
+    values[5, 124] = 1e4
+    values[3, 195:200] = np.nan
+    values[:, 25] = np.nan
+    values[32] *= -1
+    values = np.concatenate([np.full((33, 1), 7.0), values], axis=1)
+    found = identify(set_with_gaps(np.append(0.0, good.frequency_hz), values, good.responses, good.references))
     assert [r.frf for r in found.refused] == ["33Z/8Z"]
     assert "dead channel" in found.refused[0].reason
     assert len(found.modes) == 5
+    assert np.allclose(found.modes.frequency_hz, PAPER_HZ, rtol=1e-3)
+    assert np.allclose(found.modes.damping_ratio, PAPER_ZETA, rtol=0.01)
     assert Dof(8, 3) not in found.modes.dofs
     assert any("33Z/8Z" in w for w in found.warnings)
-
-
-def test_gaps_are_left_out_and_told() -> None:
-    frfs = paper_frfs(0.01, 6)
-    values = frfs.values.copy()
-    values[3, 395:405] = np.nan
-    values[:, 50] = np.nan
-    found = identify(set_with_gaps(frfs.frequency_hz, values, frfs.responses, frfs.references))
-    assert_papers_modes(found, 1e-3, 0.01)
-    zeroed = frfs.values.copy()
-    zeroed[3, 395:405] = 0
-    found = identify(replace(frfs, values=zeroed))
-    assert_papers_modes(found, 1e-3, 0.01)
-    assert any("33Z/4Z" in w and "396" in w and "not measured" in w for w in found.warnings)
-
-
-def test_a_saturated_line_is_left_out_and_told() -> None:
-    frfs = paper_frfs(0.01, 6)
-    values = frfs.values.copy()
-    values[5, 249] = 1e4
-    found = identify(replace(frfs, values=values))
-    assert_papers_modes(found, 1e-3, 0.01)
     assert any("250 Hz" in w and "33Z/6Z" in w for w in found.warnings)
-
-
-def test_lines_with_the_wrong_sign_are_left_out_and_named() -> None:
-    """As large as their neighbours, so that only the fit sees them; of ten FRFs, each at another line."""
-    frfs = paper_frfs(0.01, 6)
-    values = frfs.values.copy()
-    rows, lines = np.arange(3, 13), 219 + 15 * np.arange(10)
-    values[rows, lines] *= -1
-    found = identify(replace(frfs, values=values))
-    assert_papers_modes(found, 1e-3, 0.01)
-    said = "left out, far off what the other lines say"
-    wrong = {f"33Z/{row + 1}Z: {line + 1} Hz {said}" for row, line in zip(rows, lines, strict=True)}
-    named = {w for w in found.warnings if w.endswith(said)}
-    assert named <= wrong
-    assert len(named) >= 3  # near an antiresonance both signs are as good
-
-
-def test_a_line_saturated_in_all_channels_is_no_mode() -> None:
-    frfs = paper_frfs(0.01, 6)
-    values = frfs.values.copy()
-    values[:, 249] *= 300 * np.exp(1j * np.random.default_rng(1).uniform(0, 6.28, 33))
-    found = identify(replace(frfs, values=values))
-    assert_papers_modes(found, 1e-3, 0.01)
-    assert any("250" in w for w in found.warnings)
-
-
-def test_interference_at_one_line_is_no_mode() -> None:
-    frfs = paper_frfs(0.01, 6)
-    values = frfs.values.copy()
-    values[:, 49] += 3 * np.abs(values[:, 49]).max()
-    found = identify(replace(frfs, values=values))
-    assert_papers_modes(found, 1e-3, 0.02)
-    assert any("50" in w for w in found.warnings)
-
-
-def test_the_line_at_zero_is_left_out() -> None:
-    frfs = paper_frfs(0.01, 6)
-    values = np.concatenate([np.full((33, 1), 7.0), frfs.values], axis=1)
-    found = identify(FrfSet(np.append(0.0, frfs.frequency_hz), values, frfs.responses, frfs.references))
-    assert_papers_modes(found, 1e-3, 0.01)
-    assert any("0 Hz" in w for w in found.warnings)
-
-
-def test_a_wrong_sign_at_the_driving_point_is_seen() -> None:
-    frfs = paper_frfs(0.01, 6)
-    values = frfs.values.copy()
-    values[32] *= -1
-    found = identify(replace(frfs, values=values))
-    assert len(found.modes) == 5
+    assert any("line at 0 Hz" in w for w in found.warnings)
     assert any("33Z/33Z" in w and "sign" in w for w in found.warnings)
 
 
-def test_repeats_that_agree_are_averaged_and_others_refused() -> None:
-    frfs, again = paper_frfs(0.01, 6), paper_frfs(0.01, 7)
-    agree = FrfSet(
-        frfs.frequency_hz,
-        np.vstack([frfs.values, again.values[:1]]),
-        (*frfs.responses, frfs.responses[0]),
-        (*frfs.references, frfs.references[0]),
-    )
-    found = identify(agree)
+def test_wrong_signs_and_zeroes_are_left_out_and_named(good: FrfSet) -> None:
+    """As large as their neighbours, so that only the fit sees them; of ten FRFs, each at another line. One of them has zeroes
+    for a gap.
+    """
+    values = good.values.copy()
+    rows, lines = np.arange(3, 13), 109 + 8 * np.arange(10)
+    values[rows, lines] *= -1
+    values[3, 195:200] = 0
+    found = identify(replace(good, values=values))
     assert_papers_modes(found, 1e-3, 0.01)
-    assert len(found.used) == 33
-    assert any("33Z/1Z" in w and "averaged" in w for w in found.warnings)
-    values = agree.values.copy()
-    values[-1] *= -1
-    found = identify(replace(agree, values=values))
-    assert {r.frf for r in found.refused} == {"33Z/1Z"}
-    assert "opposite signs" in found.refused[0].reason
-    assert Dof(1, 3) not in found.modes.dofs
+    said = "left out, far off what the other lines say"
+    wrong = {f"33Z/{row + 1}Z: {2 * line + 2} Hz {said}" for row, line in zip(rows, lines, strict=True)}
+    named = {w for w in found.warnings if w.endswith(said)}
+    assert named <= wrong
+    assert len(named) >= 3  # near an antiresonance both signs are as good
+    assert any("33Z/4Z" in w and "392" in w and "not measured" in w for w in found.warnings)
+
+
+def test_a_line_saturated_in_all_channels_and_interference_are_no_modes(good: FrfSet) -> None:
+    values = good.values.copy()
+    values[:, 124] *= 300 * np.exp(1j * np.random.default_rng(1).uniform(0, 6.28, 33))
+    values[:, 24] += 3 * np.abs(values[:, 24]).max()
+    found = identify(replace(good, values=values))
+    assert_papers_modes(found, 1e-3, 0.01)
+    assert any("250 Hz" in w for w in found.warnings)
+    assert any("50 Hz" in w and "250 Hz" not in w for w in found.warnings)
+
+
+def test_repeats_that_agree_are_averaged_and_others_refused(good: FrfSet) -> None:
+    """The first once more, the second once more in the opposite direction, the third once more with the wrong sign."""
+    again = paper_frfs(0.01, 7, LINES)
+    repeated = FrfSet(
+        good.frequency_hz,
+        np.vstack([good.values, again.values[:1], -again.values[1:3]]),
+        (*good.responses, *good.responses[:3]),
+        (*good.references, good.references[0], Dof(2, -3), good.references[2]),
+    )
+    found = identify(repeated)
     assert len(found.modes) == 5
+    assert len(found.used) == 32
+    for frf in ("33Z/1Z", "33Z/2Z"):
+        assert any(frf in w and "averaged" in w for w in found.warnings)
+    assert {r.frf for r in found.refused} == {"33Z/3Z"}
+    assert "opposite signs" in found.refused[0].reason
+    assert {Dof(p, 3) for p in (1, 2, 3)} - set(found.modes.dofs) == {Dof(3, 3)}
 
 
-def test_sets_of_repeats_that_all_contradict_one_another_and_of_two_quantities() -> None:
-    frfs = paper_frfs(0.01, 6)
+def test_sets_of_repeats_that_all_contradict_one_another_and_of_two_quantities(good: FrfSet) -> None:
     with pytest.raises(IdentificationError, match=r"all FRFs contradict their repeats: .*opposite signs"):
-        screen([frfs, replace(frfs, values=-frfs.values)])
+        screen([good, replace(good, values=-good.values)])
     with pytest.raises(
         IdentificationError, match=r"should be the same FRF but differ \(correlation 0\.\d\d\): measure again"
     ):
-        screen([frfs, replace(frfs, values=frfs.values[:, ::-1])])
-    constant = np.where(np.arange(33)[:, None] == 4, 2 + 1j, frfs.values)
-    found = screen([replace(frfs, values=constant)])
+        screen([good, replace(good, values=good.values[:, ::-1])])
+    constant = np.where(np.arange(33)[:, None] == 4, 2 + 1j, good.values)
+    found = screen([replace(good, values=constant)])
     assert [r.reason for r in found.refused] == ["is the same number at all lines: not a measurement"]
-    mixed = [frfs.select(list(range(10))), frfs.select(list(range(10, 33))).to_quantity("mobility")]
+    mixed = [good.select(list(range(10))), good.select(list(range(10, 33))).to_quantity("mobility")]
     assert "the FRFs are of different quantities: all were taken as accelerance" in screen(mixed).warnings
 
 
-def test_a_repeat_in_the_opposite_direction_is_the_same_frf() -> None:
-    frfs, again = paper_frfs(0.01, 6), paper_frfs(0.01, 7)
-    both = FrfSet(
-        frfs.frequency_hz,
-        np.vstack([frfs.values, -again.values[:1]]),
-        (*frfs.responses, frfs.responses[0]),
-        (*frfs.references, Dof(1, -3)),
-    )
-    assert any("averaged" in w for w in identify(both).warnings)
-
-
-def test_frequency_axes_may_differ_within_a_campaign() -> None:
-    coarse, fine = paper_frfs(0.01, 6), paper_frfs(0.01, 7, lines=2000)
-    first, second = coarse.select(list(range(20))), fine.select(list(range(20, 33))).band(10.0, 950.0)
+def test_frequency_axes_may_differ_within_a_campaign(good: FrfSet) -> None:
+    fine = paper_frfs(0.01, 7, lines=2 * LINES)
+    first, second = good.select(list(range(20))), fine.select(list(range(20, 33))).band(10.0, 950.0)
     found = identify([first, second])
     assert_papers_modes(found, 1e-3, 0.01)
     assert any("2 different frequency axes" in w for w in found.warnings)
 
 
-def test_what_cannot_be_used_is_refused_with_a_reason() -> None:
-    frfs = paper_frfs(0.01, 6)
+def test_what_cannot_be_used_is_refused_with_a_reason(good: FrfSet) -> None:
     with pytest.raises(IdentificationError, match="dead channel"):
-        identify(replace(frfs, values=np.zeros_like(frfs.values)))
+        identify(replace(good, values=np.zeros_like(good.values)))
     with pytest.raises(IdentificationError, match="lines"):
-        identify(frfs.band(100.0, 108.0))
+        identify(good.band(100.0, 116.0))
     with pytest.raises(InputError, match="band_hz"):
-        identify(frfs, Options(band_hz=(2000.0, 3000.0)))
+        identify(good, Options(band_hz=(2000.0, 3000.0)))
     with pytest.raises(InputError, match="frfs"):
         identify([])
     with pytest.raises(InputError, match="variance"):
-        identify(replace(frfs, variance=np.zeros(frfs.values.shape)))
+        identify(replace(good, variance=np.zeros(good.values.shape)))
     with pytest.raises(InputError, match="highest_order"):
         Options(highest_order=1)
 
@@ -368,15 +327,7 @@ def test_noise_alone_holds_no_mode() -> None:
 
 def test_a_limit_on_the_modes_that_stopped_the_search_is_named() -> None:
     with pytest.raises(IdentificationError, match="The search stopped at most_modes; raise it"):
-        identify(paper_frfs(0.05, 0), Options(most_modes=1))
-
-
-def test_a_single_frf_is_enough() -> None:
-    found = identify(paper_frfs(0.01, 6).select([0]))
-    assert np.allclose(found.found.modes.frequency_hz, PAPER_HZ, rtol=0.01)
-    # at the root the first mode, of 16 % damping, is within the errors of its lines
-    assert [why is None for why in found.found.doubt] == [False, True, True, True, True]
-    assert len(found.chosen(include_doubtful=True).modes) == 5
+        identify(paper_frfs(0.05, 0, LINES), Options(most_modes=1))
 
 
 @pytest.mark.parametrize(
@@ -393,12 +344,12 @@ def test_nearly_no_noise_is_no_harm(a0: float, a1: float, highest_hz: int, noise
     beam = free_beam(FREE_UPDATED)
     x, y, _ = synthesis.grid(beam)[synthesis.SENSOR]
     beam = replace(beam, masses=(PointMass(x, y, 0.0048),))
-    frfs = synthesis.rayleigh_body(beam, np.array([a0, a1]), 1, np.arange(1.0, highest_hz + 0.5))
+    frfs = synthesis.rayleigh_body(beam, np.array([a0, a1]), 1, np.arange(2.0, highest_hz + 0.5, 2.0))
     found = identify(frfs.select([i for i in range(33) if i % 8 != 4])).modes
     true = synthesis.solve(beam).frequency_hz
     true = true[true < highest_hz]
     assert len(found) == len(true)
-    np.testing.assert_allclose(found.frequency_hz, true, rtol=1e-5)
+    np.testing.assert_allclose(found.frequency_hz, true, rtol=2e-5)
     np.testing.assert_allclose(found.damping_ratio, a0 / (4 * np.pi * true) + a1 * np.pi * true, rtol=1e-3)
 
 

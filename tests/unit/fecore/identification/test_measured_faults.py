@@ -68,7 +68,10 @@ def test_open_sets_with_the_faults_of_measured_ones(kind: str) -> None:
     path = shared_file("BLIND_OPEN", "blind-open", f"real-like-{kind}.uff")
     modes = json.loads(path.with_suffix(".truth.json").read_text())["modes"]
     f, zeta, suspension = (np.array([m[key] for m in modes]) for key in ("f_hz", "zeta_seen", "suspension"))
-    assert_found(identify(with_coherence(path)).found, Draw(with_coherence(path), f, zeta, suspension))
+    frfs = with_coherence(path)
+    if kind == "aeroplane":  # every other of its 74 hits, each at three sensors
+        frfs = frfs.select([i for i in range(222) if i // 3 % 2 == 0])
+    assert_found(identify(frfs).found, Draw(frfs, f, zeta, suspension))
 
 
 @functools.cache
@@ -295,12 +298,16 @@ def test_linear_estimates_find_the_upper_half_of_a_band_that_starts_far_above_ze
         assert set(found.order[near]) == {12, 13}  # poles of rounding errors may lie beside it
 
 
-def test_doubtful_modes_are_kept_apart_and_can_be_had() -> None:
+def test_a_single_frf_is_enough_and_its_doubtful_modes_are_kept_apart_and_can_be_had() -> None:
     found = identify(paper_frfs(0.01, 6).select([0]))
+    assert np.allclose(found.found.modes.frequency_hz, PAPER_HZ, rtol=0.01)
+    # at the root the first mode, of 16 % damping, is within the errors of its lines
+    assert [why is None for why in found.found.doubt] == [False, True, True, True, True]
     doubtful = found.doubtful
     assert doubtful is not None
     assert len(doubtful.modes) == 1
     assert doubtful.doubt[0] is not None
-    assert len(found.modes) + 1 == len(found.chosen(include_doubtful=True).modes)
+    assert len(found.modes) == 4
+    assert len(found.chosen(include_doubtful=True).modes) == 5
     with pytest.raises(IdentificationError, match="include_doubtful"):
         identify(paper_frfs(0.01, 6).select([0]).band(5.0, 100.0)).chosen()
