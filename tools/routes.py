@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 from fastapi import FastAPI
@@ -69,6 +70,7 @@ class Described:
         return " ".join(text.split("\n\n")[0].split())
 
 
+@cache
 def document() -> dict[str, Any]:
     """The OpenAPI document of everything under the prefix; no database is needed for it."""
     app = FastAPI()

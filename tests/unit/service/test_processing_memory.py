@@ -13,7 +13,7 @@ from fecore.processing import Averages, Processing, Windows
 from service.records.computing import PointFile, ProcessingInputs, process_records
 from service.records.hits import BlockRow
 
-SAMPLES, RATE_HZ = 16_384, 12_800.0
+SAMPLES, RATE_HZ = 65_536, 12_800.0
 FRF_BYTES = 32 * SAMPLES / 2.56
 """Values, variance and coherence of one FRF."""
 
@@ -67,7 +67,7 @@ def _peak_bytes(inputs: ProcessingInputs) -> int:
 
 
 def test_memory_does_not_grow_with_the_frfs_that_a_processing_makes(tmp_path: Path) -> None:
-    few, many = 40, 80
+    few, many = 15, 25
     _peak_bytes(_places(tmp_path / "first", 1))  # what it imports is no part of it
     grown = _peak_bytes(_places(tmp_path / "many", many)) - _peak_bytes(_places(tmp_path / "few", few))
     assert grown < 0.4 * (many - few) * FRF_BYTES  # all FRFs in memory, once, would be 1

@@ -126,9 +126,9 @@ def _is_taken(code: str) -> bool:
 
 @pytest.mark.parametrize("n", sorted(OUTLIER_LIMIT))
 def test_one_of_twenty_sound_batches_has_an_outlier(n: int) -> None:
-    batches = np.random.default_rng(n).standard_normal((4000, n))
+    batches = np.random.default_rng(n).standard_normal((2500, n))
     share = np.mean([bool(outliers(row)) for row in batches])
-    assert share == pytest.approx(0.05, abs=4 * np.sqrt(0.05 * 0.95 / 4000))  # four standard errors
+    assert share == pytest.approx(0.05, abs=4 * np.sqrt(0.05 * 0.95 / 2500))  # four standard errors
 
 
 def test_an_outlier_is_named_with_its_value_also_beside_a_second_one() -> None:

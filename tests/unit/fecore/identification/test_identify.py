@@ -53,7 +53,8 @@ def test_five_per_cent_noise_and_a_heavily_damped_first_mode(seeds: list[Identif
     hz = np.mean([s.modes.frequency_hz for s in seeds], axis=0)
     assert abs(zeta[0] / PAPER_ZETA[0] - 1) < 0.02
     assert np.all(np.abs(zeta[1:] / PAPER_ZETA[1:] - 1) < 0.01)
-    assert np.all(np.abs(hz / PAPER_HZ - 1) < 1e-3)
+    assert abs(hz[0] / PAPER_HZ[0] - 1) < 3e-3  # of four: ± 0.1 %
+    assert np.all(np.abs(hz[1:] / PAPER_HZ[1:] - 1) < 3e-4)
 
 
 def test_stated_standard_deviations_match_the_scatter(seeds: list[Identification]) -> None:

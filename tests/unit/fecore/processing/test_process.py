@@ -235,7 +235,7 @@ def test_stated_variance_is_what_repeated_campaigns_show(monkeypatch: pytest.Mon
     bench = _bench(8, "clamped")
     windows = Processing(windows=Windows(40 / bench.laboratory.sample_rate_hz, 1.0))
     values, stated = [], []
-    for _ in range(30):
+    for _ in range(20):
         found = process(by_point(_hits(bench, 4)), windows)
         values.append(found.frfs.values[0])
         stated.append(found.frfs.variance[0])  # type: ignore[index]  # four hits have one
@@ -246,12 +246,12 @@ def test_stated_variance_is_what_repeated_campaigns_show(monkeypatch: pytest.Mon
 
 
 def test_damping_is_the_same_under_any_exponential_window() -> None:
-    bench = _bench(9, "free", high_pass=False)
-    places = [(x * bench.body.length_m, y * bench.body.width_m) for x in (0.15, 0.4, 0.65, 0.9) for y in (-0.4, 0.4)]
+    bench = _bench(9, "free", high_pass=False, samples=8192)
+    places = [(x * bench.body.length_m, y * bench.body.width_m) for x in (0.15, 0.9) for y in (-0.4, 0.4)]
     hits = [bench.hit(label, place, n).hit for label, place in enumerate(places, 1) for n in (1, 2, 3)]
     length = 40 / bench.laboratory.sample_rate_hz
     elastic = bench.body.frequency_hz[bench.body.frequency_hz > 5]
-    band = (0.7 * elastic[0], (elastic[1] + elastic[2]) / 2)
+    band = (0.8 * elastic[0], 1.15 * elastic[1])
     ratios = []
     for rate in (0.0, 3.0):
         found = process(by_point(hits), Processing(windows=Windows(length, rate), band_hz=band))

@@ -79,7 +79,7 @@ def test_the_rate_of_a_loss_that_goes_on_is_the_one_since_its_onset() -> None:
     """4.8 % a year from the twelfth of 26 campaigns on; a line through the baseline too has its interval elsewhere."""
     n, truth, covered, over_all = 26, -0.048, [], []
     years = np.array([(date - dates(n)[11]).days for date in dates(n)]) / 365.25
-    for seed in range(100):
+    for seed in range(50):
         series = stiffness(n, seed=seed)
         series = replace(series, estimate=series.estimate * (1 + truth * np.maximum(0.0, years)))
         trend = assess({"Ex": series}, replace(WATCH, baseline=12)).parameters["Ex"]
@@ -91,8 +91,8 @@ def test_the_rate_of_a_loss_that_goes_on_is_the_one_since_its_onset() -> None:
             covered.append(low <= truth <= high)
             line = rate(series, (), trend.baseline.mean)  # type: ignore[union-attr]
             over_all.append(line.relative_interval_95[0] <= truth <= line.relative_interval_95[1])
-    assert len(covered) >= 95
-    assert np.mean(covered) >= 0.89  # 95 % of 100 draws less three standard deviations of that share
+    assert len(covered) >= 47
+    assert np.mean(covered) >= 0.86  # 95 % of 50 draws less three standard deviations of that share
     assert np.mean(over_all) < 0.1
 
 
@@ -249,15 +249,15 @@ def test_the_false_alarm_rate_of_a_family_is_held() -> None:
     watch = Watch({"Ex": "fall", "a0": "rise"}, 10, chart=Chart("ewma"), false_alarm_rate=0.02, horizon=12)
     rng = np.random.default_rng(12)
     called = 0
-    for _ in range(200):
+    for _ in range(100):
         series = {
             name: Series(name, dates(22), 1 + 0.01 * rng.standard_normal(22), np.full(22, 0.003))
             for name in ("Ex", "a0")
         }
         called += any(m.state is State.ALARM for p in assess(series, watch).parameters.values() for m in p.timeline)
-    rate = 1 - (1 - called / 200) ** (1 / 12)
+    rate = 1 - (1 - called / 100) ** (1 / 12)
     # ten campaigns cannot exclude that they resemble their neighbours, so the limits are wider than need be
-    assert 0.02 / 3 <= rate <= 0.02 * 1.5
+    assert 0.02 / 5 <= rate <= 0.02  # ± 0.003 of 100 families
 
 
 FAULTS = [

@@ -55,7 +55,7 @@ def test_regressions_that_cannot_be_are_refused() -> None:
         fit_with_scatter(np.ones((8, 2)), np.arange(8.0), np.ones(8))
 
 
-@pytest.mark.parametrize("ratio", [0.0, 0.7, 2.0])
+@pytest.mark.parametrize("ratio", [0.0, 2.0])
 def test_scores_of_an_unchanged_structure_are_standard_normal(ratio: float) -> None:
     # ratio = scatter between campaigns over own standard deviation
     rng = np.random.default_rng(4)
@@ -72,7 +72,7 @@ def test_scores_of_an_unchanged_structure_are_standard_normal(ratio: float) -> N
     assert (0.78 if ratio == 0 else 0.9) <= np.std(scores) <= 1.1
 
 
-@pytest.mark.parametrize("ratio", [0.0, 0.5, 0.9, 1.33, 2.0, 30.0])
+@pytest.mark.parametrize("ratio", [0.0, 0.9, 1.33, 30.0])
 def test_no_scatter_between_campaigns_makes_scores_larger_than_stated(ratio: float) -> None:
     """P(score > 2.3) of later campaigns, known exactly for each baseline as the truth is: at most what Φ says."""
     rng = np.random.default_rng(7)
