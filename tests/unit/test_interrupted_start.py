@@ -39,6 +39,7 @@ class Finder:
         if name == "{library}":
             type("Loaded", (), dict(stopping=Stopping()))
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell has its jobs in the background ignore it
 sys.meta_path.insert(0, Finder())
 sys.argv[1:] = {command}
 {start}
