@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -51,7 +52,7 @@ class Arrangement:
     row: IntArray
     source: IntArray
 
-    @property
+    @cached_property
     def omega(self) -> FloatArray:
         """(L,) circular frequency of the lines, rad/s."""
         return 2 * np.pi * self.frequency_hz
@@ -61,7 +62,7 @@ class Arrangement:
         """Power of iω that turns a receptance into these FRFs."""
         return POWER[self.quantity]
 
-    @property
+    @cached_property
     def spacing_hz(self) -> float:
         """Usual distance of neighbouring lines, Hz."""
         return float(np.median(np.diff(self.frequency_hz))) if self.frequency_hz.size > 1 else 0.0

@@ -141,12 +141,10 @@ def loss(fit: Fit) -> tuple[FloatArray, FloatArray]:
     """What χ² would rise by without each pole pair (n,) and without each other term (other poles held)."""
     n = fit.terms.pairs
     c, V = fit.linear.coefficients, fit.linear.covariance
-    pole = np.zeros(n)
-    for k in range(n):
-        part = slice(2 * k, 2 * k + 2)
-        pole[k] = float(
-            np.einsum("ni,nij,nj->", c[:, part], np.linalg.pinv(V[:, part, part], hermitian=True), c[:, part])
-        )
+    part = 2 * np.arange(n)[:, None] + np.arange(2)
+    pairs = c[:, part]
+    inverse = np.linalg.pinv(V[:, part[:, :, None], part[:, None, :]], hermitian=True)
+    pole = np.einsum("nki,nkij,nkj->k", pairs, inverse, pairs)
     spread = np.einsum("nii->ni", V)[:, 2 * n :]
     return pole, np.asarray(np.sum(c[:, 2 * n :] ** 2 / np.maximum(spread, 1e-300), axis=0))
 

@@ -61,7 +61,7 @@ def _near(search: Search, variance: FloatArray, f: float, half: float) -> float:
             arrangement.values[one],
             arrangement.measured[one],
             1 / variance[:, band],
-            tuple(range(2, top + 1)),
+            tuple(range(max(2, top // 3), top + 1)),  # the orders whose share is asked
         )
     except IdentificationError:  # lines without weight in this band: nothing can be said
         return 0.0

@@ -183,8 +183,8 @@ def same_pole(arrangement: Arrangement, fit: Fit) -> tuple[int, int] | None:
         for j in inside[place + 1 :]:
             apart = abs(terms.frequency_hz[k] - terms.frequency_hz[j])
             unresolved = apart < line / 2 and min(width[k], width[j]) < line
-            alike = mac(residues[:, k], residues[:, j])[0, 0] > _SAME_SHAPE
-            if unresolved or (alike and apart < max(line, width[k], width[j])):
+            near = apart < max(line, width[k], width[j])
+            if unresolved or (near and mac(residues[:, k], residues[:, j])[0, 0] > _SAME_SHAPE):
                 return (int(k), int(j)) if value[k] < value[j] else (int(j), int(k))
     return None
 
