@@ -102,14 +102,13 @@ def test_a_job_without_a_result_or_with_springs_has_no_deck(api: httpx.Client, c
 
 
 @needs_ccx
-@pytest.mark.parametrize("boundary", ["free", "simply_supported"])
-def test_other_boundaries_are_held_alike(boundary: str, tmp_path: Path) -> None:
+def test_a_plate_on_simple_supports_is_held_alike(tmp_path: Path) -> None:
     """Shells without a clamp against our own model, at random constants."""
     rng = np.random.default_rng(20)
     moduli = tuple(float(m) for m in rng.uniform(0.8, 1.2, 5) * [30e9, 12e9, 5e9, 4e9, 3e9])
     material = OrthotropicMaterial(*moduli, nu_xy=0.2, density=1900.0)
-    specimen = Specimen(0.6, 0.09, 0.008, material, boundary, divisions=(30, 6))  # type: ignore[arg-type]
+    specimen = Specimen(0.6, 0.09, 0.008, material, "simply_supported", divisions=(30, 6))
     found = solve(specimen.model, specimen.section, 12).frequency_hz
     ours = found[found > 1.0][:6]
-    deck = Deck(0.6, 0.09, 0.008, moduli, 0.2, 1900.0, boundary, 14)
+    deck = Deck(0.6, 0.09, 0.008, moduli, 0.2, 1900.0, "simply_supported", 14)
     assert errors(frequencies(write_shells(deck, corrected=True), tmp_path), ours.tolist()).max() < 0.002

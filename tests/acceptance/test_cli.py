@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from fecore import __version__
-from tests.support.command import COMMAND, environment, modalbase, modalbase_here, wait_until_gone
+from tests.support.command import COMMAND, environment, modalbase, modalbase_here, refusals, wait_until_gone
 from tests.support.waiting import PATIENCE, until
 
 
@@ -20,47 +20,49 @@ def test_version() -> None:
     assert modalbase("--version").stdout == f"modalbase {__version__}\n"
 
 
-def test_port_in_use_is_a_clear_error(short_folder: Path) -> None:
+def test_what_cannot_start_says_why(short_folder: Path, empty_database: str) -> None:
+    """A schema that is not there, a folder that is a file, another PostgreSQL's files, a port that is taken, bad words."""
+    file, postgres = short_folder / "taken", short_folder / "broken" / "postgres"
+    file.write_text("")
+    postgres.mkdir(parents=True)
+    (postgres / "PG_VERSION").write_text("7\n")  # of another PostgreSQL, or what a full disk left
+    on_empty, folders = {"MODALBASE_DATABASE_URL": empty_database}, (file, file / "data")
     with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
-        ended = modalbase("up", "--port", str(port), "--data", str(short_folder / "port"))
-    assert ended.returncode == 1
-    assert ended.stderr == (
-        f"modalbase: cannot listen on 127.0.0.1 port {port}: Address already in use; choose another with --port\n"
-    )
-
-
-def test_schema_that_is_not_at_head_is_refused_with_the_command_that_mends_it(empty_database: str) -> None:
-    for command in (["serve", "--port", "0"], ["worker"], ["up", "--port", "0"], ["keys", "create", "--name", "x"]):
-        ended = (modalbase_here if command[0] == "keys" else modalbase)(*command, MODALBASE_DATABASE_URL=empty_database)
+        port = str(taken.getsockname()[1])
+        *unmade, at_file, below_file, broken, in_use, queue, setting = refusals(
+            *((words, on_empty) for words in (["serve", "--port", "0"], ["worker"], ["up", "--port", "0"])),
+            *((["up", "--port", "0", "--data", str(data)], {}) for data in (*folders, postgres.parent)),
+            (["up", "--port", port, "--data", str(short_folder / "port")], {}),
+            (["worker", "--queues", "jobs,imports"], {}),
+            (["worker"], {"MODALBASE_JOB_WALL_SECONDS": "soon"}),
+        )
+    unmade.append(modalbase_here("keys", "create", "--name", "x", **on_empty))
+    for ended in unmade:
         assert (ended.returncode, ended.stdout) == (1, "")
         assert "run `modalbase db upgrade`" in ended.stderr
         assert "Traceback" not in ended.stderr
+    for data, *both in zip(folders, (at_file, below_file), strict=True):
+        for ended in (*both, modalbase_here("keys", "create", "--name", "x", "--data", data)):
+            assert (ended.returncode, ended.stdout) == (1, "")
+            assert ended.stderr.startswith(f"modalbase: cannot use the data folder {data}: ")
+            assert len(ended.stderr.splitlines()) == 1
+    assert (broken.returncode, broken.stdout) == (1, "")
+    assert "Traceback" not in broken.stderr
+    assert f"PostgreSQL does not start in {postgres.parent}" in broken.stderr.splitlines()[-1]
+    assert in_use.returncode == 1
+    assert in_use.stderr == (
+        f"modalbase: cannot listen on 127.0.0.1 port {port}: Address already in use; choose another with --port\n"
+    )
+    assert (queue.returncode, queue.stdout) == (2, "")
+    assert queue.stderr == "modalbase: --queues jobs,imports: there is jobs, separated by commas where several\n"
+    assert setting.returncode == 1
+    assert setting.stderr.startswith("modalbase: settings: job_wall_seconds: ")
+
+
+def test_the_command_that_a_refusal_names_makes_the_schema(empty_database: str) -> None:
     assert modalbase_here("db", "current", MODALBASE_DATABASE_URL=empty_database).stdout == "empty\n"
     modalbase_here("db", "upgrade", code=0, MODALBASE_DATABASE_URL=empty_database)
     modalbase_here("keys", "create", "--name", "x", code=0, MODALBASE_DATABASE_URL=empty_database)
-
-
-@pytest.mark.parametrize("made", ["a file", "below a file"])
-def test_data_folder_that_cannot_be_used_is_a_clear_error(short_folder: Path, made: str) -> None:
-    file = short_folder / "taken"
-    file.write_text("")
-    data = file if made == "a file" else file / "data"
-    for command in (["up", "--port", "0"], ["keys", "create", "--name", "x"]):
-        ended = (modalbase_here if command[0] == "keys" else modalbase)(*command, "--data", str(data))
-        assert (ended.returncode, ended.stdout) == (1, "")
-        assert ended.stderr.startswith(f"modalbase: cannot use the data folder {data}: ")
-        assert len(ended.stderr.splitlines()) == 1
-
-
-def test_postgresql_that_does_not_start_is_a_clear_error(short_folder: Path) -> None:
-    postgres = short_folder / "broken" / "postgres"
-    postgres.mkdir(parents=True)
-    (postgres / "PG_VERSION").write_text("7\n")  # of another PostgreSQL, or what a full disk left
-    ended = modalbase("up", "--port", "0", "--data", str(postgres.parent))
-    assert (ended.returncode, ended.stdout) == (1, "")
-    assert "Traceback" not in ended.stderr
-    assert f"PostgreSQL does not start in {postgres.parent}" in ended.stderr.splitlines()[-1]
 
 
 def starting(data: Path) -> tuple[subprocess.Popen[str], psutil.Process]:
@@ -122,15 +124,3 @@ def test_database_that_does_not_answer_is_a_clear_error(url: str) -> None:
     assert ended.stderr.startswith("modalbase: ")
     assert "Traceback" not in ended.stderr
     assert "secret" not in ended.stderr
-
-
-def test_a_queue_that_nobody_fills_is_refused() -> None:
-    ended = modalbase("worker", "--queues", "jobs,imports")
-    assert (ended.returncode, ended.stdout) == (2, "")
-    assert ended.stderr == "modalbase: --queues jobs,imports: there is jobs, separated by commas where several\n"
-
-
-def test_wrong_setting_is_a_clear_error() -> None:
-    ended = modalbase("worker", MODALBASE_JOB_WALL_SECONDS="soon")
-    assert ended.returncode == 1
-    assert ended.stderr.startswith("modalbase: settings: job_wall_seconds: ")

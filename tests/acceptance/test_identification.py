@@ -12,7 +12,7 @@ import pytest
 
 import modalbase
 from modalbase.objects.modes import ModeSet
-from tests.support.command import modalbase as command_line
+from tests.support.command import modalbase_here
 from tests.support.places import shared_file
 from tests.support.rest import finished, ok, posted, session_client
 from tests.support.waiting import until
@@ -97,7 +97,7 @@ def assert_doubt_is_seen_with_the_modes(api: httpx.Client, kept: dict[str, Any],
     url, key = str(api.base_url).removesuffix("/api/v1/"), api.headers["authorization"].split()[1]
     with modalbase.connect(url, key) as lab:
         printed = str(ModeSet(lab, {"id": kept["id"]}).refresh())
-    command = command_line(
+    command = modalbase_here(
         "modes", kept["campaign_id"], "--mode-set", kept["id"], MODALBASE_URL=url, MODALBASE_API_KEY=key
     )
     with session_client(api, base=url) as browser:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -17,6 +18,7 @@ from unittest.mock import patch
 import httpx
 import psutil
 
+from tests.support.places import ROOT
 from tests.support.waiting import PATIENCE, until
 
 COMMAND = Path(sys.executable).with_name("modalbase")
@@ -92,6 +94,33 @@ def modalbase_here(
     shown, errors = (stream.buffer.getvalue().decode() for stream in (out, err))  # type: ignore[attr-defined]
     assert code in (None, ended), f"{ended}: {shown} {errors}"
     return subprocess.CompletedProcess(line, ended, shown, errors)
+
+
+_ONE_AFTER_THE_OTHER = """
+import json, sys
+from tests.support.command import modalbase_here
+ended = [modalbase_here(*words, **env) for words, env in json.load(sys.stdin)]
+print(json.dumps([(one.args, one.returncode, one.stdout, one.stderr) for one in ended]))
+"""
+
+
+def refusals(*lines: tuple[list[str], dict[str, str]]) -> list[subprocess.CompletedProcess[str]]:
+    """What commands say that would run for long and must not start: all in one process, which ends if one starts after all.
+
+    Args:
+        lines: words of each command, and its environment.
+    """
+    ended = subprocess.run(
+        [sys.executable, "-c", _ONE_AFTER_THE_OTHER],
+        input=json.dumps(lines),
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+        cwd=ROOT,
+    )
+    assert ended.returncode == 0, ended.stderr
+    return [subprocess.CompletedProcess(*one) for one in json.loads(ended.stdout)]
 
 
 @contextmanager

@@ -18,16 +18,22 @@ BUILD = "import setuptools.build_meta as build; build.build_wheel(%r); build.bui
 
 
 @pytest.fixture(scope="session")
-def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """The wheel and the source archive of this tree; the first of pytest's processes that wants them builds them for all."""
+def wheelhouse(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of all of pytest's processes: whichever of them first wants something of it makes it for all."""
     base = tmp_path_factory.getbasetemp()
     place = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "wheel"
     place.mkdir(exist_ok=True)
-    with InterProcessLock(place / "lock"):
-        if not (place / "dist").is_dir():
-            _build(place / "modalbase", place / "unfinished")
-            (place / "unfinished").rename(place / "dist")
-    (wheel,), (archive,) = (place / "dist").glob("*.whl"), (place / "dist").glob("*.tar.gz")
+    return place
+
+
+@pytest.fixture(scope="session")
+def built(wheelhouse: Path) -> tuple[Path, Path]:
+    """The wheel and the source archive of this tree."""
+    with InterProcessLock(wheelhouse / "lock"):
+        if not (wheelhouse / "dist").is_dir():
+            _build(wheelhouse / "modalbase", wheelhouse / "unfinished")
+            (wheelhouse / "unfinished").rename(wheelhouse / "dist")
+    (wheel,), (archive,) = (wheelhouse / "dist").glob("*.whl"), (wheelhouse / "dist").glob("*.tar.gz")
     return wheel, archive
 
 
@@ -41,9 +47,12 @@ def _build(copy: Path, out: Path) -> None:
 
 
 @pytest.fixture(scope="session")
-def unpacked(built: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder for PYTHONPATH: with it no file of this tree is imported."""
-    place = tmp_path_factory.mktemp("site")
-    with zipfile.ZipFile(built[0]) as wheel:
-        wheel.extractall(place)
+def unpacked(built: tuple[Path, Path], wheelhouse: Path) -> Path:
+    """A folder for PYTHONPATH: with it no file of this tree is imported. What one test's processes compile serves the next."""
+    place = wheelhouse / "site"
+    with InterProcessLock(wheelhouse / "lock"):
+        if not place.is_dir():
+            with zipfile.ZipFile(built[0]) as wheel:
+                wheel.extractall(wheelhouse / "extracted")
+            (wheelhouse / "extracted").rename(place)
     return place
