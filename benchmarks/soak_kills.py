@@ -123,14 +123,13 @@ class _Client:
             time.sleep(0.1)
 
 
-def soak(kills: int = KILLS, seed: int = 11, workers: int = WORKERS, pause: float = 0.0) -> Tally:
+def soak(kills: int = KILLS, seed: int = 11, workers: int = WORKERS) -> Tally:
     """Kill so often, and count what came of it.
 
     Args:
         kills: how often.
         workers: kept running.
         seed: of the moments and of which worker.
-        pause: seconds that a client waits before it imports or updates again.
     """
     tally, began = Tally(), time.monotonic()
     with floor() as here, _receiver(tally.received) as hook:
@@ -141,7 +140,7 @@ def soak(kills: int = KILLS, seed: int = 11, workers: int = WORKERS, pause: floa
             key = create_key(session, user_named(session, "soak"), "soak")[1]
         with ExitStack() as lines:
             clients = [lines.enter_context(_Client(port, key)) for _ in range(3)]
-            works = (partial(_imports, pause), partial(_updates, pause), _messages(hook))
+            works = (_imports, _updates, _messages(hook))
             with _at_work([partial(work, client, tally) for work, client in zip(works, clients, strict=True)]) as check:
                 _kill(house, tally, kills, random.Random(seed), check)
             here.until(lambda: set(tally.acknowledged["message"]) <= set(tally.received), "the last messages")
@@ -178,10 +177,10 @@ def _at_work(works: list[Callable[[threading.Event], None]]) -> Iterator[Callabl
     check()
 
 
-def _imports(pause: float, client: _Client, tally: Tally, over: threading.Event) -> None:
+def _imports(client: _Client, tally: Tally, over: threading.Event) -> None:
     (first,) = laboratory(client.http)
     structure = client.ask("GET", f"campaigns/{first}")["structure_id"]
-    while not over.wait(pause):
+    while not over.is_set():
         campaign = client.ask("POST", f"structures/{structure}/campaigns", json=paper.CAMPAIGN)["id"]
         kind = {"Content-Type": "application/octet-stream"}
         made = client.ask("POST", f"campaigns/{campaign}/imports", content=paper.uff_file(), headers=kind)
@@ -189,14 +188,14 @@ def _imports(pause: float, client: _Client, tally: Tally, over: threading.Event)
         tally.acknowledged["import"].append(made["id"])
 
 
-def _updates(pause: float, client: _Client, tally: Tally, over: threading.Event) -> None:
+def _updates(client: _Client, tally: Tally, over: threading.Event) -> None:
     (campaign,) = laboratory(client.http)
     kind = {"Content-Type": "application/octet-stream"}
     made = client.ask("POST", f"campaigns/{campaign}/imports", content=paper.uff_file(), headers=kind)
     client.end_of(f"imports/{made['id']}")
     modes = client.ask("POST", f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES})
     for number in count():
-        if over.wait(pause):
+        if over.is_set():
             return
         path, headers = f"campaigns/{campaign}/update-jobs", {"Idempotency-Key": f"soak {number}"}
         made = client.ask("POST", path, json={"mode_set": modes["id"]}, headers=headers)

@@ -6,7 +6,7 @@ from benchmarks.soak_kills import soak
 
 
 def test_kills_of_every_process_lose_nothing_and_are_no_internal_error() -> None:
-    tally = soak(kills=4, workers=1, pause=1.0)
+    tally = soak(kills=4, workers=1)
     assert tally.killed == {"worker": 1, "fork server": 1, "API": 1, "PostgreSQL": 1}
     assert all(tally.acknowledged.values()), tally
     assert tally.lost == []
