@@ -16,9 +16,9 @@ g = the variance of the baseline's mean over that of a campaign (1/n for n equal
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import overload
 
 import numpy as np
 import scipy
@@ -26,8 +26,6 @@ import scipy
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.trend.charts import CAP, Chart, Limits
-
-Cdf = Callable[[FloatArray], FloatArray]
 
 CELLS = 60
 """Cells between 0 and the limit; 60 hold the average run length of usual charts to 0.5 %."""
@@ -51,8 +49,10 @@ def average_run_length(chart: Chart, limits: Limits, shift: float = 0.0, pending
         pending: consecutive campaigns outside that make an alarm.
         cells: of the Markov chain between 0 and h.
     """
-    chain = _chain(chart, limits, cells, pending, lambda u: scipy.special.ndtr(u - shift))
-    return _mean_run_length(chain)
+    scores, inside = _edges(chart, limits, cells, pending)
+    return _mean_run_length(
+        _chain(scipy.special.ndtr(scores - shift), scipy.special.ndtr(limits.score - shift), inside, pending)
+    )
 
 
 def alarm_probability(
@@ -73,10 +73,13 @@ def alarm_probability(
         shared: g, variance of the baseline's mean in units of a campaign's variance; 0 where it is known.
         degrees_of_freedom: ν of the baseline's scatter.
     """
+    scores, inside = _edges(chart, limits, CELLS, pending)
+    deviates, highest = _deviate(scores, degrees_of_freedom), _deviate(limits.score, degrees_of_freedom)
     total = 0.0
     for e, q, weight in _unknowns(shared, degrees_of_freedom):
-        cdf = _score_cdf(e, q, shared, degrees_of_freedom)
-        total += weight * _called_within(_chain(chart, limits, CELLS, pending, cdf), campaigns)
+        scale = q * np.sqrt(1 + shared)
+        below = scipy.special.ndtr(scale * deviates + e), scipy.special.ndtr(scale * highest + e)
+        total += weight * _called_within(_chain(*below, inside, pending), campaigns)
     return total
 
 
@@ -129,12 +132,13 @@ def _unknowns(shared: float, degrees_of_freedom: float) -> list[tuple[float, flo
     return [(float(e), float(q), float(we * wq)) for e, we in shifts for q, wq in ratios]
 
 
-def _score_cdf(e: float, q: float, shared: float, degrees_of_freedom: float) -> Cdf:
-    scale = q * np.sqrt(1 + shared)
-    if degrees_of_freedom >= KNOWN:
-        return lambda u: scipy.special.ndtr(scale * u + e)
-    grid, quantile = _t_of_normal(degrees_of_freedom)
-    return lambda u: scipy.special.ndtr(scale * np.interp(u, grid, quantile) + e)
+@overload
+def _deviate(scores: float, degrees_of_freedom: float) -> float: ...
+@overload
+def _deviate(scores: FloatArray, degrees_of_freedom: float) -> FloatArray: ...
+def _deviate(scores: float | FloatArray, degrees_of_freedom: float) -> float | FloatArray:
+    """T_ν⁻¹(Φ(u)) of scores u: the same for all e and q."""
+    return scores if degrees_of_freedom >= KNOWN else np.interp(scores, *_t_of_normal(degrees_of_freedom))
 
 
 @lru_cache(maxsize=64)
@@ -170,24 +174,28 @@ class _Chain:
         return following
 
 
-def _chain(chart: Chart, limits: Limits, cells: int, pending: int, cdf: Cdf) -> _Chain:
-    """Cell 0 is [0, w/2] and stands for 0; h is the upper edge of the last cell inside.
+def _edges(chart: Chart, limits: Limits, cells: int, pending: int) -> tuple[FloatArray, int]:
+    """Scores that lead from each cell to the upper edge of each, and how many cells are inside h.
 
-    Where one campaign outside is an alarm, the cells above the limit are not needed.
+    Cell 0 is [0, w/2] and stands for 0; h is the upper edge of the last cell inside. Where one campaign outside is an
+    alarm, the cells above the limit are not needed.
     """
     a, b, c = chart.recursion
     cells = _MEMORYLESS if chart.kind == "shewhart" else cells
     width = limits.chart / (cells - 0.5)
     number = cells if pending == 1 else int(np.ceil(CAP * limits.chart / width))
     middle = width * np.arange(number)
-    edges = middle + width / 2
-    scores = (edges[None, :] + c - a * middle[:, None]) / b
+    scores = (middle + width / 2 + c - a * middle[:, None]) / b
     if pending > 1:
         scores[:, -1] = np.inf  # the cap
-    whole = cdf(scores)
-    below = cdf(np.minimum(scores, limits.score))
+    return scores, cells
+
+
+def _chain(reached: FloatArray, single: float, inside: int, pending: int) -> _Chain:
+    """The chain of P(score ≤ edge), and of P(score ≤ c)."""
+    below = np.minimum(reached, single)
     within = np.diff(below, axis=1, prepend=0.0)
-    return _Chain(within, np.diff(whole - below, axis=1, prepend=0.0), cells, pending)
+    return _Chain(within, np.diff(reached - below, axis=1, prepend=0.0), inside, pending)
 
 
 def _called_within(chain: _Chain, campaigns: int) -> float:

@@ -11,6 +11,7 @@ from uuid import UUID, uuid4
 
 import httpx
 import numpy as np
+import psutil
 import pytest
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -149,9 +150,16 @@ def look_after(service: LocalService, monitor: str) -> None:
 
 @contextmanager
 def worker_stopped(service: LocalService) -> Iterator[None]:
-    """Nothing is stored and nothing is judged in this block."""
-    worker = service.processes["worker"]
-    worker.send_signal(signal.SIGSTOP)
+    """Nothing is stored and nothing is judged in this block.
+
+    A worker that is stopped in the middle of a look at a monitor would keep its row from the API for ever.
+    """
+    worker, engine = service.processes["worker"], make_engine(service.settings.database_url or "")
+    with make_sessions(engine).begin() as session:
+        session.scalars(select(Monitor.id).with_for_update()).all()
+        worker.send_signal(signal.SIGSTOP)
+        until(lambda: psutil.Process(worker.pid).status() == psutil.STATUS_STOPPED, "the worker to stop")
+    engine.dispose()
     try:
         yield
     finally:

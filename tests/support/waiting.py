@@ -11,7 +11,7 @@ T = TypeVar("T")
 PATIENCE = 300.0
 """Seconds after which something that is waited for is taken for broken; a busy machine needs a small part of them."""
 
-SOON, SHARE, SELDOM = 0.02, 0.1, 0.3
+SOON, SHARE, SELDOM = 0.04, 0.2, 0.5
 """Seconds until the next look, share of the time waited so far beside them, and most of both: who asks a service again and
 again takes its processor from what is waited for.
 """
