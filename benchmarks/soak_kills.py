@@ -262,7 +262,8 @@ def _kill_fork_server(worker: int) -> bool:
 
 
 def _kill(house: _House, tally: Tally, kills: int, rng: random.Random, check: Callable[[], None]) -> None:
-    kinds = ("worker", "fork server", "API", "PostgreSQL", "fork server", "worker")
+    # First those over which a message may have to be sent again, half a minute later.
+    kinds = ("PostgreSQL", "worker", "fork server", "API", "fork server", "worker")
     for number in range(kills):
         ended = tally.ended
 

@@ -26,13 +26,13 @@ from sqlalchemy.dialects.postgresql import distinct_on
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.db.engine import Sessions
-from service.notifications.delivery import Outcome, deliver
+from service.notifications.delivery import TOTAL_SECONDS, Outcome, deliver
 from service.notifications.tables import Delivery, Webhook
 from service.settings import Settings
 
 ATTEMPTS = 8
 GROWTH = 4.0  # of the pause between attempts
-CLAIM_SECONDS = 60.0  # after which a message that somebody took and did not note is sent again
+CLAIM_SECONDS = 1.5 * TOTAL_SECONDS  # after which a message that somebody took and did not note is sent again
 LOOK_SECONDS = 1.0  # between two looks at what others have put into the outbox
 AT_ONCE = 64  # attempts of a process
 OF_A_PROJECT = 8  # of them
