@@ -254,11 +254,14 @@ class FrfJacobian:
 
         S_p = 2 Σ_l ω^p d_k* d_j Σ_i w_i A_ik A_ij, since all else is a power of ω.
         """
-        (k, j), d, omega = self.misfit.pairs, self.by_eigenvalue, self.misfit.frfs.omega
-        lines = d.conj()[k] * d[j] * self._coupling(weight)
+        d, coupling = self.by_eigenvalue, self._coupling(weight)
+        powers = np.vander(self.misfit.frfs.omega, 5, increasing=True).astype(complex)
         S = np.zeros((5, len(d), len(d)), dtype=complex)
-        S[:, k, j] = (2 * lines @ np.stack([omega**p for p in range(5)], axis=1)).T
-        S[:, j, k] = S[:, k, j].conj()
+        for k in range(len(d)):  # one by one, so that what is summed stays in the processor's cache
+            lines = d[k].conj() * d[k:]
+            lines *= coupling[self.misfit.pairs[0] == k]
+            S[:, k, k:] = 2 * (lines @ powers).T
+            S[:, k:, k] = S[:, k, k:].conj()
         crossed = -S[1].imag  # Re iω z
         plain = np.block([[S[0].real, crossed], [crossed.T, S[2].real]])
         n = self.misfit.gained
