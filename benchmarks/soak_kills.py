@@ -1,10 +1,10 @@
 """The service under kills: `python -m benchmarks.soak_kills [KILLS]`, a part of `make soak`.
 
 Three clients work without a pause: one imports a UFF file into a new campaign, one updates the model, one sends messages
-to a webhook. Each repeats what is not answered, and goes on when what it asked for has ended. Meanwhile API, workers,
-PostgreSQL and the processes that workers fork their computations from are killed in turn, each time after something
-has ended, so that a slow machine gets on too. Nothing that was acknowledged may be lost, every job ends once, and no
-kill is an internal error.
+to a webhook, each at least once. Each repeats what is not answered, and goes on when what it asked for has ended.
+Meanwhile API, workers, PostgreSQL and the processes that workers fork their computations from are killed in turn, each
+time after something has ended, so that a slow machine gets on too. Nothing that was acknowledged may be lost, every job
+ends once, and no kill is an internal error.
 """
 
 from __future__ import annotations
@@ -180,12 +180,14 @@ def _at_work(works: list[Callable[[threading.Event], None]]) -> Iterator[Callabl
 def _imports(client: _Client, tally: Tally, over: threading.Event) -> None:
     (first,) = laboratory(client.http)
     structure = client.ask("GET", f"campaigns/{first}")["structure_id"]
-    while not over.is_set():
+    while True:
         campaign = client.ask("POST", f"structures/{structure}/campaigns", json=paper.CAMPAIGN)["id"]
         kind = {"Content-Type": "application/octet-stream"}
         made = client.ask("POST", f"campaigns/{campaign}/imports", content=paper.uff_file(), headers=kind)
         client.end_of(f"imports/{made['id']}")
         tally.acknowledged["import"].append(made["id"])
+        if over.is_set():
+            return
 
 
 def _updates(client: _Client, tally: Tally, over: threading.Event) -> None:
@@ -195,12 +197,12 @@ def _updates(client: _Client, tally: Tally, over: threading.Event) -> None:
     client.end_of(f"imports/{made['id']}")
     modes = client.ask("POST", f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES})
     for number in count():
-        if over.is_set():
-            return
         path, headers = f"campaigns/{campaign}/update-jobs", {"Idempotency-Key": f"soak {number}"}
         made = client.ask("POST", path, json={"mode_set": modes["id"]}, headers=headers)
         client.end_of(f"update-jobs/{made['id']}")
         tally.acknowledged["update"].append(made["id"])
+        if over.is_set():
+            return
 
 
 def _messages(hook: str) -> Callable[[_Client, Tally, threading.Event], None]:
