@@ -18,7 +18,6 @@ from starlette.concurrency import run_in_threadpool
 from service.access.keys import found_key
 from service.access.scopes import require_scope
 from service.access.tables import ApiKey, User
-from service.errors import Unauthorized
 from service.settings import Settings
 
 READING = ("GET", "HEAD")
@@ -54,16 +53,14 @@ async def _session(request: Request) -> AsyncIterator[Session]:
 SettingsDep = Annotated[Settings, Depends(_settings)]
 SessionDep = Annotated[Session, Depends(_session, scope="function")]
 
-_bearer = HTTPBearer(auto_error=False, description="an API key: `modalbase keys create --name NAME`")
+_bearer = HTTPBearer(description="an API key: `modalbase keys create --name NAME`")
 
 
 def _current_key(
     request: Request,
     session: SessionDep,
-    credentials: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
+    credentials: Annotated[HTTPAuthorizationCredentials, Depends(_bearer)],
 ) -> tuple[ApiKey, User]:
-    if credentials is None:
-        raise Unauthorized("send `Authorization: Bearer KEY`; make a key with `modalbase keys create --name NAME`")
     key, user = found_key(session, credentials.credentials)
     require_scope(key, request.scope)
     return key, user

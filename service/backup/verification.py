@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
+from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 from sqlalchemy import Connection, inspect, text
@@ -71,15 +73,11 @@ def _wrong_originals(connection: Connection) -> Iterator[str]:
 def _digests(connection: Connection) -> Iterator[tuple[bytes, int, bytes]]:
     """Name, size and digest of each stored file, read in its order."""
     rows: Any = connection.execute(text(_CHUNKS), execution_options={"yield_per": 256})
-    name, size, digest = None, 0, hashlib.sha256()
-    for sha256, data in rows:
-        if sha256 != name:
-            if name is not None:
-                yield name, size, digest.digest()
-            name, size, digest = sha256, 0, hashlib.sha256()
-        size += len(data)
-        digest.update(data)
-    if name is not None:
+    for name, chunks in groupby(rows, key=itemgetter(0)):
+        size, digest = 0, hashlib.sha256()
+        for _, data in chunks:
+            size += len(data)
+            digest.update(data)
         yield name, size, digest.digest()
 
 

@@ -292,11 +292,8 @@ def _note(panels: Panels, note: Mapping[str, Any]) -> None:
         return
     x, y = note["xref"].removesuffix(" domain"), note["yref"].removesuffix(" domain")
     axes = panels[x, y]
-    along = axes.transAxes if note["xref"].endswith(" domain") else axes.transData
-    up = axes.transAxes if note["yref"].endswith(" domain") else axes.transData
-    if along is not up:
-        along = axes.get_xaxis_transform() if along is axes.transData else axes.get_yaxis_transform()
-    axes.text(note["x"], note["y"], text, transform=along, **style)
+    place = axes.transAxes if note["xref"].endswith(" domain") else axes.transData
+    axes.text(note["x"], note["y"], text, transform=place, **style)
 
 
 def _rgb(color: Any) -> tuple[float, float, float]:

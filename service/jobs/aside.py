@@ -40,7 +40,7 @@ def _read(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
     order = Order(_call, (function, arguments), None, MEMORY_BYTES, niceness=0)  # a request waits for it
     try:
         child = Child(order)
-    except (EOFError, OSError):  # the server that it is forked from was killed; another one is started
+    except ChildEnded:  # the server that it is forked from was killed; another one is started
         preload([function.__module__], threads=1)
         child = Child(order)
     late = Failure("time", "TimeLimit", f"reading the body takes longer than the {SECONDS:g} s that it may take")

@@ -88,8 +88,6 @@ class Sender:
             await asyncio.wait(attempts, timeout=PATIENCE_SECONDS)
 
     async def _claimed(self) -> list[tuple[Delivery, Webhook | None]]:
-        if len(self._under_way) >= AT_ONCE:
-            return []
         try:
             claimed = await to_thread.run_sync(self._claim)
         except SQLAlchemyError as error:

@@ -12,7 +12,6 @@ import numpy as np
 
 import fecore
 from fecore.body.oriented import OrientedSpecimen
-from fecore.errors import InputError
 from fecore.updating.campaigns.fit import Coupon
 from fecore.updating.campaigns.layout import Campaign
 from fecore.updating.campaigns.update import CampaignPart, CampaignsRecipe, CampaignsResult, update_campaigns
@@ -62,8 +61,7 @@ def compute_joint(inputs: JointInputs, report: Report) -> Iterator[dict[str, Any
     for number, each in enumerate(inputs.campaigns):
         report(f"finding the modes of {each.name}", 0.5 * number / count)
         data = prepare(each.measurement, each.body, each.recipe)
-        if data.modes is None:
-            raise InputError(f"jobs.{number}", f"campaign {each.name} has no modes")
+        assert data.modes is not None, "they are handed in or found, else `prepare` refuses"
         points = () if data.frfs is None else fixed_points(*data.frfs.points)
         fixed = () if each.body.masses else points
         campaigns.append(

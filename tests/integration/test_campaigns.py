@@ -136,6 +136,7 @@ def test_grid_points_go_in_and_out_as_json_and_csv(api: httpx.Client, campaign: 
     assert api.get(path, params={"format": "csv"}).text == text.text
     csv = {"Content-Type": "text/csv; charset=utf-8"}
     assert checked(api.put(path, content=text.content, headers=csv), 200) == {"items": POINTS}
+    assert checked(api.put(path, json={"items": []}, headers={"If-Match": "*"}), 200) == {"items": []}
     checked(api.get(path, headers={"Accept": "image/png"}), 406)
     checked(api.get(path, params={"format": "xlsx"}), 422)
 

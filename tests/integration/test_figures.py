@@ -6,6 +6,7 @@ One job, the demonstration's, is shared by all.
 from __future__ import annotations
 
 import io
+import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ import pytest
 
 from service.demo.laboratory import Laboratory
 from service.supervisor import LocalService
-from tests.support.rest import client_at, finished, ok, result_of
+from tests.support.rest import client_at, finished, ok, result_of, session_client
 
 BEGINNINGS = {"plotly": b'{"data":', "svg": b"<?xml", "png": b"\x89PNG", "pdf": b"%PDF"}
 EXACT = dict.fromkeys((
@@ -86,6 +87,19 @@ def test_every_figure_is_listed_and_drawn_as_json_in_print_and_in_both_themes(de
         light, dark = ok(drawn), ok(demo.api.get(demo.address(item), params={"theme": "dark"}))
         assert light["layout"]["paper_bgcolor"] != dark["layout"]["paper_bgcolor"]
         assert [trace.get("y") for trace in light["data"]] == [trace.get("y") for trace in dark["data"]]
+
+
+def test_a_prediction_is_sent_once_and_a_recipe_is_repeated(demo: Done, service: LocalService) -> None:
+    path = f"{demo.path}/frfs/data"
+    first = demo.api.get(path, params={"format": "npz"})
+    again = demo.api.get(path, params={"format": "npz"}, headers={"If-None-Match": first.headers["etag"]})
+    assert (first.status_code, again.status_code, again.content) == (200, 304, b"")
+    campaign, job = (demo.result["provenance"][name] for name in ("campaign", "update_job"))
+    with session_client(demo.api, base=service.url) as browser:
+        form = browser.get(f"/ui/campaigns/{campaign}/update", params={"like": job})
+    assert form.status_code == 200
+    (start,) = re.findall(r"data-start='([^']+)'", form.text)
+    assert json.loads(start)["mode_set"] == demo.result["provenance"]["mode_set"]
 
 
 def test_the_frf_figure_draws_the_measured_and_the_predicted_values(demo: Done) -> None:

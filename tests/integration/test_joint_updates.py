@@ -151,5 +151,8 @@ def test_what_cannot_be_taken_together_is_refused_with_its_place(
         ok(api.get(api.base_url.join(begun.headers["Location"] + path)), 409)
     with session_client(api, base=service.url) as browser:
         page = browser.get(f"/ui/joint-updates/{ended['id']}")
+        part = browser.get(f"/ui/joint-updates/{ended['id']}?part=true")
+    assert part.headers["HX-Refresh"] == "true"
+    assert "<html" not in part.text
     assert page.status_code == 200
     assert "has no FRFs" in page.text

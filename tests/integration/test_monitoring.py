@@ -273,6 +273,8 @@ def test_a_rerun_makes_a_version_and_leaves_the_old_one(client: httpx.Client, se
     assert {**kept, "versions": [], "current": True} == {**old, "versions": []}
     assert new["parameters"] == old["parameters"]
     ok(client.get(f"monitors/{lab.monitor}/series", params={"series": 3}), 404)
+    of_first = ok(client.get(f"monitors/{lab.monitor}/runs", params={"series": 1}))["items"]
+    assert [one["series"] for one in of_first] == [1]
 
 
 def test_priors_follow_the_last_estimate_in_time_order(client: httpx.Client) -> None:

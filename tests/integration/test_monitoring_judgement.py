@@ -10,7 +10,7 @@ from uuid import UUID
 
 import numpy as np
 import pytest
-from sqlalchemy import select
+from sqlalchemy import select, update
 from sqlalchemy.orm import Session
 
 from examples.monitoring import structure_body
@@ -198,6 +198,20 @@ def test_alarms_are_raised_once_and_follow_their_series(world: World) -> None:
         "alarm.raised",
         "alarm.withdrawn",
     ]
+
+
+def test_an_alarm_that_came_back_too_late_is_open_again(world: World) -> None:
+    """One that was cleared stays so where its campaign is no episode any more; an alarm of another parameter is not taken."""
+    world.judge((1, "alarm"))
+    alarm = world.session.scalars(select(Alarm)).one()
+    acknowledge(world.session, world.user, alarm, "seen")
+    assert world.judge((1, "cleared")) == [(1, "cleared")]
+    assert world.judge((1, "acknowledged")) == [(1, "acknowledged")]
+    assert world.history()[-1] == "reopened"
+    assert world.judge((1, "cleared")) == [(1, "cleared")]
+    assert world.judge((3, "alarm")) == [(1, "cleared"), (3, "alarm")]
+    world.session.execute(update(Alarm).values(parameter="Ey"))
+    assert world.judge((2, "alarm")) == [(1, "cleared"), (3, "withdrawn"), (2, "alarm")]
 
 
 def test_silence_is_told(world: World) -> None:

@@ -6,6 +6,7 @@ import gzip
 import re
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 from urllib.parse import unquote
 from uuid import uuid4
 
@@ -16,7 +17,10 @@ import pytest
 from service.pages.assets import FOLDER
 from service.supervisor import LocalService
 from tests.support.rest import ok, session_client
+from tests.support.uff import dataset
 from tests.support.waiting import until
+
+Imported = Callable[..., dict[str, Any]]
 
 
 @pytest.fixture
@@ -26,7 +30,13 @@ def browser(api: httpx.Client, service: LocalService) -> Iterator[httpx.Client]:
         yield client
 
 
-def test_pages_show_what_is_there(browser: httpx.Client, project: str, structure: str, campaign: str) -> None:
+def test_pages_show_what_is_there(
+    browser: httpx.Client, project: str, structure: str, new_campaign: Callable[..., str], imported: Imported
+) -> None:
+    points = imported(
+        new_campaign(name="with a file"), dataset("15", f"{1:10d}{0:10d}{0:10d}{0:10d}" + 3 * f"{1:13.5e}")
+    )
+    campaign = new_campaign()
     places = {
         "/ui/": "tests",
         "/ui/projects": "tests",
@@ -40,6 +50,7 @@ def test_pages_show_what_is_there(browser: httpx.Client, project: str, structure
         "/ui/compare": "Choose results",
         "/ui/monitors": "No monitor yet",
         "/ui/keys": "Begins with",
+        f"/ui/imports/{points['id']}": "0 FRFs, 1 grid points, 0 modes",
     }
     for path, words in places.items():
         answer = browser.get(path)
@@ -98,6 +109,11 @@ def test_what_is_not_ones_own_is_not_found_on_a_page(
             assert answer.headers["content-type"].startswith("text/html"), path
             assert "<h1>Not Found</h1>" in answer.text
     assert browser.get(f"/ui/campaigns/{campaign}").status_code == 200
+    wrong = browser.put("/ui/projects", headers={"Origin": service.url})
+    assert (wrong.status_code, "GET" in wrong.headers["allow"]) == (405, True)
+    many = browser.get("/ui/compare", params={"job": [str(uuid4()) for _ in range(51)]})
+    assert many.status_code == 422
+    assert "names 51 results, at most 50 are compared at a time" in many.text
 
 
 def test_names_are_shown_and_not_run(api: httpx.Client, browser: httpx.Client, structure: str) -> None:

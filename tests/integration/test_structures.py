@@ -150,10 +150,12 @@ def test_a_physical_change_makes_a_version_and_the_old_one_stays(
     plies = {"plies": [{**PLY, "thickness_m": 0.0102}]}
     body = checked(patch(api, structure, {"laminate": plies}), 200)
     assert (body["version"], body["material"], body["name"]) == (3, None, "renamed")
+    body = checked(patch(api, structure, {"material": beam["material"]}), 200)
+    assert (body["version"], body["laminate"]) == (4, None)
     first = checked(api.get(f"structures/{structure}/versions/1"), 200)
     assert first["geometry"] == beam["geometry"]
     assert first["material"] == beam["material"]
-    checked(api.get(f"structures/{structure}/versions/4"), 404)
+    checked(api.get(f"structures/{structure}/versions/5"), 404)
     checked(api.get(f"structures/{structure}/versions/99999999999999999999"), 404)
 
 

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from fecore.body.laminate import OrthotropicMaterial
+from fecore.body.laminate import Ply as CorePly
 from fecore.errors import InputError, UpdatingError
 from fecore.frf import Dof
 from fecore.updating.recipe import Recipe
@@ -26,17 +28,22 @@ from service.notifications.messages import as_mail
 from service.pages.grid import draw_grid
 from service.records import processings
 from service.records.intake import RecordIntake
-from service.results import cards, predictions
+from service.results import cards, figure_data, figure_frf, predictions
 from service.results.figure_data import UpdateFigures
 from service.results.figure_frf import Wanted, _row_at
 from service.results.figures import FIGURES, _shapes, draw_figure
+from service.results.joint_figures import draw_joint_figure
+from service.structures.schemas import StructureIn
+from service.updating import bodies, joint_loading, loading, operations
 from service.updating.arrays import as_npz
 from service.updating.batches import _placed
 from service.updating.computation import _measured, _within_force
 from service.updating.document import _agreement, _posterior
 from service.updating.loading import _with_sensor_of, carried_masses
+from service.updating.schemas import RecipeIn
 
 HERE = UUID(int=1)
+FIBRE = OrthotropicMaterial(Ex=1e10, Ey=1e9, Gxy=1e9, Gxz=1e9, Gyz=1e9, nu_xy=0.0, density=2000.0)
 
 
 def a_result(arrays: dict[str, Any] | None = None, **document: Any) -> UpdateFigures:
@@ -172,6 +179,43 @@ def test_a_deck_that_cannot_be_written() -> None:
     other, pair = {"name": "caughey", "coefficients": {}}, {"name": "rayleigh", "coefficients": {"a0": 1, "a1": 2}}
     for laws, expected in (([], None), ([other], None), ([other, pair], (1.0, 2.0))):
         assert cards._rayleigh({"damping_models": laws}) == expected
+
+
+def test_a_deck_says_what_it_leaves_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of masses their rotary inertia, of the damping all but Rayleigh's law; without elastic constants there is none."""
+    job: Any = SimpleNamespace(id=HERE, campaign_id=HERE, structure_version_id=HERE, recipe={})
+    document: dict[str, Any] = {"modes": [], "damping_models": [], "parameters": [], "verdict": None}
+    names = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy")
+    material = dict(zip((f"{name}_Pa" for name in names[:-1]), (33e9, 32e9, 6e9, 4e9, 4e9), strict=True))
+    structure = StructureIn.model_validate(
+        {
+            "name": "s",
+            "geometry": {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01},
+            "density_kg_m3": 2000.0,
+            "material": material | {"nu_xy": 0.15},
+        }
+    )
+    tip = {"x_m": 0.4, "y_m": 0.0, "mass_kg": 0.05, "rotary_inertia_kg_m2": 4e-6}
+    campaign = SimpleNamespace(boundary="free", instruments={"added_masses": [tip]})
+    monkeypatch.setattr(cards, "result_document", lambda *_: document)
+    monkeypatch.setattr(cards, "campaign_of", lambda *_: campaign)
+    monkeypatch.setattr(cards, "version_of", lambda *_: None)
+    monkeypatch.setattr(cards, "describe_version", lambda *_: structure)
+    with pytest.raises(Conflict, match=r"the result has no Ex, Ey, Gxy, .*: no elastic constants were estimated"):
+        cards.updated_deck(job, job)
+    document["parameters"] = [
+        {"name": name, "estimate": estimate}
+        for name, estimate in zip(names, (33e9, 32e9, 6e9, 4e9, 4e9, 0.15), strict=True)
+    ]
+    deck = cards.updated_deck(job, job)
+    assert [one.mass for one in deck.masses] == [0.05]
+    assert deck.remarks[-2:] == (
+        "the added masses are points here: the deck has no rotary inertia of them",
+        "no Rayleigh damping: the result has another law, or none",
+    )
+    campaign.instruments, document["damping_models"] = {}, [{"name": "rayleigh", "coefficients": {"a0": 1, "a1": 2}}]
+    said = " ".join(cards.updated_deck(job, job).remarks)
+    assert [words in said for words in ("the added masses", "no Rayleigh", "SI units")] == [False, False, True]
 
 
 @pytest.mark.parametrize(
@@ -313,6 +357,8 @@ def test_a_strip_is_one_of_known_mass_and_stiffness(monkeypatch: pytest.MonkeyPa
     found = strip()
     assert (found.mass_per_length, found.bending_stiffness) == pytest.approx((2.0, 1e10 * 0.1 * 1e-6 / 12))
     wide = SimpleNamespace(length_m=1.0, width_m=0.5, thickness_m=0.01)
+    plies = SimpleNamespace(plies=[SimpleNamespace(to_core=lambda _: CorePly(FIBRE, 0.005, 0.0))] * 2)
+    assert strip(laminate=plies).bending_stiffness == pytest.approx(1e10 * 0.1 * 1e-6 / 12, rel=1e-6)
     assert [
         strip(**lacks)
         for lacks in ({"geometry": None}, {"density_kg_m3": None}, {"geometry": wide}, {"material": None})
@@ -384,3 +430,134 @@ def test_points_without_a_geometry_are_seen_from_where_they_spread() -> None:
         assert drawn.outline is None
         assert [(mark.label, mark.frfs) for mark in drawn.marks] == [(1, 0), (2, 3)]
         assert drawn.marks[0].y > drawn.marks[1].y
+
+
+def test_a_laminate_is_one_layer_unless_its_plies_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    structure: Any = SimpleNamespace(laminate="plies")
+
+    def body(recipe: Any, fault: InputError | None = None) -> str:
+        def nominal(*_: Any) -> Any:
+            if fault is not None:
+                raise fault
+            return "one layer"
+
+        monkeypatch.setattr(bodies, "nominal_specimen", nominal)
+        monkeypatch.setattr(bodies, "_layered", lambda *_: "plies")
+        return bodies._named(structure, "free", recipe, ())  # type: ignore[return-value]
+
+    plain, named, ply = (
+        SimpleNamespace(parameters=names and [SimpleNamespace(name=name) for name in names])
+        for names in (None, ["Ex"], ["E1"])
+    )
+    coupled = InputError("laminate", "has no equivalent layer")
+    assert [body(plain), body(plain, coupled), body(ply, coupled)] == ["one layer", "plies", "plies"]
+    with pytest.raises(InputError, match="no equivalent layer; name constants of its plies as parameters: E1, "):
+        body(named, coupled)
+    with pytest.raises(InputError, match="states no geometry"):
+        body(plain, InputError("structure", "states no geometry"))
+
+
+def a_batch(**means_and_scatter: tuple[float, float, float | None]) -> Any:
+    """A coupon batch: of each constant its mean, its standard deviation as a prior and the scatter of its coupons."""
+    given = means_and_scatter.items()
+    return SimpleNamespace(
+        warnings=["few"],
+        priors={name: SimpleNamespace(mean=mean, standard_deviation=sd) for name, (mean, sd, _) in given},
+        constants={name: SimpleNamespace(n=3, standard_deviation=scatter) for name, (_, _, scatter) in given},
+    )
+
+
+def test_coupons_are_priors_of_what_is_updated(monkeypatch: pytest.MonkeyPatch) -> None:
+    session: Any = None
+    batch = a_batch(Ex=(30e9, 2e9, 1e9), Ey=(20e9, 1e9, None))
+    monkeypatch.setattr(loading, "batch_prior", lambda *_: batch)
+    monkeypatch.setattr(joint_loading, "batch_prior", lambda *_: batch)
+    body: Any = None
+
+    def filled(*names: str) -> Any:
+        recipe = RecipeIn.model_validate({"parameters": [{"name": name} for name in names]})
+        return loading.recipe_parameters(session, recipe.model_copy(update={"prior_from_coupon_batch": HERE}), body)
+
+    (ex, gxy), warnings = filled("Ex", "Gxy")
+    assert (ex.prior_mean, ex.prior_sd, gxy.prior_mean, warnings) == (30e9, 2e9, None, ["coupons: few"])
+    (ey,), warnings = filled("Ey")
+    assert (ey.prior_mean, ey.prior_sd) == (20e9, None)
+    assert warnings[1] == "Ey: the coupon batch states no scatter, so the prior is its mean ± 30 %"
+    recipe = RecipeIn.model_validate({"parameters": [{"name": "Ex"}]})
+    request: Any = SimpleNamespace(recipe=recipe, coupon_batches=[HERE])
+    for scatter, expected in ((True, 1e9), (False, 2e9)):
+        (coupon,), warned = joint_loading._coupons(session, request, scatter=scatter)
+        assert (coupon.name, coupon.mean, coupon.standard_deviation, warned) == (
+            "Ex",
+            30e9,
+            expected,
+            ("coupons: few",),
+        )
+
+
+def test_what_a_joint_update_does_not_take(monkeypatch: pytest.MonkeyPatch) -> None:
+    plies = SimpleNamespace(plies=[SimpleNamespace(angle_deg=angle) for angle in (0, 45)])
+    monkeypatch.setattr(joint_loading, "_is_one_material", lambda _: False)
+    monkeypatch.setattr(joint_loading, "nominal_specimen", lambda *_: SimpleNamespace(material="one"))
+    with pytest.raises(InputError, match="plies at several angles; a joint update takes one material"):
+        joint_loading.material_of(SimpleNamespace(laminate=plies), 0)  # type: ignore[arg-type]
+    plies.plies[1].angle_deg = 90
+    assert joint_loading.material_of(SimpleNamespace(laminate=plies), 0) == ("one", 0.0)  # type: ignore[arg-type]
+    monkeypatch.setattr(joint_loading, "roving_mass", lambda _: 0.002)
+    job, campaign = SimpleNamespace(recipe=None), SimpleNamespace(frf_sets=(1,))
+    rest: Any = {"name": "a", "specimen": "b", "common": None, "material": None}
+    with pytest.raises(InputError, match="had a sensor that moved, so its FRFs have no common modes; name a mode set"):
+        joint_loading._campaign(None, 1, job, campaign, **rest)  # type: ignore[arg-type]
+
+
+def test_a_hold_out_leaves_something_to_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of one driving point with several responses all may be named but that point, as it holds no FRF out by itself."""
+    rows = [SimpleNamespace(response_point=n, reference_point=1, start_hz=1.0, end_hz=9.0) for n in (1, 2, 3)]
+    monkeypatch.setattr(operations, "frf_extents", lambda *_: rows)
+
+    def check(**held: Any) -> None:
+        recipe = RecipeIn.model_validate({"hold_out": held})
+        operations._check_data(None, recipe, SimpleNamespace(id=HERE))  # type: ignore[arg-type]
+
+    for held in ({"band_hz": [2, 3]}, {"points": [2]}, {"points": [1]}):
+        check(**held)
+    for held, why in (({"band_hz": [1, 9]}, "holds out every line"), ({"points": [1, 2, 3]}, "holds out every FRF")):
+        with pytest.raises(Invalid, match=why):
+            check(**held)
+
+
+def test_an_earlier_versions_prediction_has_no_interval(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = np.array([[1, 3]])
+    arrays = {"frequency_hz": np.ones(2), "responses": one, "references": one, "initial": np.ones((1, 2))}
+    stored = type("Stored", (dict,), {"row": lambda self, name, row: self[name][row]})(
+        updated=np.ones((1, 2)), **arrays
+    )
+    data = a_result(stored, band_hz=None, provenance={"recipe": {"hold_out": {"band_hz": None}}})
+    drawn: list[Any] = []
+    monkeypatch.setattr(UpdateFigures, "measured_frf", lambda *_: SimpleNamespace(quantity="accelerance"))
+    monkeypatch.setattr(UpdateFigures, "measured", lambda *_: (np.ones(2, dtype=complex), None))
+    monkeypatch.setattr(figure_frf, "frf_figure", lambda curves: drawn.append(curves) or {"layout": {}})
+    FIGURES["frf"].draw(data, Wanted())
+    assert drawn[0].spread is None
+    asked: Any = a_result(provenance={"frfs": [{"id": str(HERE)}] * 2})
+    vars(asked).update(job=None, session=None, dofs=[(Dof(1, 3), Dof(1, 3))])
+    monkeypatch.undo()
+    monkeypatch.setattr(figure_data, "frfs_of", lambda *_: ["a", "b"])
+    monkeypatch.setattr(figure_data, "used_frfs", lambda *_: ["b"])
+    assert asked.measured_frf(0) == "b"  # one of the two was left out
+
+
+def test_predictions_that_no_row_matches(monkeypatch: pytest.MonkeyPatch) -> None:
+    arrays = {"frequency_hz": np.ones(1), "updated": np.ones((1, 1)), "responses": np.ones((1, 2), int)}
+    monkeypatch.setattr(predictions, "result_document", lambda *_: {"provenance": {"frfs": []}})
+    monkeypatch.setattr(predictions, "result_arrays", lambda *_: arrays | {"references": np.ones((1, 2), int)})
+    monkeypatch.setattr(predictions, "frfs_of", lambda *_: [])
+    monkeypatch.setattr(predictions, "used_frfs", lambda *_: [Row(1)])
+    job: Any = None
+    with pytest.raises(NotFound, match="predicted FRF that matches in this result"):
+        predictions.predicted_table(job, job, "updated", predictions.Chosen(point=7), predictions.Cut())
+
+
+def test_a_joint_result_without_anything_to_draw_says_so() -> None:
+    with pytest.raises(Conflict, match="no campaign has an estimate of its own"):
+        draw_joint_figure({"campaigns": [{"alone": {}}]}, "campaigns")
