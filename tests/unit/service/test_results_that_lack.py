@@ -19,15 +19,23 @@ from fecore.frf import Dof
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import PosteriorSummary
 from modalbase.formats.records import TimeBlock
-from service.errors import Conflict, Invalid, NotFound
+from service.errors import Conflict, Damaged, Invalid, NotFound
+from service.frfs import measured_campaign
 from service.frfs.measured_campaign import MeasuredFrfs
+from service.imports.intake import _Intake
+from service.modes import identifications
+from service.monitoring import judgements
 from service.monitoring.computation import _same_mode
 from service.monitoring.runs import _held_otherwise
 from service.monitoring.schemas import WatchedIn
+from service.monitoring.values import watched_values
 from service.notifications.messages import as_mail
 from service.pages.grid import draw_grid
+from service.records import figures as record_figures
+from service.records import operations as record_operations
 from service.records import processings
 from service.records.intake import RecordIntake
+from service.reports import update_report
 from service.results import cards, figure_data, figure_frf, predictions
 from service.results.figure_data import UpdateFigures
 from service.results.figure_frf import Wanted, _row_at
@@ -561,3 +569,58 @@ def test_predictions_that_no_row_matches(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_a_joint_result_without_anything_to_draw_says_so() -> None:
     with pytest.raises(Conflict, match="no campaign has an estimate of its own"):
         draw_joint_figure({"campaigns": [{"alone": {}}]}, "campaigns")
+
+
+def test_measured_data_that_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without FRFs there is no identification, without a place no FRF and no time block, without a force no hit."""
+    session: Any = SimpleNamespace(
+        get_one=lambda *_: SimpleNamespace(campaign_id=HERE),
+        scalars=lambda *_: SimpleNamespace(all=lambda: [placed, lost], one_or_none=lambda: None),
+    )
+    monkeypatch.setattr(identifications, "load_measured_campaign", lambda *_: a_campaign())
+    with pytest.raises(InputError, match="has no FRFs; import a UFF file first"):
+        identifications._load(session, HERE, None)  # type: ignore[arg-type]
+    placed, lost = Row(1), Row(0)
+    vars(lost).update(id=7, label="FRF 7")
+    used: list[Any] = []
+    monkeypatch.setattr(measured_campaign, "make_tables", lambda _session, rows, _cut: used.extend(rows) or [])
+    warnings: list[str] = []
+    assert measured_campaign._frf_sets(session, SimpleNamespace(id=HERE), None, warnings) == []  # type: ignore[arg-type]
+    assert (used, warnings) == ([placed], ["FRF 7 (FRF 7) states no point or direction and is left out"])
+    block: Any = SimpleNamespace(
+        dataset=3, quantity="acceleration", response_point=0, response_direction=0, reference_point=0,
+        reference_direction=0, sample_rate_hz=100.0, samples=np.zeros(4), label="",
+    )  # fmt: skip
+    with RecordIntake() as records:
+        taken = vars(intake := _Intake.__new__(_Intake))
+        taken.update(records=records, blocks=set(), unused={})
+        intake._take_block(block)
+    assert (intake.blocks, intake.unused) == ({3}, {3: "is a time block without a point and direction"})
+    half = SimpleNamespace(hit=1, force_point=2, quantity="acceleration")
+    monkeypatch.setattr(record_figures, "block_rows", lambda *_: {(2, 3): [half]})
+    with pytest.raises(NotFound, match=r"whole hit.* in this campaign: hit 1 of point 2 has no force"):
+        record_figures.point_blocks(session, HERE, record_figures.Chosen(point=2))
+    monkeypatch.setattr(record_operations, "stream_rows", lambda *_: [(b"1234",)])
+    short: Any = SimpleNamespace(id=HERE, samples=2, dtype="<f4", sha256=b"x")
+    with pytest.raises(Damaged):
+        list(record_operations.sample_bytes(session, [short]))
+
+
+def test_a_monitors_values_and_notes_of_what_was_found_otherwise() -> None:
+    """Modes that were identified state no deviation; a run of another version is named."""
+    row = {"name": "Ex", "estimate": 1.0, "noise_standard_deviation": 0.1}
+    mode = {"number": 1, "measured_hz": 10.0, "measured_damping": 0.01}
+    found = watched_values(None, {"parameters": [row], "provenance": {}, "modes": [mode]})  # type: ignore[arg-type]
+    assert found == {"parameters": {"Ex": [1.0, 0.1]}, "modes": [[10.0, None, 0.01, None]]}
+    pairs: Any = [
+        (SimpleNamespace(campaign=SimpleNamespace(id=n)), SimpleNamespace(revision=1, software=software))
+        for n, software in enumerate((None, "2", "3", "3"))
+    ]
+    notes = list(judgements._notes(SimpleNamespace(software="2"), pairs))  # type: ignore[arg-type]
+    assert notes == ["version 2 opened this series, 3 ran campaign 2, 3; a rerun makes a uniform series"]
+
+
+def test_the_report_names_the_largest_parts_of_a_variance() -> None:
+    rows = [{"name": "Ey", "budget": []}, {"name": "Ex", "budget": [{"source": "the_prior", "share": 0.25}]}]
+    (table,) = update_report._budget(rows)
+    assert table.rows == [["Ex", "the prior 25 %"]]  # type: ignore[union-attr]
