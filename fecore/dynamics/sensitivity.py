@@ -64,12 +64,8 @@ def mode_shape_derivatives(
     """(p, dofs, n) ∂φ, without the rotation inside a cluster of repeated roots."""
     derivative = np.empty((len(stiffness_by), *modes.shapes.shape))
     inside = same_cluster(modes.eigenvalue)
-    done: set[int] = set()
-    for k in range(modes.eigenvalue.size):
-        if k in done:
-            continue
-        cluster = np.flatnonzero(inside[k])
-        done.update(cluster.tolist())
+    for first in np.unique(np.argmax(inside, axis=1)):
+        cluster = np.flatnonzero(inside[first])
         phi, value = modes.shapes[:, cluster], float(np.mean(modes.eigenvalue[cluster]))
         tops = [-(K @ phi - (M @ phi) * modes.eigenvalue[cluster]) for K, M in zip(stiffness_by, mass_by, strict=True)]
         bottoms = [-(phi.T @ (M @ phi)) / 2 for M in mass_by]

@@ -73,9 +73,12 @@ def test_a_step_out_of_bounds_is_shortened() -> None:
     assert found.point.cost < rosenbrock(np.array([0.1, 0.0])).cost
 
 
-def test_a_direction_that_changes_nothing_is_said_to_be_singular() -> None:
+@pytest.mark.parametrize("slope", [0.0, 1.0])
+def test_a_direction_that_changes_nothing_is_said_to_be_singular(slope: float) -> None:
+    """x₂ alone, or x₁ = -x₂."""
+
     def at(x: FloatArray) -> Point:
-        return Point(x, np.array([x[0] - 1]), np.array([[1.0, 0.0]]))
+        return Point(x, np.array([x[0] + slope * x[1] - 1]), np.array([[1.0, slope]]))
 
     assert minimise(at(np.zeros(2)), mover(at)).outcome == "singular"
 

@@ -139,6 +139,11 @@ def test_repeated_roots_give_exact_derivatives_of_what_has_one() -> None:
     np.testing.assert_allclose(np.linalg.eigvalsh(G[1:3, 1:3]), split, rtol=1e-5, atol=1e-6)
 
 
+def test_roots_are_one_within_a_relative_distance() -> None:
+    alike = same_cluster(1e6 * np.array([0, 0, 1, 1 + 0.5e-8, 1 + 2e-8]))
+    np.testing.assert_array_equal(alike, np.equal.outer([0, 0, 1, 1, 2], [0, 0, 1, 1, 2]))
+
+
 SPECIMEN = Specimen(0.3, 0.05, 0.01, PAPER, "cantilever", (PointMass(0.29, 0.02, 0.005),), divisions=(3, 1))
 PLACES = np.array([[0.1, 0.0], [0.2, 0.02], [0.3, -0.025]])
 DOFS = [Dof(point, 3) for point in range(3)]
@@ -159,6 +164,7 @@ def test_forward_models_derivatives_against_complex_steps(boundary, reduced) -> 
     )
     observation = forward.observation.toarray() @ (np.eye(stiffness.shape[1]) if state.basis is None else state.basis)
     rigid = state.modes.rigid
+    assert not state.eigenvalue_jacobian[:rigid].any()
     for p in range(theta.size):
         stepped = theta.astype(complex)
         stepped[p] += 1j * STEP * theta[p]
