@@ -7,11 +7,12 @@ import pytest
 
 from fecore.body.specimen import Specimen
 from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, damping_rate
-from fecore.errors import InputError
+from fecore.errors import InputError, UpdatingError
 from fecore.frf import FrfSet
+from fecore.updating import law_problem
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.law_fit import fit_law
-from fecore.updating.law_problem import Nuisance
+from fecore.updating.law_problem import LawPoint, LawProblem, Nuisance
 from fecore.updating.misfit import FrfMisfit, Weighting
 from fecore.updating.parameters import parametrise
 from tests.support.cantilever import grid, hammer_tour
@@ -181,3 +182,97 @@ def test_a_shift_at_its_bound_does_not_hold_up_the_others(state: ForwardState) -
     there = replace(problem, model=model.with_eigenvalue(mode_held**2))
     rest = fit_law(there, RAYLEIGH, np.array([20.0, 2e-5]), Nuisance.of_exact_law(np.arange(4), np.zeros(4)))
     np.testing.assert_allclose(fit.coefficients, rest.coefficients, rtol=1e-3)
+
+
+EVERY = Nuisance(
+    modes=np.arange(5),
+    first_shift=np.zeros(5),
+    shift_sd=np.array([0.01, np.inf, 0.02, 0.01, 0.4]),
+    deviation_sd=np.array([0.2, 0, 0.1, 0.3, 0]),
+    suspended=np.array([6]),
+    suspended_rate=np.array([50.0]),
+    window_rate=3.0,
+    seen=np.array([1, 2]),
+    seen_rate=np.array([60.0, 90.0]),
+    seen_sd=np.array([0.1, 0.3]),
+)
+"""Every kind of prior at once."""
+
+
+def test_descent_is_that_of_the_misfit_with_every_prior(state: ForwardState) -> None:
+    problem = LawProblem(misfit(state, measured(state, 0.05), "noise"), RAYLEIGH, EVERY, 1.7)
+    rng = np.random.default_rng(3)
+    x = problem.first(1.2 * PAPER)
+    x[2:] += 0.002 * rng.standard_normal(x.size - 2)
+    descent = problem.at(x).descent
+    for number, size in enumerate(np.append(PAPER, np.ones(x.size - 2))):
+        step = 1e-6 * size * (np.arange(x.size) == number)
+        slope = (problem.at(x + step).cost - problem.at(x - step).cost) / 2e-6
+        # Central differences over 1e-6 of a cost of 1e5, which is good to 1e-11.
+        assert descent[number] * size == pytest.approx(-slope, rel=1e-5, abs=0.5)
+
+
+def test_rates_known_beside_the_misfit_are_compared_without_the_window(state: ForwardState) -> None:
+    problem = LawProblem(
+        misfit(state, measured(state, 0.05), "noise"), RAYLEIGH, replace(EVERY, deviation_sd=np.zeros(5)), 1.0
+    )
+    rate = damping_rate(RAYLEIGH, PAPER, problem.misfit.model.omega[1:3])
+    np.testing.assert_allclose(problem.known(problem.first(PAPER))[0], np.log(rate / EVERY.seen_rate) / EVERY.seen_sd)
+
+
+def test_shifts_and_rates_are_held_to_what_is_believable(state: ForwardState) -> None:
+    problem = LawProblem(misfit(state, measured(state, 0.05), "noise"), RAYLEIGH, EVERY, 1.0)
+    far = problem.first(PAPER)
+    far[2:] = 100.0
+    # Three standard deviations, but at least a tenth and at most a half; e^25 1/s.
+    np.testing.assert_array_equal(problem.within(far)[2:], [0.1, 0.1, 0.1, 0.1, 0.5, 25, 25, 25, 25])
+
+
+@pytest.mark.parametrize("weighting", ["noise", "linear"])
+def test_noise_grows_with_what_a_value_is_worth(state: ForwardState, weighting: Weighting) -> None:
+    """`scale` is the misfit over what noise explains: of noise weights the covariance is `scale` times that of the noise
+    stated, of other weights `scale` is only a unit. A rate known beside it counts as data do.
+    """
+    data = misfit(state, measured(state, 0.05), weighting)
+    one, four = (fit_law(data, RAYLEIGH, PAPER, FREE, scale).noise_covariance for scale in (1.0, 4.0))
+    np.testing.assert_allclose(four, (4 if weighting == "noise" else 1) * one, rtol=1e-6)
+    if weighting == "noise":
+        known = replace(FREE, seen=np.array([1]), seen_rate=np.array([60.0]), seen_sd=np.array([0.01]))
+        fit = fit_law(data, RAYLEIGH, PAPER, known, 4.0)
+        x = np.concatenate([fit.coefficients, fit.shift])
+        hessian = LawProblem(data, RAYLEIGH, known, 4.0).system(x, fit.normal)[0]
+        np.testing.assert_allclose(fit.noise_covariance, 4 * np.linalg.inv(hessian)[:2, :2], rtol=1e-6)
+
+
+def test_a_fit_says_how_it_went_and_predicts_with_the_window(state: ForwardState) -> None:
+    data, shares = misfit(state, measured(state, 0.05), "noise"), list[float]()
+    window = replace(FREE, window_rate=3.0)
+    fit = fit_law(data, RAYLEIGH, np.array([20.0, 2e-5]), window, progress=shares.append)
+    np.testing.assert_array_equal(fit.history[0], [20.0, 2e-5])
+    # The last step that counts gains 1e-10 of the misfit: 1e-5 of a standard deviation and less.
+    np.testing.assert_allclose(fit.history[-1], fit.coefficients, rtol=1e-6)
+    assert np.all(np.any(np.diff(fit.history, axis=0) != 0, axis=1))
+    assert shares[0] == 0
+    assert sorted(shares) == shares
+    assert shares[-1] < 1
+    np.testing.assert_allclose(fit.rates(data.model), damping_rate(RAYLEIGH, fit.coefficients, data.model.omega) + 3)
+
+
+def test_a_fit_that_is_cut_off_carries_its_best(state: ForwardState, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(law_problem, "_STEPS", 1)
+    with pytest.raises(UpdatingError, match="the rayleigh fit did not converge") as error:
+        fit_law(misfit(state, measured(state, 0.05), "noise"), RAYLEIGH, np.array([400.0, 2e-4]), FREE)
+    assert set(error.value.best) == {"a0", "a1"}
+
+
+def test_a_point_is_at_rest_where_no_coefficient_has_far_to_go(state: ForwardState) -> None:
+    data = misfit(state, measured(state, 0.05), "noise")
+    problem, fit = LawProblem(data, RAYLEIGH, FREE, 1.0), fit_law(data, RAYLEIGH, PAPER, FREE)
+
+    def moved(sds: float) -> LawPoint:
+        sd = np.sqrt(np.diag(fit.noise_covariance))
+        return problem.at(np.concatenate([fit.coefficients + sds * sd, fit.shift]))
+
+    assert problem.is_at_rest(moved(0.05))
+    assert not problem.is_at_rest(moved(0.5))
+    assert not problem.is_at_rest(moved(3))
