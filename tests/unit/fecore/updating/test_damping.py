@@ -203,7 +203,8 @@ def test_descent_is_that_of_the_misfit_with_every_prior(state: ForwardState) -> 
     problem = LawProblem(misfit(state, measured(state, 0.05), "noise"), RAYLEIGH, EVERY, 1.7)
     rng = np.random.default_rng(3)
     x = problem.first(1.2 * PAPER)
-    x[2:] += 0.002 * rng.standard_normal(x.size - 2)
+    x[2:7] += 0.002 * rng.standard_normal(5)
+    x[7:] += 0.5 * rng.standard_normal(4)
     descent = problem.at(x).descent
     for number, size in enumerate(np.append(PAPER, np.ones(x.size - 2))):
         step = 1e-6 * size * (np.arange(x.size) == number)
