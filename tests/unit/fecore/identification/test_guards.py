@@ -13,8 +13,11 @@ from fecore.frf import Dof, FrfSet
 from fecore.identification import guards
 from fecore.identification.arrangement import Arrangement, arrange
 from fecore.identification.basis import Terms
+from fecore.identification.compression import compress
+from fecore.identification.error_model import ErrorModel
 from fecore.identification.refinement import Fit, evaluate
-from fecore.identification.sifting import Need
+from fecore.identification.search import Search
+from fecore.identification.sifting import Need, Sifted, _fails, _within_drift, without_twins
 from fecore.identification.subsets import Again
 
 RANDOM = np.random.default_rng(3)
@@ -288,3 +291,68 @@ def test_three_lines_about_a_frequency() -> None:
         [159, 160],
         [158, 159, 160],
     ]
+
+
+@pytest.mark.parametrize(
+    ("hz", "zeta", "evidence", "ratio", "reason"),
+    [
+        (101.5, 0.01, 0.99, 9.0, "it lowers the misfit by less than its unknowns are worth"),
+        (101.5, 0.01, 1.49, 9.0, "it is a part of the mode at 101.30 Hz"),
+        (101.5, 0.01, 1.51, 1.99, "it is a part of the mode at 101.30 Hz"),
+        (101.5, 0.01, 1.51, 2.0, None),
+        (105.1, 0.01, 1.2, 1.2, "it is a part of the mode at 101.30 Hz"),  # 1.5 summed half bandwidths
+        (105.3, 0.01, 1.2, 1.2, None),
+        (
+            102.3,
+            1e-4,
+            1.2,
+            1.2,
+            "it is a part of the mode at 101.30 Hz",
+        ),  # four half bandwidths of the narrower, and a line
+        (102.4, 1e-4, 1.2, 1.2, None),
+    ],
+)
+def test_a_pole_beside_another_is_needed_more_than_one_alone(
+    hz: float, zeta: float, evidence: float, ratio: float, reason: str | None
+) -> None:
+    arrangement = measured()
+    variance = np.full(arrangement.values.shape, 2e-14)
+    fit = evaluate(arrangement, Terms(np.array([101.3, hz, 160.7]), np.array([0.01, zeta, 0.02]), (0,)), variance)
+    search = Search(compress(arrangement, variance), ErrorModel(variance, np.abs(arrangement.values) ** 2))
+    found = _fails(search, fit, 1, need(evidence, ratio))
+    assert found is reason is None or (found is not None and reason is not None and reason in found)
+
+
+def test_two_poles_nearer_than_the_sessions_drift_are_one_mode() -> None:
+    """Each FRF here has a session of its own, in which no shape can be seen."""
+    arrangement = measured()
+    variance = np.full(arrangement.values.shape, 2e-14)
+    terms = Terms(np.array([80.0, 100.3, 102.3, 160.7]), np.array([0.01, 0.01, 0.01, 0.02]), (0,))
+    fit = evaluate(arrangement, terms, variance)
+    both = with_residues(fit, np.array([0.0, 2.0, 1.0, 0.0]) * np.ones((12, 1)))
+    search = Search(compress(arrangement, variance), ErrorModel(variance, np.abs(arrangement.values) ** 2))
+    sifted = Sifted(fit, {k: need(5.0 + k, 9.0, fit) for k in range(4)}, ())
+    assert without_twins(search, sifted, arrangement, both, drift=0.0199) is None
+    found = without_twins(search, sifted, arrangement, both, drift=0.0201)
+    assert found is not None
+    # Twelve receptances with noise of 1e-3 of their peaks fix a frequency to some 1e-5.
+    assert found.fit.terms.frequency_hz[1:] == pytest.approx([101.3, 160.7], rel=1e-4)
+    assert (found.needs[0], found.needs[2]) == (sifted.needs[0], sifted.needs[3])
+    assert found.needs[1].ratio > 100  # the mode itself, and no half of it
+    ((hz, _, reason),) = found.dropped
+    assert hz == 102.3  # the weaker
+    assert "it is a part of the mode at 100.30 Hz" in reason
+
+
+def test_two_modes_with_sensor_ratios_of_their_own_are_no_drift() -> None:
+    pairs = [(Dof(100 + sensor, 3), Dof(1 + hit, 3)) for hit in range(20) for sensor in range(3)]
+    values = np.ones((60, 40), dtype=complex)
+    arrangement = arrange(FrfSet(np.arange(1.0, 41.0), values, *zip(*pairs, strict=True)))
+    fit = evaluate(arrangement, Terms(np.array([20.0, 20.4]), np.array([0.01, 0.01]), (0,)), np.ones((60, 40)))
+    hits = np.random.default_rng(5).standard_normal((2, 20))
+    sensors = np.array([[1.0, 0.4, -0.7], [0.2, 1.0, 0.5]])
+    halves = 1j * np.stack([np.outer(hits[0], sensors[0]).ravel(), np.outer(2 * hits[0], sensors[0]).ravel()], axis=1)
+    modes = 1j * np.stack([np.outer(hit, sensor).ravel() for hit, sensor in zip(hits, sensors, strict=True)], axis=1)
+    assert _within_drift(arrangement, with_residues(fit, halves), 0.05) == (0, 1)
+    assert _within_drift(arrangement, with_residues(fit, halves[:, ::-1]), 0.05) == (1, 0)
+    assert _within_drift(arrangement, with_residues(fit, modes), 0.05) is None
