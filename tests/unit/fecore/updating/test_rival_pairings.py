@@ -14,7 +14,7 @@ from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic_result import REFUTED, ElasticResult
-from fecore.updating.elastic_starts import evidence, update_from_several_starts
+from fecore.updating.elastic_starts import _as_rival, evidence, update_from_several_starts
 from fecore.updating.estimates import OTHER_PARTNERS, constant_estimates
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import Inputs
@@ -22,7 +22,7 @@ from fecore.updating.measurement import Measurement
 from fecore.updating.pairing import exchanged, pair_held, partners_of
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
-from fecore.updating.posterior import Identifiability, spread_over
+from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF, Identifiability, spread_over
 from fecore.updating.result import ParameterEstimate, UpdateResult
 
 STATED = OrthotropicMaterial(Ex=30e9, Ey=30e9, Gxy=11e9, Gxz=11e9, Gyz=11e9, nu_xy=0.3, density=2000.0)
@@ -63,9 +63,12 @@ def five() -> tuple[ElasticResult, MeasuredModes]:
     """Five bending modes of a strip with Ex 33, Gxy 9 and Gxz 8 GPa; torsion at 940 and 1890 Hz was not measured."""
     modes = typed(166.74, 458.13, 893.78, 1467.90, 2175.15)
     forward = ForwardModel(STRIP, parametrise(STRIP), (), np.zeros((0, 2)), 12)
+    shares: list[float] = []
     found = update_from_several_starts(
-        forward, modes, lambda _: None, use_shapes=False, seek_excursions=lambda _: (), seed=0
+        forward, modes, shares.append, use_shapes=False, seek_excursions=lambda _: (), seed=0
     )
+    assert sorted(shares) == shares
+    assert (shares[0], shares[-1]) == pytest.approx((0, 1), abs=0.1)
     return found, modes
 
 
@@ -112,6 +115,16 @@ def test_a_pairing_that_tunes_a_constant_more_finely_has_less_evidence(
     tuned = replace(elastic, sources={name: part / 2 for name, part in elastic.sources.items()})
     less = elastic.theta.size * np.log(2)  # of each coordinate half of the prior meets the data
     assert evidence(tuned, modes)[1] - evidence(elastic, modes)[1] == pytest.approx(less, rel=1e-9)
+
+
+def test_what_residuals_and_modes_without_a_partner_cost(five: tuple[ElasticResult, MeasuredModes]) -> None:
+    elastic, modes = five
+    exact = replace(elastic, residual=np.zeros(5))
+    squares = 1 + float(elastic.residual @ elastic.residual) / DISCREPANCY**2 / DISCREPANCY_DOF
+    more = (DISCREPANCY_DOF + 5) / 2 * np.log(squares)
+    assert evidence(elastic, modes)[1] - evidence(exact, modes)[1] == pytest.approx(more, rel=1e-9)
+    assert _as_rival(elastic, (0, 10.0), (1, 12.0)).evidence == 10.0
+    assert _as_rival(elastic, (1, 10.0), (1, 12.0)).evidence == 2.0
 
 
 def state(hz: list[float], kinds: list[str], hidden: tuple[int, ...] = ()) -> ForwardState:
