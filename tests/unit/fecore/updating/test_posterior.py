@@ -77,6 +77,15 @@ def test_moments_and_reach_are_those_of_the_mixture() -> None:
     assert aside == pytest.approx((0, 9 + 1.959964))
 
 
+@pytest.mark.parametrize("sd", [0.01, 1.0, 100.0])
+def test_one_gaussian_reaches_two_standard_deviations(sd: float) -> None:
+    one = Mixture(np.ones(1), np.zeros((1, 1)), np.full((1, 1, 1), sd**2), np.ones(1))
+    assert one.reach(np.ones(1)) == pytest.approx((1.959964 * sd, 1.959964 * sd), rel=1e-6)
+    assert ScaleMixture(np.ones(1), np.ones(1)).reach(0.36 * sd**2, 0.64 * sd**2) == pytest.approx(
+        1.959964 * sd, rel=1e-6
+    )
+
+
 def test_a_discrepancy_is_the_mean_of_residuals_and_prior() -> None:
     residual = np.array([0.003, 0.004])
     assert discrepancy(residual, 1.0, 0.001) == pytest.approx(np.sqrt((2 * 1e-6 + 25e-6) / (2 + 1)))
@@ -124,3 +133,6 @@ def test_a_scale_of_nothing_reaches_nowhere() -> None:
     assert certain.reach(0.0, 0.0) == 0
     assert certain.reach(3.0, 1.0) == pytest.approx(2 * 1.959964)
     assert certain.reach(0.0, 1.0, 0.5) == pytest.approx(0.6744898)
+    open_between = ScaleMixture(np.array([0.4, 0.6]), np.array([1.0, 3.0]))
+    sd = np.sqrt(2 + np.array([1, 9]) / (0.4 + 0.6 * 9) * 7)
+    assert np.array([0.4, 0.6]) @ scipy.special.ndtr(open_between.reach(2.0, 7.0) / sd) == pytest.approx(0.975)

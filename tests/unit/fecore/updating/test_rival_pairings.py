@@ -14,7 +14,7 @@ from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic_result import REFUTED, ElasticResult
-from fecore.updating.elastic_starts import _as_rival, evidence, update_from_several_starts
+from fecore.updating.elastic_starts import _as_rival, _other_starts, evidence, is_doubtful, update_from_several_starts
 from fecore.updating.estimates import OTHER_PARTNERS, constant_estimates
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import Inputs
@@ -123,8 +123,38 @@ def test_what_residuals_and_modes_without_a_partner_cost(five: tuple[ElasticResu
     squares = 1 + float(elastic.residual @ elastic.residual) / DISCREPANCY**2 / DISCREPANCY_DOF
     more = (DISCREPANCY_DOF + 5) / 2 * np.log(squares)
     assert evidence(elastic, modes)[1] - evidence(exact, modes)[1] == pytest.approx(more, rel=1e-9)
+    place = elastic.coordinates
+    believed = replace(elastic, theta=place.values(place.mean))
+    more = np.sum(((place.of(elastic.theta) - place.mean) / place.sd) ** 2) / 2
+    assert evidence(elastic, modes)[1] - evidence(believed, modes)[1] == pytest.approx(more, rel=1e-6)
     assert _as_rival(elastic, (0, 10.0), (1, 12.0)).evidence == 10.0
     assert _as_rival(elastic, (1, 10.0), (1, 12.0)).evidence == 2.0
+
+
+def test_a_result_is_doubtful_where_another_start_may_do_better(five: tuple[ElasticResult, MeasuredModes]) -> None:
+    elastic, _ = five
+    place = elastic.coordinates
+
+    def doubtful(misfit: float, sds: float, alone: tuple[int, ...] = ()) -> bool:
+        theta = place.values(place.mean + sds * place.sd * (np.arange(place.sd.size) == 0))
+        pairing = replace(elastic.pairing, unpaired_measured=alone)
+        return is_doubtful(replace(elastic, residual=np.full(5, misfit * DISCREPANCY), theta=theta, pairing=pairing))
+
+    assert not doubtful(4.99, 1.49)
+    assert doubtful(5.01, 0)
+    assert doubtful(0, 1.51)
+    assert doubtful(0, -1.51)
+    assert doubtful(0, 0, (3,))
+
+
+def test_other_starts_lie_all_about_the_prior(five: tuple[ElasticResult, MeasuredModes]) -> None:
+    elastic, modes = five
+    place = elastic.coordinates
+    starts = _other_starts(elastic.updated.forward.unverified(), modes, 0)
+    away = np.array([(place.of(theta) - place.mean) / place.sd for theta in starts])
+    assert np.abs(away).max() <= 2
+    assert away.min() < -1
+    assert away.max() > 1
 
 
 def state(hz: list[float], kinds: list[str], hidden: tuple[int, ...] = ()) -> ForwardState:
