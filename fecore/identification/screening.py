@@ -208,8 +208,6 @@ def _spikes(record: ComplexArray, measured: BoolArray) -> tuple[BoolArray, BoolA
     height = np.zeros(record.size)
     at = np.flatnonzero(measured)
     values = record[at]
-    if values.size < _FEWEST_LINES:
-        return spikes, standing, jumps, height
     middle = values[2:-2]
     beside = (values[1:-3] + values[3:-1]) / 2
     jump = np.abs(middle - beside) ** 2

@@ -223,8 +223,9 @@ class Summary:
 
     def _held_out_band(self) -> HeldOut | None:
         """The recipe's band, or the lines above the fitted one."""
-        if self.data.fitted is None or self.damping is None or self.band is None:
-            return None
+        assert self.data.fitted is not None, "FRFs were predicted"
+        assert self.damping is not None, "by a law"
+        assert self.band is not None, "in a band"
         lines = self.data.fitted.frequency_hz
         above = (float(np.nextafter(self.band[1], np.inf)), float(lines[-1]))
         low, high = self.held_band or above

@@ -26,7 +26,7 @@ def test_boundaries_are_ranked_and_what_was_measured_counts(
     modes = [{"frequency_hz": hz} for hz in FREE_HZ]
     mode_set = ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "m", "modes": modes}), 201)["id"]
     made = [{"campaign_id": campaign, "mode_set": mode_set}]
-    tests = [{"boundary": "free"}, {"boundary": "cantilever", "highest_hz": 2000}]
+    tests = [{"boundary": "free"}, {"boundary": "cantilever", "highest_hz": 2000, "sensor": 2, "sensor_mass_kg": 0.002}]
     body: dict[str, Any] = {"tests": tests, "points_to_hit": 8}
     before = ok(api.post(f"structures/{structure}/plans", json=body), 200)
     after = ok(api.post(f"structures/{structure}/plans", json=body | {"made": made}), 200)

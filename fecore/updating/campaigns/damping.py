@@ -66,8 +66,6 @@ def common_damping(fitted: Fitted) -> tuple[CommonLaw, ...]:
     laws = identifiable_laws(
         together.ratio.size, [*FREQUENCY_LAWS.values(), *(by_mechanism[name] for name in _BY_MECHANISM)]
     )
-    if not laws:
-        return ()
     ranking = rank_laws(together, list(range(together.ratio.size)), laws)
     ends = np.cumsum([part.ratio.size for _, part in damped])[:-1]
     names = [fitted.layout.campaigns[number].name for number, _ in damped]

@@ -15,6 +15,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from modalbase.formats.uff import Axis, CoordinateSystem, FileHeader, Frf, Function, GridPoint, ModeShape, Units
+from modalbase.formats.uff.drawing import read_151
+from modalbase.formats.uff.text import Refusal
 from modalbase.formats.uff.write import encode, write_file
 from tests.support.uff import load
 
@@ -209,3 +211,10 @@ def test_what_cannot_be_written_is_refused() -> None:
     system = CoordinateSystem(0, 1, "x", "cartesian", np.zeros(3), np.eye(3))
     with pytest.raises(TypeError, match="CoordinateSystem is not written"):
         b"".join(encode([system]))
+
+
+def test_a_file_of_nothing_has_units_and_a_header_has_seven_lines() -> None:
+    assert b"".join(encode([])).split()[1] == b"164"
+    lines = b"".join(b"line %d\n" % n for n in range(9))
+    with pytest.raises(Refusal, match="holds 9 lines, expected 7"):
+        read_151(lines, 1)

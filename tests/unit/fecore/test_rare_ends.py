@@ -1,0 +1,187 @@
+"""Ends that fits and judgements seldom come to: too few lines, hits or modes, and what is said of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fecore.body.laminate import OrthotropicMaterial, Ply
+from fecore.body.layered import LayeredSpecimen
+from fecore.body.profile import Piece
+from fecore.body.specimen import Specimen
+from fecore.body.supports import Supports
+from fecore.errors import IdentificationError, UpdatingError
+from fecore.frf import Dof, FrfSet
+from fecore.identification import outliers, screening
+from fecore.identification.arrangement import arrange
+from fecore.identification.leakage import leakage
+from fecore.identification.lscf import lscf
+from fecore.processing import delay, judgement, points, pulse, shares
+from fecore.processing.comparison import Comparison, Offset
+from fecore.processing.judgement import Finding, Limits, Verdict
+from fecore.processing.traits import Before
+from fecore.processing.usual import Lines, Ordinary
+from fecore.updating import mode_roles, window
+from fecore.updating.campaigns import update
+from fecore.updating.excursions import excursions
+from fecore.updating.forward import ForwardModel
+from fecore.updating.inputs import Inputs
+from fecore.updating.laws import FREQUENCY_LAWS
+from fecore.updating.measured_ratios import nearest_positive
+from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.verdict import MOST_WARNINGS, warnings
+from fecore.updating.verdict import Finding as Remark
+
+
+def test_too_few_lines_for_leakage_and_nothing_to_estimate_from() -> None:
+    hz = np.arange(1.0, 21.0)
+    one = arrange(FrfSet(hz, (1 / (100 - hz**2 + 0.2j * hz))[None], (Dof(1, 3),), (Dof(1, 3),)))
+    assert leakage(one) == (one, [])
+    nothing = np.zeros((1, 1, 20), dtype=complex)
+    with pytest.raises(IdentificationError, match="the linear estimate is singular at every order"):
+        lscf(2 * np.pi * hz, nothing, np.ones(nothing.shape, dtype=bool), np.ones((1, 20)), (2, 4))
+
+
+def test_numbers_of_hits_that_have_little_to_say() -> None:
+    size = np.zeros(41)
+    size[15:26] = 1 / (1 + np.arange(-5.0, 6.0) ** 2)
+    assert [line for line, _ in delay._peaks(size, None)] == [20]
+    assert delay._peaks(size, np.ones(41)) == []
+    assert shares._strongest(np.zeros((4, 6))) == []
+    assert pulse._second(np.ones(50), None, 10, 5, 45, 1.0) == (0.0, 0.0, 10)
+    quiet = Before(0.0, 1.0, 100, np.ones(3), np.ones(3))
+    assert judgement._loudest_line(quiet, Lines(np.zeros(3), 1.0), Limits()) == (0.0, Limits().before_line)
+    loud = Before(0.0, 9.0, 100, np.full(3, 1e-6), np.array([1.0, 1.0, 0.0]))
+    limits = Limits()
+    kept = judgement._still_rings(loud, 1.0, Ordinary(1e-3, 1e-3), Lines(np.full(3, 1e-9), 1.0), limits)
+    assert "of what the hit excites there, so the hit is not refused" in kept.sentence
+    assert not kept.failed
+    moved = judgement._placed(Offset(1.0, 0.0), 0.5 * limits.alike, limits)
+    assert moved.sentence.endswith("so it is not refused.")
+    assert not moved.failed
+
+
+def test_of_few_hits_apart_nobody_can_say_which() -> None:
+    far = Finding("place", 9.0, 3.0, True, "It lies elsewhere.")
+    near = Finding("place", 1.0, 3.0, False, "It lies here.")
+    verdicts = [Verdict(Dof(1, 3), n, (finding,)) for n, finding in enumerate((far, far, near, near, near))]
+    alike = Comparison(0.9, 0.0, 1.0)
+    assert points._undecided(verdicts, [alike] * 5) == verdicts  # two of five
+    found = points._undecided(verdicts[1:3], [alike] * 2)
+    assert [f.failed for verdict in found for f in verdict.findings] == [False, False]
+    (said,) = found[0].findings
+    assert said.sentence.endswith("As 1 of the point's 2 hits lie apart, it is open which were hit at the right place.")
+
+
+def test_remarks_beyond_a_dozen_are_counted() -> None:
+    many = [Remark(chr(97 + n) * 3, None, float(-n)) for n in range(MOST_WARNINGS + 2)]
+    shown = warnings(many)
+    assert (len(shown), shown[-1]) == (MOST_WARNINGS, "3 more remarks of less weight")
+
+
+def test_a_law_starts_where_no_mode_is_damped_negatively() -> None:
+    law = FREQUENCY_LAWS["rayleigh"]
+    omega, ratio = np.array([100.0, 200.0]), np.array([0.05, 0.01])
+    plain = nearest_positive(law, omega, ratio)
+    assert np.all(law.basis(omega) @ plain > 0)
+    others = np.array([2000.0])
+    assert law.basis(others) @ plain < 0
+    assert np.all(law.basis(np.r_[omega, others]) @ nearest_positive(law, omega, ratio, others) > 0)
+
+
+def test_modes_that_only_move_on_springs_tell_no_damping() -> None:
+    frfs: Any = SimpleNamespace(frequency_hz=np.array([1.0, 100.0]))
+    updated = SimpleNamespace(
+        modes=SimpleNamespace(rigid=0), frequency_hz=np.array([10.0]), on_springs=np.array([True])
+    )
+    elastic: Any = SimpleNamespace(updated=updated, pairing=SimpleNamespace(pairs=((0, 0),)))
+    modes: Any = SimpleNamespace(frequency_hz=np.array([10.0]), damping_ratio=np.array([0.01]))
+    with pytest.raises(UpdatingError, match="no measured mode strains the specimen: all move on the springs"):
+        mode_roles.assign_roles(frfs, elastic, modes)
+
+
+def test_what_campaigns_say_of_one_another() -> None:
+    parts: Any = [SimpleNamespace(name=name, contradicts=True, predictive_p=0.001, modes=(1, 2, 3)) for name in "ab"]
+    (both,) = update._contradictions(parts, None)
+    assert both.text.startswith("the campaigns contradict each other: a (p = 0.001) and b (p = 0.001)")
+    layout = SimpleNamespace(sd=lambda _: np.ones(1), labels=["Ex"])
+    problem = SimpleNamespace(residual=np.array([0.0, 0.0, 1.0]))
+    pairings = [SimpleNamespace(unpaired_measured=unpaired) for unpaired in ((), (1, 2))]
+    fitted: Any = SimpleNamespace(
+        layout=layout, rows=[slice(0, 2), slice(2, 3)], pairings=pairings, problem=problem, x=np.zeros(1), scatter=1.0
+    )
+    found = update._findings(fitted, parts)
+    assert [(one.level, one.text.split(":")[0]) for one in found] == [
+        ("do_not_use", "campaign b"), ("with_care", "campaign b"),
+    ]  # fmt: skip
+    fitted.pairings[1].unpaired_measured = (1,)
+    assert [one.level for one in update._findings(fitted, parts)] == ["with_care", "with_care"]
+
+
+def test_a_window_that_would_change_nothing_is_not_asked_about() -> None:
+    law = SimpleNamespace(coefficient_names=("a0", "a1"))
+    damping: Any = SimpleNamespace(fit=SimpleNamespace(coefficients=np.array([1.0, 1e-6]), law=law), window=np.zeros(2))
+    given: Any = SimpleNamespace(window_rate=None)
+    assert window.unstated_window(damping, given, 1.0) == []
+
+
+def smooth(rows: int) -> FrfSet:
+    """FRFs of one mode at 100 Hz with a little noise, on 360 lines."""
+    hz = np.arange(41.0, 401.0)
+    white = np.random.default_rng(5).standard_normal((2, rows, hz.size))
+    values = np.arange(1.0, rows + 1)[:, None] / (100**2 - hz**2 + 4j * hz) + 1e-8 * (white[0] + 1j * white[1])
+    return FrfSet(hz, values, tuple(Dof(n, 3) for n in range(1, rows + 1)), (Dof(1, 3),) * rows)
+
+
+def test_many_overloads_and_outliers_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    frfs = smooth(9)
+    frfs.values.setflags(write=True)
+    for line in range(90, 360, 30):
+        frfs.values[0, line] *= 100
+    _, said = screening._without_spikes(arrange(frfs))
+    assert (len(said), said[-1]) == (9, "1 more such lines were left out")
+    arrangement = arrange(smooth(9))
+    misfit = np.zeros(arrangement.values.shape, dtype=complex)
+    misfit[np.arange(9), 10 * np.arange(9) + 5] = 1e3
+    fits: list[Any] = [
+        SimpleNamespace(residual=one, variance=np.ones(misfit.shape), terms=SimpleNamespace(
+            frequency_hz=np.array([100.0]), damping_ratio=np.array([0.02])
+        )) for one in (misfit, 0 * misfit)
+    ]  # fmt: skip
+    monkeypatch.setattr(outliers, "noise_of", lambda *_: None)
+    monkeypatch.setattr(outliers, "refine_with_noise", lambda *_, **__: fits[1])
+    kept, _, notes = outliers.leave_out_outliers(arrangement, fits[0])
+    assert (len(notes), notes[-1]) == (9, "outlying values were left out of 1 more FRFs")
+    assert int(kept.measured.sum()) == kept.measured.size - 9
+
+
+FIBRE = OrthotropicMaterial(Ex=33e9, Ey=32e9, Gxy=6e9, Gxz=4.5e9, Gyz=4.5e9, nu_xy=0.15, density=2000.0)
+
+
+def clamp_shifts(body: Specimen | LayeredSpecimen) -> np.ndarray:
+    """Relative shifts of the first frequencies by a clamp that gives way in rotation and in translation."""
+    name = "Ex" if isinstance(body, Specimen) else "E1"
+    prior = parametrise(body, [Parameter(name)])
+    state = ForwardModel(body, prior, (), np.zeros((0, 2)), 3, reduced=False).solve(prior.prior_mean)
+    found = excursions(state, replace(Inputs.exact(), clamp_compliance_sd=0.01), ())
+    return np.array([each.shift for each in found])
+
+
+def test_a_clamp_gives_way_by_the_stiffness_at_the_root() -> None:
+    size = (0.5, 0.04, 0.01)
+    plain = Specimen(*size, FIBRE, "cantilever", divisions=(20, 2))
+    plies = tuple(Ply(FIBRE, 0.005) for _ in range(2))
+    layered = LayeredSpecimen(*size, plies, FIBRE.density, "cantilever", divisions=(20, 2))
+    # One material, once as plies of itself: the model has another element, whose frequencies differ in the fourth digit.
+    # A twist turns no clamp about y: nothing but round-off is left of its shift.
+    np.testing.assert_allclose(clamp_shifts(layered), clamp_shifts(plain), rtol=0.01, atol=1e-12)
+    thick = replace(plain, pieces=(Piece(0.0, 0.5, 0.02, 0.02),))  # all of it as thick: the same as stated so
+    known = replace(plain, thickness=0.02)
+    at_root, everywhere = clamp_shifts(thick)[0], clamp_shifts(known)[0]
+    np.testing.assert_allclose(at_root, everywhere, rtol=0.01, atol=1e-12)
+    held = replace(plain, supports=Supports(start="clamped"))
+    assert clamp_shifts(held).size == 0
