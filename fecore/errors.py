@@ -2,6 +2,7 @@
 
     FecoreError
     ├── InputError            a value that was handed in is wrong; names the field
+    │   └── OffSpecimenError  a point lies off the specimen
     ├── ModelError            the finite element model cannot be built or solved
     ├── IdentificationError   the measured data do not support an identification
     └── UpdatingError         an update did not converge; carries the best iterate
@@ -28,9 +29,25 @@ class InputError(FecoreError):
         self.field = field
         self.message = message
 
-    def __reduce__(self) -> tuple[type["InputError"], tuple[str, str]]:
+    def __reduce__(self) -> tuple[type["InputError"], tuple[object, ...]]:
         """Survive pickling: the error crosses from the numerical child process to its parent."""
         return type(self), (self.field, self.message)
+
+
+class OffSpecimenError(InputError):
+    """A point lies off the specimen.
+
+    Attributes:
+        index: its place among the points handed in.
+    """
+
+    def __init__(self, index: int, message: str) -> None:
+        super().__init__(f"points[{index}]", message)
+        self.index = index
+
+    def __reduce__(self) -> tuple[type["InputError"], tuple[object, ...]]:
+        """Survive pickling, as `InputError`."""
+        return type(self), (self.index, self.message)
 
 
 class ModelError(FecoreError):

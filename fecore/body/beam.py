@@ -19,7 +19,7 @@ from fecore.body.elements import beam3
 from fecore.body.laminate import SHEAR_CORRECTION, OrthotropicMaterial
 from fecore.body.model import ModeKind, rigid_motions
 from fecore.body.supports import Boundary, PointMass, Supports
-from fecore.errors import InputError
+from fecore.errors import InputError, OffSpecimenError
 
 _HELD = {
     "free": (),
@@ -201,7 +201,8 @@ def _observation(length: float, elements: int, points: FloatArray, directions: I
     outside = (points[:, 0] < -1e-6 * length) | (points[:, 0] > (1 + 1e-6) * length)
     if outside.any():
         index = int(np.flatnonzero(outside)[0])
-        raise InputError(f"points[{index}]", f"x = {points[index, 0]:g} m lies off the beam, 0 … {length:g} m")
+        x, y = points[index]
+        raise OffSpecimenError(index, f"({x:g}, {y:g}) m lies off the beam, which spans x 0 … {length:g} m")
     scaled = np.clip(points[:, 0] / length, 0, 1) * elements
     cell = np.minimum(scaled.astype(np.int64), elements - 1)
     N = beam3.shape_functions(2 * (scaled - cell) - 1)

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
-from fecore.errors import InputError
+from fecore.errors import InputError, OffSpecimenError
 
 # A measured coordinate may miss the edge by this share of the specimen's length and still count as on it.
 _EDGE_TOLERANCE = 1e-6
@@ -49,7 +49,7 @@ class RectangleMesh:
             (p,) element numbers and (p, 2) natural coordinates in [-1, 1].
 
         Raises:
-            InputError: a point lies off the specimen.
+            OffSpecimenError: a point lies off the specimen.
         """
         tolerance = _EDGE_TOLERANCE * self.length
         low, high = np.array([0, -self.width / 2]), np.array([self.length, self.width / 2])
@@ -57,8 +57,8 @@ class RectangleMesh:
         if outside.any():
             index = int(np.flatnonzero(outside)[0])
             x, y = points[index]
-            raise InputError(
-                f"points[{index}]",
+            raise OffSpecimenError(
+                index,
                 f"({x:g}, {y:g}) m lies off the specimen, which spans x 0 … {self.length:g} m, "
                 f"y {low[1]:g} … {high[1]:g} m",
             )

@@ -24,7 +24,7 @@ from fecore.body.laminate import Section
 from fecore.body.mesh import RectangleMesh
 from fecore.body.profile import Profile
 from fecore.body.supports import Boundary, PointMass, Spring, Supports
-from fecore.errors import InputError
+from fecore.errors import InputError, OffSpecimenError
 
 __all__ = ["Boundary", "ModeKind", "Model", "PlateModel", "PointMass", "Spring", "Supports", "plate"]
 
@@ -63,6 +63,10 @@ class Model(Protocol):
 
     def observation(self, points: FloatArray, directions: IntArray) -> scipy.sparse.csr_array:
         """(p, dofs) displacement at (p, 2) points along (p,) directions 1 … 6."""
+        ...
+
+    def deflection(self, points: FloatArray) -> scipy.sparse.csr_array:
+        """(p, dofs) deflection w at (p, 2) points."""
         ...
 
     def kinds(self, shapes: FloatArray) -> tuple[ModeKind, ...]:
@@ -211,6 +215,21 @@ def plate(
         free_dofs=free,
         rigid_modes=rigid_motions(_motions(mesh, element), free, list(elastic.values())),
     )
+
+
+def deflection_at(model: Model, labels: Sequence[int], places: FloatArray) -> scipy.sparse.csr_array:
+    """`Model.deflection` at (p, 2) places with labels, which an error names.
+
+    Raises:
+        InputError: a place lies off the specimen.
+    """
+    try:
+        return model.deflection(places)
+    except OffSpecimenError as error:
+        raise InputError(
+            "grid_points",
+            f"point {labels[error.index]} at {error.message}; check the structure's dimensions and the points' coordinates",
+        ) from error
 
 
 def rigid_motions(motions: FloatArray, free: IntArray, springs: Sequence[scipy.sparse.csc_array]) -> FloatArray:

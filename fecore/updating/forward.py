@@ -16,7 +16,7 @@ import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.body.mechanisms import mechanism_weights
-from fecore.body.model import ModeKind
+from fecore.body.model import ModeKind, deflection_at
 from fecore.body.specimen import Body
 from fecore.dynamics.damping_laws import DampingLaw
 from fecore.dynamics.eigen import NormalModes, modes_below, normal_modes
@@ -69,7 +69,7 @@ class ForwardModel:
     @cached_property
     def observation(self) -> scipy.sparse.csr_array:
         """(p, dofs) interpolation of the deflection w at the points."""
-        return self.specimen.model.observation(self.places, np.full(len(self.places), OUT_OF_PLANE))
+        return deflection_at(self.specimen.model, self.points, self.places)
 
     @cached_property
     def basis(self) -> ReducedModel:
@@ -208,7 +208,7 @@ class ForwardState:
 
     def deflection(self, places: FloatArray) -> FloatArray:
         """(n, p) deflection w of the elastic modes at (p, 2) places, m."""
-        observed = self.forward.specimen.model.observation(places, np.full(len(places), OUT_OF_PLANE))
+        observed = self.forward.specimen.model.deflection(places)
         return np.asarray((observed @ self.full_shapes).T)
 
     def participation(self, motions: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fecore.body.model import deflection_at
 from fecore.body.specimen import Body
 from fecore.correlation import pair_modes
 from fecore.errors import IdentificationError, InputError
@@ -146,7 +147,7 @@ def _moving(frfs: FrfSet, measurement: Measurement, specimen: Body) -> tuple[Frf
     """The FRFs between points that the supports let move; what was left out, in words."""
     points = sorted({dof.point for dof in (*frfs.responses, *frfs.references)})
     places = np.array([measurement.points[point][:2] for point in points])
-    observed = abs(specimen.model.observation(places, np.full(len(points), OUT_OF_PLANE))).sum(axis=1)
+    observed = abs(deflection_at(specimen.model, points, places)).sum(axis=1)
     still = {point for point, reach in zip(points, observed, strict=True) if reach < _STILL}
     pairs = list(zip(frfs.responses, frfs.references, strict=True))
     moving = [i for i, pair in enumerate(pairs) if not still & {dof.point for dof in pair}]

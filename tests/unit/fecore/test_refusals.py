@@ -14,6 +14,7 @@ import pytest
 from fecore.arrays import FloatArray
 from fecore.body.beam import beam
 from fecore.body.laminate import Ply
+from fecore.body.model import deflection_at
 from fecore.body.oriented import OrientedSpecimen
 from fecore.body.profile import Piece
 from fecore.body.specimen import Specimen
@@ -330,6 +331,18 @@ REFUSED: dict[str, tuple[str, str, Callable[[], object]]] = {
         "frfs",
         "none is out of plane (±Z to ±Z), which is what the bending",
         lambda: prepare(Measurement(frfs(responses=(Dof(1, 1),)), {1: (0.1, 0, 0)}), STRIP, Recipe()),
+    ),
+    "point off the plate": (
+        "grid_points",
+        "point 17 at (0.501, 0) m lies off the specimen, which spans x 0 … 0.5 m, y -0.025 … 0.025 m; check the structure's",
+        lambda: prepare(
+            Measurement(frfs(responses=(Dof(17, 3),)), {1: (0.1, 0, 0), 17: (0.501, 0, 0)}), STRIP, Recipe()
+        ),
+    ),
+    "point off the beam": (
+        "grid_points",
+        "point 17 at (-0.1, 0) m lies off the beam, which spans x 0 … 1 m; check the structure's dimensions",
+        lambda: deflection_at(beam(1, 2, "free"), [17], np.array([[-0.1, 0]])),
     ),
     "negative scatter": (
         "inputs.length_sd",
