@@ -19,7 +19,9 @@ from tests.support.command import modalbase, modalbase_here
 POSTGRESQL_15 = Path("/usr/lib/postgresql/15/bin")
 
 
-def test_doctor_and_verify_say_what_is_wrong(database: str, short_folder: Path) -> None:
+def test_doctor_and_verify_say_what_is_wrong_and_a_backup_carries_it(
+    database: str, empty_database: str, short_folder: Path, tmp_path: Path
+) -> None:
     around = {"MODALBASE_DATABASE_URL": database}
     healthy = modalbase_here("doctor", **around)
     assert healthy.returncode == 0, healthy.stdout + healthy.stderr
@@ -32,6 +34,11 @@ def test_doctor_and_verify_say_what_is_wrong(database: str, short_folder: Path) 
         assert ended.returncode == 1
         assert "1 damaged" in ended.stdout + ended.stderr
         assert "originals 00: data" in ended.stdout + ended.stderr
+    file = tmp_path / "damaged.modalbase"
+    written = modalbase_here("backup", file, **around)
+    assert (written.returncode, "and so is this damage of the database: originals 00" in written.stderr) == (1, True)
+    restored = modalbase_here("restore", file, MODALBASE_DATABASE_URL=empty_database)
+    assert (restored.returncode, "but for this damage, which the backup already had" in restored.stderr) == (1, True)
     with psycopg.connect(psycopg_url(database)) as connection:
         connection.execute("UPDATE alembic_version SET version_num = '0009_original_rows'")
     assert "fault    schema: the schema is at 0009" in modalbase_here("doctor", **around).stdout

@@ -261,6 +261,9 @@ def test_damage_of_the_database_is_named_and_carried(engine: Engine, target: Eng
     damage = [f"frfs {frf}: data", f"originals {original}: data"]
     assert find_damage_of(engine) == damage
     assert write_backup(engine, tmp_path / "backup").damaged == damage
+    hidden = changed(tmp_path / "backup", damage[0].encode(), b"nothing that is there")
+    with pytest.raises(BackupError, match=f"1 of the restored data are damaged, first {damage[0]}"):
+        restore_backup(target, hidden)
     restore_backup(target, tmp_path / "backup")  # the rest is worth having
     assert find_damage_of(target) == damage
 

@@ -16,10 +16,12 @@ from fecore.body.specimen import Specimen
 from fecore.body.supports import Supports
 from fecore.errors import IdentificationError, UpdatingError
 from fecore.frf import Dof, FrfSet
-from fecore.identification import outliers, screening
+from fecore.identification import outliers, screening, stabilisation
 from fecore.identification.arrangement import arrange
+from fecore.identification.compression import compress
 from fecore.identification.leakage import leakage
-from fecore.identification.lscf import lscf
+from fecore.identification.lscf import Orders, lscf
+from fecore.modes import MeasuredModes
 from fecore.processing import delay, judgement, points, pulse, shares
 from fecore.processing.comparison import Comparison, Offset
 from fecore.processing.judgement import Finding, Limits, Verdict
@@ -32,7 +34,9 @@ from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.laws import FREQUENCY_LAWS
 from fecore.updating.measured_ratios import nearest_positive
+from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.recipe import Recipe
 from fecore.updating.verdict import MOST_WARNINGS, warnings
 from fecore.updating.verdict import Finding as Remark
 
@@ -185,3 +189,45 @@ def test_a_clamp_gives_way_by_the_stiffness_at_the_root() -> None:
     np.testing.assert_allclose(at_root, everywhere, rtol=0.01, atol=1e-12)
     held = replace(plain, supports=Supports(start="clamped"))
     assert clamp_shifts(held).size == 0
+
+
+def test_frfs_that_are_not_compressed() -> None:
+    """Too many gaps to bridge, or no combination that stands out: all of them are searched as they are."""
+    frfs = smooth(13)
+    whole = compress(arrange(frfs), np.full(frfs.values.shape, 1e-16))
+    assert len(whole.mixing) < 13
+    gaps = np.ones(frfs.values.shape, dtype=bool)
+    gaps[:, 100:200] = False
+    torn = arrange(replace(frfs, measured=gaps))
+    assert compress(torn, np.full(gaps.shape, 1e-16)).arrangement is torn
+
+
+def test_an_order_without_poles_is_no_step_of_the_diagram(monkeypatch: pytest.MonkeyPatch) -> None:
+    poles = Orders(np.array([2, 6]), np.array([10.0, 10.0]), np.array([0.01, 0.01]))
+    monkeypatch.setattr(stabilisation, "lscf", lambda *_: poles)
+    frfs = arrange(smooth(2))
+    found = stabilisation.stabilise(frfs, np.ones(frfs.values.shape), (2, 4, 6))
+    assert not found.frequency_stable.any()
+
+
+def test_typed_modes_take_their_shapes_where_the_frfs_support_no_mode_of_their_own() -> None:
+    hz = np.arange(41.0, 401.0)
+    white = np.random.default_rng(7).standard_normal((2, 4, hz.size))
+    noise = FrfSet(hz, white[0] + 1j * white[1], tuple(Dof(n, 3) for n in range(1, 5)), (Dof(1, 3),) * 4)
+    points = {n: (0.1 * n, 0.0, 0.0) for n in range(1, 5)}
+    typed = MeasuredModes(np.array([100.0]), np.array([0.02]))
+    body = Specimen(0.5, 0.04, 0.01, FIBRE, "cantilever", divisions=(20, 2))
+    prepared = prepare(Measurement(noise, points, typed), body, Recipe())
+    assert prepared.modes is not None
+    assert prepared.modes.frequency_hz.tolist() == [100.0]
+    assert prepared.modes.shapes is not None
+    assert prepared.modes.shapes.shape == (1, 4)
+
+
+def test_a_search_on_the_whole_model_needs_no_basis() -> None:
+    body = Specimen(0.5, 0.04, 0.01, FIBRE, "cantilever", divisions=(20, 2))
+    for reduced in (False, True):
+        loose = ForwardModel(
+            body, parametrise(body, [Parameter("Ex")]), (), np.zeros((0, 2)), 3, reduced=reduced
+        ).unverified()
+        assert ("basis" in vars(loose), loose.verified) == (reduced, False)

@@ -186,6 +186,9 @@ def test_modes_without_frfs_give_constants_and_a_law(nominal: Specimen) -> None:
     }
     silent = update(Measurement(None, {}, MeasuredModes(MEASURED_HZ, np.full(5, np.nan))), nominal)
     assert silent.outcomes[1].status == "skipped"
+    one = MeasuredModes(MEASURED_HZ, np.where(np.arange(5) == 0, ratio, np.nan))
+    alone = update(Measurement(None, {}, one), nominal, Recipe(damping_models=("rayleigh",))).outcomes[1]
+    assert (alone.status, alone.message) == ("skipped", "1 damping ratios cannot fix any of the laws asked for")
     elsewhere = MeasuredModes(MEASURED_HZ, ratio, np.ones((5, 1), complex), (Dof(8, 3),))
     paired = prepare(Measurement(None, {7: (0.1, 0.0, 0.0)}, elsewhere), nominal, Recipe())
     assert paired.modes is not None
