@@ -19,7 +19,7 @@ from service.jobs.dispatch import begin_next
 from service.jobs.queue import enqueue, request_cancel
 from service.jobs.tables import Job
 from tests.support import job_kinds
-from tests.support.waiting import PATIENCE
+from tests.support.waiting import PATIENCE, until
 from tests.support.working import Gate, Works, held, items, look, put, run, wait, worker
 
 
@@ -208,6 +208,7 @@ def test_fork_server_killed_while_it_starts_a_child(works: Works) -> None:
     """It is stopped, so that the worker waits for its child, or is about to, when it is killed."""
     run(works.sessions, "echo")
     server = fork_server_of(works.process.pid)
+    until(lambda: not server.children(), "the child before it to be gone, whose end the worker hears from the server")
     server.suspend()
     (job_id,) = put(works.sessions, "echo")
     wait(works.sessions, job_id, lambda job: job.state == "running")
