@@ -15,6 +15,7 @@ import pytest
 from sqlalchemy import text, update
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
+from structlog.testing import capture_logs
 
 from service.db.engine import Sessions, make_engine, make_sessions
 from service.jobs import attempt as attempts
@@ -109,10 +110,11 @@ class Trial:
 
 
 @pytest.fixture
-def trial(sessions: Sessions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Trial:
+def trial(sessions: Sessions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Trial]:
     monkeypatch.setattr(attempts, "Child", Here)
     monkeypatch.setattr(attempts, "AGAIN_SECONDS", 0.0)
-    return Trial(sessions, tmp_path)
+    with capture_logs():  # to print a trace with the values of all its names takes longer than the attempt
+        yield Trial(sessions, tmp_path)
 
 
 def lose_connection(session: Session) -> None:
