@@ -11,6 +11,7 @@ import signal
 import socket
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -110,18 +111,21 @@ def loading() -> Iterator[None]:
 
     - The garbage collector keeps from what is being loaded, now and later: one object in a hundred of it is garbage, and to
       look through it takes 0.1 s at a time, in which everybody waits.
-    - Pydantic puts a model together when it is first used, FastAPI's own models too.
+    - Pydantic puts a model together when it is first used, FastAPI's own models too. FastAPI silences a warning that does not
+      concern it only where it is put together at once.
     - structlog does not find rich, which it loads for tracebacks that `service.logs` writes without it.
 
     SIGTERM ends the process at once, as nothing is open yet: an error raised from the handler may be swallowed or disguised by
     whatever is being loaded at that moment.
     """
     from pydantic import BaseModel
+    from pydantic.warnings import UnsupportedFieldAttributeWarning
 
     unwinds = signal.signal(signal.SIGTERM, lambda _signal, _frame: os._exit(0))
     gc.disable()
     _load_structlog()
     BaseModel.model_config["defer_build"] = True
+    warnings.simplefilter("ignore", UnsupportedFieldAttributeWarning)
     try:
         yield
     finally:

@@ -71,6 +71,7 @@ def test_a_service_is_begun_hurt_backed_up_restored_and_ended(short_folder: Path
             assert other.wait(PATIENCE) == 0
             assert not any(map(psutil.Process.is_running, parts))
         assert "/api/v1/projects" not in log.read_text()  # no line for each request
+        assert "py.warnings" not in log.read_text()
     assert "services run here" not in modalbase_here("db", "current", **around).stderr
     into_another_folder(file, short_folder / "copy")
 
