@@ -172,7 +172,9 @@ class Attempt:
                 return "superseded"
             except DBAPIError as error:
                 if time.monotonic() > end or not passes(error) or failure.reason == "drained":
-                    log.exception("the job's end could not be written; it is given back when the database answers again")
+                    log.exception(
+                        "the job's end could not be written; it is given back when the database answers again"
+                    )
                     return "abandoned"
                 time.sleep(AGAIN_SECONDS)
 
