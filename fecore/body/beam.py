@@ -17,6 +17,7 @@ from fecore.arrays import FloatArray, IntArray
 from fecore.body.affine import AffineMatrix, Pattern
 from fecore.body.elements import beam3
 from fecore.body.laminate import SHEAR_CORRECTION, OrthotropicMaterial
+from fecore.body.mesh import BEYOND_EDGE
 from fecore.body.model import ModeKind, rigid_motions
 from fecore.body.supports import Boundary, PointMass, Supports
 from fecore.errors import InputError, OffSpecimenError
@@ -198,7 +199,7 @@ def beam(
 
 
 def _observation(length: float, elements: int, points: FloatArray, directions: IntArray) -> scipy.sparse.csr_array:
-    outside = (points[:, 0] < -1e-6 * length) | (points[:, 0] > (1 + 1e-6) * length)
+    outside = (points[:, 0] < -BEYOND_EDGE * length) | (points[:, 0] > (1 + BEYOND_EDGE) * length)
     if outside.any():
         index = int(np.flatnonzero(outside)[0])
         x, y = points[index]

@@ -15,8 +15,11 @@ import numpy as np
 from fecore.arrays import FloatArray, IntArray
 from fecore.errors import InputError, OffSpecimenError
 
-# A measured coordinate may miss the edge by this share of the specimen's length and still count as on it.
-_EDGE_TOLERANCE = 1e-6
+BEYOND_EDGE = 0.02
+"""Share of a dimension by which a point may lie beyond the edge and count as on it: tapes differ from callipers."""
+
+EDGE_ROUNDING = 1e-6
+"""Share of a dimension by which rounding moves a point."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,7 @@ class RectangleMesh:
     lines: FloatArray
 
     def locate(self, points: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Element in which each point lies, and its natural coordinates there.
+        """Element in which each point lies, and its natural coordinates there; of one just beyond an edge, those on the edge.
 
         Args:
             points: (p, 2) coordinates, m.
@@ -49,10 +52,10 @@ class RectangleMesh:
             (p,) element numbers and (p, 2) natural coordinates in [-1, 1].
 
         Raises:
-            OffSpecimenError: a point lies off the specimen.
+            OffSpecimenError: a point lies off the specimen by more than `BEYOND_EDGE`.
         """
-        tolerance = _EDGE_TOLERANCE * self.length
         low, high = np.array([0, -self.width / 2]), np.array([self.length, self.width / 2])
+        tolerance = BEYOND_EDGE * (high - low)
         outside = np.any((points < low - tolerance) | (points > high + tolerance), axis=1)
         if outside.any():
             index = int(np.flatnonzero(outside)[0])

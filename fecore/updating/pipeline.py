@@ -20,6 +20,7 @@ from fecore.modes import MeasuredModes
 from fecore.updating.damping_data import damping_data
 from fecore.updating.damping_stage import DampingResult, fit_damping, fit_reference
 from fecore.updating.discretisation import DISCRETISATION, discretise
+from fecore.updating.edges import points_beyond
 from fecore.updating.elastic import update_elastic
 from fecore.updating.elastic_findings import HOPELESS_MISS
 from fecore.updating.elastic_result import ElasticResult
@@ -91,6 +92,7 @@ def update(
     findings = [
         *notes(data.warnings, None, 0.5),
         *notes(mesh_notes, "with_care", 8),
+        *notes(points_beyond(forward, inputs), "with_care", 9),
         *notes(_other_method(measurement, recipe), "with_care", 1),
     ]
     done = _damping(

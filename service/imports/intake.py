@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 from uuid import UUID
@@ -12,10 +12,11 @@ import numpy as np
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from fecore.body.mesh import BEYOND_EDGE
 from modalbase.formats.records import TimeBlock
 from modalbase.formats.uff import DatasetReport, Function, GridPoint, ModeShape, TimeResponse
 from service.campaigns.grid_points import add_points, stored_points
-from service.campaigns.operations import campaign_for, campaign_of
+from service.campaigns.operations import campaign_for, campaign_of, frame_of
 from service.errors import Conflict, Invalid, PayloadTooLarge
 from service.frfs.operations import add_coherence, writing_frfs
 from service.imports.reading import EncodedFrf, Kept
@@ -23,6 +24,7 @@ from service.imports.tables import Import, Original
 from service.modes.operations import store_read_modes
 from service.records.intake import RecordIntake
 from service.storage import StorageOwner, book
+from service.structures.operations import present_structure
 
 SAME_POINT_M = 1e-6
 """Coordinates of one point in two files may differ by this: a file may have them in single precision."""
@@ -215,11 +217,34 @@ class _Intake:
         if more := Counter(report.outcome for report in self.reports[LISTED:]):
             shown = ", ".join(f"{count} {outcome}" for outcome, count in sorted(more.items()))
             warnings.append(f"{more.total()} datasets after the first {LISTED} are not listed: {shown}")
-        unknown = sorted(self.named - self.points.keys())
-        if unknown:
-            shown = ", ".join(map(str, unknown[:MOST_NAMED])) + (" …" if len(unknown) > MOST_NAMED else "")
-            warnings.append(f"FRFs name grid points that have no coordinates yet: {shown}; PUT grid-points adds them")
+        if unknown := self.named - self.points.keys():
+            warnings.append(
+                f"FRFs name grid points that have no coordinates yet: {_shown(unknown)}; "
+                "`modalbase points` or PUT grid-points states them"
+            )
+        if off := self._off_specimen():
+            warnings.append(
+                f"FRFs name grid points off the specimen: {_shown(off)}; an update will refuse them: check the structure's "
+                "dimensions, the points' coordinates and the campaign's frame"
+            )
         return warnings
+
+    def _off_specimen(self) -> list[int]:
+        """Labels of the FRFs' points that lie further out than the model takes to be on the edge."""
+        labels = sorted(self.named & self.points.keys())
+        campaign = campaign_of(self.session, self.row.campaign_id)
+        geometry = present_structure(self.session, campaign.structure_id)[1].geometry
+        if geometry is None or not labels:
+            return []
+        x, y, _ = frame_of(campaign).points(np.array([self.points[label] for label in labels])).T
+        share = np.column_stack([x / geometry.length_m, y / geometry.width_m + 0.5])  # 0 … 1 on the specimen
+        off = np.any((share < -BEYOND_EDGE) | (share > 1 + BEYOND_EDGE), axis=1)
+        return [labels[row] for row in np.flatnonzero(off)]
+
+
+def _shown(labels: Collection[int]) -> str:
+    """The first of some points."""
+    return ", ".join(map(str, sorted(labels)[:MOST_NAMED])) + (" …" if len(labels) > MOST_NAMED else "")
 
 
 def _pair(item: EncodedFrf | Function) -> Pair:

@@ -126,6 +126,22 @@ def test_a_coherence_without_its_frf_is_reported(campaign: str, imported: Import
     assert "1, 2" in done["warnings"][0]  # points without coordinates
 
 
+def test_points_off_the_specimen_are_told_as_a_file_comes_in(
+    api: httpx.Client, campaign: str, imported: Imported, checked: Checked
+) -> None:
+    """The specimen is 0.5 m long. Point 2 lies 8 mm beyond its end, which counts as on the edge; 3 and 4 lie further out."""
+    structure = checked(api.get(f"campaigns/{campaign}"), 200)["structure_id"]
+    assert checked(api.get(f"structures/{structure}"), 200)["geometry"]["length_m"] == 0.5
+    frfs = "".join(function(response, 1, [1 + 2j, 3 + 4j]) for response in (2, 3, 4))
+    text = HEADER + points((1, 0.1), (2, 0.508), (3, 0.512), (4, -0.1), (5, 7.0)) + frfs
+    (warning,) = imported(campaign, text.encode())["warnings"]
+    assert warning.startswith("FRFs name grid points off the specimen: 3, 4; an update will refuse them: check")
+    moved = {"frame": {"origin_m": [0, 3.0, 0]}}
+    checked(api.patch(f"campaigns/{campaign}", json=moved, headers={"If-Match": "*"}), 200)
+    (warning,) = imported(campaign, (HEADER + function(2, 1, [5 + 6j, 7 + 8j])).encode())["warnings"]
+    assert "off the specimen: 1, 2;" in warning
+
+
 def test_a_multipart_form_does_as_well(
     api: httpx.Client, campaign: str, finished: Callable[[str], dict[str, Any]], checked: Checked
 ) -> None:

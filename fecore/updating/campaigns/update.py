@@ -23,6 +23,7 @@ from fecore.updating.campaigns.layout import (
 from fecore.updating.campaigns.posterior import SCATTER
 from fecore.updating.campaigns.spread import Spread, spreads
 from fecore.updating.discretisation import discretise
+from fecore.updating.edges import points_beyond
 from fecore.updating.elastic_findings import FAR, USUAL_MISS
 from fecore.updating.parameters import Parameter
 from fecore.updating.posterior import identifiability
@@ -324,6 +325,9 @@ def _contradictions(parts: Sequence[CampaignPart], odd: int | None) -> list[Find
 
 def _findings(fitted: Fitted, parts: Sequence[CampaignPart]) -> list[Finding]:
     layout, found = fitted.layout, []
+    for campaign, forward in zip(layout.campaigns, layout.forwards, strict=True):
+        beyond = points_beyond(forward, campaign.inputs)
+        found += notes([f"campaign {campaign.name}: {text}" for text in beyond], "with_care", 9)
     for part, at, pairing in zip(parts, fitted.rows, fitted.pairings, strict=True):
         alone = len(pairing.unpaired_measured)
         if alone:

@@ -334,9 +334,9 @@ REFUSED: dict[str, tuple[str, str, Callable[[], object]]] = {
     ),
     "point off the plate": (
         "grid_points",
-        "point 17 at (0.501, 0) m lies off the specimen, which spans x 0 … 0.5 m, y -0.025 … 0.025 m; check the structure's",
+        "point 17 at (0.511, 0) m lies off the specimen, which spans x 0 … 0.5 m, y -0.025 … 0.025 m; check the structure's",
         lambda: prepare(
-            Measurement(frfs(responses=(Dof(17, 3),)), {1: (0.1, 0, 0), 17: (0.501, 0, 0)}), STRIP, Recipe()
+            Measurement(frfs(responses=(Dof(17, 3),)), {1: (0.1, 0, 0), 17: (0.511, 0, 0)}), STRIP, Recipe()
         ),
     ),
     "point off the beam": (

@@ -167,6 +167,17 @@ def test_what_contradicts_itself_is_refused(
         update_campaigns(campaigns, recipe, coupons)
 
 
+def test_shapes_beyond_the_stated_width_are_told_of_their_campaign(campaigns: list[Campaign]) -> None:
+    """The strips' shapes reach 0.9 of the width of 30 mm, so 0.1 mm beyond the edge where 26.8 mm are stated as exactly known."""
+    strip = campaigns[0]
+    narrow = replace(strip, body=replace(strip.body, width=0.0268), inputs=replace(strip.inputs, width_sd=0.0))
+    found = update_campaigns([narrow, *campaigns[1:]])
+    (told,) = [text for text in found.warnings if "beyond" in text]
+    assert told.startswith(
+        "campaign strip 0: points 1, 3, 4, 6 and 14 more lie beyond the width of 26.8 mm, by up to 0.1 mm: the width or"
+    )
+
+
 def test_oriented_bodies_take_no_other_springs() -> None:
     with pytest.raises(InputError, match="belongs to a clamp"):
         OrientedSpecimen(*STRIP, NOMINAL, "free", clamp_compliance=0.01)

@@ -1,0 +1,36 @@
+"""Points that the grid has beyond the specimen's edges: a tape, a drawing and a calliper differ by millimetres.
+
+The model has such a point on its edge, within `fecore.body.mesh.BEYOND_EDGE`. Where it lies further out than the dimension is
+known to, the dimension or the point is wrong.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fecore.body.mesh import EDGE_ROUNDING
+from fecore.updating.forward import ForwardModel
+from fecore.updating.inputs import Inputs
+
+_DOUBTED = 2.0  # standard deviations of a dimension from which a point beyond it contradicts it
+_NAMED = 4  # points named in one sentence
+
+
+def points_beyond(forward: ForwardModel, inputs: Inputs) -> list[str]:
+    """Which points contradict the length or the width, in words."""
+    nominal, (x, y) = forward.specimen.nominal, forward.places.T
+    found = []
+    for name, out in (
+        ("length", np.maximum(-x, x - nominal["length"])),
+        ("width", np.abs(y) - nominal["width"] / 2),
+    ):
+        size = nominal[name]
+        limit = max(_DOUBTED * inputs.standard_deviation(name, size), EDGE_ROUNDING * size)
+        if (rows := np.flatnonzero(out > limit)).size:
+            labels = ", ".join(str(forward.points[row]) for row in rows[:_NAMED])
+            more = f" and {rows.size - _NAMED} more" if rows.size > _NAMED else ""
+            found.append(
+                f"points {labels}{more} lie beyond the {name} of {1e3 * size:g} mm, by up to {1e3 * out.max():.2g} mm: "
+                f"the {name} or the points' coordinates are wrong, and so may be the constants; correct what is wrong"
+            )
+    return found
