@@ -16,6 +16,7 @@ from fecore.updating.campaigns.fit import Coupon, Fitted, fit_campaigns
 from fecore.updating.campaigns.layout import (
     MATERIAL_PARAMETERS,
     Campaign,
+    Layout,
     clamped,
     is_scatter,
     lay_out,
@@ -143,7 +144,7 @@ def update_campaigns(
     known = spreads(fitted)
     parameters = _material(fitted, known)
     parts = tuple(_part(fitted, known, number, found[number]) for number in range(len(meshed)))
-    findings = [*_contradictions(parts, odd), *_findings(fitted, parts)]
+    findings = [*_contradictions(parts, odd), *_findings(fitted, parts), *notes(_points_beyond(layout), "with_care", 9)]
     q = len(layout.shared)
     total = fitted.mixture.total[:q, :q]
     sd = np.sqrt(np.diag(total))
@@ -323,11 +324,17 @@ def _contradictions(parts: Sequence[CampaignPart], odd: int | None) -> list[Find
     return [Finding(text, "do_not_use", 70)]
 
 
+def _points_beyond(layout: Layout) -> list[str]:
+    each = zip(layout.campaigns, layout.forwards, strict=True)
+    return [
+        f"campaign {campaign.name}: {text}"
+        for campaign, forward in each
+        for text in points_beyond(forward, campaign.inputs)
+    ]
+
+
 def _findings(fitted: Fitted, parts: Sequence[CampaignPart]) -> list[Finding]:
     layout, found = fitted.layout, []
-    for campaign, forward in zip(layout.campaigns, layout.forwards, strict=True):
-        beyond = points_beyond(forward, campaign.inputs)
-        found += notes([f"campaign {campaign.name}: {text}" for text in beyond], "with_care", 9)
     for part, at, pairing in zip(parts, fitted.rows, fitted.pairings, strict=True):
         alone = len(pairing.unpaired_measured)
         if alone:

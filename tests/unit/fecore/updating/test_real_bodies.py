@@ -69,7 +69,7 @@ def test_a_plate_of_another_poissons_ratio_lies_within_its_intervals() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "stated", "told"),
+    ("name", "stated", "warning"),
     [
         ("length", 0.497, "points 31, 32, 33 lie beyond the length of 497 mm, by up to 3 mm: the length or"),
         ("width", 0.039, "points 1, 3, 4, 6 and 18 more lie beyond the width of 39 mm, by up to 0.5 mm: the width or"),
@@ -77,13 +77,13 @@ def test_a_plate_of_another_poissons_ratio_lies_within_its_intervals() -> None:
     ],
 )
 def test_a_grid_that_ends_beyond_the_stated_body_is_no_reason_to_refuse_it(
-    name: str, stated: float, told: str | None
+    name: str, stated: float, warning: str | None
 ) -> None:
     """A laboratory lays its grid with a tape to the edges of the body, and states dimensions from a drawing."""
     body = replace(STATED, divisions=(20, 2), **{name: stated})  # type: ignore[arg-type]
     result = update(measured(Truth(), NOMINAL, np.random.default_rng(1)), body)
-    assert result.verdict.level == ("usable" if told is None else "with_care")
-    assert [text for text in result.verdict.reasons if told is None or not text.startswith(told)] == []
+    assert result.verdict.level == ("usable" if warning is None else "with_care")
+    assert [text for text in result.verdict.reasons if warning is None or not text.startswith(warning)] == []
     low, high = next(p.interval_95 for p in result.parameters if p.name == "Ex")
     assert low < NOMINAL.Ex < high
 
