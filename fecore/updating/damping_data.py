@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,6 +47,15 @@ class DampingData:
     model: ModalFrfModel
     roles: ModeRoles
     modal_law: ModalDamping
+
+    def as_accelerance(self, factor: float = 1.0) -> DampingData:
+        """The same with accelerances, times a factor.
+
+        In accelerances the lines below the first mode, where a free specimen swings on its cords, weigh least.
+        """
+        frfs = self.frfs.to_quantity("accelerance")
+        variance = None if frfs.variance is None else frfs.variance * factor**2
+        return replace(self, frfs=replace(frfs, values=frfs.values * factor, variance=variance))
 
     def start(self, law: DampingLaw) -> FloatArray:
         """(p,) coefficients that come nearest to the measured damping ratios (2 % where none was measured)."""

@@ -87,7 +87,10 @@ def update_jointly(
         try:
             found.append(_take_turns(forward, frfs, law, theta, ratio))
         except UpdatingError as error:
-            failure = error
+            hint = (
+                "the method joint takes height, sign and quantity of the FRFs as stated; two_stage says which is wrong"
+            )
+            failure = UpdatingError(f"{error.message}; {hint}", error.best, error.history)
     if not found:
         raise failure
     best = min(found, key=lambda row: row[0])[1]

@@ -242,7 +242,8 @@ def _damping(
         stage = damping_data(inside, elastic, modes, recipe.weighting, inputs)
         asked = laws_of(recipe, stage.modal_law, elastic.updated.forward.specimen)
         laws = identifiable_laws(len(stage.roles.rows), asked) or asked  # where there is none, the fit says so
-        findings += [*notes(_unasked(asked[0], laws[0], len(stage.roles.rows)), None, 3), *examine(stage)]
+        stage, odd = examine(stage)
+        findings += [*notes(_unasked(asked[0], laws[0], len(stage.roles.rows)), None, 3), *odd]
         reference = fit_reference(stage)
         ranking = rank_laws(reference.ratios, stage.roles.rows, laws)
         result = fit_damping(stage, reference, laws[0], progress=progress)

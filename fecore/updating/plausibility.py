@@ -12,18 +12,30 @@ the median, as peaks that few lines resolve, or a mode that was not measured, wo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.errors import UpdatingError
+from fecore.frf import Quantity
 from fecore.identification.arrangement import pair_label
 from fecore.updating.damping_data import DampingData
 from fecore.updating.parameters import by_name
 from fecore.updating.verdict import Finding, notes
 
 _COMMON = 0.05  # by which the FRFs may be larger or smaller than the model's: twice what calibrations are good for
+_UNITS = {
+    "acceleration in g is, for m/s²": 1 / 9.80665,
+    "acceleration in m/s² is, for g": 9.80665,
+    "force in lbf is, for N": 4.448,
+    "force in N is, for lbf": 1 / 4.448,
+    "values in mm or kN are, for m or N": 1e3,
+    "values in m or mN are, for mm or N": 1e-3,
+}
+"""What is often taken for another unit, and the factor that it gives an FRF."""
+
 _OWN = 0.3  # by which one FRF's factor may lie off that of all
 _LIKE = 0.7  # likeness below which an FRF is another one
 _WEAK = 0.05  # of the median energy of the FRFs: weaker ones, near a nodal line, are noise and the neighbours' tails
@@ -49,9 +61,14 @@ class Likeness:
     labels: tuple[str, ...]
 
     @classmethod
-    def of(cls, data: DampingData) -> Likeness:
-        """Compare on the fitted lines."""
-        frfs, law = data.frfs, data.modal_law
+    def of(cls, data: DampingData, quantity: Quantity | None = None) -> Likeness:
+        """Compare on the fitted lines; as if the FRFs were another quantity than is stated, where one is given.
+
+        Accelerances are compared: the lines below the first mode, where a free specimen's receptance is largest, show what it
+        hangs on and the noise.
+        """
+        frfs = replace(data.frfs, quantity=quantity or data.frfs.quantity).to_quantity("accelerance")
+        law = data.modal_law
         omega = data.model.omega.copy()
         omega[data.roles.shifted] *= 1 + data.roles.first_shift
         rate = law.basis(omega) @ data.start(law) + 2 * (data.inputs.window_rate or 0.0)
@@ -81,31 +98,56 @@ class Likeness:
 
     def findings(self) -> list[Finding]:
         """What looks wrong, in words."""
-        usual = float(np.median(self.likeness[self.loud]))
-        if usual < _LIKE:
+        if not self.alike:
             text = (
-                f"most FRFs are unlike the model's (median likeness {usual:.2f}): a wrong boundary, geometry, frame or "
+                f"most FRFs are unlike the model's (median likeness {self.usual:.2f}): a wrong boundary, geometry, frame or "
                 "numbering of the points; do not use these estimates before that is found"
             )
             return [Finding(text, "do_not_use", 90)]
-        found = []
-        if abs(np.log(self.common)) > _COMMON:
+        found, sign = [], np.sign(self.common)
+        if sign < 0:
             found.append(
-                f"the FRFs are {self.common:.3g} times as large as the model's: check calibration (hammer, sensor, units), "
-                "geometry, density, added masses and boundary; the estimates are only as right as these"
+                "most FRFs have the opposite sign of the model's: the hammer or the sensor has another direction or polarity "
+                "than stated; damping was sought in the FRFs of the other sign"
+            )
+        if self.miscalibrated:
+            found.append(
+                f"the FRFs are {abs(self.common):.3g} times as large as the model's{self._unit()}: check calibration (hammer, "
+                "sensor, units), geometry, density, added masses and boundary; the estimates are only as right as these, and "
+                "damping was sought in FRFs divided by this factor"
             )
         relative = self.height / self.common
-        like: BoolArray = self.likeness >= _LIKE
-        turned: BoolArray = self.likeness <= -_LIKE
+        like: BoolArray = sign * self.likeness >= _LIKE
+        turned: BoolArray = sign * self.likeness <= -_LIKE
         scaled: BoolArray = like & (np.abs(relative - 1) > _OWN)
         deviations = (
-            (turned, "the opposite sign of the model's: a wrong direction or polarity"),
+            (turned, f"the opposite sign of the {'model' if sign > 0 else 'rest'}'s: a wrong direction or polarity"),
             (scaled, "another height than the rest: a wrong sensitivity or range"),
             (~like & ~turned, "little likeness with the model's: a wrong point, or a spoilt record"),
         )
         rows = [(np.flatnonzero(which & self.loud), what) for which, what in deviations]
         found += [self._sentence(which, relative, what) for which, what in rows if which.size]
         return notes(found, "with_care", 30)
+
+    @property
+    def usual(self) -> float:
+        """Median likeness."""
+        return float(np.median(self.likeness[self.loud]))
+
+    @property
+    def alike(self) -> bool:
+        """Whether most FRFs are the model's, but for one factor, which may be negative."""
+        return bool(self.usual * np.sign(self.common) >= _LIKE)
+
+    @property
+    def miscalibrated(self) -> bool:
+        """Whether the common factor is more than a calibration's error."""
+        return bool(abs(np.log(abs(self.common))) > _COMMON)
+
+    def _unit(self) -> str:
+        """The mistaken unit that the common factor is, in words; nothing where it is none."""
+        close = [unit for unit, factor in _UNITS.items() if abs(np.log(abs(self.common) / factor)) < _COMMON]
+        return f" (as {close[0]})" if close else ""
 
     def _sentence(self, rows: IntArray, relative: FloatArray, what: str) -> str:
         names = ", ".join(f"{self.labels[row]} ({relative[row]:+.2f})" for row in rows[:_MOST])
@@ -120,12 +162,15 @@ def _clear_lines(frequency_hz: FloatArray, blunt_hz: FloatArray) -> BoolArray:
     return away if away.any() else np.ones_like(away)
 
 
-def examine(data: DampingData) -> list[Finding]:
-    """What looks wrong with the measurement or the model before stage 2, in words.
+def examine(data: DampingData) -> tuple[DampingData, list[Finding]]:
+    """What looks wrong with the measurement or the model before stage 2, and the data that damping is sought in.
+
+    Damping is in the shape of the peaks, not in their height: FRFs of another height than the model's, or of the other sign,
+    are divided by the factor that they have in common.
 
     Raises:
-        UpdatingError: the model is so far off that damping cannot be sought: modes that stay apart in frequency, or FRFs of the
-            opposite sign.
+        UpdatingError: the model is so far off that damping cannot be sought: modes that stay apart in frequency, or FRFs of
+            another quantity than stated.
     """
     missed = np.abs(data.roles.first_shift)
     likeness = Likeness.of(data)
@@ -139,13 +184,20 @@ def examine(data: DampingData) -> list[Finding]:
             "this is not the model of the specimen, or its modes were paired wrongly; check boundary, geometry and the points' "
             "coordinates, or measure at more points, across the width too",
         )
-    if likeness.common <= 0:
+    if (not likeness.alike or likeness.common < 0) and (other := _other_quantity(data, likeness)):
         raise _refusal(
             data,
-            "most FRFs have the opposite sign of the model's: a wrong direction or polarity of the hammer or the sensor, or a "
-            "wrong boundary",
+            f"the FRFs are stated to be {data.frfs.quantity} and are like the model's {other}: correct the quantity",
         )
-    return likeness.findings()
+    changed = likeness.alike and (likeness.miscalibrated or likeness.common < 0)
+    return data.as_accelerance(1 / likeness.common if changed else 1.0), likeness.findings()
+
+
+def _other_quantity(data: DampingData, stated: Likeness) -> Quantity | None:
+    """The quantity that the FRFs are, where they are more like it than like the stated one."""
+    others = {name: Likeness.of(data, name).usual for name in get_args(Quantity) if name != data.frfs.quantity}
+    best = max(others, key=lambda name: others[name])
+    return best if others[best] >= max(_LIKE, abs(stated.usual)) else None
 
 
 def _refusal(data: DampingData, message: str) -> UpdatingError:

@@ -17,6 +17,8 @@ from examples.paper.published import (
     cantilever,
     free_beam,
 )
+from fecore.body.supports import Boundary
+from fecore.frf import Quantity
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel
 from fecore.updating.measurement import Measurement
@@ -86,6 +88,26 @@ def test_a_grid_that_ends_beyond_the_stated_body_is_no_reason_to_refuse_it(
     assert [text for text in result.verdict.reasons if warning is None or not text.startswith(warning)] == []
     low, high = next(p.interval_95 for p in result.parameters if p.name == "Ex")
     assert low < NOMINAL.Ex < high
+
+
+@pytest.mark.parametrize("stated", ["receptance", "mobility"])
+@pytest.mark.parametrize("boundary", ["cantilever", "free"])
+def test_frfs_of_any_quantity_give_the_same(boundary: Boundary, stated: Quantity) -> None:
+    """A free specimen's receptances are largest below its modes, where it swings; they are as good as its accelerances.
+
+    FRFs that are stated to be another quantity than they are have modes, and their quantity is named in place of a damping.
+    """
+    specimen = replace(STATED, boundary=boundary, divisions=(20, 2))
+    body = measured(Truth(boundary=boundary), NOMINAL, np.random.default_rng(1))
+    accelerance = update(body, specimen)
+    other = update(replace(body, frfs=body.frfs.to_quantity(stated)), specimen)
+    assert other.verdict.level == accelerance.verdict.level == "usable"
+    for p, q in zip(other.parameters, accelerance.parameters, strict=True):
+        limit = 1e-3 * q.estimate if p.name in ("a0", "a1") else 0.1 * q.standard_deviation
+        assert abs(p.estimate - q.estimate) < limit, p.name
+    mistaken = update(replace(body, frfs=replace(body.frfs.to_quantity(stated), quantity="accelerance")), specimen)
+    assert f"stated to be accelerance and are like the model's {stated}: correct" in mistaken.outcomes[1].message
+    assert mistaken.verdict.level == "with_care"
 
 
 def test_damping_does_not_suffer_from_a_clamp_that_gives_way_and_an_unstated_sensor() -> None:
