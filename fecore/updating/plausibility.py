@@ -17,9 +17,9 @@ from typing import get_args
 
 import numpy as np
 
-from fecore.arrays import BoolArray, FloatArray, IntArray
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import UpdatingError
-from fecore.frf import Quantity
+from fecore.frf import FrfSet, Quantity
 from fecore.identification.arrangement import pair_label
 from fecore.updating.damping_data import DampingData
 from fecore.updating.parameters import by_name
@@ -40,6 +40,7 @@ _OWN = 0.3  # by which one FRF's factor may lie off that of all
 _LIKE = 0.7  # likeness below which an FRF is another one
 _WEAK = 0.05  # of the median energy of the FRFs: weaker ones, near a nodal line, are noise and the neighbours' tails
 _NEAR = 0.1  # of its frequency: lines at an unmeasured mode
+_ABSENT = 3.0  # times the measured FRFs, from which a model's mode is absent: nine times the damping would hide it
 _LARGEST_MISS = 0.1  # of a frequency, after the update
 _MOST = 5  # FRFs named in one sentence
 
@@ -53,12 +54,18 @@ class Likeness:
         likeness: (N,) c.
         loud: (N,) FRFs with enough energy to be judged.
         labels: N names, response first.
+        unmeasured_hz: (u,) frequencies of the model's modes that were not measured.
+        expected: (u,) how much higher the model's FRFs are than the measured ones about each: root of the ratio of energies.
+        lowest_hz: of the measured modes.
     """
 
     height: FloatArray
     likeness: FloatArray
     loud: BoolArray
     labels: tuple[str, ...]
+    unmeasured_hz: FloatArray
+    expected: FloatArray
+    lowest_hz: float
 
     @classmethod
     def of(cls, data: DampingData, quantity: Quantity | None = None) -> Likeness:
@@ -78,8 +85,8 @@ class Likeness:
             for mode, (row, _) in zip(data.roles.shifted, data.roles.pairs, strict=True)
             if np.isnan(data.modes.damping_ratio[row])
         ]
-        blunt = omega[np.concatenate([data.roles.unmeasured, np.array(unknown, dtype=np.int64)])]
-        seen = frfs.measured & _clear_lines(frfs.frequency_hz, blunt / (2 * np.pi))
+        unmeasured, unknown_hz = omega[data.roles.unmeasured] / (2 * np.pi), omega[unknown] / (2 * np.pi)
+        seen = frfs.measured & _clear_lines(frfs.frequency_hz, np.concatenate([unmeasured, unknown_hz]))
         values, there = (np.where(seen, each, 0) for each in (frfs.values, predicted))
         own, model = (np.maximum(np.sum(np.abs(each) ** 2, axis=1), 1e-300) for each in (values, there))
         both = np.sum((there.conj() * values).real, axis=1)
@@ -89,6 +96,9 @@ class Likeness:
             likeness=both / np.sqrt(own * model),
             loud=own > _WEAK * np.median(own),
             labels=tuple(pair_label(*pair) for pair in zip(frfs.responses, frfs.references, strict=True)),
+            unmeasured_hz=unmeasured,
+            expected=_expected(frfs, predicted, unmeasured),
+            lowest_hz=float(omega[data.roles.shifted].min() / (2 * np.pi)),
         )
 
     @property
@@ -127,7 +137,19 @@ class Likeness:
         )
         rows = [(np.flatnonzero(which & self.loud), what) for which, what in deviations]
         found += [self._sentence(which, relative, what) for which, what in rows if which.size]
-        return notes(found, "with_care", 30)
+        return [*notes(found, "with_care", 30), *self._absent()]
+
+    def _absent(self) -> list[Finding]:
+        """Modes of the model that would stand out of the FRFs, and do not."""
+        hz = self.unmeasured_hz[self.expected * abs(self.common) > _ABSENT]
+        if not hz.size:
+            return []
+        names = ", ".join(f"{each:.2f} Hz" for each in hz[:_MOST])
+        text = (
+            f"the model has {'a mode' if hz.size == 1 else 'modes'} at {names} that would stand out of the FRFs, and nothing "
+            "is there: a wrong boundary or geometry, or modes that were paired wrongly"
+        )
+        return [Finding(text, "do_not_use" if hz.min() < self.lowest_hz else "with_care", 85)]
 
     @property
     def usual(self) -> float:
@@ -154,6 +176,15 @@ class Likeness:
         more = f" and {rows.size - _MOST} more" if rows.size > _MOST else ""
         who = "FRF {} has" if rows.size == 1 else "FRFs {} have"
         return f"{who.format(names + more)} {what} (in brackets the factor over that of all); mend or leave out"
+
+
+def _expected(frfs: FrfSet, predicted: ComplexArray, modes_hz: FloatArray) -> FloatArray:
+    """(u,) how much higher some predicted FRFs are than the measured ones about each mode; 0 where no line is near."""
+    near = np.abs(frfs.frequency_hz / modes_hz[:, None] - 1) <= _NEAR
+    both = (np.where(frfs.measured, each, 0) for each in (frfs.values, predicted))
+    measured, there = (near @ np.sum(np.abs(each) ** 2, axis=0) for each in both)
+    ratio: FloatArray = np.sqrt(there / np.maximum(measured, 1e-300))
+    return ratio
 
 
 def _clear_lines(frequency_hz: FloatArray, blunt_hz: FloatArray) -> BoolArray:
