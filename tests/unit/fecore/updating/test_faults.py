@@ -224,7 +224,7 @@ def test_a_wrong_boundary_is_told(identified: Measurement) -> None:
 
 
 def test_a_free_specimen_stated_as_clamped_lacks_the_lowest_mode() -> None:
-    """Its second mode is like the clamped one's, and Ex comes out right to some per cent: only what is not there tells it."""
+    """Its second mode is like the clamped one's, and Ex comes out right to some per cent: only what is missing shows it."""
     body = real_body(Truth(boundary="free"), NOMINAL, np.random.default_rng(1))
     result = update(body, replace(STATED, divisions=(20, 2)))
     assert result.verdict.level == "do_not_use"
