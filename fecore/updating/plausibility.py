@@ -2,8 +2,8 @@
 
 Natural frequencies alone cannot distinguish a wrong length or density from other elastic constants: all scale them alike. The
 height of the FRFs can: it goes with the modal masses. And a wrong sign, factor or point of one FRF leaves the frequencies as
-they are, but not that FRF. So each FRF is compared with the model's, whose modes are moved to the measured frequencies and have
-the measured damping ratios, by its height s and likeness c over the lines,
+they are, but not that FRF. So each FRF is compared, as accelerance, with the model's, whose modes are moved to the measured
+frequencies and have the measured damping ratios, by its height s and likeness c over the lines,
 
     s = median Re H/H_model,     c = Re H_modelᴴ H / (|H_model| |H|);
 

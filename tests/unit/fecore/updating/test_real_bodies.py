@@ -90,8 +90,7 @@ def test_a_grid_that_ends_beyond_the_stated_body_is_no_reason_to_refuse_it(
     assert low < NOMINAL.Ex < high
 
 
-@pytest.mark.parametrize("stated", ["receptance", "mobility"])
-@pytest.mark.parametrize("boundary", ["cantilever", "free"])
+@pytest.mark.parametrize(("boundary", "stated"), [("cantilever", "receptance"), ("free", "mobility")])
 def test_frfs_of_any_quantity_give_the_same(boundary: Boundary, stated: Quantity) -> None:
     """A free specimen's receptances are largest below its modes, where it swings; they are as good as its accelerances.
 
