@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from fecore.arrays import FloatArray, IntArray
+from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.errors import InputError, OffSpecimenError
 
 BEYOND_EDGE = 0.02
@@ -20,6 +20,13 @@ BEYOND_EDGE = 0.02
 
 EDGE_ROUNDING = 1e-6
 """Share of a dimension by which rounding moves a point."""
+
+
+def off_specimen(points: FloatArray, length: float, width: float) -> BoolArray:
+    """Which of (p, 2) points lie off a specimen of these dimensions, further than `BEYOND_EDGE`."""
+    share = points / np.array([length, width]) + np.array([0, 0.5])  # 0 … 1 on the specimen
+    off: BoolArray = np.any((share < -BEYOND_EDGE) | (share > 1 + BEYOND_EDGE), axis=1)
+    return off
 
 
 @dataclass(frozen=True)
@@ -55,8 +62,7 @@ class RectangleMesh:
             OffSpecimenError: a point lies off the specimen by more than `BEYOND_EDGE`.
         """
         low, high = np.array([0, -self.width / 2]), np.array([self.length, self.width / 2])
-        tolerance = BEYOND_EDGE * (high - low)
-        outside = np.any((points < low - tolerance) | (points > high + tolerance), axis=1)
+        outside = off_specimen(points, self.length, self.width)
         if outside.any():
             index = int(np.flatnonzero(outside)[0])
             x, y = points[index]

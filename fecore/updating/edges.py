@@ -11,6 +11,7 @@ import numpy as np
 from fecore.body.mesh import EDGE_ROUNDING
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
+from fecore.updating.verdict import listed
 
 _DOUBTED = 2.0  # standard deviations of a dimension from which a point beyond it contradicts it
 _NAMED = 4  # points named in one sentence
@@ -27,10 +28,9 @@ def points_beyond(forward: ForwardModel, inputs: Inputs) -> list[str]:
         size = nominal[name]
         limit = max(_DOUBTED * inputs.standard_deviation(name, size), EDGE_ROUNDING * size)
         if (rows := np.flatnonzero(out > limit)).size:
-            labels = ", ".join(str(forward.points[row]) for row in rows[:_NAMED])
-            more = f" and {rows.size - _NAMED} more" if rows.size > _NAMED else ""
+            labels = listed([forward.points[row] for row in rows], _NAMED)
             found.append(
-                f"points {labels}{more} lie beyond the {name} of {1e3 * size:g} mm, by up to {1e3 * out.max():.2g} mm: "
+                f"points {labels} lie beyond the {name} of {1e3 * size:g} mm, by up to {1e3 * out.max():.2g} mm: "
                 f"the {name} or the points' coordinates are wrong, and so may be the constants; correct what is wrong"
             )
     return found

@@ -48,6 +48,7 @@ _STILL = 0.01  # posterior standard deviations that the constants may move in th
 _SHIFT_SD = 0.05  # prior standard deviation of a shift, while the model is not right yet
 _OTHERS_SHIFT_SD = 0.02  # the same for modes above the band
 _DEVIATION = 1.0  # of the logarithm of a mode's damping over the law's, which here only has to be near
+_AS_STATED = "the method joint takes height, sign and quantity of the FRFs as stated; two_stage says which is wrong"
 
 
 @dataclass(frozen=True)
@@ -87,10 +88,7 @@ def update_jointly(
         try:
             found.append(_take_turns(forward, frfs, law, theta, ratio))
         except UpdatingError as error:
-            hint = (
-                "the method joint takes height, sign and quantity of the FRFs as stated; two_stage says which is wrong"
-            )
-            failure = UpdatingError(f"{error.message}; {hint}", error.best, error.history)
+            failure = UpdatingError(f"{error.message}; {_AS_STATED}", error.best, error.history)
     if not found:
         raise failure
     best = min(found, key=lambda row: row[0])[1]

@@ -23,7 +23,7 @@ from fecore.frf import FrfSet, Quantity
 from fecore.identification.arrangement import pair_label
 from fecore.updating.damping_data import DampingData
 from fecore.updating.parameters import by_name
-from fecore.updating.verdict import Finding, notes
+from fecore.updating.verdict import Finding, listed, notes
 
 _COMMON = 0.05  # by which the FRFs may be larger or smaller than the model's: twice what calibrations are good for
 _UNITS = {
@@ -42,7 +42,7 @@ _WEAK = 0.05  # of the median energy of the FRFs: weaker ones, near a nodal line
 _NEAR = 0.1  # of its frequency: lines at an unmeasured mode
 _ABSENT = 3.0  # times the measured FRFs, from which a model's mode is absent: nine times the damping would hide it
 _LARGEST_MISS = 0.1  # of a frequency, after the update
-_MOST = 5  # FRFs named in one sentence
+_MOST = 5  # FRFs or modes named in one sentence
 
 
 @dataclass(frozen=True)
@@ -106,6 +106,21 @@ class Likeness:
         """Median factor of the FRFs."""
         return float(np.median(self.height[self.loud]))
 
+    @property
+    def usual(self) -> float:
+        """Median likeness."""
+        return float(np.median(self.likeness[self.loud]))
+
+    @property
+    def alike(self) -> bool:
+        """Whether most FRFs are the model's, but for one factor, which may be negative."""
+        return bool(self.usual * np.sign(self.common) >= _LIKE)
+
+    @property
+    def miscalibrated(self) -> bool:
+        """Whether the common factor is more than a calibration's error."""
+        return bool(abs(np.log(abs(self.common))) > _COMMON)
+
     def findings(self) -> list[Finding]:
         """What looks wrong, in words."""
         if not self.alike:
@@ -144,27 +159,12 @@ class Likeness:
         hz = self.unmeasured_hz[self.expected * abs(self.common) > _ABSENT]
         if not hz.size:
             return []
-        names = ", ".join(f"{each:.2f} Hz" for each in hz[:_MOST])
+        names = listed([f"{each:.2f} Hz" for each in hz], _MOST)
         text = (
             f"the model has {'a mode' if hz.size == 1 else 'modes'} at {names} that would stand out of the FRFs, and nothing "
             "is there: a wrong boundary or geometry, or modes that were paired wrongly"
         )
         return [Finding(text, "do_not_use" if hz.min() < self.lowest_hz else "with_care", 85)]
-
-    @property
-    def usual(self) -> float:
-        """Median likeness."""
-        return float(np.median(self.likeness[self.loud]))
-
-    @property
-    def alike(self) -> bool:
-        """Whether most FRFs are the model's, but for one factor, which may be negative."""
-        return bool(self.usual * np.sign(self.common) >= _LIKE)
-
-    @property
-    def miscalibrated(self) -> bool:
-        """Whether the common factor is more than a calibration's error."""
-        return bool(abs(np.log(abs(self.common))) > _COMMON)
 
     def _unit(self) -> str:
         """The mistaken unit that the common factor is, in words; nothing where it is none."""
@@ -172,10 +172,9 @@ class Likeness:
         return f" (as {close[0]})" if close else ""
 
     def _sentence(self, rows: IntArray, relative: FloatArray, what: str) -> str:
-        names = ", ".join(f"{self.labels[row]} ({relative[row]:+.2f})" for row in rows[:_MOST])
-        more = f" and {rows.size - _MOST} more" if rows.size > _MOST else ""
+        names = listed([f"{self.labels[row]} ({relative[row]:+.2f})" for row in rows], _MOST)
         who = "FRF {} has" if rows.size == 1 else "FRFs {} have"
-        return f"{who.format(names + more)} {what} (in brackets the factor over that of all); mend or leave out"
+        return f"{who.format(names)} {what} (in brackets the factor over that of all); mend or leave out"
 
 
 def _expected(frfs: FrfSet, predicted: ComplexArray, modes_hz: FloatArray) -> FloatArray:

@@ -76,13 +76,17 @@ def warnings(findings: Sequence[Finding]) -> tuple[str, ...]:
     return (*folded[: MOST_WARNINGS - 1], f"{left} more remarks of less weight")
 
 
+def listed(words: Sequence[object], most: int) -> str:
+    """The first words of a list, and how many more there are."""
+    more = f" and {len(words) - most} more" if len(words) > most else ""
+    return ", ".join(map(str, words[:most])) + more
+
+
 def _fold(alike: list[str]) -> str:
     """The first of alike warnings, and the words in which the others differ from it."""
     if len(alike) == 1:
         return alike[0]
-    own = [_label(text) for text in alike[1 : _NAMED + 1]]
-    more = f" and {len(alike) - 1 - _NAMED} more" if len(alike) - 1 > _NAMED else ""
-    return f"{alike[0]}; the same of {', '.join(own)}{more}"
+    return f"{alike[0]}; the same of {listed([_label(text) for text in alike[1:]], _NAMED)}"
 
 
 def _label(text: str) -> str:

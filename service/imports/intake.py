@@ -12,7 +12,7 @@ import numpy as np
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from fecore.body.mesh import BEYOND_EDGE
+from fecore.body.mesh import off_specimen
 from modalbase.formats.records import TimeBlock
 from modalbase.formats.uff import DatasetReport, Function, GridPoint, ModeShape, TimeResponse
 from service.campaigns.grid_points import add_points, stored_points
@@ -232,13 +232,14 @@ class _Intake:
     def _off_specimen(self) -> list[int]:
         """Labels of the FRFs' points that lie further out than the model takes to be on the edge."""
         labels = sorted(self.named & self.points.keys())
+        if not labels:
+            return []
         campaign = campaign_of(self.session, self.row.campaign_id)
         geometry = present_structure(self.session, campaign.structure_id)[1].geometry
-        if geometry is None or not labels:
+        if geometry is None:
             return []
-        x, y, _ = frame_of(campaign).points(np.array([self.points[label] for label in labels])).T
-        share = np.column_stack([x / geometry.length_m, y / geometry.width_m + 0.5])  # 0 … 1 on the specimen
-        off = np.any((share < -BEYOND_EDGE) | (share > 1 + BEYOND_EDGE), axis=1)
+        places = frame_of(campaign).points(np.array([self.points[label] for label in labels]))
+        off = off_specimen(places[:, :2], geometry.length_m, geometry.width_m)
         return [labels[row] for row in np.flatnonzero(off)]
 
 

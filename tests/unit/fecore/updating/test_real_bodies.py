@@ -85,7 +85,9 @@ def test_a_grid_that_ends_beyond_the_stated_body_is_no_reason_to_refuse_it(
     body = replace(STATED, divisions=(20, 2), **{name: stated})  # type: ignore[arg-type]
     result = update(measured(Truth(), NOMINAL, np.random.default_rng(1)), body)
     assert result.verdict.level == ("usable" if warning is None else "with_care")
-    assert [text for text in result.verdict.reasons if warning is None or not text.startswith(warning)] == []
+    expected = [] if warning is None else [warning]
+    assert len(result.verdict.reasons) == len(expected)
+    assert all(text.startswith(words) for text, words in zip(result.verdict.reasons, expected, strict=True))
     low, high = next(p.interval_95 for p in result.parameters if p.name == "Ex")
     assert low < NOMINAL.Ex < high
 
