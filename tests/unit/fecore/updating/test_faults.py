@@ -11,8 +11,6 @@ import pytest
 from benchmarks import coverage, laboratories
 from benchmarks.coverage import draw
 from benchmarks.laboratories import Laboratory
-from benchmarks.real_bodies import NOMINAL, STATED, Truth
-from benchmarks.real_bodies import measured as real_body
 from fecore.body.specimen import Specimen
 from fecore.body.supports import Boundary
 from fecore.dynamics.damping_laws import RAYLEIGH, beyond, damping_rate
@@ -221,18 +219,6 @@ def test_a_wrong_boundary_is_told(identified: Measurement) -> None:
     result = update(replace(identified, frfs=identified.frfs.band(2.0, 500.0)), replace(BEAM, boundary="free"))
     assert any("most FRFs are unlike the model's" in warning for warning in result.warnings)
     assert any("measured mode 2" in warning and "has only MAC" in warning for warning in result.warnings)
-
-
-def test_a_free_specimen_stated_as_clamped_lacks_the_lowest_mode() -> None:
-    """Its second mode is like the clamped one's, and Ex comes out right to some per cent: only what is missing shows it."""
-    body = real_body(Truth(boundary="free"), NOMINAL, np.random.default_rng(1))
-    short = replace(body, frfs=body.frfs.band(5.0, 720.0))
-    result = update(short, replace(STATED, divisions=(20, 2)), Recipe(damping_models=("rayleigh",)))
-    assert result.verdict.level == "do_not_use"
-    assert re.match(r"the model has modes at 29\.\d+ Hz, 2\d\d\.\d+ Hz that would stand out", result.verdict.reasons[0])
-    centre = [row for row, dof in enumerate(body.frfs.references) if body.points[dof.point][1] == 0]
-    unseen = update(replace(short, frfs=short.frfs.select(centre)), replace(STATED, boundary="free", divisions=(20, 2)))
-    assert unseen.verdict.level == "usable"  # torsion is not measured there, nor to be expected
 
 
 @pytest.mark.parametrize(
