@@ -18,9 +18,10 @@ import httpx
 import numpy as np
 import pytest
 
+from benchmarks.soak_small import small_campaigns
 from service.demo.laboratory import Laboratory
 from service.supervisor import LocalService
-from tests.support.rest import client_at, finished, ok, result_of, session_client
+from tests.support.rest import client_at, finished, ok, plain_client, result_of, session_client
 
 BEGINNINGS = {"plotly": b'{"data":', "svg": b"<?xml", "png": b"\x89PNG", "pdf": b"%PDF"}
 EXACT = dict.fromkeys((
@@ -309,6 +310,14 @@ def test_the_report_says_what_the_result_says_and_stands_alone(demo: Done) -> No
     assert printed.headers["content-disposition"].startswith("inline")
     assert printed.content.startswith(b"%PDF")
     assert len(re.findall(rb"/Type /Page\b", printed.content)) >= 6
+
+
+def test_a_campaign_of_one_frf_has_every_figure_and_its_report(demo: Done, service: LocalService) -> None:
+    """Its arrays, of 1,000 lines, are stored in fewer bytes than are read at a time."""
+    with plain_client(service.url, dict(demo.api.headers)) as client:
+        answers = dict(small_campaigns(client, sizes=((1, 1),), formats=("plotly", "svg")))
+    assert {asked.split(": ")[1].split("?")[0] for asked in answers} >= {"report", "figures/frf", "figures/shapes"}
+    assert set(answers.values()) == {200}, answers
 
 
 @pytest.mark.parametrize(
