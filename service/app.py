@@ -109,9 +109,9 @@ def create_app(settings: Settings) -> FastAPI:
     prefixes = (PREFIX, PAGES) if settings.pages else (PREFIX,)
     app.add_middleware(Door, settings=settings, sessions=app.state.sessions, paths=paths, prefixes=prefixes)
     app.add_middleware(SessionCookie)
+    app.add_middleware(RequestMiddleware)
     if settings.pages:
         app.add_middleware(PageErrors)
-    app.add_middleware(RequestMiddleware)
     return app
 
 

@@ -22,7 +22,7 @@ log = structlog.stdlib.get_logger("modalbase.http")
 
 
 class RequestMiddleware:
-    """Outermost layer: request id, one log line, and a problem document for what nobody expected."""
+    """Around all of the service: request id, one log line, and a problem document for what nobody expected."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app

@@ -59,6 +59,20 @@ def jobs(api: httpx.Client, project: str) -> list[dict[str, Any]]:
     return [stored(api, project, measured(random, name, STRIP, angle)) for name, angle in cuts]
 
 
+def test_an_update_from_nine_modes_has_its_report_on_paper(api: httpx.Client, jobs: list[dict[str, Any]]) -> None:
+    """All nine pairs of shapes in one figure are higher than a page."""
+    begun = api.post(f"campaigns/{jobs[0]['campaign_id']}/update-jobs", json=jobs[0]["recipe"])
+    location = api.base_url.join(begun.headers["Location"])
+    assert finished(api, begun.headers["Location"])["status"] == "succeeded"
+    assert len(ok(api.get(f"{location}/result"))["modes"]) == 9
+    page = api.get(f"{location}/report").text
+    assert "Mode shapes, measured and updated: modes 1 to 5" in page
+    assert "Mode shapes, measured and updated: modes 6 to 9" in page
+    printed = api.get(f"{location}/report", params={"format": "pdf"})
+    assert (printed.status_code, printed.content[:4]) == (200, b"%PDF"), printed.text
+    assert printed.content.count(b"/Subtype /Image") == page.count("<img")
+
+
 def test_strips_at_three_angles_are_one_material(
     api: httpx.Client,
     jobs: list[dict[str, Any]],

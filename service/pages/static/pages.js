@@ -95,7 +95,7 @@ document.addEventListener("submit", (event) => {
     submitted(form, async () => {
       await call("POST", "session", undefined, { Authorization: "Bearer " + form.elements.key.value.trim() });
       const next = new URLSearchParams(location.search).get("next") ?? "ui/";
-      location.assign(at(/^ui\/[\w\-/?=&%.]*$/.test(next) ? next : "ui/"));
+      location.assign(at(/^(ui|api\/v1)\/[\w\-/?=&%.]*$/.test(next) ? next : "ui/"));
     });
   } else if ("newTest" in form.dataset) {
     event.preventDefault();
