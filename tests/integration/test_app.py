@@ -158,9 +158,56 @@ def small(new_database: Callable[[], str]) -> Iterator[LocalService]:
         docs=False,
         pages=False,
         metrics=False,
+        allowed_hosts="Lab.example, *.inside.example, [fd00::7]",
     )
     with LocalService(settings, worker=False) as running:
         yield running
+
+
+@pytest.mark.parametrize(
+    ("path", "to"),
+    [
+        ("/ui", "ui/"),
+        ("/ui/update-jobs/?status=failed", "../../ui/update-jobs?status=failed"),
+        ("/api/v1/projects/", "../../../api/v1/projects"),
+        ("/guide", "guide/"),
+        ("/", "ui/"),
+    ],
+)
+def test_redirects_stay_on_this_host_and_below_its_prefix(api: httpx.Client, path: str, to: str) -> None:
+    answer = api.get(api.base_url.join(path), headers={"Host": "evil.example"})
+    assert answer.status_code == 307
+    assert answer.headers["location"].removeprefix("./") == to
+    assert api.get(answer.url.join(to)).status_code < 400
+
+
+@pytest.mark.parametrize(
+    ("host", "known"),
+    [
+        ("lab.example", True),
+        ("LAB.example.:8443", True),
+        ("a.inside.example", True),
+        ("[fd00::7]:8000", True),
+        ("localhost:1", True),
+        ("[::1]", True),
+        ("inside.example", False),
+        ("notlab.example", False),
+        ("lab.example.evil.example", False),
+        ("evil.example", False),
+        ("[::1", False),
+        ("", False),
+    ],
+)
+def test_a_service_answers_to_its_names_alone_where_they_are_listed(
+    small: LocalService, host: str, known: bool
+) -> None:
+    with httpx.Client(base_url=small.url, headers={"Host": host}, trust_env=False, timeout=60) as client:
+        assert client.get("/readyz").is_success  # probes know no name
+        answer = client.get("/api/v1/projects")
+    if known:
+        is_problem(answer, 401)
+    else:
+        assert "MODALBASE_ALLOWED_HOSTS" in str(is_problem(answer, 421)["detail"])
 
 
 def test_body_over_the_limit_is_413(small: LocalService, beam: dict[str, Any]) -> None:
