@@ -1,7 +1,8 @@
 """Networks that no public receiver is in: IANA's registries of special-purpose addresses, and what is no unicast at all.
 
 The registries are https://www.iana.org/assignments/iana-ipv4-special-registry and …/iana-ipv6-special-registry. Their entries
-are here whether or not they are said to be globally reachable, for those that are lead to relays and anycast servers. Python's `is_global` lacks several, and differs between its versions.
+are here whether or not they are said to be globally reachable, for those that are lead to relays and anycast servers.
+Python's `is_global` lacks several, and differs between its versions.
 """
 
 from __future__ import annotations
