@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from modalbase.client.display import transfer
 from modalbase.client.errors import ClientError
-from modalbase.client.finding import MODE_SET, find
+from modalbase.client.finding import MODE_SET
 from modalbase.client.rest import require_known
 from modalbase.objects.jobs import Identification, Import, Processing, UpdateJob
 from modalbase.objects.modes import ModeSet
 from modalbase.objects.records import Record
 from modalbase.objects.table import Table
-from modalbase.objects.thing import Editable, Thing
+from modalbase.objects.thing import Editable, Thing, found_or_made
 
 if TYPE_CHECKING:
     from modalbase.formats.records import Place
@@ -203,9 +203,12 @@ class Campaign(Editable):
         """Its mode sets: typed in, of a file, identified."""
         return [ModeSet(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/mode-sets")]
 
-    def mode_set(self, which: str = "latest") -> ModeSet:
-        """One of its mode sets by id, name or `latest`."""
-        return ModeSet(self.lab, find(self.lab.connection, MODE_SET, which, within=self.fields["id"]))
+    def mode_set(self, which: str = "latest", *, create: bool = False, **fields: Any) -> ModeSet:
+        """One of its mode sets by id, name or `latest`; with `create` made of `modes` where there is none of this name."""
+        above = self.fields["id"]
+        if "modes" in fields:  # the service has them in this order
+            fields["modes"] = sorted(fields["modes"], key=lambda mode: float(mode.get("frequency_hz", 0)))
+        return ModeSet(self.lab, found_or_made(self.lab.connection, MODE_SET, which, above, create, fields))
 
     def identify(self, **options: Any) -> ModeSet:
         """Find modes in its FRFs and wait for them.

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from modalbase.client.finding import BATCH, CAMPAIGN, MONITOR, STRUCTURE, find
+from modalbase.client.finding import BATCH, CAMPAIGN, MONITOR, STRUCTURE, Kind
 from modalbase.objects.campaigns import Campaign
 from modalbase.objects.coupons import CouponBatch
 from modalbase.objects.jobs import UpdateJob
 from modalbase.objects.monitors import Monitor
-from modalbase.objects.thing import Editable
-
-if TYPE_CHECKING:
-    from modalbase.objects.thing import Thing
+from modalbase.objects.thing import Editable, Thing, found_or_made
 
 GEOMETRY = ("length_m", "width_m", "thickness_m")
 STRUCTURE_INPUTS = (
@@ -33,6 +30,13 @@ CAMPAIGN_INPUTS = (
     "window_rate_sd_per_s",
 )
 MATERIAL = ("Ex_Pa", "Ey_Pa", "Gxy_Pa", "Gxz_Pa", "Gyz_Pa", "nu_xy")
+GROUPS = (
+    ("geometry", GEOMETRY),
+    ("material", MATERIAL),
+    ("laminate", ("plies",)),
+    ("inputs", STRUCTURE_INPUTS + CAMPAIGN_INPUTS),
+    ("instruments", ("sensor_mass_kg", "sensor_point")),
+)
 
 
 class Project(Editable):
@@ -60,9 +64,18 @@ class Project(Editable):
         """Its structures."""
         return [Structure(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/structures")]
 
-    def structure(self, which: str) -> Structure:
-        """One of its structures by name or id."""
-        return Structure(self.lab, _within(self, STRUCTURE, which))
+    def structure(self, which: str, *, create: bool = False, **properties: Any) -> Structure:
+        """One of its structures by name or id.
+
+        Args:
+            which: of them.
+            create: make one of this name where there is none, so that a script can be run twice.
+            properties: with `create`, as `new_structure` takes them; the one that is there must be as stated.
+
+        Raises:
+            ClientError: there is none, several have the name, or the one that has it is not as stated.
+        """
+        return Structure(self.lab, _within(self, STRUCTURE, which, create, _nested(properties)))
 
     def members(self) -> list[dict[str, Any]]:
         """Who is in it, and in which role."""
@@ -91,20 +104,25 @@ class Structure(Editable):
         Raises:
             ClientError: the service refuses them.
         """
-        instruments = dict(fields.pop("instruments", {}))
-        instruments |= {n: fields.pop(n) for n in ("sensor_mass_kg", "sensor_point") if n in fields}
-        if inputs := dict(fields.pop("inputs", {})) | {n: fields.pop(n) for n in CAMPAIGN_INPUTS if n in fields}:
-            fields["inputs"] = inputs
-        body = {"name": name, "boundary": boundary, "instruments": instruments, **fields}
+        body = {"name": name, "boundary": boundary, **_nested(fields)}
         return Campaign(self.lab, self.lab.connection.post(f"{self.address}/campaigns", body))
 
     def campaigns(self) -> list[Campaign]:
         """Its campaigns."""
         return [Campaign(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/campaigns")]
 
-    def campaign(self, which: str) -> Campaign:
-        """One of its campaigns by name or id."""
-        return Campaign(self.lab, _within(self, CAMPAIGN, which))
+    def campaign(self, which: str, *, create: bool = False, **fields: Any) -> Campaign:
+        """One of its campaigns by name or id.
+
+        Args:
+            which: of them.
+            create: make one of this name where there is none, so that a script can be run twice.
+            fields: with `create`, `boundary` and what else `new_campaign` takes; the one that is there must be as stated.
+
+        Raises:
+            ClientError: there is none, several have the name, or the one that has it is not as stated.
+        """
+        return Campaign(self.lab, _within(self, CAMPAIGN, which, create, _nested(fields)))
 
     def new_coupon_batch(self, name: str, constants: list[str], **fields: Any) -> CouponBatch:
         """Make a batch of coupon tests.
@@ -121,9 +139,9 @@ class Structure(Editable):
         """Its coupon batches."""
         return [CouponBatch(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/coupon-batches")]
 
-    def coupon_batch(self, which: str) -> CouponBatch:
-        """One of its coupon batches by name or id."""
-        return CouponBatch(self.lab, _within(self, BATCH, which))
+    def coupon_batch(self, which: str, *, create: bool = False, **fields: Any) -> CouponBatch:
+        """One of its coupon batches by name or id; with `create` and `constants` made where there is none."""
+        return CouponBatch(self.lab, _within(self, BATCH, which, create, fields))
 
     def new_monitor(self, name: str, **fields: Any) -> Monitor:
         """Watch it as it ages: a frozen recipe that runs on every complete campaign.
@@ -138,25 +156,24 @@ class Structure(Editable):
         """Its monitors."""
         return [Monitor(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/monitors")]
 
-    def monitor(self, which: str) -> Monitor:
-        """One of its monitors by name or id."""
-        return Monitor(self.lab, _within(self, MONITOR, which))
+    def monitor(self, which: str, *, create: bool = False, **fields: Any) -> Monitor:
+        """One of its monitors by name or id; with `create` made where there is none, of `fields`."""
+        return Monitor(self.lab, _within(self, MONITOR, which, create, fields))
 
     def jobs(self) -> list[UpdateJob]:
         """Update jobs of its campaigns, newest first."""
         return self.lab.jobs(structure=self.fields["id"])
 
 
-def _within(above: Thing, kind: Any, which: str) -> dict[str, Any]:
-    """One of the things below another, by id or name."""
-    return find(above.lab.connection, kind, which, within=above.fields["id"])
+def _within(above: Thing, kind: Kind, which: str, create: bool, body: dict[str, Any]) -> dict[str, Any]:
+    """One of the things below another, by id or name; with `create` made where there is none."""
+    return found_or_made(above.lab.connection, kind, which, above.fields["id"], create, body)
 
 
 def _nested(properties: dict[str, Any]) -> dict[str, Any]:
-    """Properties that are stated flat, in the groups that REST has."""
+    """Properties of a structure or a campaign that are stated flat, in the groups that REST has."""
     body = dict(properties)
-    groups = (("geometry", GEOMETRY), ("material", MATERIAL), ("laminate", ("plies",)), ("inputs", STRUCTURE_INPUTS))
-    for group, names in groups:
+    for group, names in GROUPS:
         if flat := {name: body.pop(name) for name in names if name in body}:
             body[group] = {**body.get(group, {}), **flat}
     return body

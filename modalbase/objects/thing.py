@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from modalbase.client.finding import Kind, find, find_or_make
+
 if TYPE_CHECKING:
+    from modalbase.client.connection import Connection
     from modalbase.objects.laboratory import Laboratory
 
 
@@ -80,3 +83,28 @@ class Editable(Thing):
             ClientError: the service refuses.
         """
         self.lab.connection.call("DELETE", self.address, headers={"If-Match": "*"})
+
+
+def found_or_made(
+    service: Connection, kind: Kind, which: str, within: str | None, create: bool, body: dict[str, Any], **query: Any
+) -> dict[str, Any]:
+    """What `project.structure(which, create=…, …)` and its like give.
+
+    Args:
+        service: the connection.
+        kind: of the thing.
+        which: id, name or `latest`; with `create` a name.
+        within: id of the one above.
+        create: make it where there is none.
+        body: what is stated of it, which only `create` has use for.
+        query: of the request that makes it.
+
+    Raises:
+        ClientError: as `find` and `find_or_make`.
+        TypeError: something is stated of it without `create`.
+    """
+    if create:
+        return find_or_make(service, kind, {"name": which, **body}, within, **query)
+    if body or query:
+        raise TypeError(f"{', '.join([*body, *query])} of a {kind.word} is stated with create=True")
+    return find(service, kind, which, within=within)

@@ -10,7 +10,8 @@ import httpx
 import numpy as np
 import pytest
 
-from examples.joint_update import paper_bar_over_rest
+import modalbase
+from examples.joint_update import paper_bar_together
 from fecore.updating.campaigns.layout import Campaign
 from service.supervisor import LocalService
 from tests.support.rest import finished, mode_rows, ok, session_client
@@ -129,13 +130,17 @@ def test_strips_at_three_angles_are_one_material(
     ok(new_client().get(api.base_url.join(location)), 404)
 
 
-def test_the_example_finds_one_modulus_and_the_clamp(api: httpx.Client) -> None:
-    result = paper_bar_over_rest(api)
+def test_the_example_finds_one_modulus_and_the_clamp(api: httpx.Client, service: LocalService) -> None:
+    lab = modalbase.connect(service.url, api.headers["authorization"].split()[1])
+    result = paper_bar_together(lab)
     (modulus,) = [row for row in result["parameters"] if row["name"] == "Ex"]
     assert modulus["estimate"] == pytest.approx(32.46e9, rel=0.01)
     assert all(abs(part["alone"]["Ex"]["z"]) <= 2 for part in result["campaigns"])
     (root,) = [own for own in result["campaigns"][0]["own"] if own["name"] == "clamp_compliance"]
     assert root["interval_95"][0] < 0.0117 < root["interval_95"][1]
+    assert paper_bar_together(lab)["parameters"] == result["parameters"]  # run twice, on what the first made
+    assert [one.name for one in lab.projects()].count("one bar, two tests") == 1
+    lab.connection.close()
 
 
 def test_what_cannot_be_taken_together_is_refused_with_its_place(
