@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.options import NAMED, AsJson, Reuse, Url, json_file, make, names_of, service_at
+from modalbase.client.options import NAMED, AsJson, Confirm, Reuse, Url, json_file, make, names_of, service_at
 
 if TYPE_CHECKING:
     from modalbase.client.connection import Connection
@@ -28,6 +28,7 @@ def coupons(
     new: Annotated[str | None, typer.Option(help="Make the batch first, of this structure")] = None,
     constants: Annotated[str, typer.Option(help="With --new: which constants it measures")] = "Ex",
     reuse: Reuse = False,
+    confirm: Confirm = False,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:  # fmt: skip
@@ -45,7 +46,7 @@ def coupons(
         for file in files or []:
             coupon = {"specimen": file.stem, **known, **specimens.get(file.stem, {})}
             try:
-                service.submit(f"{path}/coupons", file, {"coupon": json.dumps(coupon)})
+                service.submit(f"{path}/coupons", file, {"coupon": json.dumps(coupon)}, confirm=confirm or None)
             except ClientError as error:
                 raise ClientError(f"{file}: {error}", error.code) from error
         found, summary = list(service.pages(f"{path}/coupons")), service.get(f"{path}/summary")

@@ -222,18 +222,20 @@ class Campaign(Editable):
         job = Identification(self.lab, self.lab.connection.post(f"{self.address}/identifications", options))
         return job.wait().mode_set()
 
-    def update(self, recipe: Mapping[str, Any] | None = None, **more: Any) -> UpdateJob:
+    def update(self, recipe: Mapping[str, Any] | None = None, *, confirm: bool = False, **more: Any) -> UpdateJob:
         """Queue an update of the structure's model to this campaign; the job's `wait()` or `result()` waits for it.
 
         Args:
             recipe: the recipe as a dictionary; without it the defaults.
+            confirm: take unusual numbers of its priors as they are.
             more: fields of the recipe by name, such as `seed=7` or `mode_set=modes`. Things stand for their ids.
 
         Raises:
             ClientError: the service refuses the recipe; each fault has its pointer.
         """
         body = {name: value.fields["id"] if isinstance(value, Thing) else value for name, value in more.items()}
-        fields = self.lab.connection.post(f"{self.address}/update-jobs", {**(recipe or {}), **body})
+        whole = {**(recipe or {}), **body}
+        fields = self.lab.connection.post(f"{self.address}/update-jobs", whole, confirm=confirm or None)
         return UpdateJob(self.lab, fields)
 
     def jobs(self) -> list[UpdateJob]:

@@ -64,8 +64,12 @@ class Thing:
 class Editable(Thing):
     """A thing that can be changed and deleted; a change that somebody else made in between is not overwritten."""
 
-    def change(self, **fields: Any) -> Self:
+    def change(self, *, confirm: bool = False, **fields: Any) -> Self:
         """Change fields; the others stay.
+
+        Args:
+            confirm: take unusual numbers of a structure or a campaign as they are.
+            fields: as REST has them.
 
         Raises:
             ClientError: the service refuses, for example because somebody else has changed it since it was fetched.
@@ -73,7 +77,8 @@ class Editable(Thing):
         answer = self.lab.connection.request("GET", self.address)
         tag = answer.headers.get("etag") if answer.json() == self.fields else None
         headers = {"If-Match": tag or '"changed-since"'}
-        self.fields = self.lab.connection.call("PATCH", self.address, json=fields, headers=headers)
+        query = {"confirm": confirm or None}
+        self.fields = self.lab.connection.call("PATCH", self.address, params=query, json=fields, headers=headers)
         return self
 
     def delete(self) -> None:

@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from service.errors import MOST_FAULTS, Fault, Invalid
+from service.web.wording import wording
 
 INT64 = range(-(2**63), 2**63)
 MOST_DEPTH = 64
@@ -186,19 +187,19 @@ def pointer(steps: Iterable[object]) -> str:
     return "".join(f"/{_escape(step)}" for step in steps)
 
 
-def checked(adapter: TypeAdapter[Body], value: Any) -> Body:
+def checked(kind: type[Body], value: Any) -> Body:
     """A parsed body as its model.
 
     Args:
-        adapter: of the model.
+        kind: the model, or a list of models.
         value: what `json.loads` gave.
 
     Raises:
         Invalid: each of the first faults with its pointer.
     """
     try:
-        return adapter.validate_python(value)
+        return TypeAdapter(kind).validate_python(value)
     except ValidationError as error:
-        found = error.errors(include_url=False, include_context=False, include_input=False)
-        faults = [Fault(pointer(e["loc"]), e["msg"]) for e in found[:MOST_FAULTS]]
+        found = error.errors(include_url=False)
+        faults = [Fault(pointer(e["loc"]), wording(e, kind, e["loc"])) for e in found[:MOST_FAULTS]]
         raise Invalid(faults, count=len(found)) from None
