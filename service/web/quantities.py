@@ -58,8 +58,7 @@ class Quantity:
             return None
         meant = self._meant(value)
         guess = "." if meant is None else f"; did you mean {in_words(meant, self.unit)}?"
-        odd = f"is {in_words(value, self.unit)}, usual is {' to '.join(in_words(b, self.unit) for b in self.usual)}{guess}"
-        return f"{odd} If it is meant, confirm it (`confirm=true`, `--confirm`)"
+        return f"is {in_words(value, self.unit)}, usual is {' to '.join(in_words(b, self.unit) for b in self.usual)}{guess}"
 
     def _meant(self, value: float) -> float | None:
         factors = (*self.mistaken, *(1 / factor for factor in self.mistaken))  # the latter: converted once too often

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated
 
 from fastapi import Query
@@ -12,6 +13,9 @@ from service.web.quantities import unusual
 Confirm = Annotated[
     bool, Query(description="take unusual numbers as they are: they are in the unit that the contract says")
 ]
+
+
+HOW = "What is meant as it is, confirm (`confirm=true`, `--confirm`)"
 
 
 def require_usual(body: object, confirm: bool) -> None:
@@ -25,4 +29,5 @@ def require_usual(body: object, confirm: bool) -> None:
         Unusual: each such number, with what was probably meant.
     """
     if not confirm and (faults := list(unusual(body))):
-        raise Unusual(faults)
+        last = faults.pop()  # once, where the person has read them all
+        raise Unusual([*faults, replace(last, detail=f"{last.detail} {HOW}")])
