@@ -79,13 +79,17 @@ def retry(session: Session, job_id: UUID) -> Job:
 
 
 def queue_again(session: Session) -> None:
-    """Queue every job that waited or ran, with tickets of its own: a restored database has no others, and no worker."""
+    """Queue every job that waited or ran, with tickets of its own: a restored database has no others, and no worker. One that
+    ran and was asked to end is cancelled.
+    """
     session.execute(text("DELETE FROM procrastinate_jobs"))
     session.execute(update(Job).values(ticket=None))
     for job in session.scalars(select(Job).where(Job.state.in_(("queued", "running"))).order_by(Job.id)):
         job.state, job.worker, job.stage, job.progress = "queued", None, None, 0.0
         tickets.put(session, job)
-    session.flush()
+        session.flush()
+        if job.cancel_requested:
+            request_cancel(session, job.id)
 
 
 def one_at_a_time(session: Session, key: str) -> None:
