@@ -107,14 +107,8 @@ def restored(file: Path, data: Path) -> list[Job]:
 
 def keep_waiting(here: Floor) -> None:
     """Leave a service with jobs of every kind that wait, two that run without a worker, one cancelled and one to cancel."""
-    with listening_socket("127.0.0.1", 0) as free:
-        port = free.getsockname()[1]
-    here.api(port)
-    with here.sessions.begin() as session:
-        key = create_key(session, user_named(session, "soak"), "soak")[1]
-    url, headers = f"http://127.0.0.1:{port}/api/v1/", {"Authorization": f"Bearer {key}"}
-    with httpx.Client(base_url=url, headers=headers, timeout=60, trust_env=False) as client:
-        lab = _Laboratory(client)
+    with client_of(here) as client:
+        lab = Laboratory(client)
         worker, first = here.modalbase("worker"), lab.send_file(lab.campaign)
         here.until(lambda: lab.ended(first), "the first import")
         monitor = lab.judged_once()
@@ -132,13 +126,24 @@ def keep_waiting(here: Floor) -> None:
         lab.post(f"update-jobs/{running[0]}/cancel")
 
 
-class _Laboratory:
+def client_of(here: Floor) -> httpx.Client:
+    """A client with a key of the floor's API, which this starts."""
+    with listening_socket("127.0.0.1", 0) as free:
+        port = free.getsockname()[1]
+    here.api(port)
+    with here.sessions.begin() as session:
+        key = create_key(session, user_named(session, "soak"), "soak")[1]
+    url, headers = f"http://127.0.0.1:{port}/api/v1/", {"Authorization": f"Bearer {key}"}
+    return httpx.Client(base_url=url, headers=headers, timeout=60, trust_env=False)
+
+
+class Laboratory:
     """A small laboratory: the paper's beam with FRFs at few points, its modes, and what is asked of them."""
 
     def __init__(self, client: httpx.Client) -> None:
         self.client = client
-        project = self.post("projects", {"name": "soak"})["id"]
-        self.structure = self.post(f"projects/{project}/structures", paper.STRUCTURE)["id"]
+        self.project = self.post("projects", {"name": "soak"})["id"]
+        self.structure = self.post(f"projects/{self.project}/structures", paper.STRUCTURE)["id"]
         self.campaign = self.new_campaign()
         self.recipe: dict[str, Any] = {}
 
@@ -147,7 +152,7 @@ class _Laboratory:
         answer = self.client.post(path, json=body, **more) if "content" not in more else self.client.post(path, **more)
         if answer.is_error:
             raise RuntimeError(f"POST {path}: {answer.status_code} {answer.text}")
-        return answer.json()
+        return answer.json() if answer.content else None
 
     def new_campaign(self) -> str:
         """Another campaign of the beam."""

@@ -161,13 +161,11 @@ class Attempt:
             log.warning("the database does not answer; the work goes on", error=str(error.orig))
 
     def _record(self, failure: Failure) -> str:
-        """Put the end of an attempt that did not succeed in the row."""
-        if failure.trace:
-            log.error("internal error in a job", trace=failure.trace)
+        """Put the end of an attempt that did not succeed in the row. What one meets that is no longer the job's is nobody's."""
         end = time.monotonic() + RECORD_SECONDS
         while True:
             try:
-                return self._write_end(failure)
+                outcome = self._write_end(failure)
             except ledger.SupersededError:
                 return "superseded"
             except DBAPIError as error:
@@ -175,15 +173,20 @@ class Attempt:
                     log.exception(
                         "the job's end could not be written; it is given back when the database answers again"
                     )
-                    return "abandoned"
-                time.sleep(AGAIN_SECONDS)
+                    outcome = "abandoned"
+                else:
+                    time.sleep(AGAIN_SECONDS)
+                    continue
+            if failure.trace:
+                log.error("internal error in a job", trace=failure.trace)
+            return outcome
 
     def _write_end(self, failure: Failure) -> str:
         with self.sessions.begin() as session:
             job = ledger.locked(session, self.job)
             match failure.reason:
                 case "cancelled":
-                    ledger.cancelled(session, job)
+                    ledger.cancelled(session, job, failure.detail)
                 case "drained":
                     ledger.give_back(session, job, failure.detail)
                 case "lost":

@@ -5,11 +5,13 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from uuid import UUID
 
-from sqlalchemy import func, select, text, update
+from sqlalchemy import exists, func, select, text, update
 from sqlalchemy.orm import Session
 
+from service.db.base import Base
 from service.errors import Conflict
 from service.jobs import checkpoints, tickets
+from service.jobs.child import PURGED
 from service.jobs.kinds import JobKind
 from service.jobs.tables import Job
 from service.request_id import current_request_id
@@ -90,6 +92,24 @@ def queue_again(session: Session) -> None:
         session.flush()
         if job.cancel_requested:
             request_cancel(session, job.id)
+
+
+def cancel_purged(session: Session, project_id: UUID) -> None:
+    """Cancel the waiting and running jobs of a project that have lost what they are for, in the transaction of its purge.
+
+    That is a row of a feature's table with the job's id. A worker lets go of a job whose ticket is gone.
+    """
+    of_features = [
+        table.c.id
+        for table in Base.metadata.tables.values()
+        if "id" in table.c and any(key.column is Job.__table__.c.id for key in table.c.id.foreign_keys)
+    ]
+    at_work = (Job.project_id == project_id, Job.state.in_(("queued", "running")))
+    lost = [~exists().where(key == Job.id) for key in of_features]
+    ended = {"state": "cancelled", "message": PURGED.detail, "finished_at": func.now()}
+    for key in session.scalars(update(Job).where(*at_work, *lost).values(ended).returning(Job.id)).all():
+        checkpoints.forget(session, key)
+    tickets.drop_left(session)
 
 
 def one_at_a_time(session: Session, key: str) -> None:
