@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import structlog
 from sqlalchemy.exc import DBAPIError
 
 from service.db.engine import Sessions
+from service.errors import NotFinite
 from service.jobs import checkpoints, ledger
 from service.jobs.child import Checkpoint, Failure, Item, Order, Progress, failure_of
 from service.jobs.kinds import JobKind
@@ -161,25 +163,30 @@ class Attempt:
             log.warning("the database does not answer; the work goes on", error=str(error.orig))
 
     def _record(self, failure: Failure) -> str:
-        """Put the end of an attempt that did not succeed in the row. What one meets that is no longer the job's is nobody's."""
+        """Put the end of an attempt that did not succeed in the row; of one that has lost its job nothing is told."""
+        outcome = self._write_on(failure)
+        if failure.trace and outcome != "superseded":
+            log.error("internal error in a job", trace=failure.trace)
+        return outcome
+
+    def _write_on(self, failure: Failure) -> str:
+        """Write the end as soon as the database takes it."""
         end = time.monotonic() + RECORD_SECONDS
         while True:
             try:
-                outcome = self._write_end(failure)
+                return self._write_end(failure)
             except ledger.SupersededError:
                 return "superseded"
+            except NotFinite as error:
+                log.warning("an error's details are left out", error=str(error))
+                failure = replace(failure, extra=None)
             except DBAPIError as error:
                 if time.monotonic() > end or not passes(error) or failure.reason == "drained":
                     log.exception(
                         "the job's end could not be written; it is given back when the database answers again"
                     )
-                    outcome = "abandoned"
-                else:
-                    time.sleep(AGAIN_SECONDS)
-                    continue
-            if failure.trace:
-                log.error("internal error in a job", trace=failure.trace)
-            return outcome
+                    return "abandoned"
+                time.sleep(AGAIN_SECONDS)
 
     def _write_end(self, failure: Failure) -> str:
         with self.sessions.begin() as session:

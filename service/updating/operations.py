@@ -144,6 +144,7 @@ def check_prior_batch(session: Session, user: User, recipe: RecipeIn, structure_
 
 def _check_parameters(recipe: RecipeIn, structure: Any, campaign: Campaign) -> None:
     """A recipe that contradicts itself is refused before it is queued, with the core's message."""
+    recipe.inputs.to_core()
     body = body_of(structure, campaign.boundary, recipe)
     parametrise(body, recipe.parameters_of(body))
     if recipe.band_hz is not None and not recipe.band_hz[0] < recipe.band_hz[1]:
