@@ -163,7 +163,7 @@ class Attempt:
             log.warning("the database does not answer; the work goes on", error=str(error.orig))
 
     def _record(self, failure: Failure) -> str:
-        """Put the end of an attempt that did not succeed in the row; of one that has lost its job nothing is told."""
+        """Put the end of an attempt that did not succeed in the row; one that has lost its job leaves no trace in the log."""
         outcome = self._write_on(failure)
         if failure.trace and outcome != "superseded":
             log.error("internal error in a job", trace=failure.trace)
