@@ -17,6 +17,7 @@
     ├── Later                  it may succeed when it is sent again; says when
     │   ├── TooManyRequests    a limit on the number of something is reached
     │   └── Unavailable        too much to do, the database does not answer, or its schema is not this version's
+    ├── NotFinite              a result has a number that JSON lacks
     └── Damaged                stored bytes are not the ones that were stored
 
 Every message says what was found, what was expected and, where there is something, what to do.
@@ -63,6 +64,16 @@ class Forbidden(ServiceError):
 
 class Conflict(ServiceError):
     """The request contradicts what is stored."""
+
+
+class NotFinite(ServiceError):
+    """A document that would be stored has NaN or Infinity, which neither JSON nor PostgreSQL can hold."""
+
+    def __init__(self, places: Sequence[str]) -> None:
+        super().__init__(
+            f"the result has no finite number at {', '.join(places)}; the data and what is stated of them leave it open: look "
+            "for a standard deviation or a band that is far too wide"
+        )
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import struct
-import zlib
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZipFile
 
 from psycopg import sql
 from sqlalchemy import Connection, Engine, text
@@ -15,13 +13,11 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
 from service.backup.archive import BLOCK_BYTES, BackupError, Manifest, TableEntry, read_manifest
+from service.backup.reading_back import UNREADABLE
 from service.backup.verification import find_damage
 from service.backup.writing import our_tables
 from service.db.schema import known_revisions, upgrade_on, upgrading
 from service.jobs.queue import queue_again
-
-UNREADABLE = (BadZipFile, EOFError, KeyError, NotImplementedError, RuntimeError, ValueError, struct.error, zlib.error)
-"""What `zipfile` raises at files that are damaged in one place or another."""
 
 
 def restore_backup(engine: Engine, file: Path) -> Manifest:

@@ -65,7 +65,7 @@ class Failure:
 
     Attributes:
         reason: `refused` (the input or the data do not allow it), `memory`, `time`, `crash`, `lost` (its workers died)
-            or `internal`.
+            or `internal`; `cancelled` and `drained` are no failures of the job.
         type: name of the error.
         detail: what the user reads.
         field: the faulty field, where there is one.
@@ -79,6 +79,9 @@ class Failure:
     field: str | None = None
     extra: dict[str, Any] | None = None
     trace: str | None = None
+
+
+PURGED = Failure("cancelled", "Purged", "cancelled, as what it was for was purged")
 
 
 @dataclass(frozen=True)

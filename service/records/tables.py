@@ -55,7 +55,7 @@ class Processing(Base):
     __tablename__ = "processings"
     __table_args__ = (Index(None, "campaign_id", "id"),)
 
-    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id"), primary_key=True)
+    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
     campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
     options: Mapped[dict[str, Any]]
     document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))

@@ -112,6 +112,8 @@ def _faults(session: Session, user: User, request: UpdateBatchIn) -> list[Fault]
     for at, recipe in recipes:
         if recipe is None:
             continue
+        with pointing(faults, at):
+            recipe.inputs.to_core()
         faults += [
             Fault(f"{at}/{name}", "has no meaning in a joint update; leave it out")
             for name in _SINGLE_ONLY
