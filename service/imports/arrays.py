@@ -142,7 +142,8 @@ def _hits(inputs: ReadingInputs, form: Format, variables: Variables, notes: list
         return
     mapping = _faults_as(_dotted, lambda: read_mapping(inputs.mapping))
     blocks = _faults_as(_dotted, lambda: blocks_of(variables, mapping))
-    yield Found(form, "hits", shapes, proposed, len(blocks), mapping.hit is None, notes)
+    counted = mapping.hit is None
+    yield Found(form, "hits", shapes, proposed, blocks=len(blocks), counted=counted, notes=notes)
     yield from blocks
 
 

@@ -126,7 +126,13 @@ async def _records(
     if stated is None and not dry_run:
         raise Invalid("mapping", "is missing; ?dry_run=true proposes one")
     wanted = operations.ImportRequest(
-        upload.file, name or f"upload{suffix}", dry_run, None, RECORD_SUFFIXES[suffix], "hits", stated
+        upload.file,
+        name or f"upload{suffix}",
+        dry_run,
+        None,
+        format=RECORD_SUFFIXES[suffix],
+        kind="hits",
+        mapping=stated,
     )
     return await reading.of(campaign_id, wanted), dry_run
 
@@ -193,7 +199,13 @@ async def _frfs(
         raise Invalid("quantity", f"is missing: a {form} does not say what it holds, so ?quantity= must")
     stated = read_mapping(mapping, upload) if form == "mat" else None
     wanted = operations.ImportRequest(
-        upload.file, upload.filename or f"frfs.{form}", False, quantity, form, "frfs", stated
+        upload.file,
+        upload.filename or f"frfs.{form}",
+        False,
+        quantity,
+        format=form,
+        kind="frfs",
+        mapping=stated,
     )
     yield await reading.of(campaign_id, wanted)
 
