@@ -45,6 +45,7 @@ guide: $(SERVER)
 soak: $(READY)
 	$(BIN)/python -m benchmarks.access_matrix long
 	$(BIN)/python -m benchmarks.soak_fuzz
+	$(BIN)/python -m benchmarks.soak_bombs
 	$(BIN)/python -m benchmarks.soak_load
 	$(BIN)/python -m benchmarks.soak_kills
 	MODALBASE_TEST_LONG=1 $(BIN)/python -m pytest tests/acceptance/test_main_job.py

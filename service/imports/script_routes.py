@@ -155,12 +155,12 @@ def create_records(
     """
     sent, dry_run = came
     if isinstance(sent, UUID):
-        told = _ended(session, user, sent, response)
-        if told.status != "succeeded":
-            return told
-        if dry_run and told.found is not None:
+        state = _ended(session, user, sent, response)
+        if state.status != "succeeded":
+            return state
+        if dry_run and state.found is not None:
             response.status_code = 200
-            return told.found
+            return state.found
         return records.judged(session, campaign_id, records.records_of_import(session, sent))
     if dry_run:
         campaign_for(session, user, campaign_id, "editor")
@@ -224,9 +224,9 @@ def create_frfs(
     `import_wait_seconds` is answered 202 with its address.
     """
     if isinstance(came, UUID):
-        told = _ended(session, user, came, response)
-        if told.status != "succeeded":
-            return told
+        state = _ended(session, user, came, response)
+        if state.status != "succeeded":
+            return state
         rows = frfs.frfs_of_import(session, came)
     else:
         rows = frfs.store_frfs(session, user, campaign_for(session, user, campaign_id, "editor"), came)
@@ -239,13 +239,13 @@ def _ended(session: SessionDep, user: CurrentUser, import_id: UUID, response: Re
     Raises:
         ServiceError: it failed; as if the file had been read in the request.
     """
-    told = operations.describe(session, operations.import_for(session, user, import_id))
-    if told.error is not None:
-        raise _error_of(told.error)
-    if told.status != "succeeded":
+    state = operations.describe(session, operations.import_for(session, user, import_id))
+    if state.error is not None:
+        raise _error_of(state.error)
+    if state.status != "succeeded":
         response.status_code = 202
-        response.headers["Location"] = f"/api/v1/imports/{told.id}"
-    return told
+        response.headers["Location"] = f"/api/v1/imports/{state.id}"
+    return state
 
 
 def _error_of(error: dict[str, Any]) -> Exception:
