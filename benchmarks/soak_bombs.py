@@ -194,7 +194,8 @@ def throw(service: LocalService, count: int = COUNT, mib: int = LARGE) -> Outcom
     thrower = _Thrower(service)
     kinds = [(where, form) for form in FORMATS for where in ("imports", *ALIASES.get(form, ()))]
     files = {(form, n): bomb(form, n, mib) for form in FORMATS for n in range(count)}
-    thrower.api.get(thrower.campaign).raise_for_status()
+    for where in ("imports", "records", "frfs"):  # each route is loaded when it is first asked for
+        thrower.throw(where, "csv", b"nothing")
     with watched(service, thrower.found), ThreadPoolExecutor(len(kinds) * count) as threads:
         every = [(where, form, n) for where, form in kinds for n in range(count)]
         sent = [threads.submit(thrower.throw, where, form, files[form, n]) for where, form, n in every]

@@ -17,7 +17,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.errors import PayloadTooLarge, TooSlow
 
-MEMORY_BYTES = 1024 * 1024
+MEMORY_BYTES = 64 * 1024  # of a body that waits in memory: a thousand may wait
+BLOCK_BYTES = 1024 * 1024
 IDLE_SECONDS = 30.0  # between two blocks of a body
 GRACE_SECONDS = 60.0  # before its speed counts
 SLOWEST = 16_384  # bytes a second, on average
@@ -49,7 +50,7 @@ class Body:
             nonlocal ended
             if ended:
                 return await receive()
-            block = self.file.read(MEMORY_BYTES)
+            block = self.file.read(BLOCK_BYTES)
             ended = self.file.tell() == self.size
             return {"type": "http.request", "body": block, "more_body": not ended}
 

@@ -241,6 +241,6 @@ def test_who_waits_for_a_file_keeps_nobody_else_waiting(idle: Callable[..., Loca
 
 
 def test_bombs_of_every_format_are_refused_in_words_and_the_api_holds_none(service: LocalService) -> None:
-    found = throw(service, count=1, mib=128)
+    found = throw(service, count=1, mib=72)
     assert not found.faults
     assert found.growth < MOST_GROWTH
