@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import AsyncIterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any
 from uuid import UUID
@@ -105,6 +105,21 @@ class Reading:
 ReadingDep = Annotated[Reading, Depends()]
 
 
+@dataclass(frozen=True)
+class _Came:
+    """Time blocks of a script.
+
+    Attributes:
+        sent: those of JSON, or the import of a file.
+        filename: where they come from.
+        dry_run: they shall only be looked at.
+    """
+
+    sent: record_bodies.Sent | UUID
+    filename: str
+    dry_run: bool
+
+
 async def _records(
     campaign_id: UUID,
     reading: ReadingDep,
@@ -112,13 +127,13 @@ async def _records(
     filename: Annotated[Name | None, Query(description="name of a file that is sent as raw body")] = None,
     mapping: MappingQuery = None,
     dry_run: Annotated[bool, Query(description="only report what the file holds, and propose a mapping")] = False,
-) -> tuple[record_bodies.Sent | UUID, bool]:
-    """What came, and whether it shall only be looked at."""
+) -> _Came:
     if upload.file.size == 0:
         raise Invalid("", "the body is empty, expected time blocks")
-    if upload.content_type == "application/json":
-        return await to_thread.run_sync(lambda: record_bodies.from_json(upload.file.path.read_bytes())), dry_run
     name = filename or upload.filename
+    if upload.content_type == "application/json":
+        sent = await to_thread.run_sync(lambda: record_bodies.from_json(upload.file.path.read_bytes()))
+        return _Came(sent, name, dry_run)
     suffix = (PurePosixPath(name).suffix or SUFFIX_OF.get(upload.content_type, "")).lower()
     if suffix not in RECORD_SUFFIXES:
         raise Invalid("", f"is a '{suffix}' file, expected one of {', '.join(RECORD_SUFFIXES)}")
@@ -134,7 +149,7 @@ async def _records(
         kind="hits",
         mapping=stated,
     )
-    return await reading.of(campaign_id, wanted), dry_run
+    return _Came(await reading.of(campaign_id, wanted), name, dry_run)
 
 
 @router.post(
@@ -142,7 +157,7 @@ async def _records(
 )
 def create_records(
     campaign_id: UUID,
-    came: Annotated[tuple[record_bodies.Sent | UUID, bool], Depends(_records)],
+    came: Annotated[_Came, Depends(_records)],
     session: SessionDep,
     user: CurrentUser,
     response: Response,
@@ -153,21 +168,21 @@ def create_records(
     after each hit whether it was good. A file is an import: one that is not read within `import_wait_seconds` is
     answered 202 with its address.
     """
-    sent, dry_run = came
+    sent = came.sent
     if isinstance(sent, UUID):
         state = _ended(session, user, sent, response)
         if state.status != "succeeded":
             return state
-        if dry_run and state.found is not None:
+        if came.dry_run and state.found is not None:
             response.status_code = 200
             return state.found
         return records.judged(session, campaign_id, records.records_of_import(session, sent))
-    if dry_run:
+    if came.dry_run:
         campaign_for(session, user, campaign_id, "editor")
         response.status_code = 200
         return sent.proposal()
     blocks, used = sent.blocks()
-    rows = records.store_records(session, user, campaign_id, blocks, counted=used.hit is None)
+    rows = records.store_records(session, user, campaign_id, came.filename, blocks, counted=used.hit is None)
     return records.judged(session, campaign_id, rows)
 
 

@@ -48,7 +48,7 @@ record_for = Lookup(Record, "record", "campaign_id", campaign_for)
 
 
 def store_records(
-    session: Session, user: User, campaign_id: UUID, blocks: Sequence[TimeBlock], *, counted: bool
+    session: Session, user: User, campaign_id: UUID, filename: str, blocks: Sequence[TimeBlock], *, counted: bool
 ) -> list[Record]:
     """Store time blocks of a script, all or none, each with the SHA-256 of its samples.
 
@@ -56,6 +56,7 @@ def store_records(
         session: the request's transaction.
         user: who asks; an editor of the project at least.
         campaign_id: the campaign that takes them.
+        filename: where they come from.
         blocks: of whole hits.
         counted: hit numbers were only counted, so they go on behind those that a place has already.
 
@@ -68,11 +69,11 @@ def store_records(
     campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
     if not counted:
         require_new(session, campaign.id, blocks)
-    keys = write_records(session, NewRecords(campaign.id, blocks, len(blocks), counted))
+    keys = write_records(session, NewRecords(campaign.id, blocks, len(blocks), counted, filename))
     written = Record.id == any_(literal(keys, ARRAY(Uuid)))  # one parameter, however many blocks there are
     stored = list(session.scalars(select(Record).where(written).order_by(Record.id)))
     project = campaign_for.project_of(session, campaign)
-    audit(session, user, "record.create", "campaign", campaign.id, project, count=len(blocks), filename="")
+    audit(session, user, "record.create", "campaign", campaign.id, project, count=len(blocks), filename=filename)
     return stored
 
 
