@@ -251,6 +251,21 @@ def test_who_waits_for_a_file_keeps_nobody_else_waiting(idle: Callable[..., Loca
         assert {one.result().status_code for one in waits} == {202}  # whose addresses are said before it ends
 
 
+def test_where_no_more_may_wait_the_import_is_said_at_once(idle: Callable[..., LocalService]) -> None:
+    """A wait counts as a stream of events, of which a key may have half."""
+    service = idle(event_streams=2, import_wait_seconds=600)
+    headers = {"Content-Type": "application/x-npz"}
+    with client_of(service, "k") as client, ThreadPoolExecutor(1) as threads:
+        campaign = measured(client)
+        waits = threads.submit(client.post, f"{campaign}/frfs", content=frfs("npz"), headers=headers)
+        until(lambda: ok(client.get(f"{campaign}/imports"), 200)["items"], "the import")
+        answers = [client.post(f"{campaign}/frfs", content=frfs("npz"), headers=headers) for _ in range(2)]
+        assert [answer.status_code for answer in answers] == [202, 202]
+        assert not waits.done()
+        service.processes["api"].terminate()
+        assert waits.result().status_code == 202
+
+
 def test_bombs_of_every_format_are_refused_in_words_and_the_api_holds_none(service: LocalService) -> None:
     found = throw(service, count=1, mib=72)
     assert not found.faults
