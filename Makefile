@@ -45,6 +45,7 @@ guide: $(SERVER)
 soak: $(READY)
 	$(BIN)/python -m benchmarks.access_matrix long
 	$(BIN)/python -m benchmarks.soak_fuzz
+	$(BIN)/python -m benchmarks.soak_bombs
 	$(BIN)/python -m benchmarks.soak_load
 	$(BIN)/python -m benchmarks.soak_kills
 	$(BIN)/python -m benchmarks.soak_small

@@ -26,7 +26,7 @@ Every message says what was found, what was expected and, where there is somethi
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -88,6 +88,21 @@ class Fault:
 
     pointer: str
     detail: str
+
+
+def _escape(token: object) -> str:
+    """One step of a JSON pointer, escaped as RFC 6901 wants it; safe to print."""
+    text = str(token).encode("utf-8", "replace").decode("utf-8")
+    return text.replace("~", "~0").replace("/", "~1")
+
+
+def pointer(steps: Iterable[object]) -> str:
+    """The JSON pointer (RFC 6901) of a place: a `/` in a step is written `~1`, a `~` is written `~0`.
+
+    >>> pointer(["jobs", 3, "a/b"])
+    '/jobs/3/a~1b'
+    """
+    return "".join(f"/{_escape(step)}" for step in steps)
 
 
 class Invalid(ServiceError):

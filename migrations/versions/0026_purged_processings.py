@@ -5,7 +5,7 @@ from __future__ import annotations
 from alembic import op
 
 revision = "0026_purged_processings"
-down_revision = "0024_pieces"
+down_revision = "0025_one_door"
 branch_labels = None
 depends_on = None
 

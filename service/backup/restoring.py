@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
 
+import psycopg
 from psycopg import sql
 from sqlalchemy import Connection, Engine, text
 from sqlalchemy.exc import DBAPIError
@@ -104,10 +105,14 @@ def _copy_in(connection: Connection, entry: TableEntry, archive: ZipFile) -> Non
     columns = sql.SQL(", ").join(map(sql.Identifier, entry.columns))
     query = sql.SQL("COPY {} ({}) FROM STDIN (FORMAT binary)").format(sql.Identifier(entry.name), columns)
     with cursor, archive.open(entry.member) as member:
-        with cursor.copy(query) as copy:
-            while block := member.read(BLOCK_BYTES):
-                digest.update(block)
-                copy.write(block)
+        try:
+            with cursor.copy(query) as copy:
+                while block := member.read(BLOCK_BYTES):
+                    digest.update(block)
+                    copy.write(block)
+        except (psycopg.DataError, psycopg.IntegrityError) as error:  # such as one that was cut short
+            reason = str(error).partition("\n")[0]
+            raise BackupError(f"the backup's table {entry.name} is damaged: {reason}") from error
         rows = cursor.rowcount
     if (digest.hexdigest(), rows) != (entry.sha256, entry.rows):
         raise BackupError(f"the backup's table {entry.name} is damaged: it is not what was written")

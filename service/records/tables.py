@@ -28,9 +28,11 @@ class Record(Identified, Base):
             "direction",
             unique=True,
         ),
+        Index(None, "import_id"),
     )
 
     campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    import_id: Mapped[UUID | None] = mapped_column(ForeignKey("imports.id", deferrable=True))
     label: Mapped[str]
     filename: Mapped[str]
     quantity: Mapped[str]

@@ -281,6 +281,19 @@ def changed(file: Path, old: bytes, new: bytes) -> Path:
     return other
 
 
+def test_a_table_that_is_cut_short_in_a_sound_zip_is_named_in_one_line(
+    engine: Engine, target: Engine, tmp_path: Path
+) -> None:
+    whole, cut = backup_of(engine, tmp_path / "backup"), tmp_path / "cut"
+    with ZipFile(whole) as source, ZipFile(cut, "w") as written:
+        for name in source.namelist():
+            content = source.read(name)
+            written.writestr(name, content[:-9] if name == "tables/users" else content)
+    with pytest.raises(BackupError, match=r"the backup's table users is damaged: [^\n]+$"):
+        restore_backup(target, cut)
+    assert inspect(target).get_table_names() == []
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
