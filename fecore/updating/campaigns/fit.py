@@ -25,10 +25,11 @@ from fecore.updating.forward import ForwardState
 from fecore.updating.pairing import pair_with
 from fecore.updating.posterior import DISCREPANCY, Mixture
 
-_TURNS, _STEPS = 25, 6
-_REST = 1e-3  # posterior standard deviations that an undamped step may still move
-_STILL = 1e-3  # of the misfit, that a turn's steps may lower it and be at rest: 1/22 of a standard deviation
-_SAME = 0.02  # relative change of s and τ that changes nothing
+_TURNS, _STEPS = 30, 6
+_ZIGZAG = 12  # turns after which steps that lower the misfit by next to nothing count as rest
+_REST = 1e-4  # posterior standard deviations that an undamped step may still move
+_STILL = 1e-3  # of the misfit, that a late turn's steps may lower it and be at rest: 1/22 of a standard deviation
+_SAME = 0.01  # relative change of s and τ that changes nothing
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,8 @@ def fit_campaigns(
         fresh = float(np.sqrt(mixture.weight @ mixture.scale**2)), float(np.sqrt(mixture.weight @ scatters**2))
         same = all(abs(a - b) <= _SAME * b for a, b in zip(fresh, (spread, scatter), strict=True))
         # Where modes veer, steps zigzag about the minimum for ever, each by next to nothing.
-        rests = found.outcome in ("converged", "stuck") or first.cost - point.cost < _STILL
+        still = turn >= _ZIGZAG and first.cost - point.cost < _STILL
+        rests = found.outcome in ("converged", "stuck") or still
         if same and rests and _same(before, pairings):
             progress(1.0)
             return Fitted(
