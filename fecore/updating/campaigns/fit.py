@@ -2,8 +2,9 @@
 
     E(x) = ½ Σ_c r_cᵀ(N_c + s²)⁻¹r_c + ½ xᵀP₀x + ½ Σ_b (y_b - x_b)²/σ_b²,        r_c = ln f_measured - ln f(m_c + P_c x)
 
-with coupons y_b, logarithms of their means over the prior's. Levenberg and Marquardt's method; discrepancy s and scatter τ are
-the roots of their posterior means, found in turn with the pairing (Fig. 1 of the source paper, for all campaigns at once).
+with coupons y_b, logarithms of their means over the prior's. Levenberg and Marquardt's method; the discrepancy s follows from
+the residuals as in a single update, the scatter τ is the root of its posterior mean, and both are found in turn with the
+pairing (Fig. 1 of the source paper, for all campaigns at once).
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from fecore.updating.campaigns.posterior import LinearProblem
 from fecore.updating.elastic import UNKNOWN_FREQUENCY_SD
 from fecore.updating.forward import ForwardState
 from fecore.updating.pairing import pair_with
-from fecore.updating.posterior import DISCREPANCY, Mixture
+from fecore.updating.posterior import DISCREPANCY, Mixture, discrepancy
 
 _TURNS, _STEPS = 30, 6
 _ZIGZAG = 12  # turns after which steps that lower the misfit by next to nothing count as rest
@@ -53,7 +54,7 @@ class Fitted:
         problem: the linear problem at the estimate.
         rows: for each campaign, the slice of its frequencies in the stacked ones.
         mixture: the posterior of x about the estimate; scatters: (m,) of its Gaussians.
-        spread, scatter: roots of the posterior means of s² and τ².
+        spread, scatter: the discrepancy s, and the root of the posterior mean of τ².
         history: cost of each iterate.
     """
 
@@ -119,7 +120,8 @@ def fit_campaigns(
         pairings = problem.pair(states)
         linear = problem.linear(x, states, pairings)
         mixture, scatters = linear.mixture(scatter_scale)
-        fresh = float(np.sqrt(mixture.weight @ mixture.scale**2)), float(np.sqrt(mixture.weight @ scatters**2))
+        fitted = linear.informed(spread, scatter)
+        fresh = discrepancy(linear.residual, fitted, DISCREPANCY), float(np.sqrt(mixture.weight @ scatters**2))
         same = all(abs(a - b) <= _SAME * b for a, b in zip(fresh, (spread, scatter), strict=True))
         # Where modes veer, steps zigzag about the minimum for ever, each by next to nothing.
         still = turn >= _ZIGZAG and first.cost - point.cost < _STILL

@@ -54,6 +54,12 @@ class LinearProblem:
         step, covariance, evidence = self._solve_all(np.array([spread]), np.array([scatter]))
         return step[0, 0], covariance[0, 0], float(evidence[0, 0])
 
+    def informed(self, spread: float, scatter: float) -> float:
+        """How many unknowns the frequencies determine at a discrepancy and a scatter: tr(H⁻¹SᵀW_sS)."""
+        _, covariance, _ = self.solve(spread, scatter)
+        variance = self.noise + spread**2 * np.eye(self.residual.size)
+        return float(np.trace(covariance @ self.sensitivity.T @ np.linalg.solve(variance, self.sensitivity)))
+
     def _solve_all(self, spreads: FloatArray, scatters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(t, s, X) steps, (t, s, X, X) covariances and (t, s) evidence at every pair of t scatters and s discrepancies."""
         data = [self._of_data(float(spread)) for spread in spreads]
