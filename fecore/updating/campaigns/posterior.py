@@ -24,7 +24,7 @@ from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF, Mixture
 SCATTER = 0.02
 """Prior scale of the scatter τ of a modulus between specimens: what coupons of one panel show."""
 
-_DISCREPANCIES = DISCREPANCY * np.exp(np.linspace(np.log(0.1), np.log(30.0), 25))
+_DISCREPANCIES = DISCREPANCY * np.exp(np.linspace(np.log(0.1), np.log(30.0), 41))
 _SCATTERS = np.exp(np.linspace(np.log(0.1), np.log(8.0), 9))  # over the scale
 
 
