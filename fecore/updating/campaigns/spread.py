@@ -7,7 +7,7 @@ independent and add up to H⁻¹ at the mean discrepancy and scatter; what the m
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from fecore.arrays import FloatArray
 from fecore.updating.campaigns.fit import Fitted
 from fecore.updating.campaigns.layout import is_scatter
 from fecore.updating.excursions import Excursion, excursions
-from fecore.updating.inputs import Inputs
 
 _SMALLEST_SHARE = 1e-3  # of the variance that is worth a line of the budget
 _LINES = 12  # of a budget
@@ -85,23 +84,6 @@ def _pulls(fitted: Fitted, gain: FloatArray) -> list[tuple[Excursion, FloatArray
     for number, campaign in enumerate(fitted.layout.campaigns):
         state, at = fitted.states[number], fitted.rows[number]
         columns = [column for _, column in fitted.pairings[number].pairs]
-        sensor = replace(Inputs.exact(), sensor_mass_sd=campaign.inputs.sensor_mass_sd)
-        seen = [*excursions(state, sensor, campaign.fixed_points), *_askew(fitted, number)]
+        seen = excursions(state, campaign.inputs, campaign.fixed_points)
         found += [(each, -gain[:, at] @ each.shift[columns]) for each in seen]
     return found
-
-
-def _askew(fitted: Fitted, number: int) -> list[Excursion]:
-    """What the square of the fibres' angle does: at 0° and 90° the angle has no first derivative."""
-    state = fitted.states[number]
-    parametrisation = state.forward.parametrisation
-    if "fibre_angle" not in parametrisation.names:
-        return []
-    place = parametrisation.names.index("fibre_angle")
-    sd = float(parametrisation.prior_sd[place])
-    step = np.zeros_like(state.theta)
-    step[place] = sd
-    ahead, behind = (state.forward.solve(state.theta + sign * step).frequency_hz for sign in (1, -1))
-    even = (ahead + behind) / (2 * state.frequency_hz) - 1
-    stated = fitted.layout.campaigns[number].inputs.is_stated("fibre_angle")
-    return [Excursion("fibre_angle", even, "square", stated, f"{np.degrees(sd):.2g}°")]
