@@ -177,7 +177,8 @@ def _material(fitted: Fitted, known: Sequence[Spread]) -> tuple[ParameterEstimat
     layout = fitted.layout
     prior, coordinates = layout.forwards[0].parametrisation, layout.coordinates[0]
     q = len(layout.shared)
-    states = identifiability(layout.labels, fitted.mixture.total, layout.sd(fitted.scatter))
+    _, inverse, _ = fitted.problem.solve(fitted.spread, fitted.scatter)
+    states = identifiability(layout.labels, inverse, layout.sd(fitted.scatter))
     theta = layout.material(fitted.x)
     found = []
     for column, master in enumerate(layout.shared):
