@@ -16,8 +16,7 @@ from fecore.updating.campaigns.fit import Fitted
 from fecore.updating.campaigns.layout import is_scatter
 from fecore.updating.excursions import Excursion, excursions
 
-_SMALLEST_SHARE = 1e-3  # of the variance that is worth a line of the budget
-_LINES = 12  # of a budget
+_SMALLEST_SHARE = 1e-4  # of the variance that is worth a line of the budget
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ class Spread:
     def largest(self) -> list[tuple[str, float]]:
         """The largest sources, largest first."""
         rows = sorted(self.variance.items(), key=lambda row: -row[1])
-        return [(name, part) for name, part in rows if part > _SMALLEST_SHARE * self.sd**2][:_LINES]
+        return [(name, part) for name, part in rows if part > _SMALLEST_SHARE * self.sd**2]
 
 
 def spreads(fitted: Fitted) -> list[Spread]:
