@@ -130,7 +130,7 @@ def fit_campaigns(
             progress(1.0)
             return Fitted(
                 layout, x, initial, states, initial_pairings, pairings, linear, _rows(pairings), mixture, scatters,
-                *fresh, tuple(history),
+                spread, scatter, tuple(history),
             )  # fmt: skip
         spread, scatter = fresh
     best = dict(zip(layout.shared, map(float, layout.material(x)), strict=True))
