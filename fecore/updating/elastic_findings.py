@@ -41,7 +41,7 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
     return [
         *found,
         *_rival_pairing(elastic),
-        *_swinging_pairing(elastic, modes),
+        *_swinging_pairing(elastic),
         *_halves_of_modes(elastic, modes),
         *_unlike_shapes(elastic, modes),
         *_missed_frequencies(elastic),
@@ -52,11 +52,11 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
 
 def _rival_pairing(elastic: ElasticResult) -> list[Finding]:
     """Other partners that the data hardly refute, and that would give another material."""
-    names, coordinates = elastic.updated.forward.parametrisation.reported, elastic.coordinates
+    names = elastic.layout.shared
     for rival in elastic.standing or elastic.rivals[:1]:
-        apart = coordinates.of(rival.theta) - coordinates.of(elastic.theta)
-        sd = np.sqrt(np.minimum(np.diag(elastic.mixture.total), np.diag(rival.mixture.total)))
-        other = ", ".join(f"{name} {rival.theta[i]:.3g}" for i, name in enumerate(names) if abs(apart[i]) > FAR * sd[i])
+        apart, theta = rival.other.x - elastic.x, elastic.layout.material(rival.other.x)
+        sd = np.sqrt(np.minimum(np.diag(elastic.mixture.total), np.diag(rival.other.mixture.total)))
+        other = ", ".join(f"{name} {theta[i]:.3g}" for i, name in enumerate(names) if abs(apart[i]) > FAR * sd[i])
         if other and rival.evidence <= REFUTED:
             spanned = "; the intervals span both" if elastic.standing else ""
             text = (
@@ -67,11 +67,11 @@ def _rival_pairing(elastic: ElasticResult) -> list[Finding]:
     return []
 
 
-def _swinging_pairing(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:
+def _swinging_pairing(elastic: ElasticResult) -> list[Finding]:
     """Modes whose partners had to be held, as the fit from the prior means changed them to and fro."""
     if not elastic.torn:
         return []
-    which = ", ".join(f"{row + 1} ({modes.frequency_hz[row]:.2f} Hz)" for row in elastic.torn)
+    which = ", ".join(elastic.layout.campaigns[number].named(row) for number, row in elastic.torn)
     text = (
         f"the partner of measured mode {which} changed to and fro in the fit, as modes of the model cross there: each pairing "
         "was fitted alone, and the likeliest is the result; shapes at more points would decide"
@@ -133,8 +133,8 @@ def _missed_frequencies(elastic: ElasticResult) -> list[Finding]:
 
 
 def _far_from_prior(elastic: ElasticResult) -> list[Finding]:
-    prior, coordinates, theta = elastic.updated.forward.parametrisation, elastic.coordinates, elastic.theta
-    away = (coordinates.of(theta) - coordinates.mean) / coordinates.sd
+    prior, theta = elastic.updated.forward.parametrisation, elastic.theta
+    away = elastic.x / elastic.layout.sd(elastic.scatter)
     texts = [
         f"{prior.names[i]} ended {abs(away[i]):.1f} prior standard deviations {'above' if away[i] > 0 else 'below'} its "
         f"prior mean ({theta[i]:.3g} against {prior.prior_mean[i]:.3g}): the prior or the model is wrong, and its interval "
@@ -149,6 +149,6 @@ def _confounded(elastic: ElasticResult) -> list[Finding]:
         f"{each.name} cannot be distinguished from {', '.join(each.confounded_with)}: the data fix a combination of them "
         "alone; fix one, or state how well it is known"
         for each in elastic.identifiability
-        if each.confounded_with and each.name in elastic.updated.forward.parametrisation.reported
+        if each.confounded_with and each.name in elastic.layout.shared
     ]
     return notes(texts, "with_care", 10)

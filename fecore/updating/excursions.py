@@ -84,7 +84,7 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
         not isinstance(body, Specimen | LayeredSpecimen | BeamSpecimen)
         or body.boundary != "cantilever"
         or body.springs
-        or getattr(body, "clamp_compliance", 0.0)  # it is a parameter, and no excursion
+        or "clamp_compliance" in body.nominal  # it is a parameter, and no excursion
         or not sd
     ):
         return []

@@ -21,7 +21,7 @@ from fecore.updating.damping_data import damping_data
 from fecore.updating.damping_stage import DampingResult, fit_damping, fit_reference
 from fecore.updating.discretisation import DISCRETISATION, discretise
 from fecore.updating.edges import points_beyond
-from fecore.updating.elastic import update_elastic
+from fecore.updating.elastic import fit
 from fecore.updating.elastic_findings import HOPELESS_MISS
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts
@@ -31,7 +31,8 @@ from fecore.updating.inputs import Inputs, tolerance_of
 from fecore.updating.joint import update_jointly
 from fecore.updating.law_ranking import LawRanking, identifiable_laws, rank_laws
 from fecore.updating.laws import laws_of
-from fecore.updating.measured_ratios import MeasuredRatios
+from fecore.updating.layout import Layout
+from fecore.updating.measured_ratios import paired_ratios
 from fecore.updating.measurement import Measurement, Prepared, prepare
 from fecore.updating.parameters import Parametrisation, parametrise
 from fecore.updating.plausibility import examine
@@ -47,7 +48,6 @@ Progress = Callable[[str, float], None]
 """Called with the stage in words and the share of the whole job that is done; raise from it to cancel."""
 
 _ELASTIC = "updating the elastic constants"
-_TYPED_RATIO_SD = 0.02  # relative, of a damping ratio that was typed in without one
 
 
 def update(
@@ -185,22 +185,13 @@ def _elastic(
     fixed = () if data.frfs is None else fixed_points(*data.frfs.points)
     seek = partial(excursions, inputs=inputs, fixed_points=fixed)
     if data.modes is not None:
-        found = update_from_several_starts(
-            forward, data.modes, progress, use_shapes=recipe.use_shapes, seek_excursions=seek, seed=recipe.seed
-        )
-        modes = data.modes
+        layout = Layout.of_one(forward, data.modes, seek)
+        found = update_from_several_starts(layout, progress, use_shapes=recipe.use_shapes, seed=recipe.seed)
         if found.unlike:
-            return found, modes
+            return found, data.modes
 
-        def refit(model: ForwardModel, former: ElasticResult) -> ElasticResult:
-            return update_elastic(
-                model,
-                modes,
-                use_shapes=recipe.use_shapes,
-                start=former.theta,
-                seek_excursions=seek,
-                held=former.held,
-            )
+        def refit(other: Layout, former: ElasticResult) -> ElasticResult:
+            return fit(other, use_shapes=recipe.use_shapes, start=former.x, held=former.held)
 
         return sparse_zones(found, refit), data.modes
     assert data.fitted is not None, "without modes there are FRFs"
@@ -260,24 +251,16 @@ def _damping(
 
 def _damping_of_ratios(elastic: ElasticResult, modes: MeasuredModes, recipe: Recipe) -> _Damping:
     """Laws from the damping ratios of the paired modes, without FRFs."""
-    on_springs = elastic.updated.on_springs
-    damped = [(i, j) for i, j in elastic.pairing.pairs if modes.damping_ratio[i] > 0 and not on_springs[j]]
-    rows, columns = [i for i, _ in damped], [j for _, j in damped]
+    rows, ratios = paired_ratios(modes, elastic.updated, elastic.pairing)
     if not rows:
         message = "there are no FRFs, and no paired mode has a damping ratio"
         return _Damping(None, None, None, StageOutcome("damping", "skipped", message))
-    omega, ratio = 2 * np.pi * modes.frequency_hz[rows], modes.damping_ratio[rows]
-    relative = np.eye(len(rows)) * _TYPED_RATIO_SD**2
-    if modes.covariance is not None:
-        places = len(modes) + np.array(rows)
-        relative = modes.covariance[np.ix_(places, places)] / np.outer(ratio, ratio)
-    asked = laws_of(recipe, ModalDamping(tuple(np.sort(omega))), elastic.updated.forward.specimen)
+    asked = laws_of(recipe, ModalDamping(tuple(np.sort(ratios.omega))), elastic.updated.forward.specimen)
     laws = identifiable_laws(len(rows), asked)
     if not laws:
         message = f"{len(rows)} damping ratios cannot fix any of the laws asked for"
         return _Damping(None, None, None, StageOutcome("damping", "skipped", message))
-    strain = elastic.updated.strain[[elastic.updated.modes.rigid + j for j in columns]]
-    ranking = rank_laws(MeasuredRatios(omega, ratio, relative, strain), rows, laws)
+    ranking = rank_laws(ratios, rows, laws)
     outcome = StageOutcome("damping", "succeeded", "from the modes' damping ratios: there are no FRFs")
     return _Damping(None, ranking, None, outcome, tuple(notes(_unasked(asked[0], laws[0], len(rows)), None, 3)))
 

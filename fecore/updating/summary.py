@@ -14,14 +14,13 @@ from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.modes import MeasuredModes
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic_findings import elastic_findings
-from fecore.updating.elastic_result import ElasticResult, Start
+from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.estimates import coefficient_estimates, constant_estimates, disagreements, ratio_estimates
 from fecore.updating.inputs import Inputs
 from fecore.updating.law_ranking import LawRanking, RankedLaw
 from fecore.updating.measurement import Prepared
 from fecore.updating.parameters import by_name
 from fecore.updating.result import (
-    ConvergenceStep,
     Correlation,
     DampingModelFit,
     HeldOut,
@@ -34,7 +33,6 @@ from fecore.updating.result import (
     Prediction,
     RivalPairing,
     StageOutcome,
-    StartHistory,
     UpdateResult,
 )
 from fecore.updating.sampling import Posterior
@@ -89,11 +87,8 @@ class Summary:
             damping_starts=0 if damping is None else damping.starts,
             damping_optima=tuple(self._coefficients(point) for point in (() if damping is None else damping.optima)),
             damping_history=np.zeros((0, 0)) if damping is None else damping.fit.history,
-            convergence=tuple(
-                ConvergenceStep(by_name(names, step.theta), step.frequency_hz, step.cost)
-                for step in self.elastic.history
-            ),
-            starts=tuple(self._start(start) for start in self.elastic.starts),
+            convergence=self.elastic.history,
+            starts=self.elastic.starts,
             pairing=self._pairing(),
             shapes=self._shapes(),
             channel_delay_s=None if damping is None else damping.reference.delay,
@@ -284,22 +279,14 @@ class Summary:
             correlation=correlation,
         )
 
-    def _start(self, start: Start) -> StartHistory:
-        names = self.elastic.updated.forward.parametrisation.names
-        thetas = np.array([iterate.theta for iterate in start.history]).reshape(-1, len(names))
-        chosen = bool(start.history) and start.history is self.elastic.history
-        return StartHistory(dict(zip(names, thetas.T, strict=True)), start.cost, chosen, start.failure)
-
     def _pairing(self) -> PairingSummary:
-        elastic = self.elastic
-        state, names = elastic.updated, elastic.updated.forward.parametrisation.reported
-        other = None
+        elastic, rival = self.elastic, None
         if elastic.rivals:
-            rival = elastic.rivals[0]
-            partners = _partners(rival.pairs, rival.frequency_hz, rival.kinds)
-            other = RivalPairing(partners, by_name(names, rival.theta[: len(names)]), rival.evidence)
+            other = elastic.rivals[0].other
+            parameters = by_name(elastic.layout.shared, elastic.layout.material(other.x))
+            rival = RivalPairing(_partners(other), parameters, elastic.rivals[0].evidence)
         by: Literal["shapes", "order"] = "order" if elastic.pairing.mac is None else "shapes"
-        return PairingSummary(by, _partners(elastic.pairing.pairs, state.frequency_hz, tuple(state.kinds)), other)
+        return PairingSummary(by, _partners(elastic), rival)
 
     def _shapes(self) -> ModeShapes | None:
         """Shapes at the measured points; None where the modes were typed in and there are no FRFs either."""
@@ -350,5 +337,8 @@ class Summary:
         return [f"the {name} fit has {len(points)} optima, of which the first is reported: {'; '.join(points)}"]
 
 
-def _partners(pairs: tuple[tuple[int, int], ...], hz: FloatArray, kinds: tuple[str, ...]) -> tuple[Partner, ...]:
-    return tuple(Partner(row + 1, column + 1, float(hz[column]), kinds[column]) for row, column in pairs)
+def _partners(elastic: ElasticResult) -> tuple[Partner, ...]:
+    hz, kinds = elastic.updated.frequency_hz, elastic.updated.kinds
+    return tuple(
+        Partner(row + 1, column + 1, float(hz[column]), kinds[column]) for row, column in elastic.pairing.pairs
+    )

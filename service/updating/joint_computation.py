@@ -12,13 +12,12 @@ import numpy as np
 
 import fecore
 from fecore.body.oriented import OrientedSpecimen
-from fecore.updating.campaigns.fit import Coupon
-from fecore.updating.campaigns.layout import Campaign
-from fecore.updating.campaigns.update import CampaignPart, CampaignsRecipe, CampaignsResult, update_campaigns
+from fecore.updating.campaigns import Campaign, CampaignsRecipe, update_campaigns
+from fecore.updating.elastic import Coupon
 from fecore.updating.excursions import fixed_points
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.recipe import Recipe
-from fecore.updating.result import ParameterEstimate
+from fecore.updating.result import CampaignPart, CampaignsResult, ParameterEstimate
 from service.jobs.kinds import Report
 
 

@@ -12,7 +12,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
-from fecore.updating.campaigns.layout import MATERIAL
+from fecore.updating.campaigns import check_material
 from fecore.updating.parameters import parametrise
 from service.access import Lookup, User, audit, project_for
 from service.campaigns.operations import campaign_for
@@ -134,12 +134,7 @@ def _faults(session: Session, user: User, request: UpdateBatchIn) -> list[Fault]
 
 def _check_parameters(session: Session, user: User, request: UpdateBatchIn) -> None:
     parameters = parameters_of(request.recipe or RecipeIn.model_validate({}))
-    for number, parameter in enumerate(parameters):
-        if parameter.name not in MATERIAL:
-            raise InputError(
-                f"parameters.{number}.name",
-                f"is {parameter.name!r}, expected one of the material's: {', '.join(MATERIAL)}",
-            )
+    check_material(parameters)
     first = campaign_for(session, user, request.jobs[0].campaign_id)
     structure = of_its_material(present_structure(session, first.structure_id)[1], 0)
     parametrise(nominal_specimen(structure, "free"), parameters)

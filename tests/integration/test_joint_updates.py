@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from examples.joint_update import paper_bar_over_rest
-from fecore.updating.campaigns.layout import Campaign
+from fecore.updating.campaigns import Campaign
 from service.supervisor import LocalService
 from tests.support.rest import finished, mode_rows, ok, session_client
 from tests.support.strips import NOMINAL, STRIP, TRUTH, measured

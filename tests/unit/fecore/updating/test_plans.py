@@ -12,10 +12,10 @@ from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.oriented import OrientedSpecimen
 from fecore.body.supports import PointMass
 from fecore.errors import InputError
-from fecore.updating.campaigns.plans import PlannedTest, best_points, effective_independence, plan_tests
-from fecore.updating.campaigns.update import CampaignsRecipe, update_campaigns
+from fecore.updating.campaigns import CampaignsRecipe, update_campaigns
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
+from fecore.updating.plans import PlannedTest, best_points, effective_independence, plan_tests
 from tests.support.strips import NOMINAL, STRIP, measured
 
 
