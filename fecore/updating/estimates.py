@@ -68,12 +68,7 @@ def coordinate_spread(elastic: ElasticResult, place: int, samples: FloatArray | 
     total = float(elastic.mixture.total[place, place])
     variance = {name: float(part[place] @ part[place]) for name, part in elastic.sources.items()}
     noise_sd = float(np.sqrt(variance[NOISE]))
-    rest = total - sum(variance.values())
-    if len(elastic.layout.campaigns) > 1:
-        rest = max(rest, 0.0)
-    variance[DISCREPANCY_OF_MODEL] = max(variance[DISCREPANCY_OF_MODEL] + rest, 0.0)
-    if len(elastic.layout.campaigns) > 1:
-        total = sum(variance.values())
+    variance[DISCREPANCY_OF_MODEL] = max(variance[DISCREPANCY_OF_MODEL] + total - sum(variance.values()), 0.0)
     centred = None if samples is None else samples - (elastic.coordinates.mean + elastic.x)[place]
     core = _sampled_or(centred, float(np.sqrt(total)), *elastic.mixture.reach(along))
     if elastic.standing:
