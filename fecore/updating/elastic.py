@@ -240,12 +240,17 @@ class Misfit:
                 missed.append(off)
                 by.append(of_theta @ chain)
         J, m = np.vstack(by), np.concatenate(missed)
-        hessian, descent, cost = J.T @ J, J.T @ m, float(m @ m)
-        for place, value, sd in self.coupons:
-            hessian[place, place] += sd**-2
-            descent[place] += (value - x[place]) / sd**2
-            cost += (value - float(x[place])) ** 2 / sd**2
-        return LinearProblem(residual, noise, sensitivity, x, self.layout.sd, hessian, descent, cost / 2)
+        others, descent, cost = {}, J.T @ m, float(m @ m)
+        if self.use_shapes:
+            others["mode shapes"] = J.T @ J
+        if self.coupons:
+            place, value, sd = (np.array(column) for column in zip(*self.coupons, strict=True))
+            off = value - x[place]
+            others["coupons"] = np.zeros((size, size))
+            np.add.at(others["coupons"], (place, place), sd**-2)
+            np.add.at(descent, place, off / sd**2)
+            cost += float(np.sum((off / sd) ** 2))
+        return LinearProblem(residual, noise, sensitivity, x, self.layout.sd, others, descent, cost / 2)
 
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
         """The point that a step leads to; None where no specimen could be, or a held partner is lost."""

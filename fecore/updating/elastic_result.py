@@ -111,17 +111,11 @@ class ElasticResult:
         """
         noise = self.gain @ _root(self.problem.noise)
         parts: dict[str, list[FloatArray]] = {NOISE: [noise], DISCREPANCY_OF_MODEL: [self.gain * self.discrepancy]}
-        if self.coupons.any():
-            parts["coupons"] = [self.inverse @ _root(self.coupons)]
+        for name, information in self.problem.others.items():
+            parts[name] = [self.inverse @ _root(information)]
         for place, (unknown, sd) in enumerate(zip(self.layout.unknowns, self.layout.sd(self.scatter), strict=True)):
             parts.setdefault(unknown.source, []).append(self.inverse[:, [place]] / sd)
         return {name: np.hstack(columns) for name, columns in parts.items()}
-
-    @property
-    def coupons(self) -> FloatArray:
-        """(X, X) information of static tests."""
-        several = len(self.layout.campaigns) > 1
-        return self.problem.other_hessian if several else np.zeros_like(self.problem.other_hessian)
 
     @cached_property
     def identifiability(self) -> tuple[Identifiability, ...]:

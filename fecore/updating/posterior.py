@@ -16,7 +16,7 @@ with the descent g at the estimate. With few modes its tails are those of a Stud
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -164,7 +164,8 @@ class LinearProblem:
         sensitivity: (n, X) derivative of ln f by x.
         x: (X,) the estimate; the prior's mean is 0.
         sd: prior standard deviations (X,) for a scatter.
-        other_hessian, other_descent, other_cost: (X, X), (X,) and misfit of what is no frequency: coupons, shapes.
+        others: by name, (X, X) information of what is no frequency: coupons, mode shapes.
+        other_descent, other_cost: their descent (X,) and misfit.
     """
 
     residual: FloatArray
@@ -172,7 +173,7 @@ class LinearProblem:
     sensitivity: FloatArray
     x: FloatArray
     sd: Callable[[float], FloatArray]
-    other_hessian: FloatArray
+    others: Mapping[str, FloatArray]
     other_descent: FloatArray
     other_cost: float = 0.0
 
@@ -240,7 +241,7 @@ class LinearProblem:
         variance = self.noise + spread**2 * np.eye(self.residual.size)
         weighted = np.linalg.solve(variance, np.column_stack([self.sensitivity, self.residual]))
         S, r = weighted[:, :-1], weighted[:, -1]
-        hessian, descent = self.sensitivity.T @ S + self.other_hessian, self.sensitivity.T @ r + self.other_descent
+        hessian, descent = self.sensitivity.T @ S + sum(self.others.values()), self.sensitivity.T @ r + self.other_descent
         return hessian, descent, float(self.residual @ r), float(np.linalg.slogdet(variance)[1])
 
 

@@ -49,7 +49,7 @@ def test_the_likelihood_is_that_of_gaussians_over_the_priors_scales() -> None:
 
 def test_the_mixture_is_likelihood_times_prior() -> None:
     sd, rest = np.array([2.0, 3.0]), PRIOR - np.diag([1 / 4, 1 / 9])  # of the prior a part is coupons
-    problem = LinearProblem(RESIDUAL, NOISE, SENSITIVITY, np.zeros(2), lambda _: sd, rest, DESCENT)
+    problem = LinearProblem(RESIDUAL, NOISE, SENSITIVITY, np.zeros(2), lambda _: sd, {"coupons": rest}, DESCENT)
     found, scatters = problem.mixture(0.0)
     assert not scatters.any()
     assert found.weight.sum() == pytest.approx(1)
