@@ -199,11 +199,10 @@ class _Held:
 
 
 def _with_inputs_held(elastic: ElasticResult) -> _Held:
-    layout = elastic.layout
-    count = len(layout.shared)
+    layout, count = elastic.layout, len(elastic.layout.shared)
     turn = np.eye(count, elastic.x.size)
-    if len(layout.campaigns) == 1:
-        hessian = np.linalg.inv(sum(part @ part.T for part in elastic.sources.values()))
+    if len(layout.campaigns) == 1:  # several have found out what their inputs are
+        _, _, hessian = elastic.problem.at(elastic.discrepancy, elastic.scatter)
         turn[:, count:] = np.linalg.solve(hessian[:count, :count], hessian[:count, count:])
     theta = layout.material(turn @ elastic.x)
     noise = turn @ elastic.sources[NOISE]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,10 +11,8 @@ from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.dynamics.damping_laws import DampingLaw
 from fecore.dynamics.sensitivity import Matrix, same_cluster, static_series
 from fecore.dynamics.synthesis import RESIDUAL_TERMS, residual_powers
-from fecore.frf import Dof, Quantity, convert
-
-if TYPE_CHECKING:
-    from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.frf import Quantity, convert
+from fecore.updating.solution import Solution
 
 
 @dataclass(frozen=True)
@@ -27,10 +24,10 @@ class PointPairs:
     sign: FloatArray
 
     @classmethod
-    def of(cls, forward: ForwardModel, responses: Sequence[Dof], references: Sequence[Dof]) -> PointPairs:
-        """The pairs of some FRFs. Raises `InputError` where a dof is not among the model's."""
-        response, response_sign = forward.rows(responses)
-        reference, reference_sign = forward.rows(references)
+    def of(
+        cls, response: IntArray, response_sign: FloatArray, reference: IntArray, reference_sign: FloatArray
+    ) -> PointPairs:
+        """The pairs of some FRFs between (N,) points with (N,) signs of their directions."""
         if np.unique(response).size < np.unique(reference).size:  # H is symmetric (Maxwell, Betti)
             response, reference = reference, response
         return cls(response, reference, response_sign * reference_sign)
@@ -50,7 +47,7 @@ class PointPairs:
 
     def changes(
         self,
-        state: ForwardState,
+        state: Solution,
         frequency_hz: FloatArray,
         law: DampingLaw,
         law_coefficients: FloatArray,
@@ -75,12 +72,12 @@ class PointPairs:
         converted: ComplexArray = (change + residual_by @ power) * convert(omega, quantity)
         return converted
 
-    def residual(self, state: ForwardState) -> FloatArray:
+    def residual(self, state: Solution) -> FloatArray:
         """(N, t) terms of the truncated modes' series in ω² - σ: solves with the factor of K - σM."""
         value, _ = self._static(state, ([], []))
         return value - self.products(state.all_shapes) @ _powers(state)
 
-    def residual_derivatives(self, state: ForwardState) -> FloatArray:
+    def residual_derivatives(self, state: Solution) -> FloatArray:
         """(p, N, t) derivatives of `residual` by the parameters."""
         _, by = self._static(state, state.by_parameter)
         moved = self.product_derivatives(state.all_shapes, state.shape_jacobian) @ _powers(state)
@@ -91,7 +88,7 @@ class PointPairs:
         derivatives: FloatArray = by - moved + crossed @ (term * away ** (term + 1))
         return derivatives
 
-    def _static(self, state: ForwardState, by: tuple[list[Matrix], list[Matrix]]) -> tuple[FloatArray, FloatArray]:
+    def _static(self, state: Solution, by: tuple[list[Matrix], list[Matrix]]) -> tuple[FloatArray, FloatArray]:
         """(N, t) terms of the series of all modes, and (p, N, t) their derivatives by the p matrices of `by`."""
         used, column = np.unique(self.reference, return_inverse=True)
         load = state.observation[used].T
@@ -107,13 +104,13 @@ class PointPairs:
         return seen(y), derivatives.reshape(-1, self.sign.size, RESIDUAL_TERMS)
 
 
-def _away(state: ForwardState) -> FloatArray:
+def _away(state: Solution) -> FloatArray:
     """(m,) 1 / (λ - σ) of all modes."""
     away: FloatArray = 1 / (state.modes.eigenvalue - state.modes.shift)
     return away
 
 
-def _powers(state: ForwardState) -> FloatArray:
+def _powers(state: Solution) -> FloatArray:
     """(m, t) what a residue counts for in each term of the series: 1 / (λ - σ)ᵗ."""
     powers: FloatArray = _away(state)[:, None] ** np.arange(1, RESIDUAL_TERMS + 1)
     return powers

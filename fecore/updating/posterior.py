@@ -241,7 +241,10 @@ class LinearProblem:
         variance = self.noise + spread**2 * np.eye(self.residual.size)
         weighted = np.linalg.solve(variance, np.column_stack([self.sensitivity, self.residual]))
         S, r = weighted[:, :-1], weighted[:, -1]
-        hessian, descent = self.sensitivity.T @ S + sum(self.others.values()), self.sensitivity.T @ r + self.other_descent
+        hessian, descent = (
+            self.sensitivity.T @ S + sum(self.others.values()),
+            self.sensitivity.T @ r + self.other_descent,
+        )
         return hessian, descent, float(self.residual @ r), float(np.linalg.slogdet(variance)[1])
 
 
