@@ -22,13 +22,13 @@ from fecore.updating.elastic_findings import FAR, USUAL_MISS
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.estimates import constant_estimates, own_estimates
 from fecore.updating.excursions import excursions
+from fecore.updating.findings import Level, found, judge, ordered, warnings
 from fecore.updating.forward import EXTRA_MODES, ForwardModel, modes_to_cover
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Layout, Unknown
 from fecore.updating.parameters import Parameter, Parametrisation, parametrise
 from fecore.updating.posterior import SCATTER
-from fecore.updating.result import CampaignMode, CampaignPart, CampaignsResult
-from fecore.updating.verdict import Finding, judge, notes, warnings
+from fecore.updating.result import CampaignMode, CampaignPart, CampaignsResult, Finding
 
 __all__ = [
     "MATERIAL",
@@ -120,11 +120,11 @@ def update_campaigns(
         layout, lambda share: progress("updating the material", 0.1 + 0.6 * share), coupons=coupons, scatter=scatter
     )
     progress("comparing the campaigns", 0.7)
-    found = agreements(elastic, scatter)
-    odd = odd_one_out(elastic, found, scatter)
+    alone = agreements(elastic, scatter)
+    odd = odd_one_out(elastic, alone, scatter)
     progress("making intervals", 0.9)
     parameters = tuple(constant_estimates(elastic, None))
-    parts = tuple(_part(elastic, number, each, found[number]) for number, each in enumerate(meshed))
+    parts = tuple(_part(elastic, number, each, alone[number]) for number, each in enumerate(meshed))
     findings = [*_contradictions(parts, odd), *_findings(elastic, parts), *_points_beyond(layout, meshed)]
     total = elastic.mixture.total[: len(layout.shared), : len(layout.shared)]
     sd = np.sqrt(np.diag(total))
@@ -139,6 +139,7 @@ def update_campaigns(
         discrepancy=elastic.discrepancy,
         scatter=elastic.scatter if scatter else None,
         warnings=warnings(findings),
+        findings=ordered(findings),
         damping=common_damping(elastic),
     )
 
@@ -232,10 +233,10 @@ def _with_own(parametrisation: Parametrisation, campaign: Campaign) -> Parametri
     """The parameters, and the body's own constants as far as they are not known exactly."""
     body, inputs = campaign.body, campaign.inputs
     nominal = body.nominal
-    found = {name: inputs.standard_deviation(name, nominal[name]) for name in (*SPECIMENS_OWN, CAMPAIGNS_OWN[0])}
+    sds = {name: inputs.standard_deviation(name, nominal[name]) for name in (*SPECIMENS_OWN, CAMPAIGNS_OWN[0])}
     if body.clamp_compliance:
-        found["clamp_compliance"] = body.clamp_compliance * float(np.sqrt(np.expm1(_CLAMP_LOG_SD**2)))
-    return parametrisation.with_inputs(found)
+        sds["clamp_compliance"] = body.clamp_compliance * float(np.sqrt(np.expm1(_CLAMP_LOG_SD**2)))
+    return parametrisation.with_inputs(sds)
 
 
 def _meshed(campaign: Campaign) -> OrientedSpecimen:
@@ -243,8 +244,8 @@ def _meshed(campaign: Campaign) -> OrientedSpecimen:
     body = clamped(campaign.body, campaign.inputs)
     if body.divisions is not None:
         return body
-    found = discretise(replace(campaign.body, clamp_compliance=0.0), 1.05 * float(campaign.modes.frequency_hz[-1]))
-    return replace(body, divisions=found.divisions)
+    mesh = discretise(replace(campaign.body, clamp_compliance=0.0), 1.05 * float(campaign.modes.frequency_hz[-1]))
+    return replace(body, divisions=mesh.divisions)
 
 
 def _part(elastic: ElasticResult, number: int, campaign: Campaign, agreement: Agreement) -> CampaignPart:
@@ -276,11 +277,11 @@ def _modes(elastic: ElasticResult, number: int) -> tuple[CampaignMode, ...]:
     campaign, pairing = elastic.layout.campaigns[number], elastic.pairings[number]
     initial, updated = elastic.initial_states[number], elastic.states[number]
     first, last = dict(elastic.initial_pairings[number].pairs), dict(pairing.pairs)
-    found = []
+    modes = []
     for row, measured in enumerate(map(float, campaign.modes.frequency_hz)):
         before, after = first.get(row), last.get(row)
         hz = None if after is None else float(updated.frequency_hz[after])
-        found.append(
+        modes.append(
             CampaignMode(
                 number=row + 1,
                 kind=None if after is None else updated.kinds[after],
@@ -291,54 +292,42 @@ def _modes(elastic: ElasticResult, number: int) -> tuple[CampaignMode, ...]:
                 mac=None if pairing.mac is None or after is None else float(pairing.mac[row, after]),
             )
         )
-    return tuple(found)
+    return tuple(modes)
 
 
 def _contradictions(parts: Sequence[CampaignPart], odd: int | None) -> list[Finding]:
-    """Campaigns whose frequencies the others do not foretell, in words; which one is odd where that can be said."""
+    """Campaigns whose frequencies the others do not foretell; which one is odd where that can be said."""
     wrong = [part for part in parts if part.contradicts]
     if not wrong:
         return []
-    cause = "another material, angle, thickness or boundary than stated, or specimens that scatter more"
     if odd is None:
         which = " and ".join(f"{part.name} (p = {part.predictive_p:.2g})" for part in wrong)
-        text = f"the campaigns contradict each other: {which}; {cause}; a third campaign would show which one is odd"
-        return [Finding(text, "do_not_use", 70)]
+        return [found("campaigns_contradict", which=which)]
     part = parts[odd]
     worst = sorted(part.alone.items(), key=lambda item: -abs(item[1]["z"]))[:2]
     moved = ", ".join(f"{name} {values['z']:+.1f} standard deviations" for name, values in worst)
-    text = (
-        f"campaign {part.name} is the odd one out: given the others its frequencies have p = {part.predictive_p:.2g} "
-        f"({moved} from all together): {cause}; correct it or leave it out"
-    )
-    return [Finding(text, "do_not_use", 70)]
+    return [found("odd_campaign", name=part.name, p=part.predictive_p, moved=moved)]
 
 
 def _points_beyond(layout: Layout, campaigns: Sequence[Campaign]) -> list[Finding]:
     each = zip(layout.campaigns, campaigns, strict=True)
-    texts = [
-        f"campaign {model.name}: {text}"
-        for model, campaign in each
-        for text in points_beyond(model.forward, campaign.inputs)
+    return [
+        finding for model, campaign in each for finding in points_beyond(model.forward, campaign.inputs, campaign.name)
     ]
-    return notes(texts, "with_care", 9)
 
 
 def _findings(elastic: ElasticResult, parts: Sequence[CampaignPart]) -> list[Finding]:
-    layout, found = elastic.layout, []
+    layout, findings = elastic.layout, []
     for part, at, pairing in zip(parts, elastic.rows, elastic.pairings, strict=True):
-        alone = len(pairing.unpaired_measured)
+        alone, count = len(pairing.unpaired_measured), len(part.modes)
         if alone:
-            text = f"campaign {part.name}: {alone} of {len(part.modes)} measured modes have no partner in the model"
-            found.append(Finding(text, "do_not_use" if 2 * alone > len(part.modes) else "with_care", 30))
+            level: Level | None = "do_not_use" if 2 * alone > count else None
+            findings.append(found("campaign_modes_alone", level=level, name=part.name, alone=alone, count=count))
         miss = float(np.sqrt(np.mean(elastic.problem.residual[at] ** 2)))
         if miss > USUAL_MISS:
-            text = f"campaign {part.name}: the material of all campaigns misses its frequencies by {100 * miss:.1f} % (rms)"
-            found.append(Finding(text, "with_care", 40))
+            findings.append(found("campaign_missed", name=part.name, percent=100 * miss))
     away: FloatArray = elastic.x / layout.sd(max(elastic.scatter, 1e-12))
-    texts = [
-        f"{layout.labels[place]} ended {abs(away[place]):.1f} prior standard deviations from its prior mean: the prior is "
-        "wrong, or it has taken up something else"
+    return findings + [
+        found("unknown_far_from_prior", name=layout.labels[place], away=abs(away[place]))
         for place in np.flatnonzero(np.abs(away) > FAR)
     ]
-    return [*found, *notes(texts, "with_care", 20)]

@@ -24,9 +24,10 @@ from fecore.arrays import FloatArray
 from fecore.updating.damping_stage import AGAINST_MODES, OF_LAW, DampingResult
 from fecore.updating.elastic_result import DISCREPANCY_OF_MODEL, NOISE, ElasticResult
 from fecore.updating.excursions import REACH_95, Excursion
+from fecore.updating.findings import found
 from fecore.updating.inputs import Inputs, tolerance_of
 from fecore.updating.law_ranking import RankedLaw
-from fecore.updating.result import BudgetEntry, Comparable, ParameterEstimate
+from fecore.updating.result import BudgetEntry, Comparable, Finding, ParameterEstimate
 from fecore.updating.sampling import Posterior
 
 OTHER_PARTNERS = "partners of the modes"
@@ -93,7 +94,7 @@ def constant_estimates(
     prior, coordinates = layout.campaigns[0].forward.parametrisation, layout.campaigns[0].coordinates
     theta, held = layout.material(elastic.x), _with_inputs_held(elastic)
     provenance = {} if inputs is None else _provenance(elastic, inputs)
-    found = []
+    estimates = []
     for column, master in enumerate(layout.shared):
         samples = None if sampled is None else sampled.xi[:, column]
         spread, state = coordinate_spread(elastic, column, samples), elastic.identifiability[column]
@@ -105,7 +106,7 @@ def constant_estimates(
                 name, prior.units[row], value, spread, slope=value if log else ratio, log=log, provenance=provenance
             )
             mean = ratio * float(prior.prior_mean[column])
-            found.append(
+            estimates.append(
                 replace(
                     base,
                     initial=mean,
@@ -118,14 +119,14 @@ def constant_estimates(
                 )
             )
     order = {name: place for place, name in enumerate(prior.constant_names)}
-    return sorted(found, key=lambda each: order[each.name])
+    return sorted(estimates, key=lambda each: order[each.name])
 
 
 def own_estimates(elastic: ElasticResult, number: int) -> list[ParameterEstimate]:
     """The unknowns that are one campaign's and its specimen's own; scatter is a ratio to the material's constant."""
     layout, campaign = elastic.layout, elastic.layout.campaigns[number]
     prior, theta, sds = campaign.forward.parametrisation, campaign.theta(elastic.x), layout.sd(elastic.scatter)
-    found = []
+    estimates = []
     for place in range(len(layout.shared), len(layout.unknowns)):
         if not campaign.pick[:, place].any():
             continue
@@ -138,8 +139,8 @@ def own_estimates(elastic: ElasticResult, number: int) -> list[ParameterEstimate
             log = bool(campaign.coordinates.logarithmic[row])
         base = _estimate(unknown.name, unit, value, spread, slope=value if log else 1.0, log=log, provenance={})
         informed = 1 - (spread.sd / float(sds[place])) ** 2
-        found.append(replace(base, initial=mean, identifiable=informed > 0.5, prior_mean=mean, prior_sd=sd))
-    return found
+        estimates.append(replace(base, initial=mean, identifiable=informed > 0.5, prior_mean=mean, prior_sd=sd))
+    return estimates
 
 
 def coefficient_estimates(
@@ -152,7 +153,7 @@ def coefficient_estimates(
         window = Excursion("window", np.zeros(0), "both" if stated else "one-sided", stated, "")
         excursions, pulls = (*excursions, window), np.column_stack([pulls, damping.window])
     provenance = _provenance(elastic, inputs, damping)
-    found = []
+    estimates = []
     for i, (name, unit) in enumerate(zip(fit.law.coefficient_names, fit.law.coefficient_units, strict=True)):
         variance = {source: float(part[i] @ part[i]) for source, part in damping.sources.items()}
         sd = float(np.sqrt(sum(variance.values())))
@@ -162,32 +163,28 @@ def coefficient_estimates(
         noise_sd = float(np.sqrt(fit.noise_covariance[i, i]))
         spread = _with_excursions(noise_sd, *core, variance, excursions, pulls[i])
         base = _estimate(name, unit, float(fit.coefficients[i]), spread, provenance=provenance)
-        found.append(replace(base, initial=float(damping.start[i])))
-    return found
+        estimates.append(replace(base, initial=float(damping.start[i])))
+    return estimates
 
 
 def ratio_estimates(ranked: RankedLaw) -> list[ParameterEstimate]:
     """Coefficients of a law from the modes' damping ratios alone: the laboratory typed them in and sent no FRFs."""
     rows = enumerate(zip(ranked.law.coefficient_names, ranked.law.coefficient_units, strict=True))
-    found = []
+    estimates = []
     for i, (name, unit) in rows:
         sd, noise_sd = (float(np.sqrt(each[i, i])) for each in (ranked.covariance, ranked.noise_covariance))
         spread = Spread(sd, noise_sd, REACH_95 * sd, REACH_95 * sd, {})
-        found.append(_estimate(name, unit, float(ranked.coefficients[i]), spread, provenance={}))
-    return found
+        estimates.append(_estimate(name, unit, float(ranked.coefficients[i]), spread, provenance={}))
+    return estimates
 
 
-def disagreements(elastic: ElasticResult, sampled: Posterior | None) -> list[str]:
-    """Where the samples and the Gaussian approximation of one posterior differ, in words."""
+def disagreements(elastic: ElasticResult, sampled: Posterior | None) -> list[Finding]:
+    """Where the samples and the Gaussian approximation of one posterior differ."""
     if sampled is None:
         return []
-    gaussian, chain = np.sqrt(np.diag(elastic.mixture.total)), np.std(sampled.xi, axis=0)
-    return [
-        f"the sampled posterior of {name} is {chain[i] / gaussian[i]:.2f} times as wide as its Laplace approximation: "
-        "trust the samples"
-        for i, name in enumerate(elastic.layout.shared)
-        if abs(np.log(chain[i] / gaussian[i])) > _DIFFERENT
-    ]
+    ratio = np.std(sampled.xi, axis=0) / np.sqrt(np.diag(elastic.mixture.total))
+    names = enumerate(elastic.layout.shared)
+    return [found("samples_differ", name=n, ratio=ratio[i]) for i, n in names if abs(np.log(ratio[i])) > _DIFFERENT]
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,23 @@ from fecore.identification import Identification
 
 
 @dataclass(frozen=True)
+class Finding:
+    """Something that a user must know.
+
+    Attributes:
+        text: in words: what was found and what to do.
+        level: what it means for the use of the result; None where it means nothing for it.
+        weight: within a level, more comes first.
+        kind: id of its row in `fecore.updating.findings`.
+    """
+
+    text: str
+    level: Literal["with_care", "do_not_use"] | None = None
+    weight: float = 0.0
+    kind: str = ""
+
+
+@dataclass(frozen=True)
 class Verdict:
     """Whether a result may be used: `level`, one sentence, and the decisive reasons, the gravest first."""
 
@@ -339,6 +356,7 @@ class UpdateResult:
     identification: Identification | None
     posterior: PosteriorSummary
     warnings: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -411,7 +429,7 @@ class CampaignsResult:
         odd_one_out: name of the campaign without which the others agree best, where some contradict; None else.
         discrepancy: relative model error of a frequency.
         scatter: relative deviation of a modulus between specimens, root of its posterior mean; None where it is not modelled.
-        warnings: what a user must know.
+        warnings: what a user must know; findings: the same, each with the id of its row of the table.
         damping: laws with one set of coefficients for all campaigns, ranked; none where no mode has a damping ratio.
     """
 
@@ -424,4 +442,5 @@ class CampaignsResult:
     discrepancy: float
     scatter: float | None
     warnings: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()
     damping: tuple[CommonLaw, ...] = ()

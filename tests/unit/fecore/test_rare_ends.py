@@ -29,6 +29,7 @@ from fecore.processing.traits import Before
 from fecore.processing.usual import Lines, Ordinary
 from fecore.updating import campaigns, mode_roles, window
 from fecore.updating.excursions import excursions
+from fecore.updating.findings import MOST_WARNINGS, warnings
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.laws import FREQUENCY_LAWS
@@ -36,8 +37,7 @@ from fecore.updating.measured_ratios import nearest_positive
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.recipe import Recipe
-from fecore.updating.verdict import MOST_WARNINGS, warnings
-from fecore.updating.verdict import Finding as Remark
+from fecore.updating.result import Finding as Remark
 
 
 def test_too_few_lines_for_leakage_and_nothing_to_estimate_from() -> None:
