@@ -27,7 +27,8 @@ from service.storage import StorageOwner, book, require_room
 from service.structures.operations import present_structure
 from service.updating.batches import UpdateBatchIn
 from service.updating.bodies import nominal_specimen
-from service.updating.joint_computation import compute_joint
+from service.updating.document import describe_joint as describe_result
+from service.updating.joint_computation import JointOutput, compute_joint
 from service.updating.joint_loading import load_joint, of_its_material, parameters_of
 from service.updating.joint_schemas import JointUpdateOut
 from service.updating.schemas import RecipeIn
@@ -35,9 +36,10 @@ from service.updating.tables import JointUpdate
 from service.web.json_body import pointer
 
 
-def _store(session: Session, job_id: UUID, items: Iterator[dict[str, Any]]) -> None:
+def _store(session: Session, job_id: UUID, items: Iterator[JointOutput]) -> None:
     row = session.get_one(JointUpdate, job_id)
-    for document in items:
+    for output in items:
+        document = describe_result(output.result, output.warnings, output.sources, output.provenance)
         book(session, StorageOwner(row.project_id), "results", len(json.dumps(document)))
         row.document = document
 
