@@ -6,6 +6,7 @@
     ├── Forbidden              you see it but may not do this
     ├── Conflict               contradicts what is stored
     ├── Invalid                the input is wrong; lists every fault with its JSON pointer
+    │   └── Unusual            it is possible, and probably in another unit
     ├── PayloadTooLarge        more bytes than the operator allows
     │   └── QuotaExceeded      more bytes than the project may store
     ├── UnsupportedMediaType   a body of a kind that is not read
@@ -96,6 +97,10 @@ class Invalid(ServiceError):
     def __reduce__(self) -> tuple[Callable[..., Invalid], tuple[list[Fault], int]]:
         """Survive pickling."""
         return _invalid, (self.faults, self.count)
+
+
+class Unusual(Invalid):
+    """Numbers of the input are probably in another unit than the contract's; whoever means them confirms them."""
 
 
 def _invalid(faults: list[Fault], count: int) -> Invalid:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from modalbase.client.display import transfer
 from modalbase.client.errors import ClientError
-from modalbase.client.finding import MODE_SET, find
+from modalbase.client.finding import MODE_SET
 from modalbase.client.rest import require_known
 from modalbase.objects.jobs import Identification, Import, Processing, UpdateJob
 from modalbase.objects.modes import ModeSet
 from modalbase.objects.records import Record
 from modalbase.objects.table import Table
-from modalbase.objects.thing import Editable, Thing
+from modalbase.objects.thing import Editable, Thing, found_or_made
 
 if TYPE_CHECKING:
     from modalbase.formats.records import Place
@@ -203,9 +203,12 @@ class Campaign(Editable):
         """Its mode sets: typed in, of a file, identified."""
         return [ModeSet(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/mode-sets")]
 
-    def mode_set(self, which: str = "latest") -> ModeSet:
-        """One of its mode sets by id, name or `latest`."""
-        return ModeSet(self.lab, find(self.lab.connection, MODE_SET, which, within=self.fields["id"]))
+    def mode_set(self, which: str = "latest", *, create: bool = False, **fields: Any) -> ModeSet:
+        """One of its mode sets by id, name or `latest`; with `create` made of `modes` where there is none of this name."""
+        above = self.fields["id"]
+        if "modes" in fields:  # the service has them in this order
+            fields["modes"] = sorted(fields["modes"], key=lambda mode: float(mode.get("frequency_hz", 0)))
+        return ModeSet(self.lab, found_or_made(self.lab.connection, MODE_SET, which, above, create, fields))
 
     def identify(self, **options: Any) -> ModeSet:
         """Find modes in its FRFs and wait for them.
@@ -219,18 +222,20 @@ class Campaign(Editable):
         job = Identification(self.lab, self.lab.connection.post(f"{self.address}/identifications", options))
         return job.wait().mode_set()
 
-    def update(self, recipe: Mapping[str, Any] | None = None, **more: Any) -> UpdateJob:
+    def update(self, recipe: Mapping[str, Any] | None = None, *, confirm: bool = False, **more: Any) -> UpdateJob:
         """Queue an update of the structure's model to this campaign; the job's `wait()` or `result()` waits for it.
 
         Args:
             recipe: the recipe as a dictionary; without it the defaults.
+            confirm: take unusual numbers of its priors as they are.
             more: fields of the recipe by name, such as `seed=7` or `mode_set=modes`. Things stand for their ids.
 
         Raises:
             ClientError: the service refuses the recipe; each fault has its pointer.
         """
         body = {name: value.fields["id"] if isinstance(value, Thing) else value for name, value in more.items()}
-        fields = self.lab.connection.post(f"{self.address}/update-jobs", {**(recipe or {}), **body})
+        whole = {**(recipe or {}), **body}
+        fields = self.lab.connection.post(f"{self.address}/update-jobs", whole, confirm=confirm or None)
         return UpdateJob(self.lab, fields)
 
     def jobs(self) -> list[UpdateJob]:

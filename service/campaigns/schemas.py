@@ -14,6 +14,7 @@ from fecore.errors import InputError
 from service.campaigns.frame import make_frame
 from service.structures.schemas import Deviation
 from service.web import Name, StrictModel, Text, Time, example, not_null
+from service.web.quantities import SENSOR_MASS
 
 Boundary = Literal["cantilever", "free", "simply_supported"]
 Point = Annotated[int, Field(ge=1, le=9_999_999_999, description="label of a grid point")]
@@ -67,7 +68,7 @@ class Instruments(StrictModel):
     hammer: Details = Field(default_factory=dict, max_length=100)
     sensor: Details = Field(default_factory=dict, max_length=100)
     analyser: Details = Field(default_factory=dict, max_length=100)
-    sensor_mass_kg: float | None = Field(
+    sensor_mass_kg: Annotated[float, SENSOR_MASS] | None = Field(
         default=None, ge=0, le=1000, description="kg; 0 for a sensor that does not touch"
     )
     sensor_point: Point | None = Field(

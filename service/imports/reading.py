@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fecore.errors import InputError
-from fecore.frf import Quantity
+from fecore.frf import Quantity, size_fault
 from modalbase.formats.uff import (
     COHERENCE,
     Content,
@@ -29,6 +29,7 @@ from modalbase.formats.uff import (
     UffError,
     read_file,
 )
+from modalbase.formats.uff.content import Outcome
 from modalbase.formats.uff.spectra import Spectra
 from service.frfs.spectra import Axis, Spectrum, encode, encode_axis
 
@@ -92,7 +93,7 @@ def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
     try:
         items = read_file(inputs.path, Limits(quantity=inputs.quantity))
         points: list[GridPoint] = []
-        unused: str | None = None
+        unused: tuple[Outcome, str] | None = None
         spectra = Spectra()
         for item in items:
             if isinstance(item, GridPoint) and len(points) < POINTS_AT_ONCE:
@@ -109,12 +110,13 @@ def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
                 if time.monotonic() >= report_at:  # each report is a commit, which waits for all that is being stored
                     report("reading datasets", min(1.0, item.offset / size))
                     report_at = time.monotonic() + REPORT_SECONDS
-                yield replace(item, outcome="ignored", reason=unused) if unused and item.outcome == "read" else item
+                left_out = unused if item.outcome == "read" else None
+                yield item if left_out is None else replace(item, outcome=left_out[0], reason=left_out[1])
                 unused = None
             elif isinstance(item, GridPoint):
                 points.append(item)
             elif (reason := _why_unused(item)) is not None:
-                unused = reason
+                unused = ("refused" if isinstance(item, Frf) else "ignored", reason)
             elif isinstance(item, Frf):
                 spectra.note(item)
                 yield _encoded(item)
@@ -143,7 +145,9 @@ def _encoded(frf: Frf) -> EncodedFrf:
 
 
 def _why_unused(item: Content) -> str | None:
-    """Why a sound content is not stored; None where it is, or where it only serves to read the rest."""
+    """Why a content that could be read is not stored; None where it is, or where it only serves to read the rest."""
+    if isinstance(item, Frf):
+        return size_fault(item.values)
     if isinstance(item, Function) and item.function_type != COHERENCE:
         return f"is a {item.name}; of functions, FRFs, coherences, time blocks and power spectra of force and motion are stored"
     if isinstance(item, TraceLine):

@@ -14,7 +14,14 @@ async function call(method, path, body, headers = {}) {
   if (!answer.ok) throw value ?? { detail: `status ${answer.status}` };
   return value;
 }
-const send = (method, path, value) => call(method, path, JSON.stringify(value), { "Content-Type": "application/json" });
+/* Numbers that are probably in another unit are sent again where a person says that they are meant. */
+async function send(method, path, value) {
+  const json = (to) => call(method, to, JSON.stringify(value), { "Content-Type": "application/json" });
+  try { return await json(path); } catch (problem) {
+    if (!problem.confirmable || !confirm(`${problem.detail}\n\nTake them as they are?`)) throw problem;
+    return json(path + "?confirm=true");
+  }
+}
 const say = (text) => { document.getElementById("say").textContent = text; };
 
 /* The value of an input: in SI, with the digits that were typed; undefined where nothing was said. */
@@ -95,7 +102,7 @@ document.addEventListener("submit", (event) => {
     submitted(form, async () => {
       await call("POST", "session", undefined, { Authorization: "Bearer " + form.elements.key.value.trim() });
       const next = new URLSearchParams(location.search).get("next") ?? "ui/";
-      location.assign(at(/^ui\/[\w\-/?=&%.]*$/.test(next) ? next : "ui/"));
+      location.assign(at(/^(ui|api\/v1)\/[\w\-/?=&%.]*$/.test(next) ? next : "ui/"));
     });
   } else if ("newTest" in form.dataset) {
     event.preventDefault();
