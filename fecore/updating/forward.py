@@ -14,16 +14,15 @@ from functools import cached_property
 import numpy as np
 import scipy
 
-from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.body.mechanisms import mechanism_weights
 from fecore.body.model import ModeKind, deflection_at
 from fecore.body.specimen import Body
-from fecore.dynamics.damping_laws import DampingLaw
 from fecore.dynamics.eigen import modes_below, normal_modes
 from fecore.dynamics.reduction import ReducedModel
 from fecore.dynamics.synthesis import ModalFrfModel, RovingMass
 from fecore.errors import InputError
-from fecore.frf import Dof, Quantity
+from fecore.frf import Dof
 from fecore.updating.parameters import Parametrisation
 from fecore.updating.point_pairs import PointPairs
 from fecore.updating.solution import Solution, Terms
@@ -297,35 +296,6 @@ class ForwardState(Solution):
     def residue_jacobian(self, responses: Sequence[Dof], references: Sequence[Dof]) -> FloatArray:
         """(p, N, m) derivative of the residues of `frf_model` by the parameters."""
         return self._pairs(responses, references).product_derivatives(self.all_shapes, self.shape_jacobian)
-
-    def frf_jacobian(
-        self,
-        frequency_hz: FloatArray,
-        law: DampingLaw,
-        law_coefficients: FloatArray,
-        responses: Sequence[Dof],
-        references: Sequence[Dof],
-        quantity: Quantity = "accelerance",
-        beyond: tuple[float, float] = (0.0, 0.0),
-    ) -> ComplexArray:
-        """(p, N, L) derivative of the FRFs of `frf_model` with a damping law's rates by the elastic parameters.
-
-        With the same `beyond` as the synthesis:
-
-            ∂H_ij = Σ_k ∂A_k/D_k - Σ_kl φ_ik G_kl (1 + iω c'(λ)) φ_jl / (D_k D_l) + Σ_t ∂R_t zᵗ/sᵗ⁺¹
-
-        with D = λ - ω² + iωc and G as in `fecore.dynamics.sensitivity`, so that repeated roots come out right.
-        """
-        state, pairs, drive = self._ready(responses, references)
-        change = pairs.changes(state, frequency_hz, law, law_coefficients, quantity, beyond)
-        if drive is None:
-            return change
-        rate = law.basis(state.modes.omega) @ law_coefficients
-        factors = state.frf_model(responses, references).load_factors(frequency_hz, rate, quantity, beyond)
-        assert factors is not None, "a sensor roves"
-        moved = drive.changes(state, frequency_hz, law, law_coefficients, quantity, beyond)
-        loaded: ComplexArray = factors[0] * change + factors[1] * moved
-        return loaded
 
 
 def modes_to_cover(parametrisation: Parametrisation, highest_hz: float, at_least: int) -> int:

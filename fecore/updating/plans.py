@@ -294,16 +294,3 @@ def best_points(information: Callable[[Sequence[int]], float], points: Sequence[
         if best <= before:
             break
     return tuple(chosen)
-
-
-def effective_independence(shapes: FloatArray, count: int) -> tuple[int, ...]:
-    """The points that effective independence would keep (Kammer, J. Guid. Control Dyn. 14, 1991), to compare a plan with.
-
-    Of (n, p) shapes the point that adds least to the independence of the modes is left out, one after the other.
-    """
-    kept = list(range(shapes.shape[1]))
-    while len(kept) > count:
-        phi = shapes[:, kept].T
-        share = np.einsum("pn,nm,pm->p", phi, np.linalg.pinv(phi.T @ phi), phi)
-        kept.pop(int(np.argmin(share)))
-    return tuple(kept)
