@@ -14,12 +14,10 @@ from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.oriented import OrientedSpecimen
 from fecore.body.specimen import Specimen
 from fecore.errors import InputError
-from fecore.updating.campaigns.fit import Coupon
-from fecore.updating.campaigns.layout import MATERIAL_PARAMETERS
-from fecore.updating.campaigns.posterior import SCATTER
-from fecore.updating.campaigns.update import CampaignsRecipe
+from fecore.updating.campaigns import MATERIAL_PARAMETERS, CampaignsRecipe, Coupon
 from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter
+from fecore.updating.posterior import SCATTER
 from service.campaigns.operations import campaign_of, campaigns_of, frame_of
 from service.coupons.operations import batch_prior
 from service.frfs.measured_campaign import MeasuredCampaign, load_measured_campaign

@@ -28,6 +28,7 @@ from service.storage import StorageOwner, book, require_room
 from service.structures.operations import present_structure
 from service.updating.bodies import body_of
 from service.updating.computation import UpdateOutput, compute_update
+from service.updating.document import describe as describe_result
 from service.updating.loading import load_update
 from service.updating.schemas import RecipeIn, UpdateJobOut
 from service.updating.stored_arrays import StoredArrays
@@ -41,22 +42,21 @@ if TYPE_CHECKING:
 def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> None:
     row = session.get_one(UpdateJob, job_id)
     for output in items:
+        document = describe_result(output.result, output.identification, output.warnings, output.provenance)
         if output.processing is not None and not frf_extents(session, row.campaign_id):
             options = RecipeIn.model_validate(row.recipe).processing
             done = keep_processing(session, job_id, row.campaign_id, options, output.processing)
-            output.document["provenance"]["processing"] = str(job_id)
-            output.document["provenance"]["frfs"] = [
-                {"id": frf["id"], "records": frf["records"]} for frf in done["frfs"]
-            ]
+            document["provenance"]["processing"] = str(job_id)
+            document["provenance"]["frfs"] = [{"id": frf["id"], "records": frf["records"]} for frf in done["frfs"]]
         if output.identified is not None:
-            found = output.document["identification"]
+            found = document["identification"]
             kept = keep_identified(
                 session, row.campaign_id, "identified by an update", output.identified, found, job_id=job_id
             )
-            output.document["provenance"]["mode_set"] = str(kept.id)
-        size = len(output.prediction) + len(json.dumps(output.document))
+            document["provenance"]["mode_set"] = str(kept.id)
+        size = len(output.prediction) + len(json.dumps(document))
         book(session, StorageOwner(row.project_id, row.campaign_id), "results", size)
-        session.add(UpdateResult(id=job_id, document=output.document, prediction=output.prediction))
+        session.add(UpdateResult(id=job_id, document=document, prediction=output.prediction))
 
 
 UPDATE = JobKind("update", load=load_update, compute=compute_update, store=_store, libraries=CORE_LIBRARIES)

@@ -3,7 +3,7 @@
 | version | written by |
 |---|---|
 | 1 | 0.1.0: no verdict, no budget; a job without damping had no result |
-| 2 | 0.2.0: one start of stage 1, no pairing |
+| 2 | 0.2.0: one start of stage 1, no pairing, warnings without ids |
 | 3 | this one, with its number as `version` |
 
 What a version did not compute is empty or null, and a warning says so.
@@ -73,6 +73,7 @@ def _from_2(document: Document) -> Document:
         "starts": [{"chosen": True, "failure": None, "cost": costs, "parameters": {}}],
         "model_modes": [],
         "pairing": None,
+        "findings": [],
         **document,
         "parameters": [{"tied_to": None, **row} for row in document.get("parameters", ())],
         "modes": [{"measured_damping_sd": None, **row} for row in document.get("modes", ())],

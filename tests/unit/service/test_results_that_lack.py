@@ -48,6 +48,7 @@ from service.updating.batches import _placed
 from service.updating.computation import _measured, _within_force
 from service.updating.document import _agreement, _posterior
 from service.updating.loading import _with_sensor_of, carried_masses
+from service.updating.result_schemas import DampingLawOut
 from service.updating.schemas import RecipeIn
 
 HERE = UUID(int=1)
@@ -264,6 +265,9 @@ def test_arrays_and_document_of_a_result_without_prediction_shapes_and_samples()
     assert _posterior(gaussian) == {"method": "gaussian"}
     one = np.ones((1, 1))
     assert _posterior(replace(gaussian, names=("Ex",), correlation=one, samples=one))["samples"] == 1
+    laws = {"name": "a", "coefficients": {}, "preferred": False, "missed": np.array([0.1, np.nan]), "bic": np.inf}
+    shown = DampingLawOut.model_validate(laws).model_dump(mode="json", exclude_unset=True)
+    assert (shown["bic"], shown["missed"]) == (None, [0.1, None])
 
 
 def test_faults_of_a_batch_are_placed_in_its_job() -> None:
