@@ -6,8 +6,8 @@ import time
 
 import numpy as np
 
-from service.figures.frf import FrfCurves, Spread, frf_figure
-from service.figures.printing import render
+from service.show.figures.frf import FrfCurves, Spread, frf_figure
+from service.show.figures.printing import render
 
 TARGET_MS = 30.0
 REPEATS = 20

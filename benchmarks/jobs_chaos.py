@@ -17,7 +17,7 @@ import httpx
 
 from benchmarks.jobs_floor import PATIENCE_SECONDS, Floor, floor, laboratory
 from service.access.keys import create_key, user_named
-from service.supervisor import listening_socket
+from service.app.supervisor import listening_socket
 
 LEASE_SECONDS = 3.0
 LOOK_SECONDS = 0.1

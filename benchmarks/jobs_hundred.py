@@ -10,8 +10,8 @@ import httpx
 
 from benchmarks.jobs_floor import floor
 from service.access.keys import create_key, user_named
-from service.demo import paper
-from service.supervisor import listening_socket
+from service.app.demo import paper
+from service.app.supervisor import listening_socket
 
 
 @dataclass

@@ -17,8 +17,8 @@ import numpy as np
 
 from benchmarks.hammer import Simulated, campaign
 from benchmarks.measurements import client_of, structure_of
+from service.app.supervisor import LocalService
 from service.settings import Settings
-from service.supervisor import LocalService
 
 POINTS, HITS, SEED = 10, 5, 18
 MAPPING = {

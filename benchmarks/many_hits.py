@@ -30,9 +30,9 @@ from scipy import fft
 
 from benchmarks.measurements import client_of, peak_memory, structure_of
 from fecore.arrays import FloatArray
+from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
 from service.settings import Settings
-from service.supervisor import LocalService
 
 HITS, SAMPLES, RATE_HZ = 10_000, 16_384, 12_800.0
 AT_A_POINT, IN_A_FILE = 5, 50

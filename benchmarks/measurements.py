@@ -28,10 +28,10 @@ import pyuff
 
 from modalbase.formats.uff import Axis, Frf, GridPoint
 from modalbase.formats.uff.write import write_file
+from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
-from service.imports.originals import CHUNK_BYTES
 from service.settings import Settings
-from service.supervisor import LocalService
+from service.store.imports.originals import CHUNK_BYTES
 
 FRFS, LINES = 1000, 3201
 LARGE_FRFS = 3900  # 200 MB

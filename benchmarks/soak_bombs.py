@@ -31,9 +31,9 @@ import psutil
 
 from benchmarks.access_laboratory import ASKED_FREELY
 from modalbase.formats.recognise import FORMATS
-from service.demo import paper
+from service.app.demo import paper
+from service.app.supervisor import LocalService
 from service.settings import Settings
-from service.supervisor import LocalService
 
 COUNT, LARGE = 10, 512
 MIB = 1024 * 1024

@@ -17,9 +17,9 @@ from modalbase.client.connection import Connection
 from modalbase.objects.campaigns import Campaign
 from modalbase.objects.frfs import Frfs
 from modalbase.objects.laboratory import Laboratory
-from service.demo import paper
+from service.app.demo import paper
+from service.app.supervisor import LocalService
 from service.settings import Settings
-from service.supervisor import LocalService
 
 SIZES = tuple((frfs, stride) for frfs in (1, 2, 3, 5, 12) for stride in (1, 2, 4, 8))
 """FRFs, and which of their 1,000 lines."""

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import psutil
 
-from service.supervisor import listening_socket
+from service.app.supervisor import listening_socket
 
 STARTS = 9
 LOOK_SECONDS = 0.02

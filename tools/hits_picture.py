@@ -12,9 +12,9 @@ import numpy as np
 
 from benchmarks.hammer import campaign
 from fecore.processing import by_point, each_hit
-from service.figures.hits import HitShown, PointShown, hits_figure
-from service.figures.look import Figure
-from service.figures.printing import render
+from service.show.figures.hits import HitShown, PointShown, hits_figure
+from service.show.figures.look import Figure
+from service.show.figures.printing import render
 
 FILE = Path(__file__).resolve().parent.parent / "docs/images/hits.png"
 SEED, POINT = 16, 3

@@ -8,10 +8,10 @@ from typing import Self
 
 import uvicorn
 
-from service.app import create_app
+from service.app.application import create_app
+from service.app.supervisor import LocalService, listening_socket
 from service.db.engine import make_engine
 from service.settings import Settings
-from service.supervisor import LocalService, listening_socket
 from service.web.server import PatientProtocol
 
 

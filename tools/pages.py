@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 
-from service.cli.command import app
+from service.app.cli.command import app
 from tools.routes import Described, described, document
 
 MADE = "<!-- made by python -m tools.reference -->"

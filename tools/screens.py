@@ -21,8 +21,8 @@ from playwright.sync_api import Browser, Page
 from benchmarks.hammer import campaign as simulated
 from examples.joint_update import paper_bar_over_rest
 from examples.monitoring import State, measured_frfs, post_campaign, structure_body
+from service.app.supervisor import LocalService
 from service.settings import Settings
-from service.supervisor import LocalService
 from tests.support.browser import browser, watched_page
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_at, finished, ok
@@ -30,7 +30,7 @@ from tests.support.waiting import until
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "build/screens"
-FILE = ROOT / "service/demo/paper_beam.uff"
+FILE = ROOT / "service/app/demo/paper_beam.uff"
 LOOKS = [
     ("desk", 1440, 900, False),
     ("desk-dark", 1440, 900, True),

@@ -12,7 +12,7 @@ from benchmarks.jobs_floor import Floor, floor, laboratory
 from benchmarks.jobs_hundred import compared
 from benchmarks.jobs_outage import outage
 from service.access.keys import create_key, user_named
-from service.supervisor import listening_socket
+from service.app.supervisor import listening_socket
 from tests.support.rest import client_at
 from tests.support.waiting import PATIENCE
 

@@ -28,8 +28,8 @@ def test_the_wheel_has_four_packages_and_nothing_else(built: tuple[Path, Path]) 
         metadata = wheel.read(next(name for name in names if name.endswith("METADATA"))).decode()
     tops = {name.split("/")[0] for name in names if not name.split("/")[0].endswith(".dist-info")}
     assert tops == {"fecore", "migrations", "modalbase", "service"}
-    assert "service/demo/paper_beam.uff" in names
-    assert {"service/guide/pages/index.md", "service/guide/pages/decisions/queue.md"} <= set(names)
+    assert "service/app/demo/paper_beam.uff" in names
+    assert {"service/show/guide/pages/index.md", "service/show/guide/pages/decisions/queue.md"} <= set(names)
     assert any(name.endswith("licenses/LICENSE") for name in names)
     required = [
         line.split(":")[1] for line in metadata.splitlines() if line.startswith("Requires-Dist") and "extra" not in line
@@ -40,7 +40,13 @@ def test_the_wheel_has_four_packages_and_nothing_else(built: tuple[Path, Path]) 
 def test_the_source_archive_builds_the_same_packages(built: tuple[Path, Path]) -> None:
     with tarfile.open(built[1]) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
-    assert {"pyproject.toml", "README.md", "LICENSE", "modalbase/__init__.py", "service/demo/paper_beam.uff"} <= names
+    assert {
+        "pyproject.toml",
+        "README.md",
+        "LICENSE",
+        "modalbase/__init__.py",
+        "service/app/demo/paper_beam.uff",
+    } <= names
 
 
 def test_the_wheel_alone_runs_in_a_laboratorys_own_folder_and_leaves_nothing_running(

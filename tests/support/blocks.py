@@ -119,8 +119,8 @@ def _contributor() -> dict[str, Any]:
     from fecore.body.model import plate
     from fecore.body.supports import Supports
     from service.access import CurrentUser, SessionDep
-    from service.records import operations
-    from service.records.schemas import RecordOut
+    from service.store.records import operations
+    from service.store.records.schemas import RecordOut
     from tests.support.plates import paper_section
 
     model = plate(rectangle(0.5, 0.04, 8, 2), Supports())

@@ -8,7 +8,7 @@ from dataclasses import fields
 import pytest
 
 from fecore.updating.result import HeldOut, ModeComparison, ParameterEstimate
-from service.updating.schemas import HoldOutIn, ParameterIn, RecipeIn
+from service.store.updating.schemas import HoldOutIn, ParameterIn, RecipeIn
 from tests.support.places import ROOT
 
 DOCS = ROOT / "docs"
