@@ -27,7 +27,11 @@ def constants() -> Iterator[tuple[str, bool]]:
         lines, body = path.read_text().splitlines(), ast.parse(path.read_text()).body
         for node, after in itertools.zip_longest(body, body[1:]):
             target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
-            if isinstance(target, ast.Name) and re.fullmatch(r"_?[A-Z][A-Z0-9_]*", target.id) and of_numbers(node.value):
+            if (
+                isinstance(target, ast.Name)
+                and re.fullmatch(r"_?[A-Z][A-Z0-9_]*", target.id)
+                and of_numbers(node.value)
+            ):
                 own, above = lines[node.lineno - 1 : node.end_lineno], lines[node.lineno - 2]
                 docstring = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
                 yield f"{path.name}: {target.id}", docstring or "#" in "".join(own) or above.startswith("#")
