@@ -29,16 +29,17 @@ def rest_page() -> str:
     for route in described(openapi):
         by_tag.setdefault(next(iter(route.operation.get("tags", ["other"]))), []).append(route)
     for tag, found in by_tag.items():
-        lines += [f"## {tag.capitalize()}", "", "| call | does | query | method |", "|---|---|---|---|"]
+        lines += [f"## {tag.capitalize()}", "", "| call | does | method |", "|---|---|---|"]
         lines += [_route(route) for route in found] + [""]
     return "\n".join(lines)
 
 
 def _route(route: Described) -> str:
-    query = ", ".join(f"`{name}`" for name in route.query if name not in ("cursor", "limit"))
+    query = "&".join(f"{name}=" for name in route.query if name not in ("cursor", "limit"))
     kinds = [kind for kind in route.operation.get("requestBody", {}).get("content", {}) if kind != "application/json"]
     summary = route.summary.replace("|", "\\|") + "".join(f" `{kind}`" for kind in kinds)
-    return f"| `{route.method} /{route.path}` | {summary} | {query} | `{route.name}` |"
+    call = f"{route.method} /{route.path}" + (f"?{query}" if query else "")
+    return f"| `{call}` | {summary} | `{route.name}` |"
 
 
 def cli_page() -> str:
@@ -48,15 +49,11 @@ def cli_page() -> str:
     count = Counter(row for found in rows.values() for row in found)
     common = [row for row, times in count.items() if times >= OFTEN]
     head = "[How to use it](command-line.md). Many commands have these options:"
-    lines = ["# The command, word by word", "", MADE, "", head, "", *_table(common)]
+    lines = ["# The command, word by word", "", MADE, "", head, "", *common, ""]
     for words, one in commands:
         own = [row for row in rows[words] if row not in common]
-        lines += [f"## {words}", "", _plain(one.help or ""), "", *(_table(own) if own else ())]
+        lines += [f"## {words}", "", _plain(one.help or ""), "", *own, *([""] if own else [])]
     return "\n".join(lines)
-
-
-def _table(rows: list[str]) -> list[str]:
-    return ["| | does |", "|---|---|", *rows, ""]
 
 
 def _shown(command: Any) -> list[Any]:
@@ -73,12 +70,8 @@ def _commands(command: Any, words: str) -> Iterator[tuple[str, Any]]:
 
 def _parameter(parameter: Any) -> str:
     names = parameter.opts + parameter.secondary_opts
-    shown = (
-        ", ".join(f"`{name}`" for name in names)
-        if names[0].startswith("-")
-        else f"`{parameter.name.strip('_').upper()}`"
-    )
-    return f"| {shown} | {_plain(getattr(parameter, 'help', None) or '').replace('|', chr(92) + '|')} |"
+    shown = names if names[0].startswith("-") else [parameter.name.strip("_").upper()]
+    return f"- {', '.join(f'`{name}`' for name in shown)}: {_plain(getattr(parameter, 'help', None) or '')}"
 
 
 def _plain(text: str) -> str:
