@@ -31,7 +31,7 @@ check: $(READY)
 	$(BIN)/lint-imports
 
 bench: $(READY)
-	$(BIN)/python -m benchmarks
+	$(BIN)/python -m benchmarks accuracy speed
 
 # The guide as files for a browser, in build/guide; a service has it at /guide.
 guide: $(SERVER)
@@ -39,10 +39,7 @@ guide: $(SERVER)
 
 # Long runs that print counts; the tests have each in a short form.
 soak: $(READY)
-	$(BIN)/python -m benchmarks.access_matrix long
-	$(BIN)/python -m benchmarks.soak_fuzz
-	$(BIN)/python -m benchmarks.soak_load
-	$(BIN)/python -m benchmarks.soak_kills
+	$(BIN)/python -m benchmarks soak
 	MODALBASE_TEST_LONG=1 $(BIN)/python -m pytest tests/acceptance/test_main_job.py
 
 # What the service needs; and what the tests and checks need beside it.

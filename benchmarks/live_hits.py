@@ -1,7 +1,6 @@
 """A campaign that receives one hit after another over HTTP: how long each answer takes that says whether the hit was good.
 
-`python -m benchmarks live_hits` sends 50 simulated hits (ten points of five, 8,192 samples or what the drawn analyser has) to a
-service of its own, one request each, and times request to answer.
+50 simulated hits (ten points of five) go to a service of its own, one request each.
 """
 
 from __future__ import annotations
@@ -66,7 +65,3 @@ def _npz(one: Simulated) -> bytes:
         fs=np.array(one.hit.sample_rate_hz),
     )
     return file.getvalue()
-
-
-if __name__ == "__main__":
-    main()

@@ -1,7 +1,7 @@
 """Ten thousand hits through a service: upload, storage and processing, beside reading the same files and transforming them.
 
-`python -m benchmarks many_hits [HITS]` writes npz files of 50 hits (ten points of five, force and one response of 16,384
-samples as float32), sends them to a service of its own, two at a time, and starts one processing over the default band. What
+Npz files of 50 hits (ten points of five, force and one response of 16,384
+samples as float32) go to a service of its own, two at a time, and one processing starts over the default band. What
 bounds it is measured in the same run: reading the files and one transform a block; and what PostgreSQL alone needs to store
 the same bytes by COPY, over one connection and over two. The first COPY is not shown: it makes the files of the log, which
 the others use again. Seconds of the clock, and of the processors: of this script, of API, worker and their children, and of
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
@@ -34,7 +33,7 @@ from service.db.engine import psycopg_url
 from service.settings import Settings
 from service.supervisor import LocalService
 
-HITS, SAMPLES, RATE_HZ = 10_000, 16_384, 12_800.0
+SAMPLES, RATE_HZ = 16_384, 12_800.0
 AT_A_POINT, IN_A_FILE = 5, 50
 SENDERS = 2
 MAPPING = {
@@ -47,10 +46,8 @@ MAPPING = {
 }
 
 
-def main() -> None:
+def main(hits: int = 10_000) -> None:
     """Print the table."""
-    arguments = [a for a in sys.argv[1:] if a.isdigit()]
-    hits = int(arguments[0]) if arguments else HITS
     with tempfile.TemporaryDirectory(prefix="mb-") as name:
         folder = Path(name)
         settings = Settings(data=folder / "db", port=0, log_level="error")
@@ -215,7 +212,3 @@ def _processor_s(service: LocalService) -> float:
                 continue
             total += used.user + used.system + used.children_user + used.children_system
     return total
-
-
-if __name__ == "__main__":
-    main()

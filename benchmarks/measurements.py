@@ -310,7 +310,3 @@ def _fill(connection: psycopg.Connection[tuple[uuid.UUID]], campaign: str, rows:
 
 def _cursor(key: bytes) -> str:
     return base64.urlsafe_b64encode(key).rstrip(b"=").decode()
-
-
-if __name__ == "__main__":
-    main()

@@ -9,13 +9,10 @@ Shewhart, raw values   as a laboratory draws it: baseline's mean ± L of its sta
 naive threshold        the same, L from 4000 simulated unchanged structures with seasons, so that it calls as often as stated
 EWMA, independent      our EWMA with limits for campaigns that do not resemble their neighbours
 known-scatter band     the baseline's mean ± a percentage that knows those 4000 structures; no laboratory has that
-
-`python -m benchmarks.trend 2000` takes that many series of each kind in place of 200, and another seed with a second number.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -187,7 +184,3 @@ def main(sets: int = SETS, seed: int = 100) -> None:
         for label, (known, band) in bands.items():
             beyond = [np.flatnonzero((excess(s, scenario.baseline, known) > band).any(axis=0)) for s in drawn]
             report(label, [int(b[0]) if b.size else None for b in beyond], bool(scenario.factors))
-
-
-if __name__ == "__main__":
-    main(*(int(argument) for argument in sys.argv[1:]))
