@@ -22,24 +22,23 @@ def rest_page() -> str:
     lines = [
         "# REST, route by route", "", MADE, "",
         "Paths are below `/api/v1`. `/openapi.json` is the document with all fields, `/docs` the page to try them.",
-        "Each route is a method of [`lab.rest`](library.md) by the name in the last column.",
+        "Each route is a method of [`lab.rest`](library.md) by the name in brackets.",
         "Bodies are JSON; other media types are named.", "",
     ]  # fmt: skip
     by_tag: dict[str, list[Described]] = {}
     for route in described(openapi):
         by_tag.setdefault(next(iter(route.operation.get("tags", ["other"]))), []).append(route)
     for tag, found in by_tag.items():
-        lines += [f"## {tag.capitalize()}", "", "| call | does | method |", "|---|---|---|"]
-        lines += [_route(route) for route in found] + [""]
+        lines += [f"## {tag.capitalize()}", "", *map(_route, found), ""]
     return "\n".join(lines)
 
 
 def _route(route: Described) -> str:
     query = "&".join(f"{name}=" for name in route.query if name not in ("cursor", "limit"))
     kinds = [kind for kind in route.operation.get("requestBody", {}).get("content", {}) if kind != "application/json"]
-    summary = route.summary.replace("|", "\\|") + "".join(f" `{kind}`" for kind in kinds)
+    summary = route.summary + "".join(f" `{kind}`" for kind in kinds)
     call = f"{route.method} /{route.path}" + (f"?{query}" if query else "")
-    return f"| `{call}` | {summary} | `{route.name}` |"
+    return f"- `{call}` (`{route.name}`): {summary}"
 
 
 def cli_page() -> str:
