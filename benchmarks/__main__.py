@@ -59,8 +59,11 @@ TABLES = {
     "soak": (
         Case("access_matrix", "every operation as every kind of caller", ("long",)),
         Case("soak_fuzz", "requests drawn from the OpenAPI document"),
+        Case("soak_bombs", "files of every format that are made to cost"),
         Case("soak_load", "500 clients and 400 streams of events"),
         Case("soak_kills", "100 kills under imports, updates and messages"),
+        Case("soak_small", "every figure and report of campaigns of few FRFs"),
+        Case("soak_backup", "a backup of jobs that wait and run, restored"),
         Case("jobs_outage", "a worker cut off from the database for a minute"),
     ),
 }

@@ -19,11 +19,10 @@ from benchmarks.forward_peers import ccx
 from benchmarks.independent import solid_grid
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
-from fecore.updating.campaigns.layout import Campaign
-from fecore.updating.campaigns.plans import plan_tests
-from fecore.updating.campaigns.update import CampaignsResult, update_campaigns
+from fecore.updating.campaigns import Campaign, CampaignsResult, update_campaigns
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
+from fecore.updating.plans import plan_tests
 from tests.support.strips import PLATE, STRIP, TRUTH, measured, panel
 from tests.unit.fecore.updating.test_plans import effective_independence, random_beam
 

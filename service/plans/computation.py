@@ -7,11 +7,11 @@ from typing import Any
 
 from fecore.body.oriented import OrientedSpecimen
 from fecore.modes import MeasuredModes
-from fecore.updating.campaigns.layout import Campaign
-from fecore.updating.campaigns.plans import Plan, PlannedTest, plan_tests
+from fecore.updating.campaigns import Campaign
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter
+from fecore.updating.plans import Plan, PlannedTest, plan_tests
 from fecore.updating.recipe import Recipe
 
 

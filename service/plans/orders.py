@@ -15,8 +15,8 @@ from sqlalchemy.orm import Session
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.oriented import OrientedSpecimen
 from fecore.body.supports import PointMass
-from fecore.updating.campaigns.layout import MATERIAL_PARAMETERS
-from fecore.updating.campaigns.plans import PlannedTest
+from fecore.updating.campaigns import MATERIAL_PARAMETERS
+from fecore.updating.plans import PlannedTest
 from service.access import User
 from service.campaigns.operations import campaign_for, campaign_of, frame_of
 from service.errors import Invalid

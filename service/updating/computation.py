@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import platform
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from typing import Any
 
-import numpy as np
-
-import fecore
 from fecore.body.layered import LayeredSpecimen
 from fecore.body.specimen import Specimen
 from fecore.modes import MeasuredModes
@@ -20,11 +15,13 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
+from fecore.updating.result import UpdateResult
 from service.campaigns.frame import Frame
 from service.jobs.kinds import Report
+from service.modes.identification_document import describe_identification
 from service.records.computing import ProcessingInputs, ProcessingOutput, process_whole
 from service.updating.arrays import as_npz
-from service.updating.document import describe
+from service.updating.origin import origin
 
 _OF_HITS = 0.05  # share of an update's progress that its hits take
 
@@ -72,20 +69,26 @@ class UpdateOutput:
     """A result ready to be stored.
 
     Attributes:
-        document: the contract's result.
+        result: of the core, without what is in the arrays.
         prediction: arrays as npz: predicted FRFs, shapes, samples.
+        warnings: what was left out while loading, and of the hits.
+        provenance: where all of it came from.
         identified: modes that the job found itself, in the specimen's frame; None where it was given a mode set.
+        identification: how they were found, as JSON.
         processing: what became of the hits, where there were hits.
     """
 
-    document: dict[str, Any]
+    result: UpdateResult
     prediction: bytes
-    identified: MeasuredModes | None
+    warnings: tuple[str, ...]
+    provenance: dict[str, Any]
+    identified: MeasuredModes | None = None
+    identification: dict[str, Any] | None = None
     processing: ProcessingOutput | None = None
 
 
 def compute_update(inputs: UpdateInputs, report: Report) -> Iterator[UpdateOutput]:
-    """Run the core and describe its result."""
+    """Run the core."""
     stages = _Stopwatch(report, 0.0 if inputs.hits is None else _OF_HITS)
     measurement, recipe, processing, warnings = inputs.measurement, inputs.recipe, None, inputs.warnings
     if inputs.hits is not None:
@@ -95,16 +98,16 @@ def compute_update(inputs: UpdateInputs, report: Report) -> Iterator[UpdateOutpu
         warnings = (*warnings, *processing.processed.warnings, *band)
     assert measurement is not None, "a measurement is loaded, or made of hits"
     result = update(measurement, inputs.specimen, recipe, stages.progress, report)
-    provenance = {
-        **inputs.provenance,
-        "software": {"modalbase": fecore.__version__, "numpy": np.__version__, "python": platform.python_version()},
-        "host": platform.node(),
-        "computed_at": datetime.now(UTC).isoformat(),
-        "durations_s": stages.finish(),
-    }
-    document = describe(result, warnings, provenance)
-    identified = None if result.identification is None else result.identification.modes
-    yield UpdateOutput(document, as_npz(result), identified, processing)
+    found = result.identification
+    yield UpdateOutput(
+        result=replace(result, prediction=None, identification=None),
+        prediction=as_npz(result),
+        warnings=warnings,
+        provenance={**inputs.provenance, **origin(), "durations_s": stages.finish()},
+        identified=None if found is None else found.modes,
+        identification=None if found is None else describe_identification(found),
+        processing=processing,
+    )
 
 
 def _within_force(recipe: Recipe, processed: Processed) -> tuple[Recipe, tuple[str, ...]]:

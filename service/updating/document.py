@@ -1,23 +1,15 @@
-"""A result as the REST contract shows it: plain JSON, NaN as null."""
+"""A result as the REST contract shows it: plain JSON, made by the models of `result_schemas`."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from fecore.arrays import FloatArray
-from fecore.updating.result import (
-    Correlation,
-    FrfCorrelation,
-    HeldOut,
-    ParameterEstimate,
-    PosteriorSummary,
-    UpdateResult,
-)
-from service.modes.identification_document import describe_identification
+from fecore.updating.result import CampaignsResult, Correlation, FrfCorrelation, HeldOut, PosteriorSummary, UpdateResult
+from service.updating.result_schemas import JointResultOut, ResultOut
+from service.updating.versions import VERSION
 
 LARGE_PARTS = {"stabilisation": ("identification", "stabilisation"), "convergence": ("convergence",)}
 """Parts of a document that only a figure needs, and where they stand."""
@@ -35,126 +27,89 @@ def slim(document: Mapping[str, Any], leave_out: Iterable[str]) -> dict[str, Any
     return left
 
 
-def describe(result: UpdateResult, warnings: Iterable[str], provenance: dict[str, Any]) -> dict[str, Any]:
+def describe(
+    result: UpdateResult, identification: dict[str, Any] | None, warnings: Iterable[str], provenance: dict[str, Any]
+) -> dict[str, Any]:
     """The document that `GET /update-jobs/{id}/result` answers."""
-    return {
-        "verdict": asdict(result.verdict) | {"reasons": list(result.verdict.reasons)},
+    laws = [{**vars(law), "curve": dict(zip(_CURVE, law.curve, strict=True))} for law in result.damping_models]
+    shapes = result.shapes
+    modes = [] if shapes is None else list(zip(shapes.frequency_hz.tolist(), shapes.kinds, strict=True))
+    members = {
+        **{name: getattr(result, name) for name in _AS_THEY_ARE},
         "warnings": [*warnings, *result.warnings],
-        "outcomes": [asdict(outcome) for outcome in result.outcomes],
-        "parameters": [_parameter(p) for p in result.parameters],
-        "modes": [asdict(mode) for mode in result.modes],
         "correlation": _correlation(result.correlation),
-        "damping_models": [
-            {
-                "name": fit.name,
-                "coefficients": fit.coefficients,
-                "bic": fit.bic if np.isfinite(fit.bic) else None,
-                "preferred": fit.preferred,
-                "missed": _numbers(fit.missed),
-                "standard_deviations": fit.standard_deviations,
-                "curve": {"frequency_hz": _short(fit.curve[0]), "damping_ratio": _short(fit.curve[1])},
-                "by_mechanism": fit.by_mechanism,
-            }
-            for fit in result.damping_models
-        ],
+        "damping_models": laws,
         "damping_fit": {
             "starts": result.damping_starts,
             "optima": list(result.damping_optima),
             "history": result.damping_history.tolist(),
         },
-        "convergence": [
-            {"parameters": step.parameters, "frequency_hz": _numbers(step.frequency_hz), "cost": step.cost}
-            for step in result.convergence
-        ],
-        "starts": [
-            {
-                "chosen": start.chosen,
-                "failure": start.failure or None,
-                "cost": list(start.cost),
-                "parameters": {name: values.tolist() for name, values in start.parameters.items()},
-            }
-            for start in result.starts
-        ],
-        "pairing": asdict(result.pairing),
-        "model_modes": []
-        if result.shapes is None
-        else [
-            {"number": k + 1, "frequency_hz": float(hz), "kind": kind}
-            for k, (hz, kind) in enumerate(zip(result.shapes.frequency_hz, result.shapes.kinds, strict=True))
-        ],
+        "model_modes": [{"number": k, "frequency_hz": hz, "kind": kind} for k, (hz, kind) in enumerate(modes, start=1)],
         "identifiability": {"null_directions": list(result.null_directions)},
         "discrepancy": {"frequency": result.frequency_discrepancy, "damping": result.damping_discrepancy},
-        "band_hz": None if result.band_hz is None else list(result.band_hz),
-        "channel_delay_s": result.channel_delay_s,
-        "identification": None if result.identification is None else describe_identification(result.identification),
+        "identification": identification,
         "posterior": _posterior(result.posterior),
         "provenance": provenance,
+        "version": VERSION,
     }
+    return ResultOut.model_validate(members).model_dump(mode="json", exclude_unset=True)
 
 
-def _parameter(parameter: ParameterEstimate) -> dict[str, Any]:
-    return {
-        **asdict(parameter),
-        "interval_95": list(parameter.interval_95),
-        "budget": [asdict(entry) for entry in parameter.budget],
-        "confounded_with": list(parameter.confounded_with),
+_CURVE = ("frequency_hz", "damping_ratio")
+_AS_THEY_ARE = (
+    *("verdict", "findings", "outcomes", "parameters", "modes", "convergence", "starts", "pairing"),
+    *("band_hz", "channel_delay_s"),
+)
+
+
+def describe_joint(
+    result: CampaignsResult, warnings: Iterable[str], sources: Sequence[dict[str, Any]], provenance: dict[str, Any]
+) -> dict[str, Any]:
+    """The document of a joint update, each campaign's part with the ids of what it was made of."""
+    members = {
+        **vars(result),
+        "warnings": [*result.warnings, *warnings],
+        "posterior": {"names": result.free, "correlation": result.correlation},
+        "campaigns": [{**vars(part), **source} for part, source in zip(result.campaigns, sources, strict=True)],
+        "damping_models": result.damping,
+        "discrepancy": {"frequency": result.discrepancy, "scatter": result.scatter},
+        "provenance": provenance,
     }
+    for name in ("correlation", "free", "scatter", "damping"):
+        del members[name]
+    return JointResultOut.model_validate(members).model_dump(mode="json", exclude_unset=True)
 
 
 def _posterior(posterior: PosteriorSummary) -> dict[str, Any]:
     """The method, how the parameters correlate, and for samples what the chains were like."""
     described: dict[str, Any] = {"method": posterior.method}
     if posterior.correlation is not None:
-        described |= {"names": list(posterior.names), "correlation": posterior.correlation.tolist()}
+        described |= {"names": posterior.names, "correlation": posterior.correlation}
     if posterior.samples is not None:
-        described |= {
-            "samples": len(posterior.samples),
-            "effective_samples": list(posterior.effective_samples),
-            "autocorrelation_time": list(posterior.autocorrelation_time),
-            "acceptance": list(posterior.acceptance),
-        }
+        described["samples"] = len(posterior.samples)
+        for name in ("effective_samples", "autocorrelation_time", "acceptance"):
+            described[name] = list(getattr(posterior, name))
     return described
 
 
 def _correlation(correlation: Correlation) -> dict[str, Any]:
-    matrix = correlation.mac_matrix
     return {
         **_agreement(correlation.updated),
         "initial": _agreement(correlation.initial),
-        "held_out": {
-            "frfs": _held_out(correlation.held_out_frfs),
-            "band": _held_out(correlation.held_out_band),
-        },
-        "mac_matrix": None if matrix is None else [_numbers(row) for row in matrix],
+        "held_out": {"frfs": _held_out(correlation.held_out_frfs), "band": _held_out(correlation.held_out_band)},
+        "mac_matrix": correlation.mac_matrix,
     }
 
 
 def _held_out(held: HeldOut | None) -> dict[str, Any] | None:
     if held is None:
         return None
-    return {
-        "points": list(held.points),
-        "band_hz": list(held.band_hz),
-        **_agreement(held.agreement),
-        "coverage_95": held.coverage_95,
-    }
+    kept = {"points": held.points, "band_hz": held.band_hz, "coverage_95": held.coverage_95}
+    return kept | _agreement(held.agreement)
 
 
 def _agreement(agreement: FrfCorrelation | None) -> dict[str, Any]:
     if agreement is None:
         return {"sac": [], "frac": [], "csac_mean": None, "csf_mean": None}
-    return {
-        "sac": _numbers(agreement.sac),
-        "frac": _numbers(agreement.frac),
-        "csac_mean": float(np.nanmean(agreement.csac)),
-        "csf_mean": float(np.nanmean(agreement.csf)),
-    }
-
-
-def _short(values: FloatArray) -> list[float | None]:
-    """Numbers of a curve that is only drawn, to five digits."""
-    return [None if value is None else float(f"{value:.5g}") for value in _numbers(values)]
-
-
-def _numbers(values: FloatArray) -> list[float | None]:
-    return [float(value) if np.isfinite(value) else None for value in values]
+    means = {f"{name}_mean": float(np.nanmean(getattr(agreement, name))) for name in ("csac", "csf")}
+    return {"sac": agreement.sac, "frac": agreement.frac, **means}

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
+from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-import fecore
 from fecore.body.oriented import OrientedSpecimen
-from fecore.updating.campaigns.fit import Coupon
-from fecore.updating.campaigns.layout import Campaign
-from fecore.updating.campaigns.update import CampaignPart, CampaignsRecipe, CampaignsResult, update_campaigns
+from fecore.updating.campaigns import Campaign, CampaignsRecipe, update_campaigns
+from fecore.updating.elastic import Coupon
 from fecore.updating.excursions import fixed_points
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.recipe import Recipe
-from fecore.updating.result import ParameterEstimate
+from fecore.updating.result import CampaignsResult
 from service.jobs.kinds import Report
+from service.updating.origin import origin
 
 
 @dataclass(frozen=True)
@@ -54,8 +49,18 @@ class JointInputs:
     provenance: dict[str, Any]
 
 
-def compute_joint(inputs: JointInputs, report: Report) -> Iterator[dict[str, Any]]:
-    """Find each campaign's modes, update all together and describe the result."""
+@dataclass(frozen=True)
+class JointOutput:
+    """A result ready to be stored: of the core, with warnings of what was left out, and what each campaign was made of."""
+
+    result: CampaignsResult
+    warnings: tuple[str, ...]
+    sources: tuple[dict[str, Any], ...]
+    provenance: dict[str, Any]
+
+
+def compute_joint(inputs: JointInputs, report: Report) -> Iterator[JointOutput]:
+    """Find each campaign's modes and update all together."""
     campaigns, warnings = [], list(inputs.warnings)
     count = len(inputs.campaigns)
     for number, each in enumerate(inputs.campaigns):
@@ -82,48 +87,5 @@ def compute_joint(inputs: JointInputs, report: Report) -> Iterator[dict[str, Any
         inputs.coupons,
         lambda stage, share: report(stage, 0.5 + 0.5 * share),
     )
-    provenance = {
-        **inputs.provenance,
-        "software": {"modalbase": fecore.__version__, "numpy": np.__version__, "python": platform.python_version()},
-        "host": platform.node(),
-        "computed_at": datetime.now(UTC).isoformat(),
-    }
-    yield _describe(result, warnings, [each.provenance for each in inputs.campaigns], provenance)
-
-
-def _describe(
-    result: CampaignsResult, warnings: list[str], sources: list[dict[str, Any]], provenance: dict[str, Any]
-) -> dict[str, Any]:
-    """The document of a joint update: plain JSON, each campaign's part with the ids of what it was made of."""
-    parts = zip(result.campaigns, sources, strict=True)
-    return {
-        "verdict": asdict(result.verdict) | {"reasons": list(result.verdict.reasons)},
-        "warnings": [*result.warnings, *warnings],
-        "parameters": [_parameter(each) for each in result.parameters],
-        "posterior": {"names": list(result.free), "correlation": result.correlation.tolist()},
-        "campaigns": [_part(part) | source for part, source in parts],
-        "odd_one_out": result.odd_one_out,
-        "damping_models": [asdict(law) | {"bic": law.bic if np.isfinite(law.bic) else None} for law in result.damping],
-        "discrepancy": {"frequency": result.discrepancy, "scatter": result.scatter},
-        "provenance": provenance,
-    }
-
-
-def _part(part: CampaignPart) -> dict[str, Any]:
-    return {
-        "name": part.name,
-        "specimen": part.specimen,
-        "predictive_p": part.predictive_p,
-        "contradicts": part.contradicts,
-        "alone": {name: dict(values) for name, values in part.alone.items()},
-        "own": [_parameter(each) for each in part.own],
-        "modes": [asdict(mode) for mode in part.modes],
-    }
-
-
-def _parameter(parameter: ParameterEstimate) -> dict[str, Any]:
-    return asdict(parameter) | {
-        "interval_95": list(parameter.interval_95),
-        "budget": [asdict(entry) for entry in parameter.budget],
-        "confounded_with": list(parameter.confounded_with),
-    }
+    sources = tuple(each.provenance for each in inputs.campaigns)
+    yield JointOutput(result, tuple(warnings), sources, {**inputs.provenance, **origin()})

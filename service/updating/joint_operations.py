@@ -12,12 +12,12 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
-from fecore.updating.campaigns.layout import MATERIAL
+from fecore.updating.campaigns import check_material
 from fecore.updating.parameters import parametrise
 from service.access import Lookup, User, audit, project_for
 from service.campaigns.operations import campaign_for
 from service.coupons.operations import batch_for
-from service.errors import Conflict, Fault, Invalid, NotFound
+from service.errors import Conflict, Fault, Invalid, NotFound, pointer
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue, one_at_a_time, request_cancel
 from service.jobs.state import job_state, why_no_result
@@ -27,17 +27,18 @@ from service.storage import StorageOwner, book, require_room
 from service.structures.operations import present_structure
 from service.updating.batches import UpdateBatchIn
 from service.updating.bodies import nominal_specimen
-from service.updating.joint_computation import compute_joint
+from service.updating.document import describe_joint as describe_result
+from service.updating.joint_computation import JointOutput, compute_joint
 from service.updating.joint_loading import load_joint, of_its_material, parameters_of
 from service.updating.joint_schemas import JointUpdateOut
 from service.updating.schemas import RecipeIn
 from service.updating.tables import JointUpdate
-from service.web.json_body import pointer
 
 
-def _store(session: Session, job_id: UUID, items: Iterator[dict[str, Any]]) -> None:
+def _store(session: Session, job_id: UUID, items: Iterator[JointOutput]) -> None:
     row = session.get_one(JointUpdate, job_id)
-    for document in items:
+    for output in items:
+        document = describe_result(output.result, output.warnings, output.sources, output.provenance)
         book(session, StorageOwner(row.project_id), "results", len(json.dumps(document)))
         row.document = document
 
@@ -112,6 +113,8 @@ def _faults(session: Session, user: User, request: UpdateBatchIn) -> list[Fault]
     for at, recipe in recipes:
         if recipe is None:
             continue
+        with pointing(faults, at):
+            recipe.inputs.to_core()
         faults += [
             Fault(f"{at}/{name}", "has no meaning in a joint update; leave it out")
             for name in _SINGLE_ONLY
@@ -134,12 +137,7 @@ def _faults(session: Session, user: User, request: UpdateBatchIn) -> list[Fault]
 
 def _check_parameters(session: Session, user: User, request: UpdateBatchIn) -> None:
     parameters = parameters_of(request.recipe or RecipeIn.model_validate({}))
-    for number, parameter in enumerate(parameters):
-        if parameter.name not in MATERIAL:
-            raise InputError(
-                f"parameters.{number}.name",
-                f"is {parameter.name!r}, expected one of the material's: {', '.join(MATERIAL)}",
-            )
+    check_material(parameters)
     first = campaign_for(session, user, request.jobs[0].campaign_id)
     structure = of_its_material(present_structure(session, first.structure_id)[1], 0)
     parametrise(nominal_specimen(structure, "free"), parameters)

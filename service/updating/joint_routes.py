@@ -13,6 +13,7 @@ from service.jobs.events import STREAM, Events
 from service.jobs.tables import Job
 from service.updating.joint_operations import cancel_joint, describe_joint, joint_document, joint_update_for
 from service.updating.joint_schemas import JointUpdateOut
+from service.updating.result_schemas import JointResultOut
 from service.updating.tables import JointUpdate
 from service.web import Cursor, Limit, Page, api_router, paged
 
@@ -52,7 +53,7 @@ def watch_joint_update(
     return events.of(session.get_one(Job, row.id, populate_existing=True))
 
 
-@router.get("/joint-updates/{joint_id}/result")
+@router.get("/joint-updates/{joint_id}/result", response_model=None, responses={200: {"model": JointResultOut}})
 def get_joint_result(joint_id: UUID, session: SessionDep, user: CurrentUser) -> dict[str, Any]:
     """The material's constants from all campaigns, each campaign's part, and whether they agree."""
     return joint_document(session, joint_update_for(session, user, joint_id))

@@ -1,23 +1,46 @@
-"""What `GET /update-jobs/{id}/result` answers, for the OpenAPI document and for who reads a result in another language.
+"""What a result is as JSON: one declaration for what is stored, for the OpenAPI document and for who reads it elsewhere.
 
-A result is stored as it was computed and shown as it is stored, so these models describe it and do not filter it: one of an
-earlier version may lack members, one of a later version may have more.
+The worker makes a document of the core's dataclasses by these models (`fecore.updating.result`); their arrays become lists, and
+what is not finite null. A stored document of an earlier version is brought up to date when it is read
+(`service.updating.versions`).
 """
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
-
-Number = float | None
-
-
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="allow")
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 
-class VerdictOut(_Part):
+def _listed(values: Any) -> Any:
+    """Numbers of an array of any shape as lists, None for what is not finite."""
+    if isinstance(values, np.ndarray):
+        return [_listed(each) for each in values]
+    return None if isinstance(values, float | np.floating) and not np.isfinite(values) else values
+
+
+def _short(values: Any) -> Any:
+    """Numbers of a curve that is only drawn, to five digits."""
+    listed = _listed(values)
+    return (
+        [None if value is None else float(f"{value:.5g}") for value in listed] if isinstance(listed, list) else values
+    )
+
+
+Number = Annotated[float | None, BeforeValidator(_listed)]
+Numbers = Annotated[list[Number], BeforeValidator(_listed)]
+Table = Annotated[list[Numbers], BeforeValidator(_listed)]
+Curve = Annotated[list[Number], BeforeValidator(_short)]
+
+
+class Part(BaseModel):
+    """A part of a result, made of the core's dataclass of the same members."""
+
+    model_config = ConfigDict(extra="allow", from_attributes=True)
+
+
+class VerdictOut(Part):
     """Whether the result may be used."""
 
     level: Literal["usable", "with_care", "do_not_use"] = Field(description="may it be used?")
@@ -25,7 +48,15 @@ class VerdictOut(_Part):
     reasons: list[str] = Field(description="the decisive ones, the gravest first")
 
 
-class OutcomeOut(_Part):
+class FindingOut(Part):
+    """Something that a user must know."""
+
+    kind: str = Field(description="its id, the same in every result")
+    level: Literal["with_care", "do_not_use"] | None = Field(description="what it means for the use of the result")
+    text: str = Field(description="what was found and what to do")
+
+
+class OutcomeOut(Part):
     """How a stage ended; stages fail alone."""
 
     stage: str = Field(description="`elastic` or `damping`")
@@ -33,7 +64,7 @@ class OutcomeOut(_Part):
     message: str = Field(description="why, where it did not succeed")
 
 
-class BudgetOut(_Part):
+class BudgetOut(Part):
     """One source's part in a parameter's uncertainty."""
 
     source: str = Field(description="noise, discrepancy, a prior, or an input of the laboratory")
@@ -42,7 +73,14 @@ class BudgetOut(_Part):
     provenance: str = Field(description="where the source's own standard deviation comes from")
 
 
-class ParameterOut(_Part):
+class ComparableOut(Part):
+    """A parameter with every input held at what was stated, to compare with other tests of the same body."""
+
+    estimate: float = Field(description="in the parameter's unit")
+    standard_deviation: float = Field(description="by measurement noise alone, in the parameter's unit")
+
+
+class ParameterOut(Part):
     """An updated parameter."""
 
     name: str = Field(description="Ex Ey Gxy Gxz Gyz a0 a1 …")
@@ -55,20 +93,18 @@ class ParameterOut(_Part):
     identifiable: bool = Field(
         description="whether the data say more than half of what is known of it; of a tied one, of what it is tied to"
     )
+    prior_mean: Number = Field(description="in its unit; null without a prior")
+    prior_sd: Number = Field(description="in its unit; null without a prior")
+    comparable: ComparableOut | None = Field(None, description="what to compare with other tests of the same body")
+    budget: list[BudgetOut] = Field(description="what its variance is made of, the largest first")
+    confounded_with: list[str] = Field(description="parameters with which it moves where the data see nothing")
     tied_to: str | None = Field(
         None, description="the parameter whose ratio to it the recipe fixes; null where it is estimated itself"
     )
-    prior_mean: Number = Field(description="in its unit; null without a prior")
-    prior_sd: Number = Field(description="in its unit; null without a prior")
-    budget: list[BudgetOut] = Field(description="what its variance is made of, the largest first")
-    confounded_with: list[str] = Field(description="parameters with which it moves where the data see nothing")
-    comparable: dict[str, float] | None = Field(
-        None, description="estimate and standard deviation, in its unit, to compare with other tests of the same body"
-    )
 
 
-class ModeComparisonOut(_Part):
-    """A measured mode beside the model's; null where there is no partner or nothing was measured."""
+class ModeOut(Part):
+    """A measured mode beside the model's; null where there is no partner."""
 
     number: int = Field(description="of the measured mode, from 1")
     kind: str | None = Field(description="the model's motion: bending or torsion")
@@ -77,15 +113,21 @@ class ModeComparisonOut(_Part):
     updated_hz: Number = Field(description="of the updated model, Hz")
     error_percent: Number = Field(description="of the updated frequency, % of the measured one")
     mac: Number = Field(description="of measured and updated shape, 0 to 1")
+
+
+class ModeComparisonOut(ModeOut):
+    """A measured mode beside the model's; null where there is no partner or nothing was measured."""
+
     measured_damping: Number = Field(description="measured damping ratio ζ, not per cent")
     predicted_damping: Number = Field(description="of the updated model, not per cent")
+    measured_damping_sd: Number = Field(None, description="standard deviation of the measured ratio")
 
 
-class AgreementOut(_Part):
+class AgreementOut(Part):
     """Agreement of measured and predicted FRFs, 0 to 1."""
 
-    sac: list[Number] = Field(description="spectral assurance criterion of each FRF")
-    frac: list[Number] = Field(description="frequency response assurance criterion of each FRF")
+    sac: Numbers = Field(description="spectral assurance criterion of each FRF")
+    frac: Numbers = Field(description="frequency response assurance criterion of each FRF")
     csac_mean: Number = Field(description="mean over the lines of the cross signature assurance criterion")
     csf_mean: Number = Field(description="mean over the lines of the cross signature scale factor")
 
@@ -98,7 +140,7 @@ class HeldOutAgreementOut(AgreementOut):
     coverage_95: Number = Field(description="share of the values inside their 95 % prediction intervals, 0 to 1")
 
 
-class HeldOutOut(_Part):
+class HeldOutOut(Part):
     """Validation on data that no fit has seen; null where nothing was held out."""
 
     frfs: HeldOutAgreementOut | None = Field(description="FRFs kept from the fit")
@@ -110,30 +152,58 @@ class CorrelationOut(AgreementOut):
 
     initial: AgreementOut = Field(description="of the initial model")
     held_out: HeldOutOut = Field(description="on data that no fit has seen")
-    mac_matrix: list[list[Number]] | None = Field(
-        description="rows measured, columns updated model; null without shapes"
-    )
+    mac_matrix: Table | None = Field(description="rows measured, columns updated model; null without shapes")
 
 
-class DampingLawOut(_Part):
+class CurveOut(Part):
+    """A damping law over the range of the modes."""
+
+    frequency_hz: Curve = Field(description="Hz; of a law by mechanism those of the model's modes")
+    damping_ratio: Curve = Field(description="of the law there")
+
+
+class DampingLawOut(Part):
     """A damping law of the recipe."""
 
     name: str = Field(description="rayleigh caughey3 caughey4 generalised modal")
     coefficients: dict[str, float] = Field(description="by name, SI")
     bic: Number = Field(description="Bayesian information criterion; the least is preferred")
     preferred: bool = Field(description="whether it has the least of all")
-    missed: list[Number] = Field(description="relative miss of the ratio of each paired mode")
+    missed: Numbers = Field(description="relative miss of the ratio of each paired mode")
+    standard_deviations: dict[str, float] | None = Field(None, description="of the coefficients, by name, SI")
+    curve: CurveOut | None = Field(None, description="its damping ratios over the range of the modes")
+    by_mechanism: bool | None = Field(None, description="whether it damps the shares of strain energy")
 
 
-class ConvergenceStepOut(_Part):
+class CommonLawOut(Part):
+    """A damping law with one set of coefficients for all campaigns."""
+
+    name: str = Field(description="of the law")
+    coefficients: dict[str, float] = Field(description="by name, SI")
+    standard_deviations: dict[str, float] = Field(description="of the coefficients, by name, SI")
+    bic: Number = Field(description="Bayesian information criterion; the least is preferred")
+    preferred: bool = Field(description="whether it has the least of all")
+    missed_by: dict[str, float] = Field(description="root mean square of the misses of each campaign's ratios")
+
+
+class ConvergenceStepOut(Part):
     """An iterate of stage 1."""
 
     parameters: dict[str, float] = Field(description="by name, SI")
-    frequency_hz: list[Number] = Field(description="of the measured modes' partners, Hz")
+    frequency_hz: Numbers = Field(description="of the measured modes' partners, Hz")
     cost: float = Field(description="of the fit, without unit")
 
 
-class PartnerOut(_Part):
+class StartOut(Part):
+    """A start of stage 1, iterate by iterate."""
+
+    chosen: bool = Field(description="whether the result is its end")
+    failure: Annotated[str | None, BeforeValidator(lambda text: text or None)] = Field(description="null: it converged")
+    cost: list[float] = Field(description="of each iterate")
+    parameters: dict[str, Numbers] = Field(description="by name, of each iterate, SI")
+
+
+class PartnerOut(Part):
     """A measured mode and its partner among the model's."""
 
     measured: int = Field(description="number of the measured mode, from 1")
@@ -142,7 +212,7 @@ class PartnerOut(_Part):
     kind: str = Field(description="its motion: bending or torsion")
 
 
-class RivalPairingOut(_Part):
+class RivalPairingOut(Part):
     """Other partners, at the best point that a start came to with them."""
 
     partners: list[PartnerOut] = Field(description="of the measured modes")
@@ -150,7 +220,7 @@ class RivalPairingOut(_Part):
     log_evidence: float = Field(description="logarithm of how much more the chosen pairing is supported")
 
 
-class PairingOut(_Part):
+class PairingOut(Part):
     """Which measured mode is which of the model's."""
 
     by: Literal["shapes", "order"] = Field(description="what decided: `order` with fewer than three dofs, or no shapes")
@@ -158,11 +228,20 @@ class PairingOut(_Part):
     rival: RivalPairingOut | None = Field(description="the next best pairing that was found; null: none")
 
 
-class ResultOut(_Part):
+class PosteriorOut(Part):
+    """How the posterior was had, and how the parameters correlate."""
+
+    method: str = Field("laplace", description="laplace or mcmc")
+    names: list[str] = Field(default_factory=list, description="rows and columns of the correlation")
+    correlation: Table | None = Field(None, description="of these parameters")
+
+
+class ResultOut(Part):
     """A result: the verdict and the warnings first."""
 
     verdict: VerdictOut = Field(description="whether the result may be used")
     warnings: list[str] = Field(description="in words; read them first")
+    findings: list[FindingOut] = Field(default_factory=list, description="the update's warnings, each with its id")
     outcomes: list[OutcomeOut] = Field(description="how each stage ended")
     parameters: list[ParameterOut] = Field(description="updated parameters, SI")
     modes: list[ModeComparisonOut] = Field(description="measured modes beside the model's")
@@ -172,8 +251,12 @@ class ResultOut(_Part):
     convergence: list[ConvergenceStepOut] | None = Field(
         None, description="iterates of stage 1; with `?include=convergence` only"
     )
+    starts: list[StartOut] | None = Field(None, description="every start of stage 1 that was tried")
     pairing: PairingOut | None = Field(
         None, description="which measured mode is which of the model's, and the rival pairing"
+    )
+    model_modes: list[dict[str, Any]] | None = Field(
+        None, description="number, frequency and kind of the model's modes"
     )
     identifiability: dict[str, Any] = Field(description="directions that the data do not see")
     discrepancy: dict[str, Any] = Field(description="relative standard deviation of what the model cannot say")
@@ -182,5 +265,43 @@ class ResultOut(_Part):
     identification: dict[str, Any] | None = Field(
         description="how the modes were found; its `stabilisation` with `?include=stabilisation` only"
     )
-    posterior: dict[str, Any] = Field(description="how the posterior was had")
+    posterior: PosteriorOut = Field(description="how the posterior was had")
+    version: int = Field(
+        description="of this document's form; results of earlier versions are shown in the present one"
+    )
     provenance: dict[str, Any] = Field(description="inputs with their SHA-256, recipe, versions, host, durations")
+
+
+class AloneOut(Part):
+    """What one campaign says of a constant by itself."""
+
+    estimate: float = Field(description="SI")
+    standard_deviation: float = Field(description="SI")
+    z: float = Field(description="difference from all together, in its standard deviations")
+
+
+class CampaignPartOut(Part):
+    """What one campaign has to do with a joint result; beside this the ids of what it was made of."""
+
+    name: str = Field(description="structure and campaign")
+    specimen: str = Field(description="campaigns of one specimen share its dimensions")
+    predictive_p: Number = Field(description="of its frequencies, given the other campaigns")
+    contradicts: bool = Field(description="whether that is too small to be chance")
+    alone: dict[str, AloneOut] = Field(description="the constants by this campaign alone")
+    own: list[ParameterOut] = Field(description="its own unknowns and its specimen's")
+    modes: list[ModeOut] = Field(description="measured modes beside the model's")
+
+
+class JointResultOut(Part):
+    """One material from several campaigns."""
+
+    verdict: VerdictOut = Field(description="whether the result may be used")
+    warnings: list[str] = Field(description="in words; read them first")
+    findings: list[FindingOut] = Field(default_factory=list, description="the update's warnings, each with its id")
+    parameters: list[ParameterOut] = Field(description="the material's constants in its own axes, SI")
+    posterior: PosteriorOut = Field(description="how the constants correlate")
+    campaigns: list[CampaignPartOut] = Field(description="what each campaign has to do with it")
+    odd_one_out: str | None = Field(description="the campaign without which the others agree; null: none")
+    damping_models: list[CommonLawOut] = Field(description="damping laws of the material, ranked")
+    discrepancy: dict[str, Any] = Field(description="relative: of a frequency, and of a modulus between specimens")
+    provenance: dict[str, Any] = Field(description="the request, versions, host")

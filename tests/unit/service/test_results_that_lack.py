@@ -48,6 +48,7 @@ from service.updating.batches import _placed
 from service.updating.computation import _measured, _within_force
 from service.updating.document import _agreement, _posterior
 from service.updating.loading import _with_sensor_of, carried_masses
+from service.updating.result_schemas import DampingLawOut
 from service.updating.schemas import RecipeIn
 
 HERE = UUID(int=1)
@@ -95,7 +96,7 @@ MODES = [{"number": 1, "measured_hz": 10.0}, {"number": 2, "measured_hz": 20.0}]
             a_result(damping_models=[], outcomes=[]),
             "no damping law was fitted: no measured mode has a damping ratio",
         ),
-        ("damping", a_result(damping_models=[{"name": "rayleigh"}]), OLDER),
+        ("damping", a_result(damping_models=[{"name": "rayleigh", "curve": None}]), OLDER),
         (
             "stabilisation",
             a_result(identification=None),
@@ -264,6 +265,9 @@ def test_arrays_and_document_of_a_result_without_prediction_shapes_and_samples()
     assert _posterior(gaussian) == {"method": "gaussian"}
     one = np.ones((1, 1))
     assert _posterior(replace(gaussian, names=("Ex",), correlation=one, samples=one))["samples"] == 1
+    laws = {"name": "a", "coefficients": {}, "preferred": False, "missed": np.array([0.1, np.nan]), "bic": np.inf}
+    shown = DampingLawOut.model_validate(laws).model_dump(mode="json", exclude_unset=True)
+    assert (shown["bic"], shown["missed"]) == (None, [0.1, None])
 
 
 def test_faults_of_a_batch_are_placed_in_its_job() -> None:
@@ -608,7 +612,7 @@ def test_measured_data_that_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_a_monitors_values_and_notes_of_what_was_found_otherwise() -> None:
     """Modes that were identified state no deviation; a run of another version is named."""
-    row = {"name": "Ex", "estimate": 1.0, "noise_standard_deviation": 0.1}
+    row = {"name": "Ex", "comparable": {"estimate": 1.0, "standard_deviation": 0.1}}
     mode = {"number": 1, "measured_hz": 10.0, "measured_damping": 0.01}
     found = watched_values(None, {"parameters": [row], "provenance": {}, "modes": [mode]})  # type: ignore[arg-type]
     assert found == {"parameters": {"Ex": [1.0, 0.1]}, "modes": [[10.0, None, 0.01, None]]}

@@ -27,11 +27,13 @@ from fecore.body.oriented import OrientedSpecimen
 from fecore.body.supports import PointMass
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
-from fecore.updating.campaigns.fit import Fitted, fit_campaigns
-from fecore.updating.campaigns.layout import MATERIAL_PARAMETERS, Campaign, Layout, clamped, lay_out
+from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, clamped, lay_out
 from fecore.updating.discretisation import discretise
+from fecore.updating.elastic import fit
+from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel, ForwardState, modes_to_cover
 from fecore.updating.inputs import Inputs
+from fecore.updating.layout import Layout
 from fecore.updating.parameters import Parameter, by_name, parametrise
 from fecore.updating.posterior import DISCREPANCY
 
@@ -129,13 +131,13 @@ def plan_tests(
     """
     if not tests:
         raise InputError("tests", "is empty, expected at least one that could be made")
-    fitted = fit_campaigns(lay_out(campaigns, parameters, scatter=False)) if campaigns else None
+    fitted = fit(lay_out(campaigns, parameters, scatter=False)) if campaigns else None
     theta = {} if fitted is None else by_name(fitted.layout.shared, fitted.layout.material(fitted.x))
     looks = [_Look.of(test, parameters, theta) for test in tests]
     layout = lay_out([*campaigns, *(look.campaign for look in looks)], parameters, scatter=False)
     precision = np.diag(layout.sd(0.0) ** -2) + _informed(layout, fitted)
     now = _material_covariance(precision, len(layout.shared))
-    slope = layout.coordinates[0].slope(_whole(layout, theta))[: len(layout.shared)]
+    slope = layout.campaigns[0].coordinates.slope(_whole(layout, theta))[: len(layout.shared)]
     found = [
         _forecast(look, layout, len(campaigns) + number, precision, now, slope, count=count)
         for number, look in enumerate(looks)
@@ -157,7 +159,7 @@ class _Look:
 
     @classmethod
     def of(cls, test: PlannedTest, parameters: Sequence[Parameter], theta: dict[str, float]) -> _Look:
-        body = clamped(test.body, test.inputs) if not test.body.clamp_compliance else test.body
+        body = clamped(test.body, test.inputs)
         if test.sensor_mass:
             x, y = test.points[test.sensor]
             body = replace(body, masses=(*body.masses, PointMass(x, y, test.sensor_mass)))
@@ -195,25 +197,26 @@ def _loudness(test: PlannedTest, shapes: FloatArray, hz: FloatArray) -> FloatArr
 
 
 def _whole(layout: Layout, theta: dict[str, float], number: int = 0) -> FloatArray:
-    prior = layout.forwards[number].parametrisation
+    prior = layout.campaigns[number].forward.parametrisation
     return np.array([theta.get(name, mean) for name, mean in zip(prior.names, prior.prior_mean, strict=True)])
 
 
 def _sensitivity(layout: Layout, number: int, theta: dict[str, float]) -> FloatArray:
     """(n, X) ∂ln f/∂x of a campaign's modes, each taken for the model's of its number."""
-    state = layout.forwards[number].solve(_whole(layout, theta, number))
-    count = min(len(layout.campaigns[number].modes), state.frequency_hz.size)
+    campaign = layout.campaigns[number]
+    state = campaign.forward.solve(_whole(layout, theta, number))
+    count = min(len(campaign.modes), state.frequency_hz.size)
     by = state.frequency_jacobian[:count] / state.frequency_hz[:count, None]
-    sensitivity: FloatArray = by * layout.coordinates[number].slope(state.theta) @ layout.picks[number]
+    sensitivity: FloatArray = by * campaign.coordinates.slope(state.theta) @ campaign.pick
     return sensitivity
 
 
-def _informed(layout: Layout, fitted: Fitted | None) -> FloatArray:
+def _informed(layout: Layout, fitted: ElasticResult | None) -> FloatArray:
     """(X, X) precision that the campaigns so far bring."""
     size = len(layout.unknowns)
     if fitted is None:
         return np.zeros((size, size))
-    variance = fitted.problem.noise + fitted.spread**2 * np.eye(fitted.problem.residual.size)
+    variance = fitted.problem.noise + fitted.discrepancy**2 * np.eye(fitted.problem.residual.size)
     S = np.zeros((fitted.problem.residual.size, size))
     S[:, [layout.labels.index(label) for label in fitted.layout.labels]] = fitted.problem.sensitivity
     precision: FloatArray = S.T @ np.linalg.solve(variance, S)
@@ -291,16 +294,3 @@ def best_points(information: Callable[[Sequence[int]], float], points: Sequence[
         if best <= before:
             break
     return tuple(chosen)
-
-
-def effective_independence(shapes: FloatArray, count: int) -> tuple[int, ...]:
-    """The points that effective independence would keep (Kammer, J. Guid. Control Dyn. 14, 1991), to compare a plan with.
-
-    Of (n, p) shapes the point that adds least to the independence of the modes is left out, one after the other.
-    """
-    kept = list(range(shapes.shape[1]))
-    while len(kept) > count:
-        phi = shapes[:, kept].T
-        share = np.einsum("pn,nm,pm->p", phi, np.linalg.pinv(phi.T @ phi), phi)
-        kept.pop(int(np.argmin(share)))
-    return tuple(kept)

@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, FloatArray
-from fecore.updating.campaigns.fit import Fitted
+from fecore.updating.elastic_result import ElasticResult
 
 CONTRADICTS = 0.01
 """Posterior predictive p, over the number of campaigns, below which a campaign contradicts the others."""
@@ -42,12 +42,12 @@ class Agreement:
     z: FloatArray
 
 
-def agreements(fitted: Fitted, scatter_scale: float) -> tuple[Agreement, ...]:
+def agreements(elastic: ElasticResult, scatter_scale: float) -> tuple[Agreement, ...]:
     """Of each campaign in its order."""
-    return tuple(_agreement(fitted, number, scatter_scale) for number in range(len(fitted.rows)))
+    return tuple(_agreement(elastic, number, scatter_scale) for number in range(len(elastic.rows)))
 
 
-def odd_one_out(fitted: Fitted, found: Sequence[Agreement], scatter_scale: float) -> int | None:
+def odd_one_out(elastic: ElasticResult, found: Sequence[Agreement], scatter_scale: float) -> int | None:
     """Number of the campaign without which the others agree best; None where none contradicts, or there are but two."""
     values = [each.predictive_p for each in found if each.predictive_p is not None]
     if len(values) < 3 or min(values) >= CONTRADICTS / len(values):
@@ -55,14 +55,14 @@ def odd_one_out(fitted: Fitted, found: Sequence[Agreement], scatter_scale: float
     without = []
     for number in range(len(values)):
         rest = [other for other in range(len(values)) if other != number]
-        without.append(min(predictive_p(fitted, other, rest, scatter_scale) for other in rest))
+        without.append(min(predictive_p(elastic, other, rest, scatter_scale) for other in rest))
     return int(np.argmax(without))
 
 
-def predictive_p(fitted: Fitted, number: int, among: Sequence[int], scatter_scale: float) -> float:
+def predictive_p(elastic: ElasticResult, number: int, among: Sequence[int], scatter_scale: float) -> float:
     """Posterior predictive p of a campaign, given the others among some."""
-    problem, at = fitted.problem, fitted.rows[number]
-    others = problem.only(_rows_of(fitted, [other for other in among if other != number]))
+    problem, at = elastic.problem, elastic.rows[number]
+    others = problem.only(_rows_of(elastic, [other for other in among if other != number]))
     mixture, _ = others.mixture(scatter_scale)
     S, residual, noise = problem.sensitivity[at], problem.residual[at], problem.noise[at, at]
     missed = residual - mixture.shift @ S.T
@@ -71,21 +71,20 @@ def predictive_p(fitted: Fitted, number: int, among: Sequence[int], scatter_scal
     return float(mixture.weight @ scipy.special.chdtrc(residual.size, distance))
 
 
-def _agreement(fitted: Fitted, number: int, scatter_scale: float) -> Agreement:
-    problem, q = fitted.problem, len(fitted.layout.shared)
-    everyone = range(len(fitted.rows))
-    p = predictive_p(fitted, number, everyone, scatter_scale) if len(fitted.rows) > 1 else None
-    alone = problem.only(_rows_of(fitted, [number]))
-    step, covariance, _ = alone.solve(fitted.spread, fitted.scatter)
-    _, together, _ = problem.solve(fitted.spread, fitted.scatter)
-    variance, joint = np.diag(covariance)[:q], np.diag(together)[:q]
+def _agreement(elastic: ElasticResult, number: int, scatter_scale: float) -> Agreement:
+    problem, q = elastic.problem, len(elastic.layout.shared)
+    everyone = range(len(elastic.rows))
+    p = predictive_p(elastic, number, everyone, scatter_scale) if len(elastic.rows) > 1 else None
+    alone = problem.only(_rows_of(elastic, [number]))
+    step, covariance = alone.solve(elastic.discrepancy, elastic.scatter)
+    variance, joint = np.diag(covariance)[:q], np.diag(elastic.inverse)[:q]
     apart = np.sqrt(np.maximum(variance - joint, 1e-12 * variance))
     informed = joint < 0.999 * variance
-    return Agreement(p, fitted.x[:q] + step[:q], np.sqrt(variance), np.where(informed, step[:q] / apart, 0.0))
+    return Agreement(p, elastic.x[:q] + step[:q], np.sqrt(variance), np.where(informed, step[:q] / apart, 0.0))
 
 
-def _rows_of(fitted: Fitted, numbers: Sequence[int]) -> BoolArray:
-    keep = np.zeros(fitted.problem.residual.size, dtype=bool)
+def _rows_of(elastic: ElasticResult, numbers: Sequence[int]) -> BoolArray:
+    keep = np.zeros(elastic.problem.residual.size, dtype=bool)
     for number in numbers:
-        keep[fitted.rows[number]] = True
+        keep[elastic.rows[number]] = True
     return keep
