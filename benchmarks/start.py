@@ -73,7 +73,3 @@ def main() -> None:
         found = [start(data) for _ in range(STARTS)]
     for what, values in zip(("ready", "last line", "processor"), zip(*found, strict=True), strict=True):
         print(f"  {what:<10} {statistics.median(values):.2f} s, {min(values):.2f} to {max(values):.2f}")
-
-
-if __name__ == "__main__":
-    main()

@@ -197,7 +197,7 @@ def looked_at_jobs(names: dict[str, Any]) -> None:
 
 
 def looked_at_monitoring(names: dict[str, Any]) -> None:
-    assert names["monitor"]["name"] == "stringer 1"
+    assert names["watch"].name == "stringer 1"
 
 
 LOOKED_AT: dict[str, Callable[[dict[str, Any]], Any]] = {

@@ -70,7 +70,7 @@ def test_the_wheel_alone_runs_in_a_laboratorys_own_folder_and_leaves_nothing_run
     assert not poisoned.exists()
     result = json.loads(ended.stdout)  # the document and nothing else
     rows = {row["name"]: row for row in result["parameters"]}
-    assert rows["Ex"]["estimate"] == pytest.approx(31.66e9, rel=0.005)  # the paper's; docs/theory.md, section 10
+    assert rows["Ex"]["estimate"] == pytest.approx(31.66e9, rel=0.005)  # the paper's; docs/results.md
     assert rows["Gxy"]["estimate"] == pytest.approx(6.30e9, rel=0.02)
     assert not rows["Ey"]["identifiable"]
     assert any("rayleigh" in warning for warning in result["warnings"])
