@@ -27,7 +27,7 @@ from fecore.modes import MeasuredModes
 from fecore.updating.elastic_result import ElasticResult, stacked
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
-from fecore.updating.layout import CampaignModel, Layout
+from fecore.updating.layout import CampaignModel, Coupon, Layout
 from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
 from fecore.updating.posterior import DISCREPANCY, LinearProblem, discrepancy
 from fecore.updating.result import ConvergenceStep
@@ -56,15 +56,6 @@ class SwingingError(UpdatingError):
 
     torn: tuple[tuple[int, int], ...] = ()
     between: tuple[tuple[tuple[Partners, ...], FloatArray], ...] = ()
-
-
-@dataclass(frozen=True)
-class Coupon:
-    """What static tests say of one of the material's constants: a mean with its standard deviation, SI."""
-
-    name: str
-    mean: float
-    standard_deviation: float
 
 
 def update_elastic(
@@ -111,7 +102,7 @@ def fit(
     """
     if use_shapes and any(campaign.modes.shapes is None for campaign in layout.campaigns):
         raise InputError("use_shapes", "the measured modes have no shapes at points of the model")
-    misfit = Misfit(layout, _coupon_terms(layout, coupons), use_shapes, likest, held)
+    misfit = Misfit(layout, layout.coupon_terms(coupons), use_shapes, likest, held)
     origin: FloatArray = np.zeros(len(layout.unknowns))
     initial = misfit.paired(origin, DISCREPANCY, scatter)
     point = initial if start is None else misfit.paired(start, DISCREPANCY, scatter)
@@ -345,21 +336,6 @@ class _Path:
         if isinstance(raised, SwingingError):
             raised.torn, raised.between = tuple(sorted(torn)), tuple(self.between.items())
         return raised
-
-
-def _coupon_terms(layout: Layout, coupons: Sequence[Coupon]) -> tuple[tuple[int, float, float], ...]:
-    """Place in x, value and standard deviation of each coupon there."""
-    terms, coordinates = [], layout.campaigns[0].coordinates
-    for index, coupon in enumerate(coupons):
-        if coupon.name not in layout.shared:
-            known = ", ".join(layout.shared)
-            raise InputError(f"coupons.{index}", f"{coupon.name} is not updated; expected one of {known}")
-        place = layout.shared.index(coupon.name)
-        log = bool(coordinates.logarithmic[place])
-        value = float(np.log(coupon.mean)) if log else coupon.mean
-        sd = coupon.standard_deviation / coupon.mean if log else coupon.standard_deviation
-        terms.append((place, value - float(coordinates.mean[place]), sd))
-    return tuple(terms)
 
 
 def _shape_residual(modes: MeasuredModes, state: ForwardState, pairing: Pairing) -> tuple[FloatArray, FloatArray]:

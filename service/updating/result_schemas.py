@@ -103,8 +103,8 @@ class ParameterOut(Part):
     )
 
 
-class ModeOut(Part):
-    """A measured mode beside the model's; null where there is no partner."""
+class ModeComparisonOut(Part):
+    """A measured mode beside the model's; null where there is no partner or nothing was measured."""
 
     number: int = Field(description="of the measured mode, from 1")
     kind: str | None = Field(description="the model's motion: bending or torsion")
@@ -113,13 +113,8 @@ class ModeOut(Part):
     updated_hz: Number = Field(description="of the updated model, Hz")
     error_percent: Number = Field(description="of the updated frequency, % of the measured one")
     mac: Number = Field(description="of measured and updated shape, 0 to 1")
-
-
-class ModeComparisonOut(ModeOut):
-    """A measured mode beside the model's; null where there is no partner or nothing was measured."""
-
-    measured_damping: Number = Field(description="measured damping ratio ζ, not per cent")
-    predicted_damping: Number = Field(description="of the updated model, not per cent")
+    measured_damping: Number = Field(None, description="measured damping ratio ζ, not per cent")
+    predicted_damping: Number = Field(None, description="of the updated model, not per cent")
     measured_damping_sd: Number = Field(None, description="standard deviation of the measured ratio")
 
 
@@ -286,7 +281,7 @@ class CampaignPartOut(Part):
     contradicts: bool = Field(description="whether that is too small to be chance")
     alone: dict[str, AloneOut] = Field(description="the constants by this campaign alone")
     own: list[ParameterOut] = Field(description="its own unknowns and its specimen's")
-    modes: list[ModeOut] = Field(description="measured modes beside the model's")
+    modes: list[ModeComparisonOut] = Field(description="measured modes beside the model's")
 
 
 class JointResultOut(Part):
