@@ -17,9 +17,9 @@ from fecore.updating.contradictions import CONTRADICTS, Agreement, agreements, o
 from fecore.updating.coordinates import Coordinates
 from fecore.updating.discretisation import discretise
 from fecore.updating.edges import points_beyond
-from fecore.updating.elastic import fit
-from fecore.updating.elastic_findings import FAR, USUAL_MISS
+from fecore.updating.elastic_findings import FAR, USUAL_MISS, pairing_findings
 from fecore.updating.elastic_result import ElasticResult
+from fecore.updating.elastic_starts import update_from_several_starts
 from fecore.updating.estimates import constant_estimates, own_estimates
 from fecore.updating.excursions import excursions
 from fecore.updating.findings import Level, found, judge, ordered, warnings
@@ -170,7 +170,7 @@ def update_campaigns(
     meshed = [replace(campaign, body=_meshed(campaign)) for campaign in campaigns]
     scatter = recipe.scatter if len({campaign.specimen for campaign in meshed}) > 1 else 0.0
     layout = lay_out(meshed, recipe.parameters, scatter=scatter > 0)
-    elastic = fit(
+    elastic = update_from_several_starts(
         layout, lambda share: progress("updating the material", 0.1 + 0.6 * share), coupons=coupons, scatter=scatter
     )
     progress("comparing the campaigns", 0.7)
@@ -349,7 +349,7 @@ def _points_beyond(layout: Layout, campaigns: Sequence[Campaign]) -> list[Findin
 
 
 def _findings(elastic: ElasticResult, parts: Sequence[CampaignPart]) -> list[Finding]:
-    layout, findings = elastic.layout, []
+    layout, findings = elastic.layout, pairing_findings(elastic)
     for part, at, pairing in zip(parts, elastic.rows, elastic.pairings, strict=True):
         alone, count = len(pairing.unpaired_measured), len(part.modes)
         if alone:

@@ -174,8 +174,8 @@ class Misfit:
 
     @property
     def may_zigzag(self) -> bool:
-        """Whether steps may zigzag about the minimum, as where modes veer; one campaign without shapes creeps to a crossing."""
-        return len(self.layout.campaigns) > 1 or has_shapes(self.layout.campaigns[0].modes)
+        """Whether steps may zigzag about the minimum, as where modes veer; without shapes a fit creeps to a crossing."""
+        return all(has_shapes(campaign.modes) for campaign in self.layout.campaigns)
 
     def paired(self, x: FloatArray, spread: float, scatter: float) -> _Point:
         """The misfit at x, the modes paired there."""
