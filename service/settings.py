@@ -97,6 +97,9 @@ class Settings(BaseSettings):
     key_failures_a_minute: PositiveInt = Field(default=60, description="wrong keys that one address may try")
     json_limit_bytes: PositiveInt = Field(default=16 * MIB, description="largest JSON body")
     upload_limit_bytes: PositiveInt = Field(default=1024 * MIB, description="largest uploaded file")
+    import_wait_seconds: PositiveFloat = Field(
+        default=30.0, description="time that `POST …/records` and `POST …/frfs` wait until their file is read; then 202"
+    )
     project_quota_bytes: PositiveInt = Field(default=102400 * MIB, description="bytes that one project may store")
 
     event_streams: PositiveInt = Field(default=500, description="streams of events that an API process keeps open")

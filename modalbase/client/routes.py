@@ -171,12 +171,16 @@ ROUTES: dict[str, Route] = {
         "Imports into a campaign, oldest first. A page is shorter where reports on many datasets would make it heavy.",
     ),
     "start_import": Route(
-        "POST", "campaigns/{campaign_id}/imports", ("filename", "dry_run", "quantity"),
-        "Send a UFF file as raw body or as multipart field `file`; a job reads it.",
+        "POST", "campaigns/{campaign_id}/imports", ("filename", "dry_run", "quantity", "kind", "mapping"),
+        "Send a file as raw body or as multipart field `file`: UFF, npz, .mat, CSV or wav; a job reads it.",
     ),
     "get_import": Route(
         "GET", "imports/{import_id}", (),
         "How far an import is, what it brought in, and what became of each dataset.",
+    ),
+    "get_import_records": Route(
+        "GET", "imports/{import_id}/records", (),
+        "Time blocks that an import brought, and how the hits of their points are judged now.",
     ),
     "get_imports_original": Route(
         "GET", "imports/{import_id}/original", (),
@@ -202,6 +206,14 @@ ROUTES: dict[str, Route] = {
         "PUT", "campaigns/{campaign_id}/grid-points", (),
         "Store these points in place of all that are there, from JSON `{items: [{label, x_m, y_m, z_m}]}` or CSV.",
     ),
+    "list_records": Route(
+        "GET", "campaigns/{campaign_id}/records", ("point", "hit", "cursor", "limit"),
+        "Time blocks of a campaign, without their samples.",
+    ),
+    "create_records": Route(
+        "POST", "campaigns/{campaign_id}/records", ("filename", "mapping", "dry_run"),
+        "Send time blocks of hits as npz, .mat, CSV or wav with a mapping, or as JSON `{variables, mapping}`.",
+    ),
     "list_frfs": Route(
         "GET", "campaigns/{campaign_id}/frfs", ("cursor", "limit", "point", "direction", "reference", "quantity", "import_id", "fmin", "fmax"),
         "FRFs of a campaign, without their spectra.",
@@ -221,14 +233,6 @@ ROUTES: dict[str, Route] = {
     "get_frf_data": Route(
         "GET", "frfs/{frf_id}/data", ("fmin", "fmax", "stride", "format"),
         "Spectrum of one FRF, in a band and with a stride if wanted, as JSON, npz, CSV, Arrow or UFF.",
-    ),
-    "list_records": Route(
-        "GET", "campaigns/{campaign_id}/records", ("point", "hit", "cursor", "limit"),
-        "Time blocks of a campaign, without their samples.",
-    ),
-    "create_records": Route(
-        "POST", "campaigns/{campaign_id}/records", ("filename", "mapping", "dry_run"),
-        "Send time blocks of hits as npz, .mat, CSV or wav with a mapping, or as JSON `{variables, mapping}`.",
     ),
     "get_record": Route(
         "GET", "records/{record_id}", (),

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import Depends, Request
@@ -61,9 +64,12 @@ async def _curve(request: Request, limit: int) -> RawCurve:
         if form.file.size is None or form.file.size > limit:
             raise PayloadTooLarge(f"the file has {form.file.size} bytes, the operator allows {limit}")
         sent = checked(CurveCouponIn, parse_json(stated.encode("utf-8", "surrogatepass")))
-        data = await form.file.read()
-        async with without_slot(request.scope):
-            reduced = await read_aside(reduce_curve, data, sent)
+        with tempfile.NamedTemporaryFile(prefix="modalbase-curve-") as file:  # not in memory while others are read
+            await run_in_threadpool(shutil.copyfileobj, form.file.file, file)
+            file.flush()
+            async with without_slot(request.scope):
+                reduced = await read_aside(reduce_curve, Path(file.name), sent)
+            data = await run_in_threadpool(Path(file.name).read_bytes)
         return RawCurve(sent, form.filename or "curve.csv", data, reduced)
 
 

@@ -9,10 +9,12 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fecore.errors import InputError
 from fecore.frf import Quantity, size_fault
+from modalbase.formats.recognise import Format, recognise
+from modalbase.formats.records import TimeBlock
 from modalbase.formats.uff import (
     COHERENCE,
     Content,
@@ -31,7 +33,9 @@ from modalbase.formats.uff import (
 )
 from modalbase.formats.uff.content import Outcome
 from modalbase.formats.uff.spectra import Spectra
-from service.frfs.spectra import Axis, Spectrum, encode, encode_axis
+from service.frfs.rows import EncodedFrf
+from service.frfs.spectra import Axis, encode, encode_axis
+from service.imports.arrays import Found, Kind, read_arrays
 
 if TYPE_CHECKING:
     from service.jobs.kinds import Report
@@ -40,31 +44,7 @@ POINTS_AT_ONCE = 5000
 REPORT_SECONDS = 0.5
 
 
-@dataclass(frozen=True)
-class EncodedFrf:
-    """An FRF of a file as it is stored; encoded here, for here is a processor to spare.
-
-    Attributes:
-        dataset: number of the dataset.
-        label: first ID line.
-        response_point, response_direction, reference_point, reference_direction: its degrees of freedom.
-        quantity: accelerance, mobility or receptance.
-        axis: frequency lines.
-        spectrum: SI values with their SHA-256.
-    """
-
-    dataset: int
-    label: str
-    response_point: int
-    response_direction: int
-    reference_point: int
-    reference_direction: int
-    quantity: Quantity
-    axis: Axis
-    spectrum: Spectrum
-
-
-Kept = list[GridPoint] | EncodedFrf | Function | TimeResponse | ModeShape | DatasetReport
+Kept = Found | list[GridPoint] | EncodedFrf | Function | TimeResponse | TimeBlock | ModeShape | DatasetReport
 """What goes to the database; of functions that are not FRFs, ordinary coherences and time blocks."""
 
 
@@ -75,23 +55,45 @@ class ReadingInputs:
     Attributes:
         path: where it lies.
         quantity: what an FRF is whose file states neither data type nor unit.
+        filename: what its sender calls it.
+        form: its format where that is known.
+        kind: what an npz, .mat or CSV holds, where its sender says so.
+        mapping: which of its variables is what.
+        dry_run: nothing will be stored.
     """
 
     path: Path
     quantity: Quantity | None
+    filename: str = ""
+    form: Format | None = None
+    kind: Kind | None = None
+    mapping: Any = None
+    dry_run: bool = False
 
 
 def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
-    """What is kept of a UFF file, dataset by dataset, each followed by its report.
+    """What a file is, and what is kept of it.
 
     Raises:
-        InputError: the framing of the file is broken; nothing was yielded before.
+        InputError: the framing of a UFF file is broken; nothing was yielded before.
+        Invalid: another file cannot be read, or its mapping does not fit.
     """
-    size = inputs.path.stat().st_size
     report("checking the file", 0.0)
+    form = inputs.form or recognise(inputs.path, inputs.filename)
+    if form == "uff":
+        yield from _read_uff(inputs, report)
+        return
+    report("reading arrays", 0.0)
+    yield from read_arrays(inputs, form)
+
+
+def _read_uff(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
+    """What is kept of a UFF file, dataset by dataset, each followed by its report."""
+    size = inputs.path.stat().st_size
     report_at = 0.0
     try:
         items = read_file(inputs.path, Limits(quantity=inputs.quantity))
+        yield Found("uff")
         points: list[GridPoint] = []
         unused: tuple[Outcome, str] | None = None
         spectra = Spectra()

@@ -66,11 +66,10 @@ def update_report(facts: UpdateFacts, draw: Callable[[str], Sequence[Figure]]) -
 def _first(title: str, facts: UpdateFacts) -> list[Block]:
     """The verdict, what was tested, and the parameters."""
     document = facts.document
-    blocks: list[Block] = [Heading(title, 1)]
-    if (verdict := document.get("verdict")) is not None:
-        blocks.append(Paragraph(verdict["sentence"], TONES[verdict["level"]]))
-        if verdict["reasons"]:
-            blocks.append(Bullets(verdict["reasons"]))
+    verdict = document["verdict"]
+    blocks: list[Block] = [Heading(title, 1), Paragraph(verdict["sentence"], TONES[verdict["level"]])]
+    if verdict["reasons"]:
+        blocks.append(Bullets(verdict["reasons"]))
     blocks += [Heading("Specimen and test"), _pairs(_specimen(facts))]
     columns, rows = parameter_cells(document["parameters"])
     blocks += [Heading("Parameters"), _table(columns, rows), Paragraph(_OF_INTERVALS, "small")]

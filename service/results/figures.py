@@ -253,14 +253,13 @@ def _sac(data: UpdateFigures, _: Wanted) -> Figure:
 def _convergence(data: UpdateFigures, _: Wanted) -> Figure:
     document = data.document
     steps = document["convergence"]
-    starts = document.get("starts") or [{"chosen": True, "failure": None, "cost": [step["cost"] for step in steps]}]
     reported = {row["name"] for row in document["parameters"]}
     names = [name for name in steps[0]["parameters"] if name in reported] if steps else []
     constants = {name: [step["parameters"][name] for step in steps] for name in names}
     history = np.array(document["damping_fit"]["history"], dtype=float)
     laws = document["damping_models"]
     coefficients = dict(zip(laws[0]["coefficients"], history.T.tolist(), strict=True)) if history.size else {}
-    return convergence_figure(starts, constants, coefficients)
+    return convergence_figure(document["starts"], constants, coefficients)
 
 
 def _require_laws(data: UpdateFigures) -> None:
@@ -268,7 +267,7 @@ def _require_laws(data: UpdateFigures) -> None:
     if not laws:
         damping = next((o["message"] for o in data.document["outcomes"] if o["stage"] == "damping"), "")
         raise Conflict(f"no damping law was fitted: {damping or 'no measured mode has a damping ratio'}")
-    if "curve" not in laws[0]:
+    if laws[0]["curve"] is None:
         raise Conflict(_OLDER)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from fecore.updating.campaigns import CampaignsResult
 from fecore.updating.result import Correlation, FrfCorrelation, HeldOut, PosteriorSummary, UpdateResult
 from service.updating.result_schemas import JointResultOut, ResultOut
+from service.updating.versions import VERSION
 
 LARGE_PARTS = {"stabilisation": ("identification", "stabilisation"), "convergence": ("convergence",)}
 """Parts of a document that only a figure needs, and where they stand."""
@@ -50,6 +51,7 @@ def describe(
         "identification": identification,
         "posterior": _posterior(result.posterior),
         "provenance": provenance,
+        "version": VERSION,
     }
     return ResultOut.model_validate(members).model_dump(mode="json", exclude_unset=True)
 

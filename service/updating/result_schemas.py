@@ -1,8 +1,7 @@
 """What a result is as JSON: one declaration for what is stored, for the OpenAPI document and for who reads it elsewhere.
 
 The worker makes a document of the core's dataclasses by these models (`fecore.updating.result`); their arrays become lists, and
-what is not finite null. A stored document is shown as it is stored: one of an earlier version may lack members, one of a later
-version may have more.
+what is not finite null. A stored document is brought up to date when it is read (`service.updating.versions`).
 """
 
 from __future__ import annotations
@@ -262,6 +261,9 @@ class ResultOut(Part):
     )
     posterior: PosteriorOut = Field(description="how the posterior was had")
     provenance: dict[str, Any] = Field(description="inputs with their SHA-256, recipe, versions, host, durations")
+    version: int = Field(
+        description="of this document's form; results of earlier versions are shown in the present one"
+    )
 
 
 class AloneOut(Part):

@@ -10,13 +10,13 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from itertools import islice
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
-from service.errors import MOST_FAULTS, Fault, Invalid
+from service.errors import MOST_FAULTS, Fault, Invalid, pointer
 from service.web.wording import wording
 
 INT64 = range(-(2**63), 2**63)
@@ -170,21 +170,6 @@ def _text_fault(value: str) -> str | None:
     except UnicodeEncodeError:
         return "holds a lone surrogate"
     return None
-
-
-def _escape(token: object) -> str:
-    """One step of a JSON pointer, escaped as RFC 6901 wants it; safe to print."""
-    text = str(token).encode("utf-8", "replace").decode("utf-8")
-    return text.replace("~", "~0").replace("/", "~1")
-
-
-def pointer(steps: Iterable[object]) -> str:
-    """The JSON pointer (RFC 6901) of a place: a `/` in a step is written `~1`, a `~` is written `~0`.
-
-    >>> pointer(["jobs", 3, "a/b"])
-    '/jobs/3/a~1b'
-    """
-    return "".join(f"/{_escape(step)}" for step in steps)
 
 
 def checked(kind: type[Body], value: Any) -> Body:

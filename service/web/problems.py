@@ -17,7 +17,6 @@ from starlette.exceptions import HTTPException
 from fecore.errors import FecoreError, InputError
 from service import errors as e
 from service.request_id import current_request_id
-from service.web.json_body import pointer
 from service.web.wording import wording
 
 STATUS: dict[type[e.ServiceError], int] = {
@@ -95,7 +94,7 @@ def _core_error(_: Request, error: Exception) -> JSONResponse:
     """The core names a field by dots; here it is a pointer, in the detail too."""
     if not isinstance(error, InputError):
         return problem(422, str(error))
-    found = e.Invalid(pointer(error.field.split(".")), error.message)
+    found = e.Invalid(e.pointer(error.field.split(".")), error.message)
     return problem(422, str(found), found.faults)
 
 
@@ -144,7 +143,7 @@ def _operational_error(_: Request, error: Exception) -> JSONResponse:
 
 def _location(loc: Sequence[Any]) -> str:
     """Pydantic's location: a pointer into the body, or a parameter's name."""
-    return pointer(loc[1:]) if loc[0] == "body" else ".".join(str(step) for step in loc[1:])
+    return e.pointer(loc[1:]) if loc[0] == "body" else ".".join(str(step) for step in loc[1:])
 
 
 HANDLERS: dict[type[Exception], Callable[[Request, Exception], JSONResponse]] = {

@@ -136,12 +136,15 @@ async function newTest(form) {
   const structure = await make("structure", `projects/${project}/structures`);
   const campaign = await make("campaign", `structures/${structure}/campaigns`);
   const file = form.elements.file.files[0];
-  if (file) await upload(`campaigns/${campaign}/imports`, file);
+  if (file) await upload(`campaigns/${campaign}/imports`, file, form);
   location.assign(at(`ui/campaigns/${campaign}`));
 }
 
-const upload = (path, file) =>
-  call("POST", `${path}?filename=${encodeURIComponent(file.name.slice(0, 200))}`, file, { "Content-Type": "application/octet-stream" });
+const upload = (path, file, form) => {
+  const stated = ["kind", "quantity", "mapping"].map((name) => [name, form.querySelector(`details [name=${name}]`)?.value.trim()]);
+  const query = new URLSearchParams([["filename", file.name.slice(0, 200)], ...stated.filter(([, value]) => value)]);
+  return call("POST", `${path}?${query}`, file, { "Content-Type": "application/octet-stream" });
+};
 
 /* When all files of a campaign are read, its page is loaded anew: it has FRFs that it did not have. */
 let sending = 0, stale = document.querySelector("#uploaded [hx-get]") !== null;
@@ -158,7 +161,7 @@ async function uploadAll(form, files) {
   for (const file of files) {
     say(`Sending ${file.name} …`);
     try {
-      const made = await upload(form.dataset.upload, file);
+      const made = await upload(form.dataset.upload, file, form);
       if (made.already_imported) say(`${file.name} is in this campaign already.`); else say("");
       const holder = document.createElement("div");
       list.prepend(holder);
