@@ -12,23 +12,23 @@ from fecore.arrays import FloatArray
 from fecore.body.oriented import OrientedSpecimen
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
-from fecore.updating.common_damping import common_damping
+from fecore.updating.common_damping import CommonLaw, common_damping
 from fecore.updating.contradictions import CONTRADICTS, Agreement, agreements, odd_one_out
 from fecore.updating.coordinates import Coordinates
 from fecore.updating.discretisation import discretise
 from fecore.updating.edges import points_beyond
-from fecore.updating.elastic import Coupon, fit
-from fecore.updating.elastic_findings import FAR, USUAL_MISS
+from fecore.updating.elastic_findings import FAR, USUAL_MISS, pairing_findings
 from fecore.updating.elastic_result import ElasticResult
+from fecore.updating.elastic_starts import update_from_several_starts
 from fecore.updating.estimates import constant_estimates, own_estimates
 from fecore.updating.excursions import excursions
 from fecore.updating.findings import Level, found, judge, ordered, warnings
 from fecore.updating.forward import EXTRA_MODES, ForwardModel, modes_to_cover
 from fecore.updating.inputs import Inputs
-from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Layout, Unknown
+from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Coupon, Layout, Unknown
 from fecore.updating.parameters import Parameter, Parametrisation, parametrise
 from fecore.updating.posterior import SCATTER
-from fecore.updating.result import CampaignMode, CampaignPart, CampaignsResult, Finding
+from fecore.updating.result import Finding, ModeComparison, ParameterEstimate, Verdict
 
 __all__ = [
     "MATERIAL",
@@ -93,6 +93,60 @@ class CampaignsRecipe:
             raise InputError("scatter", f"is {self.scatter}, expected a share from 0 to 1")
 
 
+@dataclass(frozen=True)
+class CampaignPart:
+    """What one campaign has to do with the result.
+
+    Attributes:
+        name, specimen: as they came in.
+        modes: measured beside updated.
+        own: its own nuisances and its specimen's: length, clamp_compliance, width, thickness, density, fibre_angle, and the
+            specimen's scatter as ratios to the material.
+        alone: the material's constants by this campaign alone: estimate, standard deviation, and z of the difference from all
+            together, by name.
+        predictive_p: of its frequencies, given the other campaigns; None of a single campaign.
+        contradicts: whether that is too small to be chance.
+    """
+
+    name: str
+    specimen: str
+    modes: tuple[ModeComparison, ...]
+    own: tuple[ParameterEstimate, ...]
+    alone: Mapping[str, Mapping[str, float]]
+    predictive_p: float | None
+    contradicts: bool
+
+
+@dataclass(frozen=True)
+class CampaignsResult:
+    """One material from several campaigns.
+
+    Attributes:
+        verdict: whether it may be used.
+        parameters: the material's constants, in its own axes.
+        correlation: (q, q) of the free ones' posterior, in their coordinates; names of them in `free`.
+        free: names of the free parameters.
+        campaigns: each one's part.
+        odd_one_out: name of the campaign without which the others agree best, where some contradict; None else.
+        discrepancy: relative model error of a frequency.
+        scatter: relative deviation of a modulus between specimens, root of its posterior mean; None where it is not modelled.
+        warnings: what a user must know; findings: the same, each with the id of its row of the table.
+        damping: laws with one set of coefficients for all campaigns, ranked; none where no mode has a damping ratio.
+    """
+
+    verdict: Verdict
+    parameters: tuple[ParameterEstimate, ...]
+    correlation: FloatArray
+    free: tuple[str, ...]
+    campaigns: tuple[CampaignPart, ...]
+    odd_one_out: str | None
+    discrepancy: float
+    scatter: float | None
+    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()
+    damping: tuple[CommonLaw, ...] = ()
+
+
 def update_campaigns(
     campaigns: Sequence[Campaign],
     recipe: CampaignsRecipe | None = None,
@@ -116,7 +170,7 @@ def update_campaigns(
     meshed = [replace(campaign, body=_meshed(campaign)) for campaign in campaigns]
     scatter = recipe.scatter if len({campaign.specimen for campaign in meshed}) > 1 else 0.0
     layout = lay_out(meshed, recipe.parameters, scatter=scatter > 0)
-    elastic = fit(
+    elastic = update_from_several_starts(
         layout, lambda share: progress("updating the material", 0.1 + 0.6 * share), coupons=coupons, scatter=scatter
     )
     progress("comparing the campaigns", 0.7)
@@ -256,7 +310,7 @@ def _part(elastic: ElasticResult, number: int, campaign: Campaign, agreement: Ag
     return CampaignPart(
         name=campaign.name,
         specimen=campaign.specimen,
-        modes=_modes(elastic, number),
+        modes=elastic.compared_modes(number, campaign.modes),
         own=tuple(own_estimates(elastic, number)),
         alone={
             name: {
@@ -271,28 +325,6 @@ def _part(elastic: ElasticResult, number: int, campaign: Campaign, agreement: Ag
         predictive_p=p,
         contradicts=p is not None and p < CONTRADICTS / count,
     )
-
-
-def _modes(elastic: ElasticResult, number: int) -> tuple[CampaignMode, ...]:
-    campaign, pairing = elastic.layout.campaigns[number], elastic.pairings[number]
-    initial, updated = elastic.initial_states[number], elastic.states[number]
-    first, last = dict(elastic.initial_pairings[number].pairs), dict(pairing.pairs)
-    modes = []
-    for row, measured in enumerate(map(float, campaign.modes.frequency_hz)):
-        before, after = first.get(row), last.get(row)
-        hz = None if after is None else float(updated.frequency_hz[after])
-        modes.append(
-            CampaignMode(
-                number=row + 1,
-                kind=None if after is None else updated.kinds[after],
-                measured_hz=measured,
-                initial_hz=None if before is None else float(initial.frequency_hz[before]),
-                updated_hz=hz,
-                error_percent=None if hz is None else 100 * (hz / measured - 1),
-                mac=None if pairing.mac is None or after is None else float(pairing.mac[row, after]),
-            )
-        )
-    return tuple(modes)
 
 
 def _contradictions(parts: Sequence[CampaignPart], odd: int | None) -> list[Finding]:
@@ -317,7 +349,7 @@ def _points_beyond(layout: Layout, campaigns: Sequence[Campaign]) -> list[Findin
 
 
 def _findings(elastic: ElasticResult, parts: Sequence[CampaignPart]) -> list[Finding]:
-    layout, findings = elastic.layout, []
+    layout, findings = elastic.layout, pairing_findings(elastic)
     for part, at, pairing in zip(parts, elastic.rows, elastic.pairings, strict=True):
         alone, count = len(pairing.unpaired_measured), len(part.modes)
         if alone:

@@ -12,6 +12,8 @@ each campaign is off the common law is the root mean square of its own misses: a
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy
 
@@ -20,9 +22,28 @@ from fecore.updating.law_ranking import identifiable_laws, rank_laws
 from fecore.updating.laws import FREQUENCY_LAWS, mechanism_laws
 from fecore.updating.measured_ratios import MeasuredRatios, paired_ratios
 from fecore.updating.parameters import by_name
-from fecore.updating.result import CommonLaw
 
 _BY_MECHANISM = ("mechanism", "mechanism_viscous", "mechanism_constants", "loss_factor")
+
+
+@dataclass(frozen=True)
+class CommonLaw:
+    """A damping law with one set of coefficients for all campaigns.
+
+    Attributes:
+        name: of the law.
+        coefficients, standard_deviations: by name; a0 in 1/s, loss factors without unit, viscous rates in s.
+        bic: infinite where the law cannot be.
+        preferred: whether no other law has a lower BIC.
+        missed_by: root mean square of the relative misses of each campaign's ratios, by its name.
+    """
+
+    name: str
+    coefficients: dict[str, float]
+    standard_deviations: dict[str, float]
+    bic: float
+    preferred: bool
+    missed_by: dict[str, float]
 
 
 def common_damping(elastic: ElasticResult) -> tuple[CommonLaw, ...]:

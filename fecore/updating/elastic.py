@@ -27,7 +27,7 @@ from fecore.modes import MeasuredModes
 from fecore.updating.elastic_result import ElasticResult, stacked
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
-from fecore.updating.layout import CampaignModel, Layout
+from fecore.updating.layout import CampaignModel, Coupon, Layout
 from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
 from fecore.updating.posterior import DISCREPANCY, LinearProblem, discrepancy
 from fecore.updating.result import ConvergenceStep
@@ -56,15 +56,6 @@ class SwingingError(UpdatingError):
 
     torn: tuple[tuple[int, int], ...] = ()
     between: tuple[tuple[tuple[Partners, ...], FloatArray], ...] = ()
-
-
-@dataclass(frozen=True)
-class Coupon:
-    """What static tests say of one of the material's constants: a mean with its standard deviation, SI."""
-
-    name: str
-    mean: float
-    standard_deviation: float
 
 
 def update_elastic(
@@ -111,7 +102,7 @@ def fit(
     """
     if use_shapes and any(campaign.modes.shapes is None for campaign in layout.campaigns):
         raise InputError("use_shapes", "the measured modes have no shapes at points of the model")
-    misfit = Misfit(layout, _coupon_terms(layout, coupons), use_shapes, likest, held)
+    misfit = Misfit(layout, layout.coupon_terms(coupons), use_shapes, likest, held)
     origin: FloatArray = np.zeros(len(layout.unknowns))
     initial = misfit.paired(origin, DISCREPANCY, scatter)
     point = initial if start is None else misfit.paired(start, DISCREPANCY, scatter)
@@ -183,8 +174,8 @@ class Misfit:
 
     @property
     def may_zigzag(self) -> bool:
-        """Whether steps may zigzag about the minimum, as where modes veer; one campaign without shapes creeps to a crossing."""
-        return len(self.layout.campaigns) > 1 or has_shapes(self.layout.campaigns[0].modes)
+        """Whether steps may zigzag about the minimum, as where modes veer; without shapes a fit creeps to a crossing."""
+        return all(has_shapes(campaign.modes) for campaign in self.layout.campaigns)
 
     def paired(self, x: FloatArray, spread: float, scatter: float) -> _Point:
         """The misfit at x, the modes paired there."""
@@ -345,21 +336,6 @@ class _Path:
         if isinstance(raised, SwingingError):
             raised.torn, raised.between = tuple(sorted(torn)), tuple(self.between.items())
         return raised
-
-
-def _coupon_terms(layout: Layout, coupons: Sequence[Coupon]) -> tuple[tuple[int, float, float], ...]:
-    """Place in x, value and standard deviation of each coupon there."""
-    terms, coordinates = [], layout.campaigns[0].coordinates
-    for index, coupon in enumerate(coupons):
-        if coupon.name not in layout.shared:
-            known = ", ".join(layout.shared)
-            raise InputError(f"coupons.{index}", f"{coupon.name} is not updated; expected one of {known}")
-        place = layout.shared.index(coupon.name)
-        log = bool(coordinates.logarithmic[place])
-        value = float(np.log(coupon.mean)) if log else coupon.mean
-        sd = coupon.standard_deviation / coupon.mean if log else coupon.standard_deviation
-        terms.append((place, value - float(coordinates.mean[place]), sd))
-    return tuple(terms)
 
 
 def _shape_residual(modes: MeasuredModes, state: ForwardState, pairing: Pairing) -> tuple[FloatArray, FloatArray]:

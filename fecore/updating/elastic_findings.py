@@ -30,14 +30,18 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
         findings.append(found(kind, alone=alone, count=len(modes)))
     return [
         *findings,
-        *_rival_pairing(elastic),
-        *_swinging_pairing(elastic),
+        *pairing_findings(elastic),
         *_halves_of_modes(elastic, modes),
         *_unlike_shapes(elastic),
         *_missed_frequencies(elastic),
         *_far_from_prior(elastic),
         *_confounded(elastic),
     ]
+
+
+def pairing_findings(elastic: ElasticResult) -> list[Finding]:
+    """Modes of one campaign or of several that may be others than those they were paired with."""
+    return [*_rival_pairing(elastic), *_swinging_pairing(elastic)]
 
 
 def _rival_pairing(elastic: ElasticResult) -> list[Finding]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -11,6 +11,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.correlation import Pairing
+from fecore.modes import MeasuredModes
 from fecore.updating.coordinates import Coordinates
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardState
@@ -24,7 +25,7 @@ from fecore.updating.posterior import (
     null_directions,
     spread_over,
 )
-from fecore.updating.result import ConvergenceStep, StartHistory
+from fecore.updating.result import ConvergenceStep, ModeComparison, StartHistory
 
 REFUTED = 5.0
 """Log evidence by which a pairing must be behind to be ruled out."""
@@ -180,6 +181,33 @@ class ElasticResult:
         """Who is paired with whom, in each campaign."""
         return tuple(partners_of(p, s.kinds) for p, s in zip(self.pairings, self.states, strict=True))
 
+    def compared_modes(
+        self, number: int, modes: MeasuredModes, predicted: Callable[[int], float | None] = lambda _: None
+    ) -> tuple[ModeComparison, ...]:
+        """A campaign's measured modes beside its model's; `predicted` gives the damping ratio of a model's elastic mode."""
+        pairing, updated = self.pairings[number], self.states[number]
+        first, last = dict(self.initial_pairings[number].pairs), dict(pairing.pairs)
+        found = []
+        for row, measured in enumerate(map(float, modes.frequency_hz)):
+            before, after = first.get(row), last.get(row)
+            hz = None if after is None else float(updated.frequency_hz[after])
+            initial = None if before is None else float(self.initial_states[number].frequency_hz[before])
+            found.append(
+                ModeComparison(
+                    number=row + 1,
+                    kind=None if after is None else updated.kinds[after],
+                    measured_hz=measured,
+                    initial_hz=initial,
+                    updated_hz=hz,
+                    error_percent=None if hz is None else 100 * (hz / measured - 1),
+                    mac=None if pairing.mac is None or after is None else float(pairing.mac[row, after]),
+                    measured_damping=_finite(modes.damping_ratio, row),
+                    predicted_damping=None if after is None else predicted(after),
+                    measured_damping_sd=_finite(modes.damping_sd, row),
+                )
+            )
+        return tuple(found)
+
     # --- of an update of one campaign
 
     @property
@@ -229,6 +257,10 @@ class ElasticResult:
         """(p, p) covariance of θ under measurement noise alone."""
         slope = self.coordinates.slope(self.theta)
         return (self.gain @ self.problem.noise @ self.gain.T) * np.outer(slope, slope)
+
+
+def _finite(values: FloatArray | None, row: int) -> float | None:
+    return float(values[row]) if values is not None and np.isfinite(values[row]) else None
 
 
 def _root(covariance: FloatArray) -> FloatArray:

@@ -24,7 +24,7 @@ from fecore.errors import UpdatingError
 from fecore.updating.draws import even_draws
 from fecore.updating.elastic import NoPartnersError, SwingingError, fit
 from fecore.updating.elastic_result import REFUTED, ElasticResult, Rival
-from fecore.updating.layout import Layout
+from fecore.updating.layout import Coupon, Layout
 from fecore.updating.pairing import (
     Partners,
     exchanged,
@@ -48,7 +48,13 @@ Found = ElasticResult | UpdatingError
 
 
 def update_from_several_starts(
-    layout: Layout, progress: Callable[[float], None], *, use_shapes: bool, seed: int
+    layout: Layout,
+    progress: Callable[[float], None] = lambda _: None,
+    *,
+    use_shapes: bool = False,
+    coupons: Sequence[Coupon] = (),
+    scatter: float = 0.0,
+    seed: int = 0,
 ) -> ElasticResult:
     """`fit`, from the prior means and, where that is doubtful, from draws that pair the modes otherwise.
 
@@ -68,6 +74,8 @@ def update_from_several_starts(
                 place,
                 lambda share: progress(first + (last - first) * share),
                 use_shapes=use_shapes,
+                coupons=coupons,
+                scatter=scatter,
                 start=start,
                 held=held,
             )

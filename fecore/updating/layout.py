@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.updating.coordinates import Coordinates
 from fecore.updating.excursions import Excursion
@@ -114,6 +115,15 @@ class CampaignModel:
 
 
 @dataclass(frozen=True)
+class Coupon:
+    """What static tests say of one of the material's constants: a mean with its standard deviation, SI."""
+
+    name: str
+    mean: float
+    standard_deviation: float
+
+
+@dataclass(frozen=True)
 class Layout:
     """All unknowns, and the campaigns that see them.
 
@@ -164,6 +174,23 @@ class Layout:
         if len(self.campaigns) > 1:
             return by_name(self.shared, self.material(x))
         return by_name(self.campaigns[0].forward.parametrisation.names, self.campaigns[0].theta(x))
+
+    def coupon_terms(self, coupons: Sequence[Coupon]) -> tuple[tuple[int, float, float], ...]:
+        """Place in x, value and standard deviation of each coupon there.
+
+        Raises:
+            InputError: a coupon's constant is not updated.
+        """
+        terms, coordinates = [], self.campaigns[0].coordinates
+        for index, coupon in enumerate(coupons):
+            if coupon.name not in self.shared:
+                known = ", ".join(self.shared)
+                raise InputError(f"coupons.{index}", f"{coupon.name} is not updated; expected one of {known}")
+            place, mean, sd = self.shared.index(coupon.name), coupon.mean, coupon.standard_deviation
+            if coordinates.logarithmic[place]:
+                mean, sd = float(np.log(mean)), sd / mean
+            terms.append((place, mean - float(coordinates.mean[place]), sd))
+        return tuple(terms)
 
     def unverified(self) -> Layout:
         """The same on bases as they are now and without excursions, for a search that is verified afterwards."""

@@ -75,32 +75,16 @@ def update(
     """
     recipe, inputs = recipe or Recipe(), measurement.inputs
     parametrisation = _with_inputs(parametrise(specimen, recipe.parameters), inputs)
-    progress("identifying the modes" if measurement.modes is None else "finding mode shapes", 0.0)
-    # Under a roving sensor the FRFs have no common modes to be identified.
-    data = prepare(
-        measurement,
-        specimen,
-        recipe,
-        lambda _step, share: progress("identifying the modes", 0.4 * share),
-        find_modes=recipe.method == "two_stage" and not measurement.roving_mass,
-    )
-    data = replace(data, modes=None if data.modes is None else _unwindowed(data.modes, inputs))
+    data = _prepared(measurement, specimen, recipe, progress)
     specimen, mesh_findings = _meshed(specimen, data)
     forward = _forward(specimen, replace(parametrisation, body=specimen), measurement, data)
     progress(_ELASTIC, 0.4)
     elastic, modes = _elastic(forward, data, recipe, inputs, lambda share: progress(_ELASTIC, 0.4 + 0.2 * share))
-    findings = [
-        *remarks("measurement", data.warnings),
-        *mesh_findings,
-        *points_beyond(forward, inputs),
-        *_other_method(measurement, recipe),
-    ]
     done = _damping(
         data, elastic, modes, recipe, inputs, lambda share: progress("updating the damping", 0.6 + 0.1 * share)
     )
     sampled = None if done.result is None else _sampled(recipe, elastic, done.result, progress, checkpoint)
     progress("correlating", 0.95)
-    outcomes = (StageOutcome("elastic", "succeeded"), done.outcome)
     result = Summary(
         elastic=elastic,
         damping=done.result,
@@ -111,11 +95,32 @@ def update(
         band=done.band,
         held_band=recipe.hold_out.band_hz,
         sampled=sampled,
-        outcomes=outcomes,
-        findings=(*findings, *done.findings),
+        outcomes=(StageOutcome("elastic", "succeeded"), done.outcome),
+        findings=(
+            *remarks("measurement", data.warnings),
+            *mesh_findings,
+            *points_beyond(forward, inputs),
+            *_other_method(measurement, recipe),
+            *done.findings,
+        ),
     ).result()
     progress("done", 1.0)
     return result
+
+
+def _prepared(measurement: Measurement, specimen: Body, recipe: Recipe, progress: Progress) -> Prepared:
+    """The measurement ready for updating, a stated window's share of the modes' damping taken off."""
+    progress("identifying the modes" if measurement.modes is None else "finding mode shapes", 0.0)
+    # Under a roving sensor the FRFs have no common modes to be identified.
+    find_modes = recipe.method == "two_stage" and not measurement.roving_mass
+    data = prepare(
+        measurement,
+        specimen,
+        recipe,
+        lambda _step, share: progress("identifying the modes", 0.4 * share),
+        find_modes=find_modes,
+    )
+    return data if data.modes is None else replace(data, modes=_unwindowed(data.modes, measurement.inputs))
 
 
 def _with_inputs(parametrisation: Parametrisation, inputs: Inputs) -> Parametrisation:

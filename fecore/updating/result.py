@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -357,90 +356,3 @@ class UpdateResult:
     posterior: PosteriorSummary
     warnings: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
-
-
-@dataclass(frozen=True)
-class CommonLaw:
-    """A damping law with one set of coefficients for all campaigns.
-
-    Attributes:
-        name: of the law.
-        coefficients, standard_deviations: by name; a0 in 1/s, loss factors without unit, viscous rates in s.
-        bic: infinite where the law cannot be.
-        preferred: whether no other law has a lower BIC.
-        missed_by: root mean square of the relative misses of each campaign's ratios, by its name.
-    """
-
-    name: str
-    coefficients: dict[str, float]
-    standard_deviations: dict[str, float]
-    bic: float
-    preferred: bool
-    missed_by: dict[str, float]
-
-
-@dataclass(frozen=True)
-class CampaignMode:
-    """One measured mode of a campaign beside the model's; None where it has no partner."""
-
-    number: int
-    kind: str | None
-    measured_hz: float
-    initial_hz: float | None
-    updated_hz: float | None
-    error_percent: float | None
-    mac: float | None
-
-
-@dataclass(frozen=True)
-class CampaignPart:
-    """What one campaign has to do with the result.
-
-    Attributes:
-        name, specimen: as they came in.
-        modes: measured beside updated.
-        own: its own nuisances and its specimen's: length, clamp_compliance, width, thickness, density, fibre_angle, and the
-            specimen's scatter as ratios to the material.
-        alone: the material's constants by this campaign alone: estimate, standard deviation, and z of the difference from all
-            together, by name.
-        predictive_p: of its frequencies, given the other campaigns; None of a single campaign.
-        contradicts: whether that is too small to be chance.
-    """
-
-    name: str
-    specimen: str
-    modes: tuple[CampaignMode, ...]
-    own: tuple[ParameterEstimate, ...]
-    alone: Mapping[str, Mapping[str, float]]
-    predictive_p: float | None
-    contradicts: bool
-
-
-@dataclass(frozen=True)
-class CampaignsResult:
-    """One material from several campaigns.
-
-    Attributes:
-        verdict: whether it may be used.
-        parameters: the material's constants, in its own axes.
-        correlation: (q, q) of the free ones' posterior, in their coordinates; names of them in `free`.
-        free: names of the free parameters.
-        campaigns: each one's part.
-        odd_one_out: name of the campaign without which the others agree best, where some contradict; None else.
-        discrepancy: relative model error of a frequency.
-        scatter: relative deviation of a modulus between specimens, root of its posterior mean; None where it is not modelled.
-        warnings: what a user must know; findings: the same, each with the id of its row of the table.
-        damping: laws with one set of coefficients for all campaigns, ranked; none where no mode has a damping ratio.
-    """
-
-    verdict: Verdict
-    parameters: tuple[ParameterEstimate, ...]
-    correlation: FloatArray
-    free: tuple[str, ...]
-    campaigns: tuple[CampaignPart, ...]
-    odd_one_out: str | None
-    discrepancy: float
-    scatter: float | None
-    warnings: tuple[str, ...]
-    findings: tuple[Finding, ...] = ()
-    damping: tuple[CommonLaw, ...] = ()

@@ -26,7 +26,6 @@ from fecore.updating.result import (
     DampingModelFit,
     Finding,
     HeldOut,
-    ModeComparison,
     ModeShapes,
     PairingSummary,
     ParameterEstimate,
@@ -82,7 +81,7 @@ class Summary:
             verdict=judge(findings, self.parameters),
             outcomes=self.outcomes,
             parameters=self.parameters,
-            modes=tuple(self._mode(row) for row in range(len(self.modes))),
+            modes=self.elastic.compared_modes(0, self.modes, self._predicted_damping),
             correlation=self._correlation(),
             damping_models=() if self.ranking is None else tuple(self._law(ranked) for ranked in self.ranking.laws),
             damping_starts=0 if damping is None else damping.starts,
@@ -154,30 +153,6 @@ class Summary:
             return np.stack([hz, damping_ratio(law, coefficients, 2 * np.pi * hz, strain)])
         grid = np.geomspace(low, high, _CURVE_POINTS)
         return np.stack([grid, damping_ratio(law, coefficients, 2 * np.pi * grid)])
-
-    def _mode(self, row: int) -> ModeComparison:
-        updated = dict(self.elastic.pairing.pairs).get(row)
-        initial = dict(self.elastic.initial_pairing.pairs).get(row)
-        measured = float(self.modes.frequency_hz[row])
-        ratio = float(self.modes.damping_ratio[row])
-        frequency = None if updated is None else float(self.elastic.updated.frequency_hz[updated])
-        matrix = self.elastic.pairing.mac
-        return ModeComparison(
-            number=row + 1,
-            kind=None if updated is None else self.elastic.updated.kinds[updated],
-            measured_hz=measured,
-            initial_hz=None if initial is None else float(self.elastic.initial.frequency_hz[initial]),
-            updated_hz=frequency,
-            error_percent=None if frequency is None else 100 * (frequency / measured - 1),
-            mac=None if matrix is None or updated is None else float(matrix[row, updated]),
-            measured_damping=None if np.isnan(ratio) else ratio,
-            predicted_damping=None if updated is None else self._predicted_damping(updated),
-            measured_damping_sd=self._damping_sd(row),
-        )
-
-    def _damping_sd(self, row: int) -> float | None:
-        spread = self.modes.damping_sd
-        return float(spread[row]) if spread is not None and np.isfinite(spread[row]) else None
 
     def _predicted_damping(self, column: int) -> float | None:
         """The law's ratio of an elastic model mode; None where no law damps it."""

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from fecore.body.oriented import OrientedSpecimen
-from fecore.updating.campaigns import Campaign, CampaignsRecipe, update_campaigns
-from fecore.updating.elastic import Coupon
+from fecore.updating.campaigns import Campaign, CampaignsRecipe, CampaignsResult, update_campaigns
 from fecore.updating.excursions import fixed_points
+from fecore.updating.layout import Coupon
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.recipe import Recipe
-from fecore.updating.result import CampaignsResult
 from service.compute.origin import origin
 from service.jobs.kinds import Report
 

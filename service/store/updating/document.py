@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from fecore.updating.result import CampaignsResult, Correlation, FrfCorrelation, HeldOut, PosteriorSummary, UpdateResult
+from fecore.updating.campaigns import CampaignsResult
+from fecore.updating.result import Correlation, FrfCorrelation, HeldOut, PosteriorSummary, UpdateResult
 from service.store.updating.result_schemas import JointResultOut, ResultOut
 from service.store.updating.versions import VERSION
 

@@ -1,8 +1,7 @@
 """What a result is as JSON: one declaration for what is stored, for the OpenAPI document and for who reads it elsewhere.
 
 The worker makes a document of the core's dataclasses by these models (`fecore.updating.result`); their arrays become lists, and
-what is not finite null. A stored document of an earlier version is brought up to date when it is read
-(`service.store.updating.versions`).
+what is not finite null. A stored document is brought up to date when it is read (`service.store.updating.versions`).
 """
 
 from __future__ import annotations
@@ -103,8 +102,8 @@ class ParameterOut(Part):
     )
 
 
-class ModeOut(Part):
-    """A measured mode beside the model's; null where there is no partner."""
+class ModeComparisonOut(Part):
+    """A measured mode beside the model's; null where there is no partner or nothing was measured."""
 
     number: int = Field(description="of the measured mode, from 1")
     kind: str | None = Field(description="the model's motion: bending or torsion")
@@ -113,13 +112,8 @@ class ModeOut(Part):
     updated_hz: Number = Field(description="of the updated model, Hz")
     error_percent: Number = Field(description="of the updated frequency, % of the measured one")
     mac: Number = Field(description="of measured and updated shape, 0 to 1")
-
-
-class ModeComparisonOut(ModeOut):
-    """A measured mode beside the model's; null where there is no partner or nothing was measured."""
-
-    measured_damping: Number = Field(description="measured damping ratio ζ, not per cent")
-    predicted_damping: Number = Field(description="of the updated model, not per cent")
+    measured_damping: Number = Field(None, description="measured damping ratio ζ, not per cent")
+    predicted_damping: Number = Field(None, description="of the updated model, not per cent")
     measured_damping_sd: Number = Field(None, description="standard deviation of the measured ratio")
 
 
@@ -266,10 +260,10 @@ class ResultOut(Part):
         description="how the modes were found; its `stabilisation` with `?include=stabilisation` only"
     )
     posterior: PosteriorOut = Field(description="how the posterior was had")
+    provenance: dict[str, Any] = Field(description="inputs with their SHA-256, recipe, versions, host, durations")
     version: int = Field(
         description="of this document's form; results of earlier versions are shown in the present one"
     )
-    provenance: dict[str, Any] = Field(description="inputs with their SHA-256, recipe, versions, host, durations")
 
 
 class AloneOut(Part):
@@ -289,7 +283,7 @@ class CampaignPartOut(Part):
     contradicts: bool = Field(description="whether that is too small to be chance")
     alone: dict[str, AloneOut] = Field(description="the constants by this campaign alone")
     own: list[ParameterOut] = Field(description="its own unknowns and its specimen's")
-    modes: list[ModeOut] = Field(description="measured modes beside the model's")
+    modes: list[ModeComparisonOut] = Field(description="measured modes beside the model's")
 
 
 class JointResultOut(Part):

@@ -111,11 +111,19 @@ def test_what_campaigns_say_of_one_another() -> None:
     parts: Any = [SimpleNamespace(name=name, contradicts=True, predictive_p=0.001, modes=(1, 2, 3)) for name in "ab"]
     (both,) = campaigns._contradictions(parts, None)
     assert both.text.startswith("the campaigns contradict each other: a (p = 0.001) and b (p = 0.001)")
-    layout = SimpleNamespace(sd=lambda _: np.ones(1), labels=["Ex"])
+    layout = SimpleNamespace(sd=lambda _: np.ones(1), labels=["Ex"], shared=("Ex",))
     problem = SimpleNamespace(residual=np.array([0.0, 0.0, 1.0]))
     pairings = [SimpleNamespace(unpaired_measured=unpaired) for unpaired in ((), (1, 2))]
     fitted: Any = SimpleNamespace(
-        layout=layout, rows=[slice(0, 2), slice(2, 3)], pairings=pairings, problem=problem, x=np.zeros(1), scatter=1.0
+        layout=layout,
+        rows=[slice(0, 2), slice(2, 3)],
+        pairings=pairings,
+        problem=problem,
+        x=np.zeros(1),
+        scatter=1.0,
+        standing=(),
+        rivals=(),
+        torn=(),
     )
     found = campaigns._findings(fitted, parts)
     assert [(one.level, one.text.split(":")[0]) for one in found] == [

@@ -12,13 +12,20 @@ from fecore.body.oriented import OrientedSpecimen
 from fecore.body.specimen import Specimen
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
-from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, CampaignsRecipe, lay_out, update_campaigns
+from fecore.updating.campaigns import (
+    MATERIAL_PARAMETERS,
+    Campaign,
+    CampaignsRecipe,
+    CampaignsResult,
+    lay_out,
+    update_campaigns,
+)
 from fecore.updating.common_damping import common_damping
-from fecore.updating.elastic import Coupon, fit
+from fecore.updating.elastic import fit
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
+from fecore.updating.layout import Coupon
 from fecore.updating.parameters import Parameter, parametrise
-from fecore.updating.result import CampaignsResult
 from tests.support.strips import NOMINAL, STRIP, TRUTH, measured, panel
 
 

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from fecore.body.laminate import OrthotropicMaterial
+from fecore.body.oriented import OrientedSpecimen
 from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
 from fecore.modes import MeasuredModes
+from fecore.updating.campaigns import Campaign, CampaignsRecipe, update_campaigns
 from fecore.updating.elastic_result import REFUTED, ElasticResult
 from fecore.updating.elastic_starts import _behind, _other_starts, evidence, is_doubtful, update_from_several_starts
 from fecore.updating.estimates import OTHER_PARTNERS, constant_estimates
@@ -21,13 +23,16 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Layout
 from fecore.updating.measurement import Measurement
 from fecore.updating.pairing import exchanged, pair_held, partners_of
-from fecore.updating.parameters import parametrise
+from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF, Identifiability, spread_over
 from fecore.updating.result import ParameterEstimate, UpdateResult
 
 STATED = OrthotropicMaterial(Ex=30e9, Ey=30e9, Gxy=11e9, Gxz=11e9, Gyz=11e9, nu_xy=0.3, density=2000.0)
 STRIP = Specimen(0.5, 0.04, 0.010, STATED, "free", divisions=(20, 2))
+
+
+FIVE = (166.74, 458.13, 893.78, 1467.90, 2175.15)
 
 
 def typed(*hz: float) -> MeasuredModes:
@@ -62,7 +67,7 @@ def test_exact_beam_frequencies_come_to_an_end_between_two_pairings() -> None:
 @pytest.fixture(scope="module")
 def five() -> tuple[ElasticResult, MeasuredModes]:
     """Five bending modes of a strip with Ex 33, Gxy 9 and Gxz 8 GPa; torsion at 940 and 1890 Hz was not measured."""
-    modes = typed(166.74, 458.13, 893.78, 1467.90, 2175.15)
+    modes = typed(*FIVE)
     forward = ForwardModel(STRIP, parametrise(STRIP), (), np.zeros((0, 2)), 12)
     shares: list[float] = []
     found = update_from_several_starts(Layout.of_one(forward, modes), shares.append, use_shapes=False, seed=0)
@@ -192,3 +197,14 @@ def test_what_is_known_of_a_parameter_is_less_where_pairings_differ() -> None:
     ]
     assert [each.information for each in wider] == pytest.approx([0.8, 0.4, 0.9])
     assert spread_over(known[:1], np.array([[2.0]]), np.ones(1))[0].information == 0
+
+
+def test_frequencies_of_two_campaigns_leave_their_pairings_open_too() -> None:
+    """The strip of `five` hung up twice: the joint update tries other partners, says so, and its intervals span them."""
+    body, modes = OrientedSpecimen(0.5, 0.04, 0.010, STATED, "free", divisions=(20, 2)), typed(*FIVE)
+    twice = [Campaign(name, "strip", body, modes) for name in "ab"]
+    found = update_campaigns(twice, CampaignsRecipe(tuple(Parameter(n) for n in ("Ex", "Gxy", "Gxz")), scatter=0))
+    assert "rival_pairing" in {finding.kind for finding in found.findings}
+    (shear,) = (each for each in found.parameters if each.name == "Gxy")
+    assert OTHER_PARTNERS in {entry.source for entry in shear.budget}
+    assert shear.interval_95[0] < 9e9 < shear.interval_95[1]
