@@ -9,10 +9,13 @@ import pytest
 from fecore.errors import FecoreError, UpdatingError
 from tests.corpus.frfs import FRFS
 from tests.corpus.outcomes import Case
-from tests.corpus.refused import REFUSED
+from tests.corpus.refused_bodies import BODIES
+from tests.corpus.refused_measurements import MEASUREMENTS
+from tests.corpus.refused_series import SERIES_AND_COUPONS
 from tests.corpus.updates import UPDATES
 
-CORPUS: dict[str, Case] = {**{outcome: (run, outcome) for run, outcome in REFUSED}, **FRFS, **UPDATES}
+REFUSED = dict(enumerate([*MEASUREMENTS, *BODIES, *SERIES_AND_COUPONS]))
+CORPUS: dict[str, Case] = {**{f"{number} {row[1]}": row for number, row in REFUSED.items()}, **FRFS, **UPDATES}
 
 
 @pytest.mark.parametrize("name", CORPUS)

@@ -40,34 +40,6 @@ def test_modes_are_stored_by_frequency(api: httpx.Client, campaign: str, checked
     assert checked(api.get(f"campaigns/{campaign}/mode-sets"), 200)["items"] == [body]
 
 
-@pytest.mark.parametrize(
-    ("mode", "pointer"),
-    [
-        ({"frequency_hz": 0}, "/modes/0/frequency_hz"),
-        ({"frequency_hz": -1}, "/modes/0/frequency_hz"),
-        ({"frequency_hz": "low"}, "/modes/0/frequency_hz"),
-        ({}, "/modes/0/frequency_hz"),
-        ({"frequency_hz": 1, "damping_ratio": 1.0}, "/modes/0/damping_ratio"),
-        ({"frequency_hz": 1, "damping_ratio": -0.1}, "/modes/0/damping_ratio"),
-        ({"frequency_hz": 1, "shape": []}, "/modes/0/shape"),
-        ({"frequency_hz": 1, "shape": [{**SHAPE[0], "direction": 0}]}, "/modes/0/shape/0/direction"),
-        ({"frequency_hz": 1, "shape": [SHAPE[0], {**SHAPE[0], "direction": -3}]}, "/modes/0/shape"),
-        ({"frequency_hz": 1, "shape": [{**SHAPE[0], "real": 0, "imag": 0}]}, "/modes/0/shape"),
-        ({"frequency_hz": 1, "damping_percent": 2}, "/modes/0/damping_percent"),
-    ],
-)
-def test_a_senseless_mode_is_refused_with_its_pointer(
-    api: httpx.Client, campaign: str, checked: Checked, mode: dict[str, Any], pointer: str
-) -> None:
-    problem = checked(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "x", "modes": [mode]}), 422)
-    assert {error["pointer"] for error in problem["errors"]} == {pointer}
-    assert checked(api.get(f"campaigns/{campaign}/mode-sets"), 200)["items"] == []
-
-
-def test_a_mode_set_without_modes_is_refused(api: httpx.Client, campaign: str, checked: Checked) -> None:
-    checked(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "x", "modes": []}), 422)
-
-
 def test_other_peoples_mode_sets_do_not_exist(
     api: httpx.Client, new_client: Callable[[], httpx.Client], campaign: str, checked: Checked
 ) -> None:

@@ -399,31 +399,6 @@ def test_a_schedule_is_kept(sessions: Sessions) -> None:
         assert monitor.next_run_at > datetime.now(UTC)
 
 
-@pytest.mark.parametrize(
-    ("fields", "pointer", "says"),
-    [
-        ({"recipe": {"mode_set": str(uuid4())}}, "/recipe/mode_set", "a mode set is of one campaign"),
-        ({"parameters": [{"name": "Ey"}]}, "/parameters/0/name", "not updated by the recipe, which updates Ex"),
-        ({"parameters": [{"name": "Ex"}, {"name": "Ex"}]}, "/parameters", "Ex is there twice"),
-        ({"parameters": []}, "/parameters", "at least 1"),
-        ({"baseline": {"campaigns": 3}}, "/baseline/campaigns", "greater than or equal to 4"),
-        ({"covariates": ["temperature_c"]}, "", "too few campaigns"),
-        ({"horizon": 2, "pending": 3}, "", "horizon"),
-        ({"runs_on": "schedule"}, "", "a schedule belongs to"),
-        ({"runs_on": "schedule", "schedule": "every day"}, "", "five cron fields"),
-        ({"mail_to": ["nobody"]}, "/mail_to", "nobody is no mail address"),
-        ({"recipe": {"prior_from_coupon_batch": str(uuid4())}}, "/recipe/prior_from_coupon_batch", "no coupon batch"),
-        ({"false_alarm_rate": 0}, "/false_alarm_rate", "greater than 0"),
-        ({"treshold": 3}, "/treshold", "not permitted"),
-    ],
-)
-def test_a_monitor_that_makes_no_sense_is_refused(lab: Lab, fields: Any, pointer: str, says: str) -> None:
-    answer = lab.api.post(f"structures/{lab.structure}/monitors", json={**WATCH, **fields})
-    faults = ok(answer, 422)["errors"]
-    assert [fault["pointer"] for fault in faults] == [pointer]
-    assert says in faults[0]["detail"]
-
-
 def test_wishes_that_cannot_be_met(lab: Lab, client: httpx.Client) -> None:
     runs = f"monitors/{lab.monitor}/runs"
     undated = ok(client.post(f"structures/{lab.structure}/campaigns", json={"name": "x", "boundary": "free"}), 201)[

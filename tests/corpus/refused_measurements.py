@@ -1,4 +1,4 @@
-"""Inputs that the core refuses: each a call, and the field and the words of the `InputError` that it ends with."""
+"""Measurements and what is made of them that the core refuses: each a call, and how the `InputError` begins that ends it."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ LOST = np.r_[np.full(1, 0.0), np.full(199, np.nan)]
 WIDTH = [0.025]
 
 # fmt: off
-REFUSED: list[tuple[Callable[[], object], str]] = [
+MEASUREMENTS: list[tuple[Callable[[], object], str]] = [
     (lambda: beam(1, 0, "free"), "mesh.elements: is 0, expected at least one element"),
     (lambda: _seen(7), "directions[0]: is 7, expected 1 … 6"),
     (lambda: Ply(PAPER, 1e-3, np.nan), "ply.angle_deg: is nan, expected a finite angle"),
