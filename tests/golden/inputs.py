@@ -11,6 +11,7 @@ import httpx
 import numpy as np
 
 from fecore.frf import FrfSet
+from tests.support.golden import numeric
 from tests.support.laboratory import BEAM, MATERIAL
 from tests.support.places import shared_file
 from tests.support.rest import finished, ok, posted
@@ -120,12 +121,14 @@ def job(api: httpx.Client, path: str, body: dict[str, Any]) -> tuple[str, dict[s
 
 
 def updated(api: httpx.Client, campaign: str, recipe: dict[str, Any]) -> dict[str, Any]:
-    """The state and, where it succeeded, the whole result of an update."""
+    """The state and, where it succeeded, the whole result of an update and its deck for another solver."""
     address, state = job(api, f"campaigns/{campaign}/update-jobs", recipe)
     if state["status"] != "succeeded":
         return {"job": state}
     whole = {"include": ["convergence", "stabilisation"]}
-    return {"job": state, "result": ok(api.get(f"{address}/result", params=whole), 200)}
+    deck = api.get(f"{address}/cards", params={"format": "abaqus"})
+    shown = numeric(deck.content) if deck.is_success else deck.json()
+    return {"job": state, "result": ok(api.get(f"{address}/result", params=whole), 200), "deck": shown}
 
 
 def modes_of(api: httpx.Client, campaign: str, modes: Any) -> str:

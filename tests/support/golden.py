@@ -207,7 +207,7 @@ def answered(answer: httpx.Response, body: Any) -> dict[str, Any]:
 
 def exact(content: bytes) -> dict[str, Any]:
     """Bytes that are to stay: how many, their checksum, and how they begin."""
-    begin = content[:400].decode("utf-8", "replace").splitlines()[:4]
+    begin = content[:1000].decode("utf-8", "replace").splitlines()[:7]
     return {"bytes": len(content), "crc32": zlib.crc32(content), "begin": begin}
 
 
