@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
-from uuid import uuid4
 
 import httpx
 import pytest
@@ -81,17 +80,6 @@ def test_a_deleted_campaign_is_gone_until_it_is_restored(
     assert [c["id"] for c in deleted] == [campaign]
     assert checked(api.post(f"campaigns/{campaign}/restore"), 200)["deleted_at"] is None
     checked(api.get(f"mode-sets/{mode_set}"), 200)
-
-
-def test_other_peoples_campaigns_do_not_exist(
-    new_client: Callable[[], httpx.Client], structure: str, campaign: str, checked: Checked
-) -> None:
-    stranger = new_client()
-    for path in (f"campaigns/{campaign}", f"campaigns/{uuid4()}", f"structures/{structure}/campaigns"):
-        checked(stranger.get(path), 404)
-    checked(stranger.delete(f"campaigns/{campaign}"), 404)
-    checked(stranger.post(f"campaigns/{campaign}/restore"), 404)
-    checked(stranger.put(f"campaigns/{campaign}/grid-points", json={"items": POINTS}), 404)
 
 
 def test_grid_points_go_in_and_out_as_json_and_csv(api: httpx.Client, campaign: str, checked: Checked) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
-from uuid import uuid4
 
 import httpx
 import pytest
@@ -123,13 +122,3 @@ def test_a_specimen_is_recorded_once(api: httpx.Client, batch: str, checked: Che
     checked(api.post(f"coupon-batches/{batch}/coupons", json=coupon), 201)
     checked(api.post(f"coupon-batches/{batch}/coupons", json=[{"specimen": "A2", "nu": 0.1}, coupon]), 409)
     assert len(checked(api.get(f"coupon-batches/{batch}/coupons"), 200)["items"]) == 1
-
-
-def test_other_peoples_batches_do_not_exist(
-    new_client: Callable[[], httpx.Client], structure: str, batch: str, checked: Checked
-) -> None:
-    stranger = new_client()
-    for path in (f"coupon-batches/{batch}", f"coupon-batches/{uuid4()}/summary", f"coupon-batches/{batch}/coupons"):
-        checked(stranger.get(path), 404)
-    checked(stranger.get(f"structures/{structure}/coupon-batches"), 404)
-    checked(stranger.post(f"coupon-batches/{batch}/coupons", json={"specimen": "A", "nu": 0.1}), 404)

@@ -417,20 +417,6 @@ def test_wishes_that_cannot_be_met(lab: Lab, client: httpx.Client) -> None:
     assert "at rest" in ok(client.post(f"monitors/{resting}/runs", json={}), 409)["detail"]
 
 
-def test_other_people_see_nothing(lab: Lab, new_client: Callable[[], httpx.Client]) -> None:
-    other = new_client()
-    for path in ("monitors/{}", "monitors/{}/series", "monitors/{}/runs", "monitors/{}/deliveries"):
-        ok(other.get(path.format(lab.monitor)), 404)
-    ok(other.post(f"monitors/{lab.monitor}/runs", json={}), 404)
-    ok(other.post("webhooks", json={"project": lab.project, "url": "http://127.0.0.1/"}), 404)
-    assert (
-        ok(other.get("monitors"))["items"]
-        == ok(other.get("alarms"))["items"]
-        == ok(other.get("webhooks"))["items"]
-        == []
-    )
-
-
 def test_monitors_come_worst_first(service: LocalService) -> None:
     with client_of(service, f"other {uuid4()}") as own:
         lab = Lab(own, runs_on="hand")
