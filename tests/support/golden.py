@@ -72,7 +72,7 @@ LOOSER: tuple[tuple[re.Pattern[str], float, float, float], ...] = tuple(
         (r"/refused_poles/", 1e-4, 0.0, 0.0),
         # Made of estimates and their standard deviations.
         (r"/(z|predictive_p|information_nats)$|^plans", 2e-6, 1e-9, 0.0),
-        (r"^(monitor|figures|exports-computed)/", 1e-5, 0.0, 0.0),
+        (r"^(monitor|figures|exports-computed)/|/deck/", 1e-5, 0.0, 0.0),
         # Each place of the sensor is a body of its own: its searches end by their count.
         (r"^update-sensor-", 5e-5, 0.0, 1e-3),
         (r"^update-sensor-.*/error_percent$", 0.0, 1e-5, 0.0),
