@@ -113,7 +113,8 @@ def freeze(value: Any) -> Any:
 
 
 def _member(name: str, member: Any) -> Any:
-    if name in VOLATILE and member is not None:
+    described = isinstance(member, dict) and member.keys() & {"type", "anyOf", "$ref"}  # in the OpenAPI document
+    if name in VOLATILE and member is not None and not described:
         return "<masked>"
     return _names(member) if name in NUMBERLESS else freeze(member)
 
