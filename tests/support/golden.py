@@ -85,8 +85,9 @@ LOOSER: tuple[tuple[re.Pattern[str], float, float, float], ...] = tuple(
         (r"/refused_poles/", 1e-4, 0.0, 0.0),
         # Made of estimates and their standard deviations.
         (r"/(z|predictive_p|information_nats)$|^plans", 2e-6, 1e-9, 0.0),
-        (r"^(monitor|figures|exports-computed)/|/deck/", 1e-5, 0.0, 0.0),
-        (r"^joint-strips/figures/", 0.0, 1e-6, 0.0),
+        (r"^(monitor|exports-computed)/|/deck/", 1e-5, 0.0, 0.0),
+        # Drawn with five digits.
+        (r"/curve/|^figures/|/figures?/", 2e-4, 1e-6, 0.0),
         # A chain takes a step or not by its last bits; some 5000 effective samples fix a standard deviation to 1 %.
         (r"^update-paper-sampled/.*/(posterior|budget|interval_95|standard_deviation)\b", 0.3, 0.1, 0.3),
         # Each place of the sensor is a body of its own: its searches end by their count.
