@@ -36,10 +36,10 @@ from service.web import api_router
 if TYPE_CHECKING:
     from service.store.coupons.tables import Coupon, CouponCurve
 
-router = api_router(tags=["figures"])
+router = api_router(tags=[])  # each figure stands beside what it shows
 
 
-@router.get("/campaigns/{campaign_id}/figures/{name}", response_class=Response, responses=RESPONSES)
+@router.get("/campaigns/{campaign_id}/figures/{name}", response_class=Response, responses=RESPONSES, tags=["records"])
 def get_campaign_figure(
     campaign_id: UUID,
     name: FigureName,
@@ -60,7 +60,12 @@ def get_campaign_figure(
     return asked.answer(lambda: hits_figure(point_shown(session, blocks)), name, blocks.version)
 
 
-@router.get("/identifications/{identification_id}/figures/{name}", response_class=Response, responses=RESPONSES)
+@router.get(
+    "/identifications/{identification_id}/figures/{name}",
+    response_class=Response,
+    responses=RESPONSES,
+    tags=["identifications"],
+)
 def get_identification_figure(
     identification_id: UUID,
     name: FigureName,
@@ -81,7 +86,7 @@ def get_identification_figure(
     return asked.answer(draw, name, str(row.id))  # what it found never changes
 
 
-@router.get("/coupons/{coupon_id}/figures/{name}", response_class=Response, responses=RESPONSES)
+@router.get("/coupons/{coupon_id}/figures/{name}", response_class=Response, responses=RESPONSES, tags=["coupons"])
 def get_coupon_figure(
     coupon_id: UUID,
     name: FigureName,
@@ -96,7 +101,7 @@ def get_coupon_figure(
     return asked.answer(lambda: coupon_figure(_curve_shown(coupon, curve)), name, curve.sha256.hex())
 
 
-@router.get("/monitors/{monitor_id}/series/figure", response_class=Response, responses=RESPONSES)
+@router.get("/monitors/{monitor_id}/series/figure", response_class=Response, responses=RESPONSES, tags=["monitoring"])
 def get_series_figure(
     monitor_id: UUID,
     session: SessionDep,

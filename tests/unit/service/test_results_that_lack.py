@@ -31,7 +31,7 @@ from service.monitoring.values import watched_values
 from service.show import hits as record_figures
 from service.show.pages.grid import draw_grid
 from service.show.reports import update_report
-from service.show.results import cards, figure_data, figure_frf, predictions
+from service.show.results import figure_data, figure_frf, predictions
 from service.show.results.figure_data import UpdateFigures
 from service.show.results.figure_frf import Wanted, _row_at
 from service.show.results.figures import FIGURES, _shapes, draw_figure
@@ -43,7 +43,6 @@ from service.store.modes import identifications
 from service.store.records import operations as record_operations
 from service.store.records import processings
 from service.store.records.intake import RecordIntake
-from service.store.structures.schemas import StructureIn
 from service.store.updating import bodies, joint_loading, loading, operations
 from service.store.updating.batches import _placed
 from service.store.updating.document import _agreement, _posterior
@@ -167,84 +166,6 @@ def test_predictions_are_assigned_where_the_frame_is_still_theirs(monkeypatch: p
     assert predictions.used_frfs(job, job, rows[:2], some) == rows[:2]
     with pytest.raises(Conflict, match="the campaign's frame is not the one of this result; restore it"):
         predictions.used_frfs(job, job, rows, [(Dof(1, -3), Dof(9, 3))])
-
-
-def test_a_deck_that_cannot_be_written() -> None:
-    job: Any = None
-    with pytest.raises(Invalid, match="there is no nastran deck of solids; there is one of shells"):
-        cards.written_deck(job, job, "nastran", "solid")
-    spring = {"name": "k_clamp", "x_m": 0.0, "dof": "w"}
-    for recipe, why in (
-        ({"zones_m": [0.1]}, "the recipe has zones of other stiffness, which no deck is written with"),
-        ({"springs": [spring]}, r"the recipe has elastic supports \(k_clamp\), which no deck is written with"),
-    ):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(cards, "result_document", lambda *_: {})
-            patch.setattr(cards.RecipeIn, "model_validate", lambda given: SimpleNamespace(
-                springs=[SimpleNamespace(**one) for one in given.get("springs", ())], zones_m=given.get("zones_m")
-            ))  # fmt: skip
-            with pytest.raises(Conflict, match=why):
-                cards.updated_deck(job, SimpleNamespace(recipe=recipe))  # type: ignore[arg-type]
-    other, pair = {"name": "caughey", "coefficients": {}}, {"name": "rayleigh", "coefficients": {"a0": 1, "a1": 2}}
-    for laws, expected in (([], None), ([other], None), ([other, pair], (1.0, 2.0))):
-        assert cards._rayleigh({"damping_models": laws}) == expected
-
-
-def test_a_deck_says_what_it_leaves_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of masses their rotary inertia, of the damping all but Rayleigh's law; without elastic constants there is none."""
-    job: Any = SimpleNamespace(id=HERE, campaign_id=HERE, structure_version_id=HERE, recipe={})
-    document: dict[str, Any] = {"modes": [], "damping_models": [], "parameters": [], "verdict": None}
-    names = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy")
-    material = dict(zip((f"{name}_Pa" for name in names[:-1]), (33e9, 32e9, 6e9, 4e9, 4e9), strict=True))
-    structure = StructureIn.model_validate(
-        {
-            "name": "s",
-            "geometry": {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01},
-            "density_kg_m3": 2000.0,
-            "material": material | {"nu_xy": 0.15},
-        }
-    )
-    tip = {"x_m": 0.4, "y_m": 0.0, "mass_kg": 0.05, "rotary_inertia_kg_m2": 4e-6}
-    campaign = SimpleNamespace(boundary="free", instruments={"added_masses": [tip]})
-    monkeypatch.setattr(cards, "result_document", lambda *_: document)
-    monkeypatch.setattr(cards, "campaign_of", lambda *_: campaign)
-    monkeypatch.setattr(cards, "version_of", lambda *_: None)
-    monkeypatch.setattr(cards, "describe_version", lambda *_: structure)
-    with pytest.raises(Conflict, match=r"the result has no Ex, Ey, Gxy, .*: no elastic constants were estimated"):
-        cards.updated_deck(job, job)
-    document["parameters"] = [
-        {"name": name, "estimate": estimate}
-        for name, estimate in zip(names, (33e9, 32e9, 6e9, 4e9, 4e9, 0.15), strict=True)
-    ]
-    deck = cards.updated_deck(job, job)
-    assert [one.mass for one in deck.masses] == [0.05]
-    assert deck.remarks[-2:] == (
-        "the added masses are points here: the deck has no rotary inertia of them",
-        "no Rayleigh damping: the result has another law, or none",
-    )
-    campaign.instruments, document["damping_models"] = {}, [{"name": "rayleigh", "coefficients": {"a0": 1, "a1": 2}}]
-    said = " ".join(cards.updated_deck(job, job).remarks)
-    assert [words in said for words in ("the added masses", "no Rayleigh", "SI units")] == [False, False, True]
-
-
-@pytest.mark.parametrize(
-    ("instruments", "points", "masses", "remark"),
-    [
-        ({}, [1], [], None),
-        ({"sensor_mass_kg": 0.002, "sensor_point": 2}, [1, 3], [0.2], None),
-        ({"sensor_mass_kg": 0.002}, [1, 1], [0.1], None),
-        ({"sensor_mass_kg": 0.002}, [1, 2], [], "the sensor moved with the response: the deck has no mass of it"),
-    ],
-)
-def test_a_deck_has_the_sensor_where_it_stayed(
-    monkeypatch: pytest.MonkeyPatch, instruments: dict[str, Any], points: list[int], masses: list[float], remark: Any
-) -> None:
-    job: Any = SimpleNamespace(campaign_id=HERE)
-    monkeypatch.setattr(cards, "campaign_of", lambda *_: SimpleNamespace(instruments=instruments))
-    monkeypatch.setattr(cards, "frfs_of", lambda *_: [Row(point) for point in points])
-    monkeypatch.setattr(cards, "specimen_points", lambda *_: {n: (n / 10, 0.0, 0.0) for n in (1, 2, 3)})
-    found, said = cards._sensor(job, job, {"provenance": {"frfs": []}})
-    assert ([mass.x for mass in found], said) == (masses, remark)
 
 
 def test_arrays_and_document_of_a_result_without_prediction_shapes_and_samples() -> None:

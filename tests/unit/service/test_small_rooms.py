@@ -20,7 +20,7 @@ from starlette.exceptions import HTTPException
 from fecore.errors import InputError, UpdatingError
 from modalbase.client.errors import ClientError, Exit
 from modalbase.formats import uff
-from service.app import doctor, parts, supervisor
+from service.app.application import doctor, parts, supervisor
 from service.app.cli import people_remote, running
 from service.app.parts import Part, how_it_ended
 from service.app.supervisor import LocalService, StartError

@@ -17,7 +17,7 @@ import pytest
 from sqlalchemy.exc import OperationalError
 
 from modalbase.client.place import running_here
-from service.app import doctor, serving, supervisor
+from service.app.application import doctor, serving, supervisor
 from service.app.backup.archive import BackupError
 from service.app.cli import ending, running
 from service.app.demo import run as demo

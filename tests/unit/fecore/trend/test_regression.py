@@ -48,13 +48,6 @@ def test_mixed_uncertainties_weigh_as_they_should() -> None:
     assert fit.covariance[0, 0] == pytest.approx(1 / w.sum(), rel=1e-12)
 
 
-def test_regressions_that_cannot_be_are_refused() -> None:
-    with pytest.raises(InputError, match="expected at least 4"):
-        fit_with_scatter(np.ones((3, 2)), np.ones(3), np.ones(3))
-    with pytest.raises(InputError, match="separate the regressors"):
-        fit_with_scatter(np.ones((8, 2)), np.arange(8.0), np.ones(8))
-
-
 @pytest.mark.parametrize("ratio", [0.0, 2.0])
 def test_scores_of_an_unchanged_structure_are_standard_normal(ratio: float) -> None:
     # ratio = scatter between campaigns over own standard deviation
