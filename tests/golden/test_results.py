@@ -13,7 +13,8 @@ import httpx
 import numpy as np
 import pytest
 
-from examples.joint_update import paper_bar_over_rest
+import modalbase
+from examples.joint_update import paper_bar_together
 from examples.monitoring import State, measured_frfs, post_campaign, structure_body
 from examples.plies import plate, simulated
 from service.app.demo.laboratory import Laboratory
@@ -149,7 +150,9 @@ def test_a_joint_update_of_strips(api: httpx.Client, project: str) -> None:
 
 
 def test_a_joint_update_of_the_papers_bar(api: httpx.Client) -> None:
-    check("joint-paper", paper_bar_over_rest(api))
+    key = api.headers["Authorization"].removeprefix("Bearer ")
+    with modalbase.connect(str(api.base_url).removesuffix("/api/v1/"), key) as lab:
+        check("joint-paper", paper_bar_together(lab))
 
 
 def test_a_joint_update_from_frfs(api: httpx.Client, project: str) -> None:
