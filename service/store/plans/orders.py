@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from itertools import product
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 from uuid import UUID
 
 import numpy as np
@@ -15,19 +14,19 @@ from sqlalchemy.orm import Session
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.oriented import OrientedSpecimen
 from fecore.body.supports import PointMass
-from fecore.updating.campaigns import MATERIAL_PARAMETERS
+from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign
 from fecore.updating.plans import PlannedTest
 from service.access import User
-from service.compute.planning import MadeTest, PlanOrder
+from service.compute.planning import PlanOrder
 from service.errors import Invalid
 from service.store.campaigns.operations import campaign_for, campaign_of, frame_of
 from service.store.frfs.measured_campaign import load_measured_campaign
-from service.store.modes.operations import load_modes, mode_set_for
+from service.store.modes.operations import load_modes
 from service.store.structures.operations import present_structure, structure_for
 from service.store.structures.schemas import StructureIn
-from service.store.updating.bodies import nominal_specimen
-from service.store.updating.joint_loading import material_of, of_its_material
+from service.store.updating.bodies import material_of, nominal_specimen, of_its_material, oriented
 from service.store.updating.loading import modes_in_frame, specimen_of
+from service.store.updating.operations import check_mode_set
 from service.store.updating.schemas import InputsIn
 from service.web import StrictModel, example
 
@@ -143,11 +142,7 @@ def _proposed(structure: StructureIn) -> list[PlannedTestIn]:
 
 def _oriented(structure: StructureIn, number: int, boundary: str, material: OrthotropicMaterial) -> OrientedSpecimen:
     plain = nominal_specimen(of_its_material(structure, number), boundary)
-    angle = math.radians(material_of(structure, number)[1])
-    own = replace(material, density=plain.material.density)
-    return OrientedSpecimen(
-        plain.length, plain.width, plain.thickness, own, plain.boundary, fibre_angle=angle, pieces=plain.pieces
-    )
+    return oriented(plain, material, material_of(structure, number)[1])
 
 
 def _test(
@@ -187,20 +182,17 @@ def _grid(body: OrientedSpecimen) -> list[tuple[float, float]]:
     return [(float(x), float(y)) for x in along for y in across]
 
 
-def _made(session: Session, user: User, number: int, each: MadeTestIn, material: OrthotropicMaterial) -> MadeTest:
+def _made(session: Session, user: User, number: int, each: MadeTestIn, material: OrthotropicMaterial) -> Campaign:
     at = f"/made/{number}"
     campaign = campaign_for.named(session, user, each.campaign_id, f"{at}/campaign_id")
-    mode_set = mode_set_for.named(session, user, each.mode_set, f"{at}/mode_set")
-    if mode_set.campaign_id != campaign.id:
-        raise Invalid(f"{at}/mode_set", f"{mode_set.id} belongs to another campaign")
+    check_mode_set(session, user, each.mode_set, campaign.id, f"{at}/mode_set")
     loaded = load_measured_campaign(session, campaign.id)
     plain = specimen_of(replace(loaded, structure=of_its_material(loaded.structure, number)))
-    body = _oriented(loaded.structure, number, plain.boundary, material)
-    modes: Any = modes_in_frame(load_modes(session, mode_set.id), frame_of(campaign_of(session, campaign.id)))
-    return MadeTest(
+    modes = modes_in_frame(load_modes(session, each.mode_set), frame_of(campaign_of(session, campaign.id)))
+    return Campaign(
         name=f"{number + 1}: {loaded.structure.name}, {campaign.name}",
         specimen=str(campaign.structure_id),
-        body=replace(body, masses=plain.masses),
+        body=oriented(plain, material, material_of(loaded.structure, number)[1]),
         modes=modes,
         points=dict(loaded.points),
         inputs=InputsIn.model_validate({}).or_as_stated(loaded.structure.inputs, loaded.inputs, None).to_core(),
