@@ -21,7 +21,6 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import UpdatingError
-from fecore.updating.draws import even_draws
 from fecore.updating.elastic import NoPartnersError, SwingingError, fit
 from fecore.updating.elastic_result import REFUTED, ElasticResult, Rival
 from fecore.updating.layout import Coupon, Layout
@@ -192,16 +191,10 @@ def _behind(rival: tuple[int, float], chosen: tuple[int, float]) -> float:
     return float(rival[1] - chosen[1] + _PRICE_ALONE * (rival[0] - chosen[0]))
 
 
-def _away(result: ElasticResult) -> FloatArray:
-    """(X,) prior standard deviations between the estimate and the prior means."""
-    away: FloatArray = result.x / result.layout.sd(result.scatter)
-    return away
-
-
 def is_doubtful(result: ElasticResult) -> bool:
     """Whether another start may do better: modes without a partner, a large misfit, or a parameter far from its prior."""
     alone = any(pairing.unpaired_measured for pairing in result.pairings)
-    return bool(alone or result.misfit > _DOUBTFUL * DISCREPANCY or np.abs(_away(result)).max(initial=0.0) > _FAR)
+    return bool(alone or result.misfit > _DOUBTFUL * DISCREPANCY or np.abs(result.away).max(initial=0.0) > _FAR)
 
 
 def evidence(result: ElasticResult) -> tuple[int, float]:
@@ -211,7 +204,7 @@ def evidence(result: ElasticResult) -> tuple[int, float]:
     that meets the frequencies only where a constant is tuned to a per cent has a smaller part of the prior for it (MacKay,
     Neural Comput. 4, 1992; the Occam factor ½ ln |C_p| - ½ ln |H⁻¹|).
     """
-    residual, away = result.problem.residual, _away(result)
+    residual, away = result.problem.residual, result.away
     squares = DISCREPANCY_DOF + float(residual @ residual) / DISCREPANCY**2
     misfit = (DISCREPANCY_DOF + residual.size) / 2 * np.log(squares) + float(away @ away) / 2
     if _by_shapes(result.layout):
@@ -246,3 +239,20 @@ def _other_starts(layout: Layout, seed: int) -> list[FloatArray]:
             best[tuple(key)] = score, x
     ranked = sorted(best.values(), key=lambda each: each[0])
     return [x for _, x in ranked[:_STARTS]]
+
+
+def even_draws(dimensions: int, count: int, seed: int) -> FloatArray:
+    """Scrambled Sobol points of [0, 1)^d (Owen 1998), which cover it more evenly than random ones.
+
+    Args:
+        dimensions: d.
+        count: of points; a power of two keeps their balance.
+        seed: of the scrambling.
+
+    Returns:
+        (count, d).
+    """
+    from scipy.stats import qmc  # only here: the import takes as long as a small update job
+
+    points: FloatArray = qmc.Sobol(dimensions, seed=seed).random(count)
+    return points

@@ -8,21 +8,36 @@ to its own noise and to the discrepancy s₀ = 2 % that any law is allowed:
 
 with n modes and p coefficients (Schwarz 1978). The law with the least BIC is preferred; 10 is very strong evidence (Kass and
 Raftery 1995).
+
+Over several campaigns one law of the material explains the damping ratios of all their modes together, each by the shares of
+strain energy that its own body has at the common estimate:
+
+    ζ_ck = ½ (a₀/ω_ck + Σ_m η_m U_ckm)      with the same a₀ and η_m in every campaign c.
+
+A strip at 90° and one at 45° damp where a strip at 0° has no energy, so mechanisms are kept apart that one specimen shows as
+one. How far each campaign is off the common law is the root mean square of its own misses: a suspension or a clamp that damps
+shows there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.dynamics.damping_laws import DampingLaw
 from fecore.dynamics.mechanism_laws import MechanismDamping
+from fecore.least_squares import unit_columns
 from fecore.updating.damping_stage import DAMPING_DISCREPANCY
+from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.findings import found
-from fecore.updating.measured_ratios import MeasuredRatios
+from fecore.updating.laws import FREQUENCY_LAWS, mechanism_laws
+from fecore.updating.measured_ratios import MeasuredRatios, paired_ratios
+from fecore.updating.parameters import by_name
 from fecore.updating.result import Finding
 
 STRONG_EVIDENCE = 10.0
@@ -33,6 +48,7 @@ _NEGATIVE = (
 )
 _LEAST_SHARE = 0.05  # of its strain energy that some mode must have in a mechanism for the modes to show its damping
 _APART = 0.02  # smallest singular value, of columns of unit length, of mechanisms that the modes distinguish
+_BY_MECHANISM = ("mechanism", "mechanism_viscous", "mechanism_constants", "loss_factor")
 _MISSED = 3.0  # standard deviations by which a law must miss a mode for the mode to be named
 
 
@@ -59,6 +75,17 @@ class RankedLaw:
     chi_squared: float
     missed: FloatArray
     named: tuple[tuple[int, float], ...]
+
+    @property
+    def described(self) -> dict[str, Any]:
+        """Name, coefficients, their standard deviations, and BIC."""
+        names = self.law.coefficient_names
+        return {
+            "name": self.law.name,
+            "coefficients": by_name(names, self.coefficients),
+            "standard_deviations": by_name(names, np.sqrt(np.diag(self.covariance))),
+            "bic": self.bic,
+        }
 
 
 @dataclass(frozen=True)
@@ -98,18 +125,17 @@ def _ranked(law: DampingLaw, ratios: MeasuredRatios, rows: list[int]) -> RankedL
     ratio, noise = ratios.ratio, ratios.relative_covariance
     covariance = noise + np.diag(np.full(ratio.size, DAMPING_DISCREPANCY**2))
     whiten = np.linalg.inv(np.linalg.cholesky(covariance))
-    basis = ratios.basis(law) / ratio[:, None]
-    scale = np.linalg.norm(basis, axis=0)
-    scale[scale == 0] = 1.0
-    coefficients = np.linalg.lstsq(whiten @ (basis / scale), whiten @ np.ones(ratio.size), rcond=None)[0] / scale
+    basis = ratios.relative_basis(law)
+    unit, scale = unit_columns(basis)
+    gain = np.linalg.pinv(whiten @ unit) @ whiten / scale[:, None]
+    coefficients = gain @ np.ones(ratio.size)
     relative = basis @ coefficients
     missed = relative - 1
     chi_squared = float(np.sum((whiten @ missed) ** 2))
     price = coefficients.size * np.log(ratio.size)
-    gain = np.linalg.pinv(whiten @ (basis / scale)) @ whiten / scale[:, None]
     excess = max(1.0, chi_squared / max(ratio.size - coefficients.size, 1))
     spread = excess * gain @ covariance @ gain.T
-    possible = bool(np.all(relative > 0)) and not _is_refuted(law, coefficients, spread, ratios, basis / scale)
+    possible = bool(np.all(relative > 0)) and not _is_refuted(law, coefficients, spread, ratios, unit)
     named = np.abs(missed) > _MISSED * np.sqrt(np.diag(covariance))
     return RankedLaw(
         law=law,
@@ -136,3 +162,57 @@ def _is_refuted(
     hidden = any(ratios.strain[:, list(columns)].sum(axis=1).max() < _LEAST_SHARE for _, columns in law.groups)
     together = float(np.linalg.svd(basis, compute_uv=False)[-1]) < _APART
     return hidden or together or bool(np.any(coefficients < -_NEGATIVE * np.sqrt(np.diag(covariance))))
+
+
+@dataclass(frozen=True)
+class CommonLaw:
+    """A damping law with one set of coefficients for all campaigns.
+
+    Attributes:
+        name: of the law.
+        coefficients, standard_deviations: by name; a0 in 1/s, loss factors without unit, viscous rates in s.
+        bic: infinite where the law cannot be.
+        preferred: whether no other law has a lower BIC.
+        missed_by: root mean square of the relative misses of each campaign's ratios, by its name.
+    """
+
+    name: str
+    coefficients: dict[str, float]
+    standard_deviations: dict[str, float]
+    bic: float
+    preferred: bool
+    missed_by: dict[str, float]
+
+
+def common_damping(elastic: ElasticResult) -> tuple[CommonLaw, ...]:
+    """The laws that the paired modes of all campaigns can determine, ranked; none where no mode has a damping ratio."""
+    seen = zip(elastic.layout.campaigns, elastic.states, elastic.pairings, strict=True)
+    parts = [paired_ratios(campaign.modes, state, pairing)[1] for campaign, state, pairing in seen]
+    damped = [(number, part) for number, part in enumerate(parts) if part.ratio.size]
+    if not damped:
+        return ()
+    shares = [part.strain for _, part in damped if part.strain is not None]
+    together = MeasuredRatios(
+        np.concatenate([part.omega for _, part in damped]),
+        np.concatenate([part.ratio for _, part in damped]),
+        scipy.linalg.block_diag(*(part.relative_covariance for _, part in damped)),
+        np.vstack(shares),
+    )
+    by_mechanism = mechanism_laws(elastic.layout.campaigns[damped[0][0]].forward.specimen)
+    laws = identifiable_laws(
+        together.ratio.size, [*FREQUENCY_LAWS.values(), *(by_mechanism[name] for name in _BY_MECHANISM)]
+    )
+    ranking = rank_laws(together, list(range(together.ratio.size)), laws)
+    ends = np.cumsum([part.ratio.size for _, part in damped])[:-1]
+    names = [elastic.layout.campaigns[number].name for number, _ in damped]
+    common = []
+    for ranked in ranking.laws:
+        misses = np.split(ranked.missed, ends)
+        common.append(
+            CommonLaw(
+                **ranked.described,
+                preferred=ranked is ranking.preferred and bool(np.isfinite(ranked.bic)),
+                missed_by={name: float(np.sqrt(np.mean(miss**2))) for name, miss in zip(names, misses, strict=True)},
+            )
+        )
+    return tuple(common)

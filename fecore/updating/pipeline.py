@@ -20,9 +20,8 @@ from fecore.modes import MeasuredModes
 from fecore.updating.damping_data import damping_data
 from fecore.updating.damping_stage import DampingResult, fit_damping, fit_reference
 from fecore.updating.discretisation import DISCRETISATION, discretise
-from fecore.updating.edges import points_beyond
 from fecore.updating.elastic import fit
-from fecore.updating.elastic_findings import HOPELESS_MISS
+from fecore.updating.elastic_findings import HOPELESS_MISS, points_beyond
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts
 from fecore.updating.excursions import excursions, fixed_points
