@@ -22,7 +22,7 @@ from fecore.updating.excursions import excursions
 from fecore.updating.findings import Level, found, judge, ordered, warnings
 from fecore.updating.forward import EXTRA_MODES, ForwardModel, modes_to_cover
 from fecore.updating.inputs import Inputs
-from fecore.updating.law_ranking import CommonLaw, common_damping
+from fecore.updating.laws import CommonLaw, common_damping
 from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Coupon, Layout, Unknown
 from fecore.updating.parameters import Coordinates, Parameter, Parametrisation, parametrise
 from fecore.updating.posterior import SCATTER

@@ -29,8 +29,7 @@ from fecore.updating.findings import Level, found, remarks
 from fecore.updating.forward import EXTRA_MODES, ForwardModel, modes_to_cover
 from fecore.updating.inputs import Inputs, tolerance_of
 from fecore.updating.joint import update_jointly
-from fecore.updating.law_ranking import LawRanking, identifiable_laws, rank_laws
-from fecore.updating.laws import laws_of
+from fecore.updating.laws import LawRanking, identifiable_laws, laws_of, rank_laws
 from fecore.updating.layout import Layout
 from fecore.updating.measured_ratios import paired_ratios
 from fecore.updating.measurement import Measurement, Prepared, prepare

@@ -18,7 +18,7 @@ from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.estimates import coefficient_estimates, constant_estimates, disagreements, ratio_estimates
 from fecore.updating.findings import found, judge, ordered, warnings
 from fecore.updating.inputs import Inputs
-from fecore.updating.law_ranking import LawRanking, RankedLaw
+from fecore.updating.laws import LawRanking, RankedLaw
 from fecore.updating.measurement import Prepared
 from fecore.updating.parameters import by_name
 from fecore.updating.result import (

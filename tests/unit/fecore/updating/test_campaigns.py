@@ -23,7 +23,7 @@ from fecore.updating.campaigns import (
 from fecore.updating.elastic import fit
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.law_ranking import common_damping
+from fecore.updating.laws import common_damping
 from fecore.updating.layout import Coupon
 from fecore.updating.parameters import Parameter, parametrise
 from tests.support.strips import NOMINAL, STRIP, TRUTH, measured, panel
