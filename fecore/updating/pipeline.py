@@ -23,7 +23,7 @@ from fecore.updating.discretisation import DISCRETISATION, discretise
 from fecore.updating.elastic import fit
 from fecore.updating.elastic_findings import HOPELESS_MISS, points_beyond
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.elastic_starts import update_from_several_starts
+from fecore.updating.elastic_starts import sparse_zones, update_from_several_starts
 from fecore.updating.excursions import excursions, fixed_points
 from fecore.updating.findings import Level, found, remarks
 from fecore.updating.forward import EXTRA_MODES, ForwardModel, modes_to_cover
@@ -38,7 +38,6 @@ from fecore.updating.plausibility import examine
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import Finding, StageOutcome, UpdateResult
 from fecore.updating.sampling import Checkpoint, Posterior, sample_posterior
-from fecore.updating.sparse import sparse_zones
 from fecore.updating.summary import Summary
 from fecore.updating.window import unstated_window
 
