@@ -21,7 +21,7 @@ from fecore.processing.comparison import Comparison, Offset
 from fecore.processing.judgement import Finding, Limits, Verdict
 from fecore.processing.traits import Before
 from fecore.processing.usual import Lines, Ordinary
-from fecore.updating import campaigns, mode_roles, window
+from fecore.updating import campaigns, damping_data, window
 from fecore.updating.excursions import excursions
 from fecore.updating.findings import MOST_WARNINGS, warnings
 from fecore.updating.forward import ForwardModel
@@ -87,14 +87,14 @@ def test_modes_that_only_move_on_springs_tell_no_damping() -> None:
     elastic: Any = SimpleNamespace(updated=updated, pairing=SimpleNamespace(pairs=((0, 0),)))
     modes: Any = SimpleNamespace(frequency_hz=np.array([10.0]), damping_ratio=np.array([0.01]))
     with pytest.raises(UpdatingError, match="no measured mode strains the specimen: all move on the springs"):
-        mode_roles.assign_roles(frfs, elastic, modes)
+        damping_data.assign_roles(frfs, elastic, modes)
 
 
 def test_what_campaigns_say_of_one_another() -> None:
     parts: Any = [SimpleNamespace(name=name, contradicts=True, predictive_p=0.001, modes=(1, 2, 3)) for name in "ab"]
     (both,) = campaigns._contradictions(parts, None)
     assert both.text.startswith("the campaigns contradict each other: a (p = 0.001) and b (p = 0.001)")
-    layout = SimpleNamespace(sd=lambda _: np.ones(1), labels=["Ex"], shared=("Ex",))
+    layout = SimpleNamespace(labels=["Ex"], shared=("Ex",))
     problem = SimpleNamespace(residual=np.array([0.0, 0.0, 1.0]))
     pairings = [SimpleNamespace(unpaired_measured=unpaired) for unpaired in ((), (1, 2))]
     fitted: Any = SimpleNamespace(
@@ -102,8 +102,7 @@ def test_what_campaigns_say_of_one_another() -> None:
         rows=[slice(0, 2), slice(2, 3)],
         pairings=pairings,
         problem=problem,
-        x=np.zeros(1),
-        scatter=1.0,
+        away=np.zeros(1),
         standing=(),
         rivals=(),
         torn=(),

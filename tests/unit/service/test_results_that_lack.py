@@ -32,10 +32,9 @@ from service.show import hits as record_figures
 from service.show.pages.grid import draw_grid
 from service.show.reports import update_report
 from service.show.results import figure_data, figure_frf, predictions
-from service.show.results.figure_data import UpdateFigures
+from service.show.results.figure_data import JointFigures, UpdateFigures
 from service.show.results.figure_frf import Wanted, _row_at
-from service.show.results.figures import FIGURES, _shapes, draw_figure
-from service.show.results.joint_figures import draw_joint_figure
+from service.show.results.figures import FIGURES, JOINT_FIGURES, _shapes, draw_figure
 from service.store.frfs import measured_campaign
 from service.store.frfs.measured_campaign import MeasuredFrfs
 from service.store.imports.intake import _Intake
@@ -43,7 +42,7 @@ from service.store.modes import identifications
 from service.store.records import operations as record_operations
 from service.store.records import processings
 from service.store.records.intake import RecordIntake
-from service.store.updating import bodies, joint_loading, loading, operations
+from service.store.updating import bodies, loading, operations
 from service.store.updating.batches import _placed
 from service.store.updating.document import _agreement, _posterior
 from service.store.updating.loading import _with_sensor_of, carried_masses
@@ -105,7 +104,7 @@ MODES = [{"number": 1, "measured_hz": 10.0}, {"number": 2, "measured_hz": 20.0}]
 )
 def test_a_figure_says_why_there_is_nothing_to_draw(name: str, data: UpdateFigures, why: str) -> None:
     with pytest.raises(Conflict) as refused:
-        draw_figure(data, name, Wanted())
+        draw_figure(FIGURES, data, name, Wanted())
     assert str(refused.value) == why
 
 
@@ -114,8 +113,8 @@ def test_lines_modes_and_points_that_a_result_has_not() -> None:
     arrays = {"band_lines_hz": np.array([10.0, 20.0]), "csac": two, "frequency_hz": np.ones(2)}
     data = a_result(arrays, modes=MODES)
     with pytest.raises(NotFound, match="line of the fitted band, 10 to 20 Hz, between 12 and 13 Hz"):
-        draw_figure(data, "csac", Wanted(fmin=12, fmax=13))
-    assert draw_figure(data, "csac", Wanted(fmin=12))["data"][0]["x"] == [20.0]
+        draw_figure(FIGURES, data, "csac", Wanted(fmin=12, fmax=13))
+    assert draw_figure(FIGURES, data, "csac", Wanted(fmin=12))["data"][0]["x"] == [20.0]
     shapes = {"shapes_updated": np.ones((3, 1)), "shape_pairs": np.array([[0, 0]])}
     alone = _shapes(a_result(shapes, modes=MODES), Wanted(measured=2))
     assert "this mode has no partner" in alone["layout"]["annotations"][0]["text"]
@@ -404,7 +403,6 @@ def test_coupons_are_priors_of_what_is_updated(monkeypatch: pytest.MonkeyPatch) 
     session: Any = None
     batch = a_batch(Ex=(30e9, 2e9, 1e9), Ey=(20e9, 1e9, None))
     monkeypatch.setattr(loading, "batch_prior", lambda *_: batch)
-    monkeypatch.setattr(joint_loading, "batch_prior", lambda *_: batch)
     body: Any = None
 
     def filled(*names: str) -> Any:
@@ -419,7 +417,7 @@ def test_coupons_are_priors_of_what_is_updated(monkeypatch: pytest.MonkeyPatch) 
     recipe = RecipeIn.model_validate({"parameters": [{"name": "Ex"}]})
     request: Any = SimpleNamespace(recipe=recipe, coupon_batches=[HERE])
     for scatter, expected in ((True, 1e9), (False, 2e9)):
-        (coupon,), warned = joint_loading._coupons(session, request, scatter=scatter)
+        (coupon,), warned = loading._coupons(session, request, scatter=scatter)
         assert (coupon.name, coupon.mean, coupon.standard_deviation, warned) == (
             "Ex",
             30e9,
@@ -430,17 +428,16 @@ def test_coupons_are_priors_of_what_is_updated(monkeypatch: pytest.MonkeyPatch) 
 
 def test_what_a_joint_update_does_not_take(monkeypatch: pytest.MonkeyPatch) -> None:
     plies = SimpleNamespace(plies=[SimpleNamespace(angle_deg=angle) for angle in (0, 45)])
-    monkeypatch.setattr(joint_loading, "_is_one_material", lambda _: False)
-    monkeypatch.setattr(joint_loading, "nominal_specimen", lambda *_: SimpleNamespace(material="one"))
+    monkeypatch.setattr(bodies, "_is_one_material", lambda _: False)
+    monkeypatch.setattr(bodies, "nominal_specimen", lambda *_: SimpleNamespace(material="one"))
     with pytest.raises(InputError, match="plies at several angles; a joint update takes one material"):
-        joint_loading.material_of(SimpleNamespace(laminate=plies), 0)  # type: ignore[arg-type]
+        bodies.material_of(SimpleNamespace(laminate=plies), 0)  # type: ignore[arg-type]
     plies.plies[1].angle_deg = 90
-    assert joint_loading.material_of(SimpleNamespace(laminate=plies), 0) == ("one", 0.0)  # type: ignore[arg-type]
-    monkeypatch.setattr(joint_loading, "roving_mass", lambda _: 0.002)
-    job, campaign = SimpleNamespace(recipe=None), SimpleNamespace(frf_sets=(1,))
-    rest: Any = {"name": "a", "specimen": "b", "common": None, "material": None}
+    assert bodies.material_of(SimpleNamespace(laminate=plies), 0) == ("one", 0.0)  # type: ignore[arg-type]
+    monkeypatch.setattr(loading, "roving_mass", lambda _: 0.002)
+    job, campaign, material = SimpleNamespace(), SimpleNamespace(frf_sets=(1,)), SimpleNamespace()
     with pytest.raises(InputError, match="had a sensor that moved, so its FRFs have no common modes; name a mode set"):
-        joint_loading._campaign(None, 1, job, campaign, **rest)  # type: ignore[arg-type]
+        loading._campaign(None, 1, job, campaign, ("a", "b"), material, RecipeIn())  # type: ignore[arg-type]
 
 
 def test_a_hold_out_leaves_something_to_fit(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -493,7 +490,7 @@ def test_predictions_that_no_row_matches(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_a_joint_result_without_anything_to_draw_says_so() -> None:
     with pytest.raises(Conflict, match="no campaign has an estimate of its own"):
-        draw_joint_figure({"campaigns": [{"alone": {}}]}, "campaigns")
+        draw_figure(JOINT_FIGURES, JointFigures(SimpleNamespace(), {"campaigns": [{"alone": {}}]}), "campaigns")  # type: ignore[arg-type]
 
 
 def test_measured_data_that_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> None:

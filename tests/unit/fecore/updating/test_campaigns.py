@@ -19,10 +19,10 @@ from fecore.updating.campaigns import (
     lay_out,
     update_campaigns,
 )
-from fecore.updating.common_damping import common_damping
 from fecore.updating.elastic import fit
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
+from fecore.updating.laws import common_damping
 from fecore.updating.layout import Coupon
 from fecore.updating.parameters import Parameter, parametrise
 from tests.support.strips import NOMINAL, STRIP, TRUTH, measured, panel

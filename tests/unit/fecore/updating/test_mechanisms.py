@@ -22,8 +22,7 @@ from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import Inputs
 from fecore.updating.law_fit import DampingFit, fit_law
 from fecore.updating.law_problem import Nuisance
-from fecore.updating.law_ranking import LawRanking, rank_laws
-from fecore.updating.laws import laws_of, mechanism_laws
+from fecore.updating.laws import LawRanking, laws_of, mechanism_laws, rank_laws
 from fecore.updating.measured_ratios import MeasuredRatios
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.misfit import FrfMisfit
