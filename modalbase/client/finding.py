@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from difflib import get_close_matches
 from reprlib import repr as shorten
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
-from modalbase.client.connection import Connection
 from modalbase.client.errors import ClientError, Exit
+
+if TYPE_CHECKING:
+    from modalbase.client.connection import Connection
 
 LATEST = "latest"
 MOST_NAMED = 8
@@ -99,13 +101,19 @@ def find_or_make(
     return found
 
 
-def find_id(service: Connection, kind: Kind, text: str) -> str:
+def find_id(service: Connection, kind: Kind, text: str, within: str | None = None) -> str:
     """The id of the one thing that a text means; an id is taken as it is, and the service judges it.
+
+    Args:
+        service: the connection.
+        kind: of the thing.
+        text: as `find` takes it.
+        within: id of the one above, where only what belongs to that is meant.
 
     Raises:
         ClientError: as `find`.
     """
-    return uuid_of(text) or str(find(service, kind, text)["id"])
+    return uuid_of(text) or str(find(service, kind, text, within)["id"])
 
 
 def find_job(service: Connection, text: str, **narrowed: Any) -> str:

@@ -1,17 +1,99 @@
-"""`modalbase import` and `frfs`."""
+"""`modalbase points`, `import`, `hits`, `frfs` and `modes`: from a campaign's files to its modes."""
 
 from __future__ import annotations
 
+import csv
 import json
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from modalbase.client.connection import Connection
+from modalbase.client.display import Written, print_json, print_table, transfer
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.options import NAMED, AsJson, Campaign, Url, json_file, names_of, say_next, service_at
+from modalbase.client.finding import CAMPAIGN, MODE_SET, find, find_id
+from modalbase.client.jobs import require_success, wait_for
+from modalbase.client.options import NAMED, AsJson, Campaign, Url, json_file, names_of, say_next, service_at, show
+from modalbase.client.results import beside_lines, mode_set_cells
+
+if TYPE_CHECKING:
+    from modalbase.client.connection import Connection
+
+
+AXES = ("x", "y", "z")
+METRES = {"m": 1.0, "mm": 1e-3}
+HEADER = "label,x_mm,y_mm,z_mm, or with _m for metres; z may be left out"
+
+
+def points(
+    campaign: Campaign,
+    file: Annotated[
+        Path | None,
+        typer.Argument(help=f"CSV of the points, in place of those there: {HEADER}", exists=True, dir_okay=False),
+    ] = None,
+    as_json: AsJson = False,
+    url: Url = None,
+) -> None:
+    """Show the grid points of a campaign; state them from a CSV file, where no UFF file does."""
+    stated = None if file is None else read_points(file)
+    with service_at(url) as service:
+        path = f"campaigns/{find_id(service, CAMPAIGN, campaign)}/grid-points"
+        there = service.request("GET", path)
+        found = there.json()
+        if stated is not None:
+            replaced = {"If-Match": there.headers["etag"]}  # by whoever looked last
+            found = service.call("PUT", path, json={"items": stated}, headers=replaced)
+    if as_json:
+        print_json(found)
+        return
+    rows = [[p["label"], *(Written(f"{1000 * p[f'{axis}_m']:.6g}") for axis in AXES)] for p in found["items"]]
+    print_table(f"{len(rows)} grid points", ("label", "x mm", "y mm", "z mm"), rows)
+    if not rows:
+        say_next(f'points "{campaign}" POINTS.csv')
+
+
+def read_points(file: Path) -> list[dict[str, Any]]:
+    """Grid points of a CSV file, in metres as REST has them.
+
+    Cells are parted by commas, semicolons or tabs; a comma inside a number of the latter two is a decimal comma.
+
+    Raises:
+        ClientError: the file is no such table; names the line.
+    """
+    try:
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ClientError(f"{file} is no text in UTF-8: {error}", Exit.USAGE) from None
+    first = lines[0] if lines else ""
+    parted = next((sign for sign in ";\t" if sign in first), ",")
+    head, *rows = csv.reader(lines or [""], delimiter=parted)
+    places = _places(file, [cell.strip() for cell in head])
+    found = []
+    for line, row in enumerate(rows, 2):
+        if any(cell.strip() for cell in row):
+            if len(row) != len(head):
+                raise ClientError(f"{file}, line {line}: {len(row)} cells, the header has {len(head)}", Exit.USAGE)
+            found.append({"z_m": 0.0} | {name: _number(file, line, row[i], by) for name, (i, by) in places.items()})
+    return found
+
+
+def _places(file: Path, head: list[str]) -> dict[str, tuple[int, float | None]]:
+    """Column and factor to metres by member of a point; no factor of the label."""
+    known: dict[str, tuple[str, float | None]] = {"label": ("label", None), "point": ("label", None)}
+    known |= {f"{axis}_{unit}": (f"{axis}_m", factor) for axis in AXES for unit, factor in METRES.items()}
+    found = {known[cell][0]: (i, known[cell][1]) for i, cell in enumerate(head) if cell in known}
+    if len(found) != len(head) or not {"label", "x_m", "y_m"} <= found.keys():
+        raise ClientError(f"{file}: line 1 is {','.join(head)[:200]!r}, expected {HEADER}", Exit.USAGE)
+    return found
+
+
+def _number(file: Path, line: int, cell: str, factor: float | None) -> float | int:
+    try:
+        return int(cell) if factor is None else float(cell.strip().replace(",", ".")) * factor
+    except ValueError:
+        what = "no label, a whole number" if factor is None else "no number"
+        raise ClientError(f"{file}, line {line}: {cell.strip()!r} is {what}", Exit.USAGE) from None
 
 
 class Quantity(StrEnum):
@@ -32,7 +114,7 @@ class Kind(StrEnum):
 def import_files(
     files: Annotated[list[Path], typer.Argument(help="UFF, npz, .mat, CSV, wav", exists=True, dir_okay=False)],
     campaign: Annotated[
-        str, typer.Option("--campaign", "-c", help=f"Campaign: {NAMED}", autocompletion=names_of("CAMPAIGN"))
+        str, typer.Option("--campaign", "-c", help=f"Campaign: {NAMED}", autocompletion=names_of(CAMPAIGN))
     ] = "latest",
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only report what the files hold")] = False,
     quantity: Annotated[Quantity | None, typer.Option(help="What FRFs are whose file does not say")] = None,
@@ -47,9 +129,6 @@ def import_files(
     url: Url = None,
 ) -> None:
     """Send files to a campaign. Exit 4 where one of them could not be read."""
-    from modalbase.client.display import print_json, print_table
-    from modalbase.client.finding import CAMPAIGN, find_id
-
     stated = {"quantity": quantity, "kind": kind, "mapping": None if mapping is None else json_file(mapping)}
     with service_at(url) as service:
         id_ = find_id(service, CAMPAIGN, campaign)
@@ -82,9 +161,6 @@ def send_file(
         dry_run: only look at it.
         stated: `quantity`, `kind`, `mapping`.
     """
-    from modalbase.client.display import transfer
-    from modalbase.client.jobs import wait_for
-
     if stated.get("mapping") is not None:
         stated["mapping"] = json.dumps(stated["mapping"])
     with transfer(file.name) as watch:
@@ -121,15 +197,9 @@ def frfs(
     url: Url = None,
 ) -> None:
     """List the FRFs of a campaign; `modalbase export` fetches their values."""
-    from modalbase.client.display import print_json, print_table
-    from modalbase.client.finding import CAMPAIGN, find_id
-
     with service_at(url) as service:
         wanted = {"point": point, "direction": direction, "reference": reference, "quantity": quantity}
         found = list(service.pages(f"campaigns/{find_id(service, CAMPAIGN, campaign)}/frfs", limit, **wanted))
-    if as_json:
-        print_json(found)
-        return
     columns = ("id", "label", "response", "reference", "quantity", "lines", "start_hz", "end_hz", "averages")
     rows = [
         [
@@ -138,10 +208,95 @@ def frfs(
         ]
         for f in found
     ]  # fmt: skip
-    print_table(f"{len(found)} FRFs", columns, rows)
+    show(found, columns, as_json, rows, f"{len(found)} FRFs")
 
 
 def _dof(frf: dict[str, Any], side: str) -> str:
     direction = frf[f"{side}_direction"]
     axis = "?" if direction == 0 else ("X", "Y", "Z", "RX", "RY", "RZ")[abs(direction) - 1]
     return f"{frf[f'{side}_point']}{'-' if direction < 0 else '+'}{axis}"
+
+
+def hits(
+    files: Annotated[list[Path], typer.Argument(help="Time blocks: npz, .mat, CSV, wav", exists=True, dir_okay=False)],
+    campaign: Annotated[
+        str, typer.Option("--campaign", "-c", help=f"Campaign: {NAMED}", autocompletion=names_of(CAMPAIGN))
+    ] = "latest",
+    mapping: Annotated[
+        Path | None, typer.Option(help="JSON that says which variable is what; without it one is proposed", exists=True)
+    ] = None,
+    process: Annotated[bool, typer.Option("--process", help="Make FRFs of the good hits then")] = False,
+    as_json: AsJson = False,
+    url: Url = None,
+) -> None:
+    """Send time blocks of hits, see how each hit is judged, and make FRFs of the good ones."""
+    stated = None if mapping is None else json_file(mapping)
+    judged: list[dict[str, Any]] = []
+    with service_at(url) as service:
+        path = f"campaigns/{(id_ := find_id(service, CAMPAIGN, campaign))}"
+        for file in files:
+            sent = send_file(service, id_, file, dry_run=stated is None, kind="hits", mapping=stated)
+            require_success(sent, file.name)
+            if stated is None:
+                print_json(sent["found"])
+                raise ClientError(
+                    "nothing is stored: save `mapping` of this, corrected, and state it with --mapping", Exit.USAGE
+                )
+            judged += service.get(f"imports/{sent['id']}/records")["hits"]
+        placed = bool(service.get(f"{path}/grid-points")["items"])
+        if process:
+            job = wait_for(service, f"processings/{service.post(f'{path}/processings', {})['id']}", "processing")
+            require_success(job, "processing")
+    if as_json:
+        print_json(judged)
+        return
+    rows = [[hit["point"], hit["hit"], hit["accepted"], _said(hit)] for hit in judged]
+    print_table("", ("point", "hit", "good", "why not"), rows)
+    if not placed:  # shapes have no place on the body without them
+        say_next(f'points "{campaign}" POINTS.csv')
+    say_next(f'modes "{campaign}" --identify' if process else f'hits FILE --campaign "{campaign}" --process')
+
+
+def _said(hit: dict[str, Any]) -> str | None:
+    """What failed of a hit."""
+    return "; ".join(finding["sentence"] for finding in hit["findings"] if finding["failed"]) or None
+
+
+def modes(
+    campaign: Campaign = "latest",
+    identify: Annotated[
+        bool, typer.Option("--identify", help="Find modes in the FRFs first, and wait for them")
+    ] = False,
+    band: Annotated[str | None, typer.Option(help="With --identify: Hz, such as 10-900")] = None,
+    mode_set: Annotated[str, typer.Option(help="Which modes: id, name or latest")] = "latest",
+    as_json: AsJson = False,
+    url: Url = None,
+) -> None:
+    """Show the modes of a campaign: typed in, read from a file, or identified; with what the identification doubts."""
+    with service_at(url) as service:
+        id_ = find_id(service, CAMPAIGN, campaign)
+        found = _identified(service, id_, band) if identify else find(service, MODE_SET, mode_set, within=id_)
+    if as_json:
+        print_json(found)
+        return
+    print_table(f"{found['name']} ({found['origin']}), {found['id']}", *mode_set_cells(found["modes"]))
+    for line in beside_lines(found["details"]):
+        typer.echo(line, err=True)
+    say_next(f'update "{campaign}" --mode-set {found["id"]} --wait')
+
+
+def _identified(service: Connection, campaign: str, band: str | None) -> dict[str, Any]:
+    options = {} if band is None else {"band_hz": _band(band)}
+    job = service.post(f"campaigns/{campaign}/identifications", options)
+    ended = wait_for(service, f"identifications/{job['id']}", "identification")
+    require_success(ended, f"identification {job['id']}")
+    found: dict[str, Any] = service.get(f"mode-sets/{ended['mode_set']}")
+    return found
+
+
+def _band(text: str) -> list[float]:
+    try:
+        low, high = (float(part) for part in text.split("-"))
+    except ValueError:
+        raise ClientError(f"--band {text!r} is no band in Hz, such as 10-900", Exit.USAGE) from None
+    return [low, high]

@@ -267,11 +267,11 @@ class Campaign(Editable):
         Raises:
             ClientError: the name says none of these, nothing matches, or there is no such filter.
         """
-        from modalbase.client.exporting import format_of
+        from modalbase.client.exporting import FRF_FORMATS, format_of
 
         require_known("get_campaign_data", wanted)
         target = Path(file)
-        chosen = file_format or format_of(target)
+        chosen = file_format or format_of(target, FRF_FORMATS)
         with transfer(target.name) as watch:
             self.lab.connection.download(f"{self.address}/frfs/data", target, watch, format=chosen, **wanted)
         return target

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalbase.client.errors import ClientError, Exit
-from modalbase.client.updating import FIGURES
+from modalbase.client.exporting import FIGURES, format_of
 
 if TYPE_CHECKING:
     from modalbase.objects.laboratory import Laboratory
@@ -42,8 +41,7 @@ class Figure:
             ClientError: the file's name says none of these.
         """
         path = Path(file)
-        if (chosen := FIGURES.get(path.suffix.lower())) is None:
-            raise ClientError(f"{path.name!r} does not say one of {', '.join(FIGURES)}", Exit.USAGE)
+        chosen = format_of(path, FIGURES)
         self.lab.connection.download(self.address, path, lambda _done, _size: None, **{**self.query, "format": chosen})
         return path
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from modalbase.client.display import transfer
-from modalbase.client.exporting import solver_of
+from modalbase.client.exporting import SOLVERS, format_of
 from modalbase.client.jobs import ENDED, Watch, reason_of, require_success, wait_for
 from modalbase.objects.results import Result
 from modalbase.objects.thing import Thing
@@ -165,7 +165,7 @@ class UpdateJob(Job):
             ClientError: the name does not say which, or the job has no result.
         """
         target = Path(file)
-        chosen = solver or solver_of(target)
+        chosen = solver or format_of(target, SOLVERS, "state the program: ")
         with transfer(target.name) as watch:
             self.lab.connection.download(f"{self.address}/cards", target, watch, format=chosen)
         return target

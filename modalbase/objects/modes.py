@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from modalbase.client.mode_tables import beside_lines, mode_set_cells
+from modalbase.client.results import beside_lines, mode_set_cells
 from modalbase.objects.table import Table
 from modalbase.objects.thing import Thing
 

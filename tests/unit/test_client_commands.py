@@ -261,7 +261,7 @@ def test_the_library_sends_what_it_is_given(lab: Lab) -> None:
     with pytest.raises(ClientError, match=r"frfs\(\) has arrays; export\(\) writes a file in a format"):
         campaign.frfs(format="csv")
     figure = Figure(there, f"update-jobs/{ID}/figures/frf", {})
-    with pytest.raises(ClientError, match=r"'a.gif' does not say one of .svg, .png"):
+    with pytest.raises(ClientError, match=r"'a.gif' does not end in one of .svg, .png"):
         figure.save("a.gif")
     assert figure.save("a.svg").read_bytes() == b"<svg/>"
     lab.answers[f"POST structures/{ID}/campaigns"] = {"id": ID}

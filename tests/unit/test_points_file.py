@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from modalbase.client.errors import ClientError
-from modalbase.client.points import read_points
+from modalbase.client.measuring import read_points
 
 
 def test_points_are_read_in_metres(tmp_path: Path) -> None:
