@@ -21,31 +21,31 @@ MOST_NAMED = 8
 
 @dataclass(frozen=True)
 class Kind:
-    """A noun whose things have names and are listed below another noun's.
+    """A noun whose things are listed below another noun's.
 
     Attributes:
         word: how a message calls one.
         path: of one, with `{}` for its id.
-        above: the noun that it belongs to; None of a project.
-        below: its list below `above`, with `{}` for the id of that.
+        below: the list of them, with `{}` for the id of the one above.
+        above: the noun that it belongs to, where things are found by name; None of a project.
         made_by: the command that makes one.
     """
 
     word: str
     path: str
-    above: Kind | None
     below: str
-    made_by: str
+    above: Kind | None = None
+    made_by: str = ""
 
 
-PROJECT = Kind("project", "projects/{}", None, "projects", "projects --new NAME")
-STRUCTURE = Kind("structure", "structures/{}", PROJECT, "projects/{}/structures", "structures --new NAME …")
-CAMPAIGN = Kind("campaign", "campaigns/{}", STRUCTURE, "structures/{}/campaigns", "campaigns --new NAME --boundary …")
-MODE_SET = Kind("mode set", "mode-sets/{}", CAMPAIGN, "campaigns/{}/mode-sets", "modes CAMPAIGN --identify")
+PROJECT = Kind("project", "projects/{}", "projects", None, "projects --new NAME")
+STRUCTURE = Kind("structure", "structures/{}", "projects/{}/structures", PROJECT, "structures --new NAME …")
+CAMPAIGN = Kind("campaign", "campaigns/{}", "structures/{}/campaigns", STRUCTURE, "campaigns --new NAME --boundary …")
+MODE_SET = Kind("mode set", "mode-sets/{}", "campaigns/{}/mode-sets", CAMPAIGN, "modes CAMPAIGN --identify")
 BATCH = Kind(
-    "coupon batch", "coupon-batches/{}", STRUCTURE, "structures/{}/coupon-batches", "coupons NAME --new STRUCTURE …"
+    "coupon batch", "coupon-batches/{}", "structures/{}/coupon-batches", STRUCTURE, "coupons NAME --new STRUCTURE …"
 )
-MONITOR = Kind("monitor", "monitors/{}", STRUCTURE, "structures/{}/monitors", "monitors --new NAME")
+MONITOR = Kind("monitor", "monitors/{}", "structures/{}/monitors", STRUCTURE, "monitors --new NAME")
 
 
 def find(service: Connection, kind: Kind, text: str, within: str | None = None) -> dict[str, Any]:

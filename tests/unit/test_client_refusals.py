@@ -14,7 +14,7 @@ import modalbase
 from modalbase.client.errors import ClientError
 from modalbase.client.rest import Rest
 from modalbase.objects.projects import Structure
-from modalbase.objects.table import Table
+from modalbase.objects.thing import Table
 from service.app.cli.command import app
 
 
