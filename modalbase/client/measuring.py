@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from enum import StrEnum
 from pathlib import Path
@@ -61,39 +60,34 @@ def read_points(file: Path) -> list[dict[str, Any]]:
     Raises:
         ClientError: the file is no such table; names the line.
     """
+    from modalbase.formats.columns import read_columns, real, whole
+    from modalbase.formats.errors import FormatError
+
     try:
-        lines = file.read_text(encoding="utf-8-sig").splitlines()
+        with file.open(encoding="utf-8-sig", newline="") as text:
+            head, rows = read_columns(text, decimal_commas=";\t")
+            columns = list(zip(head, _members(file, head), strict=True))
+            found = []
+            for line, row in rows:
+                point: dict[str, Any] = {"z_m": 0.0}
+                for (name, member), cell in zip(columns, row, strict=True):
+                    place = f"line {line}, {name}"
+                    point[member] = whole(cell, place) if member == "label" else real(cell, place) * METRES[name[2:]]
+                found.append(point)
+            return found
     except (OSError, UnicodeDecodeError) as error:
         raise ClientError(f"{file} is no text in UTF-8: {error}", Exit.USAGE) from None
-    first = lines[0] if lines else ""
-    parted = next((sign for sign in ";\t" if sign in first), ",")
-    head, *rows = csv.reader(lines or [""], delimiter=parted)
-    places = _places(file, [cell.strip() for cell in head])
-    found = []
-    for line, row in enumerate(rows, 2):
-        if any(cell.strip() for cell in row):
-            if len(row) != len(head):
-                raise ClientError(f"{file}, line {line}: {len(row)} cells, the header has {len(head)}", Exit.USAGE)
-            found.append({"z_m": 0.0} | {name: _number(file, line, row[i], by) for name, (i, by) in places.items()})
+    except FormatError as error:
+        raise ClientError(f"{file}, {error}", Exit.USAGE) from None
+
+
+def _members(file: Path, head: list[str]) -> list[str]:
+    """Which member of a point each column is."""
+    known = {f"{axis}_{unit}": f"{axis}_m" for axis in AXES for unit in METRES}
+    found = [{**known, "label": "label", "point": "label"}.get(name, "") for name in head]
+    if "" in found or len(set(found)) < len(head) or not {"label", "x_m", "y_m"} <= set(found):
+        raise ClientError(f"{file}, line 1: is {','.join(head)[:200]!r}, expected {HEADER}", Exit.USAGE)
     return found
-
-
-def _places(file: Path, head: list[str]) -> dict[str, tuple[int, float | None]]:
-    """Column and factor to metres by member of a point; no factor of the label."""
-    known: dict[str, tuple[str, float | None]] = {"label": ("label", None), "point": ("label", None)}
-    known |= {f"{axis}_{unit}": (f"{axis}_m", factor) for axis in AXES for unit, factor in METRES.items()}
-    found = {known[cell][0]: (i, known[cell][1]) for i, cell in enumerate(head) if cell in known}
-    if len(found) != len(head) or not {"label", "x_m", "y_m"} <= found.keys():
-        raise ClientError(f"{file}: line 1 is {','.join(head)[:200]!r}, expected {HEADER}", Exit.USAGE)
-    return found
-
-
-def _number(file: Path, line: int, cell: str, factor: float | None) -> float | int:
-    try:
-        return int(cell) if factor is None else float(cell.strip().replace(",", ".")) * factor
-    except ValueError:
-        what = "no label, a whole number" if factor is None else "no number"
-        raise ClientError(f"{file}, line {line}: {cell.strip()!r} is {what}", Exit.USAGE) from None
 
 
 class Quantity(StrEnum):

@@ -301,7 +301,7 @@ def test_numbers_that_no_analyser_writes_are_refused(variables: Variables, mappi
     [
         ("time\n1\n", "line 1: is not a heading with a name of its own for each column"),
         ("force,force\n1,2\n", "line 1: is not a heading"),
-        ("force,acc\n1,2\n1,2,3\n", "line 3: has 3 fields, the heading 2"),
+        ("force,acc\n1,2\n1,2,3\n", "line 3: has 3 cells, the header has 2"),
         ("force,acc\n1,2\n\n1,-\n", "line 4: could not convert string to float: '-'"),
         ("force,acc\n", "holds no numeric array"),
     ],
