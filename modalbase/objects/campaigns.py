@@ -177,7 +177,7 @@ class Campaign(Editable):
             FormatError: the series are not what SEP 5 says, or unlike one another.
             ClientError: the service refuses them.
         """
-        from modalbase.formats.records.arrays import arrays_of
+        from modalbase.formats.records.blocks import arrays_of
         from modalbase.formats.records.sep005 import records_from_sep005
 
         blocks = records_from_sep005(series, places, hit=hit, sensitivities=sensitivities)

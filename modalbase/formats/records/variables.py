@@ -62,6 +62,22 @@ def read_variables(path: Path, suffix: str | None = None, limit_bytes: int | Non
     return numbers
 
 
+def variable(variables: Variables, name: str) -> np.ndarray[Any, Any]:
+    """The array of a name.
+
+    Raises:
+        FormatError: the file has none; lists those that it has.
+    """
+    if name not in variables:
+        raise FormatError(name, f"is not in the file; it has {', '.join(sorted(variables))}")
+    return variables[name]
+
+
+def is_named(given: Any) -> bool:
+    """Whether a mapping's value is `{"variable": name}`."""
+    return isinstance(given, dict) and set(given) == {"variable"} and isinstance(given["variable"], str)
+
+
 def _within(declared: int, limit_bytes: int | None, name: str) -> None:
     if limit_bytes is not None and declared > limit_bytes:
         raise FormatError(name, f"declares {declared} bytes, more than the {limit_bytes} that are allowed")
