@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,6 +11,7 @@ import typer
 
 from modalbase.client.display import print_json, transfer
 from modalbase.client.errors import ClientError, Exit
+from modalbase.client.files import FIGURES, FRF_FORMATS, REPORTS, SOLVERS, fetch_file, format_of
 from modalbase.client.finding import CAMPAIGN, MODE_SET, find_id, find_job, uuid_of
 from modalbase.client.options import AsJson, Job, Url, service_at, show
 
@@ -36,35 +36,11 @@ PATHS = {
     What.predicted: "update-jobs/{}/frfs/data",
     What.original: "imports/{}/original",
 }
-FRF_FORMATS = {
-    ".json": "json", ".npz": "npz", ".csv": "csv", ".uff": "uff", ".unv": "uff", ".arrow": "arrow", ".arrows": "arrow",
-}  # fmt: skip
-FIGURES = {".svg": "svg", ".png": "png", ".pdf": "pdf", ".json": "plotly"}
-REPORTS = {".html": "html", ".htm": "html", ".pdf": "pdf"}
-SOLVERS = {".inp": "calculix", ".bdf": "nastran", ".dat": "nastran", ".nas": "nastran"}
-"""The program whose deck a file's name says."""
-
-
-def format_of(file: Path, formats: Mapping[str, str], advice: str = "") -> str:
-    """The format that a file's name says.
-
-    Args:
-        file: to be written.
-        formats: those that there are, by the name's end.
-        advice: begins the error.
-
-    Raises:
-        ClientError: it says none.
-    """
-    if (found := formats.get(file.suffix.lower())) is None:
-        raise ClientError(f"{advice}{file.name!r} does not end in one of {', '.join(formats)}", Exit.USAGE)
-    return found
 
 
 def _fetch(service: Connection, path: str, file: Path, as_json: bool, **query: Any) -> None:
     """Write what is at a path to a file, and say so."""
-    with transfer(file.name) as watch:
-        size = service.download(path, file, watch, **query)
+    size = fetch_file(service, path, file, **query)
     if as_json:
         print_json({"file": str(file), "bytes": size})
     else:

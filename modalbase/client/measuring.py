@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from modalbase.client.display import Written, print_json, print_table, transfer
+from modalbase.client.display import Written, print_json, print_table
 from modalbase.client.errors import ClientError, Exit
+from modalbase.client.files import send_file
 from modalbase.client.finding import CAMPAIGN, MODE_SET, find, find_id
 from modalbase.client.jobs import require_success, wait_for
 from modalbase.client.options import NAMED, AsJson, Campaign, Url, json_file, names_of, say_next, service_at, show
@@ -126,7 +127,7 @@ def import_files(
     stated = {"quantity": quantity, "kind": kind, "mapping": None if mapping is None else json_file(mapping)}
     with service_at(url) as service:
         id_ = find_id(service, CAMPAIGN, campaign)
-        done = [send_file(service, id_, file, wait=wait, dry_run=dry_run, **stated) for file in files]
+        done = [_import(service, id_, file, wait, dry_run=dry_run, **stated) for file in files]
     if as_json:
         print_json(done)
     else:
@@ -142,26 +143,9 @@ def import_files(
         raise ClientError(f"{len(failed)} of {len(done)} imports did not succeed: {', '.join(failed)}", Exit.FAILED)
 
 
-def send_file(
-    service: Connection, campaign: str, file: Path, *, wait: bool = True, dry_run: bool = False, **stated: Any
-) -> dict[str, Any]:
-    """Send a file to a campaign and give its import, read where that is waited for.
-
-    Args:
-        service: the connection.
-        campaign: its id.
-        file: of any format.
-        wait: for the end of the reading.
-        dry_run: only look at it.
-        stated: `quantity`, `kind`, `mapping`.
-    """
-    if stated.get("mapping") is not None:
-        stated["mapping"] = json.dumps(stated["mapping"])
-    with transfer(file.name) as watch:
-        path = f"campaigns/{campaign}/imports"
-        job: dict[str, Any] = service.upload(
-            path, file, watch, filename=file.name, dry_run=str(dry_run).lower(), **stated
-        )
+def _import(service: Connection, campaign: str, file: Path, wait: bool = True, **stated: Any) -> dict[str, Any]:
+    """The import of a file that is sent to a campaign, read where that is waited for."""
+    job = send_file(service, f"campaigns/{campaign}/imports", file, **stated)
     if job["already_imported"]:
         typer.echo(f"{file.name}: the campaign has this file already; it is not read again", err=True)
     return wait_for(service, f"imports/{job['id']}", file.name) if wait else job
@@ -229,7 +213,7 @@ def hits(
     with service_at(url) as service:
         path = f"campaigns/{(id_ := find_id(service, CAMPAIGN, campaign))}"
         for file in files:
-            sent = send_file(service, id_, file, dry_run=stated is None, kind="hits", mapping=stated)
+            sent = _import(service, id_, file, dry_run=stated is None, kind="hits", mapping=stated)
             require_success(sent, file.name)
             if stated is None:
                 print_json(sent["found"])

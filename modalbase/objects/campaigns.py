@@ -8,9 +8,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalbase.client.display import transfer
 from modalbase.client.errors import ClientError
-from modalbase.client.exporting import FRF_FORMATS, format_of
+from modalbase.client.files import FRF_FORMATS, fetch_file, format_of, send_file
 from modalbase.client.finding import CAMPAIGN, Kind
 from modalbase.client.rest import require_known
 from modalbase.objects.jobs import Identification, Import, ModeSet, Processing, UpdateJob, update_jobs
@@ -73,15 +72,10 @@ class Campaign(Editable):
             JobFailed: the file could not be read.
             ClientError: the service refuses it.
         """
-        path = Path(file)
         require_known("start_import", options)
         if "dry_run" in options:
-            options["dry_run"] = str(bool(options["dry_run"])).lower()
-        if options.get("mapping") is not None:
-            options["mapping"] = json.dumps(options["mapping"])
-        with transfer(path.name) as watch:
-            fields = self.lab.connection.upload(f"{self.address}/imports", path, watch, filename=path.name, **options)
-        sent = Import(self.lab, fields)
+            options["dry_run"] = bool(options["dry_run"])
+        sent = Import(self.lab, send_file(self.lab.connection, f"{self.address}/imports", Path(file), **options))
         return sent.wait().check() if wait else sent
 
     def imports(self) -> list[Import]:
@@ -147,11 +141,7 @@ class Campaign(Editable):
         Returns:
             `items`, the stored blocks, and `hits`, the judgement of each hit.
         """
-        path, given = Path(file), None if mapping is None else json.dumps(mapping)
-        with transfer(path.name) as watch:
-            answer = self.lab.connection.upload(
-                f"{self.address}/records", path, watch, filename=path.name, mapping=given
-            )
+        answer = send_file(self.lab.connection, f"{self.address}/records", Path(file), mapping=mapping)
         return self._judged(answer)
 
     def add_sep005(
@@ -294,8 +284,7 @@ class Campaign(Editable):
         require_known("get_campaign_data", wanted)
         target = Path(file)
         chosen = file_format or format_of(target, FRF_FORMATS)
-        with transfer(target.name) as watch:
-            self.lab.connection.download(f"{self.address}/frfs/data", target, watch, format=chosen, **wanted)
+        fetch_file(self.lab.connection, f"{self.address}/frfs/data", target, format=chosen, **wanted)
         return target
 
 

@@ -8,8 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from modalbase.client.display import transfer
-from modalbase.client.exporting import SOLVERS, format_of
+from modalbase.client.files import SOLVERS, fetch_file, format_of
 from modalbase.client.finding import MODE_SET, Kind
 from modalbase.client.jobs import ENDED, Watch, reason_of, require_success, wait_for
 from modalbase.client.results import beside_lines, mode_cells, mode_set_cells, parameter_cells, verdict_lines
@@ -281,8 +280,7 @@ class UpdateJob(Job):
         """
         target = Path(file)
         chosen = solver or format_of(target, SOLVERS, "state the program: ")
-        with transfer(target.name) as watch:
-            self.lab.connection.download(f"{self.address}/cards", target, watch, format=chosen)
+        fetch_file(self.lab.connection, f"{self.address}/cards", target, format=chosen)
         return target
 
 

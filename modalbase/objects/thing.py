@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 from modalbase.client.display import PLAIN_WIDTH, cell, print_table
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.exporting import FIGURES, format_of
+from modalbase.client.files import FIGURES, format_of
 from modalbase.client.finding import Kind, find, find_or_make
 from modalbase.client.rest import Rest
 

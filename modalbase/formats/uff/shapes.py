@@ -55,7 +55,16 @@ def read_55(body: bytes, dataset: int) -> Parsed:
     if not (values_are_complex and components == 6):
         claims = {"node_nums": points, "analysis_type": analysis, "n_data_per_node": components}
         claims |= {f"r{i + 1}": values[:, i] if values_are_complex else flat[:, i] for i in range(components)}
-    shape = ModeShape(dataset, ids[0], mode, frequency, damping, points, values, _kind(analysis))
+    shape = ModeShape(
+        dataset=dataset,
+        label=ids[0],
+        mode=mode,
+        frequency_hz=frequency,
+        damping_ratio=damping,
+        points=points,
+        values=values,
+        kind=_kind(analysis),
+    )
     return Parsed([shape], notes, claims)
 
 
@@ -88,7 +97,16 @@ def read_2414(body: bytes, dataset: int) -> Parsed:
     claims: dict[str, object] | None = None
     if flat.shape[1] <= _PER_ROW:
         claims = {"node_nums": points, "analysis_type": analysis, "data_at_node": flat}
-    shape = ModeShape(dataset, label, mode, frequency, damping, points, values, _kind(analysis))
+    shape = ModeShape(
+        dataset=dataset,
+        label=label,
+        mode=mode,
+        frequency_hz=frequency,
+        damping_ratio=damping,
+        points=points,
+        values=values,
+        kind=_kind(analysis),
+    )
     return Parsed([shape], notes, claims)
 
 
