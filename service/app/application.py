@@ -15,8 +15,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from starlette.concurrency import run_in_threadpool
 
 from fecore import __version__
-from service.access.cookie import SessionCookie
-from service.access.door import Door, Paths
+from service.access.door import Door, Paths, SessionCookie
 from service.app.composition import FINDERS, ROUTERS
 from service.db.engine import for_reading, make_engine, make_sessions
 from service.db.schema import SchemaError, require_head

@@ -31,7 +31,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from service.access.dependencies import CurrentKey
 from service.db.engine import Sessions
 from service.errors import TooManyRequests
-from service.jobs.notices import Listener
+from service.jobs.background import Listener
 from service.jobs.state import ENDED, job_state
 from service.jobs.tables import CHANGED, Job
 

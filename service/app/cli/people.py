@@ -73,8 +73,7 @@ def create(
     from datetime import UTC, datetime, timedelta
 
     from service.access import audit
-    from service.access.keys import create_key, user_named
-    from service.access.scopes import SCOPES
+    from service.access.keys import SCOPES, create_key, user_named
 
     scopes = list(dict.fromkeys(scope or SCOPES))
     if unknown := set(scopes) - set(SCOPES):

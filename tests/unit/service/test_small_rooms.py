@@ -30,8 +30,7 @@ from service.db.opening import DataFolderError
 from service.errors import UnsupportedMediaType
 from service.jobs.metrics import _open_metrics
 from service.jobs.process import LOST, SERVER_GONE, Child
-from service.jobs.worker import run_to_end, run_worker
-from service.jobs.workspaces import _clear_if_dead
+from service.jobs.worker import _clear_if_dead, run_to_end, run_worker
 from service.settings import Settings
 from service.show.guide.markdown import _lead
 from service.show.reports.blocks import Bullets, Heading, PageBreak, Paragraph, Table
