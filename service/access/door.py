@@ -33,11 +33,10 @@ from service.access.tables import User
 from service.db.engine import Sessions
 from service.errors import Forbidden, PayloadTooLarge, TooManyRequests, Unauthorized, Unavailable
 from service.settings import Settings
-from service.web.buckets import Buckets
-from service.web.gate import SLOT, Gate, Slot
+from service.web.gate import SLOT, Buckets, Gate, Slot
 from service.web.negotiation import content_type, is_json
 from service.web.problems import problem_of
-from service.web.spool import answer_early, spooled_body, too_large
+from service.web.uploads import answer_early, spooled_body, too_large
 
 SECONDS = 30.0  # for which a verdict is remembered
 MOST_KEYS = 10_000

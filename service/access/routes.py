@@ -56,7 +56,7 @@ from service.db.clock import transaction_time
 from service.errors import Conflict, Invalid, NotFound, not_found_as
 from service.web import IF_MATCH, Page, api_router, etag_of, require_match
 from service.web.bodies import Name
-from service.web.paging import Cursor, Limit, paged
+from service.web.parameters import Cursor, Limit, paged
 
 router = api_router(tags=["access"])
 

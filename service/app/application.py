@@ -27,10 +27,8 @@ from service.show.guide import router as guide
 from service.show.pages import PREFIX as PAGES
 from service.show.pages import PageErrors, add_pages
 from service.show.pages.assets import router as assets
-from service.web.hosts import KnownHosts
-from service.web.middleware import RequestMiddleware
-from service.web.openapi import RESPONSES, describe_problems
-from service.web.pages import add_documentation
+from service.web.middleware import KnownHosts, RequestMiddleware
+from service.web.openapi import RESPONSES, add_documentation, describe_problems
 from service.web.problems import add_problem_handlers
 from service.web.routing import include
 

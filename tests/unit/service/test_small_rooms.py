@@ -37,7 +37,7 @@ from service.show.reports.blocks import Bullets, Heading, PageBreak, Paragraph, 
 from service.show.reports.update_report import MOST_MODES, UpdateFacts, update_report
 from service.store.frfs.formats import _uff_axis
 from service.store.storage.operations import StorageOwner, _require_that_all_fits, book
-from service.web import pages
+from service.web import openapi
 from service.web.middleware import RequestMiddleware
 from service.web.problems import _core_error, _http_exception
 from service.web.routing import _require_json
@@ -176,9 +176,9 @@ def test_systems_and_installations_that_cannot_do_it(monkeypatch: pytest.MonkeyP
             raise AssertionError("it was opened")
         with pytest.raises(StartError, match="run it in WSL 2 or on a server"), LocalService(Settings()):
             raise AssertionError("it was started")
-    monkeypatch.setattr(pages, "find_spec", lambda _: None)
+    monkeypatch.setattr(openapi, "find_spec", lambda _: None)
     with pytest.raises(RuntimeError, match="fastapi-offline is not installed"):
-        pages._assets()
+        openapi._assets()
     monkeypatch.setattr(schema, "_parents", lambda: {"b": "a", "c": "a"})
     with pytest.raises(schema.SchemaError, match="migrations are not whole; install modalbase again"):
         schema.head_revision()
