@@ -14,9 +14,8 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
 from service.app.backup.archive import BLOCK_BYTES, BackupError, Manifest, TableEntry, read_manifest
-from service.app.backup.reading_back import UNREADABLE
 from service.app.backup.verification import find_damage
-from service.app.backup.writing import our_tables
+from service.app.backup.writing import UNREADABLE, our_tables
 from service.db.schema import known_revisions, upgrade_on, upgrading
 from service.jobs.queue import queue_again
 

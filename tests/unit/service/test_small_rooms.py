@@ -20,10 +20,9 @@ from starlette.exceptions import HTTPException
 from fecore.errors import InputError, UpdatingError
 from modalbase.client.errors import ClientError, Exit
 from modalbase.formats import uff
-from service.app import doctor, parts, supervisor
-from service.app.cli import people_remote, running
-from service.app.parts import Part, how_it_ended
-from service.app.supervisor import LocalService, StartError
+from service.app import doctor, supervisor
+from service.app.cli import people, running
+from service.app.supervisor import LocalService, Part, StartError, how_it_ended
 from service.compute.reading import _why_unused
 from service.db import opening, schema
 from service.db.opening import DataFolderError
@@ -54,10 +53,10 @@ class Clock:
 
 def test_a_part_that_ran_for_long_has_all_its_tries_again(monkeypatch: pytest.MonkeyPatch) -> None:
     clock, ended = Clock(), ["ended with status 1"]
-    monkeypatch.setattr(parts, "time", clock)
+    monkeypatch.setattr(supervisor, "time", clock)
     part = Part("worker", lambda: ended.clear(), lambda: ended[0] if ended else None, (1.0, 2.0))
     said = [part.tend()]
-    for seconds, dies in ((1.0, True), (2.0, True), (parts.STEADY_SECONDS + 1, False)):
+    for seconds, dies in ((1.0, True), (2.0, True), (supervisor.STEADY_SECONDS + 1, False)):
         clock.now += seconds
         said.append(part.tend())
         if dies:
@@ -286,21 +285,21 @@ class Answers:
 
 def test_keys_by_rest() -> None:
     service: Any = Answers()
-    assert people_remote.new_key(service, "n", None, None) == "mb_1_2"
-    people_remote.new_key(service, "n", ["read"], datetime(2030, 1, 1, tzinfo=UTC))
+    assert people.new_key_at(service, "n", None, None) == "mb_1_2"
+    people.new_key_at(service, "n", ["read"], datetime(2030, 1, 1, tzinfo=UTC))
     assert service.sent == [
         ("api-keys", {"name": "n"}),
         ("api-keys", {"name": "n", "scopes": ["read"], "expires_at": "2030-01-01T00:00:00+00:00"}),
     ]
     key, user = {"id": 1}, {"id": 2}
-    assert list(people_remote.keys_of_all(Answers(users=[user], api_keys=[key]))) == [(key, user)]  # type: ignore[arg-type]
-    for status, outcome in ((people_remote.FORBIDDEN, [(key, None)]), (500, None)):
+    assert list(people.keys_at(Answers(users=[user], api_keys=[key]))) == [(key, user)]  # type: ignore[arg-type]
+    for status, outcome in ((people.FORBIDDEN, [(key, None)]), (500, None)):
         refused: Any = Answers(users=ClientError("no", Exit.REFUSED, status=status), api_keys=[key])
         if outcome is None:
             with pytest.raises(ClientError):
-                list(people_remote.keys_of_all(refused))
+                list(people.keys_at(refused))
         else:
-            assert list(people_remote.keys_of_all(refused)) == outcome
+            assert list(people.keys_at(refused)) == outcome
 
 
 @pytest.mark.parametrize("more", [True, False])
