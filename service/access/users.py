@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 from service.access.tables import ApiKey, AuditEvent, User
 from service.db.clock import transaction_time
 from service.errors import Conflict, Forbidden, NotFound
-from service.request_id import current_request_id
+from service.logs import current_request_id
 
 
 def audit(

@@ -15,7 +15,7 @@ from service.jobs.child import PURGED
 from service.jobs.kinds import JobKind
 from service.jobs.ledger import forget_checkpoint
 from service.jobs.tables import Job
-from service.request_id import current_request_id
+from service.logs import current_request_id
 
 
 def enqueue(session: Session, *, kind: JobKind, project_id: UUID, priority: int = 0) -> Job:

@@ -11,10 +11,9 @@ from sqlalchemy.orm import Session
 
 from service.access import User
 from service.jobs.tables import Job
-from service.monitoring.runs import latest_runs
+from service.monitoring.runs import latest_runs, unit_of
 from service.monitoring.schemas import AlarmEventOut, AlarmOut, RunOut
 from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorJudgement, MonitorRun, MonitorSeries
-from service.monitoring.values import unit_of
 from service.store.campaigns.operations import campaigns_of
 from service.store.structures.operations import structure_of, structures_of
 

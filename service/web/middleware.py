@@ -17,7 +17,7 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.auto import AutoHTTPProtocol
 
-from service.request_id import HEADER, adopt_request_id
+from service.logs import REQUEST_ID_HEADER, adopt_request_id
 from service.web.problems import problem
 
 OWN = ("localhost", "127.0.0.1", "::1")
@@ -87,7 +87,7 @@ class RequestMiddleware:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        request_id = adopt_request_id(Headers(scope=scope).get(HEADER))
+        request_id = adopt_request_id(Headers(scope=scope).get(REQUEST_ID_HEADER))
         structlog.contextvars.clear_contextvars()
         structlog.contextvars.bind_contextvars(request_id=request_id)
         began, status = time.perf_counter(), 0
@@ -97,7 +97,7 @@ class RequestMiddleware:
             if message["type"] == "http.response.start":
                 status = message["status"]
                 headers = MutableHeaders(scope=message)
-                headers[HEADER] = request_id
+                headers[REQUEST_ID_HEADER] = request_id
                 if "//" in (location := headers.get("location", "")):
                     headers["location"] = _on_this_host(location, scope["path"])
                 for name, value in HEADERS.items():
