@@ -63,11 +63,8 @@ def _line_misfits(x: FloatArray, y: FloatArray) -> FloatArray:
     count = np.arange(1, x.size + 1)
     y = y - y.mean()
     sx, sy = np.cumsum(x), np.cumsum(y)
-    sxx, sxy, syy = (
-        np.cumsum(x * x) - sx**2 / count,
-        np.cumsum(x * y) - sx * sy / count,
-        np.cumsum(y * y) - sy**2 / count,
-    )
+    sxx, sxy = np.cumsum(x * x) - sx**2 / count, np.cumsum(x * y) - sx * sy / count
+    syy = np.cumsum(y * y) - sy**2 / count
     with np.errstate(divide="ignore", invalid="ignore"):
         explained = np.where(sxx > 0, sxy**2 / sxx, 0.0)
     return np.maximum(syy - explained, 0.0)

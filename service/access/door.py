@@ -38,6 +38,10 @@ from service.web.negotiation import content_type, is_json
 from service.web.problems import problem_of
 from service.web.uploads import answer_early, spooled_body, too_large
 
+SAFE = ("GET", "HEAD", "OPTIONS")
+
+LARGE_BYTES = 65536  # of a body before which key and role are checked, even of a key that is known
+
 SECONDS = 30.0  # for which a verdict is remembered
 MOST_KEYS = 10_000
 MISSING = "send `Authorization: Bearer KEY`; make a key with `modalbase keys create --name NAME`"
@@ -102,9 +106,6 @@ class KnownKeys:
         return valid if time.monotonic() < until else None
 
 
-SAFE = ("GET", "HEAD", "OPTIONS")
-
-
 class SessionCookie:
     """ASGI layer: a request that comes with a session's cookie and without `Authorization` gets the session's token.
 
@@ -149,8 +150,6 @@ def _proven(token: str, sent: str) -> bool:
 
 Finder = Callable[[Session, User, UUID, Role], object]
 """Finds what an id of a path names, or raises what the route itself would."""
-
-LARGE_BYTES = 65536  # of a body before which key and role are checked, even of a key that is known
 
 
 class Paths:

@@ -171,11 +171,6 @@ def user_named(session: Session, name: str) -> User:
     return session.scalars(select(User).where(User.name == name)).one()
 
 
-def user_of_key(session: Session, key: str) -> User:
-    """The user that a key belongs to; see `found_key`."""
-    return found_key(session, key)[1]
-
-
 def found_key(session: Session, key: str) -> tuple[ApiKey, User]:
     """A valid key, or that of a browser's session, and the user that it belongs to.
 

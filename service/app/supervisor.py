@@ -26,7 +26,6 @@ from http import HTTPStatus
 from http.client import HTTPConnection, HTTPException
 from pathlib import Path
 from selectors import EVENT_READ, DefaultSelector
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from service.settings import Settings
@@ -212,9 +211,7 @@ class LocalService:
         self._stack.callback(engine.dispose)
         return engine
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         self._stack.close()
 
     def new_key(self, name: str, *, administrator: bool = False) -> str:

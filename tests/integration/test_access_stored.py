@@ -23,7 +23,6 @@ from service.access.keys import (
     key_of_session,
     open_session,
     user_named,
-    user_of_key,
 )
 from service.access.lookup import Lookup, Role, purge
 from service.access.tables import ApiKey, AuditEvent, BrowserSession, Member, Project, User
@@ -94,9 +93,9 @@ def test_a_key_opens_until_it_ends_is_revoked_or_its_user_disabled(sessions: Ses
                 if opens:
                     assert found_key(session, shown) == (row, user)
                 else:
-                    refused(Unauthorized, "valid|ended", user_of_key, session, shown)
+                    refused(Unauthorized, "valid|ended", found_key, session, shown)
             setattr(place, name, None)
-        assert user_of_key(session, key) is user
+        assert found_key(session, key)[1] is user
 
 
 def test_the_use_of_a_key_is_noted_once_a_minute_and_waits_for_nobody(sessions: Sessions) -> None:

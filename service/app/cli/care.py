@@ -26,7 +26,7 @@ db = typer.Typer(help="The database's schema.", no_args_is_help=True)
 @commands.command()
 def backup(file: Annotated[Path, typer.Argument(help="File to write; it must not exist")], data: Data = None) -> None:
     """Write everything that is stored to one file, as it is at this moment. The service may run meanwhile."""
-    from service.app.backup.writing import write_backup
+    from service.app.backup.archive import write_backup
 
     with _engine(_existing(data)) as engine:
         manifest = write_backup(engine, file)

@@ -20,6 +20,8 @@ from service.monitoring.notifications.sender import new_secret
 from service.monitoring.notifications.tables import Delivery, Webhook
 from service.web import Cursor, Limit, Page, StrictModel, Text, api_router, paged
 
+router = api_router(tags=["webhooks"])
+
 
 class WebhookIn(StrictModel):
     """Where to post a project's events."""
@@ -115,9 +117,6 @@ def deliveries(session: Session, wanted: ColumnElement[bool], cursor: Cursor, li
 def deliveries_of_monitor(session: Session, monitor_id: UUID, cursor: Cursor, limit: Limit) -> Page[DeliveryOut]:
     """A page of what was sent about a monitor, or waits to be sent, newest first; otherwise as `deliveries`."""
     return deliveries(session, Delivery.monitor_id == monitor_id, cursor, limit)
-
-
-router = api_router(tags=["webhooks"])
 
 
 @router.post("/webhooks", status_code=201)
