@@ -11,11 +11,8 @@ from functools import partial
 from fastapi import APIRouter
 
 from service.access.door import Finder
-from service.access.member_routes import router as members
-from service.access.projects import project_for
+from service.access.lookup import project_for
 from service.access.routes import router as access
-from service.access.session_routes import router as sessions
-from service.access.user_routes import router as users
 from service.monitoring.notifications.routes import router as webhooks
 from service.monitoring.routes import router as monitoring
 from service.show.results.routes import router as results
@@ -40,9 +37,6 @@ from service.store.updating.routes import router as updating
 
 ROUTERS: tuple[APIRouter, ...] = (
     access,
-    members,
-    sessions,
-    users,
     storage,
     structures,
     campaigns,

@@ -41,7 +41,7 @@ def serve(settings: Callable[[], Settings], listener: int | None = None, *, atta
         from service.app.supervisor import listening_socket
         from service.db.opening import open_database
         from service.logs import configure_logs
-        from service.web.server import PatientProtocol
+        from service.web.middleware import PatientProtocol
 
     wanted = settings()
     configure_logs(wanted)

@@ -20,10 +20,9 @@ from sqlalchemy.exc import DBAPIError
 
 from service.db.engine import Sessions, psycopg_url
 from service.jobs import tickets
-from service.jobs.dispatch import begin_next
+from service.jobs.attempt import passes
+from service.jobs.dispatch import begin_next, recover_stalled, recover_strays
 from service.jobs.kinds import REQUESTS
-from service.jobs.outages import passes
-from service.jobs.recovery import recover_stalled, recover_strays
 from service.jobs.tables import Job
 from service.settings import Settings
 

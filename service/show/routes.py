@@ -15,10 +15,10 @@ from service.compute.identification_document import up_to_date
 from service.errors import Conflict, Invalid
 from service.jobs.state import why_no_result
 from service.jobs.tables import Job
-from service.monitoring.lookups import monitor_for
 from service.monitoring.monitors import series_for
 from service.monitoring.presentation import series_document
 from service.monitoring.routes import Version
+from service.monitoring.runs import monitor_for
 from service.show.figures.answers import RESPONSES, Asked, FigureName, require_figure
 from service.show.figures.coupon import CurveShown, coupon_figure
 from service.show.figures.hits import hits_figure

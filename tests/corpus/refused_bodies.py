@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from fecore.updating.campaigns.fit import Coupon
 
 from fecore.body.beam import BeamSection, beam
 from fecore.body.laminate import OrthotropicMaterial, Ply, section
@@ -30,6 +29,7 @@ from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import Campaign, CampaignsRecipe, update_campaigns
 from fecore.updating.discretisation import discretise
 from fecore.updating.laws import laws_of
+from fecore.updating.layout import Coupon
 from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.plans import PlannedTest, plan_tests

@@ -29,8 +29,7 @@ from fecore.processing.estimators import check_estimator
 from fecore.processing.judgement import Limits
 from fecore.processing.windows import Windows, remove_window
 from fecore.trend.baseline import fit_baseline
-from fecore.trend.change import ChangePoint
-from fecore.trend.rates import rate_since_onset
+from fecore.trend.change import ChangePoint, rate_since_onset
 from fecore.trend.series import Series
 from fecore.updating.elastic import update_elastic
 from fecore.updating.forward import ForwardModel

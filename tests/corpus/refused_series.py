@@ -13,7 +13,7 @@ from fecore.coupons import d3039, d3518
 from fecore.coupons.batch import CouponResult, Statistics, prior, summarise
 from fecore.coupons.curves import Curve
 from fecore.trend import Chart, Condition, Event, Series, Watch, assess, control_limits, step
-from fecore.trend.regression import fit_with_scatter
+from fecore.trend.baseline import fit_with_scatter
 
 WIDE, THICK = (25e-3,), (2e-3,)
 STRAIN = np.linspace(0, 0.01, 201)

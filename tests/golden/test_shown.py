@@ -14,7 +14,7 @@ import typer
 from pypdf import PdfReader
 
 from service.app.cli.command import app
-from service.app.demo.laboratory import Laboratory
+from service.app.demo.run import Laboratory
 from service.app.supervisor import LocalService
 from tests.golden.inputs import hits_campaign, job
 from tests.support.golden import answered, beginning, check, exact, lines, numeric, page_lines

@@ -18,7 +18,7 @@ from service.db.engine import Sessions
 from service.errors import PayloadTooLarge
 from service.store.imports import intake
 from service.store.imports.tables import Import, Original
-from service.web.paging import HEAVIEST_BYTES, paged
+from service.web.parameters import HEAVIEST_BYTES, paged
 from tests.integration.test_migrations import fill
 
 

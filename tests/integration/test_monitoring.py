@@ -24,8 +24,8 @@ from service.db.engine import Sessions, make_engine, make_sessions
 from service.jobs.queue import enqueue
 from service.monitoring.campaigns import seen_campaigns
 from service.monitoring.judgements import set_state
-from service.monitoring.lookups import monitor_for
 from service.monitoring.monitors import create_monitor
+from service.monitoring.runs import monitor_for
 from service.monitoring.scheduler import check
 from service.monitoring.schemas import MonitorIn
 from service.monitoring.tables import Monitor, MonitorRun

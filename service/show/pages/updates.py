@@ -24,7 +24,7 @@ from service.store.modes import routes as modes
 from service.store.updating import routes as updating
 from service.store.updating.operations import result_document, update_job_for
 from service.store.updating.schemas import RecipeIn
-from service.web.paging import Cursor
+from service.web.parameters import Cursor
 from service.web.routing import page_router
 
 router = page_router()

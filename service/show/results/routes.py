@@ -25,9 +25,9 @@ from service.store.frfs.data import Cut
 from service.store.frfs.formats import FORMATS
 from service.store.updating.operations import joint_document, joint_update_for, update_job_for
 from service.web import api_router
-from service.web.conditional import not_modified
 from service.web.downloads import spooled
 from service.web.negotiation import choose_format, one_of
+from service.web.parameters import not_modified
 
 router = api_router(tags=["update jobs"])
 

@@ -10,8 +10,15 @@ from sqlalchemy import func, select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
-from fecore.coupons.batch import FEWEST_SPECIMENS, CouponResult, Statistics, outlier_warnings, prior, statistics
-from fecore.coupons.failure import failed_at_grip
+from fecore.coupons.batch import (
+    FEWEST_SPECIMENS,
+    CouponResult,
+    Statistics,
+    failed_at_grip,
+    outlier_warnings,
+    prior,
+    statistics,
+)
 from fecore.errors import InputError
 from service.access import Lookup, User, audit
 from service.errors import Conflict, Fault, Invalid

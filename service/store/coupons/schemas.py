@@ -10,7 +10,7 @@ from uuid import UUID
 from pydantic import AfterValidator, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from fecore.coupons.failure import check_failure_code
+from fecore.coupons.batch import check_failure_code
 from fecore.errors import InputError
 from service.web import Name, StrictModel, Text, example
 from service.web.quantities import MODULUS, MODULUS_SD, STRAIN, Modulus, Quantity, Strength

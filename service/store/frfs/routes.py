@@ -21,9 +21,9 @@ from service.store.frfs.formats import FORMATS
 from service.store.frfs.schemas import FrfOut
 from service.store.frfs.tables import Frf
 from service.web import Cursor, Limit, Page, api_router, paged
-from service.web.conditional import not_modified
 from service.web.downloads import fits_memory, in_memory, spooled
 from service.web.negotiation import choose_format, one_of
+from service.web.parameters import not_modified
 
 router = api_router(tags=["FRFs"])
 

@@ -22,9 +22,9 @@ from service.store.imports.tables import Import
 from service.store.records.operations import judged, records_of_import
 from service.store.records.schemas import StoredRecords
 from service.web import Cursor, Limit, Name, Page, api_router, paged
-from service.web.conditional import not_modified
 from service.web.downloads import spooled
 from service.web.json_body import parse_parameter
+from service.web.parameters import not_modified
 from service.web.uploads import Upload
 
 router = api_router(tags=["imports"])

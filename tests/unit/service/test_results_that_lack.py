@@ -25,9 +25,8 @@ from service.compute.updating import _measured, _within_force
 from service.errors import Conflict, Damaged, Invalid, NotFound
 from service.monitoring import judgements
 from service.monitoring.notifications.messages import as_mail
-from service.monitoring.runs import _held_otherwise
+from service.monitoring.runs import _held_otherwise, watched_values
 from service.monitoring.schemas import WatchedIn
-from service.monitoring.values import watched_values
 from service.show import hits as record_figures
 from service.show.pages.grid import draw_grid
 from service.show.reports import update_report

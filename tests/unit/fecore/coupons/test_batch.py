@@ -7,8 +7,20 @@ import itertools
 import numpy as np
 import pytest
 
-from fecore.coupons.batch import OUTLIER_LIMIT, CouponResult, Statistics, outliers, prior, statistics, summarise
-from fecore.coupons.failure import AREA, LOCATION, TYPE, check_failure_code, failed_at_grip
+from fecore.coupons.batch import (
+    AREA,
+    LOCATION,
+    OUTLIER_LIMIT,
+    TYPE,
+    CouponResult,
+    Statistics,
+    check_failure_code,
+    failed_at_grip,
+    outliers,
+    prior,
+    statistics,
+    summarise,
+)
 from fecore.errors import InputError
 
 # docs/coupons.md, example 2: GPa

@@ -7,7 +7,7 @@ import pytest
 
 from fecore.coupons import d3039
 from fecore.coupons.curves import Curve, jump, restarts, split_runs
-from fecore.coupons.transition import transition_strain
+from fecore.coupons.d3039 import transition_strain
 from fecore.errors import InputError
 
 WIDTH = (25.02e-3, 25.00e-3, 24.98e-3)

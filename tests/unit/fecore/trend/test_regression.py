@@ -10,7 +10,7 @@ from scipy import stats
 
 from fecore.errors import InputError
 from fecore.trend import Series, change_point, fit_baseline, rate, score
-from fecore.trend.regression import fit_with_scatter
+from fecore.trend.baseline import fit_with_scatter
 
 START = datetime(2025, 1, 1, tzinfo=UTC)
 
