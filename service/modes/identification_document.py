@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.identification import Found, Identification, Stabilisation
+from fecore.modal import Feature, Found, Identification, Stabilisation
 
 
 def describe_identification(found: Identification) -> dict[str, Any]:
-    """Modes and doubtful ones with their quality, what was left out, warnings, and the stabilisation diagram."""
+    """Modes and uncertain poles (`doubtful`) with their quality and probability, refused ones, what was left out, warnings, and
+    the stabilisation diagram.
+    """
     chosen = list(zip(_rows(found.found), found.found.doubt, strict=True))
     return {
         "modes": [{"number": k, **row} for k, row in enumerate((row for row, why in chosen if why is None), start=1)],
@@ -19,12 +21,19 @@ def describe_identification(found: Identification) -> dict[str, Any]:
         "used": list(found.used),
         "refused": [{"frf": frf.frf, "reason": frf.reason} for frf in found.refused],
         "refused_poles": [
-            {"frequency_hz": pole.frequency_hz, "damping_ratio": pole.damping_ratio, "reason": pole.reason}
+            {
+                "frequency_hz": pole.frequency_hz,
+                "damping_ratio": pole.damping_ratio,
+                "reason": pole.reason,
+                "probability": pole.probability,
+                "features": _features(pole.features),
+            }
             for pole in found.refused_poles
         ],
         "noise_ratio": found.noise_ratio,
         "model_error": found.model_error,
         "drift": found.drift,
+        "delay_s": found.delay,
         "memory_lines": found.memory_lines,
         "stabilisation": _stabilisation(found.stabilisation),
         "warnings": list(found.warnings),
@@ -32,7 +41,11 @@ def describe_identification(found: Identification) -> dict[str, Any]:
     }
 
 
-def _rows(found: Found) -> list[dict[str, float | None]]:
+def _features(said: tuple[Feature, ...]) -> list[dict[str, Any]]:
+    return [{"name": one.name, "value": one.value, "weight": one.weight, "words": one.words} for one in said]
+
+
+def _rows(found: Found) -> list[dict[str, Any]]:
     modes = found.modes
     sd_f, sd_z = modes.frequency_sd_hz, modes.damping_sd
     return [
@@ -43,6 +56,8 @@ def _rows(found: Found) -> list[dict[str, float | None]]:
             "damping_sd": _number(sd_z, k),
             "phase_collinearity": float(found.shapes.collinearity[k]),
             "significance": float(found.significance[k]),
+            "probability": float(found.probability[k]),
+            "features": _features(found.features[k]),
         }
         for k in range(len(modes))
     ]

@@ -25,9 +25,9 @@ from fecore.coupons.batch import CouponResult, Statistics, prior, statistics
 from fecore.coupons.curves import Curve, chord
 from fecore.errors import IdentificationError, InputError, UpdatingError
 from fecore.frf import Dof, FrfSet
-from fecore.identification.arrangement import arrange
-from fecore.identification.identify import Options
-from fecore.identification.residues import shapes_at_poles
+from fecore.modal.arrangement import arrange
+from fecore.modal.identify import Options
+from fecore.modal.residues import shapes_at_poles
 from fecore.modes import MeasuredModes
 from fecore.processing import Block, Hit, Processing, process
 from fecore.processing.estimators import check_estimator

@@ -16,7 +16,7 @@ from fecore.body.supports import Boundary
 from fecore.dynamics.damping_laws import RAYLEIGH, beyond, damping_rate
 from fecore.errors import InputError, UpdatingError
 from fecore.frf import Dof, FrfSet
-from fecore.identification import set_with_gaps
+from fecore.modal import set_with_gaps
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic import _Fit
 from fecore.updating.forward import ForwardModel

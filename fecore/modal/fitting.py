@@ -1,0 +1,179 @@
+"""From FRFs to the series of poles that they need, fitted to all of them: search, drift, company, last fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fecore.arrays import BoolArray, ComplexArray, FloatArray
+from fecore.modal.arrangement import Arrangement
+from fecore.modal.basis import Terms, poles
+from fecore.modal.compression import compress
+from fecore.modal.drift import Drift, in_band, session_of, without_drift
+from fecore.modal.error_model import memory
+from fecore.modal.evidence import evidence_of
+from fecore.modal.growth import exponents_for, grow, linear_weight, pruned, without_poles
+from fecore.modal.lscf import LinearPoles, clusters, linear_poles
+from fecore.modal.noise import local_variance, student
+from fecore.modal.probability import probability
+from fecore.modal.refinement import Fit, evaluate, refine
+
+_ALIGN = 4  # turns of drift and growth
+_STILL = 0.1  # of the whole drift: what is left below it is at rest
+_CULLS = 2  # turns of probability and refinement
+_STEPS, _LAST = 8, 3  # of the refinement, and with all FRFs and a weight for each value
+_COMPANY = 1.5  # summed half bandwidths within which a refused pole only bends its neighbour
+_REFUSED = 0.1  # probability below which a pole is no mode
+
+Report = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """The series fitted to all FRFs.
+
+    Attributes:
+        arrangement: the FRFs without their drift.
+        fit: the fit; noise: (N, L) the variance of the noise that it was told.
+        linear: the linear poles.
+        drift: None where there is none.
+        full: whether the search had as many poles as it may.
+    """
+
+    arrangement: Arrangement
+    fit: Fit
+    noise: FloatArray
+    linear: LinearPoles
+    drift: Drift | None
+    full: bool
+
+
+def fit_series(arrangement: Arrangement, noise: FloatArray, highest: int, most: int, report: Report) -> Fitted:
+    """Search the poles, align the tests and fit all FRFs.
+
+    Args:
+        arrangement: the FRFs.
+        noise: (N, L) variance of their noise.
+        highest: order of the linear stage.
+        most: largest number of poles.
+        report: called with the progress.
+    """
+    data = _Data.of(arrangement, noise)
+    report("linear estimates", 0.05)
+    linear = linear_poles(data.few.omega, data.few.values, linear_weight(data.few, data.few_noise), highest)
+    most = min(most, int(arrangement.measured.sum(axis=1).min()) // 4)
+    step, pool = _steps(report), clusters(linear)
+    empty = Terms(np.empty(0), np.empty(0), exponents_for(data.few))
+    terms = grow(data.few, data.few_noise, most, step, empty, pool, 1).terms
+    pool = np.append(pool, poles(terms.frequency_hz, terms.damping_ratio))
+    still, terms, drift = _aligned(data, terms, pool, most)
+    terms = grow(still.few, still.few_noise, most, step, terms, pool).terms
+    report("refining with all FRFs", 0.6)
+    full = terms.pairs >= most
+    fit = _without_company(still, still.fitted(terms))
+    report("refining with all FRFs", 0.8)
+    return Fitted(still.arrangement, _last(still, fit), noise, linear, drift, full)
+
+
+@dataclass(frozen=True)
+class _Data:
+    """All FRFs and the few combinations that stand for them, each with the variance of its noise."""
+
+    arrangement: Arrangement
+    noise: FloatArray
+    few: Arrangement
+    few_noise: FloatArray
+
+    @classmethod
+    def of(cls, arrangement: Arrangement, noise: FloatArray) -> _Data:
+        small = compress(arrangement, noise)
+        return cls(arrangement, noise, small.arrangement, small.squares(noise))
+
+    def settled(self, terms: Terms) -> Terms:
+        """The poles refined on the combinations."""
+        measured = self.few.measured
+        fit = evaluate(self.few, terms, local_variance(self.few.values, self.few_noise, measured))
+        fit = evaluate(self.few, terms, local_variance(fit.residual, self.few_noise, measured))
+        return refine(self.few, terms, fit.variance, steps=_STEPS, enough=1.0).terms
+
+    def grown(self, terms: Terms, pool: ComplexArray, most: int) -> Terms:
+        """The poles with those of the candidates that the combinations need."""
+        return grow(self.few, self.few_noise, most, lambda _count: None, terms, pool, 1).terms
+
+    def fitted(self, terms: Terms) -> Fit:
+        """The series with all FRFs, without poles that do not pay."""
+        measured = self.arrangement.measured
+        fit = evaluate(self.arrangement, terms, local_variance(self.arrangement.values, self.noise, measured))
+        fit = evaluate(self.arrangement, terms, local_variance(fit.residual, self.noise, measured))
+        return pruned(self.arrangement, fit)
+
+
+def _steps(report: Report) -> Callable[[int], None]:
+    """Reports the rounds of the search."""
+    rounds = 0
+
+    def step(count: int) -> None:
+        nonlocal rounds
+        rounds += 1
+        report(f"searching poles: {count} found", 0.1 + 0.5 * (1 - 0.7**rounds))
+
+    return step
+
+
+def _aligned(data: _Data, terms: Terms, pool: ComplexArray, most: int) -> tuple[_Data, Terms, Drift | None]:
+    """The FRFs without the drift of their tests, with the series that showed it; as they are where there is none.
+
+    The drift is found with the poles that are there, and shows more of them: both grow in turn.
+    """
+    still, drift = data, None
+    for _ in range(_ALIGN):
+        found = without_drift(
+            data.arrangement,
+            still.arrangement,
+            drift,
+            still.fitted(terms),
+            lambda moved, own: _Data.of(moved, data.noise).settled(own),
+            lambda moved, own, candidates: _Data.of(moved, data.noise).grown(own, candidates, most),
+        )
+        if found is None:
+            break
+        more = found[2].sd if drift is None else float(np.std(found[2].each - drift.each))
+        arrangement, terms, drift = found
+        still = _Data.of(arrangement, data.noise)
+        if more < _STILL * drift.sd:
+            break
+        terms = still.grown(terms, pool, most)
+    return still, terms, drift
+
+
+def _without_company(data: _Data, fit: Fit) -> Fit:
+    """The fit without refused poles that only bend a better one beside them."""
+    for _ in range(_CULLS):
+        if not fit.terms.pairs:
+            break
+        gone = _company(data.arrangement, fit.terms, probability(data.arrangement, evidence_of(data.arrangement, fit)))
+        if not gone.any():
+            break
+        fit = data.fitted(data.settled(without_poles(fit.terms, gone)))
+    return fit
+
+
+def _company(arrangement: Arrangement, terms: Terms, p: FloatArray) -> BoolArray:
+    """(n,) refused poles in band that overlap one with a better probability that is not refused."""
+    width = terms.frequency_hz * terms.damping_ratio
+    apart = np.abs(terms.frequency_hz[:, None] - terms.frequency_hz) / (width[:, None] + width)
+    good = p >= _REFUSED
+    return np.asarray(
+        (p < _REFUSED) & in_band(arrangement, terms.frequency_hz) & (apart[:, good] < _COMPANY).any(axis=1)
+    )
+
+
+def _last(data: _Data, fit: Fit) -> Fit:
+    """A few steps with a variance for each value (Student's law of the errors), and what the covariance needs."""
+    arrangement = data.arrangement
+    variance = student(fit.residual, data.noise, arrangement.measured)
+    fit = refine(arrangement, fit.terms, variance, steps=_LAST)
+    tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
+    return replace(fit, memory=tau, sessions=session_of(arrangement))
