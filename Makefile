@@ -45,8 +45,11 @@ guide: $(SERVER)
 soak: $(READY)
 	$(BIN)/python -m benchmarks.access_matrix long
 	$(BIN)/python -m benchmarks.soak_fuzz
+	$(BIN)/python -m benchmarks.soak_bombs
 	$(BIN)/python -m benchmarks.soak_load
 	$(BIN)/python -m benchmarks.soak_kills
+	$(BIN)/python -m benchmarks.soak_small
+	$(BIN)/python -m benchmarks.soak_backup
 	MODALBASE_TEST_LONG=1 $(BIN)/python -m pytest tests/acceptance/test_main_job.py
 
 # What the service needs; and what the tests and checks need beside it.

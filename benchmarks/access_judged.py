@@ -36,7 +36,7 @@ write   editor  POST /campaigns/{campaign_id}/imports, PUT /campaigns/{campaign_
 write   editor  POST /campaigns/{campaign_id}/frfs, POST /campaigns/{campaign_id}/records, DELETE /records/{record_id}
 write   editor  POST /campaigns/{campaign_id}/mode-sets, POST /campaigns/{campaign_id}/complete
 read    viewer  GET /campaigns/{campaign_id}, GET /campaigns/{campaign_id}/imports, GET /imports/{import_id}
-read    viewer  GET /imports/{import_id}/original, GET /campaigns/{campaign_id}/grid-points
+read    viewer  GET /imports/{import_id}/original, GET /imports/{import_id}/records, GET /campaigns/{campaign_id}/grid-points
 read    viewer  GET /campaigns/{campaign_id}/frfs, GET /campaigns/{campaign_id}/frfs/data, GET /frfs/{frf_id}
 read    viewer  GET /frfs/{frf_id}/data, GET /campaigns/{campaign_id}/records, GET /records/{record_id}
 read    viewer  GET /records/{record_id}/data, GET /campaigns/{campaign_id}/mode-sets, GET /mode-sets/{mode_set_id}

@@ -166,7 +166,10 @@ def main() -> None:
     given = arguments.parse_args()
     headers = {"Authorization": f"Bearer {given.key}"}
     with httpx.Client(base_url=f"{given.url}/api/v1/", headers=headers, timeout=60) as api:
-        project = _post(api, "projects", {"name": "footbridge"})["id"]
+        name = (
+            f"footbridge, simulated {datetime.now(UTC):%Y-%m-%d %H:%M:%S}"  # its months end now: each run has a project
+        )
+        project = _post(api, "projects", {"name": name})["id"]
         structure = _post(api, f"projects/{project}/structures", structure_body())["id"]
         watch = {
             "name": "stringer 1",

@@ -20,6 +20,9 @@ Quantity = Literal["accelerance", "mobility", "receptance"]
 MAINS_HZ = (50.0, 60.0)
 """Frequencies of the public supplies, at whose multiples cables hum, Hz."""
 
+SMALLEST, LARGEST = 1e-100, 1e100
+"""Of the largest value of an FRF: what lies between can be squared in double precision, and nothing beyond is measured."""
+
 _POWER_OF_I_OMEGA: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
 
 
@@ -27,6 +30,16 @@ def convert(omega: FloatArray, quantity: Quantity) -> ComplexArray:
     """(L,) factor from receptance to another quantity: (iω)⁰, (iω)¹ or (iω)²."""
     factor: ComplexArray = (1j * omega) ** _POWER_OF_I_OMEGA[quantity]
     return factor
+
+
+def size_fault(values: ComplexArray) -> str | None:
+    """Why values are too large or too small to be computed with, in words; None where they are not, or all are zero."""
+    largest = max(
+        float(np.abs(part).max(initial=0.0)) for part in (values.real, values.imag)
+    )  # |1e308 + 1e308i| overflows
+    if largest == 0 or SMALLEST <= largest <= LARGEST:
+        return None
+    return f"reaches {largest:.3g}, expected its largest between {SMALLEST:g} and {LARGEST:g}; check unit and scale"
 
 
 @dataclass(frozen=True, order=True)
@@ -94,6 +107,10 @@ class FrfSet:
             raise InputError("quantity", f"is {self.quantity!r}, expected one of {', '.join(get_args(Quantity))}")
         if not np.all(np.isfinite(self.values)):
             raise InputError("values", "holds NaN or infinite ordinates")
+        if (reason := size_fault(self.values)) is not None:
+            row = next(i for i, values in enumerate(self.values) if size_fault(values) is not None)
+            between = f"response point {self.responses[row].point}, reference point {self.references[row].point}"
+            raise InputError("values", f"{reason} (FRF {row + 1}, {between})")
         if self.variance is not None and self.variance.shape != self.values.shape:
             raise InputError("variance", f"has shape {self.variance.shape}, expected {self.values.shape}")
         if self.measured.shape != self.values.shape:

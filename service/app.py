@@ -28,6 +28,7 @@ from service.pages import PREFIX as PAGES
 from service.pages import PageErrors, add_pages
 from service.pages.assets import router as assets
 from service.settings import Settings
+from service.web.hosts import KnownHosts
 from service.web.middleware import RequestMiddleware
 from service.web.openapi import RESPONSES, describe_problems
 from service.web.pages import add_documentation
@@ -109,9 +110,11 @@ def create_app(settings: Settings) -> FastAPI:
     prefixes = (PREFIX, PAGES) if settings.pages else (PREFIX,)
     app.add_middleware(Door, settings=settings, sessions=app.state.sessions, paths=paths, prefixes=prefixes)
     app.add_middleware(SessionCookie)
+    if hosts := settings.known_hosts:
+        app.add_middleware(KnownHosts, allowed=hosts)
+    app.add_middleware(RequestMiddleware)
     if settings.pages:
         app.add_middleware(PageErrors)
-    app.add_middleware(RequestMiddleware)
     return app
 
 

@@ -24,6 +24,7 @@ from service.coupons.routes import router as coupons
 from service.frfs.routes import router as frfs
 from service.imports.purging import router as purging
 from service.imports.routes import router as imports
+from service.imports.script_routes import router as scripts
 from service.modes.identification_routes import router as identifications
 from service.modes.routes import router as mode_sets
 from service.monitoring.routes import router as monitoring
@@ -51,6 +52,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     imports,
     purging,
     grid_points,
+    scripts,
     frfs,
     records,
     mode_sets,

@@ -6,6 +6,7 @@
     ├── Forbidden              you see it but may not do this
     ├── Conflict               contradicts what is stored
     ├── Invalid                the input is wrong; lists every fault with its JSON pointer
+    │   └── Unusual            it is possible, and probably in another unit
     ├── PayloadTooLarge        more bytes than the operator allows
     │   └── QuotaExceeded      more bytes than the project may store
     ├── UnsupportedMediaType   a body of a kind that is not read
@@ -16,6 +17,7 @@
     ├── Later                  it may succeed when it is sent again; says when
     │   ├── TooManyRequests    a limit on the number of something is reached
     │   └── Unavailable        too much to do, the database does not answer, or its schema is not this version's
+    ├── NotFinite              a result has a number that JSON lacks
     └── Damaged                stored bytes are not the ones that were stored
 
 Every message says what was found, what was expected and, where there is something, what to do.
@@ -24,7 +26,7 @@ Every message says what was found, what was expected and, where there is somethi
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -64,6 +66,16 @@ class Conflict(ServiceError):
     """The request contradicts what is stored."""
 
 
+class NotFinite(ServiceError):
+    """A document that would be stored has NaN or Infinity, which neither JSON nor PostgreSQL can hold."""
+
+    def __init__(self, places: Sequence[str]) -> None:
+        super().__init__(
+            f"the result has no finite number at {', '.join(places)}; the data and what is stated of them leave it open: look "
+            "for a standard deviation or a band that is far too wide"
+        )
+
+
 @dataclass(frozen=True)
 class Fault:
     """One wrong value.
@@ -76,6 +88,21 @@ class Fault:
 
     pointer: str
     detail: str
+
+
+def _escape(token: object) -> str:
+    """One step of a JSON pointer, escaped as RFC 6901 wants it; safe to print."""
+    text = str(token).encode("utf-8", "replace").decode("utf-8")
+    return text.replace("~", "~0").replace("/", "~1")
+
+
+def pointer(steps: Iterable[object]) -> str:
+    """The JSON pointer (RFC 6901) of a place: a `/` in a step is written `~1`, a `~` is written `~0`.
+
+    >>> pointer(["jobs", 3, "a/b"])
+    '/jobs/3/a~1b'
+    """
+    return "".join(f"/{_escape(step)}" for step in steps)
 
 
 class Invalid(ServiceError):
@@ -96,6 +123,10 @@ class Invalid(ServiceError):
     def __reduce__(self) -> tuple[Callable[..., Invalid], tuple[list[Fault], int]]:
         """Survive pickling."""
         return _invalid, (self.faults, self.count)
+
+
+class Unusual(Invalid):
+    """Numbers of the input are probably in another unit than the contract's; whoever means them confirms them."""
 
 
 def _invalid(faults: list[Fault], count: int) -> Invalid:

@@ -67,6 +67,11 @@ class Settings(BaseSettings):
     data: Path = Field(default_factory=default_data_folder, description="folder of the embedded database")
     host: str = Field(default="127.0.0.1", description="address that the API listens on")
     port: int = Field(default=8000, ge=0, le=65535, description="port that the API listens on")
+    allowed_hosts: str = Field(
+        default="",
+        description="names that requests may ask for the service by, such as `modalbase.lab.example, *.lab.example`; "
+        "`host` and this machine's own are always among them. Empty: any name",
+    )
     log_format: Literal["console", "json"] = Field(
         default="console", description="lines to read, or `json` for machines"
     )
@@ -92,6 +97,9 @@ class Settings(BaseSettings):
     key_failures_a_minute: PositiveInt = Field(default=60, description="wrong keys that one address may try")
     json_limit_bytes: PositiveInt = Field(default=16 * MIB, description="largest JSON body")
     upload_limit_bytes: PositiveInt = Field(default=1024 * MIB, description="largest uploaded file")
+    import_wait_seconds: PositiveFloat = Field(
+        default=30.0, description="time that `POST …/records` and `POST …/frfs` wait until their file is read; then 202"
+    )
     project_quota_bytes: PositiveInt = Field(default=102400 * MIB, description="bytes that one project may store")
 
     event_streams: PositiveInt = Field(default=500, description="streams of events that an API process keeps open")
@@ -170,6 +178,12 @@ class Settings(BaseSettings):
     def _ports(cls, value: str) -> str:
         _parse_ports(value)
         return value
+
+    @property
+    def known_hosts(self) -> tuple[str, ...]:
+        """`allowed_hosts`, read, with `host`; empty where any name will do."""
+        names = [part.strip().lower().strip("[]") for part in self.allowed_hosts.split(",") if part.strip()]
+        return (*names, self.host.lower()) if names else ()
 
     @property
     def allowed_ports(self) -> tuple[range, ...]:

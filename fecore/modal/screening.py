@@ -155,8 +155,14 @@ def _unusable(arrangement: Arrangement) -> dict[int, str]:
     rms = np.sqrt(np.sum(np.abs(arrangement.values) ** 2, axis=1) / np.maximum(arrangement.measured.sum(axis=1), 1))
     found = {}
     for row, (level, lines) in enumerate(zip(rms, arrangement.measured.sum(axis=1), strict=True)):
-        if level <= _DEAD * rms.max():
+        if not np.any(arrangement.values[row]):
             found[row] = "is zero at all lines: a dead channel; check the cable and measure again"
+        elif level <= _DEAD * rms.max():
+            largest, strongest = np.abs(arrangement.values).max(axis=1), int(np.argmax(rms))
+            found[row] = (
+                f"is at most {largest[row]:.2g} where {arrangement.label(strongest)} reaches {largest[strongest]:.2g}: a dead "
+                "channel, or the scale of one of the two is wrong; check cable and scale"
+            )
         elif lines < _FEWEST_LINES:
             found[row] = f"has only {lines} measured lines in the band, at least {_FEWEST_LINES} are needed"
         elif np.ptp(arrangement.values[row, arrangement.measured[row]]) == 0:

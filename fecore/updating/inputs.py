@@ -50,7 +50,7 @@ class Inputs:
         window_rate_sd: of a stated rate, 1/s.
 
     Raises:
-        InputError: a value is negative or not finite.
+        InputError: a value is negative or not finite, or the clamp is none.
     """
 
     length_sd: float | None = None
@@ -71,6 +71,12 @@ class Inputs:
             value = getattr(self, field.name)
             if value is not None and not (np.isfinite(value) and value >= 0):
                 raise InputError(f"inputs.{field.name}", f"is {value}, expected a number that is not negative")
+        if (self.clamp_compliance_sd or 0.0) > SOFTEST_CLAMP:
+            raise InputError(
+                "inputs.clamp_compliance_sd",
+                f"is {self.clamp_compliance_sd:g}, expected at most {SOFTEST_CLAMP:g}: there the clamp turns as easily as the "
+                "specimen bends, and is none",
+            )
 
     @classmethod
     def exact(cls) -> Inputs:
@@ -104,6 +110,9 @@ TOLERANCES: dict[str, tuple[float, bool]] = {
     "delay": (30e-6, False),
 }
 """Standard deviation of each input that a laboratory does not state, and whether it is a share of the input's value."""
+
+SOFTEST_CLAMP = 1.0
+"""Largest scale of EI/kL that a clamp may have."""
 
 UNSTATED_SENSOR = 1e-3
 """Scale of the half-normal prior of the mass of a sensor that nobody stated, kg."""

@@ -107,13 +107,14 @@ class Connection:
         """
         return self._json(self.request("GET", path, params=_given(params)))
 
-    def post(self, path: str, body: Any, headers: dict[str, str] | None = None) -> Any:
+    def post(self, path: str, body: Any, headers: dict[str, str] | None = None, **params: Any) -> Any:
         """Send a JSON body.
 
         Args:
             path: below `/api/v1/`.
             body: what JSON can hold.
             headers: beside the key, such as `Idempotency-Key`.
+            params: of the query; those that are None are left out.
 
         Returns:
             The JSON that answers it.
@@ -121,7 +122,7 @@ class Connection:
         Raises:
             ClientError: as `get`.
         """
-        return self._json(self.request("POST", path, json=body, headers=headers))
+        return self._json(self.request("POST", path, json=body, headers=headers, params=_given(params)))
 
     def call(self, method: str, path: str, *, params: Mapping[str, Any] | None = None, **how: Any) -> Any:
         """Any call of the contract.
@@ -210,13 +211,14 @@ class Connection:
         headers = {"Content-Type": "application/octet-stream", "Content-Length": str(size)}
         return self._json(self.request("POST", path, params=_given(params), content=blocks(), headers=headers))
 
-    def submit(self, path: str, file: Path, fields: dict[str, str]) -> Any:
+    def submit(self, path: str, file: Path, fields: dict[str, str], **params: Any) -> Any:
         """Send a multipart form with a file.
 
         Args:
             path: below `/api/v1/`.
             file: the form's field `file`, with its name.
             fields: the form's other fields.
+            params: of the query; those that are None are left out.
 
         Returns:
             The JSON that answers it.
@@ -225,7 +227,8 @@ class Connection:
             ClientError: as `get`.
         """
         with file.open("rb") as stream:
-            return self._json(self.request("POST", path, data=fields, files={"file": (file.name, stream)}))
+            form = {"data": fields, "files": {"file": (file.name, stream)}}
+            return self._json(self.request("POST", path, params=_given(params), **form))
 
     def download(self, path: str, target: Path | None, watch: Watch, **params: Any) -> int:
         """Write what is at a path to a file, or to standard output. The file is whole, or not there.

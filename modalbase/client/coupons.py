@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.options import NAMED, AsJson, Url, json_file, names_of, service_at
+from modalbase.client.options import NAMED, AsJson, Confirm, Reuse, Url, json_file, make, names_of, service_at
 
 if TYPE_CHECKING:
     from modalbase.client.connection import Connection
@@ -27,6 +27,8 @@ def coupons(
     ] = None,
     new: Annotated[str | None, typer.Option(help="Make the batch first, of this structure")] = None,
     constants: Annotated[str, typer.Option(help="With --new: which constants it measures")] = "Ex",
+    reuse: Reuse = False,
+    confirm: Confirm = False,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:  # fmt: skip
@@ -40,11 +42,11 @@ def coupons(
     if not (isinstance(specimens, dict) and all(isinstance(more, dict) for more in specimens.values())):
         raise ClientError(f'{about}: specimens is no object such as {{"A3": {{"excluded": true}}}}', Exit.USAGE)
     with service_at(url) as service:
-        path = f"coupon-batches/{_batch(service, batch, new, constants)}"
+        path = f"coupon-batches/{_batch(service, batch, new, constants, reuse)}"
         for file in files or []:
             coupon = {"specimen": file.stem, **known, **specimens.get(file.stem, {})}
             try:
-                service.submit(f"{path}/coupons", file, {"coupon": json.dumps(coupon)})
+                service.submit(f"{path}/coupons", file, {"coupon": json.dumps(coupon)}, confirm=confirm or None)
             except ClientError as error:
                 raise ClientError(f"{file}: {error}", error.code) from error
         found, summary = list(service.pages(f"{path}/coupons")), service.get(f"{path}/summary")
@@ -88,11 +90,11 @@ def _statistics(of: dict[str, Any]) -> list[Any]:
     return [of["n"], *with_digits(mean, sd), share, unit, of["source"]]
 
 
-def _batch(service: Connection, batch: str, structure: str | None, constants: str) -> str:
+def _batch(service: Connection, batch: str, structure: str | None, constants: str, reuse: bool) -> str:
     """The id of the batch, which is made where a structure is stated."""
     from modalbase.client.finding import BATCH, STRUCTURE, find_id
 
     if structure is None:
         return find_id(service, BATCH, batch)
-    path = f"structures/{find_id(service, STRUCTURE, structure)}/coupon-batches"
-    return str(service.post(path, {"name": batch, "constants": constants.split(",")})["id"])
+    body = {"name": batch, "constants": constants.split(",")}
+    return str(make(service, BATCH, body, find_id(service, STRUCTURE, structure), reuse)["id"])

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from difflib import get_close_matches
+from reprlib import repr as shorten
 from typing import Any
 from uuid import UUID
 
@@ -62,13 +64,39 @@ def find(service: Connection, kind: Kind, text: str, within: str | None = None) 
     there = list(all_of(service, kind) if within is None else service.pages(kind.below.format(within)))
     if text == LATEST and there:
         return max(there, key=lambda one: str(one["created_at"]))
-    matching = [one for one in there if text in _names(one)]
-    if len(matching) == 1:
-        return matching[0]
-    if matching:
-        ids = ", ".join(one["id"] for one in matching[:MOST_NAMED])
-        raise ClientError(f"{len(matching)} {kind.word}s are named {text!r}; state the id: {ids}", Exit.USAGE)
-    raise ClientError(_nothing(kind, text, there), Exit.USAGE)
+    one = _only(kind, text, [one for one in there if text in _names(one)])
+    if one is None:
+        raise ClientError(_nothing(kind, text, there), Exit.USAGE)
+    return one
+
+
+def find_or_make(
+    service: Connection, kind: Kind, body: Mapping[str, Any], within: str | None = None, **query: Any
+) -> dict[str, Any]:
+    """The one thing that has a body's name, made of the body where there is none.
+
+    Args:
+        service: the connection.
+        kind: of the thing.
+        body: as REST takes it, with `name`.
+        within: id of the one above.
+        query: of the request that makes it.
+
+    Raises:
+        ClientError: several things have the name; the one that has it is not as the body states; or the service refuses.
+    """
+    path, name = kind.below.format(within), str(body["name"])
+    found = _only(kind, name, [one for one in service.pages(path) if one["name"] == name])
+    if found is None:
+        made: dict[str, Any] = service.call("POST", path, params=query, json=body)
+        return made
+    if other := list(_differences(body, found)):
+        raise ClientError(
+            f"the {kind.word} {name!r} is there already, and is not as stated: {'; '.join(other[:MOST_NAMED])}. State what it "
+            "has, change it, or give the new one another name",
+            Exit.USAGE,
+        )
+    return found
 
 
 def find_id(service: Connection, kind: Kind, text: str) -> str:
@@ -119,6 +147,34 @@ def all_of(service: Connection, kind: Kind) -> Iterator[dict[str, Any]]:
     for parent in all_of(service, kind.above):
         for one in service.pages(kind.below.format(parent["id"])):
             yield {**one, "above": parent}
+
+
+def _only(kind: Kind, text: str, matching: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
+    """The one thing that matches a text; None where nothing does."""
+    if len(matching) > 1:
+        ids = ", ".join(one["id"] for one in matching[:MOST_NAMED])
+        raise ClientError(f"{len(matching)} {kind.word}s are named {text!r}; state the id: {ids}", Exit.USAGE)
+    return next(iter(matching), None)
+
+
+def _differences(stated: Any, found: Any, name: str = "") -> Iterator[str]:
+    """What a thing has otherwise than stated; members and items that are not stated do not count."""
+    if isinstance(stated, Mapping) and isinstance(found, Mapping):
+        for member, value in stated.items():
+            yield from _differences(value, found.get(member), f"{name}.{member}" if name else str(member))
+    elif isinstance(stated, list | tuple) and isinstance(found, list) and len(stated) == len(found):
+        for number, (one, other) in enumerate(zip(stated, found, strict=True)):
+            yield from _differences(one, other, f"{name}[{number}]")
+    elif stated != found and not _same_time(stated, found):
+        yield f"{name} is {shorten(found)}, not {shorten(stated)}"
+
+
+def _same_time(stated: Any, found: Any) -> bool:
+    """Whether two texts are one moment, which ISO 8601 writes in several ways."""
+    try:
+        return datetime.fromisoformat(stated) == datetime.fromisoformat(found)
+    except (TypeError, ValueError):
+        return False
 
 
 def _names(one: Mapping[str, Any]) -> Iterator[str]:

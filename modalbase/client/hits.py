@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from modalbase.client.errors import ClientError, Exit
+from modalbase.client.measuring import send_file
 from modalbase.client.options import NAMED, AsJson, Url, json_file, names_of, say_next, service_at
 
 
@@ -25,24 +25,23 @@ def hits(
     url: Url = None,
 ) -> None:
     """Send time blocks of hits, see how each hit is judged, and make FRFs of the good ones."""
-    from modalbase.client.display import print_json, print_table, transfer
+    from modalbase.client.display import print_json, print_table
     from modalbase.client.finding import CAMPAIGN, find_id
     from modalbase.client.jobs import require_success, wait_for
 
-    given = {"mapping": None if mapping is None else json.dumps(json_file(mapping))}
+    stated = None if mapping is None else json_file(mapping)
     judged: list[dict[str, Any]] = []
     with service_at(url) as service:
-        path = f"campaigns/{find_id(service, CAMPAIGN, campaign)}"
+        path = f"campaigns/{(id_ := find_id(service, CAMPAIGN, campaign))}"
         for file in files:
-            with transfer(file.name) as watch:
-                dry = str(mapping is None).lower()
-                answer = service.upload(f"{path}/records", file, watch, filename=file.name, dry_run=dry, **given)
-            if mapping is None:
-                print_json(answer)
+            sent = send_file(service, id_, file, dry_run=stated is None, kind="hits", mapping=stated)
+            require_success(sent, file.name)
+            if stated is None:
+                print_json(sent["found"])
                 raise ClientError(
                     "nothing is stored: save `mapping` of this, corrected, and state it with --mapping", Exit.USAGE
                 )
-            judged += answer["hits"]
+            judged += service.get(f"imports/{sent['id']}/records")["hits"]
         placed = bool(service.get(f"{path}/grid-points")["items"])
         if process:
             job = wait_for(service, f"processings/{service.post(f'{path}/processings', {})['id']}", "processing")

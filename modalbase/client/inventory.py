@@ -8,7 +8,18 @@ from typing import Annotated, Any
 import typer
 
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.options import AsJson, OfProject, OfStructure, Url, json_file, say_next, service_at
+from modalbase.client.options import (
+    AsJson,
+    Confirm,
+    OfProject,
+    OfStructure,
+    Reuse,
+    Url,
+    json_file,
+    make,
+    say_next,
+    service_at,
+)
 
 MODULI = ("Ex", "Ey", "Gxy", "Gxz", "Gyz")
 """Stated in GPa; nu_xy has no unit."""
@@ -16,13 +27,20 @@ MODULI = ("Ex", "Ey", "Gxy", "Gxz", "Gyz")
 
 def projects(
     new: Annotated[str | None, typer.Option(help="Make a project of this name, and print its id")] = None,
+    reuse: Reuse = False,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
     """List projects, or make one."""
+    from modalbase.client.finding import PROJECT
+
     with service_at(url) as service:
         if new is not None:
-            _made(service.post("projects", {"name": new}), as_json, f'structures --new NAME --project "{new}" …')
+            _made(
+                make(service, PROJECT, {"name": new}, None, reuse),
+                as_json,
+                f'structures --new NAME --project "{new}" …',
+            )
             return
         found = list(service.pages("projects"))
     _listed(found, ("id", "name", "description", "created_at"), as_json, {"created_at": "made"})
@@ -41,6 +59,8 @@ def structures(
     body: Annotated[
         Path | None, typer.Option("--file", help="With --new: JSON as REST has it, for a laminate", exists=True, dir_okay=False)
     ] = None,
+    reuse: Reuse = False,
+    confirm: Confirm = False,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:  # fmt: skip
@@ -53,7 +73,7 @@ def structures(
             given |= {"name": new} | ({} if density is None else {"density_kg_m3": density})
             given |= {} if size is None else {"geometry": _geometry(size)}
             given |= {} if moduli is None else {"material": _material(moduli)}
-            made = service.post(f"projects/{find_id(service, PROJECT, project or 'latest')}/structures", given)
+            made = make(service, STRUCTURE, given, find_id(service, PROJECT, project or "latest"), reuse, confirm)
             _made(made, as_json, f'campaigns --new NAME --structure "{new}" --boundary cantilever')
             return
         among = None if project is None else find(service, PROJECT, project)
@@ -77,7 +97,9 @@ def campaigns(
     sensor_mass: Annotated[float | None, typer.Option(help="With --new: mass of the accelerometer, g")] = None,
     sensor_point: Annotated[int | None, typer.Option(help="With --new: grid point where it stays")] = None,
     performed_at: Annotated[str | None, typer.Option(help="With --new: when, such as 2026-03-02T09:30:00Z")] = None,
-    notes: Annotated[str, typer.Option(help="With --new: free text")] = "",
+    notes: Annotated[str | None, typer.Option(help="With --new: free text")] = None,
+    reuse: Reuse = False,
+    confirm: Confirm = False,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:  # fmt: skip
@@ -92,9 +114,11 @@ def campaigns(
                 raise ClientError("--new needs --boundary: cantilever, free or simply_supported", Exit.USAGE)
             mass = None if sensor_mass is None else sensor_mass / 1000
             instruments = _stated(sensor_mass_kg=mass, sensor_point=sensor_point)
-            given = {"name": new, "boundary": boundary, "notes": notes, "instruments": instruments}
-            given |= _stated(temperature_c=temperature, humidity_percent=humidity, performed_at=performed_at)
-            made = service.post(f"structures/{find_id(service, STRUCTURE, structure or 'latest')}/campaigns", given)
+            given = {"name": new, "boundary": boundary, "instruments": instruments}
+            given |= _stated(
+                temperature_c=temperature, humidity_percent=humidity, performed_at=performed_at, notes=notes
+            )
+            made = make(service, CAMPAIGN, given, find_id(service, STRUCTURE, structure or "latest"), reuse, confirm)
             _made(made, as_json, f'import FILE.uff --campaign "{new}"')
             return
         among = None
@@ -148,10 +172,6 @@ def _listed(
         print_table("", shown, [[one[name] for name in columns] for one in found])
 
 
-_SMALL_M = 0.005
-"""Longest side below which a size was probably stated in m."""
-
-
 def _geometry(text: str) -> dict[str, float]:
     """Length, width and thickness in m of a text in mm."""
     parts = text.lower().replace("×", "x").split("x")
@@ -161,9 +181,6 @@ def _geometry(text: str) -> dict[str, float]:
         raise ClientError(
             f"--size {text!r} is no length x width x thickness in mm, such as 500x40x10", Exit.USAGE
         ) from None
-    if max(length, width, thickness) < _SMALL_M:
-        longest = 1000 * max(length, width, thickness)
-        typer.echo(f"--size {text}: the longest side is {longest:g} mm; sizes are in mm", err=True)
     return {"length_m": length, "width_m": width, "thickness_m": thickness}
 
 

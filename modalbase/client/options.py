@@ -14,12 +14,22 @@ from modalbase.client.errors import ClientError, Exit
 
 if TYPE_CHECKING:
     from modalbase.client.connection import Connection
+    from modalbase.client.finding import Kind
 
 Url = Annotated[
     str | None,
     typer.Option(
         "--url", envvar="MODALBASE_URL", help="Address of the service; else that of the profile, or which runs here"
     ),
+]
+Reuse = Annotated[
+    bool,
+    typer.Option(
+        "--reuse", help="With --new: take the one of that name where there is one, so that a script runs twice"
+    ),
+]
+Confirm = Annotated[
+    bool, typer.Option("--confirm", help="Take unusual numbers as they are: they are in the stated unit")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON alone on standard output")]
 
@@ -65,6 +75,19 @@ OfStructure = Annotated[
     str | None, typer.Option("--structure", help=f"Structure: {NAMED}", autocompletion=names_of("STRUCTURE"))
 ]
 Job = Annotated[str, typer.Argument(help="Id of the update job, or latest")]
+
+
+def make(
+    service: Connection, kind: Kind, body: dict[str, Any], above: str | None, reuse: bool, confirm: bool = False
+) -> dict[str, Any]:
+    """A new thing below another; with `reuse` the one that has its name already."""
+    from modalbase.client.finding import find_or_make
+
+    query = {"confirm": confirm or None}
+    if reuse:
+        return find_or_make(service, kind, body, above, **query)
+    made: dict[str, Any] = service.call("POST", kind.below.format(above), params=query, json=body)
+    return made
 
 
 def say_next(*commands: str) -> None:

@@ -119,7 +119,7 @@ ROUTES: dict[str, Route] = {
         "Structures of a project.",
     ),
     "create_structure": Route(
-        "POST", "projects/{project_id}/structures", (),
+        "POST", "projects/{project_id}/structures", ("confirm",),
         "Describe a structure: geometry, density and either plies or a homogenised material, nominal values.",
     ),
     "get_structure": Route(
@@ -127,7 +127,7 @@ ROUTES: dict[str, Route] = {
         "A structure in its current version.",
     ),
     "change_structure": Route(
-        "PATCH", "structures/{structure_id}", (),
+        "PATCH", "structures/{structure_id}", ("confirm",),
         "Change a structure. Geometry, density or section make a new version; what a result used stays as it was.",
     ),
     "delete_structure": Route(
@@ -147,7 +147,7 @@ ROUTES: dict[str, Route] = {
         "Campaigns of a structure.",
     ),
     "create_campaign": Route(
-        "POST", "structures/{structure_id}/campaigns", (),
+        "POST", "structures/{structure_id}/campaigns", ("confirm",),
         "Describe a measurement: boundary, date, climate, instruments, and the frame of the file's coordinates.",
     ),
     "get_campaign": Route(
@@ -155,7 +155,7 @@ ROUTES: dict[str, Route] = {
         "A campaign.",
     ),
     "change_campaign": Route(
-        "PATCH", "campaigns/{campaign_id}", (),
+        "PATCH", "campaigns/{campaign_id}", ("confirm",),
         "Change what is known of a campaign; results that exist keep what they used.",
     ),
     "delete_campaign": Route(
@@ -171,12 +171,16 @@ ROUTES: dict[str, Route] = {
         "Imports into a campaign, oldest first. A page is shorter where reports on many datasets would make it heavy.",
     ),
     "start_import": Route(
-        "POST", "campaigns/{campaign_id}/imports", ("filename", "dry_run", "quantity"),
-        "Send a UFF file as raw body or as multipart field `file`; a job reads it.",
+        "POST", "campaigns/{campaign_id}/imports", ("filename", "dry_run", "quantity", "kind", "mapping"),
+        "Send a file as raw body or as multipart field `file`: UFF, npz, .mat, CSV or wav; a job reads it.",
     ),
     "get_import": Route(
         "GET", "imports/{import_id}", (),
         "How far an import is, what it brought in, and what became of each dataset.",
+    ),
+    "get_import_records": Route(
+        "GET", "imports/{import_id}/records", (),
+        "Time blocks that an import brought, and how the hits of their points are judged now.",
     ),
     "get_imports_original": Route(
         "GET", "imports/{import_id}/original", (),
@@ -202,6 +206,14 @@ ROUTES: dict[str, Route] = {
         "PUT", "campaigns/{campaign_id}/grid-points", (),
         "Store these points in place of all that are there, from JSON `{items: [{label, x_m, y_m, z_m}]}` or CSV.",
     ),
+    "list_records": Route(
+        "GET", "campaigns/{campaign_id}/records", ("point", "hit", "cursor", "limit"),
+        "Time blocks of a campaign, without their samples.",
+    ),
+    "create_records": Route(
+        "POST", "campaigns/{campaign_id}/records", ("filename", "mapping", "dry_run"),
+        "Send time blocks of hits as npz, .mat, CSV or wav with a mapping, or as JSON `{variables, mapping}`.",
+    ),
     "list_frfs": Route(
         "GET", "campaigns/{campaign_id}/frfs", ("cursor", "limit", "point", "direction", "reference", "quantity", "import_id", "fmin", "fmax"),
         "FRFs of a campaign, without their spectra.",
@@ -221,14 +233,6 @@ ROUTES: dict[str, Route] = {
     "get_frf_data": Route(
         "GET", "frfs/{frf_id}/data", ("fmin", "fmax", "stride", "format"),
         "Spectrum of one FRF, in a band and with a stride if wanted, as JSON, npz, CSV, Arrow or UFF.",
-    ),
-    "list_records": Route(
-        "GET", "campaigns/{campaign_id}/records", ("point", "hit", "cursor", "limit"),
-        "Time blocks of a campaign, without their samples.",
-    ),
-    "create_records": Route(
-        "POST", "campaigns/{campaign_id}/records", ("filename", "mapping", "dry_run"),
-        "Send time blocks of hits as npz, .mat, CSV or wav with a mapping, or as JSON `{variables, mapping}`.",
     ),
     "get_record": Route(
         "GET", "records/{record_id}", (),
@@ -295,7 +299,7 @@ ROUTES: dict[str, Route] = {
         "Coupon batches of a structure.",
     ),
     "create_batch": Route(
-        "POST", "structures/{structure_id}/coupon-batches", (),
+        "POST", "structures/{structure_id}/coupon-batches", ("confirm",),
         "Open a batch: which constants it gives, and published means of those that have no specimens here.",
     ),
     "get_batch": Route(
@@ -307,7 +311,7 @@ ROUTES: dict[str, Route] = {
         "Specimens of a batch, excluded ones included.",
     ),
     "create_coupons": Route(
-        "POST", "coupon-batches/{batch_id}/coupons", (),
+        "POST", "coupon-batches/{batch_id}/coupons", ("confirm",),
         "Record specimens: results of one, or of several as a list, in JSON; or the raw curve of one as multipart.",
     ),
     "get_summary": Route(
@@ -339,7 +343,7 @@ ROUTES: dict[str, Route] = {
         "The testing machine's file as it was uploaded, byte for byte.",
     ),
     "start_update": Route(
-        "POST", "campaigns/{campaign_id}/update-jobs", ("priority",),
+        "POST", "campaigns/{campaign_id}/update-jobs", ("priority", "confirm"),
         "Queue an update of the campaign's structure. `{}` is a recipe.",
     ),
     "list_update_jobs": Route(
@@ -347,7 +351,7 @@ ROUTES: dict[str, Route] = {
         "Update jobs that you may see, newest first; those of deleted structures are left out.",
     ),
     "start_updates": Route(
-        "POST", "update-jobs", ("priority",),
+        "POST", "update-jobs", ("priority", "confirm"),
         "Queue updates of many campaigns: all of them, or with any fault none.",
     ),
     "get_update_job": Route(
@@ -427,7 +431,7 @@ ROUTES: dict[str, Route] = {
         "Monitors of a structure.",
     ),
     "create_monitor": Route(
-        "POST", "structures/{structure_id}/monitors", (),
+        "POST", "structures/{structure_id}/monitors", ("confirm",),
         "Watch a structure: a frozen recipe, a baseline, parameters and how often it may call in vain.",
     ),
     "list_monitors": Route(

@@ -9,7 +9,7 @@ from urllib.parse import quote
 import typer
 
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.options import AsJson, Campaign, Job, Url, json_file, say_next, service_at
+from modalbase.client.options import AsJson, Campaign, Confirm, Job, Url, json_file, say_next, service_at
 
 FIGURES = {".svg": "svg", ".png": "png", ".pdf": "pdf", ".json": "plotly"}
 
@@ -22,6 +22,7 @@ def update(
     mode_set: Annotated[str | None, typer.Option(help="Measured modes: id, name or latest of the campaign")] = None,
     idempotency_key: Annotated[str | None, typer.Option(help="The same key again: the same job, no second one")] = None,
     wait: Annotated[bool, typer.Option("--wait", help="Wait for the result and show it")] = False,
+    confirm: Confirm = False,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
@@ -39,7 +40,7 @@ def update(
         id_ = find_id(service, CAMPAIGN, campaign)
         if mode_set is not None:
             body["mode_set"] = uuid_of(mode_set) or find(service, MODE_SET, mode_set, within=id_)["id"]
-        job = service.post(f"campaigns/{id_}/update-jobs", body, headers)
+        job = service.post(f"campaigns/{id_}/update-jobs", body, headers, confirm=confirm or None)
         if not wait:
             if as_json:
                 print_json(job)

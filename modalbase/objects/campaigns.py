@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from modalbase.client.display import transfer
 from modalbase.client.errors import ClientError
-from modalbase.client.finding import MODE_SET, find
+from modalbase.client.finding import MODE_SET
 from modalbase.client.rest import require_known
 from modalbase.objects.jobs import Identification, Import, Processing, UpdateJob
 from modalbase.objects.modes import ModeSet
 from modalbase.objects.records import Record
 from modalbase.objects.table import Table
-from modalbase.objects.thing import Editable, Thing
+from modalbase.objects.thing import Editable, Thing, found_or_made
 
 if TYPE_CHECKING:
     from modalbase.formats.records import Place
@@ -30,15 +30,18 @@ class Campaign(Editable):
     word, path = "campaign", "campaigns/{}"
 
     def import_file(self, file: str | Path, *, wait: bool = True, **options: Any) -> Import:
-        """Send a Universal File Format file, and wait until it is read.
+        """Send a file, UFF, npz, .mat, CSV or wav, and wait until it is read.
 
         Args:
-            file: the analyser's export.
+            file: the analyser's export; its format is recognised by its content.
             wait: for the end of the reading.
-            options: `quantity` of FRFs whose file does not say (`accelerance`, `mobility`, `receptance`), `dry_run`.
+            options: `mapping` of hits and of FRFs of a .mat, which variable is what; `kind` of an npz, .mat or CSV, `hits`
+                or `frfs`, where its arrays do not say; `quantity` of FRFs whose file does not say (`accelerance`,
+                `mobility`, `receptance`); `dry_run`.
 
         Returns:
-            The import: `counts`, `datasets` with what became of each, `warnings`.
+            The import: `counts`, `datasets` with what became of each, `found` with the arrays and a mapping that suggests
+            itself, `warnings`.
 
         Raises:
             JobFailed: the file could not be read.
@@ -48,6 +51,8 @@ class Campaign(Editable):
         require_known("start_import", options)
         if "dry_run" in options:
             options["dry_run"] = str(bool(options["dry_run"])).lower()
+        if options.get("mapping") is not None:
+            options["mapping"] = json.dumps(options["mapping"])
         with transfer(path.name) as watch:
             fields = self.lab.connection.upload(f"{self.address}/imports", path, watch, filename=path.name, **options)
         sent = Import(self.lab, fields)
@@ -102,7 +107,9 @@ class Campaign(Editable):
             ClientError: the service refuses them.
         """
         answer = self.lab.rest.create_frfs(self.fields["id"], content=frfs.to_npz(), content_type="application/x-npz")
-        return Table(answer["items"], key="label")
+        if "items" in answer:
+            return Table(answer["items"], key="label")
+        return self.list_frfs(import_id=Import(self.lab, answer).wait().check().fields["id"])
 
     def add_records(self, file: str | Path, mapping: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Send time blocks of hits: npz, .mat, CSV or wav.
@@ -114,7 +121,12 @@ class Campaign(Editable):
         Returns:
             `items`, the stored blocks, and `hits`, the judgement of each hit.
         """
-        return self._send_records(Path(file), mapping, dry_run=False)
+        path, given = Path(file), None if mapping is None else json.dumps(mapping)
+        with transfer(path.name) as watch:
+            answer = self.lab.connection.upload(
+                f"{self.address}/records", path, watch, filename=path.name, mapping=given
+            )
+        return self._judged(answer)
 
     def add_sep005(
         self,
@@ -144,25 +156,27 @@ class Campaign(Editable):
 
         blocks = records_from_sep005(series, places, hit=hit, sensitivities=sensitivities)
         content, mapping = arrays_of(blocks, numbered=hit is not None)
-        return self.lab.rest.create_records(  # type: ignore[no-any-return]  # a JSON object
+        answer = self.lab.rest.create_records(
             self.fields["id"],
             filename="sep005.npz",
             mapping=json.dumps(mapping),
             content=content,
             content_type="application/x-npz",
         )
+        return self._judged(answer)
 
     def propose_mapping(self, file: str | Path) -> dict[str, Any]:
         """What a file of time blocks holds, and a mapping to look through; nothing is stored."""
-        return self._send_records(Path(file), None, dry_run=True)
+        found: dict[str, Any] = self.import_file(file, kind="hits", dry_run=True).fields["found"]
+        return found
 
-    def _send_records(self, file: Path, mapping: Mapping[str, Any] | None, *, dry_run: bool) -> dict[str, Any]:
-        given = {"mapping": None if mapping is None else json.dumps(mapping), "dry_run": str(dry_run).lower()}
-        with transfer(file.name) as watch:
-            answer: dict[str, Any] = self.lab.connection.upload(
-                f"{self.address}/records", file, watch, filename=file.name, **given
-            )
-        return answer
+    def _judged(self, answer: dict[str, Any]) -> dict[str, Any]:
+        """Stored blocks and the judgement of their hits; waits for a file that was not read at once."""
+        if "items" in answer:
+            return answer
+        sent = Import(self.lab, answer).wait().check()
+        judged: dict[str, Any] = self.lab.connection.get(f"{sent.address}/records")
+        return judged
 
     def records(self, **wanted: Any) -> list[Record]:
         """Its time blocks, without their samples.
@@ -203,9 +217,12 @@ class Campaign(Editable):
         """Its mode sets: typed in, of a file, identified."""
         return [ModeSet(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/mode-sets")]
 
-    def mode_set(self, which: str = "latest") -> ModeSet:
-        """One of its mode sets by id, name or `latest`."""
-        return ModeSet(self.lab, find(self.lab.connection, MODE_SET, which, within=self.fields["id"]))
+    def mode_set(self, which: str = "latest", *, create: bool = False, **fields: Any) -> ModeSet:
+        """One of its mode sets by id, name or `latest`; with `create` made of `modes` where there is none of this name."""
+        above = self.fields["id"]
+        if "modes" in fields:  # the service has them in this order
+            fields["modes"] = sorted(fields["modes"], key=lambda mode: float(mode.get("frequency_hz", 0)))
+        return ModeSet(self.lab, found_or_made(self.lab.connection, MODE_SET, which, above, create, fields))
 
     def identify(self, **options: Any) -> ModeSet:
         """Find modes in its FRFs and wait for them.
@@ -219,18 +236,20 @@ class Campaign(Editable):
         job = Identification(self.lab, self.lab.connection.post(f"{self.address}/identifications", options))
         return job.wait().mode_set()
 
-    def update(self, recipe: Mapping[str, Any] | None = None, **more: Any) -> UpdateJob:
+    def update(self, recipe: Mapping[str, Any] | None = None, *, confirm: bool = False, **more: Any) -> UpdateJob:
         """Queue an update of the structure's model to this campaign; the job's `wait()` or `result()` waits for it.
 
         Args:
             recipe: the recipe as a dictionary; without it the defaults.
+            confirm: take unusual numbers of its priors as they are.
             more: fields of the recipe by name, such as `seed=7` or `mode_set=modes`. Things stand for their ids.
 
         Raises:
             ClientError: the service refuses the recipe; each fault has its pointer.
         """
         body = {name: value.fields["id"] if isinstance(value, Thing) else value for name, value in more.items()}
-        fields = self.lab.connection.post(f"{self.address}/update-jobs", {**(recipe or {}), **body})
+        whole = {**(recipe or {}), **body}
+        fields = self.lab.connection.post(f"{self.address}/update-jobs", whole, confirm=confirm or None)
         return UpdateJob(self.lab, fields)
 
     def jobs(self) -> list[UpdateJob]:

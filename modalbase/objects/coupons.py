@@ -16,11 +16,12 @@ class CouponBatch(Thing):
 
     word, path = "coupon batch", "coupon-batches/{}"
 
-    def add_curve(self, file: str | Path, **about: Any) -> dict[str, Any]:
+    def add_curve(self, file: str | Path, *, confirm: bool = False, **about: Any) -> dict[str, Any]:
         """Add a specimen from a testing machine's file.
 
         Args:
             file: CSV of the machine.
+            confirm: take unusual dimensions and results as they are.
             about: `dimensions`, `columns`, and where needed `standard`, `specimen` (by default the file's name) and the
                 others of `POST /coupon-batches/{id}/coupons`.
 
@@ -29,13 +30,17 @@ class CouponBatch(Thing):
         """
         path = Path(file)
         coupon = {"specimen": path.stem, **about}
-        answer = self.lab.connection.submit(f"{self.address}/coupons", path, {"coupon": json.dumps(coupon)})
+        fields = {"coupon": json.dumps(coupon)}
+        answer = self.lab.connection.submit(f"{self.address}/coupons", path, fields, confirm=confirm or None)
         made: dict[str, Any] = answer["items"][0]
         return made
 
-    def add_coupon(self, specimen: str, **results: Any) -> dict[str, Any]:
-        """Add a specimen whose results are known: `E_Pa`, `G_Pa`, `nu`, `strength_Pa`, `standard` and so on."""
-        answer = self.lab.connection.post(f"{self.address}/coupons", {"specimen": specimen, **results})
+    def add_coupon(self, specimen: str, *, confirm: bool = False, **results: Any) -> dict[str, Any]:
+        """Add a specimen whose results are known: `E_Pa`, `G_Pa`, `nu`, `strength_Pa`, `standard` and so on; with `confirm`
+        unusual ones too.
+        """
+        body = {"specimen": specimen, **results}
+        answer = self.lab.connection.post(f"{self.address}/coupons", body, confirm=confirm or None)
         made: dict[str, Any] = answer["items"][0]
         return made
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Self
@@ -16,6 +17,7 @@ from modalbase.objects.monitors import Alarm, Monitor
 from modalbase.objects.projects import Project, Structure
 from modalbase.objects.results import Result
 from modalbase.objects.table import Table
+from modalbase.objects.thing import found_or_made
 
 TOGETHER = 8
 """Results that are fetched at a time."""
@@ -71,20 +73,32 @@ class Laboratory:
         self.connection.close()
 
     def new_project(self, name: str, description: str = "") -> Project:
-        """Make a project; you are its owner."""
+        """Make a project; you are its owner.
+
+        Warns:
+            UserWarning: you are in one of that name already, so that the name alone no longer says which is meant.
+        """
+        if any(one["name"] == name for one in self.connection.pages("projects")):
+            again = f"lab.project({name!r}, create=True)"
+            warnings.warn(f"there is a project {name!r} already; {again} gives that one", stacklevel=2)
         return Project(self, self.connection.post("projects", {"name": name, "description": description}))
 
     def projects(self) -> list[Project]:
         """The projects that you are a member of."""
         return [Project(self, fields) for fields in self.connection.pages("projects")]
 
-    def project(self, which: str) -> Project:
+    def project(self, which: str, *, create: bool = False, **fields: Any) -> Project:
         """A project by id, name or `latest`.
 
+        Args:
+            which: of them.
+            create: make one of this name where there is none, so that a script can be run twice.
+            fields: with `create`, `description` of the project.
+
         Raises:
-            ClientError: there is none, or several have the name.
+            ClientError: there is none, several have the name, or the one that has it is not as stated.
         """
-        return Project(self, find(self.connection, PROJECT, which))
+        return Project(self, found_or_made(self.connection, PROJECT, which, None, create, fields))
 
     def structure(self, which: str) -> Structure:
         """A structure by id, name, `project/structure` or `latest`."""

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from modalbase.client.finding import Kind, find, find_or_make
+
 if TYPE_CHECKING:
+    from modalbase.client.connection import Connection
     from modalbase.objects.laboratory import Laboratory
 
 
@@ -61,8 +64,12 @@ class Thing:
 class Editable(Thing):
     """A thing that can be changed and deleted; a change that somebody else made in between is not overwritten."""
 
-    def change(self, **fields: Any) -> Self:
+    def change(self, *, confirm: bool = False, **fields: Any) -> Self:
         """Change fields; the others stay.
+
+        Args:
+            confirm: take unusual numbers of a structure or a campaign as they are.
+            fields: as REST has them.
 
         Raises:
             ClientError: the service refuses, for example because somebody else has changed it since it was fetched.
@@ -70,7 +77,8 @@ class Editable(Thing):
         answer = self.lab.connection.request("GET", self.address)
         tag = answer.headers.get("etag") if answer.json() == self.fields else None
         headers = {"If-Match": tag or '"changed-since"'}
-        self.fields = self.lab.connection.call("PATCH", self.address, json=fields, headers=headers)
+        query = {"confirm": confirm or None}
+        self.fields = self.lab.connection.call("PATCH", self.address, params=query, json=fields, headers=headers)
         return self
 
     def delete(self) -> None:
@@ -80,3 +88,28 @@ class Editable(Thing):
             ClientError: the service refuses.
         """
         self.lab.connection.call("DELETE", self.address, headers={"If-Match": "*"})
+
+
+def found_or_made(
+    service: Connection, kind: Kind, which: str, within: str | None, create: bool, body: dict[str, Any], **query: Any
+) -> dict[str, Any]:
+    """What `project.structure(which, create=…, …)` and its like give.
+
+    Args:
+        service: the connection.
+        kind: of the thing.
+        which: id, name or `latest`; with `create` a name.
+        within: id of the one above.
+        create: make it where there is none.
+        body: what is stated of it, which only `create` has use for.
+        query: of the request that makes it.
+
+    Raises:
+        ClientError: as `find` and `find_or_make`.
+        TypeError: something is stated of it without `create`.
+    """
+    if create:
+        return find_or_make(service, kind, {"name": which, **body}, within, **query)
+    if body or query:
+        raise TypeError(f"{', '.join([*body, *query])} of a {kind.word} is stated with create=True")
+    return find(service, kind, which, within=within)

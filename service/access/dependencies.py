@@ -6,8 +6,8 @@ a turn of the interpreter's lock while other requests compute.
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
-from typing import Annotated
+from collections.abc import AsyncIterator, Callable
+from typing import Annotated, TypeVar
 
 from anyio import CancelScope
 from fastapi import Depends, Request
@@ -19,6 +19,8 @@ from service.access.keys import found_key
 from service.access.scopes import require_scope
 from service.access.tables import ApiKey, User
 from service.settings import Settings
+
+Result = TypeVar("Result")
 
 READING = ("GET", "HEAD")
 """Methods of routes that change nothing."""
@@ -72,6 +74,29 @@ async def _key(found: Annotated[tuple[ApiKey, User], Depends(_current_key)]) -> 
 
 async def _user(found: Annotated[tuple[ApiKey, User], Depends(_current_key)]) -> User:
     return found[1]
+
+
+class Beforehand:
+    """What a request does in a transaction of its own before its route: `beforehand: Annotated[Beforehand, Depends()]`."""
+
+    def __init__(
+        self, request: Request, credentials: Annotated[HTTPAuthorizationCredentials, Depends(_bearer)]
+    ) -> None:
+        self._request, self._token = request, credentials.credentials
+
+    async def do(self, work: Callable[[Session, ApiKey, User], Result]) -> Result:
+        """What `work` gives for the key of the request and its user, once that is committed.
+
+        Raises:
+            Unauthorized, Forbidden: the key is not valid or has not the scope.
+        """
+        return await run_in_threadpool(self._do, work)
+
+    def _do(self, work: Callable[[Session, ApiKey, User], Result]) -> Result:
+        with self._request.app.state.sessions.begin() as session:
+            key, user = found_key(session, self._token)
+            require_scope(key, self._request.scope)
+            return work(session, key, user)
 
 
 CurrentKey = Annotated[ApiKey, Depends(_key)]

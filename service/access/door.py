@@ -30,7 +30,7 @@ from service.web.buckets import Buckets
 from service.web.gate import SLOT, Gate, Slot
 from service.web.negotiation import content_type, is_json
 from service.web.problems import problem_of
-from service.web.spool import spooled_body, too_large
+from service.web.spool import answer_early, spooled_body, too_large
 
 Finder = Callable[[Session, User, UUID, Role], object]
 """Finds what an id of a path names, or raises what the route itself would."""
@@ -97,6 +97,9 @@ class Door:
                 raise
             if _length(scope) > LARGE_BYTES:  # it is not worth receiving
                 answer.headers["Connection"] = "close"
+                if isinstance(error, PayloadTooLarge):
+                    await answer_early(answer, scope, receive, send)
+                    return
             await answer(scope, receive, send)
 
     def _arrived(self, scope: Scope) -> _Visit:
@@ -110,18 +113,19 @@ class Door:
 
     async def _admitted(self, visit: _Visit, receive: Receive, send: Send) -> None:
         """The request with its body, as soon as there is a slot for it."""
-        scope, length, limit = visit.scope, _length(visit.scope), self._limit(visit.scope)
-        if length > limit and length != _UNKNOWN:
-            raise PayloadTooLarge(too_large(limit))
+        scope, length = visit.scope, _length(visit.scope)
+        limit, better = self._limit(scope)
         if length:
             targets = self._paths.find(scope)
             if length > LARGE_BYTES or not visit.caller.known or _reads_itself(scope):
                 await self._may_send(visit, targets)
+        if length > limit and length != _UNKNOWN:
+            raise PayloadTooLarge(too_large(limit, better))
         large = length > LARGE_BYTES
         if large:
             self._count_uploads(+1)
         try:
-            async with spooled_body(scope, receive, limit) as body:
+            async with spooled_body(scope, receive, limit, better) as body:
                 if large:
                     self._count_uploads(-1)
                     large = False
@@ -189,9 +193,14 @@ class Door:
 
         return watched
 
-    def _limit(self, scope: Scope) -> int:
-        json = is_json(content_type(Headers(scope=scope).get("content-type")))
-        return self._settings.json_limit_bytes if json else self._settings.upload_limit_bytes
+    def _limit(self, scope: Scope) -> tuple[int, str]:
+        """The most bytes of the body, and what else one may do with more."""
+        most = self._settings.upload_limit_bytes
+        if not is_json(content_type(Headers(scope=scope).get("content-type"))):
+            return most, ""
+        measured = scope["path"].endswith(("/frfs", "/records"))
+        better = f"; send it as a file, such as npz, to the same address or to …/imports: up to {most} bytes"
+        return self._settings.json_limit_bytes, better if measured else ""
 
 
 _UNKNOWN = 2**62

@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import hashlib
-import struct
-import zlib
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZipFile
 
+import psycopg
 from psycopg import sql
 from sqlalchemy import Connection, Engine, text
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
 from service.backup.archive import BLOCK_BYTES, BackupError, Manifest, TableEntry, read_manifest
+from service.backup.reading_back import UNREADABLE
 from service.backup.verification import find_damage
 from service.backup.writing import our_tables
 from service.db.schema import known_revisions, upgrade_on, upgrading
 from service.jobs.queue import queue_again
-
-UNREADABLE = (BadZipFile, EOFError, KeyError, NotImplementedError, RuntimeError, ValueError, struct.error, zlib.error)
-"""What `zipfile` raises at files that are damaged in one place or another."""
 
 
 def restore_backup(engine: Engine, file: Path) -> Manifest:
@@ -108,10 +105,14 @@ def _copy_in(connection: Connection, entry: TableEntry, archive: ZipFile) -> Non
     columns = sql.SQL(", ").join(map(sql.Identifier, entry.columns))
     query = sql.SQL("COPY {} ({}) FROM STDIN (FORMAT binary)").format(sql.Identifier(entry.name), columns)
     with cursor, archive.open(entry.member) as member:
-        with cursor.copy(query) as copy:
-            while block := member.read(BLOCK_BYTES):
-                digest.update(block)
-                copy.write(block)
+        try:
+            with cursor.copy(query) as copy:
+                while block := member.read(BLOCK_BYTES):
+                    digest.update(block)
+                    copy.write(block)
+        except (psycopg.DataError, psycopg.IntegrityError) as error:  # such as one that was cut short
+            reason = str(error).partition("\n")[0]
+            raise BackupError(f"the backup's table {entry.name} is damaged: {reason}") from error
         rows = cursor.rowcount
     if (digest.hexdigest(), rows) != (entry.sha256, entry.rows):
         raise BackupError(f"the backup's table {entry.name} is damaged: it is not what was written")

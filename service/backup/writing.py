@@ -14,6 +14,7 @@ from sqlalchemy import Connection, Engine, MetaData, Table, func, select
 
 from fecore import __version__
 from service.backup.archive import FORMAT, MANIFEST, BackupError, Manifest, TableEntry
+from service.backup.reading_back import read_back
 from service.backup.verification import find_damage
 from service.db.schema import require_known
 
@@ -21,7 +22,7 @@ COMPRESSION = 1  # spectra hardly shrink, files of text do
 
 
 def write_backup(engine: Engine, file: Path) -> Manifest:
-    """Write everything to a file that must not exist yet; it is there whole, or not at all.
+    """Write everything to a file that must not exist yet, and read it back; it is there whole, or not at all.
 
     Args:
         engine: on the database, at this version's schema or an earlier one.
@@ -31,7 +32,7 @@ def write_backup(engine: Engine, file: Path) -> Manifest:
         What was written. `damaged` names what the database itself holds damaged: the backup has it as it is.
 
     Raises:
-        BackupError: the file exists or cannot be written, or a table cannot be read.
+        BackupError: the file exists, cannot be written or is not read back as it was written.
         SchemaError: the schema is unknown to this version.
     """
     if file.exists():
@@ -41,6 +42,7 @@ def write_backup(engine: Engine, file: Path) -> Manifest:
         with engine.connect().execution_options(isolation_level="REPEATABLE READ") as connection:
             connection.exec_driver_sql("SET TRANSACTION READ ONLY")
             manifest = _write(connection, require_known(connection), partial)
+        read_back(partial, manifest)
         partial.rename(file)
     except OSError as error:
         raise BackupError(f"cannot write {file}: {error.strerror}") from error

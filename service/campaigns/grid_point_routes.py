@@ -6,7 +6,6 @@ from typing import Annotated, Any
 from uuid import UUID
 
 from fastapi import Header, Query, Request, Response
-from pydantic import TypeAdapter
 
 from service.access import CurrentUser, SessionDep, SettingsDep, audit
 from service.campaigns import grid_points
@@ -104,4 +103,4 @@ def _read(body: bytes, content_type: str) -> GridPoints:
         return grid_points.from_csv(body)
     if content_type not in ("application/json", ""):
         raise UnsupportedMediaType(f"the body is {content_type}, expected application/json or text/csv")
-    return checked(TypeAdapter(GridPoints), parse_json(body, most_values=BULK_VALUES))
+    return checked(GridPoints, parse_json(body, most_values=BULK_VALUES))

@@ -106,9 +106,9 @@ def describe(campaign: Campaign) -> CampaignOut:
     )
 
 
-def campaign_of(session: Session, campaign_id: UUID) -> Campaign:
+def campaign_of(session: Session, campaign_id: UUID, *, lock: bool = False) -> Campaign:
     """The row of a campaign, whoever asks."""
-    return session.get_one(Campaign, campaign_id)
+    return session.get_one(Campaign, campaign_id, with_for_update=lock or None)
 
 
 def campaigns_of(session: Session, keys: Iterable[UUID]) -> Sequence[Campaign]:

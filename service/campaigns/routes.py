@@ -14,16 +14,22 @@ from service.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch
 from service.campaigns.tables import Campaign
 from service.errors import Invalid
 from service.structures.operations import structure_for
-from service.web import IF_MATCH, Cursor, Limit, Page, api_router, etag_of, paged, require_match
+from service.web import IF_MATCH, Confirm, Cursor, Limit, Page, api_router, etag_of, paged, require_match, require_usual
 
 router = api_router(tags=["campaigns"])
 
 
 @router.post("/structures/{structure_id}/campaigns", status_code=201)
 def create_campaign(
-    structure_id: UUID, body: CampaignIn, session: SessionDep, user: CurrentUser, response: Response
+    structure_id: UUID,
+    body: CampaignIn,
+    session: SessionDep,
+    user: CurrentUser,
+    response: Response,
+    confirm: Confirm = False,
 ) -> CampaignOut:
     """Describe a measurement: boundary, date, climate, instruments, and the frame of the file's coordinates."""
+    require_usual(body, confirm)
     campaign = operations.create_campaign(session, user, structure_id, body)
     response.headers["Location"] = f"/api/v1/campaigns/{campaign.id}"
     return _shown(campaign, response)
@@ -54,13 +60,20 @@ def get_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser, resp
 
 @router.patch("/campaigns/{campaign_id}", openapi_extra=IF_MATCH)
 def change_campaign(
-    campaign_id: UUID, body: CampaignPatch, session: SessionDep, user: CurrentUser, request: Request, response: Response
+    campaign_id: UUID,
+    body: CampaignPatch,
+    session: SessionDep,
+    user: CurrentUser,
+    request: Request,
+    response: Response,
+    confirm: Confirm = False,
 ) -> CampaignOut:
     """Change what is known of a campaign; results that exist keep what they used."""
     campaign = operations.campaign_for(session, user, campaign_id, "editor", lock=True)
     require_match(request, etag_of(operations.describe(campaign)))
     if not body.model_fields_set:
         raise Invalid("", "names nothing to change")
+    require_usual(body, confirm)
     operations.change_campaign(session, user, campaign, body)
     return _shown(campaign, response)
 

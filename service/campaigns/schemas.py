@@ -11,9 +11,11 @@ from pydantic import AfterValidator, Field, JsonValue, field_validator, model_va
 from pydantic_core import PydanticCustomError
 
 from fecore.errors import InputError
+from fecore.updating.inputs import SOFTEST_CLAMP
 from service.campaigns.frame import make_frame
 from service.structures.schemas import Deviation
 from service.web import Name, StrictModel, Text, Time, example, not_null
+from service.web.quantities import SENSOR_MASS
 
 Boundary = Literal["cantilever", "free", "simply_supported"]
 Point = Annotated[int, Field(ge=1, le=9_999_999_999, description="label of a grid point")]
@@ -67,7 +69,7 @@ class Instruments(StrictModel):
     hammer: Details = Field(default_factory=dict, max_length=100)
     sensor: Details = Field(default_factory=dict, max_length=100)
     analyser: Details = Field(default_factory=dict, max_length=100)
-    sensor_mass_kg: float | None = Field(
+    sensor_mass_kg: Annotated[float, SENSOR_MASS] | None = Field(
         default=None, ge=0, le=1000, description="kg; 0 for a sensor that does not touch"
     )
     sensor_point: Point | None = Field(
@@ -81,7 +83,7 @@ class Instruments(StrictModel):
 class CampaignInputs(StrictModel):
     """How well is known what a test was done with: standard deviations. null: a careful laboratory's; 0: exactly known."""
 
-    clamp_compliance_sd: Deviation = Field(None, description="of EI/kL of a clamped edge; half-normal")
+    clamp_compliance_sd: Deviation = Field(None, description="of EI/kL of a clamped edge, 1 at most; half-normal")
     sensor_mass_sd_kg: Deviation = Field(None, description="where no sensor is stated: half-normal; null is 1 g there")
     channel_delay_sd_s: Deviation = Field(None, description="of the delay between response and force")
     window_rate_per_s: Deviation = Field(
@@ -101,6 +103,14 @@ class CampaignInputs(StrictModel):
         return self
 
 
+class StatedInputs(CampaignInputs):
+    """The same as a client states it; earlier versions took a clamp that is none."""
+
+    clamp_compliance_sd: float | None = Field(
+        None, ge=0, le=SOFTEST_CLAMP, description="of EI/kL of a clamped edge; half-normal"
+    )
+
+
 class CampaignIn(StrictModel):
     """A campaign as a client describes it."""
 
@@ -113,7 +123,7 @@ class CampaignIn(StrictModel):
     humidity_percent: float | None = Field(None, ge=0, le=100)
     instruments: Instruments = Instruments.model_construct()  # nothing stated, and nothing to check
     frame: FrameIn | None = None
-    inputs: CampaignInputs | None = Field(None, description="window, and how well clamp, sensor and channels are known")
+    inputs: StatedInputs | None = Field(None, description="window, and how well clamp, sensor and channels are known")
     notes: Text = Field("", max_length=10_000)
 
 
@@ -129,7 +139,7 @@ class CampaignPatch(StrictModel):
     humidity_percent: float | None = Field(None, ge=0, le=100)
     instruments: Instruments | None = None
     frame: FrameIn | None = None
-    inputs: CampaignInputs | None = None
+    inputs: StatedInputs | None = None
     notes: Text | None = Field(None, max_length=10_000)
 
     _never_null = not_null("name", "boundary", "instruments", "notes")

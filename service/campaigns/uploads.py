@@ -25,6 +25,7 @@ UPLOAD_CONTENT = {
             "required": ["file"],
             "properties": {
                 "file": {"type": "string", "format": "binary", "description": "the file, with its name"},
+                "mapping": {"type": "string", "description": "which variable is what, as JSON"},
             },
         }
     },

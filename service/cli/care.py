@@ -28,7 +28,7 @@ def backup(file: Annotated[Path, typer.Argument(help="File to write; it must not
     with _engine(_existing(data)) as engine:
         manifest = write_backup(engine, file)
     rows = sum(table.rows for table in manifest.tables)
-    typer.echo(f"{file}: {rows} rows of {len(manifest.tables)} tables, schema {manifest.revision}")
+    typer.echo(f"{file}: {rows} rows of {len(manifest.tables)} tables, schema {manifest.revision}; read back whole")
     if manifest.damaged:
         stop_with(f"the backup is written, and so is this damage of the database: {'; '.join(manifest.damaged)}")
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import Depends, Request
 from fastapi.concurrency import run_in_threadpool
-from pydantic import TypeAdapter
 
 from service.access import SettingsDep
 from service.coupons.curve_schemas import CurveCouponIn
@@ -22,10 +24,6 @@ from service.web.openapi import schema_of
 from service.web.uploads import multipart
 
 MOST_COUPONS = 1000
-
-_ONE: TypeAdapter[CouponIn] = TypeAdapter(CouponIn)
-_SEVERAL: TypeAdapter[list[CouponIn]] = TypeAdapter(list[CouponIn])
-_CURVE: TypeAdapter[CurveCouponIn] = TypeAdapter(CurveCouponIn)
 
 
 @dataclass(frozen=True)
@@ -47,10 +45,10 @@ async def _received(request: Request, settings: SettingsDep) -> list[CouponIn] |
         raise UnsupportedMediaType(f"the body is {kind}, expected application/json or multipart/form-data")
     body = await run_in_threadpool(parse_json, await request.body())
     if not isinstance(body, list):
-        return [checked(_ONE, body)]
+        return [checked(CouponIn, body)]
     if not 0 < len(body) <= MOST_COUPONS:
         raise Invalid("", f"the list has {len(body)} specimens, expected 1 to {MOST_COUPONS}")
-    return checked(_SEVERAL, body)
+    return checked(list[CouponIn], body)
 
 
 CouponBody = Annotated[list[CouponIn] | RawCurve, Depends(_received)]
@@ -65,10 +63,13 @@ async def _curve(request: Request, limit: int) -> RawCurve:
             )
         if form.file.size is None or form.file.size > limit:
             raise PayloadTooLarge(f"the file has {form.file.size} bytes, the operator allows {limit}")
-        sent = checked(_CURVE, parse_json(stated.encode("utf-8", "surrogatepass")))
-        data = await form.file.read()
-        async with without_slot(request.scope):
-            reduced = await read_aside(reduce_curve, data, sent)
+        sent = checked(CurveCouponIn, parse_json(stated.encode("utf-8", "surrogatepass")))
+        with tempfile.NamedTemporaryFile(prefix="modalbase-curve-") as file:  # not in memory while others are read
+            await run_in_threadpool(shutil.copyfileobj, form.file.file, file)
+            file.flush()
+            async with without_slot(request.scope):
+                reduced = await read_aside(reduce_curve, Path(file.name), sent)
+            data = await run_in_threadpool(Path(file.name).read_bytes)
         return RawCurve(sent, form.filename or "curve.csv", data, reduced)
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from fecore.coupons.curves import Ends
+from modalbase.formats.machine_csv.units import factor
 from service.coupons.schemas import FailureCode, Standard, check_exclusion
 from service.web import Name, StrictModel, Text
+from service.web.quantities import COUPON_SIZE, Quantity
 
 Series = Literal["force", "strain", "strain_back", "transverse_strain", "time"]
 LengthUnit = Literal["m", "cm", "mm", "µm", "um", "in", "inch", "mil"]
@@ -48,6 +51,14 @@ class Dimensions(StrictModel):
     transverse_gauge_length: Reading | None = Field(
         None, description="of the transverse extensometer; with it that column holds a change of width"
     )
+
+    def measured(self) -> Iterator[tuple[str, float, Quantity]]:
+        """The readings in m."""
+        metres = factor("length", self.unit, "unit")
+        for name, readings in (("width", self.width), ("thickness", self.thickness)):
+            yield from ((f"{name}/{number}", metres * value, COUPON_SIZE) for number, value in enumerate(readings))
+        for name in ("gauge_length", "transverse_gauge_length"):
+            yield name, metres * (getattr(self, name) or 0.0), COUPON_SIZE
 
 
 class CurveCouponIn(StrictModel):

@@ -50,6 +50,15 @@ def new_curve(coupon: Coupon, sent: RawCurve, reduced: Reduced) -> CouponCurve:
     )
 
 
+def same_curve(session: Session, batch: CouponBatch, sent: RawCurve) -> Coupon | None:
+    """The specimen of the batch that came of the same file and the same request; None where there is none."""
+    query = select(Coupon).join(CouponCurve, CouponCurve.coupon_id == Coupon.id)
+    own = Coupon.batch_id == batch.id, Coupon.specimen == sent.request.specimen
+    found = session.scalars(query.where(*own, CouponCurve.file_sha256 == hashlib.sha256(sent.data).digest())).first()
+    same = found is not None and found.curve is not None and found.curve.request == sent.request.model_dump(mode="json")
+    return found if same else None
+
+
 def unlike_the_batch(session: Session, batch: CouponBatch, data: bytes, reduced: Reduced) -> list[str]:
     """What is odd about a specimen beside those that the batch has already.
 

@@ -14,7 +14,7 @@ from fecore.coupons.batch import FEWEST_SPECIMENS, CouponResult, Statistics, out
 from fecore.coupons.failure import failed_at_grip
 from fecore.errors import InputError
 from service.access import Lookup, User, audit
-from service.coupons.curves import new_curve, unlike_the_batch
+from service.coupons.curves import new_curve, same_curve, unlike_the_batch
 from service.coupons.schemas import (
     BatchIn,
     BatchOut,
@@ -120,7 +120,7 @@ def add_coupons(session: Session, user: User, batch: CouponBatch, bodies: Sequen
 
 def add_measured_coupon(session: Session, user: User, batch: CouponBatch, sent: RawCurve) -> Coupon:
     """Record the specimen of a raw curve with file, curve and what came of them by its standard (ASTM D3039 or D3518),
-    or nothing.
+    or nothing. One that is sent again as it was is there already.
 
     Args:
         session: the request's transaction.
@@ -133,6 +133,8 @@ def add_measured_coupon(session: Session, user: User, batch: CouponBatch, sent: 
         QuotaExceeded: the project has no room for the curve.
         Invalid, Conflict: as `add_coupons`.
     """
+    if (known := same_curve(session, batch, sent)) is not None:
+        return known
     reduced = sent.reduced
     reduced.reduction["warnings"] += unlike_the_batch(session, batch, sent.data, reduced)
     (row,) = add_coupons(session, user, batch, [reduced.coupon])

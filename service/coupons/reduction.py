@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -44,8 +45,8 @@ class Reduced:
     software: str
 
 
-def reduce_curve(data: bytes, request: CurveCouponIn) -> Reduced:
-    """Read and reduce.
+def reduce_curve(path: Path, request: CurveCouponIn) -> Reduced:
+    """Read a machine's file and reduce its curve.
 
     Raises:
         InputError: the file cannot be read, or its curve not be reduced; says where and what to do.
@@ -55,7 +56,7 @@ def reduce_curve(data: bytes, request: CurveCouponIn) -> Reduced:
         name: Column(c.header, _quantity(name, gauges[name]), c.unit) for name, c in request.columns.items()
     }
     try:
-        file = read_machine_csv(data, columns, request.delimiter, request.decimal)
+        file = read_machine_csv(path.read_bytes(), columns, request.delimiter, request.decimal)
     except FormatError as error:
         raise InputError(error.place, error.message) from error
     number, run = _chosen(file, request.run)

@@ -19,7 +19,7 @@ from service.coupons.tables import Coupon, CouponBatch
 from service.figures.answers import RESPONSES, Asked, FigureName, require_figure
 from service.figures.coupon import coupon_figure
 from service.structures.operations import structure_for
-from service.web import IF_MATCH, Cursor, Limit, Page, api_router, etag_of, paged, require_match
+from service.web import IF_MATCH, Confirm, Cursor, Limit, Page, api_router, etag_of, paged, require_match, require_usual
 from service.web.routing import Later
 
 router = api_router(tags=["coupons"])
@@ -32,9 +32,15 @@ ORIGINAL: dict[int | str, dict[str, Any]] = {200: {"content": {"application/octe
 
 @router.post("/structures/{structure_id}/coupon-batches", status_code=201)
 def create_batch(
-    structure_id: UUID, body: BatchIn, session: SessionDep, user: CurrentUser, response: Response
+    structure_id: UUID,
+    body: BatchIn,
+    session: SessionDep,
+    user: CurrentUser,
+    response: Response,
+    confirm: Confirm = False,
 ) -> BatchOut:
     """Open a batch: which constants it gives, and published means of those that have no specimens here."""
+    require_usual(body, confirm)
     batch = operations.create_batch(session, user, structure_id, body)
     response.headers["Location"] = f"/api/v1/coupon-batches/{batch.id}"
     return operations.describe_all(session, [batch])[0]
@@ -58,7 +64,9 @@ def get_batch(batch_id: UUID, session: SessionDep, user: CurrentUser) -> BatchOu
 
 
 @router.post("/coupon-batches/{batch_id}/coupons", status_code=201, openapi_extra=Later(documented))
-def create_coupons(batch_id: UUID, body: CouponBody, session: SessionDep, user: CurrentUser) -> Page[CouponOut]:
+def create_coupons(
+    batch_id: UUID, body: CouponBody, session: SessionDep, user: CurrentUser, confirm: Confirm = False
+) -> Page[CouponOut]:
     """Record specimens: results of one, or of several as a list, in JSON; or the raw curve of one as multipart.
 
     The multipart fields are `file`, as the testing machine wrote it, and `coupon`, JSON with the dimensions, the columns
@@ -66,8 +74,11 @@ def create_coupons(batch_id: UUID, body: CouponBody, session: SessionDep, user: 
     """
     batch = operations.batch_for(session, user, batch_id, "editor")
     if isinstance(body, RawCurve):
+        require_usual(body.request, confirm)
+        require_usual(body.reduced.coupon, confirm)
         rows = [operations.add_measured_coupon(session, user, batch, body)]
     else:
+        require_usual(body if len(body) > 1 else body[0], confirm)
         rows = operations.add_coupons(session, user, batch, body)
     return Page(items=[operations.describe_coupon(row) for row in rows])
 

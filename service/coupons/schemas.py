@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from datetime import datetime
 from typing import Annotated, Literal, Self
 from uuid import UUID
@@ -12,12 +13,10 @@ from pydantic_core import PydanticCustomError
 from fecore.coupons.failure import check_failure_code
 from fecore.errors import InputError
 from service.web import Name, StrictModel, Text, example
+from service.web.quantities import MODULUS, MODULUS_SD, STRAIN, Modulus, Quantity, Strength
 
 Constant = Literal["Ex", "Ey", "Gxy", "nu_xy"]
 Standard = Literal["D3039", "D3518"]
-
-Modulus = Annotated[float, Field(gt=0, le=1e13, description="Pa")]
-Strength = Annotated[float, Field(gt=0, le=1e11, description="Pa")]
 
 
 def _failure_code(code: str) -> str:
@@ -80,6 +79,13 @@ class BatchIn(StrictModel):
                 )
         return self
 
+    def measured(self) -> Iterator[tuple[str, float, Quantity]]:
+        """The published moduli and their spreads."""
+        for name, value in self.published.items():
+            if name != "nu_xy":
+                yield f"published/{name}/mean", value.mean, MODULUS
+                yield f"published/{name}/standard_deviation", value.standard_deviation or 0.0, MODULUS_SD
+
 
 class BatchOut(StrictModel):
     """A coupon batch."""
@@ -105,7 +111,7 @@ class CouponIn(StrictModel):
     G_Pa: Modulus | None = Field(None, description="in-plane shear chord modulus (D3518)")
     nu: float | None = Field(None, gt=-10, lt=10, description="Poisson's ratio")
     strength_Pa: Strength | None = None
-    ultimate_strain: float | None = Field(None, gt=0, lt=10, description="m/m")
+    ultimate_strain: Annotated[float, STRAIN] | None = Field(None, gt=0, lt=10, description="m/m")
     failure_code: FailureCode | None = None
     excluded: bool = False
     exclusion_reason: Text | None = Field(None, min_length=1, max_length=1000)

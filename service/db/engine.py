@@ -11,6 +11,8 @@ from sqlalchemy import Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError, InvalidatePoolError
 from sqlalchemy.orm import Session, sessionmaker
 
+from service.db.documents import dumps
+
 Sessions = sessionmaker[Session]
 IDLE_SECONDS = 30.0  # after which a connection is asked whether it still lives though nothing came on it
 QUOTA = "project_quota_bytes"
@@ -72,6 +74,7 @@ def make_engine(url: str, *, pool_size: int = 5, overflow: int | None = None, na
     """
     engine = create_engine(
         sqlalchemy_url(url),
+        json_serializer=dumps,
         pool_size=pool_size,
         max_overflow=pool_size if overflow is None else overflow,
         connect_args={"application_name": name, "options": "-c timezone=UTC", "connect_timeout": 10},

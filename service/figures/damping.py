@@ -28,7 +28,7 @@ def damping_figure(laws: Sequence[Mapping[str, Any]], modes: Sequence[Mapping[st
         name = law["name"] + (" (reported)" if k == 0 else "") + (" (preferred)" if law["preferred"] else "")
         color = UPDATED if k == 0 else PALETTE[1 + (k - 1) % (len(PALETTE) - 1)]
         trace = line(curve["frequency_hz"], ratio, name, color, "solid" if law["preferred"] else "dash")
-        if law.get("by_mechanism"):  # it has a ratio at modes alone
+        if law["by_mechanism"]:  # it has a ratio at modes alone
             symbol = "square-open" if k == 0 else "triangle-up-open"
             trace = marks(curve["frequency_hz"], ratio, name, color, symbol, size=7)
         else:
@@ -36,7 +36,7 @@ def damping_figure(laws: Sequence[Mapping[str, Any]], modes: Sequence[Mapping[st
         data.append(trace)
     seen = [mode for mode in modes if mode["measured_damping"]]
     ratios = np.array([100 * mode["measured_damping"] for mode in seen])
-    spread = np.array([100 * Z_95 * (mode.get("measured_damping_sd") or 0.0) for mode in seen])
+    spread = np.array([100 * Z_95 * (mode["measured_damping_sd"] or 0.0) for mode in seen])
     error = {
         "type": "data", "symmetric": False, "array": numbers(spread), "color": MEASURED, "thickness": 1,
         "arrayminus": numbers(np.minimum(spread, 0.95 * ratios)),

@@ -30,7 +30,8 @@ Figure = dict[str, Any]
 """A Plotly figure: `{"data": [...], "layout": {...}}`, nothing but JSON."""
 Trace = dict[str, Any]
 
-LONGEST_NAME = 50
+LONGEST_NAME, MOST_NAMES = 50, 40
+MANY_NAMES = 16  # below an axis, beyond which they stand upright
 _NOTHING_LEFT = 1e-290  # magnitude below which a number is drawn as 0: the power of ten that rounds it would overflow
 FONT = "system-ui, sans-serif"
 _DARK = {
@@ -67,8 +68,9 @@ def decades(values: ArrayLike) -> dict[str, Any]:
 
 
 def named_ticks(names: Sequence[str]) -> dict[str, Any]:
-    """An axis whose places 0, 1, 2, … have names."""
-    return {"tickvals": list(range(len(names))), "ticktext": list(names), "showgrid": False}
+    """An axis whose places 0, 1, 2, … have names, every other one where there are many, and so on."""
+    step = -(-len(names) // MOST_NAMES) or 1
+    return {"tickvals": list(range(0, len(names), step)), "ticktext": list(names[::step]), "showgrid": False}
 
 
 def layout(title: str, **more: Any) -> dict[str, Any]:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from service.figures.look import Figure, axis, layout, named_ticks, numbers
+from service.figures.look import MANY_NAMES, Figure, axis, layout, named_ticks, numbers
 
 _FEWEST_DIGITS = 12  # columns from which a value is printed with one digit
+_MOST_VALUES = 40  # columns beyond which there is no room for values
 
 
 def mac_figure(
     matrix: Sequence[Sequence[float | None]], rows: Sequence[str], columns: Sequence[str], title: str, across: str
 ) -> Figure:
-    """A matrix of MAC values, in Cividis, each value printed.
+    """A matrix of MAC values, in Cividis, each value printed where there is room.
 
     Args:
         matrix: (n, m) from 0 to 1; None where there is none.
@@ -21,6 +22,7 @@ def mac_figure(
         title: of the figure.
         across: title of the axis across.
     """
+    crowded = len(columns) > _MOST_VALUES
     digits = 2 if len(columns) <= _FEWEST_DIGITS else 1
     shown = [numbers([float("nan") if value is None else value for value in row], 5) for row in matrix]
     trace = {
@@ -28,7 +30,7 @@ def mac_figure(
         "z": shown,
         "x": list(range(len(columns))),
         "y": list(range(len(rows))),
-        "text": [["" if value is None else f"{value:.{digits}f}" for value in row] for row in shown],
+        "text": [["" if value is None or crowded else f"{value:.{digits}f}" for value in row] for row in shown],
         "texttemplate": "%{text}",
         "colorscale": "Cividis",
         "zmin": 0,
@@ -49,6 +51,6 @@ def mac_figure(
             xaxis=axis(across, **named_ticks(columns)),
             yaxis=down,
             height=min(height, 900),
-            margin={"r": 90, "l": 120},
+            margin={"r": 90, "l": 120, "b": 130 if len(columns) > MANY_NAMES else 85},
         ),
     }

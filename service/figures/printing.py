@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from service.figures.look import Figure
+from service.figures.look import MANY_NAMES, Figure
 from service.figures.print_traces import DASHES, add_trace, color_of
 
 if TYPE_CHECKING:  # matplotlib is loaded by the first print: every start of an API or a worker would wait for it
@@ -222,7 +222,9 @@ def _scale(axes: Axes, along: Mapping[str, Any], up: Mapping[str, Any]) -> None:
             ticks.set_tick_params(length=0)
             if which == "x" and sum(len(str(text)) + 2 for text in each["ticktext"]) > _LETTERS_ACROSS:
                 for label in axes.get_xticklabels():
-                    label.set(rotation=30, ha="right", rotation_mode="anchor")
+                    upright = len(each["ticktext"]) > MANY_NAMES
+                    turned = {"rotation": 90, "va": "center"} if upright else {"rotation": 30}
+                    label.set(**turned, ha="right", rotation_mode="anchor")
         if "range" in each:
             low, high = (10.0**end if each.get("type") == "log" else end for end in each["range"])
             (axes.set_xlim if which == "x" else axes.set_ylim)(low, high)

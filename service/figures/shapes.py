@@ -14,8 +14,8 @@ from service.figures.look import MEASURED, QUIET, UPDATED, Figure, Trace, axis, 
 # How far a row of points is set off to the right and up, as shares of length and deflection.
 _OBLIQUE, _DEPTH = 0.18, 0.9
 _SAME_ROW = 1e-3  # of the specimen's size: points this near lie in one row
-MOST_MODES = 12
-"""Pairs that one figure draws; the rest is a table's."""
+MOST_MODES, MOST_ROWS = 40, 8
+"""Pairs that are drawn at all, the rest is a table's; and in a figure that is no higher than a page."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class ShapePair:
     updated: FloatArray
 
 
-def shapes_figure(pairs: Sequence[ShapePair], points: Sequence[int], places: FloatArray) -> Figure:
+def shapes_figure(pairs: Sequence[ShapePair], points: Sequence[int], places: FloatArray, which: str = "") -> Figure:
     """One row of panels a mode: measured on the left, updated on the right, over the undeformed grid.
 
     `layout.meta` has the same as numbers for an animation: `points`, `x_m`, `y_m`, and by mode `measured` and `updated`
@@ -46,8 +46,8 @@ def shapes_figure(pairs: Sequence[ShapePair], points: Sequence[int], places: Flo
         pairs: in the order of the measured modes.
         points: (P,) labels; those of the measured shapes first.
         places: (P, 2) x and y, m.
+        which: of all pairs these are, for the title; empty where they are all.
     """
-    pairs = pairs[:MOST_MODES]
     data: list[Trace] = []
     axes: dict[str, Any] = {}
     notes, modes = [], []
@@ -83,7 +83,7 @@ def shapes_figure(pairs: Sequence[ShapePair], points: Sequence[int], places: Flo
             )  # fmt: skip
     meta = {"points": list(points), "x_m": numbers(places[:, 0]), "y_m": numbers(places[:, 1]), "modes": modes}
     shown = layout(
-        "Mode shapes, measured and updated",
+        "Mode shapes, measured and updated" + (which and f": {which}"),
         annotations=notes,
         height=110 + max(130 * count, 260),
         meta=meta,

@@ -22,7 +22,7 @@ from modalbase.formats.frfs.table import DOFS
 from service.access import Lookup, User, audit
 from service.campaigns.operations import campaign_for, campaign_of
 from service.db.bytea import copy_rows, new_keys
-from service.frfs.bodies import COLUMNS, coherence_columns
+from service.frfs.rows import COLUMNS, coherence_columns
 from service.frfs.schemas import UNITS, FrfOut
 from service.frfs.spectra import encode, encode_axis
 from service.frfs.tables import Frf
@@ -32,25 +32,7 @@ if TYPE_CHECKING:
     from service.campaigns.tables import Campaign
 
 
-READ_COLUMNS = {
-    "campaign_id": "uuid",
-    "import_id": "uuid",
-    "dataset": "int4",
-    "label": "text",
-    "response_point": "int8",
-    "response_direction": "int4",
-    "reference_point": "int8",
-    "reference_direction": "int4",
-    "quantity": "text",
-    "start_hz": "float8",
-    "end_hz": "float8",
-    "step_hz": "float8",
-    "axis": "bytea",
-    "dtype": "text",
-    "lines": "int4",
-    "data": "bytea",
-    "sha256": "bytea",
-}
+READ_COLUMNS = {"campaign_id": "uuid", "import_id": "uuid", "dataset": "int4", **COLUMNS}
 """What an import states of an FRF, and its type in the database."""
 
 PROCESSED_COLUMNS = {
@@ -126,7 +108,7 @@ frf_for = Lookup(Frf, "FRF", "campaign_id", campaign_for)
 """The FRF, if the user has at least a role in its project."""
 
 
-def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -> list[Frf]:
+def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -> Sequence[Frf]:
     """Store FRFs that a script hands in, all or none, each with the SHA-256 of its spectrum.
 
     Args:
@@ -264,6 +246,11 @@ def frfs_of(session: Session, keys: Sequence[UUID]) -> list[Frf]:
     """Rows by key, in the order given, whoever asks."""
     rows = {frf.id: frf for frf in session.scalars(select(Frf).where(Frf.id.in_(keys)))}
     return [rows[key] for key in keys]
+
+
+def frfs_of_import(session: Session, import_id: UUID) -> Sequence[Frf]:
+    """The FRFs that an import brought, in the order of its file."""
+    return session.scalars(select(Frf).where(Frf.import_id == import_id).order_by(Frf.id)).all()
 
 
 def frf_extents(session: Session, campaign_id: UUID) -> Sequence[Row[float, float, int, int]]:

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import tempfile
-from collections.abc import AsyncIterator
-from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 from uuid import UUID
 
 from fastapi import Depends, Header, Query, Request, Response
@@ -14,50 +11,23 @@ from fastapi.responses import FileResponse
 from sqlalchemy.orm import Session
 
 from fecore.frf import Quantity
-from service.access import CurrentUser, SessionDep, SettingsDep
+from service.access import CurrentUser, SessionDep
 from service.campaigns.grid_points import stored_points
 from service.campaigns.operations import campaign_for
-from service.campaigns.uploads import UploadDep
-from service.errors import Invalid, NotFound, UnsupportedMediaType
-from service.frfs import bodies, operations
+from service.errors import Invalid, NotFound
+from service.frfs import operations
 from service.frfs.data import Cut, FrfTable, make_tables
 from service.frfs.formats import FORMATS
-from service.frfs.schemas import FrfOut, FrfsIn
+from service.frfs.schemas import FrfOut
 from service.frfs.tables import Frf
-from service.jobs.aside import read_aside
 from service.web import Cursor, Limit, Page, api_router, paged
 from service.web.conditional import not_modified
 from service.web.downloads import fits_memory, in_memory, spooled
-from service.web.gate import without_slot
 from service.web.negotiation import choose_format, one_of
-from service.web.openapi import schema_of
-from service.web.routing import Later
 
 router = api_router(tags=["FRFs"])
 
 MEDIA_TYPES = {name: form.media_type for name, form in FORMATS.items()}
-KINDS: dict[str, Literal["json", "npz", "csv", "mat"]] = {
-    "application/json": "json",
-    "application/x-npz": "npz",
-    "application/octet-stream": "npz",
-    "application/zip": "npz",
-    "text/csv": "csv",
-    "application/x-matlab-data": "mat",
-}
-"""Media types of bodies that are read."""
-BODY = Later(
-    lambda: {
-        "requestBody": {
-            "required": True,
-            "content": {
-                "application/json": {"schema": schema_of(FrfsIn)},
-                "application/x-npz": {"schema": {"type": "string", "format": "binary"}},
-                "text/csv": {"schema": {"type": "string"}},
-                "application/x-matlab-data": {"schema": {"type": "string", "format": "binary"}},
-            },
-        }
-    }
-)
 FILES = {200: {"content": {media_type: {} for media_type in MEDIA_TYPES.values()}, "description": "The spectra."}}
 
 Hertz = Annotated[float | None, Query(ge=0, le=1e12, allow_inf_nan=False)]
@@ -108,51 +78,6 @@ def list_frfs(
     campaign = campaign_for(session, user, campaign_id)
     rows, following = paged(session, wanted.query(campaign.id), Frf.id, cursor, limit)
     return Page(items=[operations.describe(row) for row in rows], next_cursor=following)
-
-
-async def _read(
-    request: Request,
-    upload: UploadDep,
-    settings: SettingsDep,
-    quantity: Annotated[Quantity | None, Query(description="what a CSV or a .mat holds, in SI units")] = None,
-    mapping: Annotated[
-        str | None, Query(description="which variable of a .mat is what, as JSON", max_length=20_000)
-    ] = None,
-) -> AsyncIterator[operations.NewFrfs]:
-    """The body's FRFs, read in a child process; the request has neither slot nor transaction meanwhile."""
-    if upload.file.size == 0:
-        raise Invalid("", "the body is empty, expected FRFs as npz or JSON")
-    kind = KINDS.get(upload.content_type)
-    if kind is None:
-        raise UnsupportedMediaType(
-            f"the body is {upload.content_type or 'of no stated type'}, "
-            "expected application/x-npz, application/json, text/csv or application/x-matlab-data"
-        )
-    if kind in ("csv", "mat") and quantity is None:
-        raise Invalid("quantity", f"is missing: a {kind} does not say what it holds, so ?quantity= must")
-    sent = bodies.Sent(upload.file.path, kind, quantity or "accelerance", settings.upload_limit_bytes, mapping)
-    with tempfile.NamedTemporaryFile(prefix="modalbase-rows-") as rows:
-        path = Path(rows.name)
-        async with without_slot(request.scope):
-            count = await read_aside(bodies.write_rows, sent, path)
-        yield operations.NewFrfs(path, count)
-
-
-@router.post("/campaigns/{campaign_id}/frfs", status_code=201, openapi_extra=BODY)
-def create_frfs(
-    campaign_id: UUID,
-    new: Annotated[operations.NewFrfs, Depends(_read)],
-    session: SessionDep,
-    user: CurrentUser,
-) -> Page[FrfOut]:
-    """Send FRFs of a script as npz, JSON or CSV, as `GET …/frfs/data` writes them, or an analyser's .mat with a mapping.
-
-    All are stored, or none.
-
-    At most 10,000 at a time. An npz may unpack to 64 MiB, or to 100 times its own size.
-    """
-    campaign = campaign_for(session, user, campaign_id, "editor")
-    return Page(items=[operations.describe(row) for row in operations.store_frfs(session, user, campaign, new)])
 
 
 @router.get("/campaigns/{campaign_id}/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]

@@ -19,10 +19,13 @@ from service.campaigns.grid_points import add_points, stored_points
 from service.campaigns.operations import campaign_for, campaign_of, frame_of
 from service.errors import Conflict, Invalid, PayloadTooLarge
 from service.frfs.operations import add_coherence, writing_frfs
-from service.imports.reading import EncodedFrf, Kept
+from service.frfs.rows import EncodedFrf
+from service.imports.arrays import Found
+from service.imports.reading import Kept
 from service.imports.tables import Import, Original
 from service.modes.operations import store_read_modes
 from service.records.intake import RecordIntake
+from service.records.operations import NewRecords
 from service.storage import StorageOwner, book
 from service.structures.operations import present_structure
 
@@ -31,7 +34,7 @@ SAME_POINT_M = 1e-6
 MOST_NAMED = 10
 MOST_POINTS = 1_000_000  # of a campaign, as many as PUT grid-points takes
 RATIO, FREE_BYTES = 8, 64 * 1024 * 1024
-"""Spectra may take so many times the file's size, or so much whatever its size. The densest text that is read makes 4."""
+"""Spectra of a UFF file may take so many times its size, or so much whatever that is. The densest text makes 4."""
 HELD_BYTES = 1024 * 1024 * 1024
 """Coherences and mode shapes of one file that the worker holds until their FRFs and points are known."""
 LISTED = 20_000
@@ -66,6 +69,7 @@ class _Intake:
     def __init__(self, session: Session, row: Import, records: RecordIntake) -> None:
         self.session = session
         self.row = row
+        self.found = Found("uff")
         self.reports: list[DatasetReport] = []
         self.points = stored_points(session, row.campaign_id)
         self.new_points: list[GridPoint] = []
@@ -83,12 +87,17 @@ class _Intake:
 
     def take(self, item: Kept, write_frf: Callable[[Mapping[str, Any]], None]) -> None:
         """One item, in the file's order."""
-        if isinstance(item, list):
+        if isinstance(item, Found):
+            self.found = item
+        elif isinstance(item, list):
             self._take_points(item)
         elif isinstance(item, EncodedFrf):
             self._take_frf(item, write_frf)
         elif isinstance(item, TimeResponse):
             self._take_block(item)
+        elif isinstance(item, TimeBlock):
+            self.records.hold(item)
+            self.counts["records"] += 1
         elif isinstance(item, Function):
             self._hold(item.values.nbytes)
             self.coherences.append((item.dataset, _pair(item), item))
@@ -109,9 +118,11 @@ class _Intake:
     def finish(self) -> None:
         """What can only be stored once the whole file was seen."""
         self.unused |= self.records.finish()
-        if self.blocks and not self.row.dry_run:
-            self.records.store(self.session, self.row.campaign_id, self.row.filename, set(self.unused))
-        self.counts["records"] = len(self.blocks - self.unused.keys())
+        self.counts["records"] += len(self.blocks - self.unused.keys())
+        if self.counts["records"] and not self.row.dry_run:
+            counted = bool(self.blocks) or self.found.counted
+            new = NewRecords(self.row.campaign_id, (), 0, counted, self.row.filename, self.row.id)
+            self.records.store(self.session, new, self.unused.keys())
         self._write_points()
         self._write_coherences()
         self._write_modes()
@@ -126,6 +137,9 @@ class _Intake:
             owner = StorageOwner(campaign_for.project_of(self.session, campaign), campaign.id)
             book(self.session, owner, "frfs", self.frf_bytes)
         self.row.counts = self.counts
+        self.row.format, self.row.kind = self.found.format, self.found.kind
+        if self.found.kind is not None:
+            self.row.found = {name: getattr(self.found, name) for name in ("variables", "mapping", "blocks")}
         self.row.datasets = [_report(report) for report in self.reports[:LISTED]]
         self.row.warnings = self._warnings()
         self.session.flush()
@@ -168,17 +182,17 @@ class _Intake:
 
     def _take_frf(self, frf: EncodedFrf, write: Callable[[Mapping[str, Any]], None]) -> None:
         self.counts["frfs"] += 1
-        self.frf_bytes += len(frf.spectrum.data) + len(frf.axis.lines or b"")
-        if self.frf_bytes > max(FREE_BYTES, RATIO * self.file_bytes):
+        self.frf_bytes += frf.size
+        if self.found.format == "uff" and self.frf_bytes > max(FREE_BYTES, RATIO * self.file_bytes):
             raise PayloadTooLarge(
                 f"the file has {self.file_bytes} bytes and unpacks to more than {RATIO} times that; import it in parts"
             )
-        self.pairs[_pair(frf)] = frf.dataset
+        if frf.dataset is not None:
+            self.pairs[_pair(frf)] = frf.dataset
         self.named |= {frf.response_point, frf.reference_point}
         if self.row.dry_run:
             return
-        keys = {"campaign_id": self.row.campaign_id, "import_id": self.row.id}
-        write({**vars(frf), **keys, **frf.axis.columns(), **frf.spectrum.columns()})
+        write({"campaign_id": self.row.campaign_id, "import_id": self.row.id, **frf.columns()})
 
     def _write_points(self) -> None:
         if self.new_points and not self.row.dry_run:
@@ -210,7 +224,7 @@ class _Intake:
         raise Invalid("file", "nothing in it can be stored. " + "; ".join(why[:MOST_NAMED]) + more)
 
     def _warnings(self) -> list[str]:
-        warnings = []
+        warnings = list(self.found.notes)
         refused = sum(r.outcome == "refused" for r in self.reports)
         if refused:
             warnings.append(f"{refused} of {len(self.reports)} datasets were refused; see datasets for the reasons")

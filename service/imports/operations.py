@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 from sqlalchemy import Select, func, select
@@ -24,10 +24,13 @@ from service.jobs.kinds import JobKind
 from service.jobs.queue import enqueue
 from service.jobs.state import job_state
 from service.jobs.tables import Job
+from service.records.schemas import Proposal
 from service.storage import StorageOwner, book
 
 if TYPE_CHECKING:
+    from modalbase.formats.recognise import Format
     from service.campaigns.tables import Campaign
+    from service.imports.arrays import Kind
     from service.web.uploads import Spooled
 
 
@@ -36,7 +39,8 @@ def _load(session: Session, job_id: UUID, workspace: Path) -> ReadingInputs:
     row = session.get_one(Import, job_id)
     path = workspace / "original"
     write_original(session, row.sha256, path)
-    return ReadingInputs(path, row.quantity)  # type: ignore[arg-type]  # the column holds what Upload let in
+    stated = (row.quantity, row.filename, row.format, row.kind, row.mapping, row.dry_run)
+    return ReadingInputs(path, *stated)  # type: ignore[arg-type]  # the columns hold what the route let in
 
 
 IMPORT = JobKind("import", load=_load, compute=read_upload, store=store_import)
@@ -51,12 +55,21 @@ class ImportRequest:
         filename: what the client calls it.
         dry_run: only report.
         quantity: what an FRF is whose file states neither data type nor unit.
+        format: where it is known.
+        kind: what an npz, .mat or CSV holds.
+        mapping: which of its variables is what.
+        urgent: a request waits for it: it is read before what the project has queued, also where the campaign has these
+            bytes already.
     """
 
     file: Spooled
     filename: str
     dry_run: bool
     quantity: Quantity | None
+    format: Format | None = None
+    kind: Kind | None = None
+    mapping: Any = None
+    urgent: bool = False
 
 
 def start_import(session: Session, user: User, campaign_id: UUID, wanted: ImportRequest) -> tuple[Import, bool]:
@@ -79,13 +92,13 @@ def start_import(session: Session, user: User, campaign_id: UUID, wanted: Import
         QuotaExceeded: the project has no room for the file.
     """
     campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
-    if not wanted.dry_run and (known := _same_bytes(session, campaign, wanted.file.sha256)) is not None:
+    if not (wanted.dry_run or wanted.urgent) and (known := _same_bytes(session, campaign, wanted)) is not None:
         return known, False
     project_id = campaign_for.project_of(session, campaign)
     if not _has_file(session, campaign, wanted.file.sha256):
         book(session, StorageOwner(project_id, campaign.id), "files", wanted.file.size)
     keep_original(session, wanted.file)
-    job = enqueue(session, kind=IMPORT, project_id=project_id)
+    job = enqueue(session, kind=IMPORT, project_id=project_id, priority=int(wanted.urgent))
     row = Import(
         id=job.id,
         campaign_id=campaign.id,
@@ -93,6 +106,9 @@ def start_import(session: Session, user: User, campaign_id: UUID, wanted: Import
         sha256=wanted.file.sha256,
         dry_run=wanted.dry_run,
         quantity=wanted.quantity,
+        format=wanted.format,
+        kind=wanted.kind,
+        mapping=wanted.mapping,
     )
     session.add(row)
     session.flush()
@@ -138,7 +154,11 @@ def _described(row: Import, job: Job, size: int) -> ImportOut:
         size=size,
         sha256=row.sha256.hex(),
         dry_run=row.dry_run,
-        quantity=row.quantity,  # type: ignore[arg-type]  # the column holds what was checked on the way in
+        quantity=row.quantity,  # type: ignore[arg-type]  # the columns hold what was checked on the way in
+        format=row.format,  # type: ignore[arg-type]
+        kind=row.kind,  # type: ignore[arg-type]
+        mapping=row.mapping,
+        found=None if row.found is None else Proposal.model_validate(row.found),
         counts=None if row.counts is None else Counts.model_validate(row.counts),
         datasets=[DatasetOutcome.model_validate(d) for d in row.datasets or []],
         warnings=row.warnings or [],
@@ -151,13 +171,16 @@ def _has_file(session: Session, campaign: Campaign, sha256: bytes) -> bool:
     return session.scalars(query.limit(1)).first() is not None
 
 
-def _same_bytes(session: Session, campaign: Campaign, sha256: bytes) -> Import | None:
+def _same_bytes(session: Session, campaign: Campaign, wanted: ImportRequest) -> Import | None:
+    """The import that has these bytes, read by the same mapping, or is about to."""
+    same_mapping = Import.mapping.is_(None) if wanted.mapping is None else Import.mapping == wanted.mapping
     return session.scalars(
         select(Import)
         .join(Job, Job.id == Import.id)
         .where(
             Import.campaign_id == campaign.id,
-            Import.sha256 == sha256,
+            Import.sha256 == wanted.file.sha256,
+            same_mapping,
             ~Import.dry_run,
             Job.state.in_(("queued", "running", "succeeded")),
         )

@@ -9,10 +9,12 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fecore.errors import InputError
-from fecore.frf import Quantity
+from fecore.frf import Quantity, size_fault
+from modalbase.formats.recognise import Format, recognise
+from modalbase.formats.records import TimeBlock
 from modalbase.formats.uff import (
     COHERENCE,
     Content,
@@ -29,8 +31,11 @@ from modalbase.formats.uff import (
     UffError,
     read_file,
 )
+from modalbase.formats.uff.content import Outcome
 from modalbase.formats.uff.spectra import Spectra
-from service.frfs.spectra import Axis, Spectrum, encode, encode_axis
+from service.frfs.rows import EncodedFrf
+from service.frfs.spectra import Axis, encode, encode_axis
+from service.imports.arrays import Found, Kind, read_arrays
 
 if TYPE_CHECKING:
     from service.jobs.kinds import Report
@@ -39,31 +44,7 @@ POINTS_AT_ONCE = 5000
 REPORT_SECONDS = 0.5
 
 
-@dataclass(frozen=True)
-class EncodedFrf:
-    """An FRF of a file as it is stored; encoded here, for here is a processor to spare.
-
-    Attributes:
-        dataset: number of the dataset.
-        label: first ID line.
-        response_point, response_direction, reference_point, reference_direction: its degrees of freedom.
-        quantity: accelerance, mobility or receptance.
-        axis: frequency lines.
-        spectrum: SI values with their SHA-256.
-    """
-
-    dataset: int
-    label: str
-    response_point: int
-    response_direction: int
-    reference_point: int
-    reference_direction: int
-    quantity: Quantity
-    axis: Axis
-    spectrum: Spectrum
-
-
-Kept = list[GridPoint] | EncodedFrf | Function | TimeResponse | ModeShape | DatasetReport
+Kept = Found | list[GridPoint] | EncodedFrf | Function | TimeResponse | TimeBlock | ModeShape | DatasetReport
 """What goes to the database; of functions that are not FRFs, ordinary coherences and time blocks."""
 
 
@@ -74,25 +55,47 @@ class ReadingInputs:
     Attributes:
         path: where it lies.
         quantity: what an FRF is whose file states neither data type nor unit.
+        filename: what its sender calls it.
+        form: its format where that is known.
+        kind: what an npz, .mat or CSV holds, where its sender says so.
+        mapping: which of its variables is what.
+        dry_run: nothing will be stored.
     """
 
     path: Path
     quantity: Quantity | None
+    filename: str = ""
+    form: Format | None = None
+    kind: Kind | None = None
+    mapping: Any = None
+    dry_run: bool = False
 
 
 def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
-    """What is kept of a UFF file, dataset by dataset, each followed by its report.
+    """What a file is, and what is kept of it.
 
     Raises:
-        InputError: the framing of the file is broken; nothing was yielded before.
+        InputError: the framing of a UFF file is broken; nothing was yielded before.
+        Invalid: another file cannot be read, or its mapping does not fit.
     """
-    size = inputs.path.stat().st_size
     report("checking the file", 0.0)
+    form = inputs.form or recognise(inputs.path, inputs.filename)
+    if form == "uff":
+        yield from _read_uff(inputs, report)
+        return
+    report("reading arrays", 0.0)
+    yield from read_arrays(inputs, form)
+
+
+def _read_uff(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
+    """What is kept of a UFF file, dataset by dataset, each followed by its report."""
+    size = inputs.path.stat().st_size
     report_at = 0.0
     try:
         items = read_file(inputs.path, Limits(quantity=inputs.quantity))
+        yield Found("uff")
         points: list[GridPoint] = []
-        unused: str | None = None
+        unused: tuple[Outcome, str] | None = None
         spectra = Spectra()
         for item in items:
             if isinstance(item, GridPoint) and len(points) < POINTS_AT_ONCE:
@@ -109,12 +112,13 @@ def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
                 if time.monotonic() >= report_at:  # each report is a commit, which waits for all that is being stored
                     report("reading datasets", min(1.0, item.offset / size))
                     report_at = time.monotonic() + REPORT_SECONDS
-                yield replace(item, outcome="ignored", reason=unused) if unused and item.outcome == "read" else item
+                left_out = unused if item.outcome == "read" else None
+                yield item if left_out is None else replace(item, outcome=left_out[0], reason=left_out[1])
                 unused = None
             elif isinstance(item, GridPoint):
                 points.append(item)
             elif (reason := _why_unused(item)) is not None:
-                unused = reason
+                unused = ("refused" if isinstance(item, Frf) else "ignored", reason)
             elif isinstance(item, Frf):
                 spectra.note(item)
                 yield _encoded(item)
@@ -143,7 +147,9 @@ def _encoded(frf: Frf) -> EncodedFrf:
 
 
 def _why_unused(item: Content) -> str | None:
-    """Why a sound content is not stored; None where it is, or where it only serves to read the rest."""
+    """Why a content that could be read is not stored; None where it is, or where it only serves to read the rest."""
+    if isinstance(item, Frf):
+        return size_fault(item.values)
     if isinstance(item, Function) and item.function_type != COHERENCE:
         return f"is a {item.name}; of functions, FRFs, coherences, time blocks and power spectra of force and motion are stored"
     if isinstance(item, TraceLine):

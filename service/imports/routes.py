@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 from uuid import UUID
 
 from fastapi import Query, Request, Response
@@ -15,23 +15,34 @@ from service.campaigns.operations import campaign_for
 from service.campaigns.uploads import UPLOAD_CONTENT, UploadDep
 from service.errors import Invalid
 from service.imports import operations
+from service.imports.arrays import Kind
 from service.imports.originals import copy_original
 from service.imports.schemas import ImportOut
 from service.imports.tables import Import
+from service.records.operations import judged, records_of_import
+from service.records.schemas import StoredRecords
 from service.web import Cursor, Limit, Name, Page, api_router, paged
 from service.web.conditional import not_modified
 from service.web.downloads import spooled
+from service.web.json_body import parse_parameter
+from service.web.uploads import Upload
 
 router = api_router(tags=["imports"])
 
-BODY = {
-    "requestBody": {
-        "required": True,
-        "content": {
-            **UPLOAD_CONTENT,
-        },
-    }
-}
+BODY = {"requestBody": {"required": True, "content": UPLOAD_CONTENT}}
+
+QuantityQuery = Annotated[Quantity | None, Query(description="what an FRF is whose file does not say so, in SI units")]
+MappingQuery = Annotated[str | None, Query(description="which variable is what, as JSON", max_length=20_000)]
+
+
+def read_mapping(stated: str | None, upload: Upload) -> Any:
+    """The mapping of a file: the parameter's, or that of the form.
+
+    Raises:
+        Invalid: it is not JSON.
+    """
+    text = stated or upload.fields.get("mapping")
+    return None if text is None else parse_parameter("mapping", text)
 
 
 @router.post("/campaigns/{campaign_id}/imports", status_code=202, openapi_extra=BODY)
@@ -43,18 +54,30 @@ def start_import(
     response: Response,
     filename: Annotated[Name | None, Query(description="name of a file that is sent as raw body")] = None,
     dry_run: Annotated[bool, Query(description="only report what the file holds")] = False,
-    quantity: Annotated[
-        Quantity | None, Query(description="what an FRF is whose file states neither data type nor unit")
+    quantity: QuantityQuery = None,
+    kind: Annotated[
+        Kind | None, Query(description="what an npz, .mat or CSV holds; default: by its mapping and its arrays")
     ] = None,
+    mapping: MappingQuery = None,
 ) -> ImportOut:
-    """Send a UFF file as raw body or as multipart field `file`; a job reads it.
+    """Send a file as raw body or as multipart field `file`: UFF, npz, .mat, CSV or wav; a job reads it.
+
+    Its format is recognised by its content. Hits, and FRFs of a .mat, need a `mapping` that says which variable is what, as
+    parameter or as multipart field; `dry_run` proposes one.
 
     The answer is 202 with the import's address in `Location`. Bytes that are in the campaign already are not read again:
     then it is 200 with the address of the import that has them, and `already_imported` is true.
     """
     if upload.file.size == 0:
-        raise Invalid("", "the body is empty, expected a Universal File Format file")
-    wanted = operations.ImportRequest(upload.file, filename or upload.filename or "upload.uff", dry_run, quantity)
+        raise Invalid("", "the body is empty, expected a file: UFF, npz, .mat, CSV or wav")
+    wanted = operations.ImportRequest(
+        upload.file,
+        filename or upload.filename or "upload",
+        dry_run,
+        quantity,
+        kind=kind,
+        mapping=read_mapping(mapping, upload),
+    )
     row, new = operations.start_import(session, user, campaign_id, wanted)
     response.status_code = 202 if new else 200
     response.headers["Location"] = f"/api/v1/imports/{row.id}"
@@ -76,6 +99,13 @@ def list_imports(
 def get_import(import_id: UUID, session: SessionDep, user: CurrentUser) -> ImportOut:
     """How far an import is, what it brought in, and what became of each dataset."""
     return operations.describe(session, operations.import_for(session, user, import_id))
+
+
+@router.get("/imports/{import_id}/records")
+def get_import_records(import_id: UUID, session: SessionDep, user: CurrentUser) -> StoredRecords:
+    """Time blocks that an import brought, and how the hits of their points are judged now."""
+    row = operations.import_for(session, user, import_id)
+    return judged(session, row.campaign_id, records_of_import(session, row.id))
 
 
 @router.get("/imports/{import_id}/original", response_class=FileResponse)

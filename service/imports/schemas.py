@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 from uuid import UUID
 
 from pydantic import Field
 
 from fecore.frf import Quantity
+from modalbase.formats.recognise import Format
+from service.imports.arrays import Kind
 from service.jobs.state import JobOut
+from service.records.schemas import Proposal
 from service.web import StrictModel
 
 
@@ -33,7 +36,7 @@ class Counts(StrictModel):
 
 
 class ImportOut(JobOut):
-    """A file's way into a campaign."""
+    """A file's way into a campaign, whatever its format."""
 
     campaign_id: UUID
     filename: str
@@ -41,6 +44,12 @@ class ImportOut(JobOut):
     sha256: str
     dry_run: bool
     quantity: Quantity | None
+    format: Format | None = Field(description="by what is in the file; null until that was read")
+    kind: Kind | None = Field(
+        description="what an npz, .mat, CSV or wav holds, as stated or found; null of UFF, which may hold both"
+    )
+    mapping: Any = Field(description="which variable is what, as it was stated")
+    found: Proposal | None = Field(description="arrays of an npz, .mat, CSV or wav, and a mapping that suggests itself")
     already_imported: bool = Field(False, description="these bytes are in the campaign already; nothing new was queued")
     counts: Counts | None = Field(description="what was read; null until it succeeded")
     datasets: list[DatasetOutcome]

@@ -45,6 +45,10 @@ class Import(Base):
     sha256: Mapped[bytes] = mapped_column(ForeignKey("originals.sha256"))
     dry_run: Mapped[bool]
     quantity: Mapped[str | None]
+    format: Mapped[str | None]
+    kind: Mapped[str | None]
+    mapping: Mapped[Any | None] = mapped_column(JSONB(none_as_null=True))
+    found: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     counts: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     datasets: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True))
     warnings: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True))

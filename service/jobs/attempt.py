@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import structlog
 from sqlalchemy.exc import DBAPIError
 
 from service.db.engine import Sessions
+from service.errors import NotFinite
 from service.jobs import checkpoints, ledger
 from service.jobs.child import Checkpoint, Failure, Item, Order, Progress, failure_of
 from service.jobs.kinds import JobKind
@@ -161,15 +163,23 @@ class Attempt:
             log.warning("the database does not answer; the work goes on", error=str(error.orig))
 
     def _record(self, failure: Failure) -> str:
-        """Put the end of an attempt that did not succeed in the row."""
-        if failure.trace:
+        """Put the end of an attempt that did not succeed in the row; one that has lost its job leaves no trace in the log."""
+        outcome = self._write_on(failure)
+        if failure.trace and outcome != "superseded":
             log.error("internal error in a job", trace=failure.trace)
+        return outcome
+
+    def _write_on(self, failure: Failure) -> str:
+        """Write the end as soon as the database takes it."""
         end = time.monotonic() + RECORD_SECONDS
         while True:
             try:
                 return self._write_end(failure)
             except ledger.SupersededError:
                 return "superseded"
+            except NotFinite as error:
+                log.warning("an error's details are left out", error=str(error))
+                failure = replace(failure, extra=None)
             except DBAPIError as error:
                 if time.monotonic() > end or not passes(error) or failure.reason == "drained":
                     log.exception(
@@ -183,7 +193,7 @@ class Attempt:
             job = ledger.locked(session, self.job)
             match failure.reason:
                 case "cancelled":
-                    ledger.cancelled(session, job)
+                    ledger.cancelled(session, job, failure.detail)
                 case "drained":
                     ledger.give_back(session, job, failure.detail)
                 case "lost":

@@ -65,7 +65,7 @@ class Failure:
 
     Attributes:
         reason: `refused` (the input or the data do not allow it), `memory`, `time`, `crash`, `lost` (its workers died)
-            or `internal`.
+            or `internal`; `cancelled` and `drained` are no failures of the job.
         type: name of the error.
         detail: what the user reads.
         field: the faulty field, where there is one.
@@ -81,6 +81,9 @@ class Failure:
     trace: str | None = None
 
 
+PURGED = Failure("cancelled", "Purged", "cancelled, as what it was for was purged")
+
+
 @dataclass(frozen=True)
 class Done:
     """The computation is complete."""
@@ -90,14 +93,22 @@ Message = Progress | Checkpoint | Item | Failure | Done
 Compute = Callable[[Any, Report], Iterator[Any]]
 
 
+def storable(text: str) -> str:
+    """A text that quotes a file, without what PostgreSQL cannot store: NUL characters and lone surrogates."""
+    return text.replace("\0", "\N{REPLACEMENT CHARACTER}").encode(errors="replace").decode()
+
+
 def failure_of(error: BaseException) -> Failure:
     """What an error means for the job."""
     name = type(error).__name__
     if isinstance(error, FecoreError | ServiceError):
         field = error.field if isinstance(error, InputError) else None
+        details = getattr(error, "details", None)
         if isinstance(error, Invalid):
             field = error.faults[0].pointer
-        return Failure("refused", name, str(error), field, getattr(error, "details", None))
+            faults = [{"pointer": fault.pointer, "detail": storable(fault.detail)} for fault in error.faults]
+            details = {"errors": faults, "error_count": error.count}
+        return Failure("refused", name, storable(str(error)), field, details)
     if isinstance(error, MemoryError):
         return Failure("memory", name, "the job needs more memory than a job may take")
     trace = "".join(traceback.format_exception(error))

@@ -171,6 +171,28 @@ class Changes:
             if not watched.streams:
                 self._watched.pop(job_id, None)
 
+    async def ended(self, job: Shown, job_id: UUID, caller: str, seconds: float) -> bool:
+        """Wait until a job has ended, for so many seconds at most, and say whether it has.
+
+        A wait counts as a stream: where there is no room for another, the answer comes at once.
+
+        Args:
+            job: its state as it was seen a moment ago.
+            job_id: which one.
+            caller: under which the wait is counted.
+            seconds: for which to wait.
+        """
+        try:
+            self.admit(caller)
+        except TooManyRequests:
+            return job.ended
+        with self.of(job_id, job, caller) as (watched, changed), suppress(TimeoutError):
+            async with asyncio.timeout(seconds):
+                while not self.closed and watched.state is not None and not watched.state.ended:
+                    changed.clear()
+                    await changed.wait()
+        return watched.state is None or watched.state.ended
+
     def _heard(self, job_id: str) -> None:
         if self._loop is not None:
             with suppress(RuntimeError):  # the loop has ended
@@ -232,15 +254,16 @@ def _changes(request: Request) -> Changes:
     return changes
 
 
+ChangesDep = Annotated[Changes, Depends(_changes)]
+
+
 LastEventId = Annotated[str | None, Header(max_length=100, description="id of the last event that was received")]
 
 
 class Events:
     """What a route needs to answer with a stream: `events: Annotated[Events, Depends()]`."""
 
-    def __init__(
-        self, changes: Annotated[Changes, Depends(_changes)], key: CurrentKey, last_event_id: LastEventId = None
-    ) -> None:
+    def __init__(self, changes: ChangesDep, key: CurrentKey, last_event_id: LastEventId = None) -> None:
         self._changes, self._caller = changes, str(key.id)
         self._last = (
             int(last_event_id)

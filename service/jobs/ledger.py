@@ -44,13 +44,13 @@ def fail(session: Session, job: Job, failure: Failure) -> None:
     _finish(session, job, state="failed", message=failure.detail, error=_shown(failure))
 
 
-def cancelled(session: Session, job: Job) -> None:
+def cancelled(session: Session, job: Job, why: str = "cancelled on request") -> None:
     """Mark the job cancelled.
 
     Raises:
         SupersededError: it is no longer this attempt's.
     """
-    _finish(session, job, state="cancelled", message="cancelled on request")
+    _finish(session, job, state="cancelled", message=why)
 
 
 def give_back(session: Session, job: Job, why: str) -> str:

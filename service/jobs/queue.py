@@ -5,11 +5,13 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from uuid import UUID
 
-from sqlalchemy import func, select, text, update
+from sqlalchemy import exists, func, select, text, update
 from sqlalchemy.orm import Session
 
+from service.db.base import Base
 from service.errors import Conflict
 from service.jobs import checkpoints, tickets
+from service.jobs.child import PURGED
 from service.jobs.kinds import JobKind
 from service.jobs.tables import Job
 from service.request_id import current_request_id
@@ -79,13 +81,35 @@ def retry(session: Session, job_id: UUID) -> Job:
 
 
 def queue_again(session: Session) -> None:
-    """Queue every job that waited or ran, with tickets of its own: a restored database has no others, and no worker."""
+    """Queue every job that waited or ran, with tickets of its own: a restored database has no others, and no worker. One that
+    ran and was asked to end is cancelled.
+    """
     session.execute(text("DELETE FROM procrastinate_jobs"))
     session.execute(update(Job).values(ticket=None))
     for job in session.scalars(select(Job).where(Job.state.in_(("queued", "running"))).order_by(Job.id)):
         job.state, job.worker, job.stage, job.progress = "queued", None, None, 0.0
         tickets.put(session, job)
-    session.flush()
+        session.flush()
+        if job.cancel_requested:
+            request_cancel(session, job.id)
+
+
+def cancel_purged(session: Session, project_id: UUID) -> None:
+    """Cancel the waiting and running jobs of a project that have lost what they are for, in the transaction of its purge.
+
+    That is a row of a feature's table with the job's id. A worker lets go of a job whose ticket is gone.
+    """
+    of_features = [
+        table.c.id
+        for table in Base.metadata.tables.values()
+        if "id" in table.c and any(key.column is Job.__table__.c.id for key in table.c.id.foreign_keys)
+    ]
+    at_work = (Job.project_id == project_id, Job.state.in_(("queued", "running")))
+    lost = [~exists().where(key == Job.id) for key in of_features]
+    ended = {"state": "cancelled", "message": PURGED.detail, "finished_at": func.now()}
+    for key in session.scalars(update(Job).where(*at_work, *lost).values(ended).returning(Job.id)).all():
+        checkpoints.forget(session, key)
+    tickets.drop_left(session)
 
 
 def one_at_a_time(session: Session, key: str) -> None:

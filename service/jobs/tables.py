@@ -9,6 +9,7 @@ from uuid import UUID
 from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, LargeBinary, desc, func, text
 from sqlalchemy.orm import Mapped, mapped_column
 
+from service.access.tables import Project
 from service.db.base import Base, Identified
 
 CHANGED = "modalbase_job_changed"
@@ -43,7 +44,7 @@ class Job(Identified, Base):
     )
 
     kind: Mapped[str]
-    project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
+    project_id: Mapped[UUID] = mapped_column(ForeignKey(Project.id, ondelete="CASCADE"))
     queue: Mapped[str]
     state: Mapped[str] = mapped_column(server_default="queued")
     priority: Mapped[int] = mapped_column(server_default="0")

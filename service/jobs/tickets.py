@@ -31,6 +31,10 @@ _GONE = text("""
       SELECT FROM procrastinate_jobs
       WHERE id = held AND status = 'doing' AND worker_id = :worker_id AND NOT abort_requested)
 """)
+_LEFT = text("""
+    DELETE FROM procrastinate_jobs t WHERE task_name = :task AND NOT EXISTS (
+      SELECT FROM jobs WHERE ticket = t.id AND state IN ('queued', 'running'))
+""")
 _NOTICE = text("SELECT pg_notify(channel, :notice) FROM unnest(cast(:channels AS text[])) channel")
 
 
@@ -55,6 +59,11 @@ def end(session: Session, ticket: int, queue: str) -> None:
     """Remove the ticket of a job that ends: one that its project's limit held back may start now."""
     _ask(session, "finish_job", job_id=ticket, status="succeeded", delete_job=True)
     _wake(session, queue)
+
+
+def drop_left(session: Session) -> None:
+    """Remove the tickets of jobs that have ended or are gone without them."""
+    session.execute(_LEFT, {"task": TASK})
 
 
 def take(session: Session, job: Job, worker_id: int) -> jobs.Job:

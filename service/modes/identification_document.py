@@ -76,3 +76,8 @@ def _stabilisation(diagram: Stabilisation) -> dict[str, Any]:
 
 def _number(values: FloatArray | None, k: int) -> float | None:
     return float(values[k]) if values is not None and np.isfinite(values[k]) else None
+
+
+def up_to_date(document: dict[str, Any]) -> dict[str, Any]:
+    """A stored document as the present version writes it; one of 0.1.0 has no class of doubtful modes. The given one stays."""
+    return {"doubtful": [], "model_error": None, "drift": None, "memory_lines": None, **document}

@@ -16,6 +16,7 @@ from service.figures.stabilisation import stabilisation_figure
 from service.jobs.state import why_no_result
 from service.jobs.tables import Job
 from service.modes import identifications
+from service.modes.identification_document import up_to_date
 from service.modes.identifications import IdentificationIn, IdentificationOut
 from service.modes.tables import Identification
 from service.web import Cursor, Limit, Page, api_router, paged
@@ -72,7 +73,7 @@ def get_identification_figure(
     require_figure(name, "stabilisation")
     if row.document is None:
         raise Conflict(why_no_result("identification", session.get_one(Job, row.id, populate_existing=True)))
-    found = row.document
+    found = up_to_date(row.document)
 
     def draw() -> Figure:
         return stabilisation_figure(found["stabilisation"], found["modes"], found["doubtful"])

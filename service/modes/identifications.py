@@ -22,6 +22,7 @@ from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue, request_cancel
 from service.jobs.state import JobOut, job_state
 from service.jobs.tables import Job
+from service.modes.identification_document import up_to_date
 from service.modes.identifying import IdentificationInputs, IdentificationOutput, find_modes
 from service.modes.operations import EVIDENCE, store_identified
 from service.modes.tables import Identification, ModeSet
@@ -167,5 +168,5 @@ def describe(session: Session, row: Identification) -> IdentificationOut:
         campaign_id=row.campaign_id,
         options=IdentificationIn.model_validate(row.options),
         mode_set=session.scalars(select(ModeSet.id).where(ModeSet.job_id == row.id)).one_or_none(),
-        result=row.document,
+        result=row.document and up_to_date(row.document),
     )

@@ -98,6 +98,7 @@ def _check_recipe(session: Session, user: User, structure: Structure, body: Moni
             "/recipe/mode_set", "a mode set is of one campaign; say with `modes` where each run takes its from"
         )
     check_prior_batch(session, user, recipe, structure.id, "/recipe/prior_from_coupon_batch")
+    recipe.inputs.to_core()
     specimen = body_of(described, body.boundary or "cantilever", recipe)
     free = parametrise(specimen, recipe.parameters_of(specimen)).names
     for i, watched in enumerate(body.parameters):

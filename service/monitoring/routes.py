@@ -35,7 +35,7 @@ from service.monitoring.tables import Alarm, Monitor, MonitorRun, MonitorSeries
 from service.notifications.operations import deliveries_of_monitor
 from service.notifications.schemas import DeliveryOut
 from service.structures.operations import structure_for, structures_in
-from service.web import IF_MATCH, Cursor, Limit, Page, api_router, etag_of, paged, require_match
+from service.web import IF_MATCH, Confirm, Cursor, Limit, Page, api_router, etag_of, paged, require_match, require_usual
 
 router = api_router(tags=["monitoring"])
 
@@ -52,8 +52,10 @@ def create_monitor(
     user: CurrentUser,
     settings: SettingsDep,
     response: Response,
+    confirm: Confirm = False,
 ) -> MonitorOut:
     """Watch a structure: a frozen recipe, a baseline, parameters and how often it may call in vain."""
+    require_usual(body, confirm)
     monitor = monitors.create_monitor(session, user, structure_id, body, settings)
     response.headers["Location"] = f"/api/v1/monitors/{monitor.id}"
     return _shown(session, monitor, response)

@@ -29,7 +29,8 @@ def watched_values(session: Session, document: dict[str, Any]) -> dict[str, Any]
         thickness that all campaigns share does not move them; `modes`: (f, sd, ζ, sd) of each measured mode;
         None where not known.
     """
-    parameters = {row["name"]: _comparable(row) for row in document["parameters"]}
+    compared = {row["name"]: row["comparable"] for row in document["parameters"]}
+    parameters = {name: [found["estimate"], found["standard_deviation"]] for name, found in compared.items()}
     stated: dict[int, Mode] = {}
     if mode_set := document["provenance"].get("mode_set"):
         key = UUID(mode_set)
@@ -40,15 +41,6 @@ def watched_values(session: Session, document: dict[str, Any]) -> dict[str, Any]
         sds = (None, None) if mode is None else (mode.frequency_sd_hz, mode.damping_sd)
         modes.append([row["measured_hz"], sds[0], row["measured_damping"], sds[1]])
     return {"parameters": parameters, "modes": modes}
-
-
-def _comparable(row: dict[str, Any]) -> list[float]:
-    """A parameter of a result; before inputs had errors, its estimate itself was comparable."""
-    found = row.get("comparable") or {
-        "estimate": row["estimate"],
-        "standard_deviation": row["noise_standard_deviation"],
-    }
-    return [found["estimate"], found["standard_deviation"]]
 
 
 def unit_of(parameter: str) -> str | None:

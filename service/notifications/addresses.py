@@ -2,17 +2,18 @@
 
 Without this a webhook would let anyone with a project reach what only this server can reach: its own loopback, the
 laboratory's network, a cloud's metadata. An operator allows networks of their own by `MODALBASE_WEBHOOK_NETWORKS`, and ports
-by `MODALBASE_WEBHOOK_PORTS`. An IPv6 address that carries an IPv4 address stands for what it carries.
+by `MODALBASE_WEBHOOK_PORTS`. What an IPv6 address carries, as NAT64's does, must be allowed besides.
 """
 
 from __future__ import annotations
 
-import ipaddress
 import socket
 from collections.abc import Sequence
 from dataclasses import dataclass
+from ipaddress import IPv4Address, IPv4Network, IPv6Address, IPv6Network, ip_address
 from typing import TYPE_CHECKING
 
+from service.notifications.special_networks import special_use
 from service.settings import Settings
 
 if TYPE_CHECKING:
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
 
 # httpx is imported by the first URL: it would be a thirtieth of the start.
 
-IpAddress = ipaddress.IPv4Address | ipaddress.IPv6Address
-IpNetwork = ipaddress.IPv4Network | ipaddress.IPv6Network
+IpAddress = IPv4Address | IPv6Address
+IpNetwork = IPv4Network | IPv6Network
 
 
 class AddressError(Exception):
@@ -95,43 +96,40 @@ def resolve(url: str, allowed: Destinations) -> Target:
         found = socket.getaddrinfo(parsed.host, port, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError) as error:
         raise AddressError(f"{parsed.host} cannot be resolved: {error}") from None
-    addresses = [ipaddress.ip_address(str(entry[4][0]).split("%")[0]) for entry in found]
+    addresses = [ip_address(str(entry[4][0]).split("%")[0]) for entry in found]
     for address in addresses:
-        if not _permitted(address, allowed.networks):
+        if special := _special(address, allowed.networks):
             raise AddressError(
-                f"{parsed.host} is {address}, which is not a public address; an operator may allow its network "
+                f"{parsed.host} leads to {special}, which is not a public address; an operator may allow its network "
                 "(MODALBASE_WEBHOOK_NETWORKS)"
             )
     host = parsed.netloc.decode("ascii")
     return Target(parsed.copy_with(host=str(addresses[0]), port=port), host, parsed.host)
 
 
-def _permitted(address: IpAddress, allowed: Sequence[IpNetwork]) -> bool:
-    if isinstance(address, ipaddress.IPv6Address) and (carried := _carried(address)):
-        return all(_permitted(inner, allowed) for inner in carried)
-    if any(address in network for network in allowed):
-        return True
-    return address.is_global and not address.is_multicast and not any(address in network for network in _NOT_PUBLIC)
+def _special(address: IpAddress, allowed: Sequence[IpNetwork]) -> str | None:
+    """The address, or one that it carries, that is neither public nor allowed, with what it is for; None where all are."""
+    use = special_use(address)
+    if use is not None and not any(address in network for network in allowed):
+        return f"{address} ({use})"
+    return next(filter(None, (_special(inner, allowed) for inner in _carried(address))), None)
 
 
-def _carried(address: ipaddress.IPv6Address) -> list[IpAddress]:
+def _carried(address: IpAddress) -> list[IPv4Address]:
     """The IPv4 addresses that a form of IPv6 carries; a gateway or a tunnel would lead there."""
-    if address.is_loopback or address.is_unspecified:  # ::1 and :: are IPv6's own
+    if isinstance(address, IPv4Address) or address.is_loopback or address.is_unspecified:  # ::1 and :: are IPv6's own
         return []
-    if address.ipv4_mapped is not None:
-        return [address.ipv4_mapped]
     if address.sixtofour is not None:
         return [address.sixtofour]
     if address.teredo is not None:
         return list(address.teredo)
     isatap = (int(address) >> 32) & 0xFDFFFFFF == 0x5EFE
     if isatap or any(address in network for network in _LAST_BITS):
-        return [ipaddress.IPv4Address(int(address) & 0xFFFFFFFF)]
+        return [IPv4Address(int(address) & 0xFFFFFFFF)]
     return []
 
 
-_LAST_BITS = tuple(map(ipaddress.IPv6Network, ("64:ff9b::/96", "::/96", "::ffff:0:0:0/96")))
-"""NAT64 (RFC 6052), IPv4-compatible (RFC 4291) and IPv4-translated (RFC 2765): an IPv4 address is the last 32 bits."""
-
-_NOT_PUBLIC = tuple(map(ipaddress.IPv6Network, ("64:ff9b:1::/48", "3fff::/20", "5f00::/16")))
-"""Local NAT64 (RFC 8215), documentation (RFC 9637) and segment routing (RFC 9602): not every Python knows them."""
+_LAST_BITS = tuple(map(IPv6Network, ("64:ff9b::/96", "::ffff:0:0/96", "::/96", "::ffff:0:0:0/96")))
+"""NAT64 (RFC 6052), IPv4-mapped and IPv4-compatible (RFC 4291) and IPv4-translated (RFC 2765): an IPv4 address is the last 32
+bits.
+"""

@@ -10,6 +10,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from service.pages.numbers import words
+from service.web.quantities import UNITS
 
 CHECKED_LIST = "choices"
 SIMPLE = {"number": "number", "integer": "whole", "boolean": "switch"}
@@ -128,15 +129,7 @@ def _label(name: str) -> str:
     >>> _label("band_hz")
     'Band [Hz]'
     """
-    for ending, unit in (
-        ("_kg_m3", "kg/m³"),
-        ("_per_s", "1/s"),
-        ("_hz", "Hz"),
-        ("_deg", "°"),
-        ("_kg", "kg"),
-        ("_m", "m"),
-        ("_s", "s"),
-    ):
+    for ending, unit in UNITS.items():
         if name.endswith(ending):
             return f"{_label(name.removesuffix(ending))} [{unit}]"
     text = words(name).replace(" sd", " standard deviation")

@@ -35,9 +35,8 @@ class NamedJob:
 
     @property
     def verdict(self) -> str | None:
-        """The verdict's level; None without a result, or one of a version that gave none."""
-        verdict = None if self.result is None else self.result.get("verdict")
-        return None if verdict is None else str(verdict["level"])
+        """The verdict's level; None without a result."""
+        return None if self.result is None else str(self.result["verdict"]["level"])
 
 
 def name_jobs(visit: Visit, jobs: Sequence[UpdateJobOut], parts: Sequence[str] = ("verdict",)) -> list[NamedJob]:

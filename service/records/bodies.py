@@ -1,19 +1,16 @@
-"""Time blocks as they are sent: a file with a mapping, or JSON with arrays and a mapping."""
+"""Time blocks that a script sends as JSON, with arrays and a mapping."""
 
 from __future__ import annotations
 
-from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records import Mapping, TimeBlock, Variables, blocks_of, propose, read_mapping, read_variables
-from service.errors import Fault, Invalid
+from modalbase.formats.records import Mapping, TimeBlock, Variables, blocks_of, propose, read_mapping
+from service.errors import Fault, Invalid, pointer
 from service.records.schemas import Proposal
-from service.web.json_body import parse_json, parse_parameter, pointer
-
-SUFFIX_OF = {"application/x-npz": ".npz", "text/csv": ".csv", "audio/wav": ".wav", "audio/x-wav": ".wav"}
+from service.web.json_body import parse_json
 
 
 class Sent:
@@ -46,20 +43,6 @@ class Sent:
         shapes = {name: f"{array.dtype} {list(array.shape)}" for name, array in sorted(self.variables.items())}
         blocks = None if self.document is None else len(self.blocks()[0])
         return Proposal(variables=shapes, mapping=propose(self.variables), blocks=blocks)
-
-
-def from_file(path: Path, filename: str, content_type: str, mapping: str | None, limit_bytes: int) -> Sent:
-    """Arrays of a file; its kind is its name's ending, or the body's type.
-
-    Raises:
-        Invalid: the file or the mapping cannot be read.
-    """
-    suffix = PurePosixPath(filename).suffix or SUFFIX_OF.get(content_type, "")
-    try:
-        variables = read_variables(path, suffix, limit_bytes)
-    except FormatError as error:
-        raise _invalid(error) from None
-    return Sent(variables, None if mapping is None else parse_parameter("mapping", mapping))
 
 
 def from_json(body: bytes) -> Sent:

@@ -5,23 +5,21 @@ from __future__ import annotations
 import pickle
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
-from uuid import UUID
 
+import numpy as np
 from sqlalchemy.orm import Session
 
 from modalbase.formats.records import TimeBlock
-from service.campaigns.operations import campaign_for, campaign_of
-from service.db.bytea import copy_rows
+from service.campaigns.operations import campaign_of
 from service.records.hits import Place
-from service.records.operations import COLUMNS, columns_of, last_hits
-from service.records.tables import Record
-from service.storage import StorageOwner, book
+from service.records.operations import NewRecords, require_new, write_records
 
 Channel = tuple[str, int, int, int, int]
 Form = tuple[float, int]
 """Sampling rate and length."""
+_NONE = np.empty(0)
 _IN_MEMORY = 1 << 20  # bytes of blocks before a file is made: most imports hold none
 
 
@@ -39,6 +37,7 @@ class RecordIntake:
         self._place: Place | None = None
         self._forces: dict[tuple[Place, int], tuple[int, Form]] = {}
         self._others: dict[int, tuple[Place, int, Form]] = {}
+        self._mapped: list[TimeBlock] = []
 
     def __enter__(self) -> RecordIntake:
         return self
@@ -88,21 +87,26 @@ class RecordIntake:
                 refused[dataset] = f"is the force of hit {hit} at point {place[0]}, of which the file has no response"
         return refused
 
-    def store(self, session: Session, campaign_id: UUID, filename: str, refused: set[int]) -> None:
-        """Write the blocks that were not refused, one at a time."""
-        last, size = last_hits(session, campaign_id), 0
-        with copy_rows(session, Record.__tablename__, COLUMNS) as write:
-            for dataset, block in self._read():
-                if dataset in refused:
-                    continue
-                number = block.hit + last.get((block.force_point, block.force_direction), 0)
-                row = columns_of(campaign_id, filename, block, number)
-                size += len(row["data"])
-                write([row[name] for name in COLUMNS])
-        project = campaign_for.project_of(session, campaign_of(session, campaign_id))
-        book(session, StorageOwner(project, campaign_id), "records", size)
+    def hold(self, block: TimeBlock) -> None:
+        """One block whose mapping says where it belongs."""
+        pickle.dump((len(self._mapped), block), self._spool)
+        self._mapped.append(replace(block, samples=_NONE))
 
-    def _read(self) -> Iterator[tuple[int, TimeBlock]]:
+    def store(self, session: Session, new: NewRecords, refused: Collection[int] = ()) -> None:
+        """Write the blocks that were not refused, one at a time; `new` says the rest of them.
+
+        Raises:
+            Conflict: the campaign has a hit of a stated number there already.
+            QuotaExceeded: the project has no room for them.
+        """
+        campaign_of(session, new.campaign_id, lock=True)  # against a script that sends the same hits
+        if not new.counted:
+            require_new(session, new.campaign_id, self._mapped)
+        held = [*(dataset for dataset, _ in self._forces.values()), *self._others, *range(len(self._mapped))]
+        kept = (block for number, block in self._read(len(held)) if number not in refused)
+        write_records(session, replace(new, blocks=kept, count=sum(number not in refused for number in held)))
+
+    def _read(self, count: int) -> Iterator[tuple[int, TimeBlock]]:
         self._spool.seek(0)
-        for _ in range(len(self._forces) + len(self._others)):
+        for _ in range(count):
             yield pickle.load(self._spool)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 from uuid import UUID
 
@@ -14,7 +15,7 @@ from fecore.arrays import FloatArray
 from fecore.processing import look
 from modalbase.formats.records import TimeBlock
 from service.access import Lookup, User, audit
-from service.campaigns.operations import campaign_for
+from service.campaigns.operations import campaign_for, campaign_of
 from service.db.bytea import copy_rows, new_keys, stream_rows
 from service.errors import Conflict, Damaged, verified
 from service.frfs.spectra import encode
@@ -27,7 +28,7 @@ MOST_LOOKED_AT = 64
 """Blocks of the points concerned above which an answer does not judge their hits; a processing does."""
 
 COLUMNS = {
-    "campaign_id": "uuid",
+    **dict.fromkeys(("id", "campaign_id", "import_id"), "uuid"),
     **dict.fromkeys(("label", "filename", "quantity"), "text"),
     **dict.fromkeys(("point", "force_point", "hit"), "int8"),
     **dict.fromkeys(("direction", "force_direction", "samples"), "int4"),
@@ -38,6 +39,7 @@ COLUMNS = {
 }
 """What is stated of a time block, and its type in the database."""
 
+_STATED = tuple(name for name in COLUMNS if name in TimeBlock.__dataclass_fields__ and name not in ("hit", "samples"))
 _SHOWN = tuple(name for name in RecordOut.model_fields if name not in ("unit", "sha256", "dtype"))
 _TYPES = {name: str(np.dtype(name)) for name in ("<f4", "<f8")}
 
@@ -48,7 +50,7 @@ record_for = Lookup(Record, "record", "campaign_id", campaign_for)
 def store_records(
     session: Session, user: User, campaign_id: UUID, filename: str, blocks: Sequence[TimeBlock], *, counted: bool
 ) -> list[Record]:
-    """Store time blocks, all or none, each with the SHA-256 of its samples.
+    """Store time blocks of a script, all or none, each with the SHA-256 of its samples.
 
     Args:
         session: the request's transaction.
@@ -56,7 +58,7 @@ def store_records(
         campaign_id: the campaign that takes them.
         filename: where they come from.
         blocks: of whole hits.
-        counted: hit numbers were only counted in the file, so they go on behind those that a place has already.
+        counted: hit numbers were only counted, so they go on behind those that a place has already.
 
     Raises:
         Conflict: the campaign has a hit of that number there already.
@@ -65,44 +67,74 @@ def store_records(
         QuotaExceeded: the project has no room for them.
     """
     campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
-    if counted:
-        last = last_hits(session, campaign.id)
-        numbers = [block.hit + last.get((block.force_point, block.force_direction), 0) for block in blocks]
-    else:
-        numbers = [block.hit for block in blocks]
-        _refuse_known(session, campaign.id, blocks)
-    project = campaign_for.project_of(session, campaign)
-    book(session, StorageOwner(project, campaign.id), "records", sum(block.samples.nbytes for block in blocks))
-    keys = new_keys(session, len(blocks))
-    with copy_rows(session, Record.__tablename__, {"id": "uuid", **COLUMNS}) as write:
-        # The server stores one while the next is hashed.
-        for key, block, number in zip(keys, blocks, numbers, strict=True):
-            row = columns_of(campaign.id, filename, block, number)
-            write([key, *(row[name] for name in COLUMNS)])
-    written = Record.id == any_(literal(keys, ARRAY(Uuid)))  # one parameter, however many blocks a file holds
+    if not counted:
+        require_new(session, campaign.id, blocks)
+    keys = write_records(session, NewRecords(campaign.id, blocks, len(blocks), counted, filename))
+    written = Record.id == any_(literal(keys, ARRAY(Uuid)))  # one parameter, however many blocks there are
     stored = list(session.scalars(select(Record).where(written).order_by(Record.id)))
+    project = campaign_for.project_of(session, campaign)
     audit(session, user, "record.create", "campaign", campaign.id, project, count=len(blocks), filename=filename)
     return stored
 
 
-def columns_of(campaign_id: UUID, filename: str, block: TimeBlock, number: int) -> dict[str, Any]:
-    """A block's row."""
-    samples = encode(block.samples)
-    names = ("label", "quantity", "point", "direction", "force_point", "force_direction")
-    more = ("sample_rate_hz", "sensitivity", "window_rate_per_s", "full_scale")
-    return {
-        "campaign_id": campaign_id,
-        "filename": filename,
-        "hit": number,
-        "samples": samples.count,
-        "dtype": samples.dtype,
-        "sha256": samples.sha256,
-        "data": samples.data,
-        **{name: getattr(block, name) for name in (*names, *more)},
-    }
+@dataclass(frozen=True)
+class NewRecords:
+    """Time blocks on their way to the database.
+
+    Attributes:
+        campaign_id: the campaign that takes them.
+        blocks: one at a time.
+        count: how many.
+        counted: hit numbers go on behind those that a place has already.
+        filename: where they come from.
+        import_id: the import that brings them.
+    """
+
+    campaign_id: UUID
+    blocks: Iterable[TimeBlock]
+    count: int
+    counted: bool
+    filename: str = ""
+    import_id: UUID | None = None
 
 
-def last_hits(session: Session, campaign_id: UUID) -> dict[Place, int]:
+def write_records(session: Session, new: NewRecords) -> list[UUID]:
+    """Write time blocks, one at a time, and return their keys.
+
+    Raises:
+        QuotaExceeded: the project has no room for them.
+    """
+    last = _last_hits(session, new.campaign_id) if new.counted else {}
+    keys, size = new_keys(session, new.count), 0
+    with copy_rows(session, Record.__tablename__, COLUMNS) as write:
+        # The server stores one while the next is hashed.
+        for key, block in zip(keys, new.blocks, strict=True):
+            samples = encode(block.samples)
+            size += len(samples.data)
+            row = {
+                "id": key,
+                "campaign_id": new.campaign_id,
+                "import_id": new.import_id,
+                "filename": new.filename,
+                **{name: getattr(block, name) for name in _STATED},
+                "hit": block.hit + last.get((block.force_point, block.force_direction), 0),
+                "samples": samples.count,
+                "dtype": samples.dtype,
+                "sha256": samples.sha256,
+                "data": samples.data,
+            }
+            write([row[name] for name in COLUMNS])
+    project = campaign_for.project_of(session, campaign_of(session, new.campaign_id))
+    book(session, StorageOwner(project, new.campaign_id), "records", size)
+    return keys
+
+
+def records_of_import(session: Session, import_id: UUID) -> Sequence[Record]:
+    """The time blocks that an import brought, in the order of its file."""
+    return session.scalars(select(Record).where(Record.import_id == import_id).order_by(Record.id)).all()
+
+
+def _last_hits(session: Session, campaign_id: UUID) -> dict[Place, int]:
     """The highest hit number of each place."""
     query = (
         select(Record.force_point, Record.force_direction, func.max(Record.hit))
@@ -112,7 +144,8 @@ def last_hits(session: Session, campaign_id: UUID) -> dict[Place, int]:
     return {(point, direction): last for point, direction, last in session.execute(query)}
 
 
-def _refuse_known(session: Session, campaign_id: UUID, blocks: Sequence[TimeBlock]) -> None:
+def require_new(session: Session, campaign_id: UUID, blocks: Sequence[TimeBlock]) -> None:
+    """Raise `Conflict` where the campaign has one of these blocks already, or they hold one twice; samples are not read."""
     points = {block.force_point for block in blocks}
     key_of = (Record.force_point, Record.force_direction, Record.hit, Record.quantity, Record.point, Record.direction)
     query = select(*key_of).where(Record.campaign_id == campaign_id, Record.force_point.in_(points))

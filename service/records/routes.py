@@ -10,65 +10,20 @@ import numpy as np
 from fastapi import Query, Response
 from fastapi.responses import JSONResponse
 
-from service.access import CurrentUser, SessionDep, SettingsDep
+from service.access import CurrentUser, SessionDep
 from service.campaigns.operations import campaign_for
-from service.campaigns.uploads import UPLOAD_CONTENT, UploadDep
-from service.errors import Invalid
 from service.figures.answers import RESPONSES, Asked, FigureName, require_figure
 from service.figures.hits import hits_figure
-from service.records import bodies, operations, processings
+from service.records import operations, processings
 from service.records.figures import Chosen, point_blocks, point_shown
-from service.records.schemas import UNITS, ProcessingIn, ProcessingOut, Proposal, RecordOut, StoredRecords
+from service.records.schemas import UNITS, ProcessingIn, ProcessingOut, RecordOut
 from service.records.tables import Processing, Record
-from service.web import Cursor, Limit, Name, Page, api_router, paged
+from service.web import Cursor, Limit, Page, api_router, paged
 
 router = api_router(tags=["records"])
 
-BODY = {
-    "requestBody": {
-        "required": True,
-        "content": {
-            **UPLOAD_CONTENT,
-            "application/json": {"schema": {"type": "object", "required": ["variables"]}},
-        },
-    }
-}
 Whole = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
 MEDIA_TYPES = {"json": "application/json", "npz": "application/x-npz", "csv": "text/csv"}
-
-
-@router.post("/campaigns/{campaign_id}/records", status_code=201, openapi_extra=BODY)
-def create_records(
-    campaign_id: UUID,
-    upload: UploadDep,
-    session: SessionDep,
-    user: CurrentUser,
-    settings: SettingsDep,
-    response: Response,
-    filename: Annotated[Name | None, Query(description="name of a file that is sent as raw body")] = None,
-    mapping: Annotated[str | None, Query(description="which variable is what, as JSON", max_length=20_000)] = None,
-    dry_run: Annotated[bool, Query(description="only report what the file holds, and propose a mapping")] = False,
-) -> StoredRecords | Proposal:
-    """Send time blocks of hits as npz, .mat, CSV or wav with a mapping, or as JSON `{variables, mapping}`.
-
-    All are stored, or none. The answer judges the hits of the points concerned, so a script beside the hammer knows
-    after each hit whether it was good.
-    """
-    if upload.file.size == 0:
-        raise Invalid("", "the body is empty, expected time blocks")
-    name = filename or upload.filename or ""
-    if upload.content_type == "application/json":
-        sent = bodies.from_json(upload.file.path.read_bytes())
-    else:
-        limit = settings.upload_limit_bytes
-        sent = bodies.from_file(upload.file.path, name, upload.content_type, mapping, limit)
-    if dry_run:
-        campaign_for(session, user, campaign_id, "editor")
-        response.status_code = 200
-        return sent.proposal()
-    blocks, used = sent.blocks()
-    rows = operations.store_records(session, user, campaign_id, name, blocks, counted=used.hit is None)
-    return operations.judged(session, campaign_id, rows)
 
 
 @router.get("/campaigns/{campaign_id}/records")

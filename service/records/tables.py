@@ -28,9 +28,11 @@ class Record(Identified, Base):
             "direction",
             unique=True,
         ),
+        Index(None, "import_id"),
     )
 
     campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    import_id: Mapped[UUID | None] = mapped_column(ForeignKey("imports.id", deferrable=True))
     label: Mapped[str]
     filename: Mapped[str]
     quantity: Mapped[str]
@@ -55,7 +57,7 @@ class Processing(Base):
     __tablename__ = "processings"
     __table_args__ = (Index(None, "campaign_id", "id"),)
 
-    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id"), primary_key=True)
+    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
     campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
     options: Mapped[dict[str, Any]]
     document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))

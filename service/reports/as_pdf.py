@@ -16,7 +16,7 @@ from service.figures.look import Figure
 from service.figures.printing import pixels
 from service.reports.blocks import Block, Bullets, Heading, PageBreak, Paragraph, Picture, Report, Signatures, Table
 
-MARGIN, WIDTH = 51.0, 493.0  # points; A4 is 595 by 842
+MARGIN, WIDTH, HEIGHT = 51.0, 493.0, 745.0  # points, of the text; A4 is 595 by 842
 PICTURE_DPI = 170
 _TONES = {"good": ("#00704e", "#eaf6f1"), "careful": ("#b35f00", "#fdf3e4"), "bad": ("#b00020", "#fbeaec")}
 _SANS, _BOLD, _MONO = "DejaVuSans", "DejaVuSans-Bold", "DejaVuSansMono"
@@ -91,12 +91,15 @@ def _parts(block: Block) -> list[Any]:
 
 
 def _picture(figure: Figure, width: float) -> Any:
-    """A figure as a picture of so many points. It goes from matplotlib's memory into the file without a PNG between them."""
+    """A figure as a picture of so many points, narrower where it would be higher than the page. It goes from matplotlib's
+    memory into the file without a PNG between them.
+    """
     from PIL.Image import fromarray
     from reportlab.lib.utils import ImageReader
     from reportlab.platypus.flowables import Flowable
 
     found = pixels(figure, PICTURE_DPI)
+    width = min(width, HEIGHT * found.shape[1] / found.shape[0])
     height = width * found.shape[0] / found.shape[1]
 
     class Drawn(Flowable):  # type: ignore[misc]  # ReportLab has no types
@@ -148,7 +151,7 @@ def _table(table: Table) -> Any:
 
     head = [cells(table.columns, _BOLD)] if named else []
     body = [cells(row, _SANS) for row in table.rows]
-    drawn = flow.Table(head + body, colWidths=_widths(table), repeatRows=1 if named else 0)
+    drawn = flow.Table(head + body, colWidths=_widths(table), repeatRows=1 if named else 0, splitInRow=1)
     rules = [
         ("VALIGN", (0, 0), (-1, -1), "TOP"),
         ("TOPPADDING", (0, 0), (-1, -1), 1.5),

@@ -50,12 +50,12 @@ class UpdateFacts:
     frfs: int
 
 
-def update_report(facts: UpdateFacts, draw: Callable[[str], Figure | None]) -> Report:
+def update_report(facts: UpdateFacts, draw: Callable[[str], Sequence[Figure]]) -> Report:
     """The report of an update.
 
     Args:
         facts: what it says.
-        draw: gives a figure by name, None where the result has nothing to draw.
+        draw: gives a figure by name as one or more for a page each, none where the result has nothing to draw.
     """
     document = facts.document
     title = f"Updated model: {facts.structure['name']}"
@@ -66,11 +66,10 @@ def update_report(facts: UpdateFacts, draw: Callable[[str], Figure | None]) -> R
 def _first(title: str, facts: UpdateFacts) -> list[Block]:
     """The verdict, what was tested, and the parameters."""
     document = facts.document
-    blocks: list[Block] = [Heading(title, 1)]
-    if (verdict := document.get("verdict")) is not None:
-        blocks.append(Paragraph(verdict["sentence"], TONES[verdict["level"]]))
-        if verdict["reasons"]:
-            blocks.append(Bullets(verdict["reasons"]))
+    verdict = document["verdict"]
+    blocks: list[Block] = [Heading(title, 1), Paragraph(verdict["sentence"], TONES[verdict["level"]])]
+    if verdict["reasons"]:
+        blocks.append(Bullets(verdict["reasons"]))
     blocks += [Heading("Specimen and test"), _pairs(_specimen(facts))]
     columns, rows = parameter_cells(document["parameters"])
     blocks += [Heading("Parameters"), _table(columns, rows), Paragraph(_OF_INTERVALS, "small")]
@@ -134,7 +133,7 @@ def _budget(parameters: Sequence[Mapping[str, Any]]) -> list[Block]:
     return [Table(["parameter", "largest parts of its variance"], rows, [False, False])] if rows else []
 
 
-def _second(facts: UpdateFacts, draw: Callable[[str], Figure | None]) -> list[Block]:
+def _second(facts: UpdateFacts, draw: Callable[[str], Sequence[Figure]]) -> list[Block]:
     """Modes, correlation, one FRF, signatures."""
     document = facts.document
     columns, rows = mode_cells(document["modes"])
@@ -144,10 +143,7 @@ def _second(facts: UpdateFacts, draw: Callable[[str], Figure | None]) -> list[Bl
     columns, rows = correlation_cells(document["correlation"])
     if rows:
         blocks += [Heading("Correlation of measured and predicted FRFs, means"), _table(columns, rows)]
-    if (figure := draw("frf")) is not None:
-        blocks.append(Picture(figure, 0.86))
-    else:
-        blocks.append(Paragraph(_without_frf(document)))
+    blocks += [Picture(figure, 0.86) for figure in draw("frf")] or [Paragraph(_without_frf(document))]
     return [*blocks, Signatures(("tested by", "checked by", "released by"))]
 
 
@@ -156,14 +152,14 @@ def _without_frf(document: Mapping[str, Any]) -> str:
     return "No FRF is predicted, as the damping was not fitted" + (f": {why}." if why else ".")
 
 
-def _annex(document: Mapping[str, Any], draw: Callable[[str], Figure | None]) -> list[Block]:
+def _annex(document: Mapping[str, Any], draw: Callable[[str], Sequence[Figure]]) -> list[Block]:
     blocks: list[Block] = [PageBreak(), Heading("Annex", 1)]
     if document["warnings"]:
         blocks += [Heading("Warnings"), Bullets(document["warnings"])]
     if len(document["modes"]) > MOST_MODES:
         blocks += [Heading("All modes"), _table(*mode_cells(document["modes"]))]
     blocks.append(Heading("Figures"))
-    blocks += [Picture(figure, _LOW.get(name, 0.9)) for name in ANNEX if (figure := draw(name)) is not None]
+    blocks += [Picture(figure, _LOW.get(name, 0.9)) for name in ANNEX for figure in draw(name)]
     provenance = document["provenance"]
     recipe = json.dumps(provenance["recipe"], ensure_ascii=False, indent=1, sort_keys=True)
     blocks += [Heading("Recipe"), Paragraph(recipe, "code"), Heading("Origin"), _pairs(_origin(provenance))]

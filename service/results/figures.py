@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +19,7 @@ from service.figures.look import Figure, words
 from service.figures.matrices import mac_figure
 from service.figures.parameters import parameters_figure
 from service.figures.posterior import posterior_figure
-from service.figures.shapes import ShapePair, shapes_figure
+from service.figures.shapes import MOST_MODES, MOST_ROWS, ShapePair, shapes_figure
 from service.figures.stabilisation import stabilisation_figure
 from service.results.figure_data import UpdateFigures
 from service.results.figure_frf import Wanted, update_frf_figure
@@ -34,12 +34,14 @@ class NamedFigure:
         draw: draws it.
         check: raises Conflict where the result has nothing for it; `draw` may rely on it.
         query: parameters of the query that it heeds.
+        sheets: draws it as several figures of which each fits on a page; None where one does.
     """
 
     title: str
     draw: Callable[[UpdateFigures, Wanted], Figure]
     check: Callable[[UpdateFigures], object]
     query: tuple[str, ...] = ()
+    sheets: Callable[[UpdateFigures], Sequence[Figure]] | None = None
 
 
 def draw_figure(data: UpdateFigures, name: str, wanted: Wanted) -> Figure:
@@ -52,6 +54,16 @@ def draw_figure(data: UpdateFigures, name: str, wanted: Wanted) -> Figure:
     require_figure(name, *FIGURES)
     FIGURES[name].check(data)
     return FIGURES[name].draw(data, wanted)
+
+
+def draw_sheets(data: UpdateFigures, name: str) -> Sequence[Figure]:
+    """A figure for paper: as many figures as it needs pages, none where the result has nothing to draw."""
+    figure = FIGURES[name]
+    try:
+        figure.check(data)
+    except Conflict:
+        return ()
+    return [figure.draw(data, Wanted())] if figure.sheets is None else figure.sheets(data)
 
 
 def _require_result(data: UpdateFigures) -> None:
@@ -117,10 +129,26 @@ def _require_shapes(data: UpdateFigures) -> None:
 
 
 def _shapes(data: UpdateFigures, wanted: Wanted) -> Figure:
-    arrays, modes = data.arrays, data.document["modes"]
     found = _shape_pairs(data, wanted)
     if not found:
         return words("Mode shapes, measured and updated", "this mode has no partner; choose one of the other side too")
+    which = f"the first {MOST_MODES} of {len(found)} pairs" if len(found) > MOST_MODES else ""
+    return _drawn_shapes(data, wanted, found[:MOST_MODES], which)
+
+
+def _shape_sheets(data: UpdateFigures) -> list[Figure]:
+    found = _shape_pairs(data, Wanted())
+    if len(found) <= MOST_ROWS:
+        return [_shapes(data, Wanted())]
+    sheets = np.array_split(found[:MOST_MODES], -(-min(len(found), MOST_MODES) // MOST_ROWS))
+    return [
+        _drawn_shapes(data, Wanted(), sheet.tolist(), f"modes {sheet[0, 0] + 1} to {sheet[-1, 0] + 1}")
+        for sheet in sheets
+    ]
+
+
+def _drawn_shapes(data: UpdateFigures, wanted: Wanted, found: Sequence[tuple[int, int]], which: str) -> Figure:
+    arrays, modes = data.arrays, data.document["modes"]
     pairs = [
         ShapePair(
             number=modes[i]["number"],
@@ -131,7 +159,7 @@ def _shapes(data: UpdateFigures, wanted: Wanted) -> Figure:
         )
         for i, j in found
     ]
-    return shapes_figure(pairs, arrays["shape_points"].tolist(), arrays["shape_places_m"])
+    return shapes_figure(pairs, arrays["shape_points"].tolist(), arrays["shape_places_m"], which)
 
 
 def _shape_pairs(data: UpdateFigures, wanted: Wanted) -> list[tuple[int, int]]:
@@ -225,14 +253,13 @@ def _sac(data: UpdateFigures, _: Wanted) -> Figure:
 def _convergence(data: UpdateFigures, _: Wanted) -> Figure:
     document = data.document
     steps = document["convergence"]
-    starts = document.get("starts") or [{"chosen": True, "failure": None, "cost": [step["cost"] for step in steps]}]
     reported = {row["name"] for row in document["parameters"]}
     names = [name for name in steps[0]["parameters"] if name in reported] if steps else []
     constants = {name: [step["parameters"][name] for step in steps] for name in names}
     history = np.array(document["damping_fit"]["history"], dtype=float)
     laws = document["damping_models"]
     coefficients = dict(zip(laws[0]["coefficients"], history.T.tolist(), strict=True)) if history.size else {}
-    return convergence_figure(starts, constants, coefficients)
+    return convergence_figure(document["starts"], constants, coefficients)
 
 
 def _require_laws(data: UpdateFigures) -> None:
@@ -240,7 +267,7 @@ def _require_laws(data: UpdateFigures) -> None:
     if not laws:
         damping = next((o["message"] for o in data.document["outcomes"] if o["stage"] == "damping"), "")
         raise Conflict(f"no damping law was fitted: {damping or 'no measured mode has a damping ratio'}")
-    if "curve" not in laws[0]:
+    if laws[0]["curve"] is None:
         raise Conflict(_OLDER)
 
 
@@ -267,7 +294,9 @@ FIGURES: dict[str, NamedFigure] = {
     "parameters": NamedFigure("Parameters: prior and updated with 95 % intervals", _parameters, _require_result),
     "budget": NamedFigure("What the variance of each parameter is made of", _budget, _require_budget),
     "posterior": NamedFigure("Posterior: densities and correlations", _posterior, _require_posterior),
-    "shapes": NamedFigure("Mode shapes, measured beside updated", _shapes, _require_shapes, ("measured", "model")),
+    "shapes": NamedFigure(
+        "Mode shapes, measured beside updated", _shapes, _require_shapes, ("measured", "model"), _shape_sheets
+    ),
     "mac": NamedFigure("MAC of measured and updated shapes", _mac, _require_mac),
     "automac": NamedFigure("AutoMAC of the measured shapes", _automac, _require_measured_shapes),
     "csac": NamedFigure("CSAC: agreement in shape by line", _agreement("csac"), _require_arrays("csac"), _LINES),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from sqlalchemy.orm import Session
@@ -9,11 +10,8 @@ from sqlalchemy.orm import Session
 from service.access import User, project_for
 from service.campaigns.operations import campaign_of
 from service.campaigns.operations import describe as describe_campaign
-from service.errors import Conflict
-from service.figures.look import Figure
 from service.results.figure_data import UpdateFigures
-from service.results.figure_frf import Wanted
-from service.results.figures import draw_figure
+from service.results.figures import draw_sheets
 from service.structures.operations import describe_version, structure_of, version_of
 
 if TYPE_CHECKING:
@@ -44,10 +42,4 @@ def report_of(session: Session, user: User, job: UpdateJob) -> Report:
         frfs=len(data.document["provenance"]["frfs"]),
     )
 
-    def draw(name: str) -> Figure | None:
-        try:
-            return draw_figure(data, name, Wanted())
-        except Conflict:  # this result has nothing for it, and the report says so elsewhere
-            return None
-
-    return update_report(facts, draw)
+    return update_report(facts, partial(draw_sheets, data))

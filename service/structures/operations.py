@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 from uuid import UUID
 
-from pydantic import TypeAdapter
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
@@ -163,7 +162,7 @@ def _patched(before: StructureOut, patch: StructurePatch) -> StructureIn:
         merged["material"] = None
     if "material" in sent:
         merged["laminate"] = None
-    return checked(TypeAdapter(StructureIn), merged)
+    return checked(StructureIn, merged)
 
 
 def _add_version(session: Session, structure: Structure, body: StructureIn) -> None:

@@ -13,16 +13,22 @@ from service.errors import Invalid, NotFound
 from service.structures import operations
 from service.structures.schemas import StructureIn, StructureOut, StructurePatch
 from service.structures.tables import Structure, StructureVersion
-from service.web import IF_MATCH, Cursor, Limit, Page, api_router, etag_of, paged, require_match
+from service.web import IF_MATCH, Confirm, Cursor, Limit, Page, api_router, etag_of, paged, require_match, require_usual
 
 router = api_router(tags=["structures"])
 
 
 @router.post("/projects/{project_id}/structures", status_code=201)
 def create_structure(
-    project_id: UUID, body: StructureIn, session: SessionDep, user: CurrentUser, response: Response
+    project_id: UUID,
+    body: StructureIn,
+    session: SessionDep,
+    user: CurrentUser,
+    response: Response,
+    confirm: Confirm = False,
 ) -> StructureOut:
     """Describe a structure: geometry, density and either plies or a homogenised material, nominal values."""
+    require_usual(body, confirm)
     structure = operations.create_structure(session, user, project_id, body)
     response.headers["Location"] = f"/api/v1/structures/{structure.id}"
     return _shown(operations.describe(session, structure), response)
@@ -72,12 +78,14 @@ def change_structure(
     user: CurrentUser,
     request: Request,
     response: Response,
+    confirm: Confirm = False,
 ) -> StructureOut:
     """Change a structure. Geometry, density or section make a new version; what a result used stays as it was."""
     structure = operations.structure_for(session, user, structure_id, "editor", lock=True)
     require_match(request, etag_of(operations.describe(session, structure)))
     if not body.model_fields_set:
         raise Invalid("", "names nothing to change")
+    require_usual(body, confirm)
     operations.change_structure(session, user, structure, body)
     return _shown(operations.describe(session, structure), response)
 

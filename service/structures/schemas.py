@@ -18,10 +18,19 @@ from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.laminate import Ply as CorePly
 from fecore.errors import InputError
 from service.web import Name, StrictModel, example
+from service.web.quantities import (
+    DENSITY_SD,
+    LENGTH,
+    LENGTH_SD,
+    PLY_THICKNESS,
+    THICKNESS,
+    THICKNESS_SD,
+    WIDTH,
+    Density,
+    Length,
+    Modulus,
+)
 
-Length = Annotated[float, Field(gt=0, le=1000, description="m")]
-Density = Annotated[float, Field(gt=0, le=50_000, description="kg/m³")]
-Modulus = Annotated[float, Field(gt=0, le=1e13, description="Pa")]
 Poisson = Annotated[float, Field(gt=-10, lt=10)]
 
 Deviation = Annotated[float | None, Field(ge=0, le=1e9)]
@@ -34,9 +43,9 @@ THICKNESS_AGREEMENT = 0.05
 class Geometry(StrictModel):
     """A strip: x along the length, y across the width, z through the thickness."""
 
-    length_m: Length
-    width_m: Length
-    thickness_m: Length
+    length_m: Annotated[Length, LENGTH]
+    width_m: Annotated[Length, WIDTH]
+    thickness_m: Annotated[Length, THICKNESS]
 
     @field_validator("thickness_m")
     @classmethod
@@ -86,7 +95,7 @@ class Ply(StrictModel):
     G23_Pa: Modulus
     nu_12: Poisson
     density_kg_m3: Density | None = Field(None, description="kg/m³; the structure's density where it is not given")
-    thickness_m: Length
+    thickness_m: Annotated[Length, PLY_THICKNESS]
     angle_deg: float = Field(ge=-360, le=360)
 
     @field_validator("nu_12")
@@ -122,8 +131,8 @@ class Piece(StrictModel):
 
     from_m: float = Field(ge=0, le=1000, description="x of its beginning")
     to_m: Length
-    thickness_m: Length = Field(description="m, at its beginning")
-    end_thickness_m: Length | None = Field(
+    thickness_m: Annotated[Length, THICKNESS] = Field(description="m, at its beginning")
+    end_thickness_m: Annotated[Length, THICKNESS] | None = Field(
         None, description="m, at its end; default: as at its beginning. Between them a taper"
     )
 
@@ -146,10 +155,10 @@ Pieces = Annotated[
 class StructureInputs(StrictModel):
     """How well a structure's own values are known: standard deviations. null: a careful laboratory's; 0: exactly known."""
 
-    length_sd_m: Deviation = None
-    width_sd_m: Deviation = None
-    thickness_sd_m: Deviation = None
-    density_sd_kg_m3: Deviation = None
+    length_sd_m: Annotated[Deviation, LENGTH_SD] = None
+    width_sd_m: Annotated[Deviation, LENGTH_SD] = None
+    thickness_sd_m: Annotated[Deviation, THICKNESS_SD] = None
+    density_sd_kg_m3: Annotated[Deviation, DENSITY_SD] = None
     nu_xy_sd: Deviation = None
     fibre_angle_sd_deg: Deviation = Field(None, description="of the fibres' direction about the stated one")
     ply_angle_sd_deg: Deviation = Field(

@@ -10,14 +10,13 @@ from sqlalchemy.orm import Session
 
 from fecore.errors import FecoreError, InputError
 from service.access import User
-from service.errors import Fault, Invalid, NotFound, ServiceError
+from service.errors import Fault, Invalid, NotFound, ServiceError, pointer
 from service.jobs.queue import one_at_a_time
 from service.updating.joint_schemas import JointUpdateOut
 from service.updating.operations import start_update
 from service.updating.schemas import RecipeIn, UpdateJobOut
 from service.updating.tables import UpdateJob
 from service.web import Name, StrictModel
-from service.web.json_body import pointer
 
 SEPARATOR = "\x1f"  # cannot stand in a header, so a batch's keys never meet those of single jobs
 

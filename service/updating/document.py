@@ -18,6 +18,7 @@ from fecore.updating.result import (
     UpdateResult,
 )
 from service.modes.identification_document import describe_identification
+from service.updating.versions import VERSION
 
 LARGE_PARTS = {"stabilisation": ("identification", "stabilisation"), "convergence": ("convergence",)}
 """Parts of a document that only a figure needs, and where they stand."""
@@ -89,6 +90,7 @@ def describe(result: UpdateResult, warnings: Iterable[str], provenance: dict[str
         "identification": None if result.identification is None else describe_identification(result.identification),
         "posterior": _posterior(result.posterior),
         "provenance": provenance,
+        "version": VERSION,
     }
 
 

@@ -20,9 +20,11 @@ from fecore.updating.campaigns.posterior import SCATTER
 from fecore.updating.campaigns.update import CampaignsRecipe
 from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter
-from service.campaigns.operations import campaign_of, frame_of
+from service.campaigns.operations import campaign_of, campaigns_of, frame_of
 from service.coupons.operations import batch_prior
 from service.frfs.measured_campaign import MeasuredCampaign, load_measured_campaign
+from service.jobs.child import PURGED
+from service.jobs.process import ChildEnded
 from service.modes.operations import load_modes
 from service.structures.operations import describe_version, version_of
 from service.structures.schemas import Laminate, Material, StructureIn
@@ -39,9 +41,12 @@ def load_joint(session: Session, job_id: UUID, _workspace: Path) -> JointInputs:
 
     Raises:
         InputError: a campaign has nothing to update with, or cannot be taken together with the others.
+        ChildEnded: a campaign was purged since.
     """
     row = session.get_one(JointUpdate, job_id)
     request = UpdateBatchIn.model_validate(row.request)
+    if len(campaigns_of(session, {job.campaign_id for job in request.jobs})) < len(request.jobs):
+        raise ChildEnded(PURGED)
     versions = [UUID(each["structure_version_id"]) for each in row.campaigns]
     common = request.recipe or RecipeIn.model_validate({})
     loaded = [

@@ -17,7 +17,7 @@ from fecore.updating.parameters import parametrise
 from service.access import Lookup, User, audit, project_for
 from service.campaigns.operations import campaign_for
 from service.coupons.operations import batch_for
-from service.errors import Conflict, Fault, Invalid, NotFound
+from service.errors import Conflict, Fault, Invalid, NotFound, pointer
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue, one_at_a_time, request_cancel
 from service.jobs.state import job_state, why_no_result
@@ -32,7 +32,6 @@ from service.updating.joint_loading import load_joint, of_its_material, paramete
 from service.updating.joint_schemas import JointUpdateOut
 from service.updating.schemas import RecipeIn
 from service.updating.tables import JointUpdate
-from service.web.json_body import pointer
 
 
 def _store(session: Session, job_id: UUID, items: Iterator[dict[str, Any]]) -> None:
@@ -112,6 +111,8 @@ def _faults(session: Session, user: User, request: UpdateBatchIn) -> list[Fault]
     for at, recipe in recipes:
         if recipe is None:
             continue
+        with pointing(faults, at):
+            recipe.inputs.to_core()
         faults += [
             Fault(f"{at}/{name}", "has no meaning in a joint update; leave it out")
             for name in _SINGLE_ONLY

@@ -32,6 +32,7 @@ from service.updating.loading import load_update
 from service.updating.schemas import RecipeIn, UpdateJobOut
 from service.updating.stored_arrays import StoredArrays
 from service.updating.tables import UpdateJob, UpdateResult
+from service.updating.versions import MARKS, up_to_date
 
 if TYPE_CHECKING:
     from service.campaigns.tables import Campaign
@@ -144,6 +145,7 @@ def check_prior_batch(session: Session, user: User, recipe: RecipeIn, structure_
 
 def _check_parameters(recipe: RecipeIn, structure: Any, campaign: Campaign) -> None:
     """A recipe that contradicts itself is refused before it is queued, with the core's message."""
+    recipe.inputs.to_core()
     body = body_of(structure, campaign.boundary, recipe)
     parametrise(body, recipe.parameters_of(body))
     if recipe.band_hz is not None and not recipe.band_hz[0] < recipe.band_hz[1]:
@@ -240,7 +242,7 @@ def describe_all(session: Session, rows: Sequence[UpdateJob]) -> list[UpdateJobO
 
 
 def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
-    """The result of an update as it was computed: the JSON document of `docs/results.md`.
+    """The result of an update, computed by whichever version: the JSON document of `docs/results.md`.
 
     Raises:
         Conflict: the job has none, yet or ever; the message says which.
@@ -248,7 +250,7 @@ def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
     result = session.get(UpdateResult, row.id)
     if result is None:
         raise Conflict(why_no_result("update job", job_of(session, row)))
-    return result.document
+    return up_to_date(result.document)
 
 
 def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
@@ -266,11 +268,15 @@ def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
 def result_documents(session: Session, keys: Sequence[UUID]) -> dict[UUID, dict[str, Any]]:
     """Results by update job; jobs without one are left out."""
     query = select(UpdateResult.id, UpdateResult.document).where(UpdateResult.id.in_(keys))
-    return dict(session.execute(query).all())
+    return {key: up_to_date(document) for key, document in session.execute(query)}
 
 
 def result_parts(session: Session, keys: Sequence[UUID], parts: Sequence[str]) -> dict[UUID, dict[str, Any]]:
     """Members of results by update job, without reading the rest of the documents; jobs without a result are left out."""
-    columns = [UpdateResult.document[part] for part in parts]
+    read = (*MARKS, *parts)
+    columns = [UpdateResult.document[part] for part in read]
     rows = session.execute(select(UpdateResult.id, *columns).where(UpdateResult.id.in_(keys)))
-    return {key: dict(zip(parts, values, strict=True)) for key, *values in rows}
+    found = {
+        key: up_to_date({n: v for n, v in zip(read, values, strict=True) if v is not None}) for key, *values in rows
+    }
+    return {key: {part: document.get(part) for part in parts} for key, document in found.items()}

@@ -1,7 +1,7 @@
 """What `GET /update-jobs/{id}/result` answers, for the OpenAPI document and for who reads a result in another language.
 
-A result is stored as it was computed and shown as it is stored, so these models describe it and do not filter it: one of an
-earlier version may lack members, one of a later version may have more.
+These models describe a result and do not filter it: it is stored as it was computed, and brought up to date when it is read
+(`service.updating.versions`).
 """
 
 from __future__ import annotations
@@ -183,4 +183,7 @@ class ResultOut(_Part):
         description="how the modes were found; its `stabilisation` with `?include=stabilisation` only"
     )
     posterior: dict[str, Any] = Field(description="how the posterior was had")
+    version: int = Field(
+        description="of this document's form; results of earlier versions are shown in the present one"
+    )
     provenance: dict[str, Any] = Field(description="inputs with their SHA-256, recipe, versions, host, durations")

@@ -22,7 +22,7 @@ from service.updating.joint_operations import describe_joint, start_joint
 from service.updating.result_schemas import ResultOut
 from service.updating.schemas import RecipeIn, UpdateJobOut
 from service.updating.tables import UpdateJob
-from service.web import Cursor, Limit, Page, Text, api_router, paged
+from service.web import Confirm, Cursor, Limit, Page, Text, api_router, paged, require_usual
 
 router = api_router(tags=["update jobs"])
 
@@ -45,11 +45,13 @@ def start_update(
     response: Response,
     idempotency_key: IdempotencyKey = None,
     priority: Priority = 0,
+    confirm: Confirm = False,
 ) -> UpdateJobOut:
     """Queue an update of the campaign's structure. `{}` is a recipe.
 
     With an `Idempotency-Key`, sending the same again gives the same job and not a second one.
     """
+    require_usual(recipe, confirm)
     row = operations.start_update(session, user, campaign_id, recipe, idempotency_key, priority)
     response.headers["Location"] = f"/api/v1/update-jobs/{row.id}"
     return operations.describe(session, row)
@@ -63,11 +65,13 @@ def start_updates(
     response: Response,
     idempotency_key: IdempotencyKey = None,
     priority: Priority = 0,
+    confirm: Confirm = False,
 ) -> UpdateBatchOut:
     """Queue updates of many campaigns: all of them, or with any fault none.
 
     With `joint` they are one update: one material from all campaigns, at `/joint-updates/{id}`, which `Location` names.
     """
+    require_usual(batch, confirm)
     if batch.joint:
         row = start_joint(session, user, batch, idempotency_key, priority)
         response.headers["Location"] = f"/api/v1/joint-updates/{row.id}"

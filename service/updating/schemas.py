@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Literal
 from uuid import UUID
 
 from pydantic import Field
 
 from fecore.body.layered import PLY_CONSTANTS
-from fecore.body.specimen import CONSTANTS, Body
+from fecore.body.specimen import CONSTANTS, Body, kind_of
 from fecore.body.supports import Edge, Spring
 from fecore.modal import Options
 from fecore.updating import recipe as core
@@ -21,6 +22,18 @@ from service.jobs.state import JobOut
 from service.records.schemas import ProcessingIn
 from service.structures.schemas import StructureInputs
 from service.web import Int64, Name, StrictModel, example
+from service.web.quantities import (
+    DENSITY,
+    DENSITY_SD,
+    LENGTH,
+    LENGTH_SD,
+    MODULUS,
+    MODULUS_SD,
+    THICKNESS,
+    THICKNESS_SD,
+    WIDTH,
+    Quantity,
+)
 
 DampingModel = Literal[
     "rayleigh",
@@ -38,6 +51,16 @@ Frequency = Annotated[float, Field(ge=0, le=1e7, description="Hz")]
 Band = tuple[Frequency, Frequency]
 
 
+PRIORS = {
+    **dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz", "E1", "E2", "G12", "G13", "G23"), (MODULUS, MODULUS_SD)),
+    "density": (DENSITY, DENSITY_SD),
+    "length": (LENGTH, LENGTH_SD),
+    "width": (WIDTH, LENGTH_SD),
+    "thickness": (THICKNESS, THICKNESS_SD),
+}
+"""What mean and standard deviation of a parameter measure, by its kind."""
+
+
 class ParameterIn(StrictModel):
     """A constant to update; SI. Without a mean the structure's nominal value, without a spread 30 % of the mean."""
 
@@ -49,6 +72,12 @@ class ParameterIn(StrictModel):
     prior_sd: float | None = None
     fixed: bool = False
     tied_to: Name | None = Field(None, description="follows that parameter in the ratio of the nominal values")
+
+    def measured(self) -> Iterator[tuple[str, float, Quantity]]:
+        """Mean and spread of the prior, as what the parameter is."""
+        if (kinds := PRIORS.get(kind_of(self.name))) is not None:
+            yield "prior_mean", self.prior_mean or 0.0, kinds[0]
+            yield "prior_sd", self.prior_sd or 0.0, kinds[1]
 
 
 class SpringIn(StrictModel):

@@ -56,12 +56,13 @@ class StoredArrays(Mapping[str, Any]):
             key: of the update job.
             size: of its arrays' bytes.
         """
-        self._column = _Column(session, key, size)
+        # Everything is read through this one buffer: it takes for granted that nobody else moves the column's place.
+        self._file = io.BufferedReader(_Column(session, key, size), _BUFFER)
         self._read: dict[str, Any] = {}
 
     @cached_property
     def _archive(self) -> zipfile.ZipFile:
-        return zipfile.ZipFile(io.BufferedReader(self._column, _BUFFER))
+        return zipfile.ZipFile(self._file)
 
     @cached_property
     def _names(self) -> list[str]:
@@ -90,12 +91,11 @@ class StoredArrays(Mapping[str, Any]):
             (_, *inner), in_columns, dtype = np.lib.format.read_array_header_1_0(file)
             header = file.tell()
         assert not in_columns, "tables are written row by row"
-        self._column.seek(info.header_offset)
-        local = self._column.read(30)  # of an archive's member: at 26 and 28 the lengths of its name and extra field
-        assert local is not None
+        self._file.seek(info.header_offset)
+        local = self._file.read(30)  # of an archive's member: at 26 and 28 the lengths of its name and extra field
         begin = (
             info.header_offset + 30 + int.from_bytes(local[26:28], "little") + int.from_bytes(local[28:30], "little")
         )
         size = dtype.itemsize * int(np.prod(inner))
-        self._column.seek(begin + header + number * size)
-        return np.frombuffer(self._column.read(size) or b"", dtype=dtype).reshape(inner)
+        self._file.seek(begin + header + number * size)
+        return np.frombuffer(self._file.read(size), dtype=dtype).reshape(inner)

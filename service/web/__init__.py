@@ -14,9 +14,11 @@ if TYPE_CHECKING:
     from service.web.conditional import IF_MATCH, etag_of, require_match
     from service.web.paging import Cursor, Limit, paged
     from service.web.routing import api_router
+    from service.web.usual import Confirm, require_usual
 
 __all__ = [
     "IF_MATCH",
+    "Confirm",
     "Cursor",
     "Int64",
     "Limit",
@@ -31,12 +33,14 @@ __all__ = [
     "not_null",
     "paged",
     "require_match",
+    "require_usual",
 ]
 
 _LATER = {
     "conditional": ("IF_MATCH", "etag_of", "require_match"),
     "paging": ("Cursor", "Limit", "paged"),
     "routing": ("api_router",),
+    "usual": ("Confirm", "require_usual"),
 }
 
 

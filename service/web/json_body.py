@@ -1,20 +1,23 @@
 """Strict reading of JSON bodies: what RFC 8259 allows and PostgreSQL can store, and nothing else.
 
-Python's parser accepts NaN and Infinity, integers of any size, NUL characters and lone surrogates; each would be a
-server error later. Here each is a fault with the pointer to where it stands.
+Python's parser accepts NaN and Infinity, integers of any size, NUL characters and lone surrogates, each of which would be a
+server error later; and it keeps the last of a field that is there twice. Here each is a fault with the pointer to where it
+stands.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterator
 from itertools import islice
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
-from service.errors import MOST_FAULTS, Fault, Invalid
+from service.errors import MOST_FAULTS, Fault, Invalid, pointer
+from service.web.wording import wording
 
 INT64 = range(-(2**63), 2**63)
 MOST_DEPTH = 64
@@ -31,6 +34,19 @@ class _Constant:
 
     def __init__(self, name: str) -> None:
         self.name = name
+
+
+class _Repeated(dict[str, Any]):
+    """An object with a member twice, of which Python would keep the last without a word."""
+
+    def __init__(self, pairs: list[tuple[str, Any]]) -> None:
+        super().__init__(pairs)
+        self.names = [name for name, count in Counter(name for name, _ in pairs).items() if count > 1]
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    made = dict(pairs)
+    return made if len(made) == len(pairs) else _Repeated(pairs)
 
 
 def refuse_unstorable_text(value: str) -> str:
@@ -71,7 +87,7 @@ def parse_json(body: bytes, *, most_values: int = MOST_VALUES) -> Any:
     if body.count(b",") + body.count(b"[") + body.count(b"{") > most_values:  # before anything is made of it
         raise Invalid("", f"the body has more than {most_values} values, as many as are read here")
     try:
-        value = json.loads(body.decode("utf-8"), parse_constant=_Constant)
+        value = json.loads(body.decode("utf-8"), parse_constant=_Constant, object_pairs_hook=_object)
     except UnicodeDecodeError as error:
         raise Invalid("", f"the body is not UTF-8: {error.reason} at byte {error.start}") from None
     except json.JSONDecodeError as error:
@@ -97,7 +113,7 @@ def _sound(value: Any, depth: int) -> bool:
             and len(value) <= MOST_MEMBERS
             and all(_sound(key, 0) and _sound(item, depth - 1) for key, item in value.items())
         )
-    return _scalar_fault(value) is None
+    return not isinstance(value, _Repeated) and _scalar_fault(value) is None
 
 
 def _faults(root: Any) -> Iterator[Fault]:
@@ -126,6 +142,8 @@ def _own_faults(value: Any, depth: int) -> Iterator[str]:
         if len(value) > MOST_MEMBERS:
             yield f"has {len(value)} members, at most {MOST_MEMBERS} are read"
         yield from (f"a field's name {fault}" for key in value if (fault := _text_fault(key)))
+        if isinstance(value, _Repeated):
+            yield from (f"the field {name[:100]!r} is there more than once, state it once" for name in value.names)
     elif not isinstance(value, list) and (fault := _scalar_fault(value)):
         yield fault
 
@@ -154,34 +172,19 @@ def _text_fault(value: str) -> str | None:
     return None
 
 
-def _escape(token: object) -> str:
-    """One step of a JSON pointer, escaped as RFC 6901 wants it; safe to print."""
-    text = str(token).encode("utf-8", "replace").decode("utf-8")
-    return text.replace("~", "~0").replace("/", "~1")
-
-
-def pointer(steps: Iterable[object]) -> str:
-    """The JSON pointer (RFC 6901) of a place: a `/` in a step is written `~1`, a `~` is written `~0`.
-
-    >>> pointer(["jobs", 3, "a/b"])
-    '/jobs/3/a~1b'
-    """
-    return "".join(f"/{_escape(step)}" for step in steps)
-
-
-def checked(adapter: TypeAdapter[Body], value: Any) -> Body:
+def checked(kind: type[Body], value: Any) -> Body:
     """A parsed body as its model.
 
     Args:
-        adapter: of the model.
+        kind: the model, or a list of models.
         value: what `json.loads` gave.
 
     Raises:
         Invalid: each of the first faults with its pointer.
     """
     try:
-        return adapter.validate_python(value)
+        return TypeAdapter(kind).validate_python(value)
     except ValidationError as error:
-        found = error.errors(include_url=False, include_context=False, include_input=False)
-        faults = [Fault(pointer(e["loc"]), e["msg"]) for e in found[:MOST_FAULTS]]
+        found = error.errors(include_url=False)
+        faults = [Fault(pointer(e["loc"]), wording(e, kind, e["loc"])) for e in found[:MOST_FAULTS]]
         raise Invalid(faults, count=len(found)) from None

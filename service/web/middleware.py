@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from urllib.parse import urlsplit
 
 import structlog
 from prometheus_client import Histogram
@@ -22,7 +23,7 @@ log = structlog.stdlib.get_logger("modalbase.http")
 
 
 class RequestMiddleware:
-    """Outermost layer: request id, one log line, and a problem document for what nobody expected."""
+    """Around all of the service: request id, one log line, and a problem document for what nobody expected."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
@@ -43,6 +44,8 @@ class RequestMiddleware:
                 status = message["status"]
                 headers = MutableHeaders(scope=message)
                 headers[HEADER] = request_id
+                if "//" in (location := headers.get("location", "")):
+                    headers["location"] = _on_this_host(location, scope["path"])
                 for name, value in HEADERS.items():
                     headers.setdefault(name, value)
             await send(message)
@@ -60,6 +63,14 @@ class RequestMiddleware:
         seconds = time.perf_counter() - began
         SECONDS.labels(_method(scope), _route(scope), status).observe(seconds)
         log.info("request", method=scope["method"], path=scope["path"], status=status, ms=round(1000 * seconds, 1))
+
+
+def _on_this_host(location: str, path: str) -> str:
+    """An address that the framework made, relative to the one asked for: it takes the host from the request, where anybody
+    may state any, and knows no prefix of a proxy.
+    """
+    to = urlsplit(location)
+    return "../" * (path.count("/") - 1) + to.path.lstrip("/") + (to.query and f"?{to.query}")
 
 
 def _method(scope: Scope) -> str:

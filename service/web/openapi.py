@@ -34,6 +34,10 @@ _PROBLEM = {
         "status": {"type": "integer", "description": "Of HTTP."},
         "detail": {"type": "string", "description": "What was found, what was expected, what to do."},
         "request_id": {"type": "string", "description": "Name of the request in the service's log."},
+        "confirmable": {
+            "type": "boolean",
+            "description": "True where numbers are probably in another unit: the same with `?confirm=true` is taken.",
+        },
         "errors": {
             "type": "array",
             "description": "Each wrong value, of a request that was understood but is wrong.",

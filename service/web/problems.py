@@ -17,7 +17,7 @@ from starlette.exceptions import HTTPException
 from fecore.errors import FecoreError, InputError
 from service import errors as e
 from service.request_id import current_request_id
-from service.web.json_body import pointer
+from service.web.wording import wording
 
 STATUS: dict[type[e.ServiceError], int] = {
     e.NotFound: 404,
@@ -39,7 +39,12 @@ log = structlog.stdlib.get_logger("modalbase.http")
 
 
 def problem(
-    status: int, detail: str, faults: Sequence[e.Fault] = (), headers: Mapping[str, str] | None = None
+    status: int,
+    detail: str,
+    faults: Sequence[e.Fault] = (),
+    headers: Mapping[str, str] | None = None,
+    *,
+    confirmable: bool = False,
 ) -> JSONResponse:
     """A problem document (RFC 9457) with the id of the request.
 
@@ -48,6 +53,7 @@ def problem(
         detail: what is wrong and what to do, in one sentence.
         faults: each with a JSON pointer into the body, or the name of the parameter or header.
         headers: such as `Retry-After`.
+        confirmable: the same with `confirm=true` is taken.
     """
     body: dict[str, Any] = {
         "type": "about:blank",
@@ -58,6 +64,8 @@ def problem(
     }
     if faults:
         body["errors"] = [{"pointer": fault.pointer, "detail": fault.detail} for fault in faults]
+    if confirmable:
+        body["confirmable"] = True
     return JSONResponse(body, status, headers=dict(headers or {}), media_type="application/problem+json")
 
 
@@ -79,24 +87,28 @@ def _service_error(_: Request, error: Exception) -> JSONResponse:
     headers = {"WWW-Authenticate": "Bearer"} if status == 401 else {}
     if isinstance(error, e.Later):
         headers["Retry-After"] = str(error.retry_after)
-    return problem(status, str(error), faults, headers)
+    return problem(status, str(error), faults, headers, confirmable=isinstance(error, e.Unusual))
 
 
 def _core_error(_: Request, error: Exception) -> JSONResponse:
     """The core names a field by dots; here it is a pointer, in the detail too."""
     if not isinstance(error, InputError):
         return problem(422, str(error))
-    found = e.Invalid(pointer(error.field.split(".")), error.message)
+    found = e.Invalid(e.pointer(error.field.split(".")), error.message)
     return problem(422, str(found), found.faults)
 
 
-def _validation_error(_: Request, error: Exception) -> JSONResponse:
+def _validation_error(request: Request, error: Exception) -> JSONResponse:
     """FastAPI's own validation. A path that cannot name anything names nothing: 404."""
     assert isinstance(error, RequestValidationError)
     found = error.errors()
     if any(fault["loc"][0] == "path" for fault in found):
         return problem(404, "no such thing: " + "; ".join(f"{f['loc'][-1]}: {f['msg']}" for f in found))
-    faults = [e.Fault(_location(fault["loc"]), fault["msg"]) for fault in found[: e.MOST_FAULTS]]
+    body = getattr(request.scope.get("route"), "body_field", None)
+    kind = None if body is None else body.field_info.annotation
+    faults = [
+        e.Fault(_location(fault["loc"]), wording(fault, kind, fault["loc"][1:])) for fault in found[: e.MOST_FAULTS]
+    ]
     invalid = e.Invalid(faults, count=len(found))
     return problem(422, str(invalid), invalid.faults)
 
@@ -131,7 +143,7 @@ def _operational_error(_: Request, error: Exception) -> JSONResponse:
 
 def _location(loc: Sequence[Any]) -> str:
     """Pydantic's location: a pointer into the body, or a parameter's name."""
-    return pointer(loc[1:]) if loc[0] == "body" else ".".join(str(step) for step in loc[1:])
+    return e.pointer(loc[1:]) if loc[0] == "body" else ".".join(str(step) for step in loc[1:])
 
 
 HANDLERS: dict[type[Exception], Callable[[Request, Exception], JSONResponse]] = {

@@ -7,20 +7,22 @@ import hashlib
 import io
 import tempfile
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
 from starlette.requests import ClientDisconnect
-from starlette.types import Message, Receive, Scope
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.errors import PayloadTooLarge, TooSlow
 
-MEMORY_BYTES = 1024 * 1024
+MEMORY_BYTES = 64 * 1024  # of a body that waits in memory: a thousand may wait
+BLOCK_BYTES = 1024 * 1024
 IDLE_SECONDS = 30.0  # between two blocks of a body
 GRACE_SECONDS = 60.0  # before its speed counts
 SLOWEST = 16_384  # bytes a second, on average
+LINGER_SECONDS, LINGER_BYTES = 20.0, 256 * 1024 * 1024  # for which a body that was refused is let come
 
 _SPOOL = "modalbase.body"
 
@@ -48,7 +50,7 @@ class Body:
             nonlocal ended
             if ended:
                 return await receive()
-            block = self.file.read(MEMORY_BYTES)
+            block = self.file.read(BLOCK_BYTES)
             ended = self.file.tell() == self.size
             return {"type": "http.request", "body": block, "more_body": not ended}
 
@@ -66,8 +68,14 @@ def body_of(scope: Scope) -> Body | None:
 
 
 @asynccontextmanager
-async def spooled_body(scope: Scope, receive: Receive, limit: int) -> AsyncIterator[Body]:
+async def spooled_body(scope: Scope, receive: Receive, limit: int, better: str = "") -> AsyncIterator[Body]:
     """Receive a request's body, which is gone at the end of the block.
+
+    Args:
+        scope: of the request.
+        receive: gives the body.
+        limit: the most bytes that it may have.
+        better: what else one may do with more.
 
     Raises:
         PayloadTooLarge: it has more bytes than `limit`.
@@ -84,7 +92,7 @@ async def spooled_body(scope: Scope, receive: Receive, limit: int) -> AsyncItera
             block = message.get("body", b"")
             size += len(block)
             if size > limit:
-                raise PayloadTooLarge(too_large(limit))
+                raise PayloadTooLarge(too_large(limit, better))
             if loop.time() - began > GRACE_SECONDS + size / SLOWEST:
                 raise TooSlow(f"the body comes too slowly: {size} bytes in {loop.time() - began:.0f} s")
             if size > MEMORY_BYTES and isinstance(file, io.BytesIO):
@@ -101,9 +109,29 @@ async def spooled_body(scope: Scope, receive: Receive, limit: int) -> AsyncItera
         file.close()
 
 
-def too_large(limit: int) -> str:
-    """What is said of a body of more bytes than `limit`."""
-    return f"the body is larger than {limit} bytes, the limit for its kind"
+def too_large(limit: int, better: str = "") -> str:
+    """What is said of a body of more bytes than `limit`, and what else one may do."""
+    return f"the body is larger than {limit} bytes, the limit for its kind{better}"
+
+
+async def answer_early(answer: ASGIApp, scope: Scope, receive: Receive, send: Send) -> None:
+    """Answer a request whose body is still coming, and let that come unread for a while: a client that sends all of it
+    before it listens would meet a broken connection instead of the answer.
+    """
+
+    async def unfinished(message: Message) -> None:
+        await send({**message, "more_body": True} if message["type"] == "http.response.body" else message)
+
+    await answer(scope, receive, unfinished)
+    left = LINGER_BYTES
+    with suppress(TimeoutError):
+        async with asyncio.timeout(LINGER_SECONDS):
+            while left > 0:
+                message = await receive()
+                left -= len(message.get("body", b""))
+                if not message.get("more_body", False):
+                    break
+    await send({"type": "http.response.body", "body": b""})
 
 
 async def _next(receive: Receive) -> Message:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import IO
 
@@ -45,11 +45,13 @@ class Upload:
         file: where it lies, for as long as the request is handled.
         filename: what the multipart field calls it, without folders; empty for a raw body.
         content_type: of the body, without parameters.
+        fields: the other fields of a multipart form, as text.
     """
 
     file: Spooled
     filename: str
     content_type: str
+    fields: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -106,16 +108,16 @@ async def received(request: Request) -> AsyncIterator[Upload]:
     if kind != "multipart/form-data" and body is not None and (path := body.on_disk()):
         yield Upload(Spooled(path, body.size, body.sha256), "", kind)
         return
-    filename = ""
+    filename, fields = "", dict[str, str]()
     with tempfile.NamedTemporaryFile(prefix="modalbase-upload-") as spool:
         if kind == "multipart/form-data":
             async with multipart(request) as form:
-                filename, kind = form.filename, form.content_type
+                filename, kind, fields = form.filename, form.content_type, form.fields
                 size, sha256 = await run_in_threadpool(_copy, form.file.file, spool)
         else:
             size, sha256 = await _raw(request.stream(), spool)
         spool.flush()
-        yield Upload(Spooled(Path(spool.name), size, sha256), filename, kind)
+        yield Upload(Spooled(Path(spool.name), size, sha256), filename, kind, fields)
 
 
 async def _raw(body: AsyncIterator[bytes], spool: IO[bytes]) -> tuple[int, bytes]:

@@ -273,6 +273,17 @@ def test_who_has_no_mouse_gets_everywhere(running: Browser, service: LocalServic
         page.wait_for_selector("[name='structure/geometry/thickness_m'][aria-invalid=true]")
         assert "thickness of 0.9 m is not below the length" in page.inner_text(".faults")
         assert page.evaluate("document.activeElement.name") == "structure/geometry/thickness_m"
+        page.fill("[name='structure/geometry/thickness_m']", "400")
+        doubts: list[str] = []
+        page.once("dialog", lambda dialog: (doubts.append(dialog.message), dialog.dismiss()))
+        page.click("button:text('Store the test')")
+        page.wait_for_selector(".faults:has-text('usual is')")
+        assert "is 0.4 m (400 mm), usual is 5e-5 m (0.05 mm) to 0.3 m (300 mm); did you mean 0.0004 m" in doubts[0]
+        page.once("dialog", lambda dialog: dialog.accept())
+        with page.expect_navigation():
+            page.click("button:text('Store the test')")
+        assert "/ui/campaigns/" in page.url
+        seen.complaints.clear()  # the console names each 422
         page.goto("/ui/keys")
         page.fill("[name=name]", "spare")
         page.press("[name=name]", "Enter")

@@ -141,13 +141,18 @@ def test_values_have_the_digits_that_their_uncertainty_leaves(capsys: pytest.Cap
     assert said.err == "warning: look\n"
 
 
-def test_a_size_in_metres_is_made_and_questioned(run: Run, project: str) -> None:
-    for size, said in (
-        ("0.5x0.04x0.01", "--size 0.5x0.04x0.01: the longest side is 0.5 mm; sizes are in mm\n"),
-        ("500x40x10", ""),
-    ):
-        made = run("structures", "--project", project, "--new", size, "--size", size, "--json")
-        assert made.stderr == said
+def test_a_size_in_metres_is_refused_until_it_is_confirmed(run: Run, project: str) -> None:
+    def new(size: str, *more: str, code: int = 0) -> subprocess.CompletedProcess[str]:
+        return run("structures", "--project", project, "--new", size, "--size", size, "--json", *more, code=code)
+
+    said = one_line(new("0.5x0.04x0.01", code=REFUSED))
+    assert (
+        "/geometry/length_m: is 0.0005 m (0.5 mm), usual is 0.02 m (20 mm) to 100 m; did you mean 0.5 m (500 mm)?"
+        in said
+    )
+    assert "--confirm" in said
+    assert json.loads(new("0.5x0.04x0.01", "--confirm").stdout)["geometry"]["length_m"] == 0.0005
+    assert new("500x40x10").stderr == ""
 
 
 def test_structures_are_listed_for_the_commands_that_want_their_id(run: Run, structure: str, project: str) -> None:
@@ -232,9 +237,12 @@ def test_coupons_come_in_from_a_machines_files(run: Run, api: httpx.Client, stru
     wrong = tmp_path / "wrong.json"
     wrong.write_text('{"specimens": ["A1"]}')
     assert "specimens" in one_line(run("coupons", batch, tmp_path / "A1.csv", "--about", wrong, code=USAGE))
-    again = one_line(run("coupons", batch, tmp_path / "A1.csv", "--about", about, code=REFUSED))
-    assert "A1.csv" in again
-    assert "already" in again
+    again = json.loads(run("coupons", batch, tmp_path / "A1.csv", "--about", about, "--json").stdout)
+    assert again == done  # sent again as it was, it is there already
+    other = (tmp_path / "A1.csv").rename(tmp_path / "A3.csv")
+    refused = one_line(run("coupons", batch, other, "--about", about, code=REFUSED))
+    assert "A3.csv" in refused
+    assert "already, as specimen A1" in refused
 
 
 def test_a_file_that_cannot_be_read_fails_by_name(run: Run, campaign: str, uff: Path, tmp_path: Path) -> None:

@@ -100,6 +100,28 @@ def frfs_travel_both_ways(lab: modalbase.Laboratory, campaign: Any, folder: Path
     assert modalbase.read_uff(second.export(folder / "copy.uff"))
 
 
+def test_a_script_can_be_run_twice(lab: modalbase.Laboratory) -> None:
+    def script(thickness: float = 0.01012) -> list[Any]:
+        beam = lab.project("twice", create=True).structure("beam", create=True, **{**BODY, "thickness_m": thickness})
+        when = "2026-03-02T10:30:00+01:00"  # the service says 09:30Z
+        march = beam.campaign("March", create=True, boundary="free", performed_at=when, sensor_mass_kg=0.002)
+        batch = beam.coupon_batch("0 degrees", create=True, constants=["Ex"])
+        modes = march.mode_set("Table 3", create=True, modes=paper.MODES[::-1])
+        return [beam, march, batch, modes, beam.monitor("ageing", create=True, parameters=[{"name": "Ex"}])]
+
+    assert script() == script()
+    with pytest.raises(
+        modalbase.ClientError, match=r"beam' is there already.*geometry\.thickness_m is 0\.01012, not 0\.012"
+    ):
+        script(0.012)
+    with pytest.raises(TypeError, match="create=True"):
+        lab.project("twice").structure("beam", length_m=0.5)
+    with pytest.warns(UserWarning, match=r"there is a project 'twice' already; lab\.project\('twice', create=True\)"):
+        lab.new_project("twice")
+    with pytest.raises(modalbase.ClientError, match="2 projects are named 'twice'"):
+        lab.project("twice", create=True)
+
+
 def test_a_job_that_fails_says_why(lab: modalbase.Laboratory) -> None:
     beam = lab.new_project("fails").new_structure("beam", **BODY)
     campaign = beam.new_campaign("empty", "cantilever")

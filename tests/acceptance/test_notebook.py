@@ -5,12 +5,10 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import httpx
 import pytest
 
-from service.demo.paper import uff_file
 from service.supervisor import LocalService
 from tests.support.command import environment
 from tests.support.places import ROOT
@@ -38,18 +36,17 @@ def test_an_update_without_the_service() -> None:
     assert "100 % done" in ended.stderr
 
 
-def test_the_main_job_in_ten_lines(service: LocalService, api: httpx.Client, tmp_path: Path) -> None:
+def test_the_main_job_in_ten_lines(service: LocalService, api: httpx.Client) -> None:
     lines = [
         line
         for line in (ROOT / "examples" / "notebook.py").read_text().splitlines()
         if line.strip() and not line.startswith('"""')
     ]
     assert len(lines) <= 10
-    (tmp_path / "beam.uff").write_bytes(uff_file())
     key = api.headers["authorization"].split()[1]
     ended = subprocess.run(
         [sys.executable, str(ROOT / "examples" / "notebook.py")],
-        cwd=tmp_path,
+        cwd=ROOT,
         env=environment(MODALBASE_URL=service.url, MODALBASE_API_KEY=key),
         capture_output=True,
         text=True,

@@ -49,6 +49,10 @@ def is_problem(answer: httpx.Response, status: int) -> dict[str, object]:
         (rb'{"name": "a\u0000b"}', "/name", "NUL"),
         (rb'{"name": "\ud800"}', "/name", "lone surrogate"),
         (rb'{"a\u0000": 1, "name": "x"}', "", "NUL"),
+        (b'{"name": "x", "name": "x"}', "", "the field 'name' is there more than once"),
+        (b'{"name": {"a": [{"b/c": 1, "d": 2, "b/c": 3}]}}', "/name/a/0", "the field 'b/c' is there more than once"),
+        (rb'{"name": "x", "\u006eame": "y"}', "", "the field 'name' is there more than once"),
+        (rb'{"name": "x", "\ud800": 1, "\ud800": 2}', "", "lone surrogate"),
         (b'{"name": 9223372036854775808}', "/name", "64-bit"),
         (b'{"name": ' + b"9" * 5000 + b"}", "", "thousands of digits"),
         (b"[" * 20_000, "", "nested too deeply"),
@@ -56,7 +60,7 @@ def is_problem(answer: httpx.Response, status: int) -> dict[str, object]:
         (b"[" * 200_000, "", "more than 50000 values"),
         (b'{"name": "x", "description": "' + b"y" * 10_001 + b'"}', "/description", "at most 10000 characters"),
         (b'{"name": "x", "description": "' + b"y" * 100_001 + b'"}', "/description", "at most 100000 are read"),
-        (b'{"name": "x", "colour": 1}', "/colour", "not permitted"),
+        (b'{"name": "x", "colour": 1}', "/colour", "is no member here; there is name, description"),
         (b'{"name": 5}', "/name", "valid string"),
         (b'{"name": ""}', "/name", "at least 1"),
         (b'{"name": " \\t"}', "/name", "match pattern"),
@@ -158,9 +162,56 @@ def small(new_database: Callable[[], str]) -> Iterator[LocalService]:
         docs=False,
         pages=False,
         metrics=False,
+        allowed_hosts="Lab.example, *.inside.example, [fd00::7]",
     )
     with LocalService(settings, worker=False) as running:
         yield running
+
+
+@pytest.mark.parametrize(
+    ("path", "to"),
+    [
+        ("/ui", "ui/"),
+        ("/ui/update-jobs/?status=failed", "../../ui/update-jobs?status=failed"),
+        ("/api/v1/projects/", "../../../api/v1/projects"),
+        ("/guide", "guide/"),
+        ("/", "ui/"),
+    ],
+)
+def test_redirects_stay_on_this_host_and_below_its_prefix(api: httpx.Client, path: str, to: str) -> None:
+    answer = api.get(api.base_url.join(path), headers={"Host": "evil.example"})
+    assert answer.status_code == 307
+    assert answer.headers["location"].removeprefix("./") == to
+    assert api.get(answer.url.join(to)).status_code < 400
+
+
+@pytest.mark.parametrize(
+    ("host", "known"),
+    [
+        ("lab.example", True),
+        ("LAB.example.:8443", True),
+        ("a.inside.example", True),
+        ("[fd00::7]:8000", True),
+        ("localhost:1", True),
+        ("[::1]", True),
+        ("inside.example", False),
+        ("notlab.example", False),
+        ("lab.example.evil.example", False),
+        ("evil.example", False),
+        ("[::1", False),
+        ("", False),
+    ],
+)
+def test_a_service_answers_to_its_names_alone_where_they_are_listed(
+    small: LocalService, host: str, known: bool
+) -> None:
+    with httpx.Client(base_url=small.url, headers={"Host": host}, trust_env=False, timeout=60) as client:
+        assert client.get("/readyz").is_success  # probes know no name
+        answer = client.get("/api/v1/projects")
+    if known:
+        is_problem(answer, 401)
+    else:
+        assert "MODALBASE_ALLOWED_HOSTS" in str(is_problem(answer, 421)["detail"])
 
 
 def test_body_over_the_limit_is_413(small: LocalService, beam: dict[str, Any]) -> None:
@@ -336,7 +387,7 @@ def test_text_and_truth_values_are_no_numbers(
 
 def test_a_float_of_integer_value_is_an_integer(api: httpx.Client, structure: str) -> None:
     """As numpy writes them."""
-    body = {"name": "c", "boundary": "free", "instruments": {"sensor_mass_kg": 1, "sensor_point": 3.0}}
+    body = {"name": "c", "boundary": "free", "instruments": {"sensor_mass_kg": 0, "sensor_point": 3.0}}
     made = api.post(f"structures/{structure}/campaigns", json=body)
     assert made.status_code == 201, made.text
     assert made.json()["instruments"]["sensor_point"] == 3

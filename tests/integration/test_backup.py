@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,7 +16,8 @@ from sqlalchemy import Engine, LargeBinary, insert, inspect, select, text
 import service.composition  # noqa: F401  imports every table
 from fecore import __version__
 from service.access.tables import Member, Project, User
-from service.backup.archive import MANIFEST, BackupError
+from service.backup.archive import MANIFEST, BackupError, read_manifest
+from service.backup.reading_back import read_back
 from service.backup.restoring import restore_backup
 from service.backup.verification import CHECKED, find_damage
 from service.backup.writing import our_tables, write_backup
@@ -24,6 +26,7 @@ from service.db.engine import make_engine, make_sessions
 from service.db.schema import head_revision, require_head, upgrade
 from service.jobs.tables import Job
 from tests.integration.test_migrations import fill, revisions
+from tests.support.command import modalbase_here
 
 
 @pytest.fixture
@@ -204,6 +207,53 @@ def middle(content: bytes, member: ZipInfo) -> int:
     return member.header_offset + before + member.compress_size // 2
 
 
+@pytest.mark.parametrize("damage", ["a table's rows", "the manifest", "the end"])
+def test_a_backup_that_cannot_be_read_back_is_none(
+    engine: Engine, database: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: str
+) -> None:
+    """A disk that keeps something else than it was given."""
+    content = backup_of(engine, tmp_path / "sound").read_bytes()
+    with ZipFile(tmp_path / "sound") as archive:
+        *tables, manifest = archive.infolist()
+    place = {"a table's rows": middle(content, tables[-1]), "the manifest": middle(content, manifest)}.get(damage)
+    file, flush = tmp_path / "backup", os.fsync
+
+    def rot(descriptor: int) -> None:
+        flush(descriptor)
+        with file.with_name("backup.part").open("r+b") as disk:
+            if place is None:
+                disk.truncate(len(content) // 2)
+            else:
+                disk.seek(place)
+                byte = disk.read(1)[0]
+                disk.seek(place)
+                disk.write(bytes([byte ^ 1]))
+
+    monkeypatch.setattr(os, "fsync", rot)
+    said = modalbase_here("backup", file, code=1, MODALBASE_DATABASE_URL=database).stderr
+    assert said.startswith("modalbase: the backup was written and cannot be read back; is the disk sound?"), said
+    assert len(said.splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["sound"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        (b'"rows": 1,', b'"rows": 2,', "its table users is not what was written"),
+        (b'"name": "users"', b'"name": "people"', "its manifest is not what was written"),
+    ],
+)
+def test_rows_are_counted_when_a_backup_is_read_back(
+    engine: Engine, tmp_path: Path, old: bytes, new: bytes, says: str
+) -> None:
+    file = backup_of(engine, tmp_path / "backup")
+    other = changed(file, old, new)
+    with ZipFile(other if "rows" in str(old) else file) as archive:
+        expected = read_manifest(file, archive)
+    with pytest.raises(BackupError, match=says):
+        read_back(other, expected)
+
+
 def test_a_newer_version_s_backup_is_refused(engine: Engine, target: Engine, tmp_path: Path) -> None:
     with engine.begin() as connection:
         connection.execute(text("UPDATE alembic_version SET version_num = '9999_future'"))
@@ -229,6 +279,19 @@ def changed(file: Path, old: bytes, new: bytes) -> Path:
             content = source.read(name)
             target.writestr(name, content.replace(old, new) if name == MANIFEST else content)
     return other
+
+
+def test_a_table_that_is_cut_short_in_a_sound_zip_is_named_in_one_line(
+    engine: Engine, target: Engine, tmp_path: Path
+) -> None:
+    whole, cut = backup_of(engine, tmp_path / "backup"), tmp_path / "cut"
+    with ZipFile(whole) as source, ZipFile(cut, "w") as written:
+        for name in source.namelist():
+            content = source.read(name)
+            written.writestr(name, content[:-9] if name == "tables/users" else content)
+    with pytest.raises(BackupError, match=r"the backup's table users is damaged: [^\n]+$"):
+        restore_backup(target, cut)
+    assert inspect(target).get_table_names() == []
 
 
 @pytest.mark.parametrize(

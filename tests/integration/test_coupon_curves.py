@@ -253,7 +253,9 @@ def test_a_damaged_curve_is_not_handed_out(
 
 
 def test_the_same_file_is_not_counted_twice(send: Callable[..., httpx.Response], checked: Checked) -> None:
-    checked(send(machine_file(CURVE)), 201)
+    first = checked(send(machine_file(CURVE)), 201)
+    assert checked(send(machine_file(CURVE)), 201) == first  # a script that is run again
+    assert "as specimen A1" in checked(send(machine_file(CURVE), failure_code="AGM"), 409)["detail"]
     problem = checked(send(machine_file(CURVE), specimen="A2"), 409)
     assert "run 1 of this file already, as specimen A1" in problem["detail"]
 

@@ -12,15 +12,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
+from urllib.parse import unquote
 from uuid import uuid4
 
 import httpx
 import numpy as np
+import psycopg
 import pytest
 
+from benchmarks.soak_small import small_campaigns
 from service.demo.laboratory import Laboratory
 from service.supervisor import LocalService
-from tests.support.rest import client_at, finished, ok, result_of, session_client
+from tests.support.rest import client_at, finished, ok, plain_client, result_of, session_client
 
 BEGINNINGS = {"plotly": b'{"data":', "svg": b"<?xml", "png": b"\x89PNG", "pdf": b"%PDF"}
 EXACT = dict.fromkeys((
@@ -309,6 +312,51 @@ def test_the_report_says_what_the_result_says_and_stands_alone(demo: Done) -> No
     assert printed.headers["content-disposition"].startswith("inline")
     assert printed.content.startswith(b"%PDF")
     assert len(re.findall(rb"/Type /Page\b", printed.content)) >= 6
+
+
+def test_what_a_browser_opens_and_cannot_be_made_is_said_on_a_page(demo: Done, service: LocalService) -> None:
+    """A script gets the problem document of the same status and words, whatever went wrong."""
+    looked_for = {"Accept": "text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8"}
+    job = demo.path.removeprefix("update-jobs/")
+    expected = [
+        (f"update-jobs/{uuid4()}/report?format=pdf", 404, "no update job"),
+        (f"{demo.path}/figures/stabilisation?format=png", 409, "stabilisation diagram"),
+        (f"{demo.path}/report?format=odt", 422, "format"),
+        (f"{demo.path}/report?format=pdf", 500, "an unexpected error"),
+    ]
+    with (
+        session_client(demo.api, base=service.url) as browser,
+        psycopg.connect(service.settings.database_url or "", autocommit=True) as database,
+    ):
+        (kept,) = database.execute("SELECT prediction FROM update_results WHERE id = %s", [job]).fetchone() or ()
+        damage = "UPDATE update_results SET prediction = %s WHERE id = %s"
+        database.execute(damage, [b"no archive", job])
+        try:
+            answers = [browser.get(f"/api/v1/{path}", headers=looked_for) for path, _, _ in expected]
+            problems = [demo.api.get(path) for path, _, _ in expected]
+        finally:
+            database.execute(damage, [kept, job])
+        for answer, problem, (path, status, said) in zip(answers, problems, expected, strict=True):
+            assert (answer.status_code, problem.status_code) == (status, status), path
+            assert answer.headers["content-type"] == "text/html; charset=utf-8", path
+            assert problem.headers["content-type"] == "application/problem+json", path
+            assert "script-src 'self'" in answer.headers["content-security-policy"]
+            assert answer.headers["x-request-id"] in answer.text
+            assert said in answer.text, path
+            assert said in problem.text, path
+    with plain_client(service.url) as nobody:
+        report = f"/api/v1/{demo.path}/report?format=pdf"
+        led = nobody.get(report, headers=looked_for)
+        assert (led.status_code, unquote(led.headers["location"])) == (303, f"../../../../sign-in?next={report[1:]}")
+        assert nobody.get(report).status_code == 401
+
+
+def test_a_campaign_of_one_frf_has_every_figure_and_its_report(demo: Done, service: LocalService) -> None:
+    """Its arrays, of 1,000 lines, are stored in fewer bytes than are read at a time."""
+    with plain_client(service.url, dict(demo.api.headers)) as client:
+        answers = dict(small_campaigns(client, sizes=((1, 1),), formats=("plotly", "svg")))
+    assert {asked.split(": ")[1].split("?")[0] for asked in answers} >= {"report", "figures/frf", "figures/shapes"}
+    assert set(answers.values()) == {200}, answers
 
 
 @pytest.mark.parametrize(

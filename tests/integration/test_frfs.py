@@ -197,6 +197,8 @@ def test_different_axes_are_named(api: httpx.Client, campaign: str, checked: Che
         ({"values": np.ones((4, 50))}, "/values"),
         ({"values": np.ones((4, 49), complex)}, "/values"),
         ({"values": np.full((4, 50), complex(np.nan, 0))}, "/values"),
+        ({"values": np.full((4, 50), complex(1e300, 0))}, "/values"),
+        ({"values": np.full((4, 50), complex(0, 1e-300))}, "/values"),
         ({"frequency_hz": np.arange(50)[::-1]}, "/frequency_hz"),
         ({"frequency_hz": np.full(50, np.inf)}, "/frequency_hz"),
         ({"frequency_hz": np.arange(50).astype(str)}, "/frequency_hz"),

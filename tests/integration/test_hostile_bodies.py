@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+import json
+import urllib.error
+import urllib.request
 import zipfile
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -198,3 +201,18 @@ def test_measured_values_in_json_are_held_to_elements_depth_and_text(service: Lo
         assert (fault["pointer"], "at most 100000 are read" in fault["detail"]) == (pointer, True)
         (fault,) = faults(many % b",".join([b"0"] * 20_000))  # 20,000 faults once were 2 MB of answer
         assert len(str(fault)) < 300
+
+
+@pytest.mark.parametrize("kind", ["frfs", "records"])
+def test_a_body_over_its_limit_is_refused_in_words_that_its_sender_can_read(
+    api: httpx.Client, service: LocalService, campaign: str, kind: str
+) -> None:
+    """The standard library sends all of a body before it listens: it once met a broken pipe."""
+    body = b"[" + b"1.25," * (18 * MIB // 5) + b"0]"
+    headers = {"Authorization": api.headers["Authorization"], "Content-Type": "application/json"}
+    address = f"{service.url}/api/v1/campaigns/{campaign}/{kind}"
+    request = urllib.request.Request(address, data=body, headers=headers)
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        urllib.request.build_opener(urllib.request.ProxyHandler({})).open(request, timeout=60)
+    detail = json.load(refused.value)["detail"]
+    assert (refused.value.code, str(16 * MIB) in detail, "such as npz" in detail) == (413, True, True)

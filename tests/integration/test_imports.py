@@ -249,6 +249,16 @@ def test_a_point_that_lies_elsewhere_stops_the_import(
     assert stored(campaign)["grid_points"] == 3
 
 
+def test_values_that_no_structure_has_are_refused_with_their_size(campaign: str, imported: Imported) -> None:
+    wild = [function(2, 1, [1e300 + 0j] * 3), function(3, 1, [1j * 1e-300] * 3)]
+    done = imported(campaign, (HEADER + function(1, 1, [1 + 1j] * 3) + "".join(wild)).encode())
+    assert (done["status"], done["counts"]["frfs"]) == ("succeeded", 1)
+    assert [(each["outcome"], each["reason"]) for each in done["datasets"][-2:]] == [
+        ("refused", f"reaches {size}, expected its largest between 1e-100 and 1e+100; check unit and scale")
+        for size in ("1e+300", "1e-300")
+    ]
+
+
 def test_a_file_with_nothing_to_store_says_why(
     campaign: str, imported: Imported, uff_corpus: Path, stored: Callable[[str], dict[str, int]]
 ) -> None:

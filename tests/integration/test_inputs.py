@@ -8,7 +8,12 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
+from sqlalchemy import JSON, Engine, update
 
+import service.composition  # noqa: F401  imports every table
+from service.db.base import Base
+from service.demo import paper
+from service.errors import NotFinite
 from tests.support.cantilever import MEASURED_HZ
 from tests.support.rest import finished, ok, pointers, posted, result_of
 
@@ -96,3 +101,66 @@ def test_impossible_inputs_are_refused_by_their_field(
     assert (twice.status_code, pointers(twice.json())) == (422, {"/inputs"})
     recipe = api.post(f"campaigns/{new_campaign()}/update-jobs", json={"inputs": both})
     assert (recipe.status_code, pointers(recipe.json())) == (422, {"/inputs"})
+
+
+def test_a_clamp_that_is_none_is_refused_at_every_door(
+    api: httpx.Client,
+    structure: str,
+    new_campaign: Callable[..., str],
+    rows: Callable[..., list[dict[str, Any]]],
+) -> None:
+    soft = {"clamp_compliance_sd": 100}
+    campaign = new_campaign()
+    described = {"name": "soft", "boundary": "cantilever", "inputs": soft}
+    jobs = [{"campaign_id": campaign, "recipe": {"inputs": soft}}, {"campaign_id": new_campaign()}]
+    doors = {
+        f"campaigns/{campaign}/update-jobs": ({"inputs": soft}, "/inputs"),
+        f"structures/{structure}/campaigns": (described, "/inputs"),
+        f"structures/{structure}/monitors": ({"name": "m", "recipe": {"inputs": soft}}, "/inputs"),
+        "update-jobs": ({"joint": True, "jobs": jobs}, "/jobs/0/recipe/inputs"),
+    }
+    for path, (body, at) in doors.items():
+        refused = ok(api.post(path, json=body), 422)
+        assert pointers(refused) == {f"{at}/clamp_compliance_sd"}, path
+    changed = api.patch(f"campaigns/{campaign}", json={"inputs": soft}, headers={"If-Match": "*"})
+    assert pointers(ok(changed, 422)) == {"/inputs/clamp_compliance_sd"}
+
+    # An earlier version took it: what it stored is shown, and an update says what is wrong.
+    rows("""UPDATE campaigns SET inputs = '{"clamp_compliance_sd": 100}' WHERE id = %s RETURNING id""", campaign)
+    assert ok(api.get(f"campaigns/{campaign}"))["inputs"]["clamp_compliance_sd"] == 100
+    begun = api.post(f"campaigns/{campaign}/update-jobs", json={"mode_set": modes_under_a_window(api, campaign)})
+    job = finished(api, begun.headers["Location"])
+    assert (job["status"], job["error"]["reason"]) == ("failed", "refused")
+    assert "expected at most 1: there the clamp turns as easily as the specimen bends" in job["message"]
+
+
+def test_a_result_that_json_cannot_hold_is_refused_by_its_place(
+    api: httpx.Client, campaign: str, imported: Callable[..., dict[str, Any]]
+) -> None:
+    """A sensor whose mass is known to within 1,000 t leaves the moduli open: their intervals end at infinity."""
+    assert imported(campaign, paper.uff_file())["status"] == "succeeded"
+    modes = posted(api, f"campaigns/{campaign}/mode-sets", {"name": "published", "modes": paper.MODES})["id"]
+    recipe = {"mode_set": modes, "inputs": {"sensor_mass_sd_kg": 1e6}, "damping_models": ["rayleigh"]}
+    job = finished(api, api.post(f"campaigns/{campaign}/update-jobs", json=recipe).headers["Location"])
+    assert (job["status"], job["error"]["reason"], job["error"]["type"]) == ("failed", "refused", "NotFinite")
+    assert job["message"].startswith("the result has no finite number at /parameters/0/interval_95/1"), job["message"]
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
+def test_no_column_of_the_database_takes_a_number_that_json_lacks(engine: Engine, number: float) -> None:
+    """Whichever kind of job stores it: of every table the columns that hold documents."""
+    columns = [
+        column for table in Base.metadata.tables.values() for column in table.columns if isinstance(column.type, JSON)
+    ]
+    assert {column.table.name for column in columns} >= {
+        "update_results",
+        "joint_updates",
+        "processings",
+        "identifications",
+        "mode_sets",
+        "monitor_series",
+        "monitor_runs",
+    }
+    for column in columns:
+        with pytest.raises(NotFinite, match="no finite number at /a/1;"), engine.connect() as connection:
+            connection.execute(update(column.table).values({column: {"a": [1.0, float(number)]}}))

@@ -69,6 +69,7 @@ def test_progress_is_seen_while_it_runs(works: Works) -> None:
         ("overdue", "time", "longer than the 0.5 s"),
         ("crashing", "crash", "SIGSEGV"),
         ("refusing", "refused", "geometry.length_m: is 0, expected more"),
+        ("diverging", "refused", "the fit has run away"),  # its details have NaN and Infinity
         ("buggy", "internal", "internal error (KeyError)"),
         ("bad load", "internal", "internal error (LookupError)"),
         ("bad store", "internal", "internal error (ZeroDivisionError)"),

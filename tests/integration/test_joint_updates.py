@@ -10,7 +10,8 @@ import httpx
 import numpy as np
 import pytest
 
-from examples.joint_update import paper_bar_over_rest
+import modalbase
+from examples.joint_update import paper_bar_together
 from fecore.updating.campaigns.layout import Campaign
 from service.supervisor import LocalService
 from tests.support.rest import finished, mode_rows, ok, session_client
@@ -57,6 +58,20 @@ def jobs(api: httpx.Client, project: str) -> list[dict[str, Any]]:
     random = np.random.default_rng(3)
     cuts = [("strip 0", 0.0), ("strip 90", 90.0), ("strip 45", 45.0)]
     return [stored(api, project, measured(random, name, STRIP, angle)) for name, angle in cuts]
+
+
+def test_an_update_from_nine_modes_has_its_report_on_paper(api: httpx.Client, jobs: list[dict[str, Any]]) -> None:
+    """All nine pairs of shapes in one figure are higher than a page."""
+    begun = api.post(f"campaigns/{jobs[0]['campaign_id']}/update-jobs", json=jobs[0]["recipe"])
+    location = api.base_url.join(begun.headers["Location"])
+    assert finished(api, begun.headers["Location"])["status"] == "succeeded"
+    assert len(ok(api.get(f"{location}/result"))["modes"]) == 9
+    page = api.get(f"{location}/report").text
+    assert "Mode shapes, measured and updated: modes 1 to 5" in page
+    assert "Mode shapes, measured and updated: modes 6 to 9" in page
+    printed = api.get(f"{location}/report", params={"format": "pdf"})
+    assert (printed.status_code, printed.content[:4]) == (200, b"%PDF"), printed.text
+    assert printed.content.count(b"/Subtype /Image") == page.count("<img")
 
 
 def test_strips_at_three_angles_are_one_material(
@@ -115,13 +130,17 @@ def test_strips_at_three_angles_are_one_material(
     ok(new_client().get(api.base_url.join(location)), 404)
 
 
-def test_the_example_finds_one_modulus_and_the_clamp(api: httpx.Client) -> None:
-    result = paper_bar_over_rest(api)
+def test_the_example_finds_one_modulus_and_the_clamp(api: httpx.Client, service: LocalService) -> None:
+    lab = modalbase.connect(service.url, api.headers["authorization"].split()[1])
+    result = paper_bar_together(lab)
     (modulus,) = [row for row in result["parameters"] if row["name"] == "Ex"]
     assert modulus["estimate"] == pytest.approx(32.46e9, rel=0.01)
     assert all(abs(part["alone"]["Ex"]["z"]) <= 2 for part in result["campaigns"])
     (root,) = [own for own in result["campaigns"][0]["own"] if own["name"] == "clamp_compliance"]
     assert root["interval_95"][0] < 0.0117 < root["interval_95"][1]
+    assert paper_bar_together(lab)["parameters"] == result["parameters"]  # run twice, on what the first made
+    assert [one.name for one in lab.projects()].count("one bar, two tests") == 1
+    lab.connection.close()
 
 
 def test_what_cannot_be_taken_together_is_refused_with_its_place(

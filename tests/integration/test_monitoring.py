@@ -406,15 +406,15 @@ def test_a_schedule_is_kept(sessions: Sessions) -> None:
         ({"parameters": [{"name": "Ey"}]}, "/parameters/0/name", "not updated by the recipe, which updates Ex"),
         ({"parameters": [{"name": "Ex"}, {"name": "Ex"}]}, "/parameters", "Ex is there twice"),
         ({"parameters": []}, "/parameters", "at least 1"),
-        ({"baseline": {"campaigns": 3}}, "/baseline/campaigns", "greater than or equal to 4"),
+        ({"baseline": {"campaigns": 3}}, "/baseline/campaigns", "is 3, expected at least 4"),
         ({"covariates": ["temperature_c"]}, "", "too few campaigns"),
         ({"horizon": 2, "pending": 3}, "", "horizon"),
         ({"runs_on": "schedule"}, "", "a schedule belongs to"),
         ({"runs_on": "schedule", "schedule": "every day"}, "", "five cron fields"),
         ({"mail_to": ["nobody"]}, "/mail_to", "nobody is no mail address"),
         ({"recipe": {"prior_from_coupon_batch": str(uuid4())}}, "/recipe/prior_from_coupon_batch", "no coupon batch"),
-        ({"false_alarm_rate": 0}, "/false_alarm_rate", "greater than 0"),
-        ({"treshold": 3}, "/treshold", "not permitted"),
+        ({"false_alarm_rate": 0}, "/false_alarm_rate", "is 0, expected more than 0"),
+        ({"treshold": 3}, "/treshold", "is no member here; there is name, recipe"),
     ],
 )
 def test_a_monitor_that_makes_no_sense_is_refused(lab: Lab, fields: Any, pointer: str, says: str) -> None:

@@ -33,6 +33,24 @@ from tests.support.waiting import until
 
 LOOPBACK = Settings(webhook_networks="127.0.0.0/8", webhook_ports="1-65535", delivery_pause_seconds=0.05)
 ANYWHERE = destinations(Settings())
+REGISTERED = [
+    "0.255.255.255", "10.255.255.255", "100.64.0.0", "100.127.255.255", "127.255.255.255", "169.254.255.255", "172.16.0.0",
+    "172.31.255.255", "192.0.0.0", "192.0.0.8", "192.0.0.9", "192.0.0.10", "192.0.0.170", "192.0.0.192", "192.0.0.255",
+    "192.0.2.255", "192.31.196.1", "192.52.193.1", "192.88.99.1", "192.168.255.255", "192.175.48.1", "198.18.0.0",
+    "198.19.255.255", "198.51.100.1", "203.0.113.255", "239.255.255.255", "240.0.0.1", "255.255.255.255",
+    "[::ffff:1.1.1.1]", "[64:ff9b::1.1.1.1]", "[64:ff9b:1::101:101]", "[100::1]", "[100:0:0:1::1]", "[2001::1]",
+    "[2001:1::1]", "[2001:1::2]", "[2001:2::1]", "[2001:3::1]", "[2001:4:112::1]", "[2001:10::1]", "[2001:20::1]",
+    "[2001:30::1]", "[2001:1ff::1]", "[2001:db8::1]", "[2002:101:101::1]", "[2620:4f:8000::1]", "[3fff::1]", "[5f00::1]",
+    "[fdff::1]", "[febf::1]", "[fec0::1]", "[ff02::1]", "[4000::1]", "[1fff::1]",
+]  # fmt: skip
+"""Of every network of the registries an address, ends of some, and what is no unicast or not assigned."""
+PUBLIC = [
+    "1.0.0.0", "9.255.255.255", "11.0.0.0", "100.63.255.255", "100.128.0.0", "126.255.255.255", "128.0.0.0", "169.253.255.255",
+    "169.255.0.0", "172.15.255.255", "172.32.0.0", "192.0.1.0", "192.0.3.0", "192.167.255.255", "192.169.0.0",
+    "198.17.255.255", "198.20.0.0", "223.255.255.255", "[2001:200::1]", "[2003::1]", "[2606:4700::1111]", "[2a00::1]",
+    "[2620:4f:8001::1]", "[3ffe::1]",
+]  # fmt: skip
+"""What lies beside them."""
 ALARM = {
     "type": "alarm.raised",
     "timestamp": "2026-01-02T03:04:05+00:00",
@@ -163,6 +181,8 @@ def test_a_deleted_webhook_gets_nothing(api: httpx.Client, project: str, hook: R
         ({"url": "http://user:word@example.org/"}, "/url"),
         ({"url": "http://10.0.0.1/"}, "/url"),
         ({"url": "http://[::1]/"}, "/url"),
+        ({"url": "http://192.0.0.192/"}, "/url"),
+        ({"url": "http://[64:ff9b::1.1.1.1]/"}, "/url"),
         ({"url": "http://no-such-name.invalid/"}, "/url"),
         ({"url": "http://127.0.0.1/", "events": []}, "/events"),
         ({"url": "http://127.0.0.1/", "events": ["alarm.silenced"]}, "/events/0"),
@@ -286,11 +306,40 @@ def test_the_connection_goes_to_the_address_that_was_checked(
         "http://0x7f.1/",
         "http://2130706433/",
         "http://localhost/",
+        *(f"http://{address}/" for address in REGISTERED),
     ],
 )
 def test_addresses_that_are_not_public_are_refused(url: str) -> None:
     with pytest.raises(AddressError, match="not a public address"):
         resolve(url, ANYWHERE)
+
+
+def test_public_addresses_are_taken() -> None:
+    for address in PUBLIC:
+        assert resolve(f"http://{address}/", ANYWHERE).name in address
+
+
+def test_what_an_allowed_network_carries_must_be_allowed_too() -> None:
+    by_nat64 = destinations(Settings(webhook_networks="64:ff9b::/96"))
+    assert resolve("http://[64:ff9b::1.1.1.1]/", by_nat64).name == "64:ff9b::1.1.1.1"
+    with pytest.raises(AddressError, match=r"leads to 10\.0\.0\.1 \(private\)"):
+        resolve("http://[64:ff9b::10.0.0.1]/", by_nat64)
+    both = destinations(Settings(webhook_networks="64:ff9b::/96, 10.0.0.0/8"))
+    assert resolve("http://[64:ff9b::10.0.0.1]/", both).name == "64:ff9b::10.0.0.1"
+
+
+@pytest.mark.parametrize("now", ["192.0.0.192", "10.1.2.3", "64:ff9b::7f00:1"])
+def test_a_name_that_has_come_to_stand_for_a_special_address_gets_nothing(
+    sessions: Sessions, monkeypatch: pytest.MonkeyPatch, now: str
+) -> None:
+    """It was public when the webhook was made; each attempt looks again."""
+    monkeypatch.setattr(
+        "service.notifications.addresses.socket.getaddrinfo", lambda *_, **__: [(2, 1, 6, "", (now, 0))]
+    )
+    planted(sessions, "http://receiver.example/hook")
+    delivery = sent(sessions, Settings(), lambda d: d.last_error is not None)
+    assert f"receiver.example leads to {now}" in (delivery.last_error or "")
+    assert delivery.state == "waiting"
 
 
 def test_an_operator_allows_networks() -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fecore.errors import InputError
+from fecore.errors import InputError, UpdatingError
 from service.jobs.kinds import Report
 
 MIB = 1024 * 1024
@@ -72,6 +72,12 @@ def refusing(_: dict[str, Any], report: Report) -> Iterator[Any]:
     report("checking", 0.1)
     yield "a first item, which must not stay"
     raise InputError("geometry.length_m", "is 0, expected more")
+
+
+def diverging(_: dict[str, Any], report: Report) -> Iterator[Any]:
+    report("fitting", 0.1)
+    yield "a first item, which must not stay"
+    raise UpdatingError("the fit has run away", {"Ex": float("nan")}, (1.0, float("inf")))
 
 
 def buggy(_: dict[str, Any], report: Report) -> Iterator[Any]:

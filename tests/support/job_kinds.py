@@ -49,6 +49,7 @@ KINDS = {
         JobKind("hungry", load=load, compute=computations.hungry, store=store, memory_bytes=200 * computations.MIB),
         JobKind("crashing", load=load, compute=computations.crashing, store=store),
         JobKind("refusing", load=load, compute=computations.refusing, store=store),
+        JobKind("diverging", load=load, compute=computations.diverging, store=store),
         JobKind("buggy", load=load, compute=computations.buggy, store=store),
         JobKind("chain", load=load, compute=computations.chain, store=store),
         JobKind("bad load", load=load_badly, compute=computations.echo, store=store),

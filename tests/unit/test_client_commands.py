@@ -38,7 +38,8 @@ JOB = {
 }  # fmt: skip
 SENT = JOB | {"status": "queued", "already_imported": False, "filename": "a.uff"}
 READ = SENT | {
-    "status": "succeeded", "counts": {"frfs": 3}, "warnings": ["two FRFs are alike"],
+    "status": "succeeded", "counts": {"frfs": 3}, "warnings": ["two FRFs are alike"], "dry_run": False,
+    "found": {"variables": {"force": "float64 [3, 256]"}, "mapping": {"channels": []}, "blocks": None},
     "datasets": [
         {"number": 1, "type": 58, "outcome": "stored", "reason": None},
         {"number": 2, "type": 99, "outcome": "refused", "reason": "is unknown"},
@@ -102,7 +103,7 @@ def lab(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Lab:
             f"POST campaigns/{ID}/update-jobs": JOB,
             f"POST campaigns/{ID}/imports": SENT,
             f"GET imports/{ID}": READ,
-            f"POST campaigns/{ID}/records": HITS | {"mapping": {}},
+            f"GET imports/{ID}/records": HITS,
             f"GET campaigns/{ID}/grid-points": items(),
             f"POST campaigns/{ID}/processings": JOB,
             f"GET processings/{ID}": JOB,
@@ -205,7 +206,7 @@ def test_hits_are_looked_at_first_and_made_into_frfs_when_asked(lab: Lab) -> Non
     out, err = run(f"hits a.uff --campaign {ID}", Exit.USAGE)
     assert '"mapping"' in out
     assert "nothing is stored: save `mapping` of this, corrected, and state it with --mapping" in err
-    assert "dry_run=true" in lab.sent()
+    assert "dry_run=true&kind=hits" in str(next(r.url for r in lab.asked if r.method == "POST"))
     out, err = run(f"hits a.uff --campaign {ID} --mapping mapping.json")
     assert "A double hit." in out
     assert err.split("next: modalbase ")[1:] == [
@@ -221,6 +222,9 @@ def test_an_import_says_what_was_refused_and_what_failed(lab: Lab) -> None:
     err = run(f"import a.uff --campaign {ID}")[1]
     assert "a.uff: two FRFs are alike\na.uff: dataset 2 (type 99): is unknown\n" in err
     assert "next: modalbase update" in err
+    lab.answers[f"GET imports/{ID}"] = READ | {"dry_run": True}
+    out = run(f"import a.uff --campaign {ID} --dry-run --kind hits --mapping mapping.json")[0]
+    assert '"force": "float64 [3, 256]"' in out
     lab.answers[f"GET imports/{ID}"] = LOST
     err = run(f"import a.uff --campaign {ID}", Exit.FAILED)[1]
     assert "a.uff: is no UFF file\n" in err

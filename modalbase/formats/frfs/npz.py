@@ -12,11 +12,10 @@ from numpy.lib import format as npy
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs, FrfTable
+from modalbase.formats.npy import Array, read_array
 
 REQUIRED = ("frequency_hz", "values", *DOFS)
 OPTIONAL = ("quantity", "averages", "coherence", "label", "id")
-
-Array = np.ndarray[Any, Any]
 
 
 def read_npz(path: Path, limit_bytes: int | None = None) -> Frfs:
@@ -91,27 +90,9 @@ def _read_arrays(path: Path, limit_bytes: int | None) -> dict[str, Array]:
             strange = [(m.filename[:100], "is no array that is read here") for m in members if m.filename not in known]
             if strange:
                 raise FormatError(strange[:20])
-            return {known[member.filename]: _read_array(archive, member) for member in members}
+            return {known[member.filename]: read_array(archive, member) for member in members}
     except (zipfile.BadZipFile, EOFError, OSError, NotImplementedError, RuntimeError) as error:
         raise FormatError("", f"the file is not an npz archive: {error}") from None
-
-
-def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Array:
-    """One array; its header must claim exactly the bytes that are there, since numpy allocates what it claims."""
-    name = member.filename.removesuffix(".npy")
-    try:
-        with archive.open(member) as stream:
-            read_header = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}[npy.read_magic(stream)]
-            shape, _, dtype = read_header(stream)
-            claimed = int(np.prod([int(n) for n in shape], dtype=object)) * dtype.itemsize
-            present = member.file_size - stream.tell()
-        if claimed != present:
-            raise FormatError(name, f"claims {claimed} bytes and has {present}")
-        with archive.open(member) as stream:
-            array: Array = npy.read_array(stream, allow_pickle=False)
-    except (ValueError, KeyError, zipfile.BadZipFile) as error:
-        raise FormatError(name, f"cannot be read: {error}") from None
-    return array
 
 
 def _integers(name: str, array: Array, count: int) -> Array:

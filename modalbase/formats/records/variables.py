@@ -10,6 +10,7 @@ import csv
 import io
 import warnings
 import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
@@ -17,8 +18,11 @@ from typing import Any, BinaryIO, Literal
 import numpy as np
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.npy import read_array
 
 _DEEPEST = 8
+_COMPRESSED = 15  # type of a compressed element of a .mat of version 7
+_BLOCK_BYTES = 1 << 20
 Variables = dict[str, np.ndarray[Any, Any]]
 
 SAMPLE_RATE = "sample_rate_hz"
@@ -47,7 +51,10 @@ def read_variables(path: Path, suffix: str | None = None, limit_bytes: int | Non
     except FormatError:
         raise
     except Exception as error:  # noqa: BLE001 - of damaged files the readers raise errors of a dozen kinds
-        raise FormatError("", f"cannot be read as {kind}: {str(error) or type(error).__name__}") from None
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise FormatError("", f"cannot be read as {kind}: {why}") from None
+    if any("\0" in name for name in found):
+        raise FormatError("", "has a variable whose name holds a NUL character")
     numbers = {name: array for name, array in found.items() if array.dtype.kind in "fiuc" and array.size}
     if not numbers:
         raise FormatError("", "holds no numeric array")
@@ -61,9 +68,10 @@ def _within(declared: int, limit_bytes: int | None, name: str) -> None:
 
 def _npz(path: Path, limit_bytes: int | None) -> Variables:
     with zipfile.ZipFile(path) as archive:
-        _within(sum(entry.file_size for entry in archive.infolist()), limit_bytes, "")
-    with np.load(path, allow_pickle=False) as arrays:
-        return {name: arrays[name] for name in arrays.files}
+        members = archive.infolist()
+        _within(sum(member.file_size for member in members), limit_bytes, "")
+        found = [member for member in members if member.filename.endswith(".npy")]
+        return {member.filename.removesuffix(".npy"): read_array(archive, member) for member in found}
 
 
 def _scipy_io(kind: str) -> Any:
@@ -80,6 +88,7 @@ def _mat(path: Path, limit_bytes: int | None) -> Variables:
         newer = b"MATLAB 7.3" in file.read(128) or (file.seek(0) == 0 and file.read(8) == b"\x89HDF\r\n\x1a\n")
     if newer:
         return _mat73(path, limit_bytes)
+    _require_inflated(path, limit_bytes)
     reader = _scipy_io(".mat")
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # scipy warns of duplicate names and then loses one of them
@@ -93,6 +102,30 @@ def _mat(path: Path, limit_bytes: int | None) -> Variables:
             _flatten(name, value, arrays)
     _within(sum(array.nbytes for array in arrays.values()), limit_bytes, "")
     return arrays
+
+
+def _require_inflated(path: Path, limit_bytes: int | None) -> None:
+    """Inflate the compressed elements of a .mat of version 5 to 7 block by block and keep nothing, before scipy does so
+    and keeps it all.
+
+    Raises:
+        FormatError: they take more bytes than allowed.
+    """
+    with path.open("rb") as file:
+        order: Literal["little", "big"] = "little" if file.read(128)[126:] == b"IM" else "big"
+        inflated = 0
+        while limit_bytes is not None and len(tag := file.read(8)) == 8:
+            kind, left = (int.from_bytes(part, order) for part in (tag[:4], tag[4:]))
+            if kind != _COMPRESSED:
+                file.seek(left, 1)
+                continue
+            stream = zlib.decompressobj()
+            while left and (block := file.read(min(left, _BLOCK_BYTES))):
+                left -= len(block)
+                while block and not stream.eof:
+                    inflated += len(stream.decompress(block, _BLOCK_BYTES))
+                    _within(inflated, limit_bytes, "")
+                    block = stream.unconsumed_tail
 
 
 def _flatten(name: str, value: np.ndarray[Any, Any], into: Variables, depth: int = 0) -> None:
@@ -112,14 +145,17 @@ def _mat73(path: Path, limit_bytes: int | None) -> Variables:
     except ImportError:
         raise FormatError("", "is a .mat of version 7.3; install modalbase[mat73], or save it with -v7") from None
     arrays: Variables = {}
+    declared = 0
     with h5py.File(path, "r") as file:
 
         def take(name: str, item: object) -> None:
+            nonlocal declared
             if not isinstance(item, h5py.Dataset) or name.startswith("#"):
                 return
             whole = item.dtype.names == ("real", "imag")  # as MATLAB stores complex numbers
             if item.dtype.kind in "fiu" or whole:
-                _within(item.size * item.dtype.itemsize, limit_bytes, name)
+                declared += item.size * item.dtype.itemsize
+                _within(declared, limit_bytes, name)
                 values = np.asarray(item[()]).T  # MATLAB stores columns first
                 arrays[name.replace("/", ".")] = values["real"] + 1j * values["imag"] if whole else values
 

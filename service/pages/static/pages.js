@@ -14,7 +14,14 @@ async function call(method, path, body, headers = {}) {
   if (!answer.ok) throw value ?? { detail: `status ${answer.status}` };
   return value;
 }
-const send = (method, path, value) => call(method, path, JSON.stringify(value), { "Content-Type": "application/json" });
+/* Numbers that are probably in another unit are sent again where a person says that they are meant. */
+async function send(method, path, value) {
+  const json = (to) => call(method, to, JSON.stringify(value), { "Content-Type": "application/json" });
+  try { return await json(path); } catch (problem) {
+    if (!problem.confirmable || !confirm(`${problem.detail}\n\nTake them as they are?`)) throw problem;
+    return json(path + "?confirm=true");
+  }
+}
 const say = (text) => { document.getElementById("say").textContent = text; };
 
 /* The value of an input: in SI, with the digits that were typed; undefined where nothing was said. */
@@ -95,7 +102,7 @@ document.addEventListener("submit", (event) => {
     submitted(form, async () => {
       await call("POST", "session", undefined, { Authorization: "Bearer " + form.elements.key.value.trim() });
       const next = new URLSearchParams(location.search).get("next") ?? "ui/";
-      location.assign(at(/^ui\/[\w\-/?=&%.]*$/.test(next) ? next : "ui/"));
+      location.assign(at(/^(ui|api\/v1)\/[\w\-/?=&%.]*$/.test(next) ? next : "ui/"));
     });
   } else if ("newTest" in form.dataset) {
     event.preventDefault();
@@ -129,12 +136,15 @@ async function newTest(form) {
   const structure = await make("structure", `projects/${project}/structures`);
   const campaign = await make("campaign", `structures/${structure}/campaigns`);
   const file = form.elements.file.files[0];
-  if (file) await upload(`campaigns/${campaign}/imports`, file);
+  if (file) await upload(`campaigns/${campaign}/imports`, file, form);
   location.assign(at(`ui/campaigns/${campaign}`));
 }
 
-const upload = (path, file) =>
-  call("POST", `${path}?filename=${encodeURIComponent(file.name.slice(0, 200))}`, file, { "Content-Type": "application/octet-stream" });
+const upload = (path, file, form) => {
+  const stated = ["kind", "quantity", "mapping"].map((name) => [name, form.querySelector(`details [name=${name}]`)?.value.trim()]);
+  const query = new URLSearchParams([["filename", file.name.slice(0, 200)], ...stated.filter(([, value]) => value)]);
+  return call("POST", `${path}?${query}`, file, { "Content-Type": "application/octet-stream" });
+};
 
 /* When all files of a campaign are read, its page is loaded anew: it has FRFs that it did not have. */
 let sending = 0, stale = document.querySelector("#uploaded [hx-get]") !== null;
@@ -151,7 +161,7 @@ async function uploadAll(form, files) {
   for (const file of files) {
     say(`Sending ${file.name} …`);
     try {
-      const made = await upload(form.dataset.upload, file);
+      const made = await upload(form.dataset.upload, file, form);
       if (made.already_imported) say(`${file.name} is in this campaign already.`); else say("");
       const holder = document.createElement("div");
       list.prepend(holder);

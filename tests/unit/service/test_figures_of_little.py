@@ -17,7 +17,12 @@ from service.figures.hits import HitShown, PointShown, hits_figure
 from service.figures.parameters import parameters_figure
 from service.figures.printing import draw
 from service.figures.series import series_figure
-from service.figures.shapes import ShapePair, shapes_figure
+from service.figures.shapes import MOST_ROWS, ShapePair, shapes_figure
+from service.reports.as_pdf import as_pdf
+from service.reports.blocks import Picture, Report
+from service.results.figure_data import UpdateFigures
+from service.results.figure_frf import Wanted
+from service.results.figures import draw_figure, draw_sheets
 
 
 def names(figure: Mapping[str, Any]) -> list[str]:
@@ -182,3 +187,39 @@ def test_a_print_has_words_standing_bars_and_equal_scales() -> None:
         assert len(a_print(matrix | given).child_axes) == beside
     with pytest.raises(ValueError, match="a shape of type 'circle' cannot be printed"):
         a_print(bars, shape={"type": "circle", "xref": "x", "yref": "y"})
+
+
+def many_modes(count: int) -> UpdateFigures:
+    """A result of so many measured modes, each with its partner in the model."""
+    random = np.random.default_rng(count)
+    modes = [
+        {"number": k + 1, "measured_hz": 10.0 * k, "updated_hz": 10.0 * k, "mac": 1.0, "kind": "bending"}
+        for k in range(count)
+    ]
+    shapes = random.standard_normal((count, 6))
+    data = UpdateFigures(None, None)  # type: ignore[arg-type]  # what they would give is planted
+    vars(data)["document"] = {"modes": modes, "provenance": {"frfs": []}}
+    vars(data)["arrays"] = {
+        "shapes_measured": shapes, "shapes_updated": shapes, "shape_pairs": np.array([(k, k) for k in range(count)]),
+        "shape_points": np.arange(6), "shape_places_m": random.random((6, 2)),
+    }  # fmt: skip
+    return data
+
+
+@pytest.mark.parametrize(
+    ("count", "sheets"), [(1, [1]), (8, [8]), (9, [5, 4]), (16, [8, 8]), (40, [8] * 5), (41, [8] * 5)]
+)
+def test_shapes_of_many_modes_go_over_pages(count: int, sheets: list[int]) -> None:
+    figures = draw_sheets(many_modes(count), "shapes")
+    numbers = [[mode["number"] for mode in figure["layout"]["meta"]["modes"]] for figure in figures]
+    assert [len(rows) for rows in numbers] == sheets
+    assert [number for rows in numbers for number in rows] == list(range(1, min(count, 40) + 1))
+    printed = as_pdf(Report("r", "", [Picture(figure, 0.9) for figure in figures]))
+    assert printed.count(b"/Subtype /Image") == len(sheets)
+    assert max(sheets) <= MOST_ROWS
+
+
+def test_a_figure_that_is_higher_than_a_page_is_drawn_smaller() -> None:
+    figure = draw_figure(many_modes(41), "shapes", Wanted())
+    assert figure["layout"]["title"]["text"].endswith("the first 40 of 41 pairs")
+    assert as_pdf(Report("r", "", [Picture(figure, 1.0)])).count(b"/Type /Page\n") == 1

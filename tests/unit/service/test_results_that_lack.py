@@ -95,7 +95,7 @@ MODES = [{"number": 1, "measured_hz": 10.0}, {"number": 2, "measured_hz": 20.0}]
             a_result(damping_models=[], outcomes=[]),
             "no damping law was fitted: no measured mode has a damping ratio",
         ),
-        ("damping", a_result(damping_models=[{"name": "rayleigh"}]), OLDER),
+        ("damping", a_result(damping_models=[{"name": "rayleigh", "curve": None}]), OLDER),
         (
             "stabilisation",
             a_result(identification=None),
@@ -608,7 +608,7 @@ def test_measured_data_that_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_a_monitors_values_and_notes_of_what_was_found_otherwise() -> None:
     """Modes that were identified state no deviation; a run of another version is named."""
-    row = {"name": "Ex", "estimate": 1.0, "noise_standard_deviation": 0.1}
+    row = {"name": "Ex", "comparable": {"estimate": 1.0, "standard_deviation": 0.1}}
     mode = {"number": 1, "measured_hz": 10.0, "measured_damping": 0.01}
     found = watched_values(None, {"parameters": [row], "provenance": {}, "modes": [mode]})  # type: ignore[arg-type]
     assert found == {"parameters": {"Ex": [1.0, 0.1]}, "modes": [[10.0, None, 0.01, None]]}

@@ -342,7 +342,7 @@ def a_report(modes: int, structure: dict[str, Any], **document: Any) -> list[Any
         "instruments": {"sensor_mass_kg": 0.002},
     }  # fmt: skip
     facts = UpdateFacts(found | document, "p", body | structure, campaign, 0)
-    return list(update_report(facts, lambda _: None).blocks)
+    return list(update_report(facts, lambda _: ()).blocks)
 
 
 def texts(blocks: list[Any], kind: Callable[..., Any]) -> list[str]:
@@ -350,7 +350,7 @@ def texts(blocks: list[Any], kind: Callable[..., Any]) -> list[str]:
 
 
 def test_a_report_of_little_and_of_much() -> None:
-    little = a_report(1, {})
+    little = a_report(1, {}, verdict={"sentence": "Fair.", "level": "with_care", "reasons": []})
     assert texts(little, Heading)[:3] == ["Updated model: s", "Specimen and test", "Parameters"]
     assert "Warnings" not in texts(little, Heading)
     assert "No FRF is predicted, as the damping was not fitted." in texts(little, Paragraph)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -300,6 +301,27 @@ def test_frequency_axes_may_differ_within_a_campaign(good: FrfSet) -> None:
     found = identify([first, second])
     assert_papers_modes(found, 1e-3, 0.01)
     assert any("2 different frequency axes" in w for w in found.warnings)
+
+
+@pytest.mark.parametrize(("factor", "largest"), [(1e300, "e+30"), (1e-300, "e-29"), (1e304, "e+30")])
+def test_values_whose_squares_leave_double_precision_are_no_frfs(good: FrfSet, factor: float, largest: str) -> None:
+    with pytest.raises(InputError, match=r"check unit and scale") as refused:
+        replace(good, values=factor * good.values)
+    assert largest in str(refused.value)
+    assert "reference point" in str(refused.value)
+
+
+def test_an_frf_of_quite_another_scale_is_named_with_the_one_it_is_judged_by(good: FrfSet) -> None:
+    faint, loud = good.values.copy(), good.values.copy()
+    faint[7] *= 1e-300
+    loud[7] *= 1e60
+    (refused,) = identify(replace(good, values=faint)).refused
+    assert refused.frf == "33Z/8Z"
+    assert re.match(r"is at most \S+e-\d{3} where 33Z/\d+Z reaches", refused.reason)
+    assert "the scale of one of the two is wrong" in refused.reason
+    others = screen(replace(good, values=loud)).refused
+    assert len(others) == 32
+    assert all("where 33Z/8Z reaches" in one.reason for one in others)
 
 
 def test_what_cannot_be_used_is_refused_with_a_reason(good: FrfSet) -> None:

@@ -428,5 +428,5 @@ def _truncated_wav(path: Path) -> None:
 def test_damaged_files_are_refused(suffix: str, write: Callable[[Path], None], tmp_path: Path) -> None:
     path = tmp_path / f"hits{suffix}"
     write(path)
-    with pytest.raises(FormatError, match=f"cannot be read as {suffix}"):
+    with pytest.raises(FormatError, match=rf"cannot be read(:| as {suffix})"):
         read_variables(path)

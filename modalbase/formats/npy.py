@@ -1,0 +1,40 @@
+"""One array of an npz archive, read no further than its entry says."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from typing import Any
+
+import numpy as np
+from numpy.lib import format as npy
+
+from modalbase.formats.errors import FormatError
+
+Array = np.ndarray[Any, Any]
+
+_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+
+
+def read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Array:
+    """Return the array of an archive's member. Its header must claim exactly the bytes that are there, since numpy
+    allocates what it claims.
+
+    Raises:
+        FormatError: the member is damaged, cut short, or holds Python objects; names the array.
+    """
+    name = member.filename.removesuffix(".npy")
+    try:
+        with archive.open(member) as stream:
+            shape, _, dtype = _HEADERS[npy.read_magic(stream)](stream)
+            claimed = int(np.prod([int(n) for n in shape], dtype=object)) * dtype.itemsize
+            present = member.file_size - stream.tell()
+        if dtype.hasobject:
+            raise FormatError(name, "cannot be read: it holds Python objects, which are not unpickled")
+        if claimed != present:
+            raise FormatError(name, f"claims {claimed} bytes and has {present}")
+        with archive.open(member) as stream:
+            array: Array = npy.read_array(stream, allow_pickle=False)
+    except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise FormatError(name, f"cannot be read: {' '.join(str(error).split())}") from None
+    return array

@@ -1,0 +1,56 @@
+"""Which format a file has: by its first bytes, and where text could be either by its name."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path, PurePosixPath
+from typing import Literal, get_args
+
+Format = Literal["uff", "npz", "mat", "csv", "wav"]
+
+FORMATS: tuple[Format, ...] = get_args(Format)
+
+_HEAD_BYTES = 4096
+_UFF_NAMES = (".uff", ".unv", ".uf", ".bunv", ".ufb")
+_MAGIC: dict[bytes, Format] = {
+    b"PK": "npz",
+    b"RIFF": "wav",
+    b"RIFX": "wav",
+    b"RF64": "wav",
+    b"MATLAB ": "mat",
+    b"\x89HDF\r\n\x1a\n": "mat",
+}
+_DELIMITER = re.compile(rb"\A(?:\xef\xbb\xbf)?\s*-1[ \t]*\r?(?:\n|\Z)")
+
+
+def recognise(path: Path, name: str = "") -> Format:
+    """Return the format of a file.
+
+    A .mat of version 4 has no mark and is known by its name alone. Text that opens with a UFF delimiter is UFF; other text
+    is CSV where its name says so, or where its first lines are columns and its name does not say UFF. What nothing
+    recognises is UFF, whose reader says what is wrong with it.
+
+    Args:
+        path: of the file.
+        name: what its sender calls it.
+    """
+    with path.open("rb") as file:
+        head = file.read(_HEAD_BYTES)
+    suffix = PurePosixPath(name).suffix.lower()
+    for magic, found in _MAGIC.items():
+        if head.startswith(magic):
+            return found
+    if suffix == ".mat":
+        return "mat"
+    if _DELIMITER.match(head) or suffix in _UFF_NAMES:
+        return "uff"
+    return "csv" if suffix == ".csv" or _is_table(head) else "uff"
+
+
+def _is_table(head: bytes) -> bool:
+    """Whether the first two lines of a text have as many columns, at least two."""
+    if b"\0" in head:
+        return False
+    first, _, rest = head.partition(b"\n")
+    second = rest.partition(b"\n")[0]
+    return any(0 < first.count(sign) == second.count(sign) for sign in (b",", b";", b"\t"))

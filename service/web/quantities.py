@@ -1,0 +1,159 @@
+"""Physical quantities of bodies: which numbers are usual, and what was probably meant by one that is not.
+
+The schema of a member says what is possible. What is possible and still not usual is nearly always in another unit: 33 for a
+modulus of 33 GPa, 500 for a length of 500 mm. `unusual` names such numbers; a route refuses them until the client confirms
+them.
+The ranges are wide, so that foams (1 MPa), balsa (100 kg/m³), films (0.2 mm) and bridge decks (30 m) need no confirmation.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any, get_args
+
+from pydantic import BaseModel, Field
+
+from service.errors import Fault
+
+UNITS = {
+    "_kg_m2": "kg·m²",
+    "_kg_m3": "kg/m³",
+    "_per_s": "1/s",
+    "_hz": "Hz",
+    "_deg": "°",
+    "_Pa": "Pa",
+    "_kg": "kg",
+    "_m": "m",
+    "_s": "s",
+}
+"""Unit of a member by the end of its name."""
+
+_READ = {"Pa": ("GPa", 1e9), "m": ("mm", 1e-3), "kg": ("g", 1e-3)}
+_READABLE = 1e-2, 1e4
+"""Unit that a person reads a number in beside its SI unit, where the number in it is neither tiny nor huge."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a number measures; stands in the annotation of a member.
+
+    Attributes:
+        unit: of SI.
+        usual: lowest and highest magnitude that is taken without question; 0 always is.
+        likely: magnitudes among which what was meant is looked for first.
+        mistaken: factors from units that people write in its place to `unit`.
+    """
+
+    unit: str
+    usual: tuple[float, float]
+    likely: tuple[float, float]
+    mistaken: tuple[float, ...]
+
+    def doubt(self, value: float) -> str | None:
+        """What is odd about a value, with what was probably meant; None where it is usual."""
+        if value == 0 or _within(value, self.usual):
+            return None
+        meant = self._meant(value)
+        guess = "." if meant is None else f"; did you mean {in_words(meant, self.unit)}?"
+        return f"is {in_words(value, self.unit)}, usual is {' to '.join(in_words(b, self.unit) for b in self.usual)}{guess}"
+
+    def _meant(self, value: float) -> float | None:
+        factors = (*self.mistaken, *(1 / factor for factor in self.mistaken))  # the latter: converted once too often
+        found = (
+            value * factor
+            for bounds in (self.likely, self.usual)
+            for factor in factors
+            if _within(value * factor, bounds)
+        )
+        return next(found, None)
+
+
+def _within(value: float, bounds: tuple[float, float]) -> bool:
+    return bounds[0] <= abs(value) <= bounds[1]
+
+
+_MM_CM, _GPA_MPA = (1e-3, 1e-2), (1e9, 1e6)
+LENGTH = Quantity("m", (0.02, 100), (0.05, 20), _MM_CM)
+WIDTH = Quantity("m", (1e-3, 30), (5e-3, 5), _MM_CM)
+THICKNESS = Quantity("m", (5e-5, 0.3), (2e-4, 0.1), _MM_CM)
+PLY_THICKNESS = Quantity("m", (5e-6, 0.1), (5e-5, 0.03), _MM_CM)
+COUPON_SIZE = Quantity("m", (5e-5, 0.3), (5e-4, 0.1), _MM_CM)
+DENSITY = Quantity("kg/m³", (10, 25_000), (400, 9000), (1e3, 1e12))  # g/cm³, t/mm³
+MODULUS = Quantity("Pa", (1e6, 1.2e12), (1e8, 1e12), _GPA_MPA)
+STRENGTH = Quantity("Pa", (1e5, 2e10), (1e6, 1e10), (1e6, 1e9))
+STRAIN = Quantity("m/m", (1e-4, 0.5), (1e-3, 0.1), (1e-2, 1e-6))  # %, µm/m
+SENSOR_MASS = Quantity("kg", (0, 0.5), (1e-4, 0.1), (1e-3,))
+LENGTH_SD = Quantity("m", (0, 0.1), (1e-5, 0.02), _MM_CM)
+THICKNESS_SD = Quantity("m", (0, 5e-3), (1e-6, 1e-3), _MM_CM)
+DENSITY_SD = Quantity("kg/m³", (0.1, 5000), (1, 500), (1e3, 1e12))
+MODULUS_SD = Quantity("Pa", (1e4, 1.2e12), (1e7, 5e11), _GPA_MPA)
+
+Length = Annotated[float, Field(gt=0, le=1000, description="m")]
+Density = Annotated[float, Field(gt=0, le=50_000, description="kg/m³"), DENSITY]
+Modulus = Annotated[float, Field(gt=0, le=1e13, description="Pa"), MODULUS]
+Strength = Annotated[float, Field(gt=0, le=1e11, description="Pa"), STRENGTH]
+
+
+def unusual(value: object, at: str = "") -> Iterator[Fault]:
+    """Each number of a body that is possible and not usual.
+
+    Args:
+        value: a model, or a list or mapping of models.
+        at: JSON pointer of the value.
+    """
+    if isinstance(value, BaseModel):
+        for name, number, quantity in stated(value):
+            if doubt := quantity.doubt(number):
+                yield Fault(f"{at}/{name}", doubt)
+        value = dict(value)
+    members = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for step, inner in members:
+        if isinstance(inner, BaseModel | dict | list):
+            yield from unusual(inner, f"{at}/{step}")
+
+
+def stated(body: BaseModel) -> Iterator[tuple[str, float, Quantity]]:
+    """Numbers of a model that measure something: member, value, quantity. What a member measures is in its annotation; where
+    another member decides about it, in the model's own `measured`.
+    """
+    for name, quantity in _annotated(type(body)).items():
+        if (value := getattr(body, name)) is not None:
+            yield name, value, quantity
+    if (measured := getattr(body, "measured", None)) is not None:
+        yield from measured()
+
+
+@cache
+def _annotated(model: type[BaseModel]) -> dict[str, Quantity]:
+    fields = model.model_fields.items()
+    found = {name: next(_quantities((field.annotation, *field.metadata)), None) for name, field in fields}
+    return {name: quantity for name, quantity in found.items() if quantity is not None}
+
+
+def _quantities(parts: tuple[Any, ...]) -> Iterator[Quantity]:
+    for part in parts:
+        if isinstance(part, Quantity):
+            yield part
+        else:
+            yield from _quantities(get_args(part))
+
+
+def in_words(value: float, unit: str) -> str:
+    """A number with its unit, and in the one that a person reads it in.
+
+    >>> in_words(1e13, "Pa"), in_words(0.0005, "m"), in_words(40, "")
+    ('1e13 Pa (10000 GPa)', '0.0005 m (0.5 mm)', '40')
+    """
+    text = f"{_digits(value)} {unit}".rstrip()
+    if unit in _READ:
+        other, factor = _READ[unit]
+        if factor != 1e-3 or abs(value) < 1:
+            text += f" ({_digits(value / factor)} {other})" if _within(value / factor, _READABLE) else ""
+    return text
+
+
+def _digits(value: float) -> str:
+    return re.sub(r"e\+?(-?)0*", r"e\1", f"{value:g}")

@@ -1,0 +1,272 @@
+"""One door for files: every format by `POST …/imports`, read by a job; `POST …/records` and `…/frfs` wait for it."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from scipy.io import savemat, wavfile
+
+from benchmarks.soak_bombs import MOST_GROWTH, throw
+from service.settings import Settings
+from service.supervisor import LocalService
+from tests.support.laboratory import BEAM
+from tests.support.rest import client_of, ok
+from tests.support.waiting import until
+
+Finished = Callable[[str], dict[str, Any]]
+
+RATE, SAMPLES = 2048.0, 512
+RAW = {"Content-Type": "application/octet-stream"}
+
+
+def hits() -> dict[str, np.ndarray]:
+    noise = np.random.default_rng(3).normal(0, 1e-4, (2, 3, SAMPLES))
+    time = np.arange(SAMPLES) / RATE
+    force = np.exp(-(((time - 0.02) / 5e-4) ** 2)) + noise[0]
+    response = np.where(time > 0.02, np.exp(-20 * (time - 0.02)) * np.sin(600 * time), 0.0) + noise[1]
+    return {"force": force / 2, "acc": response / 2}
+
+
+MAPPING: dict[str, Any] = {
+    "sample_rate_hz": RATE,
+    "channels": [
+        {"variable": "force", "quantity": "force", "point": 4},
+        {"variable": "acc", "quantity": "acceleration", "point": 33},
+    ],
+}
+WAV = {
+    **MAPPING,
+    "channels": [{**c, "variable": f"channel_{i}"} for i, c in enumerate(MAPPING["channels"], 1)],
+}
+FRF_MAPPING = {"frequency_hz": {"variable": "f"}, "frf": {"variable": "H"}, "response_point": 33, "reference_point": 4}
+FREQUENCY = np.arange(1.0, 9.0)
+VALUES = FREQUENCY * (1 + 2j)
+
+
+def table(names: list[str], columns: list[np.ndarray]) -> bytes:
+    rows = (",".join(map(repr, row)) for row in zip(*(c.tolist() for c in columns), strict=True))
+    return "\n".join([",".join(names), *rows]).encode()
+
+
+def written(form: str, arrays: dict[str, Any]) -> bytes:
+    file = io.BytesIO()
+    if form == "npz":
+        np.savez(file, **arrays)
+    elif form == "mat":
+        savemat(file, arrays, do_compression=True)
+    elif form == "csv":
+        return table(list(arrays), [np.atleast_2d(a)[0] for a in arrays.values()])
+    else:
+        wavfile.write(file, int(RATE), np.column_stack([a[0] for a in arrays.values()]).astype(np.float32))
+    return file.getvalue()
+
+
+def frfs(form: str) -> bytes:
+    if form == "mat":
+        return written(form, {"f": FREQUENCY, "H": VALUES})
+    dofs = {"response_point": 33, "response_direction": 3, "reference_point": 4, "reference_direction": -3}
+    if form == "npz":
+        return written(form, {"frequency_hz": FREQUENCY, "values": VALUES[np.newaxis], **dofs})
+    same = [np.full(FREQUENCY.size, value) for value in dofs.values()]
+    return table([*dofs, "frequency_hz", "real", "imag"], [*same, FREQUENCY, VALUES.real, VALUES.imag])
+
+
+@pytest.fixture
+def sent(api: httpx.Client, campaign: str, finished: Finished) -> Callable[..., dict[str, Any]]:
+    """Sends bytes through the door, without a name that says what they are, and waits for the import's end."""
+
+    def send(content: bytes, mapping: Any = None, **query: Any) -> dict[str, Any]:
+        if mapping is not None:
+            query["mapping"] = json.dumps(mapping)
+        answer = api.post(f"campaigns/{campaign}/imports", content=content, params=query, headers=RAW)
+        ok(answer, 202)
+        return finished(answer.headers["Location"])
+
+    return send
+
+
+@pytest.mark.parametrize("form", ["npz", "mat", "csv", "wav"])
+def test_hits_of_each_format_go_through_the_door(
+    api: httpx.Client, campaign: str, sent: Callable[..., dict[str, Any]], form: str
+) -> None:
+    content, mapping = written(form, hits()), WAV if form == "wav" else MAPPING
+    count = 3 if form in ("npz", "mat") else 1
+    looked = sent(content, dry_run=True)
+    assert (looked["status"], looked["format"], looked["kind"]) == ("succeeded", form, "hits")
+    assert {c["variable"] for c in mapping["channels"]} <= looked["found"]["variables"].keys()
+    assert looked["found"]["mapping"].keys() >= {"channels"}
+    tried = sent(content, mapping, dry_run=True)
+    assert (tried["found"]["blocks"], tried["counts"]["records"]) == (2 * count, 2 * count)
+    assert api.get(f"campaigns/{campaign}/records").json()["items"] == []
+    read = sent(content, mapping)
+    assert (read["status"], read["format"], read["counts"]["records"]) == ("succeeded", form, 2 * count), read
+    state = ok(api.get(f"imports/{read['id']}/records"), 200)
+    assert [r["quantity"] for r in state["items"]] == ["force", "acceleration"] * count
+    assert [h["hit"] for h in state["hits"]] == list(range(1, count + 1))
+    force = ok(api.get(f"records/{state['items'][0]['id']}/data"), 200)["samples"]
+    np.testing.assert_allclose(force, hits()["force"][0], atol=1e-7 if form == "wav" else 0)
+
+
+@pytest.mark.parametrize("form", ["npz", "mat", "csv"])
+def test_frfs_of_each_format_go_through_the_door(
+    api: httpx.Client, campaign: str, sent: Callable[..., dict[str, Any]], form: str
+) -> None:
+    mapping = FRF_MAPPING if form == "mat" else None
+    assert sent(frfs(form), dry_run=True)["kind"] == "frfs"
+    read = sent(frfs(form), mapping, quantity="mobility")
+    assert (read["status"], read["format"], read["kind"]) == ("succeeded", form, "frfs"), read
+    assert read["counts"] == {"frfs": 1, "grid_points": 0, "modes": 0, "records": 0}
+    (frf,) = ok(api.get(f"campaigns/{campaign}/frfs", params={"import_id": read["id"]}), 200)["items"]
+    assert (frf["response_point"], frf["reference_point"]) == (33, 4)
+    assert frf["quantity"] == ("accelerance" if form == "npz" else "mobility")  # an npz says what it holds
+    data = ok(api.get(f"frfs/{frf['id']}/data"), 200)
+    np.testing.assert_array_equal(data["frfs"][0]["imag"], VALUES.imag)
+
+
+@pytest.mark.parametrize(
+    ("content", "query", "pointer", "says"),
+    [
+        (written("npz", hits()), {}, "mapping", "?dry_run=true proposes one; the file suggests {'channels'"),
+        (written("npz", hits()), {"kind": "frfs"}, "/force.npy", "is no array that is read here"),
+        (frfs("npz"), {"kind": "hits"}, "mapping", "is missing"),
+        (frfs("csv"), {}, "quantity", "a csv does not say what it holds"),
+        (frfs("mat"), {"quantity": "mobility"}, "/mapping", "the file suggests"),
+        (b"PK\x03\x04 and no zip", {}, "", "cannot be read as .npz"),
+        (b"RIFF" + b"\xff" * 30, {}, "", "cannot be read as .wav"),
+        (b"a,a\n1,2\n", {}, "/line 1", "a name of its own for each column"),
+        (b"for\0ce;b\n1;2\n", {"filename": "a.csv"}, "", "NUL"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_said_with_its_place(
+    sent: Callable[..., dict[str, Any]], content: bytes, query: dict[str, Any], pointer: str, says: str
+) -> None:
+    error = sent(content, **query)["error"]
+    assert (error["reason"], error["errors"][0]["pointer"]) == ("refused", pointer), error
+    assert says in error["errors"][0]["detail"]
+
+
+@pytest.mark.parametrize("name", ["first.npz", "first.json"])
+def test_time_blocks_of_a_script_keep_the_name_that_it_states(api: httpx.Client, campaign: str, name: str) -> None:
+    query = {"filename": name, "mapping": json.dumps(MAPPING)}
+    if name.endswith("npz"):
+        answer = api.post(f"campaigns/{campaign}/records", content=written("npz", hits()), params=query, headers=RAW)
+    else:
+        body = {"variables": {key: array.tolist() for key, array in hits().items()}, "mapping": MAPPING}
+        answer = api.post(f"campaigns/{campaign}/records", json=body, params={"filename": name})
+    assert {item["filename"] for item in ok(answer, 201)["items"]} == {name}
+
+
+def test_a_mapping_may_be_a_field_of_the_form(api: httpx.Client, campaign: str, finished: Finished) -> None:
+    files = {"file": ("hits.bin", written("npz", hits()))}
+    answer = api.post(f"campaigns/{campaign}/imports", files=files, data={"mapping": json.dumps(MAPPING)})
+    assert ok(answer, 202)["mapping"] == MAPPING
+    assert finished(answer.headers["Location"])["counts"]["records"] == 6
+    broken = api.post(f"campaigns/{campaign}/imports", files=files, data={"mapping": "{"})
+    assert ok(broken, 422)["errors"][0]["pointer"] == "mapping"
+
+
+def test_the_same_bytes_are_read_again_by_another_mapping_or_for_a_script(
+    api: httpx.Client, campaign: str, sent: Callable[..., dict[str, Any]]
+) -> None:
+    content = written("npz", hits())
+    first = sent(content, MAPPING)
+    query = {"mapping": json.dumps(MAPPING)}
+    known = api.post(f"campaigns/{campaign}/imports", content=content, params=query, headers=RAW)
+    assert (ok(known, 200)["already_imported"], known.json()["id"]) == (True, first["id"])
+    elsewhere = {**MAPPING, "channels": [{**MAPPING["channels"][0], "point": 5}, MAPPING["channels"][1]]}
+    assert sent(content, elsewhere)["id"] != first["id"]
+    again = api.post(
+        f"campaigns/{campaign}/records", content=content, params=query | {"filename": "a.npz"}, headers=RAW
+    )
+    assert {item["hit"] for item in ok(again, 201)["items"]} == {4, 5, 6}
+    numbered = {**MAPPING, "hit": 2}
+    twice = api.post(
+        f"campaigns/{campaign}/records",
+        content=written("npz", {name: array[:1] for name, array in hits().items()}),
+        params={"mapping": json.dumps(numbered), "filename": "a.npz"},
+        headers=RAW,
+    )
+    assert "hit 2 of point 4 is in the campaign already" in ok(twice, 409)["detail"]
+
+
+@pytest.fixture
+def idle(new_database: Callable[[], str]) -> Iterator[Callable[..., LocalService]]:
+    """Services without a worker."""
+    running: list[LocalService] = []
+
+    def start(**settings: Any) -> LocalService:
+        service = LocalService(
+            Settings(database_url=new_database(), port=0, log_level="error", **settings), worker=False
+        )
+        running.append(service.__enter__())
+        return running[-1]
+
+    yield start
+    for service in running:
+        service.__exit__(None, None, None)
+
+
+def measured(client: httpx.Client) -> str:
+    project = ok(client.post("projects", json={"name": "p"}), 201)["id"]
+    structure = ok(client.post(f"projects/{project}/structures", json=BEAM), 201)["id"]
+    body = {"name": "c", "boundary": "free"}
+    return f"campaigns/{ok(client.post(f'structures/{structure}/campaigns', json=body), 201)['id']}"
+
+
+def test_what_nobody_reads_in_time_is_answered_with_its_import(idle: Callable[..., LocalService]) -> None:
+    with client_of(idle(import_wait_seconds=0.05), "k") as client:
+        campaign = measured(client)
+        frf = client.post(f"{campaign}/frfs", content=frfs("npz"), headers={"Content-Type": "application/x-npz"})
+        query = {"mapping": json.dumps(MAPPING), "filename": "hits.npz"}
+        record = client.post(f"{campaign}/records", content=written("npz", hits()), params=query, headers=RAW)
+        for answer, kind in ((frf, "frfs"), (record, "hits")):
+            state = ok(answer, 202)
+            assert answer.headers["Location"] == f"/api/v1/imports/{state['id']}"
+            assert (state["status"], state["kind"], state["format"]) == ("queued", kind, "npz")
+            assert ok(client.get(f"imports/{state['id']}"), 200) == state
+
+
+def test_who_waits_for_a_file_keeps_nobody_else_waiting(idle: Callable[..., LocalService]) -> None:
+    """With one slot and one connection, another request is answered while a file is waited for."""
+    service = idle(database_pool=1, import_wait_seconds=600)
+    with client_of(service, "k") as client, ThreadPoolExecutor(3) as threads:
+        campaign = measured(client)
+        waits = [
+            threads.submit(
+                client.post, f"{campaign}/frfs", content=frfs("npz"), headers={"Content-Type": "application/x-npz"}
+            )
+            for _ in range(3)
+        ]
+        until(lambda: len(ok(client.get(f"{campaign}/imports"), 200)["items"]) == 3, "three imports")
+        assert ok(client.get("projects"), 200)["items"]
+        assert not any(one.done() for one in waits)
+        service.processes["api"].terminate()
+        assert {one.result().status_code for one in waits} == {202}  # whose addresses are said before it ends
+
+
+def test_where_no_more_may_wait_the_import_is_said_at_once(idle: Callable[..., LocalService]) -> None:
+    """A wait counts as a stream of events, of which a key may have half."""
+    service = idle(event_streams=2, import_wait_seconds=600)
+    headers = {"Content-Type": "application/x-npz"}
+    with client_of(service, "k") as client, ThreadPoolExecutor(1) as threads:
+        campaign = measured(client)
+        waits = threads.submit(client.post, f"{campaign}/frfs", content=frfs("npz"), headers=headers)
+        until(lambda: ok(client.get(f"{campaign}/imports"), 200)["items"], "the import")
+        answers = [client.post(f"{campaign}/frfs", content=frfs("npz"), headers=headers) for _ in range(2)]
+        assert [answer.status_code for answer in answers] == [202, 202]
+        assert not waits.done()
+        service.processes["api"].terminate()
+        assert waits.result().status_code == 202
+
+
+def test_bombs_of_every_format_are_refused_in_words_and_the_api_holds_none(service: LocalService) -> None:
+    found = throw(service, count=1, mib=72)
+    assert not found.faults
+    assert found.growth < MOST_GROWTH
