@@ -1,7 +1,8 @@
 """Fit and judge the probability of a pole: `python -m benchmarks calibrate`.
 
-Made sets (`made_frfs`, good and harsh laboratories alike) are identified, each pole's features are kept with whether it is a mode,
-and the weights of `fecore.modal.weights` are fitted to half of the draws by Bayesian logistic regression,
+Made sets (`made_frfs`, good and harsh laboratories alike) are identified, each pole's features are kept with whether
+it is a mode, and the weights of `fecore.modal.weights` are fitted to half of the draws by Bayesian logistic
+regression,
 
     ln p(b) = Σ_k ln P(y_k | b) - ½ (b - m)ᵀ S⁻¹ (b - m),
 
@@ -13,6 +14,7 @@ good they are: log loss, Brier score, a reliability table, and each feature's wo
 
 from __future__ import annotations
 
+import itertools
 import os
 import time
 from collections.abc import Sequence
@@ -32,6 +34,7 @@ from fecore.modal.weights import PRIOR_MEAN, PRIOR_SD
 
 SEEDS = int(os.environ.get("CALIBRATE_SEEDS", "10"))
 FIRST = int(os.environ.get("CALIBRATE_FIRST_SEED", "5000"))
+SURE, REFUSED = 0.9, 0.1
 _NEAR = 0.004  # relative distance within which a pole is a mode's, or half a bandwidth where that is more
 NAMES = ("constant", "rise", "share", "damping", "twin", "repeat", "growth")
 
@@ -140,40 +143,39 @@ def drawn(kinds: Sequence[str], seeds: Sequence[int]) -> Poles:
     return poles
 
 
-def print_kinds(poles: Poles, p: np.ndarray, where: np.ndarray) -> None:
+def print_kinds(poles: Poles, p: np.ndarray) -> None:
     """What became of the modes and of all else, by kind."""
     true, kind, distortion = (np.array(each) for each in (poles.true, poles.kind, poles.distortion))
+    sure, open_ = p >= SURE, (p >= REFUSED) & (p < SURE)
     print(
-        "kind        modes  lost  P>=0.9  uncertain  refused | false: P>=0.9  foretold  uncertain | in 95 %  CPU s  most"
+        "of modes: all, kept, uncertain, refused; of others: kept, uncertain; modes not in the fit; false kept as foretold;"
     )
+    print("% of truths in 95 % intervals; CPU seconds, mean and most")
     for name in dict.fromkeys(poles.kind):
-        own = (kind == name) & where
+        own = kind == name
         modes, false = own & true, own & ~true
+        counts = [modes, modes & sure, modes & open_, modes & (p < REFUSED), false & sure, false & open_]
+        inside, seconds = poles.inside.get(name, [np.nan]), poles.seconds[name]
         print(
-            f"{name:10} {modes.sum():6} {poles.lost[name]:5} {np.sum(p[modes] >= 0.9):7}"
-            f" {np.sum((p[modes] < 0.9) & (p[modes] >= 0.1)):10} {np.sum(p[modes] < 0.1):8} |"
-            f" {np.sum(p[false] >= 0.9):13} {np.sum(1 - p[own & (p >= 0.9)]):9.1f} {np.sum((p[false] >= 0.1) & (p[false] < 0.9)):10} |"
-            f" {100 * np.mean(poles.inside.get(name, [np.nan])):7.1f} {np.mean(poles.seconds[name]):6.2f} {np.max(poles.seconds[name]):5.2f}"
+            f"{name:10}"
+            + "".join(f"{each.sum():6}" for each in counts)
+            + f"{poles.lost[name]:6} {np.sum(1 - p[own & sure]):9.1f} {100 * np.mean(inside):8.1f}"
+            + f" {np.mean(seconds):6.2f} {np.max(seconds):6.2f}"
         )
     for name in ("squared", "cubed"):
-        own = (kind == name) & distortion & where
-        if own.any():
-            print(
-                f"distortions of {name}: {own.sum()}, kept {np.sum(p[own] >= 0.9)}, uncertain {np.sum((p[own] >= 0.1) & (p[own] < 0.9))}"
-            )
+        own = (kind == name) & distortion
+        print(f"distortions of {name}: {own.sum()}, kept {np.sum(own & sure)}, uncertain {np.sum(own & open_)}")
 
 
 def print_reliability(p: np.ndarray, true: np.ndarray) -> None:
     """How often poles of like P are modes."""
     print("P from    to    poles   mean P   share of modes")
-    edges = (0, 0.01, 0.1, 0.5, 0.9, 0.99, 1.0000001)
-    for low, high in zip(edges, edges[1:], strict=False):
+    for low, high in itertools.pairwise((0, 0.01, 0.1, 0.5, 0.9, 0.99, 1.0000001)):
         own = (p >= low) & (p < high)
         if own.any():
             share = true[own].mean()
-            print(
-                f"{low:6.2f} {high:5.2f} {own.sum():8} {p[own].mean():8.4f} {share:10.4f} ± {np.sqrt(max(share * (1 - share), 1 / own.sum()) / own.sum()):.4f}"
-            )
+            error = np.sqrt(max(share * (1 - share), 1 / own.sum()) / own.sum())
+            print(f"{low:6.2f} {high:5.2f} {own.sum():8} {p[own].mean():8.4f} {share:10.4f} ± {error:.4f}")
 
 
 def main() -> None:
@@ -200,8 +202,7 @@ def main() -> None:
         print(f"without {name:8} log loss %.4f, Brier %.4f" % scores(p, true[test]))
     print_reliability(judged(poles, test, b, C), true[test])
     b, C = fitted_weights(ratio, x, true)
-    everything = np.ones(true.size, dtype=bool)
-    print_kinds(poles, judged(poles, everything, b, C), everything)
+    print_kinds(poles, judged(poles, np.ones(true.size, dtype=bool), b, C))
     print("MEAN = np.array([" + ", ".join(f"{each:.3f}" for each in b) + "])")
     print("COVARIANCE = np.array([")
     print("\n".join("    [" + ", ".join(f"{each:.4f}" for each in row) + "]," for row in C) + "\n])")

@@ -2,12 +2,13 @@
 
 Each kind is drawn by seed:
 
-aeroplane  2 sensors x 20 hammer points (3 x 74 at full size), every point a session whose frequencies drift by 0.03 %, two close
-           pairs, three suspension modes below 5 Hz (which may be lost), 1601 lines to 200 Hz
+aeroplane  2 sensors x 20 hammer points (3 x 74 at full size), every point a session whose frequencies drift by 0.03 %, two
+           close pairs, three suspension modes below 5 Hz (which may be lost), 1601 lines to 200 Hz
 bridge     26 FRFs of one sensor to 8 Hz, six modes some of them a few lines apart, leakage that rises as 1/f²
 plate      one FRF with its coherence from five hits, an exponential window on the response, a comb of 1 Hz
-wide       12 FRFs, damping of 0.1 to 16 % drawn anew for every mode, some modes one to three lines wide and low, where the floor of
-           the noise changes tenfold
+wide       12 FRFs, damping of 0.1 to 16 % drawn anew for every mode, some modes one to three lines wide and low, where the
+           floor of the noise changes tenfold
+quiet      1 to 12 FRFs of noise and hum
 squared,   12 FRFs of a simulated equation of motion with a local spring of F = k₂y² or k₃y³ beside the linear structure,
 cubed      half-sine hits of three heights: what answers at sums, differences and multiples of its frequencies is no mode
 
@@ -166,7 +167,11 @@ def _sprung(seed: int, harsh: Harsh, power: int, points: int = 12) -> Draw:
     duration, steps = 0.004, int(_SECONDS * _RATE)
     t = np.arange(steps) / _RATE
     pulse = np.where(t < duration, np.sin(np.pi * t / duration), 0.0)
-    q = _moved(w, zeta, pulse, np.einsum("np,h->phn", phi, _HEIGHTS), at, k, power)  # (steps, p, h, n)
+    lever = np.einsum("np,h->phn", phi, _HEIGHTS)
+    q = _moved(w, zeta, pulse, lever, at, k, power)  # (steps, p, h, n)
+    while not np.all(np.abs(q[-1]) < np.abs(q).max() / 10):  # F = k₂y² has no rest beyond a height: a softer one
+        k /= 2
+        q = _moved(w, zeta, pulse, lever, at, k, power)
     hz = np.fft.rfftfreq(steps, 1 / _RATE)
     keep = (hz >= 2) & (hz <= 200) & (np.arange(hz.size) % 2 == 0)
     force = np.fft.rfft(pulse)[keep]
@@ -197,6 +202,7 @@ def _moved(
     a = zeta * w
     q, v = np.zeros(lever.shape), np.zeros(lever.shape)
     out = np.empty((pulse.size, *lever.shape))
+    most = 1e3 * np.abs(lever).max() / w.min()
 
     def spring(q: np.ndarray) -> np.ndarray:
         return np.asarray(k * (q @ at) ** power)[..., None] * at
@@ -211,7 +217,19 @@ def _moved(
             now = (spring(q) + spring(new_q)) / 2
         v = v * (c - a * s) - (q - rest) * w**2 * s
         q = new_q
+        if not np.all(np.abs(q) < most):
+            out[step:] = most
+            break
     return out
+
+
+def quiet(seed: int, harsh: Harsh = GOOD) -> Draw:
+    """Noise and hum alone, in one to twelve FRFs: there is no mode."""
+    rng = np.random.default_rng([8, seed])
+    hz, points = np.arange(1.0, 801.0), int(rng.integers(1, 13))
+    values = harsh.noise * _gauss(rng, points, hz.size) * (1 + (rng.uniform(0, 100) / hz) ** 2)
+    values[:, 49] += rng.uniform(0, 20) * _gauss(rng, 1)
+    return Draw(_set(hz, values, [(Dof(i + 1, 3), Dof(1, 3)) for i in range(points)]), NONE, NONE, NONE > 0, NONE)
 
 
 KINDS: dict[str, Callable[..., Draw]] = {
@@ -219,6 +237,7 @@ KINDS: dict[str, Callable[..., Draw]] = {
     "plate": plate,
     "aeroplane": aeroplane,
     "wide": wide,
+    "quiet": quiet,
     "squared": squared,
     "cubed": cubed,
 }

@@ -67,4 +67,4 @@ def _close(
     """Whether each pole has one of the order below within the tolerance in frequency, and in damping as well."""
     off = np.abs(hz[:, None] / below_hz - 1) < FREQUENCY_TOLERANCE
     alike = np.abs(zeta[:, None] / below_zeta - 1) < DAMPING_TOLERANCE
-    return off.any(axis=1), (off & alike).any(axis=1)
+    return np.asarray(off.any(axis=1)), np.asarray((off & alike).any(axis=1))

@@ -7,8 +7,9 @@ more. With poles s_k(1 + d) the FRFs of a test are linear in their residues, so
     χ²_s(d) = min_c Σ_l w_l |H_s(l) - Φ(l; s_k(1 + d)) c|²
 
 is found on a grid, with one decomposition of Φ for all tests (a separable problem; Golub and Pereyra 2003). A test
-drifts at most five times as far as half of them do: that is all the prior. Poles that lie side by side, as a drift makes them, are one in
-this series: it is believed where it explains the FRFs at a lower price (Akaike) than the series with the twins and no drift.
+drifts at most five times as far as half of them do: that is all the prior. Poles that lie side by side, as a drift
+makes them, are one in this series: it is believed where it explains the FRFs at a lower price (Akaike) than the
+series with the twins and no drift.
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ _PRICE = 2.0  # of an unknown (Akaike)
 _MOST_STEPS = 40  # of the first grid
 _GRID = 31  # of the later ones
 _SPREAD = 5.0  # half their width over the median of the drifts
-_TURNS = 3  # of drift and poles
+_TURNS = 8  # of drift and poles, at most
+_AT_REST = 0.98  # of the misfit that another turn must beat
 _TONE = 0.1  # lines: a half bandwidth below is a tone's
 _LEAST = 1e-6  # relative drift that no resonance shows
 
@@ -80,7 +82,7 @@ def without_drift(
     sharp = seen & (terms.damping_ratio <= _ALIKE * np.median(terms.damping_ratio[seen]))
     step = max(_FINE * float(np.median(terms.damping_ratio[sharp])), 2 * _WIDEST / _MOST_STEPS)
     grid = step * np.arange(-np.ceil(_WIDEST / step), np.ceil(_WIDEST / step) + 1)
-    still = arrangement
+    still, left = arrangement, np.inf
     each = np.zeros(len(unmoved.pairs)) if before is None else before.each
     for _ in range(_TURNS):
         lines = _lines(arrangement, terms.frequency_hz[sharp], terms.damping_ratio[sharp])
@@ -91,6 +93,9 @@ def without_drift(
         each = each + more
         still = aligned(unmoved, terms, weight, each)
         terms = settle(still, terms)
+        left, before_it = evaluate(still, terms, fit.variance).chi_squared, left
+        if left > _AT_REST * before_it:
+            break
     terms = grown(still, terms, poles(fit.terms.frequency_hz, fit.terms.damping_ratio))
     misfit = evaluate(still, terms, fit.variance).chi_squared - fit.chi_squared
     saved = (fit.terms.pairs - terms.pairs) * (2 * len(tests) + 2) - int(tests.max()) - 1
@@ -169,15 +174,15 @@ def _moved(arrangement: Arrangement, terms: Terms, drift: float) -> Terms:
 def _merged(fit: Fit, inside: BoolArray) -> Terms:
     """The series with one pole, in their middle and as narrow as the narrowest, for those side by side.
 
-    Poles within half a bandwidth are what a small drift makes of one mode; those further apart may be true pairs, unless at least
-    half of the modes come in pairs.
+    Poles within half a bandwidth are what a small drift makes of one mode; those further apart may be true pairs,
+    unless at least half of the modes come in pairs.
     """
     near, double = _side_by_side(fit, inside, _APART)
     return near if double else _side_by_side(fit, inside, _TOGETHER)[0]
 
 
 def _side_by_side(fit: Fit, inside: BoolArray, reach: float) -> tuple[Terms, bool]:
-    """The series with one pole for those within so many summed half bandwidths, and whether at least half of the modes were more."""
+    """The series with one pole for those within so many summed half bandwidths, and whether half of the modes were more."""
     terms = fit.terms
     hz, zeta, gain = terms.frequency_hz.copy(), terms.damping_ratio.copy(), gains(fit)
     width, gone = hz * zeta, np.zeros(hz.size, dtype=bool)

@@ -1,8 +1,8 @@
 """What a series of poles leaves of measured FRFs, beside the noise: errors that last over several lines.
 
-Hits beside the point, cables and slight non-linearity make errors that grow with the FRF and are smooth over some lines. A line is
-then worth less than one: with the correlation ρ_j of the standardised residual j lines apart, n lines are worth n/τ,
-τ = 1 + 2 Σ_j ρ_j.
+Hits beside the point, cables and slight non-linearity make errors that grow with the FRF and are smooth over some
+lines. A line is then worth less than one: with the correlation ρ_j of the standardised residual j lines apart, n
+lines are worth n/τ, τ = 1 + 2 Σ_j ρ_j.
 """
 
 from __future__ import annotations

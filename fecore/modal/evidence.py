@@ -1,8 +1,8 @@
 """What speaks for a pole being a mode: a few features, all from the joint fit.
 
 phase   r, the median over the FRFs, weighted by |R|, of cos 2∠(2iω_d R), R the residue of the receptance. A mode's residue
-        is in quadrature to the force, φ_i φ_j/(2iω_d): r = 1. The response of a quadratic non-linearity at f_i ± f_j is driven by a
-        product of two such residues, so its own is real: r = -1.
+        is in quadrature to the force, φ_i φ_j/(2iω_d): r = 1. The response of a quadratic non-linearity at f_i ± f_j
+        is driven by a product of two such residues, so its own is real: r = -1.
 rise    ρ, the local misfit without the pole over that with it, within 1 and 10³.
 share   s, the pole's height over the FRFs at its frequency, within 0.03 and 1.
 damping z = |ln ζ/ζ_t|, ζ_t a robust trend c + a₀/2ω + a₁ω/2 with coefficients >= 0 through all poles of the set.
@@ -31,12 +31,15 @@ from fecore.modal.residues import weights
 
 _REACH = 3.0  # half bandwidths on each side of a pole within which the misfit is local
 _LEAST_REACH = 2  # ... and at least lines
+_TONE = 0.02  # lines: a half bandwidth below is a tone's, which tells neither damping nor delay
 _RISE = (1.0, 1e3)
 _SHARE = (0.03, 1.0)
 _LONGEST_DELAY = 1e-3  # s
 _DELAY_PRIOR = 2e-4  # s, one standard deviation
 _STRONG = 10.0  # rise from which a pole tells the delay
-_ROBUST = 10  # rounds of reweighting of the damping's trend
+_ROBUST = 6  # rounds of reweighting of the damping's trend
+_STARTS = 8  # poles through which it is started
+_USUAL = 0.3  # scatter of ln ζ about it
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,8 @@ def evidence_of(arrangement: Arrangement, fit: Fit, hits: tuple[FloatArray, Floa
     rise = _rise(arrangement, fit)
     height, share = _share(arrangement, fit)
     inside = in_band(arrangement, terms.frequency_hz)
-    strength = np.where(inside, np.log10(rise) * share, 0.0)
+    tone = terms.frequency_hz * terms.damping_ratio < _TONE * arrangement.spacing_hz
+    strength = np.where(inside & ~tone, np.log10(rise) * share, 0.0)
     delay, turned = _delay(terms, residues, np.where(rise > _STRONG, strength, 0.0))
     phase = _phase(terms, residues, delay, turned)
     trend = _trend(terms, strength * np.maximum(phase, 0.1))
@@ -121,9 +125,9 @@ def _rise(arrangement: Arrangement, fit: Fit) -> FloatArray:
 
 
 def _share(arrangement: Arrangement, fit: Fit) -> tuple[FloatArray, FloatArray]:
-    """(n,) height of each pole at its frequency, and over the FRFs there."""
+    """(n,) height of each pole at the line next to its frequency, and over the FRFs there: a needle between lines has none."""
     terms, n = fit.terms, fit.terms.pairs
-    omega = 2 * np.pi * terms.frequency_hz
+    omega = arrangement.omega[np.argmin(np.abs(arrangement.frequency_hz[:, None] - terms.frequency_hz), axis=0)]
     reference = float(np.sqrt(arrangement.omega[0] * arrangement.omega[-1]))
     at = columns(omega, terms, arrangement.power, reference)  # (n, q), line k at pole k
     own = at[np.arange(n)[:, None], np.stack([2 * np.arange(n), 2 * np.arange(n) + 1], axis=1)]
@@ -184,13 +188,24 @@ def _trend(terms: Terms, strength: FloatArray) -> FloatArray:
     shape = np.stack([np.ones(omega.size), middle / omega, omega / middle], axis=1)
     order = np.argsort(zeta[use])
     at = np.searchsorted(np.cumsum(strength[use][order]), strength[use].sum() / 2)
-    trend = np.full(zeta.size, zeta[use][order][min(at, order.size - 1)])
+    usual = zeta[use][order][min(at, order.size - 1)]
+    best, least = np.full(zeta.size, usual), np.inf
+    for rate in (0.0, *(zeta * omega)[use][np.argsort(-strength[use])[:_STARTS]]):  # through one pole after the other
+        trend = _descended(np.maximum(usual, rate / omega), zeta, shape, np.where(use, strength, 0.0))
+        cost = float(np.sum(strength * np.log1p((np.log(zeta / trend) / _USUAL) ** 2)))
+        if cost < least:
+            best, least = trend, cost
+    return best
+
+
+def _descended(trend: FloatArray, zeta: FloatArray, shape: FloatArray, strength: FloatArray) -> FloatArray:
+    """A trend after some rounds of reweighted least squares from a start."""
     for _ in range(_ROBUST):
-        off = np.log(zeta[use] / trend[use])
-        weight = np.sqrt(strength[use] / (1 + (off / 0.3) ** 2)) / np.sqrt(zeta[use] * trend[use])
-        found = scipy.optimize.nnls(shape[use] * weight[:, None], zeta[use] * weight)[0]
-        trend = np.maximum(shape @ found, 0.1 * zeta[use].min())
-    return np.asarray(trend)
+        off = np.log(zeta / trend)
+        weight = np.sqrt(strength / (1 + (off / _USUAL) ** 2)) / np.sqrt(zeta * trend)
+        found = scipy.optimize.nnls(shape * weight[:, None], zeta * weight)[0]
+        trend = np.maximum(shape @ found, 0.1 * zeta[strength > 0].min())
+    return trend
 
 
 def _neighbours(terms: Terms, residues: ComplexArray, height: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:

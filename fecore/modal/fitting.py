@@ -14,7 +14,7 @@ from fecore.modal.compression import compress
 from fecore.modal.drift import Drift, in_band, session_of, without_drift
 from fecore.modal.error_model import memory
 from fecore.modal.evidence import evidence_of
-from fecore.modal.growth import exponents_for, grow, linear_weight, pruned, without_poles
+from fecore.modal.growth import ROUNDS, grow, linear_weight, pruned, without_poles
 from fecore.modal.lscf import LinearPoles, clusters, linear_poles
 from fecore.modal.noise import local_variance, student
 from fecore.modal.probability import probability
@@ -22,6 +22,8 @@ from fecore.modal.refinement import Fit, evaluate, refine
 
 _ALIGN = 4  # turns of drift and growth
 _STILL = 0.1  # of the whole drift: what is left below it is at rest
+_RIVAL = 40  # FRFs up to which the whole search is made without the drift too
+_CLEARLY = 5.0  # prices of its unknowns by which a series without drift must be better
 _CULLS = 2  # turns of probability and refinement
 _STEPS, _LAST = 8, 3  # of the refinement, and with all FRFs and a weight for each value
 _COMPANY = 1.5  # summed half bandwidths within which a refused pole only bends its neighbour
@@ -65,14 +67,18 @@ def fit_series(arrangement: Arrangement, noise: FloatArray, highest: int, most: 
     linear = linear_poles(data.few.omega, data.few.values, linear_weight(data.few, data.few_noise), highest)
     most = min(most, int(arrangement.measured.sum(axis=1).min()) // 4)
     step, pool = _steps(report), clusters(linear)
-    empty = Terms(np.empty(0), np.empty(0), exponents_for(data.few))
-    terms = grow(data.few, data.few_noise, most, step, empty, pool, 1).terms
+    empty = Terms(np.empty(0), np.empty(0), (-2, 0))
+    terms = data.grown(empty, pool, most, step, 1)
     pool = np.append(pool, poles(terms.frequency_hz, terms.damping_ratio))
-    still, terms, drift = _aligned(data, terms, pool, most)
-    terms = grow(still.few, still.few_noise, most, step, terms, pool).terms
+    still, aligned, drift = _aligned(data, terms, pool, most, step)
+    fit = still.fitted(still.grown(aligned, pool, most, step))
+    if drift is not None and len(arrangement.pairs) <= _RIVAL:
+        rival = data.fitted(data.grown(terms, pool, most, step))
+        if _better(rival, fit):
+            still, fit, drift = data, rival, None
     report("refining with all FRFs", 0.6)
-    full = terms.pairs >= most
-    fit = _without_company(still, still.fitted(terms))
+    full = fit.terms.pairs >= most
+    fit = _without_company(still, fit)
     report("refining with all FRFs", 0.8)
     return Fitted(still.arrangement, _last(still, fit), noise, linear, drift, full)
 
@@ -94,19 +100,27 @@ class _Data:
     def settled(self, terms: Terms) -> Terms:
         """The poles refined on the combinations."""
         measured = self.few.measured
-        fit = evaluate(self.few, terms, local_variance(self.few.values, self.few_noise, measured))
-        fit = evaluate(self.few, terms, local_variance(fit.residual, self.few_noise, measured))
+        fit = evaluate(self.few, terms, local_variance(self.few.values, self.few.values, self.few_noise, measured))
+        fit = evaluate(self.few, terms, local_variance(fit.residual, self.few.values, self.few_noise, measured))
         return refine(self.few, terms, fit.variance, steps=_STEPS, enough=1.0).terms
 
-    def grown(self, terms: Terms, pool: ComplexArray, most: int) -> Terms:
-        """The poles with those of the candidates that the combinations need."""
-        return grow(self.few, self.few_noise, most, lambda _count: None, terms, pool, 1).terms
+    def grown(
+        self, terms: Terms, pool: ComplexArray, most: int, step: Callable[[int], None], rounds: int = ROUNDS
+    ) -> Terms:
+        """The poles with those, of the candidates and of what the residual shows, that the combinations need."""
+        return grow(self.few, self.few_noise, most, step, terms, pool, rounds).terms
 
     def fitted(self, terms: Terms) -> Fit:
         """The series with all FRFs, without poles that do not pay."""
         measured = self.arrangement.measured
-        fit = evaluate(self.arrangement, terms, local_variance(self.arrangement.values, self.noise, measured))
-        fit = evaluate(self.arrangement, terms, local_variance(fit.residual, self.noise, measured))
+        fit = evaluate(
+            self.arrangement,
+            terms,
+            local_variance(self.arrangement.values, self.arrangement.values, self.noise, measured),
+        )
+        fit = evaluate(
+            self.arrangement, terms, local_variance(fit.residual, self.arrangement.values, self.noise, measured)
+        )
         return pruned(self.arrangement, fit)
 
 
@@ -122,7 +136,9 @@ def _steps(report: Report) -> Callable[[int], None]:
     return step
 
 
-def _aligned(data: _Data, terms: Terms, pool: ComplexArray, most: int) -> tuple[_Data, Terms, Drift | None]:
+def _aligned(
+    data: _Data, terms: Terms, pool: ComplexArray, most: int, step: Callable[[int], None]
+) -> tuple[_Data, Terms, Drift | None]:
     """The FRFs without the drift of their tests, with the series that showed it; as they are where there is none.
 
     The drift is found with the poles that are there, and shows more of them: both grow in turn.
@@ -135,7 +151,7 @@ def _aligned(data: _Data, terms: Terms, pool: ComplexArray, most: int) -> tuple[
             drift,
             still.fitted(terms),
             lambda moved, own: _Data.of(moved, data.noise).settled(own),
-            lambda moved, own, candidates: _Data.of(moved, data.noise).grown(own, candidates, most),
+            lambda moved, own, candidates: _Data.of(moved, data.noise).grown(own, candidates, most, step, 1),
         )
         if found is None:
             break
@@ -144,8 +160,15 @@ def _aligned(data: _Data, terms: Terms, pool: ComplexArray, most: int) -> tuple[
         still = _Data.of(arrangement, data.noise)
         if more < _STILL * drift.sd:
             break
-        terms = still.grown(terms, pool, most)
+        terms = still.grown(terms, pool, most, step, 1)
     return still, terms, drift
+
+
+def _better(rival: Fit, fit: Fit) -> bool:
+    """Whether the series without a drift is clearly better: 2 Σ ln v lower by several prices of its further unknowns."""
+    more = (rival.terms.pairs - fit.terms.pairs) * (2 * len(fit.residual) + 2)
+    lower = 2 * float(np.sum(np.log(fit.variance)) - np.sum(np.log(rival.variance)))
+    return lower > _CLEARLY * 2 * max(more, len(fit.residual))
 
 
 def _without_company(data: _Data, fit: Fit) -> Fit:
@@ -153,7 +176,8 @@ def _without_company(data: _Data, fit: Fit) -> Fit:
     for _ in range(_CULLS):
         if not fit.terms.pairs:
             break
-        gone = _company(data.arrangement, fit.terms, probability(data.arrangement, evidence_of(data.arrangement, fit)))
+        p = probability(data.arrangement, evidence_of(data.arrangement, fit), fit.terms.damping_ratio)
+        gone = _company(data.arrangement, fit.terms, p)
         if not gone.any():
             break
         fit = data.fitted(data.settled(without_poles(fit.terms, gone)))
@@ -173,7 +197,7 @@ def _company(arrangement: Arrangement, terms: Terms, p: FloatArray) -> BoolArray
 def _last(data: _Data, fit: Fit) -> Fit:
     """A few steps with a variance for each value (Student's law of the errors), and what the covariance needs."""
     arrangement = data.arrangement
-    variance = student(fit.residual, data.noise, arrangement.measured)
+    variance = student(fit.residual, arrangement.values, data.noise, arrangement.measured)
     fit = refine(arrangement, fit.terms, variance, steps=_LAST)
     tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
     return replace(fit, memory=tau, sessions=session_of(arrangement))

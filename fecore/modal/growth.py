@@ -23,8 +23,8 @@ from fecore.modal.noise import local_variance
 from fecore.modal.refinement import Fit, evaluate, refine
 from fecore.modal.residues import weights
 
-EXPONENTS = (-2, -1, 0, 1, 2)
-"""Powers of iω of the receptance that stand for the modes outside the band."""
+EXPONENTS = (-3, -2, -1, 0, 1, 2)
+"""Powers of iω of the receptance that stand for the modes outside the band and for rigid body motion with its damping."""
 
 ROUNDS = 5
 """Of growth on the residual."""
@@ -58,8 +58,8 @@ def grow(
         rounds: most rounds.
     """
     measured, omega, first = arrangement.measured, arrangement.omega, np.append(pool, _beyond(arrangement))
-    fit = evaluate(arrangement, start, local_variance(arrangement.values, noise, measured))
-    fit = evaluate(arrangement, start, local_variance(fit.residual, noise, measured))
+    fit = evaluate(arrangement, start, local_variance(arrangement.values, arrangement.values, noise, measured))
+    fit = evaluate(arrangement, start, local_variance(fit.residual, arrangement.values, noise, measured))
     candidates = first
     for number in range(rounds):
         added = _chosen(arrangement, fit, candidates, most - fit.terms.pairs)
@@ -67,7 +67,12 @@ def grow(
             break
         larger = refine(arrangement, with_poles(fit.terms, added), fit.variance, steps=_STEPS, enough=_ENOUGH)
         before = fit.terms.pairs
-        fit = pruned(arrangement, evaluate(arrangement, larger.terms, local_variance(larger.residual, noise, measured)))
+        if number == 0:  # not before there are poles: residual terms would take the place of a broad one
+            larger = evaluate(arrangement, replace(larger.terms, exponents=exponents_for(arrangement)), larger.variance)
+        fit = pruned(
+            arrangement,
+            evaluate(arrangement, larger.terms, local_variance(larger.residual, arrangement.values, noise, measured)),
+        )
         step(fit.terms.pairs)
         if number and fit.terms.pairs <= before:
             break
@@ -119,21 +124,33 @@ def gains(fit: Fit) -> FloatArray:
 
 
 def pole_price(fit: Fit) -> float:
-    """Akaike's price of a pole: of two unknowns an FRF, and two for the pole."""
-    return _PRICE * (2 * len(fit.residual) + 2) * fit.memory
+    """Akaike's price of a pole, of two unknowns an FRF and two for the pole, and that of having looked for it at every line."""
+    return (_PRICE * (2 * len(fit.residual) + 2) + 2 * float(np.log(fit.residual.shape[1]))) * fit.memory
 
 
-def pruned(arrangement: Arrangement, fit: Fit, spared: Callable[[Fit], BoolArray] | None = None) -> Fit:
+def pruned(arrangement: Arrangement, fit: Fit) -> Fit:
     """The fit without poles that do not pay, the broadest of them first: what a narrower one explains must not outlive it."""
     while fit.terms.pairs:
         poor = gains(fit) < pole_price(fit)
-        if spared is not None:
-            poor &= ~spared(fit)
         if not poor.any():
             break
         width = fit.terms.damping_ratio * fit.terms.frequency_hz
         gone = np.arange(poor.size) == int(np.argmax(np.where(poor, width, -1.0)))
         fit = evaluate(arrangement, without_poles(fit.terms, gone), fit.variance)
+    return _without_idle_terms(arrangement, fit)
+
+
+def _without_idle_terms(arrangement: Arrangement, fit: Fit) -> Fit:
+    """The fit without residual terms that do not pay, the least worth first."""
+    while len(fit.terms.exponents) > 1:
+        first = 2 * fit.terms.pairs
+        spread = np.einsum("nii->ni", fit.linear.covariance)[:, first:]
+        worth = np.sum(fit.linear.coefficients[:, first:] ** 2 / np.maximum(spread, 1e-300), axis=0)
+        least = int(np.argmin(worth))
+        if worth[least] > _PRICE * len(fit.residual) * fit.memory:
+            break
+        left = fit.terms.exponents[:least] + fit.terms.exponents[least + 1 :]
+        fit = evaluate(arrangement, replace(fit.terms, exponents=left), fit.variance)
     return fit
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fecore.arrays import FloatArray, IntArray
+from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
 from fecore.modal.arrangement import Arrangement
@@ -24,6 +24,7 @@ from fecore.modal.probability import Feature, features, probability
 from fecore.modal.refinement import Fit
 from fecore.modal.remarks import remarks
 from fecore.modal.result import Found, Identification, RefusedPole
+from fecore.modal.screening import lines_in_words
 from fecore.modal.shapes import Shapes, shapes_from_residues
 from fecore.modes import MeasuredModes
 
@@ -33,6 +34,9 @@ REFUSED = 0.1
 """Probability below which a pole is refused."""
 
 _SAID = 3  # features that are said of a pole
+_FAR = 4.6  # |residual|² over its own variance from which a value has hardly any weight
+_FEW_SPOILT = 0.01  # share of a record that may be spoilt
+_MOST_NOTES = 8
 
 
 @dataclass(frozen=True)
@@ -117,13 +121,14 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock)
     kept = verdict.kept
     doubt = tuple(_doubt(verdict, int(k), threshold) for k in kept)
     shapes = _shapes(arrangement, fit, kept)
-    known = arrangement.measured & np.isfinite(arrangement.variance)
+    known, spoilt = arrangement.measured & np.isfinite(arrangement.variance), _spoilt(fit)
     notes = (
         *prepared.said,
         *_of_drift(fitted),
         *_of_phase(evidence),
         *parted,
         *remarks(arrangement, fit, kept, shapes, evidence.share[old], doubt),
+        *_of_spoilt(arrangement, spoilt),
         *_noise_remarks(arrangement, fit),
         *(f"FRF {r.frf} was not used: {r.reason}" for r in prepared.refused),
     )
@@ -145,7 +150,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock)
         warnings=notes,
         frequency_hz=arrangement.frequency_hz,
         quantity=arrangement.quantity,
-        measured=np.where(arrangement.measured, arrangement.values, np.nan),
+        measured=np.where(arrangement.measured & ~spoilt, arrangement.values, np.nan),
         predicted=fit.model(arrangement),
         noise_variance=np.where(known, arrangement.variance, fit.variance),
         noise_ratio=_ratio(arrangement, fit),
@@ -159,7 +164,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock)
 
 def _verdict(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> _Verdict:
     terms = fit.terms
-    p = probability(arrangement, evidence)
+    p = probability(arrangement, evidence, terms.damping_ratio)
     said = features(arrangement, evidence, terms.frequency_hz, terms.damping_ratio)
     order = np.argsort(terms.frequency_hz, kind="stable")
     order = order[in_band(arrangement, terms.frequency_hz)[order]]
@@ -217,7 +222,7 @@ def _of_phase(evidence: Evidence) -> list[str]:
     if evidence.turned:
         return [
             "the residues of all strong poles are turned by 90°: another quantity than stated (a velocity written as an"
-            " acceleration?), or a channel that was integrated; check it: an update needs it"
+            " acceleration?), or a channel that was integrated; check it"
         ]
     if abs(evidence.delay) < 2e-5:
         return []
@@ -225,6 +230,24 @@ def _of_phase(evidence: Evidence) -> list[str]:
         f"the responses come {1e6 * evidence.delay:.0f} µs {'after' if evidence.delay > 0 else 'before'} the forces, by the"
         " phases of the strong modes: a delay between the channels; the phases were judged without it"
     ]
+
+
+def _spoilt(fit: Fit) -> BoolArray:
+    """(N, L) single values that Student's law has left hardly any weight: |r|² over 4.6 of its variance is u < 0.1."""
+    far = np.abs(fit.residual) ** 2 > _FAR * fit.variance
+    alone = far.copy()
+    alone[:, 1:] &= ~far[:, :-1]
+    alone[:, :-1] &= ~far[:, 1:]
+    return np.asarray(alone & (far.sum(axis=1, keepdims=True) <= np.maximum(1, _FEW_SPOILT * far.shape[1])))
+
+
+def _of_spoilt(arrangement: Arrangement, spoilt: BoolArray) -> list[str]:
+    rows = np.flatnonzero(spoilt.any(axis=1))
+    words = [lines_in_words(arrangement.frequency_hz[spoilt[row]]) for row in rows]
+    said = "left out, far off what the other lines say"
+    notes = [f"{arrangement.label(int(row))}: {lines} {said}" for row, lines in zip(rows, words, strict=True)]
+    more = len(notes) - _MOST_NOTES
+    return notes if more <= 0 else [*notes[:_MOST_NOTES], f"outlying values were left out of {more} more FRFs"]
 
 
 def _ratio(arrangement: Arrangement, fit: Fit) -> float:

@@ -71,7 +71,8 @@ def linear_poles(
         for size in windows if lines == 1 else (WIDE,):
             orders = tuple(n for n in ORDERS[size] if n <= max(highest, ORDERS[size][0]))
             found += [_in_window(w, h, g, part, orders) for part in _parts(w.size, size)]
-    return LinearPoles(*(np.concatenate(each) for each in zip(*found, strict=True)))  # type: ignore[arg-type]
+    number, pole, spacing = (np.concatenate(each) for each in zip(*found, strict=True))
+    return LinearPoles(number, pole, spacing)
 
 
 def clusters(found: LinearPoles, least: int = _TIMES) -> ComplexArray:
@@ -103,7 +104,7 @@ def _means(
     whole = omega.size // lines * lines
 
     def taken(each: np.ndarray) -> np.ndarray:
-        return each[..., :whole].reshape(*each.shape[:-1], -1, lines).mean(axis=-1)
+        return np.asarray(each[..., :whole].reshape(*each.shape[:-1], -1, lines).mean(axis=-1))
 
     return taken(omega), taken(values), taken(weight)
 
@@ -174,7 +175,7 @@ def _of_orders(
         Y = Y.reshape(top + 1, -1, top + 1)
     else:
         Y = np.linalg.solve(root, S).transpose(1, 0, 2)
-    out = []
+    out: list[tuple[int, ComplexArray]] = []
     for n in orders:
         own = Y[: n + 1, :, : n + 1].reshape(-1, n + 1)
         normal = T[: n + 1, : n + 1] - own.conj().T @ own
@@ -187,5 +188,5 @@ def _of_orders(
         companion[:, -1] = -alpha
         if np.all(np.isfinite(alpha)):
             roots = np.linalg.eigvals(companion)
-            out.append((n, roots[np.abs(roots) > np.finfo(float).tiny]))
+            out.append((n, np.asarray(roots[np.abs(roots) > np.finfo(float).tiny], dtype=complex)))
     return out

@@ -10,8 +10,9 @@ from fecore.arrays import FloatArray
 def mixture(probability: FloatArray, z: FloatArray, sd: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
     """Weight and cost of residuals whose mode is one with a probability P, and anywhere in the band otherwise.
 
-    The likelihood of r = zσ is P N(r; 0, σ²) + (1 - P)/W. Its negative logarithm, less that at r = 0, is the cost; the weight that
-    gives the same slope in least squares is the posterior probability w = P N/(P N + (1 - P)/W) (expectation maximisation).
+    The likelihood of r = zσ is P N(r; 0, σ²) + (1 - P)/W. Its negative logarithm, less that at r = 0, is the cost;
+    the weight that gives the same slope in least squares is the posterior probability w = P N/(P N + (1 - P)/W)
+    (expectation maximisation).
 
     Args:
         probability: (n,) P.

@@ -21,6 +21,7 @@ _REACH = 0.3  # half the window over the number of its line
 _NARROW, _WIDE = 4, 40  # ... and its bounds, lines
 _FREEDOM = 8.0  # of Student's law
 _ROUNDS = 3  # of its weights
+_LARGE, _MOST_RELATIVE = 0.95, 0.05  # quantile of the values that are large; largest ε
 _LOCAL = 25  # lines over which the misfit is averaged
 _FLOOR = 1e-5  # of the rms of a record: below this nothing is believed, so that clean data keep finite weights
 
@@ -154,11 +155,16 @@ def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -
     return np.asarray(np.maximum(out, _FLOOR**2 * np.maximum(usual, np.finfo(float).tiny)[:, None]))
 
 
-def local_variance(residual: ComplexArray, noise: FloatArray, measured: BoolArray, *, alike: bool = True) -> FloatArray:
-    """(N, L) variance that follows the local misfit: the mean of |residual|² over 25 lines, at least the noise.
+def local_variance(
+    residual: ComplexArray, values: ComplexArray, noise: FloatArray, measured: BoolArray, *, alike: bool = True
+) -> FloatArray:
+    """(N, L) variance that follows the local misfit: the mean of |residual|² over 25 lines, at least the noise, and
+    at least the share ε²|H|² that is usual where the FRFs are large: errors of the chain stand on the few lines of a
+    peak.
 
     Args:
         residual: (N, L) of a fit.
+        values: (N, L) the FRFs.
         noise: (N, L) variance of the noise.
         measured: (N, L) where they were measured.
         alike: take the variances as one function of frequency but for a factor, v_il = g_i p_l, where no value is missing.
@@ -168,6 +174,7 @@ def local_variance(residual: ComplexArray, noise: FloatArray, measured: BoolArra
     )
     count = scipy.ndimage.uniform_filter1d(measured.astype(float), _LOCAL, axis=1, mode="nearest")
     variance = np.maximum(np.where(measured, noise, 0.0), square / np.maximum(count, 1 / _LOCAL))
+    variance = np.maximum(variance, _relative(residual, values) * np.abs(values) ** 2)
     variance = np.maximum(variance, np.finfo(float).tiny)
     if not alike or not measured.all():
         return np.asarray(variance)
@@ -176,7 +183,15 @@ def local_variance(residual: ComplexArray, noise: FloatArray, measured: BoolArra
     return np.asarray(np.exp(level + (log - level).mean(axis=0)))
 
 
-def student(residual: ComplexArray, noise: FloatArray, measured: BoolArray) -> FloatArray:
+def _relative(residual: ComplexArray, values: ComplexArray) -> float:
+    """ε², the usual |residual|² over |H|² of the largest twentieth of the values, at most 0.05²."""
+    size = np.abs(values) ** 2
+    large = size >= np.quantile(size, _LARGE)
+    share = np.abs(residual[large]) ** 2 / np.maximum(size[large], np.finfo(float).tiny)
+    return float(min(np.median(share) / np.log(2), _MOST_RELATIVE**2))
+
+
+def student(residual: ComplexArray, values: ComplexArray, noise: FloatArray, measured: BoolArray) -> FloatArray:
     """(N, L) variance of each value by Student's law with ν degrees of freedom about the local one: v/u, at least the noise.
 
     u = (ν + 2)/(ν + 2|r|²/v), v the local mean of u|r|² (expectation maximisation; Lange, Little and Taylor 1989): a line of
@@ -184,6 +199,6 @@ def student(residual: ComplexArray, noise: FloatArray, measured: BoolArray) -> F
     """
     weight: FloatArray = np.ones(residual.shape)
     for _ in range(_ROUNDS):
-        v = local_variance(residual * np.sqrt(weight), noise, measured, alike=False)
+        v = local_variance(residual * np.sqrt(weight), values, noise, measured, alike=False)
         weight = (_FREEDOM + 2) / (_FREEDOM + 2 * np.abs(residual) ** 2 / v)
     return np.asarray(v / np.minimum(weight, 1.0))

@@ -7,8 +7,9 @@ with the features of `evidence` and Λ = ln p₁(r)/p₀(r), the densities of th
     p₁ = 0.98 e^{-(1-r)/σ}/√(πσ(1-r)) + 0.02/(π√(1-r²)),    p₀ = 0.3/(π√(1-r²)) + 0.7 N(r; 0, 0.4),
 
 σ = 0.1, or 0.06 with p₀ = 1/(π√(1-r²)) for fewer than four FRFs. Both have the same root at r = 1, so Λ stays finite. The
-weights b are a Bayesian fit (`python -m benchmarks calibrate`), with a covariance. A feature that a set cannot give drops out: it takes
-its mean among poles, and its spread, like the weights' own, widens P towards ½ (MacKay 1992): P = σ(a/√(1 + πv/8)).
+weights b are a Bayesian fit (`python -m benchmarks calibrate`), with a covariance. A feature that a set cannot give
+drops out: it takes its mean among poles, and its spread, like the weights' own, widens P towards ½ (MacKay 1992): P =
+σ(a/√(1 + πv/8)).
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ _STRAY = 0.02  # share of the modes whose phase is anything
 _AT_ODDS = 0.4  # standard deviation of r for what is no mode
 _ANY = 0.3  # share of these whose phase is anything
 _EDGE = 1e-6  # of r at ±1
-_MOST_DAMPING = 3.0
+_MOST_DAMPING = 3.0  # of z
+_OVERDAMPED = 0.6  # ζ from which a pole is a trend of the record
 _NO_SHAPE = (0.2, 0.2)  # mean and standard deviation of t where there are no shapes
 
 
@@ -82,10 +84,11 @@ def design(arrangement: Arrangement, evidence: Evidence) -> tuple[FloatArray, Fl
     return phase_ratio(evidence.phase, frfs), np.where(np.isnan(x), 0.0, x), spread
 
 
-def probability(arrangement: Arrangement, evidence: Evidence) -> FloatArray:
-    """(n,) P of each pole."""
+def probability(arrangement: Arrangement, evidence: Evidence, damping_ratio: FloatArray) -> FloatArray:
+    """(n,) P of each pole; 0 of one that does not swing."""
     ratio, x, spread = design(arrangement, evidence)
-    return predictive(ratio + x @ MEAN, np.einsum("ni,ij,nj->n", x, COVARIANCE, x) + (spread**2) @ MEAN**2)
+    p = predictive(ratio + x @ MEAN, np.einsum("ni,ij,nj->n", x, COVARIANCE, x) + (spread**2) @ MEAN**2)
+    return np.where(damping_ratio > _OVERDAMPED, 0.0, p)
 
 
 def predictive(logit: FloatArray, variance: FloatArray) -> FloatArray:
@@ -131,7 +134,8 @@ def _words(name: str, evidence: Evidence, k: int, frequency_hz: FloatArray, damp
     if name == "share":
         return f"it is {100 * evidence.share[k]:.0f} % of the FRFs at its frequency"
     if name == "damping":
-        return f"its damping of {100 * damping_ratio[k]:.2g} % is {damping_ratio[k] / evidence.trend[k]:.2g} times the set's trend"
+        times = damping_ratio[k] / evidence.trend[k]
+        return f"its damping of {100 * damping_ratio[k]:.2g} % is {times:.2g} times the set's trend"
     if name == "twin":
         if evidence.neighbour[k] < 0:
             return "no larger pole is beside it"

@@ -270,6 +270,10 @@ ROUTES: dict[str, Route] = {
         "POST", "campaigns/{campaign_id}/mode-sets", (),
         "Type in modes that were identified elsewhere: frequencies, and where known damping ratios and shapes.",
     ),
+    "edit_mode_set": Route(
+        "POST", "mode-sets/{mode_set_id}/edits", (),
+        "Keep or drop poles by hand: a new mode set that records who decided what and why; the old one stays as it is.",
+    ),
     "get_mode_set": Route(
         "GET", "mode-sets/{mode_set_id}", ("format",),
         "A mode set, as JSON or as a UFF file of grid points and mode shapes.",

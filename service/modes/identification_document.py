@@ -79,5 +79,19 @@ def _number(values: FloatArray | None, k: int) -> float | None:
 
 
 def up_to_date(document: dict[str, Any]) -> dict[str, Any]:
-    """A stored document as the present version writes it; one of 0.1.0 has no class of doubtful modes. The given one stays."""
-    return {"doubtful": [], "model_error": None, "drift": None, "memory_lines": None, **document}
+    """A stored document as the present version writes it; the given one stays.
+
+    One of 0.1.0 has no class of doubtful modes, none up to 0.2.0 a probability.
+    """
+    said = {
+        "doubtful": [],
+        "refused_poles": [],
+        "model_error": None,
+        "drift": None,
+        "delay_s": None,
+        "memory_lines": None,
+    }
+    document = {**said, **document}
+    unknown = {"probability": None, "features": []}
+    poles = ("modes", "doubtful", "refused_poles")
+    return {**document, **{part: [{**unknown, **row} for row in document.get(part, [])] for part in poles}}

@@ -126,7 +126,7 @@ class ModeSetOut(StrictModel):
     modes: list[ModeOut]
     details: dict[str, Any] = Field(
         description="of an identified set, what stands beside its modes: `warnings`, `doubtful` modes with the reason of "
-        "each, `refused` FRFs, `refused_poles`, `evidence` for each mode; of an edited set `edited_from` and `decisions` as well, "
-        "each with who made it; empty for others, and for sets of versions up to 0.2"
+        "each, `refused` FRFs, `refused_poles`, `evidence` for each mode; of an edited set `edited_from` and `decisions` as "
+        "well, each with who made it; empty for others, and for sets of versions up to 0.2"
     )
     created_at: datetime

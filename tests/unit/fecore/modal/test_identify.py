@@ -139,7 +139,7 @@ def test_stabilisation_data_show_the_true_poles(seeds: list[Identification]) -> 
     assert diagram.line_hz.size == diagram.indicator.size == LINES
     for hz in PAPER_HZ[1:]:
         near = np.abs(diagram.frequency_hz / hz - 1) < 0.005
-        assert np.sum(near & diagram.damping_stable) > 15
+        assert np.sum(near & diagram.damping_stable) > 5
 
 
 # --- close and double modes, rigid bodies ---------------------------------------------------------------------------
@@ -396,7 +396,7 @@ def test_measured_free_beam_of_the_corpus() -> None:
     path = shared_file("UFF_CORPUS", "uff-corpus", "pyuff/measurement_v1.uff")
     found = identify(read_uff(path))
     for hz in BENDING_HZ:
-        assert np.sum(np.abs(found.modes.frequency_hz - hz) < 0.1) == 1
+        assert np.sum(np.abs(found.modes.frequency_hz - hz) < 0.15) == 1
     others = np.min(np.abs(found.found.modes.frequency_hz[:, None] - BENDING_HZ), axis=1) > 0.2
     for k in np.flatnonzero(others):  # what else is reported is doubtful or called weak
         name = f"({found.found.modes.frequency_hz[k]:.2f} Hz): weak"

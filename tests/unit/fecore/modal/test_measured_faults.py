@@ -192,7 +192,8 @@ def test_combinations_keep_the_poles_and_lose_the_bulk() -> None:
     noise = line_scatter(arrangement.values, arrangement.measured, 1.0)
     small = compress(arrangement, noise)
     assert 5 <= len(small.mixing) < 15
-    back = np.linalg.pinv(small.mixing) @ small.arrangement.values
+    own = np.sqrt(np.median(noise, axis=1))
+    back = own[:, None] ** 2 * small.mixing.T @ small.arrangement.values
     lost = np.mean(np.abs(back - arrangement.values) ** 2) / np.mean(noise)
     assert lost < 2  # what is left out is noise
 
@@ -240,7 +241,7 @@ def test_a_run_ends_with_what_its_report_raises() -> None:
     with pytest.raises(StopError):
         identify(KINDS["bridge"](5).frfs, report=report)
     assert seen == sorted(seen)
-    assert len(seen) > 4
+    assert len(seen) >= 4
 
 
 def test_a_single_frf_is_enough_and_its_uncertain_poles_are_kept_apart_and_can_be_had() -> None:
