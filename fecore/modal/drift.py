@@ -36,7 +36,8 @@ _REACH = 6.0  # half bandwidths on each side of a pole whose lines tell the drif
 _LEAST_REACH = 6  # ... and at least lines
 _PRICE = 2.0  # of an unknown (Akaike)
 _MOST_STEPS = 40  # of the first grid
-_GRID = 31  # of the later ones
+_GRID = (9, 241)  # steps of the later ones, at least and at most
+_FINEST = 0.15  # of a half bandwidth: their step
 _SPREAD = 5.0  # half their width over the median of the drifts
 _TURNS = 8  # of drift and poles, at most
 _AT_REST = 0.98  # of the misfit that another turn must beat
@@ -83,13 +84,14 @@ def without_drift(
     step = max(_FINE * float(np.median(terms.damping_ratio[sharp])), 2 * _WIDEST / _MOST_STEPS)
     grid = step * np.arange(-np.ceil(_WIDEST / step), np.ceil(_WIDEST / step) + 1)
     still, left = arrangement, np.inf
-    each = np.zeros(len(unmoved.pairs)) if before is None else before.each
+    each: FloatArray = np.zeros(len(unmoved.pairs)) if before is None else before.each
     for _ in range(_TURNS):
         lines = _lines(arrangement, terms.frequency_hz[sharp], terms.damping_ratio[sharp])
-        more = _drifts(still, terms, weight, lines, tests, grid)
+        narrow = float(np.median(terms.damping_ratio[sharp]))
+        more = _drifts(still, terms, weight, lines, tests, grid, narrow)
         if not np.any(np.abs(more) > _LEAST):
             break
-        grid = _finer(more)
+        grid = _finer(more, narrow)
         each = each + more
         still = aligned(unmoved, terms, weight, each)
         terms = settle(still, terms)
@@ -111,6 +113,7 @@ def _drifts(
     lines: IntArray,
     tests: IntArray,
     grid: FloatArray,
+    narrow: float,
 ) -> FloatArray:
     """(N,) the most probable drifts about their mean, on a grid and once more on a finer one."""
     count = int(tests.max()) + 1
@@ -120,18 +123,18 @@ def _drifts(
         return _lowest(grid, np.stack([np.bincount(tests, each, count) for each in misfit]))
 
     drift = lowest(grid)
-    if grid[-1] > 2 * _finer(drift)[-1]:
-        drift = lowest(_finer(drift))
+    if grid[1] - grid[0] > _FINEST * narrow:
+        drift = lowest(_finer(drift, narrow))
     drift = np.clip(
-        drift - np.median(drift), *_finer(drift)[[0, -1]]
+        drift - np.median(drift), *_finer(drift, narrow)[[0, -1]]
     )  # a test that shows nothing drifts no further than the others
     return np.asarray((drift - drift.mean())[tests])
 
 
-def _finer(drift: FloatArray) -> FloatArray:
-    """A grid about most of some drifts; a few that lie off it are wrong, or are found in the next turn."""
+def _finer(drift: FloatArray, narrow: float) -> FloatArray:
+    """A grid about most of some drifts, fine beside a damping ratio; drifts off it are wrong, or are found in the next turn."""
     reach = _SPREAD * max(float(np.median(np.abs(drift))), _LEAST)
-    return np.linspace(-reach, reach, _GRID)
+    return np.linspace(-reach, reach, int(np.clip(2 * reach / (_FINEST * narrow), *_GRID)))
 
 
 def aligned(arrangement: Arrangement, terms: Terms, weight: FloatArray, drift: FloatArray) -> Arrangement:
@@ -193,7 +196,7 @@ def _side_by_side(fit: Fit, inside: BoolArray, reach: float) -> tuple[Terms, boo
         off, wide = np.abs(hz - hz[k]), np.maximum(width / width[k], width[k] / width)
         near = inside & ~gone & (off < reach * (width + width[k])) & (off < _WIDEST * hz[k]) & (wide < _ALIKE)
         several.append(near.sum() > 1)
-        hz[k], zeta[k] = np.average(hz[near], weights=gain[near] + 1e-300), zeta[near].min()
+        hz[k], zeta[k] = hz[near].mean(), zeta[near].min()
         near[k] = False
         gone |= near
     merged = replace(terms, frequency_hz=hz[~gone], damping_ratio=zeta[~gone])

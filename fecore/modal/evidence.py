@@ -50,6 +50,7 @@ class Evidence:
         phase, rise, share, damping, twin, repeat, growth: (n,) see above.
         neighbour: (n,) number of the larger neighbour, -1 where there is none; likeness, apart: their MAC and distance δ.
         trend: (n,) ζ_t.
+        tone: (n,) whether the pole is so narrow that no record of these lines could have shown it.
         delay: of the channels, s; turned: whether all residues are turned by 90°.
     """
 
@@ -64,6 +65,7 @@ class Evidence:
     likeness: FloatArray
     apart: FloatArray
     trend: FloatArray
+    tone: BoolArray
     delay: float
     turned: bool
 
@@ -81,7 +83,7 @@ def evidence_of(arrangement: Arrangement, fit: Fit, hits: tuple[FloatArray, Floa
     rise = _rise(arrangement, fit)
     height, share = _share(arrangement, fit)
     inside = in_band(arrangement, terms.frequency_hz)
-    tone = terms.frequency_hz * terms.damping_ratio < _TONE * arrangement.spacing_hz
+    tone: BoolArray = terms.frequency_hz * terms.damping_ratio < _TONE * arrangement.spacing_hz
     strength = np.where(inside & ~tone, np.log10(rise) * share, 0.0)
     delay, turned = _delay(terms, residues, np.where(rise > _STRONG, strength, 0.0))
     phase = _phase(terms, residues, delay, turned)
@@ -102,6 +104,7 @@ def evidence_of(arrangement: Arrangement, fit: Fit, hits: tuple[FloatArray, Floa
         likeness=likeness,
         apart=apart,
         trend=trend,
+        tone=tone,
         delay=delay,
         turned=turned,
     )

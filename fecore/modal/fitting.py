@@ -14,7 +14,7 @@ from fecore.modal.compression import compress
 from fecore.modal.drift import Drift, in_band, session_of, without_drift
 from fecore.modal.error_model import memory
 from fecore.modal.evidence import evidence_of
-from fecore.modal.growth import ROUNDS, grow, linear_weight, pruned, without_poles
+from fecore.modal.growth import ROUNDS, grow, linear_weight, pruned, with_residual_terms, without_poles
 from fecore.modal.lscf import LinearPoles, clusters, linear_poles
 from fecore.modal.noise import local_variance, student
 from fecore.modal.probability import probability
@@ -27,7 +27,7 @@ _CLEARLY = 5.0  # prices of its unknowns by which a series without drift must be
 _CULLS = 2  # turns of probability and refinement
 _STEPS, _LAST = 8, 3  # of the refinement, and with all FRFs and a weight for each value
 _COMPANY = 1.5  # summed half bandwidths within which a refused pole only bends its neighbour
-_REFUSED = 0.1  # probability below which a pole is no mode
+_COMPANY_BELOW = 0.3  # probability below which a pole beside a better one is its company
 
 Report = Callable[[str, float], None]
 
@@ -111,8 +111,8 @@ class _Data:
         return grow(self.few, self.few_noise, most, step, terms, pool, rounds).terms
 
     def fitted(self, terms: Terms) -> Fit:
-        """The series with all FRFs, without poles that do not pay."""
-        measured = self.arrangement.measured
+        """The series with all FRFs, without poles and residual terms that do not pay."""
+        terms, measured = with_residual_terms(self.arrangement, terms), self.arrangement.measured
         fit = evaluate(
             self.arrangement,
             terms,
@@ -185,12 +185,12 @@ def _without_company(data: _Data, fit: Fit) -> Fit:
 
 
 def _company(arrangement: Arrangement, terms: Terms, p: FloatArray) -> BoolArray:
-    """(n,) refused poles in band that overlap one with a better probability that is not refused."""
+    """(n,) poles in band that are hardly modes and overlap one with a better probability."""
     width = terms.frequency_hz * terms.damping_ratio
     apart = np.abs(terms.frequency_hz[:, None] - terms.frequency_hz) / (width[:, None] + width)
-    good = p >= _REFUSED
+    good = p >= _COMPANY_BELOW
     return np.asarray(
-        (p < _REFUSED) & in_band(arrangement, terms.frequency_hz) & (apart[:, good] < _COMPANY).any(axis=1)
+        (p < _COMPANY_BELOW) & in_band(arrangement, terms.frequency_hz) & (apart[:, good] < _COMPANY).any(axis=1)
     )
 
 

@@ -67,8 +67,9 @@ def grow(
             break
         larger = refine(arrangement, with_poles(fit.terms, added), fit.variance, steps=_STEPS, enough=_ENOUGH)
         before = fit.terms.pairs
-        if number == 0:  # not before there are poles: residual terms would take the place of a broad one
-            larger = evaluate(arrangement, replace(larger.terms, exponents=exponents_for(arrangement)), larger.variance)
+        # Not before there are poles, as residual terms would take the place of a broad one; then all of them again, as a better
+        # fit may need what a poor one did without.
+        larger = evaluate(arrangement, with_residual_terms(arrangement, larger.terms), larger.variance)
         fit = pruned(
             arrangement,
             evaluate(arrangement, larger.terms, local_variance(larger.residual, arrangement.values, noise, measured)),
@@ -91,6 +92,11 @@ def exponents_for(arrangement: Arrangement) -> tuple[int, ...]:
     """The residual terms, fewer where lines are few."""
     lines = int(arrangement.measured.sum(axis=1).min())
     return EXPONENTS if lines >= 8 * len(EXPONENTS) else (-2, 0)
+
+
+def with_residual_terms(arrangement: Arrangement, terms: Terms) -> Terms:
+    """The terms with all residual terms that the lines carry."""
+    return replace(terms, exponents=exponents_for(arrangement))
 
 
 def with_poles(terms: Terms, pole: ComplexArray) -> Terms:
@@ -179,7 +185,8 @@ def _chosen(arrangement: Arrangement, fit: Fit, pool: ComplexArray, room: int) -
     right = target @ extra
     one, two = extra[:, 0::2], extra[:, 1::2]
     gram = [np.einsum("lc,lc->c", a, b) for a, b in ((one, one), (one, two), (two, two))]
-    price, taken, basis = pole_price(fit), [], np.empty((len(extra), 0))
+    price, basis = pole_price(fit), np.empty((len(extra), 0))
+    taken: list[int] = []
     open_ = np.ones(pool.size, dtype=bool)
     while len(taken) < room:
         gain = np.where(open_, _two_by_two(right, *gram), 0.0)

@@ -115,7 +115,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock)
     verdict = _verdict(arrangement, fit, evidence)
     if not verdict.kept.size:
         raise IdentificationError(_nothing(arrangement, diagram, verdict.refused, fitted.full))
-    worth = gains(fit) / pole_price(fit)
+    worth, tones = gains(fit) / pole_price(fit), _of_tones(arrangement, fit, evidence)
     fit, old, parted = part(arrangement, fit, verdict.kept)
     fitted, verdict = replace(fitted, fit=fit), verdict.of(old, fit.terms.frequency_hz)
     kept = verdict.kept
@@ -126,6 +126,8 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock)
         *prepared.said,
         *_of_drift(fitted),
         *_of_phase(evidence),
+        *tones,
+        *(["the search stopped at most_modes; raise it, or leave it out"] if fitted.full else []),
         *parted,
         *remarks(arrangement, fit, kept, shapes, evidence.share[old], doubt),
         *_of_spoilt(arrangement, spoilt),
@@ -216,6 +218,12 @@ def _of_drift(fitted: Fitted) -> list[str]:
         f"all natural frequencies drift together between the tests, by {100 * fitted.drift.sd:.2g} % (1 sd): the tests were"
         " aligned; temperature does this, or a support that comes loose"
     ]
+
+
+def _of_tones(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> list[str]:
+    seen, lines = fit.terms.frequency_hz[evidence.tone], arrangement.frequency_hz
+    at = np.unique([int(np.argmin(np.abs(lines - hz))) for hz in seen if lines[0] <= hz <= lines[-1]]).astype(int)
+    return [f"interference at {lines_in_words(lines[at])}: a tone of no width, modelled and no mode"] if at.size else []
 
 
 def _of_phase(evidence: Evidence) -> list[str]:

@@ -85,10 +85,10 @@ def design(arrangement: Arrangement, evidence: Evidence) -> tuple[FloatArray, Fl
 
 
 def probability(arrangement: Arrangement, evidence: Evidence, damping_ratio: FloatArray) -> FloatArray:
-    """(n,) P of each pole; 0 of one that does not swing."""
+    """(n,) P of each pole; 0 of one that does not swing, or is a tone."""
     ratio, x, spread = design(arrangement, evidence)
     p = predictive(ratio + x @ MEAN, np.einsum("ni,ij,nj->n", x, COVARIANCE, x) + (spread**2) @ MEAN**2)
-    return np.where(damping_ratio > _OVERDAMPED, 0.0, p)
+    return np.where((damping_ratio > _OVERDAMPED) | evidence.tone, 0.0, p)
 
 
 def predictive(logit: FloatArray, variance: FloatArray) -> FloatArray:

@@ -83,7 +83,7 @@ def up_to_date(document: dict[str, Any]) -> dict[str, Any]:
 
     One of 0.1.0 has no class of doubtful modes, none up to 0.2.0 a probability.
     """
-    said = {
+    said: dict[str, Any] = {
         "doubtful": [],
         "refused_poles": [],
         "model_error": None,
@@ -92,6 +92,6 @@ def up_to_date(document: dict[str, Any]) -> dict[str, Any]:
         "memory_lines": None,
     }
     document = {**said, **document}
-    unknown = {"probability": None, "features": []}
+    unknown: dict[str, Any] = {"probability": None, "features": []}
     poles = ("modes", "doubtful", "refused_poles")
     return {**document, **{part: [{**unknown, **row} for row in document.get(part, [])] for part in poles}}

@@ -348,8 +348,8 @@ def test_noise_alone_holds_no_mode() -> None:
 
 
 def test_a_limit_on_the_modes_that_stopped_the_search_is_named() -> None:
-    with pytest.raises(IdentificationError, match="The search stopped at most_modes; raise it"):
-        identify(paper_frfs(0.05, 0, LINES), Options(most_modes=1))
+    found = identify(paper_frfs(0.05, 0, LINES), Options(most_modes=2))
+    assert "the search stopped at most_modes; raise it, or leave it out" in found.warnings
 
 
 @pytest.mark.parametrize(
@@ -386,7 +386,9 @@ def test_independent_data(name: str, damping: float) -> None:
     path = shared_file("BLIND_OPEN", "blind-open", f"{name}.uff")
     truth = json.loads(path.with_suffix("").with_suffix(".truth.json").read_text())
     known = [m for m in truth["modes"] if m["out_of_plane"] and 0 < m["f_hz"] < 1000]
-    found = identify(read_uff(path)).modes
+    identified = identify(read_uff(path)).found
+    assert np.all(identified.probability > 0.8)  # a mode of 16 % of the FRFs in 5 % noise is uncertain by a little
+    found = identified.modes
     inside = found.frequency_hz < 1000
     assert np.allclose(found.frequency_hz[inside], [m["f_hz"] for m in known], rtol=1e-3)
     assert np.allclose(found.damping_ratio[inside], [m["zeta"] for m in known], rtol=damping)
