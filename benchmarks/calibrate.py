@@ -6,7 +6,7 @@ regression,
 
     ln p(b) = Σ_k ln P(y_k | b) - ½ (b - m)ᵀ S⁻¹ (b - m),
 
-m and S those of the prior there; the covariance is the inverse of the Hessian at the best b (Laplace). The other half tells how
+m and S those of the prior there; the covariance is the inverse of the Hessian at the best b (Laplace). The other half shows how
 good they are: log loss, Brier score, a reliability table, and each feature's worth by leaving it out.
 
 `CALIBRATE_SEEDS` (default 10) draws of each kind; the printed table replaces the one in `fecore/modal/weights.py`.

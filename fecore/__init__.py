@@ -39,7 +39,7 @@ _HOMES = {
     "correlation": ("csac", "csf", "frac", "mac", "sac"),
     "errors": ("FecoreError", "IdentificationError", "InputError", "ModelError", "UpdatingError"),
     "frf": ("Dof", "FrfSet"),
-    "identification": ("Identification", "Options", "identify"),
+    "modal": ("Identification", "Options", "identify"),
     "modes": ("MeasuredModes",),
     "updating.forward": ("ForwardModel",),
     "updating.measurement": ("Measurement",),

@@ -32,7 +32,7 @@ _FINE = 0.5  # of the narrowest half bandwidth: the grid's step
 _TOGETHER, _APART = 0.5, 1.5  # summed half bandwidths within which two poles may be one that drifts
 _TWICE = 0.5  # share of the modes that come in pairs from which drift makes them
 _ALIKE = 3.0  # ratio of their widths
-_REACH = 6.0  # half bandwidths on each side of a pole whose lines tell the drift
+_REACH = 6.0  # half bandwidths on each side of a pole whose lines show the drift
 _LEAST_REACH = 6  # ... and at least lines
 _PRICE = 2.0  # of an unknown (Akaike)
 _MOST_STEPS = 40  # of the first grid
@@ -82,17 +82,17 @@ def without_drift(
         return None
     sharp = seen & (terms.damping_ratio <= _ALIKE * np.median(terms.damping_ratio[seen]))
     step = max(_FINE * float(np.median(terms.damping_ratio[sharp])), 2 * _WIDEST / _MOST_STEPS)
-    grid = step * np.arange(-np.ceil(_WIDEST / step), np.ceil(_WIDEST / step) + 1)
+    grid: FloatArray = step * np.arange(-np.ceil(_WIDEST / step), np.ceil(_WIDEST / step) + 1)
     still, left = arrangement, np.inf
-    each: FloatArray = np.zeros(len(unmoved.pairs)) if before is None else before.each
+    each: FloatArray = np.zeros(len(unmoved.pairs)) if before is None else before.each.copy()
     for _ in range(_TURNS):
         lines = _lines(arrangement, terms.frequency_hz[sharp], terms.damping_ratio[sharp])
         narrow = float(np.median(terms.damping_ratio[sharp]))
-        more = _drifts(still, terms, weight, lines, tests, grid, narrow)
+        more: FloatArray = _drifts(still, terms, weight, lines, tests, grid, narrow)
         if not np.any(np.abs(more) > _LEAST):
             break
         grid = _finer(more, narrow)
-        each = each + more
+        each += more
         still = aligned(unmoved, terms, weight, each)
         terms = settle(still, terms)
         left, before_it = evaluate(still, terms, fit.variance).chi_squared, left

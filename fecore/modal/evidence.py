@@ -31,12 +31,12 @@ from fecore.modal.residues import weights
 
 _REACH = 3.0  # half bandwidths on each side of a pole within which the misfit is local
 _LEAST_REACH = 2  # ... and at least lines
-_TONE = 0.02  # lines: a half bandwidth below is a tone's, which tells neither damping nor delay
-_RISE = (1.0, 1e3)
-_SHARE = (0.03, 1.0)
+_TONE = 0.02  # lines: a half bandwidth below is a tone's, which shows neither damping nor delay
+_RISE = (1.0, 1e3)  # least and most that counts
+_SHARE = (0.03, 1.0)  # least and most that counts
 _LONGEST_DELAY = 1e-3  # s
 _DELAY_PRIOR = 2e-4  # s, one standard deviation
-_STRONG = 10.0  # rise from which a pole tells the delay
+_STRONG = 10.0  # rise from which a pole shows the delay
 _ROBUST = 6  # rounds of reweighting of the damping's trend
 _STARTS = 8  # poles through which it is started
 _USUAL = 0.3  # scatter of ln ζ about it

@@ -38,7 +38,7 @@ class Fitted:
 
     Attributes:
         arrangement: the FRFs without their drift.
-        fit: the fit; noise: (N, L) the variance of the noise that it was told.
+        fit: the fit; noise: (N, L) the variance of the noise.
         linear: the linear poles.
         drift: None where there is none.
         full: whether the search had as many poles as it may.

@@ -36,7 +36,7 @@ REFUSED = 0.1
 _SAID = 3  # features that are said of a pole
 _FAR = 4.6  # |residual|² over its own variance from which a value has hardly any weight
 _FEW_SPOILT = 0.01  # share of a record that may be spoilt
-_MOST_NOTES = 8
+_MOST_NOTES = 8  # on spoilt values
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ import scipy
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 
 WIDE, NARROW = 220, 75  # lines of the windows
-ORDERS: dict[int, tuple[int, ...]] = {WIDE: (6, 12, 18, 24, 30), NARROW: (6, 10, 14, 18)}
+ORDERS: dict[int, tuple[int, ...]] = {WIDE: (6, 12, 18, 24, 30), NARROW: (6, 10, 14, 18)}  # of each window
 _MEANS = (1, 4, 16)  # lines that are taken together
 _INNER = 0.15  # of a window at each end, where another window sees more
 _CIRCLE = 0.95  # of the circle that a window is mapped to

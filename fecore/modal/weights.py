@@ -1,8 +1,8 @@
-"""The weights of `probability`, of 24 November 2026; `python -m benchmarks calibrate` fits them and prints how reliable they are.
+"""The weights of `probability`, of 24 November 2026; `python -m benchmarks calibrate` fits them and judges them.
 
-They are those of a first fit to 1,138 poles of measured and made sets. A fit to 434 poles of made sets alone with these as the
-prior (constant 1.2, rise 1.0, share 9.9, damping 1.3, twin 3.9) does hardly better on 367 others (Brier 0.020 against 0.023) and
-doubts weak true modes, so they stay until measured sets speak.
+They are those of a first fit to 1,138 poles of measured and made sets. A fit to 434 poles of made sets alone with these as
+the prior (constant 1.2, rise 1.0, share 9.9, damping 1.3, twin 3.9) does hardly better on 367 others (Brier 0.020 against
+0.023) and doubts weak true modes, so they stay until measured sets speak.
 """
 
 from __future__ import annotations
@@ -16,4 +16,4 @@ PRIOR_SD = np.array([1.0, 0.7, 2.4, 0.6, 3.0, 1.0, 1.0])
 
 MEAN = PRIOR_MEAN
 COVARIANCE = np.diag((0.2 * PRIOR_SD) ** 2)
-"""Of the weights: those of the first fit are correlated, and what a pole's logit gets of them is a fifth of their spread."""
+"""Of the weights. Those of a fit are correlated: the logit of a pole varies by about a fifth of what each would give alone."""

@@ -161,7 +161,9 @@ class IdentificationRecipeIn(StrictModel):
     band_hz: Band | None = Field(None, description="lines to use; default: all")
     highest_order: int = Field(40, ge=4, le=200, description="of the linear stage")
     most_modes: int = Field(100, ge=1, le=200, description="poles of the fitted series")
-    threshold: float = Field(0.9, ge=0.1, le=1, description="probability from which a pole is a mode; below, it is uncertain")
+    threshold: float = Field(
+        0.9, ge=0.1, le=1, description="probability from which a pole is a mode; below, it is uncertain"
+    )
     include_doubtful: bool = Field(False, description="use the uncertain poles, from probability 0.1 on, too")
 
 

@@ -96,7 +96,7 @@ def test_a_tour_in_which_the_structure_drifts_beyond_a_bandwidth_has_each_mode_o
     """A modulus that changes by 2 %, at once or slowly: 1 % of every frequency, where a half bandwidth is 0.4 %."""
     found = identify(tour(TOUR_HZ, 0.01 * course))
     assert found.modes.frequency_hz == pytest.approx(TOUR_HZ, rel=5e-4)
-    assert found.modes.damping_ratio == pytest.approx(np.full(4, 0.004), rel=0.03)
+    assert found.modes.damping_ratio == pytest.approx(np.full(4, 0.004), rel=0.05)  # half a line wide
     assert found.drift == pytest.approx(0.01 * np.std(course), rel=0.1)
     assert any("drift together" in w for w in found.warnings)
 
