@@ -10,7 +10,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Each process that starts would compile all of it anew, 0.7 s at a time: `__pycache__` is what that is for.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test unit integration acceptance check bench screens guide soak clean
+.PHONY: demo test unit integration acceptance check bench guide soak clean
 
 demo: $(SERVER)
 	$(BIN)/modalbase demo
@@ -31,11 +31,7 @@ check: $(READY)
 	$(BIN)/lint-imports
 
 bench: $(READY)
-	$(BIN)/python -m benchmarks
-
-# A picture of every page, in build/screens; needs the system's Chromium.
-screens: $(READY)
-	$(BIN)/python -m tools.screens
+	$(BIN)/python -m benchmarks accuracy speed
 
 # The guide as files for a browser, in build/guide; a service has it at /guide.
 guide: $(SERVER)
@@ -43,13 +39,7 @@ guide: $(SERVER)
 
 # Long runs that print counts; the tests have each in a short form.
 soak: $(READY)
-	$(BIN)/python -m benchmarks.access_matrix long
-	$(BIN)/python -m benchmarks.soak_fuzz
-	$(BIN)/python -m benchmarks.soak_bombs
-	$(BIN)/python -m benchmarks.soak_load
-	$(BIN)/python -m benchmarks.soak_kills
-	$(BIN)/python -m benchmarks.soak_small
-	$(BIN)/python -m benchmarks.soak_backup
+	$(BIN)/python -m benchmarks soak
 	MODALBASE_TEST_LONG=1 $(BIN)/python -m pytest tests/acceptance/test_main_job.py
 
 # What the service needs; and what the tests and checks need beside it.

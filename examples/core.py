@@ -14,7 +14,7 @@ from fecore import Dof, FrfSet, HoldOut, Measurement, OrthotropicMaterial, Param
 from modalbase import read_uff
 from modalbase.formats import uff
 
-content = list(read_uff(sys.argv[1] if len(sys.argv) > 1 else "service/demo/paper_beam.uff"))
+content = list(read_uff(sys.argv[1] if len(sys.argv) > 1 else "service/app/demo/paper_beam.uff"))
 for report in content:
     if isinstance(report, uff.DatasetReport) and report.outcome == "refused":
         print(f"dataset {report.number} (type {report.type}): {report.reason}", file=sys.stderr)

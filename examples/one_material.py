@@ -13,8 +13,7 @@ import numpy as np
 from examples.paper.published import FREE_LENGTH, FREE_MEASURED_HZ, TABLE_3_MEASURED_HZ, TABLE_4_COUPONS, material
 from fecore.body.oriented import OrientedSpecimen
 from fecore.modes import MeasuredModes
-from fecore.updating.campaigns.layout import MATERIAL_PARAMETERS, Campaign
-from fecore.updating.campaigns.update import CampaignsRecipe, CampaignsResult, update_campaigns
+from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, CampaignsRecipe, CampaignsResult, update_campaigns
 from fecore.updating.inputs import Inputs
 
 THICKNESS = 0.01012

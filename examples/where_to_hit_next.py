@@ -10,7 +10,7 @@ import numpy as np
 from examples.one_material import paper_bar
 from examples.paper.published import TABLE_4_COUPONS, material
 from fecore.body.oriented import OrientedSpecimen
-from fecore.updating.campaigns.plans import Plan, PlannedTest, plan_tests
+from fecore.updating.plans import Plan, PlannedTest, plan_tests
 
 
 def tests_that_could_be_made() -> list[PlannedTest]:

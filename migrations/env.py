@@ -33,7 +33,7 @@ handed_over = context.config.attributes.get("connection")
 if handed_over is not None:
     run(handed_over)
 else:
-    import service.composition  # noqa: F401  imports every table
+    import service.app.composition  # noqa: F401  imports every table
 
     url = Settings().database_url
     if url is None:

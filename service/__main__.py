@@ -1,5 +1,5 @@
 """`python -m service`: the command `modalbase`, for processes that the service starts itself."""
 
-from service.cli import main
+from service.app.cli import main
 
 main()

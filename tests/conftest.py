@@ -23,11 +23,11 @@ import pytest
 from sqlalchemy import Engine, make_url
 
 from service.access.keys import create_key, user_named
+from service.app.supervisor import LocalService
 from service.db.embedded import embedded_server
 from service.db.engine import Sessions, make_engine, make_sessions
 from service.db.schema import upgrade
 from service.settings import Settings
-from service.supervisor import LocalService
 from tests.support.emptying import empty_tables, schema_print
 from tests.support.places import shared_folder
 from tests.support.rest import client_of

@@ -6,9 +6,9 @@ import shutil
 import sys
 from pathlib import Path
 
-from service.guide.contents import PICTURES, addresses, files, whole_page
-from service.guide.routes import STYLES
-from service.pages.assets import FOLDER as STATIC
+from service.show.guide.contents import PICTURES, addresses, files, whole_page
+from service.show.guide.routes import STYLES
+from service.show.pages.assets import FOLDER as STATIC
 
 ROOT = Path(__file__).resolve().parent.parent
 

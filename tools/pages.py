@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
 import typer
 
-from service.cli.command import app
+from service.app.cli.command import app
 from tools.routes import Described, described, document
 
 MADE = "<!-- made by python -m tools.reference -->"
+OFTEN = 10  # commands with the same option, from which on it stands once at the top
 
 
 def rest_page() -> str:
@@ -20,42 +22,41 @@ def rest_page() -> str:
     lines = [
         "# REST, route by route", "", MADE, "",
         "Paths are below `/api/v1`. `/openapi.json` is the document with all fields, `/docs` the page to try them.",
-        "Each route is a method of [`lab.rest`](library.md) by the name in the last column.", "",
+        "Each route is a method of [`lab.rest`](library.md) by the name in brackets.",
+        "Bodies are JSON; other media types are named.", "",
     ]  # fmt: skip
     by_tag: dict[str, list[Described]] = {}
     for route in described(openapi):
         by_tag.setdefault(next(iter(route.operation.get("tags", ["other"]))), []).append(route)
     for tag, found in by_tag.items():
-        lines += [f"## {tag.capitalize()}", "", "| call | does | query | body | method |", "|---|---|---|---|---|"]
-        lines += [_route(route) for route in found] + [""]
+        lines += [f"## {tag.capitalize()}", "", *map(_route, found), ""]
     return "\n".join(lines)
 
 
 def _route(route: Described) -> str:
-    query = ", ".join(f"`{name}`" for name in route.query if name not in ("cursor", "limit"))
-    body = ", ".join(f"`{kind}`" for kind in route.operation.get("requestBody", {}).get("content", {}))
-    summary = route.summary.replace("|", "\\|")
-    return f"| `{route.method} /{route.path}` | {summary} | {query} | {body} | `{route.name}` |"
+    query = "&".join(f"{name}=" for name in route.query if name not in ("cursor", "limit"))
+    kinds = [kind for kind in route.operation.get("requestBody", {}).get("content", {}) if kind != "application/json"]
+    summary = route.summary + "".join(f" `{kind}`" for kind in kinds)
+    call = f"{route.method} /{route.path}" + (f"?{query}" if query else "")
+    return f"- `{call}` (`{route.name}`): {summary}"
 
 
 def cli_page() -> str:
-    """`docs/reference-cli.md`: every command with its arguments and options."""
-    command: Any = typer.main.get_command(app)
-    lines = [
-        "# The command, word by word",
-        "",
-        MADE,
-        "",
-        "[How to use it](command-line.md). `modalbase --install-completion` completes.",
-        "",
-    ]
-    for words, one in _commands(command, "modalbase"):
-        lines += [f"## {words}", "", _plain(one.help or ""), ""]
-        given = [parameter for parameter in one.params if not getattr(parameter, "hidden", False)]
-        given = [parameter for parameter in given if parameter.name != "help"]
-        if given:
-            lines += ["| | does |", "|---|---|", *map(_parameter, given), ""]
+    """`docs/reference-cli.md`: every command with its arguments and options; what many have stands once."""
+    commands = list(_commands(typer.main.get_command(app), "modalbase"))
+    rows = {words: [_parameter(parameter) for parameter in _shown(one)] for words, one in commands}
+    count = Counter(row for found in rows.values() for row in found)
+    common = [row for row, times in count.items() if times >= OFTEN]
+    head = "[How to use it](command-line.md). Many commands have these options:"
+    lines = ["# The command, word by word", "", MADE, "", head, "", *common, ""]
+    for words, one in commands:
+        own = [row for row in rows[words] if row not in common]
+        lines += [f"## {words}", "", _plain(one.help or ""), "", *own, *([""] if own else [])]
     return "\n".join(lines)
+
+
+def _shown(command: Any) -> list[Any]:
+    return [one for one in command.params if not getattr(one, "hidden", False) and one.name != "help"]
 
 
 def _commands(command: Any, words: str) -> Iterator[tuple[str, Any]]:
@@ -68,12 +69,8 @@ def _commands(command: Any, words: str) -> Iterator[tuple[str, Any]]:
 
 def _parameter(parameter: Any) -> str:
     names = parameter.opts + parameter.secondary_opts
-    shown = (
-        ", ".join(f"`{name}`" for name in names)
-        if names[0].startswith("-")
-        else f"`{parameter.name.strip('_').upper()}`"
-    )
-    return f"| {shown} | {_plain(getattr(parameter, 'help', None) or '').replace('|', chr(92) + '|')} |"
+    shown = names if names[0].startswith("-") else [parameter.name.strip("_").upper()]
+    return f"- {', '.join(f'`{name}`' for name in shown)}: {_plain(getattr(parameter, 'help', None) or '')}"
 
 
 def _plain(text: str) -> str:

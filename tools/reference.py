@@ -10,14 +10,13 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from tools import pages, routes, tolerances
+from tools import pages, routes
 
 ROOT = Path(__file__).resolve().parent.parent
 MADE: dict[str, Callable[[], str]] = {
     "modalbase/client/routes.py": routes.table,
     "docs/reference-rest.md": pages.rest_page,
     "docs/reference-cli.md": pages.cli_page,
-    "docs/reference-tolerances.md": tolerances.page,
 }
 
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from fastapi import FastAPI
 
-from service.app import PREFIX
-from service.composition import ROUTERS
+from service.app.application import PREFIX
+from service.app.composition import ROUTERS
 from service.web.routing import include
 
 METHODS = ("get", "post", "put", "patch", "delete")

@@ -1,8 +1,8 @@
 """The one place that picks the sparse factorisation of a symmetric matrix.
 
 A positive definite matrix with a band (a strip's, whose nodes are numbered across it) goes to LAPACK's banded Cholesky,
-a wide one to SuperLU in symmetric mode with a minimum degree ordering. Both come with SciPy. CHOLMOD was measured
-against them (`python -m benchmarks forward`): it is no faster on a strip, and its wheel is under the GPL.
+a wide one to SuperLU in symmetric mode with a minimum degree ordering. Both come with SciPy. CHOLMOD is no
+faster on a strip, and its wheel is under the GPL.
 
 For n dofs and a band b the banded factor costs about n b² operations at the speed of matrix products and a solve reads
 n b numbers; SuperLU's factor of these two-dimensional meshes holds about 6.3 n √b numbers, made at a fifth of that speed. So

@@ -89,36 +89,19 @@ def _bordered_solve(matrix: Matrix, border: FloatArray, right: FloatArray) -> Fl
     return np.linalg.solve(dense, right)
 
 
-def static_series(
-    modes: NormalModes,
-    mass: Matrix,
-    loads: FloatArray,
-    terms: int,
-    stiffness_by: Sequence[Matrix] = (),
-    mass_by: Sequence[Matrix] = (),
-) -> tuple[FloatArray, FloatArray]:
-    """y_t = (F⁻¹M)ᵗ F⁻¹ b for t = 0 … terms-1, F = K - σM, and its derivatives at fixed σ.
-
-    These are the terms of the receptance in powers of ω² - σ.
+def static_series(modes: NormalModes, mass: Matrix, loads: FloatArray, terms: int) -> FloatArray:
+    """y_t = (F⁻¹M)ᵗ F⁻¹ b for t = 0 … terms-1, F = K - σM: terms of the receptance in powers of ω² - σ.
 
     Args:
         modes: they carry F's factorisation and σ.
         mass: M.
         loads: (dofs, l) forces b.
         terms: how many.
-        stiffness_by: p matrices K', or none.
-        mass_by: p matrices M', or none.
 
     Returns:
-        (terms, dofs, l) y and (p, terms, dofs, l) ∂y.
+        (terms, dofs, l).
     """
     y = np.empty((terms, *loads.shape))
-    by = np.zeros((len(stiffness_by), terms, *loads.shape))
     for t in range(terms):
         y[t] = modes.factor.solve(loads if t == 0 else mass @ y[t - 1])
-        for p, (K, M) in enumerate(zip(stiffness_by, mass_by, strict=True)):
-            force = modes.shift * (M @ y[t]) - K @ y[t]
-            if t > 0:
-                force = force + M @ y[t - 1] + mass @ by[p, t - 1]
-            by[p, t] = modes.factor.solve(force)
-    return y, by
+    return y

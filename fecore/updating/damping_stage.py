@@ -189,11 +189,9 @@ def fit_damping(
     data: DampingData,
     reference: ReferenceFit,
     law: DampingLaw,
-    *,
-    many_starts: bool = True,
     progress: Callable[[float], None] = lambda _: None,
 ) -> DampingResult:
-    """Fit a law, from one start or from several that lie far apart.
+    """Fit a law from several starts that lie far apart.
 
     Raises:
         UpdatingError: no start converged.
@@ -206,7 +204,7 @@ def fit_damping(
         DAMPING_DISCREPANCY,
     )
     spread = scale.rms
-    starts = _starts(law, start, ratios) if many_starts else [start]
+    starts = _starts(law, start, ratios)
     nuisance = data.nuisance(spread, reference.excess)
     fits: list[DampingFit] = []
     for done, first in enumerate(starts):

@@ -9,18 +9,19 @@ from __future__ import annotations
 import numpy as np
 
 from fecore.body.mesh import EDGE_ROUNDING
+from fecore.updating.findings import found, listed
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.verdict import listed
+from fecore.updating.result import Finding
 
 _DOUBTED = 2.0  # standard deviations of a dimension from which a point beyond it contradicts it
 _NAMED = 4  # points named in one sentence
 
 
-def points_beyond(forward: ForwardModel, inputs: Inputs) -> list[str]:
-    """Which points contradict the length or the width, in words."""
+def points_beyond(forward: ForwardModel, inputs: Inputs, campaign: str = "") -> list[Finding]:
+    """Which points contradict the length or the width; of a campaign that is named where there are several."""
     nominal, (x, y) = forward.specimen.nominal, forward.places.T
-    found = []
+    where, findings = f"campaign {campaign}: " if campaign else "", []
     for name, out in (
         ("length", np.maximum(-x, x - nominal["length"])),
         ("width", np.abs(y) - nominal["width"] / 2),
@@ -28,9 +29,7 @@ def points_beyond(forward: ForwardModel, inputs: Inputs) -> list[str]:
         size = nominal[name]
         limit = max(_DOUBTED * inputs.standard_deviation(name, size), EDGE_ROUNDING * size)
         if (rows := np.flatnonzero(out > limit)).size:
-            labels = listed([forward.points[row] for row in rows], _NAMED)
-            found.append(
-                f"points {labels} lie beyond the {name} of {1e3 * size:g} mm, by up to {1e3 * out.max():.2g} mm: "
-                f"the {name} or the points' coordinates are wrong, and so may be the constants; correct what is wrong"
-            )
-    return found
+            points = listed([forward.points[row] for row in rows], _NAMED)
+            values = {"points": points, "name": name, "size": 1e3 * size, "out": 1e3 * out.max()}
+            findings.append(found("points_beyond", where=where, **values))
+    return findings

@@ -1,19 +1,19 @@
-"""Stage 1: elastic constants from natural frequencies and mode shapes (Eqs. 12-14, Fig. 1).
+"""Stage 1: elastic constants from natural frequencies and mode shapes (Eqs. 12-14, Fig. 1), of one campaign or of several.
 
-The maximum a posteriori estimate in the coordinates ξ of `coordinates`, parameters and inputs together, by Levenberg and
-Marquardt's method on the misfit
+The maximum a posteriori estimate of all unknowns x together (`layout`), by Levenberg and Marquardt's method on the misfit
 
-    E(ξ) = ½ rᵀ(C_noise + s² 1)⁻¹ r + ½ (ξ - ξ₀)ᵀC_p⁻¹(ξ - ξ₀),     r = ln f_exp - ln f(ξ),     S = ∂ln f/∂ξ analytic.
+    E(x) = ½ rᵀ(N + s²)⁻¹r + ½ xᵀP(τ)x + ½ Σ_b (y_b - x_b)²/σ_b²,     r = ln f_exp - ln f(x),     ∂ln f/∂x analytic,
 
-Measured and model modes are paired anew by MAC as constants move modes past each other, and the discrepancy s is the root of
-its posterior mean. The intervals are those of the posterior with s marginalised (`posterior`), and reach on to one side where
-an input is believed to be nothing but may be something (`excursions`).
+with the residuals of all campaigns stacked and coupons y_b, logarithms of their means over the prior's. Measured and model
+modes are paired anew by MAC as constants move modes past each other. The discrepancy s follows from the residuals, the scatter
+τ between specimens is the root of its posterior mean. The intervals are those of the posterior with both marginalised
+(`posterior`), and reach on to one side where an input is believed to be nothing but may be something (`excursions`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,28 +24,22 @@ from fecore.errors import InputError, UpdatingError
 from fecore.least_squares import Stopping, minimise
 from fecore.modal import turn_real
 from fecore.modes import MeasuredModes
-from fecore.updating.coordinates import Coordinates
-from fecore.updating.elastic_result import ElasticIterate, ElasticResult
+from fecore.updating.elastic_result import ElasticResult, stacked
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.updating.layout import CampaignModel, Coupon, Layout
 from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
-from fecore.updating.parameters import by_name
-from fecore.updating.posterior import (
-    DISCREPANCY,
-    discrepancy,
-    identifiability,
-    marginalise,
-    null_directions,
-)
+from fecore.updating.posterior import DISCREPANCY, LinearProblem, discrepancy
+from fecore.updating.result import ConvergenceStep
 
 SHAPE_DISCREPANCY = 0.01
 """Standard deviation of a measured shape about the model's at a point, as a share of the shape's largest entry."""
 
-UNKNOWN_FREQUENCY_SD = 0.0002  # a typed-in frequency is taken to be this sure, as a share of it
 _TURNS, _STEPS = 30, 6  # pairings and discrepancies that are tried, and steps with each
-_SWINGING = 12  # turns after which a fit that is not at rest swings
+_LATE = 12  # turns after which a fit whose partners change swings, and steps that gain next to nothing are rest
 _REST = 1e-4  # posterior standard deviations that an undamped step may still move
-_SAME_DISCREPANCY = 0.01  # relative change that changes nothing
+_STILL = 1e-3  # of the misfit, that a late turn's steps may lower it and be at rest: 1/22 of a standard deviation
+_SAME = 0.01  # relative change of discrepancy and scatter that changes nothing
 
 
 class NoPartnersError(UpdatingError):
@@ -56,12 +50,12 @@ class SwingingError(UpdatingError):
     """The partners of modes change to and fro for ever.
 
     Attributes:
-        torn: measured modes whose partners change.
-        between: the pairings, each with the parameters that it was found at.
+        torn: campaigns and measured modes whose partners change.
+        between: the partners in every campaign, each with the x that they were found at.
     """
 
-    torn: tuple[int, ...] = ()
-    between: tuple[tuple[Partners, FloatArray], ...] = ()
+    torn: tuple[tuple[int, int], ...] = ()
+    between: tuple[tuple[tuple[Partners, ...], FloatArray], ...] = ()
 
 
 def update_elastic(
@@ -70,267 +64,337 @@ def update_elastic(
     progress: Callable[[float], None] = lambda _: None,
     *,
     use_shapes: bool = False,
-    start: FloatArray | None = None,
     seek_excursions: Callable[[ForwardState], tuple[Excursion, ...]] = lambda _: (),
-    likest: bool = False,
-    held: Partners | None = None,
 ) -> ElasticResult:
-    """Estimate the parameters from measured modes.
+    """`fit` of one campaign from the prior means of its model, whose first points are those of the modes' shapes."""
+    return fit(Layout.of_one(forward, modes, seek_excursions), progress, use_shapes=use_shapes)
+
+
+def fit(
+    layout: Layout,
+    progress: Callable[[float], None] = lambda _: None,
+    *,
+    coupons: Sequence[Coupon] = (),
+    scatter: float = 0.0,
+    use_shapes: bool = False,
+    start: FloatArray | None = None,
+    likest: bool = False,
+    held: tuple[Partners, ...] | None = None,
+) -> ElasticResult:
+    """Find the most probable unknowns from measured modes.
 
     Args:
-        forward: the model; its first points are those of the modes' shapes, in their order.
-        modes: measured modes; without shapes they are paired by frequency.
+        layout: the unknowns, and the campaigns with their models and modes.
         progress: called with the share of the stage that is done.
+        coupons: what static tests say of the shared parameters.
+        scatter: scale of the moduli's relative deviations between specimens; 0 for none.
         use_shapes: fit realised shapes too; needs modes with shapes.
-        start: (p,) θ to start from, the prior means by default.
-        seek_excursions: what inputs may do that are believed to be nothing, at the updated model.
+        start: (X,) x to start from, the prior means by default.
         likest: pair the likest shapes at the prior means, however unlike, and keep these pairs.
-        held: partners to keep; by default the modes are paired anew in every turn.
+        held: partners to keep, of each campaign; by default the modes are paired anew in every turn.
 
     Raises:
-        InputError: shapes are asked for and there are none.
-        NoPartnersError: no mode could be paired.
+        InputError: shapes are asked for and there are none, or a coupon's constant is not updated.
+        NoPartnersError: no mode of a campaign could be paired.
         SwingingError: the partners of modes change to and fro.
         UpdatingError: the iteration did not converge; it carries the best iterate.
         ModelError: the eigenproblem could not be solved.
     """
-    if use_shapes and modes.shapes is None:
+    if use_shapes and any(campaign.modes.shapes is None for campaign in layout.campaigns):
         raise InputError("use_shapes", "the measured modes have no shapes at points of the model")
-    fit = _Fit(forward, modes, use_shapes, likest, held)
-    prior_mean = forward.parametrisation.prior_mean
-    initial = forward.solve(prior_mean)
-    initial_pairing = fit.pair(initial)
-    state = initial if start is None else forward.solve(start)
-    pairing, spread = fit.pair(state), DISCREPANCY
-    history: list[ElasticIterate] = []
-    between: dict[Partners, FloatArray] = {}
-    visited = turn = 0
-
-    def visit(_: int, point: _Point) -> None:
-        nonlocal visited
-        if turn >= _SWINGING:  # modes may cross within a turn too
-            between.setdefault(partners_of(point.pairing, point.state.kinds), point.state.theta)
-        progress(1 - 0.7**visited)
-        visited += 1
-        if not history or point.state.theta is not history[-1].theta:
-            frequencies = _measured_order(point.state, point.pairing, len(modes))
-            history.append(ElasticIterate(point.state.theta, frequencies, point.cost))
-
+    misfit = Misfit(layout, layout.coupon_terms(coupons), use_shapes, likest, held)
+    origin: FloatArray = np.zeros(len(layout.unknowns))
+    initial = misfit.paired(origin, DISCREPANCY, scatter)
+    point = initial if start is None else misfit.paired(start, DISCREPANCY, scatter)
+    path = _Path(layout, progress)
+    stopping = Stopping(relative=0.0, absolute=_REST**2 / 2, steps=_STEPS)
     for turn in range(_TURNS):
-        stopping = Stopping(relative=0.0, absolute=_REST**2 / 2, steps=_STEPS)
-        found = minimise(fit.at(state, pairing, spread), fit.move, stopping, visit)
-        state, before = found.point.state, found.point.pairing
-        pairing = fit.pair(state)
-        if turn >= _SWINGING:
-            between.setdefault(partners_of(pairing, state.kinds), state.theta)
-        fresh = discrepancy(*fit.relative_residual(fit.at(state, pairing, spread)), DISCREPANCY)
-        settled = abs(fresh / spread - 1) < _SAME_DISCREPANCY and before.pairs == pairing.pairs
-        if settled and found.outcome in ("converged", "stuck"):
-            point = fit.at(state, pairing, spread)
-            return fit.finish(point, initial, initial_pairing, tuple(history), seek_excursions(state))
-        spread = fresh
-    if not has_shapes(modes):  # at a crossing a fit creeps along the lower of two modes, and pairs with that one alone
-        between |= dict.fromkeys(exchanged(pairing, state.kinds), state.theta)
-    in_all = set.intersection(*(set(partners) for partners in between))
-    torn = {row for partners in between for row, *_ in set(partners) - in_all}
-    error = SwingingError if torn else UpdatingError
-    raised = error(
-        fit.without_rest(torn),
-        best=by_name(forward.parametrisation.names, state.theta),
-        history=tuple(iterate.cost for iterate in history),
-    )
-    if isinstance(raised, SwingingError):
-        raised.torn, raised.between = tuple(sorted(torn)), tuple(between.items())
-    raise raised
+        path.late = turn >= _LATE
+        found, first = minimise(point, misfit.move, stopping, path.visit), point
+        point = misfit.at(
+            found.point.x, found.point.states, misfit.pair(found.point.states), first.spread, first.scatter
+        )
+        path.note_partners(point)
+        fresh = misfit.fresh_scales(point, scatter)
+        same = all(abs(new - old) <= _SAME * old for new, old in zip(fresh, point.scales, strict=True))
+        same &= all(a.pairs == b.pairs for a, b in zip(found.point.pairings, point.pairings, strict=True))
+        still = path.late and misfit.may_zigzag and first.cost - found.point.cost < _STILL
+        rests = still or found.outcome in ("converged", "stuck")
+        if same and rests:
+            progress(1.0)
+            return misfit.result(point, initial, scatter, tuple(path.history))
+        point = replace(point, spread=fresh[0], scatter=fresh[1])
+    raise path.without_rest(point)
 
 
 @dataclass(frozen=True)
 class _Point:
-    """A solved model with the misfit there, as `minimise` asks for it."""
+    """Solved models with the misfit there, as `minimise` asks for it."""
 
-    state: ForwardState
-    pairing: Pairing
+    states: tuple[ForwardState, ...]
+    pairings: tuple[Pairing, ...]
+    problem: LinearProblem
     spread: float
-    residual: FloatArray
-    sensitivity: FloatArray
-    weight: FloatArray
-    cost: float
-    descent: FloatArray
-    hessian: FloatArray
+    scatter: float
+
+    @property
+    def x(self) -> FloatArray:
+        return self.problem.x
+
+    @property
+    def scales(self) -> tuple[float, float]:
+        return self.spread, self.scatter
+
+    @cached_property
+    def _model(self) -> tuple[float, FloatArray, FloatArray]:
+        return self.problem.at(self.spread, self.scatter)
+
+    @property
+    def cost(self) -> float:
+        return self._model[0]
+
+    @property
+    def descent(self) -> FloatArray:
+        return self._model[1]
+
+    @property
+    def hessian(self) -> FloatArray:
+        return self._model[2]
 
 
 @dataclass(frozen=True)
-class _Fit:
-    """The data of one elastic update."""
+class Misfit:
+    """The data of one fit."""
 
-    forward: ForwardModel
-    modes: MeasuredModes
+    layout: Layout
+    coupons: tuple[tuple[int, float, float], ...] = ()
     use_shapes: bool = False
     likest: bool = False
-    held: Partners | None = None
+    held: tuple[Partners, ...] | None = None
+
+    @property
+    def may_zigzag(self) -> bool:
+        """Whether steps may zigzag about the minimum, as where modes veer; without shapes a fit creeps to a crossing."""
+        return all(has_shapes(campaign.modes) for campaign in self.layout.campaigns)
+
+    def paired(self, x: FloatArray, spread: float, scatter: float) -> _Point:
+        """The misfit at x, the modes paired there."""
+        states = tuple(campaign.forward.solve(campaign.theta(x)) for campaign in self.layout.campaigns)
+        return self.at(x, states, self.pair(states), spread, scatter)
+
+    def pair(self, states: Sequence[ForwardState]) -> tuple[Pairing, ...]:
+        """The pairing of each campaign's modes with those of its solved model."""
+        found = []
+        for number, (campaign, state) in enumerate(zip(self.layout.campaigns, states, strict=True)):
+            modes = campaign.modes
+            if self.likest:
+                pairing = replace(self._likest[number], mac=pair_likest(modes, state).mac)
+            else:
+                pairing = pair_with(modes, state) if self.held is None else pair_held(modes, state, self.held[number])
+            if not pairing.pairs:
+                raise NoPartnersError(_no_partners(campaign), best=_best(self.layout, number, state), history=())
+            found.append(pairing)
+        return tuple(found)
 
     @cached_property
-    def coordinates(self) -> Coordinates:
-        return Coordinates(self.forward.parametrisation)
+    def _likest(self) -> tuple[Pairing, ...]:
+        return tuple(
+            pair_likest(c.modes, c.forward.solve(c.forward.parametrisation.prior_mean)) for c in self.layout.campaigns
+        )
 
-    def pair(self, state: ForwardState) -> Pairing:
-        if self.likest:
-            return replace(self._likest, mac=pair_likest(self.modes, state).mac)
-        pairing = pair_with(self.modes, state) if self.held is None else pair_held(self.modes, state, self.held)
-        if not pairing.pairs:
-            raise NoPartnersError(
-                "no measured mode is like any mode of the model; check the boundary, the grid points and the frame",
-                best=by_name(self.forward.parametrisation.names, state.theta),
-                history=(),
-            )
-        return pairing
+    def at(
+        self,
+        x: FloatArray,
+        states: tuple[ForwardState, ...],
+        pairings: tuple[Pairing, ...],
+        spread: float,
+        scatter: float,
+    ) -> _Point:
+        """The misfit at solved models, for pairings, a discrepancy and a scatter."""
+        return _Point(states, pairings, self.linear(x, states, pairings), spread, scatter)
 
-    @cached_property
-    def _likest(self) -> Pairing:
-        return pair_likest(self.modes, self.forward.solve(self.forward.parametrisation.prior_mean))
-
-    def noise(self, rows: list[int]) -> FloatArray:
-        """(n, n) covariance of the logarithms of the paired measured frequencies by noise."""
-        if self.modes.covariance is None:
-            return np.eye(len(rows)) * UNKNOWN_FREQUENCY_SD**2
-        hz = self.modes.frequency_hz[rows]
-        return self.modes.covariance[np.ix_(rows, rows)] / np.outer(hz, hz)
-
-    def at(self, state: ForwardState, pairing: Pairing, spread: float) -> _Point:
-        """The misfit at a solved model, for a pairing and a discrepancy."""
-        rows, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
-        coordinates = self.coordinates
-        weight = np.linalg.inv(self.noise(rows) + spread**2 * np.eye(len(rows)))
-        residual = np.log(self.modes.frequency_hz[rows] / state.frequency_hz[columns])
-        slope = coordinates.slope(state.theta)
-        S = state.frequency_jacobian[columns] / state.frequency_hz[columns, None] * slope
-        away = (coordinates.of(state.theta) - coordinates.mean) / coordinates.sd
-        missed, by = self.shape_residual(state, pairing)
-        by = by * slope
-        return _Point(
-            state,
-            pairing,
-            spread,
-            residual,
-            S,
-            weight,
-            cost=float(residual @ weight @ residual + away @ away + missed @ missed) / 2,
-            descent=S.T @ weight @ residual - away / coordinates.sd + by.T @ missed,
-            hessian=S.T @ weight @ S + np.diag(coordinates.sd**-2) + by.T @ by,
+    def linear(self, x: FloatArray, states: Sequence[ForwardState], pairings: Sequence[Pairing]) -> LinearProblem:
+        """The problem that is linear in the step from x."""
+        rows = stacked(pairings)
+        size, total = x.size, rows[-1].stop
+        residual, noise, sensitivity = np.zeros(total), np.zeros((total, total)), np.zeros((total, size))
+        missed: list[FloatArray] = [np.zeros(0)]
+        by: list[FloatArray] = [np.zeros((0, size))]
+        for campaign, state, pairing, at in zip(self.layout.campaigns, states, pairings, rows, strict=True):
+            measured, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
+            chain = campaign.coordinates.slope(state.theta)[:, None] * campaign.pick
+            residual[at] = np.log(campaign.modes.frequency_hz[measured] / state.frequency_hz[columns])
+            noise[at, at] = campaign.noise(measured)
+            sensitivity[at] = state.frequency_jacobian[columns] / state.frequency_hz[columns, None] @ chain
+            if self.use_shapes:
+                off, of_theta = _shape_residual(campaign.modes, state, pairing)
+                missed.append(off)
+                by.append(of_theta @ chain)
+        J, m = np.vstack(by), np.concatenate(missed)
+        others, descent, cost = {}, J.T @ m, float(m @ m)
+        if self.use_shapes:
+            others["mode shapes"] = J.T @ J
+        if self.coupons:
+            place, value, sd = (np.array(column) for column in zip(*self.coupons, strict=True))
+            off = value - x[place]
+            others["coupons"] = np.zeros((size, size))
+            np.add.at(others["coupons"], (place, place), sd**-2)
+            np.add.at(descent, place, off / sd**2)
+            cost += float(np.sum((off / sd) ** 2))
+        return LinearProblem(
+            residual=residual,
+            noise=noise,
+            sensitivity=sensitivity,
+            x=x,
+            sd=self.layout.sd,
+            others=others,
+            other_descent=descent,
+            other_cost=cost / 2,
         )
 
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
-        """The point that a step in the coordinates leads to; None where no specimen could be, or a held partner is lost."""
-        xi = self.coordinates.of(point.state.theta) + step
-        if not self.coordinates.are_believable(xi[None])[0]:
+        """The point that a step leads to; None where no specimen could be, or a held partner is lost."""
+        x = point.x + step
+        if not all(campaign.is_believable(x) for campaign in self.layout.campaigns):
             return None
-        state, pairing = self.forward.solve(self.coordinates.values(xi)), point.pairing
+        states = tuple(campaign.forward.solve(campaign.theta(x)) for campaign in self.layout.campaigns)
+        pairings = point.pairings
         if self.held is not None:
-            pairing = self.pair(state)
-            if len(pairing.pairs) < len(point.pairing.pairs):  # a partner rose above the modes that were solved for
-                return None
-        return self.at(state, pairing, point.spread)
+            pairings = self.pair(states)
+            if any(len(a.pairs) < len(b.pairs) for a, b in zip(pairings, point.pairings, strict=True)):
+                return None  # a partner rose above the modes that were solved for
+        return self.at(x, states, pairings, *point.scales)
 
-    def shape_residual(self, state: ForwardState, pairing: Pairing) -> tuple[FloatArray, FloatArray]:
-        """Realised measured less model shapes, each at its best scale, in standard deviations, and -∂/∂θ of them."""
-        count = state.theta.size
-        if not self.use_shapes or self.modes.shapes is None:
-            return np.zeros(0), np.zeros((0, count))
-        residuals, jacobians = [], []
-        points = len(self.modes.dofs)
-        for row, column in pairing.pairs:
-            measured = turn_real(self.modes.shapes[row]).real
-            measured = measured / np.abs(measured).max()
-            model = state.shapes[column, :points]
-            scale = measured @ model / (model @ model)
-            by = state.shape_jacobian[:, state.modes.rigid + column, :points]
-            across = by - np.outer(by @ model, model) / (model @ model)  # the best scale takes what lies along
-            residuals.append((measured - scale * model) / SHAPE_DISCREPANCY)
-            jacobians.append(scale * across.T / SHAPE_DISCREPANCY)
-        return np.concatenate(residuals), np.vstack(jacobians)
+    def fresh_scales(self, point: _Point, scatter_scale: float) -> tuple[float, float]:
+        """Discrepancy and scatter as they are estimated at a point."""
+        problem = point.problem
+        spread = discrepancy(problem.residual, problem.informed(*point.scales), DISCREPANCY)
+        if not scatter_scale:
+            return spread, 0.0
+        mixture, scatters = problem.mixture(scatter_scale)
+        return spread, float(np.sqrt(mixture.weight @ scatters**2))
 
-    def relative_residual(self, point: _Point) -> tuple[FloatArray, float]:
-        """Residuals as shares of the frequencies, and how many parameters they determine: tr(H⁻¹ SᵀWS)."""
-        informed = point.sensitivity.T @ point.weight @ point.sensitivity
-        return point.residual, float(np.trace(np.linalg.solve(point.hessian, informed)))
-
-    def without_rest(self, torn: set[int]) -> str:
-        """Why an iteration goes on for ever, and what to do, in words; `torn` are the modes whose partner changed."""
-        said = f"the elastic update did not converge in {_TURNS} turns of {_STEPS} steps; "
-        if not torn:
-            return said + "check geometry, density, boundary and priors"
-        which = ", ".join(f"{row + 1} ({self.modes.frequency_hz[row]:.2f} Hz)" for row in sorted(torn))
-        return said + (
-            f"the partner of measured mode {which} changes to and fro, as modes of the model mix there or the points "
-            "cannot distinguish them: leave it out of the mode set, measure at more points, or check boundary and geometry"
-        )
-
-    def finish(
-        self,
-        point: _Point,
-        initial: ForwardState,
-        initial_pairing: Pairing,
-        history: tuple[ElasticIterate, ...],
-        excursions: tuple[Excursion, ...],
+    def result(
+        self, point: _Point, initial: _Point, scatter_scale: float, history: tuple[ConvergenceStep, ...]
     ) -> ElasticResult:
-        """The result, with what its error is made of.
-
-        The estimate is linear in data and prior means, so its error is Gε + H⁻¹C_p⁻¹(ξ₀ - ξ) with G = H⁻¹SᵀW; the variances of
-        these parts, the noise's, the discrepancy's and each prior's, add up to H⁻¹.
-        """
-        state, pairing, coordinates = point.state, point.pairing, self.coordinates
-        rows = [row for row, _ in pairing.pairs]
-        noise = self.noise(rows)
-        of_data = point.sensitivity.T @ point.weight @ point.sensitivity
-        mixture = marginalise(
-            point.residual,
-            noise,
-            point.sensitivity,
-            point.hessian - of_data,
-            point.descent - point.sensitivity.T @ point.weight @ point.residual,
-        )
-        inverse = np.linalg.inv(point.hessian)
-        gain = inverse @ point.sensitivity.T @ point.weight
-        slope = coordinates.slope(state.theta)
-        prior, names = self.forward.parametrisation, self.forward.parametrisation.names
-        sources = {"measurement noise": gain @ _root(noise), "model discrepancy": gain * point.spread}
-        for column, name in enumerate(names):
-            what = name if name not in prior.reported else f"prior of {name}"
-            sources[what] = inverse[:, [column]] / coordinates.sd[column]
+        """The result at the point of rest."""
+        campaigns = zip(self.layout.campaigns, point.states, strict=True)
         return ElasticResult(
-            theta=state.theta,
-            coordinates=coordinates,
-            mixture=mixture,
-            sources=sources,
-            covariance=mixture.total * np.outer(slope, slope),
-            noise_covariance=(gain @ noise @ gain.T) * np.outer(slope, slope),
-            excursions=excursions,
-            sensitivity=point.sensitivity,
-            gain=gain,
-            measured_log=np.log(self.modes.frequency_hz[rows]),
-            noise=noise,
-            initial=initial,
-            updated=state,
-            initial_pairing=initial_pairing,
-            pairing=pairing,
-            identifiability=identifiability(names, inverse, coordinates.sd),
-            null_directions=null_directions(inverse, coordinates.sd),
+            layout=self.layout,
+            x=point.x,
+            initial_states=initial.states,
+            states=point.states,
+            initial_pairings=initial.pairings,
+            pairings=point.pairings,
+            problem=point.problem,
             discrepancy=point.spread,
-            residual=point.residual,
+            scatter=point.scatter,
+            mixture=point.problem.mixture(scatter_scale)[0],
+            excursions=tuple(campaign.seek_excursions(state) for campaign, state in campaigns),
             history=history,
             held=self.held,
             unlike=self.likest,
         )
 
 
-def _root(covariance: FloatArray) -> FloatArray:
-    """R with RRᵀ = a covariance that may be singular."""
-    value, vectors = np.linalg.eigh(covariance)
-    root: FloatArray = vectors * np.sqrt(np.maximum(value, 0))
-    return root
+@dataclass
+class _Path:
+    """How a fit goes: its iterates, and the partners that modes have in its late turns."""
+
+    layout: Layout
+    progress: Callable[[float], None]
+    late: bool = False
+    visited: int = 0
+    history: list[ConvergenceStep] = field(default_factory=list)
+    between: dict[tuple[Partners, ...], FloatArray] = field(default_factory=dict)
+    _last: FloatArray | None = None
+
+    def visit(self, _: int, point: _Point) -> None:
+        """Note an iterate."""
+        self.note_partners(point)  # modes may cross within a turn too
+        self.progress(1 - 0.7**self.visited)
+        self.visited += 1
+        if self._last is not point.x:
+            self._last = point.x
+            measured = zip(self.layout.campaigns, point.states, point.pairings, strict=True)
+            hz = [_measured_order(state, pairing, len(campaign.modes)) for campaign, state, pairing in measured]
+            self.history.append(ConvergenceStep(self.layout.parameters(point.x), np.concatenate(hz), point.cost))
+
+    def note_partners(self, point: _Point) -> None:
+        """Note who is paired with whom, where the fit should have come to rest by then."""
+        if self.late:
+            pairs = zip(point.pairings, point.states, strict=True)
+            self.between.setdefault(tuple(partners_of(p, state.kinds) for p, state in pairs), point.x)
+
+    def without_rest(self, point: _Point) -> UpdatingError:
+        """The error of a fit that goes on for ever."""
+        for number, campaign in enumerate(self.layout.campaigns):
+            # At a crossing a fit creeps along the lower of two modes, and pairs with that one alone.
+            if not has_shapes(campaign.modes):
+                own = tuple(partners_of(p, s.kinds) for p, s in zip(point.pairings, point.states, strict=True))
+                for other in exchanged(point.pairings[number], point.states[number].kinds):
+                    self.between[*own[:number], other, *own[number + 1 :]] = point.x
+        seen = [{(c, *each) for c, own in enumerate(partners) for each in own} for partners in self.between]
+        everywhere = seen[0].intersection(*seen)
+        torn = {(c, row) for one in seen for c, row, *_ in one - everywhere}
+        raised = (SwingingError if torn else UpdatingError)(
+            _no_rest(self.layout, torn),
+            best=self.layout.parameters(point.x),
+            history=tuple(iterate.cost for iterate in self.history),
+        )
+        if isinstance(raised, SwingingError):
+            raised.torn, raised.between = tuple(sorted(torn)), tuple(self.between.items())
+        return raised
+
+
+def _shape_residual(modes: MeasuredModes, state: ForwardState, pairing: Pairing) -> tuple[FloatArray, FloatArray]:
+    """Realised measured less model shapes, each at its best scale, in standard deviations, and -∂/∂θ of them."""
+    assert modes.shapes is not None, "it was looked for"
+    residuals, jacobians = [], []
+    points = len(modes.dofs)
+    for row, column in pairing.pairs:
+        measured = turn_real(modes.shapes[row]).real
+        measured = measured / np.abs(measured).max()
+        model = state.shapes[column, :points]
+        scale = measured @ model / (model @ model)
+        by = state.shape_jacobian[:, state.modes.rigid + column, :points]
+        across = by - np.outer(by @ model, model) / (model @ model)  # the best scale takes what lies along
+        residuals.append((measured - scale * model) / SHAPE_DISCREPANCY)
+        jacobians.append(scale * across.T / SHAPE_DISCREPANCY)
+    return np.concatenate(residuals), np.vstack(jacobians)
+
+
+def _no_partners(campaign: CampaignModel) -> str:
+    if campaign.name:
+        return (
+            f"no measured mode of campaign {campaign.name} is like any mode of its model; check its boundary, angle, "
+            "grid points and frame"
+        )
+    return "no measured mode is like any mode of the model; check the boundary, the grid points and the frame"
+
+
+def _best(layout: Layout, number: int, state: ForwardState) -> dict[str, float]:
+    """The parameters at a solved model of one campaign."""
+    names = layout.shared if len(layout.campaigns) > 1 else layout.campaigns[number].forward.parametrisation.names
+    return dict(zip(names, map(float, state.theta), strict=False))
+
+
+def _no_rest(layout: Layout, torn: set[tuple[int, int]]) -> str:
+    """Why an iteration goes on for ever, and what to do, in words; `torn` are the modes whose partner changed."""
+    said = f"the elastic update did not converge in {_TURNS} turns of {_STEPS} steps; "
+    if torn:
+        which = ", ".join(layout.campaigns[number].named(row) for number, row in sorted(torn))
+        return said + (
+            f"the partner of measured mode {which} changes to and fro, as modes of the model mix there or the points "
+            "cannot distinguish them: leave it out of the mode set, measure at more points, or check boundary and geometry"
+        )
+    if len(layout.campaigns) > 1:
+        said += "update each campaign by itself to see which one does not fit; "
+    return said + "check geometry, density, boundary and priors"
 
 
 def _measured_order(state: ForwardState, pairing: Pairing, count: int) -> FloatArray:
+    """(n,) frequencies of the measured modes' partners, Hz; NaN of modes without one."""
     frequencies = np.full(count, np.nan)
     for row, column in pairing.pairs:
         frequencies[row] = state.frequency_hz[column]

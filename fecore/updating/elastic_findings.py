@@ -6,7 +6,8 @@ import numpy as np
 
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic_result import REFUTED, ElasticResult
-from fecore.updating.verdict import Finding, notes
+from fecore.updating.findings import Level, found, remarks
+from fecore.updating.result import Finding
 
 SAME_SHAPE = 0.8
 """MAC below which two shapes are not taken to be those of one mode."""
@@ -19,64 +20,47 @@ HOPELESS_MISS = 0.03
 
 def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:
     """All findings, by what they mean."""
-    measured, model = modes.frequency_hz, elastic.updated.frequency_hz
     pairing = elastic.pairing
     alone = len(pairing.unpaired_measured)
-    found = notes(pairing.messages(measured, model), None, 1)
+    findings = remarks("pairing", pairing.messages(modes.frequency_hz, elastic.updated.frequency_hz))
     if elastic.unlike and pairing.mac is not None:
-        text = (
-            f"no measured mode is like any mode of the model (largest MAC {np.nanmax(pairing.mac):.2f}): this is not the model "
-            "of what was measured; check that the file belongs to this structure, and boundary, points and frame. The likest "
-            "modes are paired for a comparison alone"
-        )
-        found.append(Finding(text, "do_not_use", 110))
-    if 2 * alone > len(modes):
-        text = (
-            f"{alone} of {len(modes)} measured modes have no partner in the model: this is not the model of what was measured; "
-            "check that the file belongs to this structure, and boundary, points and frame"
-        )
-        found.append(Finding(text, "do_not_use", 100))
-    elif alone:
-        found.append(Finding(f"{alone} of {len(modes)} measured modes have no partner in the model", "with_care", 6))
+        findings.append(found("no_like_mode", mac=np.nanmax(pairing.mac)))
+    if alone:
+        kind = "most_modes_alone" if 2 * alone > len(modes) else "modes_alone"
+        findings.append(found(kind, alone=alone, count=len(modes)))
     return [
-        *found,
-        *_rival_pairing(elastic),
-        *_swinging_pairing(elastic, modes),
+        *findings,
+        *pairing_findings(elastic),
         *_halves_of_modes(elastic, modes),
-        *_unlike_shapes(elastic, modes),
+        *_unlike_shapes(elastic),
         *_missed_frequencies(elastic),
         *_far_from_prior(elastic),
         *_confounded(elastic),
     ]
 
 
+def pairing_findings(elastic: ElasticResult) -> list[Finding]:
+    """Modes of one campaign or of several that may be others than those they were paired with."""
+    return [*_rival_pairing(elastic), *_swinging_pairing(elastic)]
+
+
 def _rival_pairing(elastic: ElasticResult) -> list[Finding]:
     """Other partners that the data hardly refute, and that would give another material."""
-    names, coordinates = elastic.updated.forward.parametrisation.reported, elastic.coordinates
+    names = elastic.layout.shared
     for rival in elastic.standing or elastic.rivals[:1]:
-        apart = coordinates.of(rival.theta) - coordinates.of(elastic.theta)
-        sd = np.sqrt(np.minimum(np.diag(elastic.mixture.total), np.diag(rival.mixture.total)))
-        other = ", ".join(f"{name} {rival.theta[i]:.3g}" for i, name in enumerate(names) if abs(apart[i]) > FAR * sd[i])
+        apart, theta = rival.other.x - elastic.x, elastic.layout.material(rival.other.x)
+        sd = np.sqrt(np.minimum(np.diag(elastic.mixture.total), np.diag(rival.other.mixture.total)))
+        other = ", ".join(f"{name} {theta[i]:.3g}" for i, name in enumerate(names) if abs(apart[i]) > FAR * sd[i])
         if other and rival.evidence <= REFUTED:
             spanned = "; the intervals span both" if elastic.standing else ""
-            text = (
-                f"the modes may be others than those they were paired with: other partners, with {other}, are only "
-                f"{rival.evidence:.1f} in log evidence behind{spanned}; shapes at more points would decide"
-            )
-            return [Finding(text, "with_care", 40)]
+            return [found("rival_pairing", other=other, evidence=rival.evidence, spanned=spanned)]
     return []
 
 
-def _swinging_pairing(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:
+def _swinging_pairing(elastic: ElasticResult) -> list[Finding]:
     """Modes whose partners had to be held, as the fit from the prior means changed them to and fro."""
-    if not elastic.torn:
-        return []
-    which = ", ".join(f"{row + 1} ({modes.frequency_hz[row]:.2f} Hz)" for row in elastic.torn)
-    text = (
-        f"the partner of measured mode {which} changed to and fro in the fit, as modes of the model cross there: each pairing "
-        "was fitted alone, and the likeliest is the result; shapes at more points would decide"
-    )
-    return [Finding(text, "with_care", 30)]
+    which = ", ".join(elastic.layout.campaigns[number].named(row) for number, row in elastic.torn)
+    return [found("partners_swing", which=which)] if which else []
 
 
 def _halves_of_modes(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:
@@ -94,61 +78,49 @@ def _halves_of_modes(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
     if not halves:
         return []
     which = ", ".join(f"{row + 1} and {row + 2} ({hz[row]:.2f} and {hz[row + 1]:.2f} Hz)" for row in halves)
-    text = (
-        f"measured modes {which} lie within their bandwidths, and the model does not have both: so looks one mode of a "
-        "structure that changed between the FRFs (temperature, supports, a sensor that moved); measure it faster or at one "
-        "temperature, or leave one of them out of the mode set"
-    )
     spoilt = elastic.misfit > HOPELESS_MISS or np.median([matrix[pair] for pair in partner.items()]) < SAME_SHAPE
-    return [Finding(text, "do_not_use" if spoilt else "with_care", 105)]
+    return [found("halves_of_a_mode", level="do_not_use" if spoilt else None, which=which)]
 
 
-def _unlike_shapes(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:
-    matrix, pairs = elastic.pairing.mac, elastic.pairing.pairs
+def _unlike_shapes(elastic: ElasticResult) -> list[Finding]:
+    matrix, pairs, hz = elastic.pairing.mac, elastic.pairing.pairs, elastic.updated.frequency_hz
     if matrix is None:
         return []
-    values = np.array([matrix[pair] for pair in pairs])
-    found = [
-        f"measured mode {row + 1} ({modes.frequency_hz[row]:.2f} Hz) has only MAC {matrix[row, column]:.2f} with its "
-        f"partner, model mode {column + 1} ({elastic.updated.frequency_hz[column]:.2f} Hz): check boundary, points and "
-        "directions"
-        for row, column in pairs
-        if matrix[row, column] < SAME_SHAPE
+    median = float(np.median([matrix[pair] for pair in pairs]))
+    findings = [found("shapes_unlike", mac=median)] if median < SAME_SHAPE else []
+    return findings + [
+        found("shape_unlike", which=elastic.only.named(i), mac=matrix[i, j], model=j + 1, hz=hz[j])
+        for i, j in pairs
+        if matrix[i, j] < SAME_SHAPE
     ]
-    if np.median(values) < SAME_SHAPE:
-        text = f"most measured shapes are unlike the model's (median MAC {np.median(values):.2f})"
-        return [Finding(text, "do_not_use", 80), *notes(found, "with_care", 7)]
-    return notes(found, "with_care", 7)
 
 
 def _missed_frequencies(elastic: ElasticResult) -> list[Finding]:
     if elastic.misfit < USUAL_MISS:
         return []
-    text = (
-        f"the updated model misses the measured frequencies by {100 * elastic.misfit:.1f} % (rms), far more than plate theory "
-        "does: a prior that is too sure, a constant fixed at a wrong value, or wrong geometry, density or boundary; the "
-        "estimates are only as right as these"
-    )
-    return [Finding(text, "do_not_use" if elastic.misfit > HOPELESS_MISS else "with_care", 60)]
+    level: Level | None = "do_not_use" if elastic.misfit > HOPELESS_MISS else None
+    return [found("frequencies_missed", level=level, percent=100 * elastic.misfit)]
 
 
 def _far_from_prior(elastic: ElasticResult) -> list[Finding]:
-    prior, coordinates, theta = elastic.updated.forward.parametrisation, elastic.coordinates, elastic.theta
-    away = (coordinates.of(theta) - coordinates.mean) / coordinates.sd
-    texts = [
-        f"{prior.names[i]} ended {abs(away[i]):.1f} prior standard deviations {'above' if away[i] > 0 else 'below'} its "
-        f"prior mean ({theta[i]:.3g} against {prior.prior_mean[i]:.3g}): the prior or the model is wrong, and its interval "
-        "supposes neither"
+    prior, theta = elastic.updated.forward.parametrisation, elastic.theta
+    away = elastic.x / elastic.layout.sd(elastic.scatter)
+    return [
+        found(
+            "far_from_prior",
+            name=prior.names[i],
+            away=abs(away[i]),
+            side="above" if away[i] > 0 else "below",
+            value=theta[i],
+            mean=prior.prior_mean[i],
+        )
         for i in np.flatnonzero(np.abs(away) > FAR)
     ]
-    return notes(texts, "with_care", 20)
 
 
 def _confounded(elastic: ElasticResult) -> list[Finding]:
-    texts = [
-        f"{each.name} cannot be distinguished from {', '.join(each.confounded_with)}: the data fix a combination of them "
-        "alone; fix one, or state how well it is known"
+    return [
+        found("confounded", name=each.name, others=", ".join(each.confounded_with))
         for each in elastic.identifiability
-        if each.confounded_with and each.name in elastic.updated.forward.parametrisation.reported
+        if each.confounded_with and each.name in elastic.layout.shared
     ]
-    return notes(texts, "with_care", 10)

@@ -2,46 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.correlation import Pairing
+from fecore.modes import MeasuredModes
 from fecore.updating.coordinates import Coordinates
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardState
-from fecore.updating.pairing import Partners
-from fecore.updating.posterior import Identifiability, Mixture
+from fecore.updating.layout import CampaignModel, Layout
+from fecore.updating.pairing import Partners, partners_of
+from fecore.updating.posterior import (
+    Identifiability,
+    LinearProblem,
+    Mixture,
+    identifiability,
+    null_directions,
+    spread_over,
+)
+from fecore.updating.result import ConvergenceStep, ModeComparison, StartHistory
 
 REFUTED = 5.0
 """Log evidence by which a pairing must be behind to be ruled out."""
 
-
-@dataclass(frozen=True)
-class ElasticIterate:
-    """One row of the convergence history: parameters (p,), frequencies of the measured modes (n,; NaN unpaired), cost."""
-
-    theta: FloatArray
-    frequency_hz: FloatArray
-    cost: float
+NOISE, DISCREPANCY_OF_MODEL = "measurement noise", "model discrepancy"
 
 
-@dataclass(frozen=True)
-class Start:
-    """One start of the fit.
-
-    Attributes:
-        history: iterates, first to last; empty of a start that failed.
-        cost: of each iterate.
-        failure: why it did not converge; empty where it did.
-    """
-
-    history: tuple[ElasticIterate, ...]
-    cost: tuple[float, ...]
-    failure: str = ""
+def stacked(pairings: Sequence[Pairing]) -> tuple[slice, ...]:
+    """For each campaign, the slice of its paired frequencies in the stacked ones."""
+    ends = np.cumsum([0, *(len(pairing.pairs) for pairing in pairings)])
+    return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
 
 
 @dataclass(frozen=True)
@@ -49,108 +44,227 @@ class Rival:
     """Another pairing of the modes, at the best point that a start with it came to.
 
     Attributes:
-        theta: (p,) its parameters.
-        pairs: its partners, (measured index, model index).
-        frequency_hz, kinds: of its model's modes.
+        other: the result there.
         evidence: logarithm of how much more the chosen point is supported.
-        mixture: the posterior of ξ about its point.
     """
 
-    theta: FloatArray
-    pairs: tuple[tuple[int, int], ...]
-    frequency_hz: FloatArray
-    kinds: tuple[str, ...]
+    other: ElasticResult
     evidence: float
-    mixture: Mixture
 
 
 @dataclass(frozen=True)
 class ElasticResult:
-    """Updated elastic parameters θ, the laboratory's inputs among them.
+    """Updated elastic parameters, the laboratory's inputs among them, of one campaign or of several.
 
     Attributes:
-        theta: (p,) estimate, SI.
-        coordinates: the map to the coordinates ξ in which the posterior is nearly Gaussian.
-        mixture: the posterior of ξ about the estimate, given the partners of the modes.
-        sources: by name of its source, (p, k) independent standard deviations of which the error of ξ is made at the mean
-            discrepancy: Σ LLᵀ is the posterior covariance.
-        covariance: (p, p) posterior covariance of θ given the partners, discrepancy included, excursions not.
-        noise_covariance: (p, p) covariance of θ under measurement noise alone.
-        excursions: inputs that may be something, for what they do.
-        sensitivity, gain: (n, p) ∂ln f/∂ξ of the paired modes, and (p, n) ∂ξ̂/∂ln f_measured.
-        measured_log: (n,) logarithms of the paired measured frequencies; noise: (n, n) their covariance.
-        initial, updated: the model at the prior means and at the estimate.
-        initial_pairing, pairing: measured to model modes, before and after.
-        identifiability: of each parameter, whichever partners that are not ruled out the modes have.
-        null_directions: (q, p) unit vectors, in prior standard deviations, of which the data say next to nothing.
-        discrepancy: estimated relative model error of a frequency, which the covariance includes.
-        residual: (n,) ln f_measured - ln f_model of the paired modes.
+        layout: the unknowns, and the campaigns that see them.
+        x: (X,) estimate, as deviations from the prior means in the coordinates in which the posterior is nearly Gaussian.
+        initial_states, states: each campaign's model at the prior means and at the estimate.
+        initial_pairings, pairings: measured to model modes of each, before and after.
+        problem: the linear problem at the estimate.
+        discrepancy: s, the estimated relative model error of a frequency.
+        scatter: τ, the estimated relative deviation of a specimen's modulus.
+        mixture: the posterior of x about the estimate, given the partners of the modes; discrepancy and scatter included,
+            excursions not.
+        excursions: of each campaign, inputs that may be something, for what they do.
         history: iterates, first to last.
         starts: every start that was tried, this one among them; empty where there was no choice of starts.
         rivals: the best point of each other pairing that a start came to, the likest first.
-        held: the partners that the fit held; None where it paired the modes anew in every turn.
-        torn: measured modes, from 0, whose partners changed to and fro in the fit from the prior means, so that it had no end.
+        held: the partners that the fit held in each campaign; None where it paired the modes anew in every turn.
+        torn: campaigns and measured modes, from 0, whose partners changed to and fro in the fit from the prior means.
         unlike: no measured mode was like any of the model's, so the likest were paired, for a comparison alone.
     """
 
-    theta: FloatArray
-    coordinates: Coordinates
-    mixture: Mixture
-    sources: Mapping[str, FloatArray]
-    covariance: FloatArray
-    noise_covariance: FloatArray
-    excursions: tuple[Excursion, ...]
-    sensitivity: FloatArray
-    gain: FloatArray
-    measured_log: FloatArray
-    noise: FloatArray
-    initial: ForwardState
-    updated: ForwardState
-    initial_pairing: Pairing
-    pairing: Pairing
-    identifiability: tuple[Identifiability, ...]
-    null_directions: FloatArray
+    layout: Layout
+    x: FloatArray
+    initial_states: tuple[ForwardState, ...]
+    states: tuple[ForwardState, ...]
+    initial_pairings: tuple[Pairing, ...]
+    pairings: tuple[Pairing, ...]
+    problem: LinearProblem
     discrepancy: float
-    residual: FloatArray
-    history: tuple[ElasticIterate, ...]
-    starts: tuple[Start, ...] = ()
+    scatter: float
+    mixture: Mixture
+    excursions: tuple[tuple[Excursion, ...], ...]
+    history: tuple[ConvergenceStep, ...]
+    starts: tuple[StartHistory, ...] = ()
     rivals: tuple[Rival, ...] = ()
-    held: Partners | None = None
-    torn: tuple[int, ...] = ()
+    held: tuple[Partners, ...] | None = None
+    torn: tuple[tuple[int, int], ...] = ()
     unlike: bool = False
+
+    @cached_property
+    def inverse(self) -> FloatArray:
+        """(X, X) H⁻¹, the posterior covariance at the estimated discrepancy and scatter."""
+        return self.problem.solve(self.discrepancy, self.scatter)[1]
+
+    @cached_property
+    def gain(self) -> FloatArray:
+        """(X, n) ∂x̂/∂ln f_measured."""
+        return self.problem.gain(self.discrepancy, self.scatter)
+
+    @cached_property
+    def sources(self) -> dict[str, FloatArray]:
+        """By name of its source, (X, k) independent standard deviations of which the error of x is made.
+
+        The estimate is linear in data and prior means, so its error is Gε + Gδ + H⁻¹P(x₀ - x); the variances of these parts,
+        the noise's, the discrepancy's and each prior's, add up to H⁻¹.
+        """
+        noise = self.gain @ _root(self.problem.noise)
+        parts: dict[str, list[FloatArray]] = {NOISE: [noise], DISCREPANCY_OF_MODEL: [self.gain * self.discrepancy]}
+        for name, information in self.problem.others.items():
+            parts[name] = [self.inverse @ _root(information)]
+        for place, (unknown, sd) in enumerate(zip(self.layout.unknowns, self.layout.sd(self.scatter), strict=True)):
+            parts.setdefault(unknown.source, []).append(self.inverse[:, [place]] / sd)
+        return {name: np.hstack(columns) for name, columns in parts.items()}
+
+    @cached_property
+    def identifiability(self) -> tuple[Identifiability, ...]:
+        """Of each unknown, whichever partners that are not ruled out the modes have."""
+        sd = self.layout.sd(self.scatter)
+        known = identifiability(self.layout.labels, self.inverse, sd)
+        return spread_over(known, self.spanning.total, sd) if self.standing else known
+
+    @property
+    def null_directions(self) -> FloatArray:
+        """(d, X) unit vectors, in prior standard deviations, of which the data say next to nothing."""
+        return null_directions(self.inverse, self.layout.sd(self.scatter))
 
     @property
     def standing(self) -> tuple[Rival, ...]:
         """The rivals that are not ruled out, where there are no shapes to say so."""
-        if self.pairing.mac is not None:
+        if all(pairing.mac is not None for pairing in self.pairings):
             return ()
         return tuple(rival for rival in self.rivals if rival.evidence <= REFUTED)
 
     @cached_property
     def spanning(self) -> Mixture:
-        """The posterior of ξ about the estimate over all pairings that are not ruled out, each by its evidence."""
+        """The posterior of x about the estimate over all pairings that are not ruled out, each by its evidence."""
         if not self.standing:
             return self.mixture
-        centre, all_of = self.coordinates.of(self.theta), [(0.0, self.theta, self.mixture)]
-        all_of += [(rival.evidence, rival.theta, rival.mixture) for rival in self.standing]
+        all_of = [(0.0, self.x, self.mixture), *((r.evidence, r.other.x, r.other.mixture) for r in self.standing)]
         share = np.exp(-np.array([behind for behind, _, _ in all_of]))
         share /= share.sum()
         return Mixture(
             np.concatenate([part * each.weight for part, (_, _, each) in zip(share, all_of, strict=True)]),
-            np.concatenate([self.coordinates.of(theta) - centre + each.shift for _, theta, each in all_of]),
+            np.concatenate([x - self.x + each.shift for _, x, each in all_of]),
             np.concatenate([each.covariance for _, _, each in all_of]),
             np.concatenate([each.scale for _, _, each in all_of]),
         )
 
     @property
+    def rows(self) -> tuple[slice, ...]:
+        """For each campaign, the slice of its frequencies in the stacked ones."""
+        return stacked(self.pairings)
+
+    @property
     def misfit(self) -> float:
         """Root mean square of the residuals."""
-        return float(np.sqrt(np.mean(self.residual**2)))
+        return float(np.sqrt(np.mean(self.problem.residual**2)))
+
+    @property
+    def every_excursion(self) -> tuple[Excursion, ...]:
+        """The excursions of all campaigns."""
+        return tuple(each for found in self.excursions for each in found)
 
     @cached_property
     def pulls(self) -> FloatArray:
-        """(p, e) change of ξ by one standard deviation of each excursion: what the frequencies then belong to."""
-        columns = [column for _, column in self.pairing.pairs]
-        if not self.excursions:
-            return np.zeros((self.theta.size, 0))
-        return -self.gain @ np.column_stack([each.shift[columns] for each in self.excursions])
+        """(X, e) change of x by one standard deviation of each excursion: what the frequencies then belong to."""
+        pulls: list[FloatArray] = [np.zeros((self.x.size, 0))]
+        for found, pairing, at in zip(self.excursions, self.pairings, self.rows, strict=True):
+            columns = [column for _, column in pairing.pairs]
+            pulls += [-self.gain[:, at] @ each.shift[columns][:, None] for each in found]
+        return np.hstack(pulls)
+
+    @property
+    def partners(self) -> tuple[Partners, ...]:
+        """Who is paired with whom, in each campaign."""
+        return tuple(partners_of(p, s.kinds) for p, s in zip(self.pairings, self.states, strict=True))
+
+    def compared_modes(
+        self, number: int, modes: MeasuredModes, predicted: Callable[[int], float | None] = lambda _: None
+    ) -> tuple[ModeComparison, ...]:
+        """A campaign's measured modes beside its model's; `predicted` gives the damping ratio of a model's elastic mode."""
+        pairing, updated = self.pairings[number], self.states[number]
+        first, last = dict(self.initial_pairings[number].pairs), dict(pairing.pairs)
+        found = []
+        for row, measured in enumerate(map(float, modes.frequency_hz)):
+            before, after = first.get(row), last.get(row)
+            hz = None if after is None else float(updated.frequency_hz[after])
+            initial = None if before is None else float(self.initial_states[number].frequency_hz[before])
+            found.append(
+                ModeComparison(
+                    number=row + 1,
+                    kind=None if after is None else updated.kinds[after],
+                    measured_hz=measured,
+                    initial_hz=initial,
+                    updated_hz=hz,
+                    error_percent=None if hz is None else 100 * (hz / measured - 1),
+                    mac=None if pairing.mac is None or after is None else float(pairing.mac[row, after]),
+                    measured_damping=_finite(modes.damping_ratio, row),
+                    predicted_damping=None if after is None else predicted(after),
+                    measured_damping_sd=_finite(modes.damping_sd, row),
+                )
+            )
+        return tuple(found)
+
+    # --- of an update of one campaign
+
+    @property
+    def only(self) -> CampaignModel:
+        """The one campaign."""
+        (only,) = self.layout.campaigns
+        return only
+
+    @property
+    def coordinates(self) -> Coordinates:
+        """The map from its parameters θ to the coordinates of x."""
+        return self.only.coordinates
+
+    @property
+    def theta(self) -> FloatArray:
+        """(p,) estimate of θ, SI."""
+        return self.updated.theta
+
+    @property
+    def initial(self) -> ForwardState:
+        """Its model at the prior means."""
+        return self.initial_states[0]
+
+    @property
+    def updated(self) -> ForwardState:
+        """Its model at the estimate."""
+        return self.states[0]
+
+    @property
+    def initial_pairing(self) -> Pairing:
+        """Its measured to model modes at the prior means."""
+        return self.initial_pairings[0]
+
+    @property
+    def pairing(self) -> Pairing:
+        """Its measured to model modes at the estimate."""
+        return self.pairings[0]
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """(p, p) posterior covariance of θ given the partners, discrepancy included, excursions not."""
+        slope = self.coordinates.slope(self.theta)
+        return self.mixture.total * np.outer(slope, slope)
+
+    @cached_property
+    def noise_covariance(self) -> FloatArray:
+        """(p, p) covariance of θ under measurement noise alone."""
+        slope = self.coordinates.slope(self.theta)
+        return (self.gain @ self.problem.noise @ self.gain.T) * np.outer(slope, slope)
+
+
+def _finite(values: FloatArray | None, row: int) -> float | None:
+    return float(values[row]) if values is not None and np.isfinite(values[row]) else None
+
+
+def _root(covariance: FloatArray) -> FloatArray:
+    """R with RRᵀ = a covariance that may be singular."""
+    value, vectors = np.linalg.eigh(covariance)
+    root: FloatArray = vectors * np.sqrt(np.maximum(value, 0))
+    return root

@@ -21,13 +21,10 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import UpdatingError
-from fecore.modes import MeasuredModes
-from fecore.updating.coordinates import Coordinates
 from fecore.updating.draws import even_draws
-from fecore.updating.elastic import NoPartnersError, SwingingError, update_elastic
-from fecore.updating.elastic_result import REFUTED, ElasticResult, Rival, Start
-from fecore.updating.excursions import Excursion
-from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.updating.elastic import NoPartnersError, SwingingError, fit
+from fecore.updating.elastic_result import REFUTED, ElasticResult, Rival
+from fecore.updating.layout import Coupon, Layout
 from fecore.updating.pairing import (
     Partners,
     exchanged,
@@ -37,7 +34,8 @@ from fecore.updating.pairing import (
     partners_of,
     probability_seen,
 )
-from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF, spread_over
+from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF
+from fecore.updating.result import StartHistory
 
 _DOUBTFUL = 5.0  # misfit over the discrepancy's prior from which a result is doubted
 _FAR = 1.5  # and prior standard deviations that a parameter has moved
@@ -46,17 +44,19 @@ _STARTS, _VERIFIED = 6, 2  # pairings from which the fit starts anew; results th
 _HELD = 6  # pairings that are held
 _PRICE_ALONE = 8.0  # in log evidence, of a measured mode without a partner, beside another pairing
 
+Found = ElasticResult | UpdatingError
+
 
 def update_from_several_starts(
-    forward: ForwardModel,
-    modes: MeasuredModes,
-    progress: Callable[[float], None],
+    layout: Layout,
+    progress: Callable[[float], None] = lambda _: None,
     *,
-    use_shapes: bool,
-    seek_excursions: Callable[[ForwardState], tuple[Excursion, ...]],
-    seed: int,
+    use_shapes: bool = False,
+    coupons: Sequence[Coupon] = (),
+    scatter: float = 0.0,
+    seed: int = 0,
 ) -> ElasticResult:
-    """`update_elastic`, from the prior means and, where that is doubtful, from draws that pair the modes otherwise.
+    """`fit`, from the prior means and, where that is doubtful, from draws that pair the modes otherwise.
 
     Where no draw has a mode that is like a measured one, the likest are paired, so that a result can show how unlike they are.
 
@@ -67,164 +67,182 @@ def update_from_several_starts(
     """
 
     def run(
-        model: ForwardModel, start: FloatArray | None, first: float, last: float, held: Partners | None = None
-    ) -> ElasticResult | UpdatingError:
-        seek = seek_excursions if model.verified else (lambda _: ())
+        place: Layout, start: FloatArray | None, first: float, last: float, held: tuple[Partners, ...] | None = None
+    ) -> Found:
         try:
-            return update_elastic(
-                model,
-                modes,
+            return fit(
+                place,
                 lambda share: progress(first + (last - first) * share),
                 use_shapes=use_shapes,
+                coupons=coupons,
+                scatter=scatter,
                 start=start,
-                seek_excursions=seek,
                 held=held,
             )
         except UpdatingError as error:
             return error
 
-    found = [run(forward, None, 0.0, 0.5)]
-    by_shapes = has_shapes(modes)
-    done = not isinstance(found[0], UpdatingError) and not is_doubtful(found[0]) and by_shapes
-    if not done:
-        loose = forward.unverified()
-        starts = _other_starts(loose, modes, seed)
+    found = [run(layout, None, 0.0, 0.5)]
+    by_shapes = _by_shapes(layout)
+    if isinstance(found[0], UpdatingError) or is_doubtful(found[0]) or not by_shapes:
+        loose = layout.unverified()
+        starts = _other_starts(loose, seed)
         steps = np.linspace(0.5, 0.8, len(starts) + 1)
         searched = [run(loose, start, *between) for start, between in zip(starts, pairwise(steps), strict=True)]
         if not by_shapes:
-            to_hold = _to_hold([*found, *searched], modes, forward)
+            to_hold = _to_hold([*found, *searched], layout)
             searched += [run(loose, start, 0.8, 0.8, partners) for partners, start in to_hold]
-        worth = _worth_verifying([each for each in [*found, *searched] if isinstance(each, ElasticResult)], modes)
+        worth = _worth_verifying([*found, *searched])
         found += [each for each in searched if not any(each is chosen for chosen in worth)]
         found += [
-            run(forward, each.theta, 0.8 + 0.1 * place, 0.9 + 0.1 * place, each.held)
-            for place, each in enumerate(worth)
+            run(layout, each.x, 0.8 + 0.1 * place, 0.9 + 0.1 * place, each.held) for place, each in enumerate(worth)
         ]
-    tried = tuple(_as_start(each) for each in found)
-    verified = [each for each in found if isinstance(each, ElasticResult) and each.updated.forward.verified]
+    verified = [each for each in found if isinstance(each, ElasticResult) and _is_verified(each)]
     if not verified:
-        first = next(each for each in found if isinstance(each, UpdatingError))
-        if not all(isinstance(each, NoPartnersError) for each in found) or not by_shapes:
-            raise first
-        try:
-            return update_elastic(forward, modes, seek_excursions=seek_excursions, likest=True)
-        except UpdatingError as error:
-            raise first from error
-    best = min(verified, key=lambda result: evidence(result, modes))
+        return _likest(layout, found)
+    best = min(verified, key=evidence)
     torn = found[0].torn if isinstance(found[0], SwingingError) and not by_shapes else ()
-    best = replace(best, starts=tried, rivals=_rivals(best, found, modes), torn=torn)
-    if not best.standing:
-        return best
-    return replace(best, identifiability=spread_over(best.identifiability, best.spanning.total, best.coordinates.sd))
+    starts_tried = tuple(_as_start(each, layout, chosen=each is best) for each in found)
+    return replace(best, starts=starts_tried, rivals=_rivals(best, found), torn=torn)
 
 
-def _ranked(found: Sequence[ElasticResult | UpdatingError], modes: MeasuredModes) -> list[ElasticResult]:
+def _likest(layout: Layout, found: Sequence[Found]) -> ElasticResult:
+    """The likest modes in pairs, where no start found one that is like a measured one; else the first start's error."""
+    first = next(each for each in found if isinstance(each, UpdatingError))
+    if not all(isinstance(each, NoPartnersError) for each in found) or not _by_shapes(layout):
+        raise first
+    try:
+        return fit(layout, likest=True)
+    except UpdatingError as error:
+        raise first from error
+
+
+def _by_shapes(layout: Layout) -> bool:
+    """Whether every campaign has shapes that distinguish its modes."""
+    return all(has_shapes(campaign.modes) for campaign in layout.campaigns)
+
+
+def _is_verified(result: ElasticResult) -> bool:
+    return all(campaign.forward.verified for campaign in result.layout.campaigns)
+
+
+def _ranked(found: Sequence[Found]) -> list[ElasticResult]:
     """Those that are results, the best supported first."""
-    results = [each for each in found if isinstance(each, ElasticResult)]
-    return sorted(results, key=lambda result: evidence(result, modes))
+    return sorted((each for each in found if isinstance(each, ElasticResult)), key=evidence)
 
 
-def _to_hold(
-    found: list[ElasticResult | UpdatingError], modes: MeasuredModes, forward: ForwardModel
-) -> list[tuple[Partners, FloatArray]]:
-    """Pairings that no fit came to rest at but may be as likely, each with the parameters to start from."""
-    results = _ranked(found, modes)
-    prior = forward.solve(forward.parametrisation.prior_mean)
-    candidates = [(partners_of(pair_with(modes, prior), prior.kinds), prior.theta)]
+def _to_hold(found: Sequence[Found], layout: Layout) -> list[tuple[tuple[Partners, ...], FloatArray]]:
+    """Pairings that no fit came to rest at but may be as likely, each with the x to start from."""
+    results = _ranked(found)
+    origin: FloatArray = np.zeros(len(layout.unknowns))
+    own = []
+    for campaign in layout.campaigns:
+        state = campaign.forward.solve(campaign.theta(origin))
+        own.append(partners_of(pair_with(campaign.modes, state), state.kinds))
+    candidates: list[tuple[tuple[Partners, ...], FloatArray]] = [(tuple(own), origin)]
     candidates += [pair for each in found if isinstance(each, SwingingError) for pair in each.between]
-    least = evidence(results[0], modes)[1] if results else np.inf
+    least = evidence(results[0])[1] if results else np.inf
     for result in results:
-        if evidence(result, modes)[1] <= least + REFUTED:
-            candidates += [(partners, result.theta) for partners in exchanged(result.pairing, result.updated.kinds)]
-    known = {_partners(result) for result in results}
-    fresh = {partners: start for partners, start in reversed(candidates) if partners and partners not in known}
+        if evidence(result)[1] <= least + REFUTED:
+            candidates += [(partners, result.x) for partners in _exchanged(result)]
+    known = {result.partners for result in results}
+    fresh = {partners: start for partners, start in reversed(candidates) if all(partners) and partners not in known}
     return list(reversed(fresh.items()))[:_HELD]
 
 
-def _worth_verifying(found: list[ElasticResult], modes: MeasuredModes) -> list[ElasticResult]:
+def _exchanged(result: ElasticResult) -> list[tuple[Partners, ...]]:
+    """The partners of a result, with one mode's other candidate in place of its own."""
+    found, own = [], result.partners
+    for number, (pairing, state) in enumerate(zip(result.pairings, result.states, strict=True)):
+        found += [(*own[:number], other, *own[number + 1 :]) for other in exchanged(pairing, state.kinds)]
+    return found
+
+
+def _worth_verifying(found: Sequence[Found]) -> list[ElasticResult]:
     """Those that are better than every verified result, or the best two where there is none; one of each pairing."""
-    best: dict[Partners, ElasticResult] = {}
-    for result in _ranked(found, modes):
-        if result.updated.forward.verified:
+    best: dict[tuple[Partners, ...], ElasticResult] = {}
+    for result in _ranked(found):
+        if _is_verified(result):
             break
-        best.setdefault(_partners(result), result)
+        best.setdefault(result.partners, result)
     return list(best.values())[:_VERIFIED]
 
 
-def _as_start(found: ElasticResult | UpdatingError) -> Start:
-    if isinstance(found, UpdatingError):
-        return Start((), found.history, found.message)
-    return Start(found.history, tuple(iterate.cost for iterate in found.history))
+def _as_start(found: Found, layout: Layout, *, chosen: bool) -> StartHistory:
+    steps = found.history if isinstance(found, ElasticResult) else ()
+    names = layout.parameters(np.zeros(len(layout.unknowns)))
+    parameters = {name: np.array([step.parameters[name] for step in steps]) for name in names}
+    if isinstance(found, ElasticResult):
+        return StartHistory(parameters, tuple(step.cost for step in found.history), chosen, "")
+    return StartHistory(parameters, found.history, chosen, found.message)
 
 
-def _rivals(best: ElasticResult, found: list[ElasticResult | UpdatingError], modes: MeasuredModes) -> tuple[Rival, ...]:
+def _rivals(best: ElasticResult, found: Sequence[Found]) -> tuple[Rival, ...]:
     """The best point of each pairing other than the chosen one, the likest first."""
-    others: dict[Partners, ElasticResult] = {}
-    for each in _ranked(found, modes):
-        if _partners(each) != _partners(best):
-            others.setdefault(_partners(each), each)
-    chosen = evidence(best, modes)
-    return tuple(_as_rival(each, chosen, evidence(each, modes)) for each in others.values())
+    others: dict[tuple[Partners, ...], ElasticResult] = {}
+    for each in _ranked(found):
+        if each.partners != best.partners:
+            others.setdefault(each.partners, each)
+    chosen = evidence(best)
+    return tuple(Rival(each, _behind(evidence(each), chosen)) for each in others.values())
 
 
-def _as_rival(other: ElasticResult, chosen: tuple[int, float], rival: tuple[int, float]) -> Rival:
-    behind = rival[1] - chosen[1] + _PRICE_ALONE * (rival[0] - chosen[0])
-    state = other.updated
-    return Rival(other.theta, other.pairing.pairs, state.frequency_hz, tuple(state.kinds), float(behind), other.mixture)
+def _behind(rival: tuple[int, float], chosen: tuple[int, float]) -> float:
+    """Log evidence by which a pairing is behind the chosen one."""
+    return float(rival[1] - chosen[1] + _PRICE_ALONE * (rival[0] - chosen[0]))
 
 
-def _partners(result: ElasticResult) -> Partners:
-    return partners_of(result.pairing, result.updated.kinds)
+def _away(result: ElasticResult) -> FloatArray:
+    """(X,) prior standard deviations between the estimate and the prior means."""
+    away: FloatArray = result.x / result.layout.sd(result.scatter)
+    return away
 
 
 def is_doubtful(result: ElasticResult) -> bool:
     """Whether another start may do better: modes without a partner, a large misfit, or a parameter far from its prior."""
-    coordinates = result.coordinates
-    away = np.abs(coordinates.of(result.theta) - coordinates.mean) / coordinates.sd
-    return bool(
-        result.pairing.unpaired_measured or result.misfit > _DOUBTFUL * DISCREPANCY or away.max(initial=0.0) > _FAR
-    )
+    alone = any(pairing.unpaired_measured for pairing in result.pairings)
+    return bool(alone or result.misfit > _DOUBTFUL * DISCREPANCY or np.abs(_away(result)).max(initial=0.0) > _FAR)
 
 
-def evidence(result: ElasticResult, modes: MeasuredModes) -> tuple[int, float]:
+def evidence(result: ElasticResult) -> tuple[int, float]:
     """What less is better of: modes without a partner; then the misfit of residuals and prior, the discrepancy marginalised.
 
     Where there are no shapes, modes of the model that were not seen count too, and how much a pairing narrows the prior: one
     that meets the frequencies only where a constant is tuned to a per cent has a smaller part of the prior for it (MacKay,
     Neural Comput. 4, 1992; the Occam factor ½ ln |C_p| - ½ ln |H⁻¹|).
     """
-    coordinates, n = result.coordinates, result.residual.size
-    away = (coordinates.of(result.theta) - coordinates.mean) / coordinates.sd
-    squares = DISCREPANCY_DOF + float(result.residual @ result.residual) / DISCREPANCY**2
-    misfit = (DISCREPANCY_DOF + n) / 2 * np.log(squares) + float(away @ away) / 2
-    if has_shapes(modes):
-        return len(result.pairing.unpaired_measured), misfit
-    covariance = sum(part @ part.T for part in result.sources.values())
-    narrowed = np.log(coordinates.sd).sum() - np.linalg.slogdet(covariance)[1] / 2
-    missed = missed_cost(result.pairing, probability_seen(modes, result.updated), result.updated.frequency_hz)
+    residual, away = result.problem.residual, _away(result)
+    squares = DISCREPANCY_DOF + float(residual @ residual) / DISCREPANCY**2
+    misfit = (DISCREPANCY_DOF + residual.size) / 2 * np.log(squares) + float(away @ away) / 2
+    if _by_shapes(result.layout):
+        return sum(len(pairing.unpaired_measured) for pairing in result.pairings), misfit
+    narrowed = np.log(result.layout.sd(result.scatter)).sum() - np.linalg.slogdet(result.inverse)[1] / 2
+    parts = zip(result.layout.campaigns, result.pairings, result.states, strict=True)
+    missed = sum(missed_cost(p, probability_seen(c.modes, state), state.frequency_hz) for c, p, state in parts)
     return 0, float(misfit + narrowed + missed)
 
 
-def _other_starts(forward: ForwardModel, modes: MeasuredModes, seed: int) -> list[FloatArray]:
-    """Draws from the prior that pair the modes differently, the best of each pairing, the best first."""
-    coordinates = Coordinates(forward.parametrisation)
-    free = len(forward.parametrisation.reported)
-    draws = even_draws(free, _DRAWS, seed)
-    best: dict[tuple[tuple[int, int, str], ...], tuple[tuple[int, float], FloatArray]] = {}
-    for draw in draws:
-        xi = coordinates.mean.copy()
-        xi[:free] += _REACH * (2 * draw - 1) * coordinates.sd[:free]
-        if not coordinates.are_believable(xi[None])[0]:
+def _other_starts(layout: Layout, seed: int) -> list[FloatArray]:
+    """Draws from the prior of the shared parameters that pair the modes differently, the best of each pairing first."""
+    free, sd = len(layout.shared), layout.sd(0.0)
+    best: dict[tuple[object, ...], tuple[tuple[int, float], FloatArray]] = {}
+    for draw in even_draws(free, _DRAWS, seed):
+        x: FloatArray = np.zeros(sd.size)
+        x[:free] = _REACH * (2 * draw - 1) * sd[:free]
+        if not all(campaign.is_believable(x) for campaign in layout.campaigns):
             continue
-        state = forward.solve(coordinates.values(xi))
-        pairing = pair_with(modes, state)
-        if not pairing.pairs:
+        key: list[object] = []
+        alone, misses = 0, []
+        for campaign in layout.campaigns:
+            state = campaign.forward.solve(campaign.theta(x))
+            pairing = pair_with(campaign.modes, state)
+            alone += len(pairing.unpaired_measured)
+            key.append(tuple((row, column, state.kinds[column]) for row, column in pairing.pairs))
+            misses += [np.log(campaign.modes.frequency_hz[i] / state.frequency_hz[j]) for i, j in pairing.pairs]
+        if not all(key):
             continue
-        rows, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
-        miss = float(np.mean(np.log(modes.frequency_hz[rows] / state.frequency_hz[columns]) ** 2))
-        score = len(pairing.unpaired_measured), miss
-        key = tuple((row, column, state.kinds[column]) for row, column in pairing.pairs)
-        if key not in best or score < best[key][0]:
-            best[key] = score, state.theta
+        score = alone, float(np.mean(np.square(misses)))
+        if tuple(key) not in best or score < best[tuple(key)][0]:
+            best[tuple(key)] = score, x
     ranked = sorted(best.values(), key=lambda each: each[0])
-    return [theta for _, theta in ranked[:_STARTS]]
+    return [x for _, x in ranked[:_STARTS]]

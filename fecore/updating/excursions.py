@@ -84,6 +84,7 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
         not isinstance(body, Specimen | LayeredSpecimen | BeamSpecimen)
         or body.boundary != "cantilever"
         or body.springs
+        or "clamp_compliance" in body.nominal  # it is a parameter, and no excursion
         or not sd
     ):
         return []
@@ -133,20 +134,27 @@ def _sensor(state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]) ->
 
 
 def _fibres(state: ForwardState, inputs: Inputs) -> list[Excursion]:
-    """Fibres askew by one standard deviation, to one side and to the other."""
-    forward, body = state.forward, state.forward.specimen
+    """Fibres askew by one standard deviation, to one side and to the other.
+
+    Where the angle is a parameter the fit has its first derivative, and the square alone is left, as at 0° and 90°.
+    """
+    forward, body, prior = state.forward, state.forward.specimen, state.forward.parametrisation
     sd = inputs.standard_deviation("fibre_angle")
     if not isinstance(body, Specimen | LayeredSpecimen) or not sd:
         return []
+    stated, amount = inputs.is_stated("fibre_angle"), f"{np.degrees(sd):.2g}°"
+    if "fibre_angle" in prior.names:
+        step = np.where(np.array(prior.names) == "fibre_angle", sd, 0.0)
+        both = sum(forward.frequencies_at(prior, state.theta + sign * step) for sign in (1, -1))
+        return [Excursion("fibre_angle", both / (2 * state.frequency_hz) - 1, "square", stated, amount)]
     shifts: list[FloatArray] = []
     for angle in (body.fibre_angle + sd, body.fibre_angle - sd):
         if shifts and _mirrored(body):  # turned to the other side it is its own mirror image
             shifts.append(shifts[0])
             continue
-        turned = replace(forward.parametrisation, body=replace(body, fibre_angle=angle))
+        turned = replace(prior, body=replace(body, fibre_angle=angle))
         shifts.append(forward.frequencies_at(turned, state.theta) / state.frequency_hz - 1)
     even, odd = (shifts[0] + shifts[1]) / 2, (shifts[0] - shifts[1]) / 2
-    stated, amount = inputs.is_stated("fibre_angle"), f"{np.degrees(sd):.2g}°"
     return [
         Excursion("fibre_angle", even, "square", stated, amount),
         Excursion("fibre_angle_linear", np.where(np.abs(odd) > _SOLVED_TO, odd, 0.0), "both", stated, amount),

@@ -14,24 +14,18 @@ from functools import cached_property
 import numpy as np
 import scipy
 
-from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.body.mechanisms import mechanism_weights
 from fecore.body.model import ModeKind, deflection_at
 from fecore.body.specimen import Body
-from fecore.dynamics.damping_laws import DampingLaw
-from fecore.dynamics.eigen import NormalModes, modes_below, normal_modes
+from fecore.dynamics.eigen import modes_below, normal_modes
 from fecore.dynamics.reduction import ReducedModel
-from fecore.dynamics.sensitivity import (
-    Matrix,
-    eigenvalue_derivatives,
-    mode_forms,
-    mode_shape_derivatives,
-)
 from fecore.dynamics.synthesis import ModalFrfModel, RovingMass
 from fecore.errors import InputError
-from fecore.frf import Dof, Quantity
-from fecore.updating.parameters import Coefficients, Parametrisation
+from fecore.frf import Dof
+from fecore.updating.parameters import Parametrisation
 from fecore.updating.point_pairs import PointPairs
+from fecore.updating.solution import Solution, Terms
 
 OUT_OF_PLANE = 3
 """Direction code of z, which a bending model predicts."""
@@ -124,14 +118,14 @@ class ForwardModel:
                 reduced = self.basis.system  # as it has grown
             else:
                 modes = reduced.modes(c.stiffness, c.mass, self.count)
-            terms = _Terms(list(reduced.stiffness), list(reduced.mass))
-            return ForwardState(self, theta, c, modes, terms, reduced.basis)
+            terms = Terms(list(reduced.stiffness), list(reduced.mass))
+            return ForwardState(c, modes, terms, reduced.basis, self, theta)
         mass, stiffness = model.mass.at(c.mass), model.stiffness.at(c.stiffness)
         modes = normal_modes(stiffness, mass, self.count, model.rigid_modes)
-        full = _Terms(
+        full = Terms(
             [model.stiffness.term(k) for k in range(len(c.stiffness))], [model.mass.term(j) for j in range(len(c.mass))]
         )
-        return ForwardState(self, theta, c, modes, full, None)
+        return ForwardState(c, modes, full, None, self, theta)
 
     def frequencies_at(self, parametrisation: Parametrisation, theta: FloatArray) -> FloatArray:
         """(n,) elastic natural frequencies, Hz, where another parametrisation of the same mesh gives the coefficients.
@@ -154,41 +148,16 @@ class ForwardModel:
 
 
 @dataclass(frozen=True)
-class _Terms:
-    """The matrices that the coefficients of stiffness and mass multiply."""
-
-    stiffness: list[Matrix]
-    mass: list[Matrix]
-
-    def sum(self, which: str, weights: FloatArray) -> Matrix:
-        """Σ weight · matrix."""
-        matrices = getattr(self, which)
-        total = matrices[0] * weights[0]
-        for weight, matrix in zip(weights[1:], matrices[1:], strict=True):
-            if weight:
-                total = total + weight * matrix
-        return total
-
-
-@dataclass(frozen=True)
-class ForwardState:
+class ForwardState(Solution):
     """The solved model at one θ. Mode indices count the elastic modes only, unless a name says `all`.
 
     Attributes:
         forward: the model.
         theta: (p,) parameters.
-        coefficients: the model's coefficients and their derivatives there.
-        modes: all modes; their shapes are over the dofs, or over the basis.
-        terms: matrices of the system, over the dofs or over the basis.
-        basis: (dofs, r) reduced basis, or None for the full model.
     """
 
     forward: ForwardModel
     theta: FloatArray
-    coefficients: Coefficients
-    modes: NormalModes
-    terms: _Terms
-    basis: FloatArray | None
 
     @property
     def frequency_hz(self) -> FloatArray:
@@ -243,7 +212,7 @@ class ForwardState:
     @cached_property
     def strain(self) -> FloatArray:
         """(m, q) shares of the strain energy of all modes by mechanism (`fecore.body.mechanisms`); 0 of rigid-body modes."""
-        energies = self._energies @ self._mechanisms(self.theta).T
+        energies = self.energies @ self._mechanisms(self.theta).T
         value, moving = self.modes.eigenvalue, np.arange(self.modes.eigenvalue.size) >= self.modes.rigid
         shares: FloatArray = np.where(moving[:, None], energies / np.where(moving, value, 1.0)[:, None], 0.0)
         return shares
@@ -256,32 +225,20 @@ class ForwardState:
         moving = np.arange(self.modes.eigenvalue.size) >= self.modes.rigid
         value = np.where(moving, self.modes.eigenvalue, 1.0)
         found = np.zeros((self.theta.size, *self.strain.shape))
-        for p, change in enumerate(self._shape_derivatives):
+        for p, change in enumerate(self.shape_derivatives):
             moved = np.stack([2 * np.sum(change * force, axis=0) for force in forces], axis=1)
             step = np.zeros_like(self.theta)
             step[p] = _SHARE_STEP * max(abs(self.theta[p]), _SHARE_STEP)
             by = (self._mechanisms(self.theta + step) - self._mechanisms(self.theta - step)) / (2 * step[p])
-            energy = (moved @ weights.T + self._energies @ by.T) / value[:, None]
+            energy = (moved @ weights.T + self.energies @ by.T) / value[:, None]
             fall = self.strain * (self.eigenvalue_jacobian[:, p] / value)[:, None]
             found[p] = np.where(moving[:, None], energy - fall, 0.0)
         return found
-
-    @cached_property
-    def _energies(self) -> FloatArray:
-        """(m, k) φᵀK_kφ of all modes."""
-        phi = self.modes.shapes
-        return np.stack([np.sum(phi * (term @ phi), axis=0) for term in self.terms.stiffness], axis=1)
 
     def _mechanisms(self, theta: FloatArray) -> FloatArray:
         """(q, k) parts of the stiffness coefficients by mechanism at parameters θ."""
         prior = self.forward.parametrisation
         return mechanism_weights(prior.body, *prior.split(prior.constants(theta)))
-
-    @cached_property
-    def all_shapes(self) -> FloatArray:
-        """(m, p) mass-normalised shapes of all modes, rigid ones first, at the measured points."""
-        shapes: FloatArray = (self.observation @ self.modes.shapes).T
-        return shapes
 
     @property
     def shapes(self) -> FloatArray:
@@ -294,29 +251,6 @@ class ForwardState:
         observation = self.forward.observation
         return observation if self.basis is None else observation @ self.basis
 
-    @cached_property
-    def by_parameter(self) -> tuple[list[Matrix], list[Matrix]]:
-        """∂K/∂θ and ∂M/∂θ for each parameter."""
-        c = self.coefficients
-        return (
-            [self.terms.sum("stiffness", weights) for weights in c.stiffness_by.T],
-            [self.terms.sum("mass", weights) for weights in c.mass_by.T],
-        )
-
-    @cached_property
-    def eigenvalue_matrix(self) -> FloatArray:
-        """(p, m, m) derivatives of the eigenvalues; off the diagonal inside repeated roots only (`sensitivity`)."""
-        c = self.coefficients
-        stiffness = mode_forms(self.modes, self.terms.stiffness, c.stiffness_by)
-        mass = mode_forms(self.modes, self.terms.mass, c.mass_by)
-        return eigenvalue_derivatives(self.modes, stiffness, mass)
-
-    @cached_property
-    def eigenvalue_jacobian(self) -> FloatArray:
-        """(m, p) ∂λ/∂θ = φᵀ(∂K/∂θ - λ ∂M/∂θ)φ of all modes; 0 for rigid ones."""
-        by: FloatArray = np.einsum("pkk->kp", self.eigenvalue_matrix)
-        return by
-
     @property
     def frequency_jacobian(self) -> FloatArray:
         """(n, p) ∂f/∂θ of the elastic modes, Hz per SI unit, f = √λ / 2π."""
@@ -324,19 +258,6 @@ class ForwardState:
             8 * np.pi**2 * self.frequency_hz[:, None]
         )
         return gradient
-
-    @cached_property
-    def shape_jacobian(self) -> FloatArray:
-        """(p, m, points) derivative of all shapes at the measured points."""
-        jacobian: FloatArray = np.array([(self.observation @ each).T for each in self._shape_derivatives])
-        return jacobian
-
-    @cached_property
-    def _shape_derivatives(self) -> FloatArray:
-        """(p, dofs, m) derivative of all shapes, over the dofs or over the basis."""
-        c = self.coefficients
-        stiffness, mass = self.terms.sum("stiffness", c.stiffness), self.terms.sum("mass", c.mass)
-        return mode_shape_derivatives(stiffness, mass, self.modes, *self.by_parameter)
 
     def frf_model(
         self, responses: Sequence[Dof], references: Sequence[Dof], *, with_strain: bool = True
@@ -362,47 +283,19 @@ class ForwardState:
         self, responses: Sequence[Dof], references: Sequence[Dof]
     ) -> tuple[ForwardState, PointPairs, PointPairs | None]:
         """The points of the FRFs, and the driving points where a sensor roves, with a basis that holds what they need."""
-        pairs, drive = PointPairs.of(self.forward, responses, references), None
+        pairs, drive = self._pairs(responses, references), None
         rows = pairs.reference
         if self.forward.roving_mass:
-            drive = PointPairs.of(self.forward, responses, responses)
+            drive = self._pairs(responses, responses)
             rows = np.concatenate([rows, drive.reference])
         return self.forward.holding(self, rows), pairs, drive
 
+    def _pairs(self, responses: Sequence[Dof], references: Sequence[Dof]) -> PointPairs:
+        return PointPairs.of(*self.forward.rows(responses), *self.forward.rows(references))
+
     def residue_jacobian(self, responses: Sequence[Dof], references: Sequence[Dof]) -> FloatArray:
         """(p, N, m) derivative of the residues of `frf_model` by the parameters."""
-        return PointPairs.of(self.forward, responses, references).product_derivatives(
-            self.all_shapes, self.shape_jacobian
-        )
-
-    def frf_jacobian(
-        self,
-        frequency_hz: FloatArray,
-        law: DampingLaw,
-        law_coefficients: FloatArray,
-        responses: Sequence[Dof],
-        references: Sequence[Dof],
-        quantity: Quantity = "accelerance",
-        beyond: tuple[float, float] = (0.0, 0.0),
-    ) -> ComplexArray:
-        """(p, N, L) derivative of the FRFs of `frf_model` with a damping law's rates by the elastic parameters.
-
-        With the same `beyond` as the synthesis:
-
-            ∂H_ij = Σ_k ∂A_k/D_k - Σ_kl φ_ik G_kl (1 + iω c'(λ)) φ_jl / (D_k D_l) + Σ_t ∂R_t zᵗ/sᵗ⁺¹
-
-        with D = λ - ω² + iωc and G as in `fecore.dynamics.sensitivity`, so that repeated roots come out right.
-        """
-        state, pairs, drive = self._ready(responses, references)
-        change = pairs.changes(state, frequency_hz, law, law_coefficients, quantity, beyond)
-        if drive is None:
-            return change
-        rate = law.basis(state.modes.omega) @ law_coefficients
-        factors = state.frf_model(responses, references).load_factors(frequency_hz, rate, quantity, beyond)
-        assert factors is not None, "a sensor roves"
-        moved = drive.changes(state, frequency_hz, law, law_coefficients, quantity, beyond)
-        loaded: ComplexArray = factors[0] * change + factors[1] * moved
-        return loaded
+        return self._pairs(responses, references).product_derivatives(self.all_shapes, self.shape_jacobian)
 
 
 def modes_to_cover(parametrisation: Parametrisation, highest_hz: float, at_least: int) -> int:

@@ -92,7 +92,7 @@ def update_jointly(
     if not found:
         raise failure
     best = min(found, key=lambda row: row[0])[1]
-    return replace(best, elastic=replace(best.elastic, excursions=seek_excursions(best.elastic.updated)))
+    return replace(best, elastic=replace(best.elastic, excursions=(seek_excursions(best.elastic.updated),)))
 
 
 def _search(

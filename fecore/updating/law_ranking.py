@@ -21,7 +21,9 @@ from fecore.arrays import FloatArray
 from fecore.dynamics.damping_laws import DampingLaw
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.updating.damping_stage import DAMPING_DISCREPANCY
+from fecore.updating.findings import found
 from fecore.updating.measured_ratios import MeasuredRatios
+from fecore.updating.result import Finding
 
 STRONG_EVIDENCE = 10.0
 """Difference of two BICs above which the worse law is called inadequate."""
@@ -70,18 +72,15 @@ class LawRanking:
         """The law with the least BIC; of two with the same, the later one of the recipe."""
         return min(reversed(self.laws), key=lambda ranked: round(ranked.bic, 6))
 
-    def sentences(self) -> list[str]:
-        """What a user must know about the first law, in words; none where it is adequate."""
+    def findings(self) -> list[Finding]:
+        """What a user must know about the first law; nothing where it is adequate."""
         first, best = self.laws[0], self.preferred
-        inadequate = first.bic - best.bic > STRONG_EVIDENCE or bool(first.named)
-        if not inadequate:
+        if first.bic - best.bic <= STRONG_EVIDENCE and not first.named:
             return []
         modes = ", ".join(f"mode {number} by {100 * miss:+.0f} %" for number, miss in first.named)
-        text = f"the {first.law.name} law is inadequate for this damping"
-        text += f": it misses {modes}" if modes else ""
-        if best is not first:
-            text += f"; the evidence prefers {best.law.name} (BIC {best.bic:.1f} against {first.bic:.1f})"
-        return [text]
+        missed = f": it misses {modes}" if modes else ""
+        better = f"; the evidence prefers {best.law.name} (BIC {best.bic:.1f} against {first.bic:.1f})"
+        return [found("law_inadequate", law=first.law.name, missed=missed, better=better if best is not first else "")]
 
 
 def identifiable_laws(modes: int, laws: Sequence[DampingLaw]) -> tuple[DampingLaw, ...]:

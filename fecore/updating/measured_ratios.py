@@ -7,8 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.correlation import Pairing
 from fecore.dynamics.damping_laws import DampingLaw, fit_ratios
 from fecore.errors import UpdatingError
+from fecore.modes import MeasuredModes
+from fecore.updating.forward import ForwardState
+
+TYPED_RATIO_SD = 0.02
+"""Relative standard deviation of a damping ratio that came without one."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +37,19 @@ class MeasuredRatios:
         """(n, p) derivative of the ratios by a law's coefficients."""
         by: FloatArray = law.basis(self.omega, self.strain) / (2 * self.omega)[:, None]
         return by
+
+
+def paired_ratios(modes: MeasuredModes, state: ForwardState, pairing: Pairing) -> tuple[list[int], MeasuredRatios]:
+    """Numbers, from 0, of the paired modes that have a damping ratio and strain the body, and these ratios."""
+    pairs = [(i, j) for i, j in pairing.pairs if modes.damping_ratio[i] > 0 and not state.on_springs[j]]
+    rows, columns = [i for i, _ in pairs], [j for _, j in pairs]
+    ratio = modes.damping_ratio[rows]
+    relative: FloatArray = np.eye(len(rows)) * TYPED_RATIO_SD**2
+    if modes.covariance is not None:
+        places = len(modes) + np.array(rows, dtype=int)
+        relative = modes.covariance[np.ix_(places, places)] / np.outer(ratio, ratio)
+    strain = state.strain[state.modes.rigid + np.array(columns, dtype=int)]
+    return rows, MeasuredRatios(2 * np.pi * modes.frequency_hz[rows], ratio, relative, strain)
 
 
 def law_of_window(law: DampingLaw, ratios: MeasuredRatios) -> FloatArray:

@@ -21,33 +21,33 @@ from fecore.updating.damping_data import damping_data
 from fecore.updating.damping_stage import DampingResult, fit_damping, fit_reference
 from fecore.updating.discretisation import DISCRETISATION, discretise
 from fecore.updating.edges import points_beyond
-from fecore.updating.elastic import update_elastic
+from fecore.updating.elastic import fit
 from fecore.updating.elastic_findings import HOPELESS_MISS
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts
 from fecore.updating.excursions import excursions, fixed_points
+from fecore.updating.findings import Level, found, remarks
 from fecore.updating.forward import EXTRA_MODES, ForwardModel, modes_to_cover
 from fecore.updating.inputs import Inputs, tolerance_of
 from fecore.updating.joint import update_jointly
 from fecore.updating.law_ranking import LawRanking, identifiable_laws, rank_laws
 from fecore.updating.laws import laws_of
-from fecore.updating.measured_ratios import MeasuredRatios
+from fecore.updating.layout import Layout
+from fecore.updating.measured_ratios import paired_ratios
 from fecore.updating.measurement import Measurement, Prepared, prepare
 from fecore.updating.parameters import Parametrisation, parametrise
 from fecore.updating.plausibility import examine
 from fecore.updating.recipe import Recipe
-from fecore.updating.result import StageOutcome, UpdateResult
+from fecore.updating.result import Finding, StageOutcome, UpdateResult
 from fecore.updating.sampling import Checkpoint, Posterior, sample_posterior
 from fecore.updating.sparse import sparse_zones
 from fecore.updating.summary import Summary
-from fecore.updating.verdict import Finding, notes
 from fecore.updating.window import unstated_window
 
 Progress = Callable[[str, float], None]
 """Called with the stage in words and the share of the whole job that is done; raise from it to cancel."""
 
 _ELASTIC = "updating the elastic constants"
-_TYPED_RATIO_SD = 0.02  # relative, of a damping ratio that was typed in without one
 
 
 def update(
@@ -75,32 +75,16 @@ def update(
     """
     recipe, inputs = recipe or Recipe(), measurement.inputs
     parametrisation = _with_inputs(parametrise(specimen, recipe.parameters), inputs)
-    progress("identifying the modes" if measurement.modes is None else "finding mode shapes", 0.0)
-    # Under a roving sensor the FRFs have no common modes to be identified.
-    data = prepare(
-        measurement,
-        specimen,
-        recipe,
-        lambda _step, share: progress("identifying the modes", 0.4 * share),
-        find_modes=recipe.method == "two_stage" and not measurement.roving_mass,
-    )
-    data = replace(data, modes=None if data.modes is None else _unwindowed(data.modes, inputs))
-    specimen, mesh_notes = _meshed(specimen, data)
+    data = _prepared(measurement, specimen, recipe, progress)
+    specimen, mesh_findings = _meshed(specimen, data)
     forward = _forward(specimen, replace(parametrisation, body=specimen), measurement, data)
     progress(_ELASTIC, 0.4)
     elastic, modes = _elastic(forward, data, recipe, inputs, lambda share: progress(_ELASTIC, 0.4 + 0.2 * share))
-    findings = [
-        *notes(data.warnings, None, 0.5),
-        *notes(mesh_notes, "with_care", 8),
-        *notes(points_beyond(forward, inputs), "with_care", 9),
-        *notes(_other_method(measurement, recipe), "with_care", 1),
-    ]
     done = _damping(
         data, elastic, modes, recipe, inputs, lambda share: progress("updating the damping", 0.6 + 0.1 * share)
     )
     sampled = None if done.result is None else _sampled(recipe, elastic, done.result, progress, checkpoint)
     progress("correlating", 0.95)
-    outcomes = (StageOutcome("elastic", "succeeded"), done.outcome)
     result = Summary(
         elastic=elastic,
         damping=done.result,
@@ -111,11 +95,32 @@ def update(
         band=done.band,
         held_band=recipe.hold_out.band_hz,
         sampled=sampled,
-        outcomes=outcomes,
-        findings=(*findings, *done.findings),
+        outcomes=(StageOutcome("elastic", "succeeded"), done.outcome),
+        findings=(
+            *remarks("measurement", data.warnings),
+            *mesh_findings,
+            *points_beyond(forward, inputs),
+            *_other_method(measurement, recipe),
+            *done.findings,
+        ),
     ).result()
     progress("done", 1.0)
     return result
+
+
+def _prepared(measurement: Measurement, specimen: Body, recipe: Recipe, progress: Progress) -> Prepared:
+    """The measurement ready for updating, a stated window's share of the modes' damping taken off."""
+    progress("identifying the modes" if measurement.modes is None else "finding mode shapes", 0.0)
+    # Under a roving sensor the FRFs have no common modes to be identified.
+    find_modes = recipe.method == "two_stage" and not measurement.roving_mass
+    data = prepare(
+        measurement,
+        specimen,
+        recipe,
+        lambda _step, share: progress("identifying the modes", 0.4 * share),
+        find_modes=find_modes,
+    )
+    return data if data.modes is None else replace(data, modes=_unwindowed(data.modes, measurement.inputs))
 
 
 def _with_inputs(parametrisation: Parametrisation, inputs: Inputs) -> Parametrisation:
@@ -127,17 +132,14 @@ def _with_inputs(parametrisation: Parametrisation, inputs: Inputs) -> Parametris
     )
 
 
-def _meshed(specimen: Body, data: Prepared) -> tuple[Body, list[str]]:
-    """The specimen with a mesh for its modes, where none was asked for; what is wrong with it, in words."""
+def _meshed(specimen: Body, data: Prepared) -> tuple[Body, list[Finding]]:
+    """The specimen with a mesh for its modes, where none was asked for; what is wrong with it."""
     if not isinstance(specimen, Specimen | LayeredSpecimen) or specimen.divisions is not None:
         return specimen, []
-    found = discretise(specimen, _highest_hz(data))
-    worst = float(found.error.max(initial=0.0))
-    text = (
-        f"the mesh of {found.divisions[0]} × {found.divisions[1]} elements, the finest allowed, may miss frequencies by "
-        f"{100 * worst:.2g} %: lower the band"
-    )
-    return replace(specimen, divisions=found.divisions), [text] if worst > DISCRETISATION else []
+    mesh = discretise(specimen, _highest_hz(data))
+    worst, (nx, ny) = float(mesh.error.max(initial=0.0)), mesh.divisions
+    missed = [found("mesh_misses", nx=nx, ny=ny, percent=100 * worst)] if worst > DISCRETISATION else []
+    return replace(specimen, divisions=mesh.divisions), missed
 
 
 def _highest_hz(data: Prepared) -> float:
@@ -163,19 +165,15 @@ def _unwindowed(modes: MeasuredModes, inputs: Inputs) -> MeasuredModes:
     return replace(modes, damping_ratio=ratio)
 
 
-def _other_method(measurement: Measurement, recipe: Recipe) -> list[str]:
-    """Where another method was used than the recipe's, in words: under a roving sensor's mass, and without FRFs."""
+def _other_method(measurement: Measurement, recipe: Recipe) -> list[Finding]:
+    """Where another method was used than the recipe's: under a roving sensor's mass, and without FRFs."""
     if measurement.frfs is None and recipe.method == "joint":
-        return ["the method joint needs FRFs and there are none: the constants come from the modes, as with two_stage"]
+        return [found("joint_needs_frfs")]
     if not measurement.roving_mass:
         return []
-    text = (
-        f"the sensor of {1e3 * measurement.roving_mass:.3g} g moved with the response, so the FRFs have no common modes: "
-        "constants and modes (those without the sensor) come from the FRFs through the loaded model, as with the method joint"
-    )
-    if measurement.modes is not None and recipe.method == "two_stage":
-        text += "; the mode set was not used"
-    return [text]
+    unused = measurement.modes is not None and recipe.method == "two_stage"
+    grams = 1e3 * measurement.roving_mass
+    return [found("roving_sensor", grams=grams, unused="; the mode set was not used" if unused else "")]
 
 
 def _elastic(
@@ -185,24 +183,15 @@ def _elastic(
     fixed = () if data.frfs is None else fixed_points(*data.frfs.points)
     seek = partial(excursions, inputs=inputs, fixed_points=fixed)
     if data.modes is not None:
-        found = update_from_several_starts(
-            forward, data.modes, progress, use_shapes=recipe.use_shapes, seek_excursions=seek, seed=recipe.seed
-        )
-        modes = data.modes
-        if found.unlike:
-            return found, modes
+        layout = Layout.of_one(forward, data.modes, seek)
+        elastic = update_from_several_starts(layout, progress, use_shapes=recipe.use_shapes, seed=recipe.seed)
+        if elastic.unlike:
+            return elastic, data.modes
 
-        def refit(model: ForwardModel, former: ElasticResult) -> ElasticResult:
-            return update_elastic(
-                model,
-                modes,
-                use_shapes=recipe.use_shapes,
-                start=former.theta,
-                seek_excursions=seek,
-                held=former.held,
-            )
+        def refit(other: Layout, former: ElasticResult) -> ElasticResult:
+            return fit(other, use_shapes=recipe.use_shapes, start=former.x, held=former.held)
 
-        return sparse_zones(found, refit), data.modes
+        return sparse_zones(elastic, refit), data.modes
     assert data.fitted is not None, "without modes there are FRFs"
     frfs = data.fitted if recipe.band_hz is None else data.fitted.band(*recipe.band_hz)
     frfs = _inside(frfs, (0.0, np.inf), recipe)
@@ -243,7 +232,7 @@ def _damping(
         asked = laws_of(recipe, stage.modal_law, elastic.updated.forward.specimen)
         laws = identifiable_laws(len(stage.roles.rows), asked) or asked  # where there is none, the fit says so
         stage, odd = examine(stage)
-        findings += [*notes(_unasked(asked[0], laws[0], len(stage.roles.rows)), None, 3), *odd]
+        findings += [*_unasked(asked[0], laws[0], len(stage.roles.rows)), *odd]
         reference = fit_reference(stage)
         ranking = rank_laws(reference.ratios, stage.roles.rows, laws)
         result = fit_damping(stage, reference, laws[0], progress=progress)
@@ -252,34 +241,26 @@ def _damping(
         raise
     except FecoreError as error:
         message = error.message if isinstance(error, UpdatingError) else str(error)
-        level = "do_not_use" if elastic.misfit > HOPELESS_MISS else "with_care"
-        failed = Finding(f"the damping could not be updated: {message}", level, 50)  # type: ignore[arg-type]
+        level: Level | None = "do_not_use" if elastic.misfit > HOPELESS_MISS else None
+        failed = found("damping_failed", level=level, text=message)
         return _Damping(band, None, None, StageOutcome("damping", "failed", message), (*findings, failed))
     return _Damping(band, ranking, result, StageOutcome("damping", "succeeded"), tuple(findings))
 
 
 def _damping_of_ratios(elastic: ElasticResult, modes: MeasuredModes, recipe: Recipe) -> _Damping:
     """Laws from the damping ratios of the paired modes, without FRFs."""
-    on_springs = elastic.updated.on_springs
-    damped = [(i, j) for i, j in elastic.pairing.pairs if modes.damping_ratio[i] > 0 and not on_springs[j]]
-    rows, columns = [i for i, _ in damped], [j for _, j in damped]
+    rows, ratios = paired_ratios(modes, elastic.updated, elastic.pairing)
     if not rows:
         message = "there are no FRFs, and no paired mode has a damping ratio"
         return _Damping(None, None, None, StageOutcome("damping", "skipped", message))
-    omega, ratio = 2 * np.pi * modes.frequency_hz[rows], modes.damping_ratio[rows]
-    relative = np.eye(len(rows)) * _TYPED_RATIO_SD**2
-    if modes.covariance is not None:
-        places = len(modes) + np.array(rows)
-        relative = modes.covariance[np.ix_(places, places)] / np.outer(ratio, ratio)
-    asked = laws_of(recipe, ModalDamping(tuple(np.sort(omega))), elastic.updated.forward.specimen)
+    asked = laws_of(recipe, ModalDamping(tuple(np.sort(ratios.omega))), elastic.updated.forward.specimen)
     laws = identifiable_laws(len(rows), asked)
     if not laws:
         message = f"{len(rows)} damping ratios cannot fix any of the laws asked for"
         return _Damping(None, None, None, StageOutcome("damping", "skipped", message))
-    strain = elastic.updated.strain[[elastic.updated.modes.rigid + j for j in columns]]
-    ranking = rank_laws(MeasuredRatios(omega, ratio, relative, strain), rows, laws)
+    ranking = rank_laws(ratios, rows, laws)
     outcome = StageOutcome("damping", "succeeded", "from the modes' damping ratios: there are no FRFs")
-    return _Damping(None, ranking, None, outcome, tuple(notes(_unasked(asked[0], laws[0], len(rows)), None, 3)))
+    return _Damping(None, ranking, None, outcome, _unasked(asked[0], laws[0], len(rows)))
 
 
 def _sampled(
@@ -296,15 +277,13 @@ def _sampled(
     )
 
 
-def _unasked(asked: DampingLaw, law: DampingLaw, modes: int) -> list[str]:
-    """That another law takes the place of the first one, in words."""
+def _unasked(asked: DampingLaw, law: DampingLaw, modes: int) -> tuple[Finding, ...]:
+    """That another law takes the place of the first one."""
     if law is asked:
-        return []
-    count = "one measured mode cannot" if modes == 1 else f"{modes} measured modes cannot"
-    return [
-        f"{count} fix the {len(asked.coefficient_names)} coefficients of the {asked.name} law, so the damping is that of"
-        f" the {law.name} law; a wider band with more modes would decide"
-    ]
+        return ()
+    cannot = "one measured mode cannot" if modes == 1 else f"{modes} measured modes cannot"
+    count = len(asked.coefficient_names)
+    return (found("law_replaced", modes=cannot, count=count, asked=asked.name, law=law.name),)
 
 
 def _forward(

@@ -22,8 +22,9 @@ from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, Quantity
 from fecore.modal.arrangement import pair_label
 from fecore.updating.damping_data import DampingData
+from fecore.updating.findings import Level, found, listed
 from fecore.updating.parameters import by_name
-from fecore.updating.verdict import Finding, listed, notes
+from fecore.updating.result import Finding
 
 _COMMON = 0.05  # by which the FRFs may be larger or smaller than the model's: twice what calibrations are good for
 _UNITS = {
@@ -122,59 +123,42 @@ class Likeness:
         return bool(abs(np.log(abs(self.common))) > _COMMON)
 
     def findings(self) -> list[Finding]:
-        """What looks wrong, in words."""
+        """What looks wrong."""
         if not self.alike:
-            text = (
-                f"most FRFs are unlike the model's (median likeness {self.usual:.2f}): a wrong boundary, geometry, frame or "
-                "numbering of the points; do not use these estimates before that is found"
-            )
-            return [Finding(text, "do_not_use", 90)]
-        found, sign = [], np.sign(self.common)
+            return [found("frfs_unlike", likeness=self.usual)]
+        findings, sign = [], np.sign(self.common)
         if sign < 0:
-            found.append(
-                "most FRFs have the opposite sign of the model's: the hammer or the sensor has another direction or polarity "
-                "than stated; damping was sought in the FRFs of the other sign"
-            )
+            findings.append(found("sign_opposite"))
         if self.miscalibrated:
-            found.append(
-                f"the FRFs are {abs(self.common):.3g} times as large as the model's{self._unit()}: check calibration (hammer, "
-                "sensor, units), geometry, density, added masses and boundary; the estimates are only as right as these, and "
-                "damping was sought in FRFs divided by this factor"
-            )
+            findings.append(found("frfs_scaled", factor=abs(self.common), unit=self._unit()))
         relative = self.height / self.common
         like: BoolArray = sign * self.likeness >= _LIKE
         turned: BoolArray = sign * self.likeness <= -_LIKE
         scaled: BoolArray = like & (np.abs(relative - 1) > _OWN)
-        deviations = (
-            (turned, f"the opposite sign of the {'model' if sign > 0 else 'rest'}'s: a wrong direction or polarity"),
-            (scaled, "another height than the rest: a wrong sensitivity or range"),
-            (~like & ~turned, "little likeness with the model's: a wrong point, or a spoilt record"),
-        )
-        rows = [(np.flatnonzero(which & self.loud), what) for which, what in deviations]
-        found += [self._sentence(which, relative, what) for which, what in rows if which.size]
-        return [*notes(found, "with_care", 30), *self._absent()]
+        kinds = {"frf_turned": turned, "frf_scaled": scaled, "frf_unlike": ~like & ~turned}
+        for kind, which in kinds.items():
+            if (rows := np.flatnonzero(which & self.loud)).size:
+                of = "model" if sign > 0 else "rest"
+                findings.append(found(kind, who=self._who(rows, relative), of=of))
+        return [*findings, *self._absent()]
 
     def _absent(self) -> list[Finding]:
         """Modes of the model that would stand out of the FRFs, and do not."""
         hz = self.unmeasured_hz[self.expected * abs(self.common) > _ABSENT]
         if not hz.size:
             return []
-        names = listed([f"{each:.2f} Hz" for each in hz], _MOST)
-        text = (
-            f"the model has {'a mode' if hz.size == 1 else 'modes'} at {names} that would stand out of the FRFs, and nothing "
-            "is there: a wrong boundary or geometry, or modes that were paired wrongly"
-        )
-        return [Finding(text, "do_not_use" if hz.min() < self.lowest_hz else "with_care", 85)]
+        which, modes = listed([f"{each:.2f} Hz" for each in hz], _MOST), "a mode" if hz.size == 1 else "modes"
+        level: Level | None = "do_not_use" if hz.min() < self.lowest_hz else None
+        return [found("modes_absent", level=level, modes=modes, which=which)]
 
     def _unit(self) -> str:
         """The mistaken unit that the common factor is, in words; nothing where it is none."""
         close = [unit for unit, factor in _UNITS.items() if abs(np.log(abs(self.common) / factor)) < _COMMON]
         return f" (as {close[0]})" if close else ""
 
-    def _sentence(self, rows: IntArray, relative: FloatArray, what: str) -> str:
+    def _who(self, rows: IntArray, relative: FloatArray) -> str:
         names = listed([f"{self.labels[row]} ({relative[row]:+.2f})" for row in rows], _MOST)
-        who = "FRF {} has" if rows.size == 1 else "FRFs {} have"
-        return f"{who.format(names)} {what} (in brackets the factor over that of all); mend or leave out"
+        return f"FRF {names} has" if rows.size == 1 else f"FRFs {names} have"
 
 
 def _expected(frfs: FrfSet, predicted: ComplexArray, modes_hz: FloatArray) -> FloatArray:

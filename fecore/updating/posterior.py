@@ -1,24 +1,28 @@
-"""The posterior of stage 1: Gaussian in its coordinates for a known discrepancy, which is marginalised; and what the data say.
+"""The posterior of stage 1: Gaussian in its unknowns for a given discrepancy s and scatter τ, which both are marginalised.
 
 A body is never its model: each of its natural frequencies is off by a share ε ~ N(0, s²), and s is not known. Its prior is
 a scaled inverse χ² of ν₀ = 2 degrees of freedom about s₀ = 0.1 %: between what plate theory misses, 0.05 %, and what real
-laminates show, 0.2 %. Given s the posterior is Gaussian about the estimate; over s it is the mixture
+laminates show, 0.2 %. The moduli of a specimen are off the material's by a share of standard deviation τ, with the same kind of
+prior about its own scale; one specimen has none (Gelman et al., Bayesian Data Analysis, 3rd ed., 5, 11.6 and 14).
 
-    p(ξ | f) = Σ_s p(s | f) N(ξ; ξ̂ + δ_s, H_s⁻¹),     p(s | f) ∝ p(s) |W_s|^½ |H_s|^-½ exp(-E_s + g_sᵀδ_s/2),    δ_s = H_s⁻¹g_s
+With the residuals r = ln f_measured - ln f at the estimate, their derivative S by the unknowns, the noise N, prior precision
+P(τ) and the hessian A of what is no frequency (coupons, shapes), the posterior is a mixture over a grid of ln s and ln τ of
 
-on a grid of ln s, with W_s = (C_noise + s²)⁻¹ the weight, H_s = SᵀW_sS + C_p⁻¹, E_s the misfit and g_s its descent at the
-estimate (Gelman et al., Bayesian Data Analysis, 3rd ed., 14). With few modes its tails are those of a Student t.
+    N(x̂ + δ, H⁻¹),    H = SᵀW_sS + A + P(τ),    W_s = (N + s²)⁻¹,    δ = H⁻¹g,
+    log p(s, τ | f) = log p(s) + log p(τ) + ½ (log|W_s| + log|P(τ)| - log|H| - rᵀW_sr - x̂ᵀPx̂ + gᵀδ) + const.
+
+with the descent g at the estimate. With few modes its tails are those of a Student t.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 
-from fecore.arrays import FloatArray
+from fecore.arrays import BoolArray, FloatArray
 
 DISCREPANCY = 0.001
 """Prior scale s₀ of the model's error in a natural frequency, as a share of it."""
@@ -26,7 +30,11 @@ DISCREPANCY = 0.001
 DISCREPANCY_DOF = 2.0
 """Degrees of freedom ν₀ of that prior: what two modes would say."""
 
+SCATTER = 0.02
+"""Prior scale of the scatter τ of a modulus between specimens: what coupons of one panel show."""
+
 _GRID = np.exp(np.linspace(np.log(0.1), np.log(30.0), 41))  # s over s₀
+_SCATTERS = np.exp(np.linspace(np.log(0.1), np.log(8.0), 9))  # τ over its scale
 _INFORMED = 0.5  # share of the prior's variance below which the data have supplied most of what is known
 _NULL_SHARE = 0.9  # of the prior's variance that is left along a direction of which the data say next to nothing
 _IN_NULL = 0.1  # share of a parameter's unit vector in the space of such directions that makes it one of theirs
@@ -146,43 +154,104 @@ class Mixture:
         return max(-low, 0.0), max(high, 0.0)
 
 
-def marginalise(
-    residual: FloatArray,
-    noise: FloatArray,
-    sensitivity: FloatArray,
-    other_hessian: FloatArray,
-    other_descent: FloatArray,
-) -> Mixture:
-    """The posterior about an estimate, with the discrepancy marginalised.
+@dataclass(frozen=True)
+class LinearProblem:
+    """Stage 1's problem at an estimate, linear in the step from it.
 
-    Args:
-        residual: (n,) ln f_measured - ln f at the estimate.
-        noise: (n, n) covariance of ln f by measurement noise.
-        sensitivity: (n, p) S, of ln f by the coordinates.
-        other_hessian: (p, p) of the misfit's other parts: the priors, and the shapes where they are fitted.
-        other_descent: (p,) their descent there.
+    Attributes:
+        residual: (n,) ln f_measured - ln f.
+        noise: (n, n) covariance of ln f_measured.
+        sensitivity: (n, X) derivative of ln f by x.
+        x: (X,) the estimate; the prior's mean is 0.
+        sd: prior standard deviations (X,) for a scatter.
+        others: by name, (X, X) information of what is no frequency: coupons, mode shapes.
+        other_descent, other_cost: their descent (X,) and misfit.
     """
-    values, turn = np.linalg.eigh(noise)
-    r, S = turn.T @ residual, turn.T @ sensitivity
-    log_weights, shifts, covariances = [], [], []
-    for s in DISCREPANCY * _GRID:
-        weight = 1 / (np.maximum(values, 0) + s**2)
-        hessian = S.T @ (weight[:, None] * S) + other_hessian
+
+    residual: FloatArray
+    noise: FloatArray
+    sensitivity: FloatArray
+    x: FloatArray
+    sd: Callable[[float], FloatArray]
+    others: Mapping[str, FloatArray]
+    other_descent: FloatArray
+    other_cost: float = 0.0
+
+    def at(self, spread: float, scatter: float) -> tuple[float, FloatArray, FloatArray]:
+        """The misfit E at a discrepancy and a scatter, its descent (X,) and its hessian H (X, X)."""
+        hessian, descent, misfit, _ = self._of_data(spread)
+        precision = self.sd(scatter) ** -2
+        cost = (misfit + float(self.x @ (precision * self.x))) / 2 + self.other_cost
+        return cost, descent - precision * self.x, hessian + np.diag(precision)
+
+    def solve(self, spread: float, scatter: float) -> tuple[FloatArray, FloatArray]:
+        """(X,) step and (X, X) covariance at a discrepancy and a scatter."""
+        _, descent, hessian = self.at(spread, scatter)
+        covariance: FloatArray = np.linalg.inv(hessian)
+        return covariance @ descent, covariance
+
+    def gain(self, spread: float, scatter: float) -> FloatArray:
+        """(X, n) G = H⁻¹SᵀW_s: how the estimate follows the logarithms of the measured frequencies."""
+        _, covariance = self.solve(spread, scatter)
+        variance = self.noise + spread**2 * np.eye(self.residual.size)
+        gain: FloatArray = covariance @ np.linalg.solve(variance, self.sensitivity).T
+        return gain
+
+    def informed(self, spread: float, scatter: float) -> float:
+        """How many unknowns the frequencies determine at a discrepancy and a scatter: tr(GS)."""
+        return float(np.trace(self.gain(spread, scatter) @ self.sensitivity))
+
+    def only(self, rows: BoolArray) -> LinearProblem:
+        """The problem of some frequencies alone: (n,) `rows` says which."""
+        return replace(
+            self,
+            residual=self.residual[rows],
+            noise=self.noise[np.ix_(rows, rows)],
+            sensitivity=self.sensitivity[rows],
+        )
+
+    def mixture(self, scatter_scale: float) -> tuple[Mixture, FloatArray]:
+        """The posterior about the estimate, and (m,) the scatter of each of its Gaussians; a scale of 0 has no scatter."""
+        spreads = DISCREPANCY * _GRID
+        scatters = scatter_scale * _SCATTERS if scatter_scale else np.zeros(1)
+        step, covariance, evidence = self._solve_all(spreads, scatters)
+        log_weight = evidence + _log_prior(spreads, DISCREPANCY)
+        if scatter_scale:
+            log_weight += _log_prior(scatters, scatter_scale)[:, None]
+        weight, size = np.exp(log_weight - scipy.special.logsumexp(log_weight)).ravel(), self.x.size
+        scale = np.tile(spreads, scatters.size)
+        mixture = Mixture(weight, step.reshape(-1, size), covariance.reshape(-1, size, size), scale)
+        return mixture, np.repeat(scatters, spreads.size)
+
+    def _solve_all(self, spreads: FloatArray, scatters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(t, s, X) steps, (t, s, X, X) covariances and (t, s) evidence at every pair of t scatters and s discrepancies."""
+        data = [self._of_data(float(spread)) for spread in spreads]
+        own, pull, misfit, logs = (np.array(part) for part in zip(*data, strict=True))
+        precision = np.array([self.sd(float(scatter)) for scatter in scatters]) ** -2
+        hessian = own + precision[:, None, :, None] * np.eye(self.x.size)
+        descent = pull - (precision * self.x)[:, None]
         covariance = np.linalg.inv(hessian)
-        descent = S.T @ (weight * r) + other_descent
-        shift = covariance @ descent
-        log_prior = -DISCREPANCY_DOF * (np.log(s) + DISCREPANCY**2 / (2 * s**2))
-        evidence = np.sum(np.log(weight) - weight * r**2) - np.linalg.slogdet(hessian)[1] + descent @ shift
-        log_weights.append(log_prior + evidence / 2)
-        shifts.append(shift)
-        covariances.append(covariance)
-    log_weight = np.array(log_weights)
-    return Mixture(
-        np.exp(log_weight - scipy.special.logsumexp(log_weight)),
-        np.array(shifts),
-        np.array(covariances),
-        DISCREPANCY * _GRID,
-    )
+        step = (covariance @ descent[..., None])[..., 0]
+        gain = np.sum(descent * step, axis=-1) - misfit - ((precision * self.x) @ self.x)[:, None]
+        logs = np.sum(np.log(precision), axis=-1)[:, None] - np.linalg.slogdet(hessian)[1] - logs
+        return step, covariance, (gain + logs) / 2
+
+    def _of_data(self, spread: float) -> tuple[FloatArray, FloatArray, float, float]:
+        """What no scatter changes: hessian and descent without the prior's, rᵀW_sr and -log|W_s|."""
+        variance = self.noise + spread**2 * np.eye(self.residual.size)
+        weighted = np.linalg.solve(variance, np.column_stack([self.sensitivity, self.residual]))
+        S, r = weighted[:, :-1], weighted[:, -1]
+        hessian, descent = (
+            self.sensitivity.T @ S + sum(self.others.values()),
+            self.sensitivity.T @ r + self.other_descent,
+        )
+        return hessian, descent, float(self.residual @ r), float(np.linalg.slogdet(variance)[1])
+
+
+def _log_prior(value: FloatArray, scale: float) -> FloatArray:
+    """Of ln s for a scaled inverse χ² of two degrees of freedom, up to a constant."""
+    log: FloatArray = -DISCREPANCY_DOF * (np.log(value) + scale**2 / (2 * value**2))
+    return log
 
 
 @dataclass(frozen=True)
@@ -247,7 +316,7 @@ def scale_of_deviations(residual: FloatArray, noise: FloatArray, basis: FloatArr
 def log_likelihood(noise: FloatArray) -> Callable[[FloatArray], FloatArray]:
     """The logarithm of p(r), up to a constant, of (w, n) residuals of ln f with (n, n) noise, the discrepancy marginalised."""
     s = DISCREPANCY * _GRID
-    return _over_scales(noise, s, -DISCREPANCY_DOF * (np.log(s) + DISCREPANCY**2 / (2 * s**2)))
+    return _over_scales(noise, s, _log_prior(s, DISCREPANCY))
 
 
 def log_likelihood_of_deviations(noise: FloatArray, prior_rms: float) -> Callable[[FloatArray], FloatArray]:

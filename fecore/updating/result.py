@@ -11,6 +11,23 @@ from fecore.modal import Identification
 
 
 @dataclass(frozen=True)
+class Finding:
+    """Something that a user must know.
+
+    Attributes:
+        text: in words: what was found and what to do.
+        level: what it means for the use of the result; None where it means nothing for it.
+        weight: within a level, more comes first.
+        kind: id of its row in `fecore.updating.findings`.
+    """
+
+    text: str
+    level: Literal["with_care", "do_not_use"] | None = None
+    weight: float = 0.0
+    kind: str = ""
+
+
+@dataclass(frozen=True)
 class Verdict:
     """Whether a result may be used: `level`, one sentence, and the decisive reasons, the gravest first."""
 
@@ -338,3 +355,4 @@ class UpdateResult:
     identification: Identification | None
     posterior: PosteriorSummary
     warnings: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()

@@ -137,7 +137,7 @@ def sample_posterior(
     xi = _with_inputs(elastic, random.permutation(first.samples)[:count], random)
     theta = coordinates.values(xi)
     a = random.permutation(second.samples)[:count] + (theta - elastic.theta) @ damping.by_elastic.T
-    draws = np.column_stack([np.zeros((count, 0)), *(each.draws(random, count) for each in elastic.excursions)])
+    draws = np.column_stack([np.zeros((count, 0)), *(each.draws(random, count) for each in elastic.every_excursion)])
     window = np.abs(random.standard_normal(count))[:, None] * damping.window
     moved = coordinates.values(xi + draws @ elastic.pulls.T)
     return Posterior(
@@ -237,15 +237,16 @@ def _elastic_density(elastic: ElasticResult) -> LogProbability:
         elastic.coordinates,
         len(elastic.updated.forward.parametrisation.reported),
     )
-    columns = np.array([column for _, column in elastic.pairing.pairs])
+    rows, columns = np.array(elastic.pairing.pairs).T
+    measured_log = np.log(elastic.only.modes.frequency_hz[rows])
     highest = int(columns.max()) + 1 + state.modes.rigid
     forward = state.forward.on_basis()
     covariance = np.zeros_like(elastic.mixture.total)
     covariance[:free, :free] = elastic.mixture.total[:free, :free]
     centre = np.concatenate([coordinates.of(elastic.theta)[:free], coordinates.mean[free:]])
     frequencies = _LocalFrequencies.about(forward, coordinates, coordinates.values(centre), covariance, highest)
-    by_inputs = elastic.sensitivity[:, free:] * coordinates.sd[free:]
-    likelihood = log_likelihood(elastic.noise + by_inputs @ by_inputs.T)
+    by_inputs = elastic.problem.sensitivity[:, free:] * coordinates.sd[free:]
+    likelihood = log_likelihood(elastic.problem.noise + by_inputs @ by_inputs.T)
 
     def density(xi: FloatArray) -> FloatArray:
         value = np.full(len(xi), -np.inf)
@@ -253,7 +254,7 @@ def _elastic_density(elastic: ElasticResult) -> LogProbability:
         whole[:, :free] = xi
         allowed = coordinates.are_believable(whole)
         if allowed.any():
-            residual = elastic.measured_log - np.log(frequencies.at(coordinates.values(whole[allowed]))[:, columns])
+            residual = measured_log - np.log(frequencies.at(coordinates.values(whole[allowed]))[:, columns])
             away = ((whole[allowed] - coordinates.mean) / coordinates.sd)[:, :free]
             value[allowed] = likelihood(residual) - np.sum(away**2, axis=1) / 2
         return value

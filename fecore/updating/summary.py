@@ -14,18 +14,18 @@ from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.modes import MeasuredModes
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic_findings import elastic_findings
-from fecore.updating.elastic_result import ElasticResult, Start
+from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.estimates import coefficient_estimates, constant_estimates, disagreements, ratio_estimates
+from fecore.updating.findings import found, judge, ordered, warnings
 from fecore.updating.inputs import Inputs
 from fecore.updating.law_ranking import LawRanking, RankedLaw
 from fecore.updating.measurement import Prepared
 from fecore.updating.parameters import by_name
 from fecore.updating.result import (
-    ConvergenceStep,
     Correlation,
     DampingModelFit,
+    Finding,
     HeldOut,
-    ModeComparison,
     ModeShapes,
     PairingSummary,
     ParameterEstimate,
@@ -34,12 +34,10 @@ from fecore.updating.result import (
     Prediction,
     RivalPairing,
     StageOutcome,
-    StartHistory,
     UpdateResult,
 )
 from fecore.updating.sampling import Posterior
 from fecore.updating.validation import Predictor, agreement
-from fecore.updating.verdict import Finding, judge, notes, warnings
 
 _CURVE_POINTS, _BEYOND_MODES = 80, 1.5  # of a law's curve: how many, and how far beyond the modes
 _FEWEST_LINES = 10  # of a held-out band that is worth comparing
@@ -83,17 +81,14 @@ class Summary:
             verdict=judge(findings, self.parameters),
             outcomes=self.outcomes,
             parameters=self.parameters,
-            modes=tuple(self._mode(row) for row in range(len(self.modes))),
+            modes=self.elastic.compared_modes(0, self.modes, self._predicted_damping),
             correlation=self._correlation(),
             damping_models=() if self.ranking is None else tuple(self._law(ranked) for ranked in self.ranking.laws),
             damping_starts=0 if damping is None else damping.starts,
             damping_optima=tuple(self._coefficients(point) for point in (() if damping is None else damping.optima)),
             damping_history=np.zeros((0, 0)) if damping is None else damping.fit.history,
-            convergence=tuple(
-                ConvergenceStep(by_name(names, step.theta), step.frequency_hz, step.cost)
-                for step in self.elastic.history
-            ),
-            starts=tuple(self._start(start) for start in self.elastic.starts),
+            convergence=self.elastic.history,
+            starts=self.elastic.starts,
             pairing=self._pairing(),
             shapes=self._shapes(),
             channel_delay_s=None if damping is None else damping.reference.delay,
@@ -105,6 +100,7 @@ class Summary:
             identification=self.data.identification,
             posterior=self._posterior(),
             warnings=warnings(findings),
+            findings=ordered(findings),
         )
 
     @cached_property
@@ -118,13 +114,13 @@ class Summary:
         return tuple(constants)
 
     def _own_findings(self) -> list[Finding]:
-        found = [
+        return [
             *elastic_findings(self.elastic, self.modes),
-            *notes(disagreements(self.elastic, self.sampled), "with_care", 5),
+            *disagreements(self.elastic, self.sampled),
+            *([] if self.ranking is None else self.ranking.findings()),
+            *self._negative_damping(),
+            *self._several_optima(),
         ]
-        if self.ranking is not None:
-            found += notes(self.ranking.sentences(), "with_care", 2)
-        return found + notes(self._negative_damping(), "with_care", 3) + notes(self._optima_warnings(), "with_care", 4)
 
     def _coefficients(self, values: np.ndarray) -> dict[str, float]:
         assert self.damping is not None, "a law was fitted"
@@ -157,30 +153,6 @@ class Summary:
             return np.stack([hz, damping_ratio(law, coefficients, 2 * np.pi * hz, strain)])
         grid = np.geomspace(low, high, _CURVE_POINTS)
         return np.stack([grid, damping_ratio(law, coefficients, 2 * np.pi * grid)])
-
-    def _mode(self, row: int) -> ModeComparison:
-        updated = dict(self.elastic.pairing.pairs).get(row)
-        initial = dict(self.elastic.initial_pairing.pairs).get(row)
-        measured = float(self.modes.frequency_hz[row])
-        ratio = float(self.modes.damping_ratio[row])
-        frequency = None if updated is None else float(self.elastic.updated.frequency_hz[updated])
-        matrix = self.elastic.pairing.mac
-        return ModeComparison(
-            number=row + 1,
-            kind=None if updated is None else self.elastic.updated.kinds[updated],
-            measured_hz=measured,
-            initial_hz=None if initial is None else float(self.elastic.initial.frequency_hz[initial]),
-            updated_hz=frequency,
-            error_percent=None if frequency is None else 100 * (frequency / measured - 1),
-            mac=None if matrix is None or updated is None else float(matrix[row, updated]),
-            measured_damping=None if np.isnan(ratio) else ratio,
-            predicted_damping=None if updated is None else self._predicted_damping(updated),
-            measured_damping_sd=self._damping_sd(row),
-        )
-
-    def _damping_sd(self, row: int) -> float | None:
-        spread = self.modes.damping_sd
-        return float(spread[row]) if spread is not None and np.isfinite(spread[row]) else None
 
     def _predicted_damping(self, column: int) -> float | None:
         """The law's ratio of an elastic model mode; None where no law damps it."""
@@ -284,22 +256,14 @@ class Summary:
             correlation=correlation,
         )
 
-    def _start(self, start: Start) -> StartHistory:
-        names = self.elastic.updated.forward.parametrisation.names
-        thetas = np.array([iterate.theta for iterate in start.history]).reshape(-1, len(names))
-        chosen = bool(start.history) and start.history is self.elastic.history
-        return StartHistory(dict(zip(names, thetas.T, strict=True)), start.cost, chosen, start.failure)
-
     def _pairing(self) -> PairingSummary:
-        elastic = self.elastic
-        state, names = elastic.updated, elastic.updated.forward.parametrisation.reported
-        other = None
+        elastic, rival = self.elastic, None
         if elastic.rivals:
-            rival = elastic.rivals[0]
-            partners = _partners(rival.pairs, rival.frequency_hz, rival.kinds)
-            other = RivalPairing(partners, by_name(names, rival.theta[: len(names)]), rival.evidence)
+            other = elastic.rivals[0].other
+            parameters = by_name(elastic.layout.shared, elastic.layout.material(other.x))
+            rival = RivalPairing(_partners(other), parameters, elastic.rivals[0].evidence)
         by: Literal["shapes", "order"] = "order" if elastic.pairing.mac is None else "shapes"
-        return PairingSummary(by, _partners(elastic.pairing.pairs, state.frequency_hz, tuple(state.kinds)), other)
+        return PairingSummary(by, _partners(elastic), rival)
 
     def _shapes(self) -> ModeShapes | None:
         """Shapes at the measured points; None where the modes were typed in and there are no FRFs either."""
@@ -317,38 +281,36 @@ class Summary:
             pairs=self.elastic.pairing.pairs,
         )
 
-    def _negative_damping(self) -> list[str]:
+    def _negative_damping(self) -> list[Finding]:
         """Where in the band the fitted law, and the preferred one, would feed energy in: between or below the modes."""
         if self.damping is None or self.ranking is None or self.band is None:
             return []
         low, high = (2 * np.pi * hz for hz in self.band)
         fit, preferred = self.damping.fit, self.ranking.preferred
-        strain = self.damping.reference.ratios.strain
         laws = [(fit.law, fit.coefficients)]
         if preferred is not self.ranking.laws[0]:
             laws.append((preferred.law, preferred.coefficients))
-        found = []
+        findings = []
         for law, coefficients in laws:
-            shares = strain if isinstance(law, MechanismDamping) else None
-            negative = negative_band(law, coefficients, low, high, shares)
+            strain = self.damping.reference.ratios.strain if isinstance(law, MechanismDamping) else None
+            negative = negative_band(law, coefficients, low, high, strain)
             if negative is not None:
                 first, last = (omega / (2 * np.pi) for omega in negative)
-                found.append(
-                    f"the {law.name} law as fitted is negative from {first:.4g} to {last:.4g} Hz, where it would feed energy "
-                    "in: use it at the measured modes alone, or another law"
-                )
-        return found
+                findings.append(found("law_negative", law=law.name, first=first, last=last))
+        return findings
 
-    def _optima_warnings(self) -> list[str]:
+    def _several_optima(self) -> list[Finding]:
         if self.damping is None or len(self.damping.optima) == 1:
             return []
         points = [
             ", ".join(f"{name} = {value:.4g}" for name, value in self._coefficients(point).items())
             for point in self.damping.optima
         ]
-        name = self.damping.fit.law.name
-        return [f"the {name} fit has {len(points)} optima, of which the first is reported: {'; '.join(points)}"]
+        return [found("optima", law=self.damping.fit.law.name, count=len(points), points="; ".join(points))]
 
 
-def _partners(pairs: tuple[tuple[int, int], ...], hz: FloatArray, kinds: tuple[str, ...]) -> tuple[Partner, ...]:
-    return tuple(Partner(row + 1, column + 1, float(hz[column]), kinds[column]) for row, column in pairs)
+def _partners(elastic: ElasticResult) -> tuple[Partner, ...]:
+    hz, kinds = elastic.updated.frequency_hz, elastic.updated.kinds
+    return tuple(
+        Partner(row + 1, column + 1, float(hz[column]), kinds[column]) for row, column in elastic.pairing.pairs
+    )

@@ -11,8 +11,9 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.updating.damping_stage import DampingResult
+from fecore.updating.findings import found
 from fecore.updating.inputs import Inputs
-from fecore.updating.verdict import Finding
+from fecore.updating.result import Finding
 
 _USUAL = (2.0, 5.0)  # 1/τ of usual windows, over the record's length
 _MOST = 0.5  # share of the slowest mode's decay that a window has where FRFs look windowed
@@ -36,18 +37,9 @@ def unstated_window(damping: DampingResult, inputs: Inputs, record_s: float) -> 
     if shares[worst] < _MATTERS:
         return []
     rate = looks_windowed(damping.reference.ratios.omega, damping.reference.ratios.ratio, record_s)
-    ask = "state the window's rate 1/τ with the campaign, 0 for none"
     if rate is None:
-        text = (
-            f"nobody said whether the response had an exponential window: one usual for this record would make {names[worst]} "
-            f"too high by {100 * shares[worst]:.0f} %, which its interval includes; {ask}"
-        )
-        return [Finding(text, None, 0.2)]
-    text = (
-        f"the FRFs look as if the response had had an exponential window: the slowest modes decay by {rate:.3g} 1/s on top of "
-        f"all else, as with a window that ends a record of {record_s:.3g} s at {100 * np.exp(-rate * record_s):.2g} %; {ask}"
-    )
-    return [Finding(text, "with_care", 1.5)]
+        return [found("window_unstated", name=names[worst], percent=100 * shares[worst])]
+    return [found("looks_windowed", rate=rate, record=record_s, end=100 * np.exp(-rate * record_s))]
 
 
 def looks_windowed(omega: FloatArray, ratio: FloatArray, record_s: float) -> float | None:

@@ -24,13 +24,9 @@ Url = Annotated[
 ]
 Reuse = Annotated[
     bool,
-    typer.Option(
-        "--reuse", help="With --new: take the one of that name where there is one, so that a script runs twice"
-    ),
+    typer.Option("--reuse", help="With --new: take the one of that name if there is one"),
 ]
-Confirm = Annotated[
-    bool, typer.Option("--confirm", help="Take unusual numbers as they are: they are in the stated unit")
-]
+Confirm = Annotated[bool, typer.Option("--confirm", help="Take unusual numbers as they are")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON alone on standard output")]
 
 

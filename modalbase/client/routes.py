@@ -246,10 +246,6 @@ ROUTES: dict[str, Route] = {
         "GET", "records/{record_id}/data", ("format",),
         "Samples of a time block in SI with their time axis, as JSON, npz or CSV.",
     ),
-    "get_campaign_figure": Route(
-        "GET", "campaigns/{campaign_id}/figures/{name}", ("point", "direction", "response", "format", "theme"),
-        "The figure `hits` of a point: the good ones alike, each bad one in a colour of its own with what was found against it.",
-    ),
     "list_processings": Route(
         "GET", "campaigns/{campaign_id}/processings", ("cursor", "limit"),
         "Processings of a campaign, newest first.",
@@ -294,10 +290,6 @@ ROUTES: dict[str, Route] = {
         "GET", "identifications/{identification_id}", (),
         "How far an identification is, which modes it found, and how well the data support them.",
     ),
-    "get_identification_figure": Route(
-        "GET", "identifications/{identification_id}/figures/{name}", ("format", "theme"),
-        "The figure `stabilisation` of an identification; 409 while it has found nothing, or where it failed.",
-    ),
     "list_batches": Route(
         "GET", "structures/{structure_id}/coupon-batches", ("cursor", "limit"),
         "Coupon batches of a structure.",
@@ -337,10 +329,6 @@ ROUTES: dict[str, Route] = {
     "get_curve_data": Route(
         "GET", "coupons/{coupon_id}/curve/data", ("format",),
         "The raw curve in SI: force N, strains m/m, time s.",
-    ),
-    "get_coupon_figure": Route(
-        "GET", "coupons/{coupon_id}/figures/{name}", ("format", "theme"),
-        "The figure `curve`: raw curve, chord, bounds, strength; of D3518 the 0.2 % offset, of D3039 the transverse strain.",
     ),
     "get_coupons_curve_original": Route(
         "GET", "coupons/{coupon_id}/curve/original", (),
@@ -430,6 +418,22 @@ ROUTES: dict[str, Route] = {
         "GET", "joint-updates/{joint_id}/figures/{name}", ("format", "theme"),
         "A figure of a joint update: `parameters`, `campaigns`, `frequencies`, `budget` or `posterior`.",
     ),
+    "get_campaign_figure": Route(
+        "GET", "campaigns/{campaign_id}/figures/{name}", ("point", "direction", "response", "format", "theme"),
+        "The figure `hits` of a point: the good ones alike, each bad one in a colour of its own with what was found against it.",
+    ),
+    "get_identification_figure": Route(
+        "GET", "identifications/{identification_id}/figures/{name}", ("format", "theme"),
+        "The figure `stabilisation` of an identification; 409 while it has found nothing, or where it failed.",
+    ),
+    "get_coupon_figure": Route(
+        "GET", "coupons/{coupon_id}/figures/{name}", ("format", "theme"),
+        "The figure `curve`: raw curve, chord, bounds, strength; of D3518 the 0.2 % offset, of D3039 the transverse strain.",
+    ),
+    "get_series_figure": Route(
+        "GET", "monitors/{monitor_id}/series/figure", ("parameter", "series", "format", "theme"),
+        "The series of a parameter as a figure: Plotly JSON for the browser and notebooks, or SVG, PNG, PDF for print.",
+    ),
     "list_monitors_of_structure": Route(
         "GET", "structures/{structure_id}/monitors", ("cursor", "limit", "deleted"),
         "Monitors of a structure.",
@@ -469,10 +473,6 @@ ROUTES: dict[str, Route] = {
     "get_series": Route(
         "GET", "monitors/{monitor_id}/series", ("series",),
         "The series: values with their uncertainty, baseline, limits, corrected and raw, alarms and campaigns as marks.",
-    ),
-    "get_series_figure": Route(
-        "GET", "monitors/{monitor_id}/series/figure", ("parameter", "series", "format", "theme"),
-        "The series of a parameter as a figure: Plotly JSON for the browser and notebooks, or SVG, PNG, PDF for print.",
     ),
     "complete_campaign": Route(
         "POST", "campaigns/{campaign_id}/complete", (),

@@ -6,7 +6,7 @@ What a feature needs of it::
     from service.jobs.queue import enqueue
     from service.jobs.state import job_state
 
-    IMPORT = JobKind("import", load=load, compute=parse_file, store=store)     # listed in service.kinds.KINDS
+    IMPORT = JobKind("import", load=load, compute=parse_file, store=store)     # listed in service.app.kinds.KINDS
 
     job = enqueue(session, kind=IMPORT, project_id=project.id)                 # in the request's transaction
     session.add(Import(id=job.id, ...))                                        # its own table: key = jobs.id

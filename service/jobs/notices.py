@@ -9,8 +9,8 @@ import psycopg
 import structlog
 from psycopg import sql
 
-from service.background import Background
 from service.db.engine import psycopg_url
+from service.jobs.background import Background
 
 AGAIN_SECONDS = 1.0
 WAKE_SECONDS = 0.5

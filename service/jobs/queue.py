@@ -17,7 +17,7 @@ from service.jobs.tables import Job
 from service.request_id import current_request_id
 
 
-def enqueue(session: Session, *, kind: JobKind, project_id: UUID, priority: int = 0) -> Job:
+def enqueue(session: Session, *, kind: JobKind, project_id: UUID, priority: int = 0, queue: str | None = None) -> Job:
     """A new queued job, in the caller's transaction: after a rollback there is neither row nor ticket.
 
     Args:
@@ -25,6 +25,7 @@ def enqueue(session: Session, *, kind: JobKind, project_id: UUID, priority: int 
         kind: what to run.
         project_id: whose job it is.
         priority: of the project's waiting jobs, the highest runs first; between projects it counts for nothing.
+        queue: the queue that it waits in; default: its kind's.
 
     Returns:
         The job's row, flushed, so that its id can be another table's key.
@@ -32,7 +33,7 @@ def enqueue(session: Session, *, kind: JobKind, project_id: UUID, priority: int 
     job = Job(
         kind=kind.name,
         project_id=project_id,
-        queue=kind.queue,
+        queue=queue or kind.queue,
         priority=priority,
         max_attempts=kind.max_attempts,
         request_id=current_request_id(),

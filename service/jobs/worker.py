@@ -59,7 +59,7 @@ def run_worker(
     """
     if settings.database_url is None:
         raise ValueError("settings.database_url is not set; `service.db.opening.open_database` gives the embedded one")
-    engine = make_engine(settings.database_url, pool_size=2 * settings.worker_concurrency + 2, name="modalbase worker")
+    engine = make_engine(settings.database_url, pool_size=2 * settings.worker_concurrency + 4, name="modalbase worker")
     try:
         require_head(engine)
         prepare_children(kinds, settings.job_threads)
@@ -98,7 +98,8 @@ class _Worker:
         self.app = App(connector=self.manager.connector)
         self.app.job_manager = self.manager
         self.app.task(name=tickets.TASK, pass_context=True)(self._job)
-        self.threads = ThreadPoolExecutor(settings.worker_concurrency, thread_name_prefix="job")
+        self.places = settings.worker_concurrency + 1  # one of them for what requests wait for
+        self.threads = ThreadPoolExecutor(self.places, thread_name_prefix="job")
         self.work: set[asyncio.Future[str]] = set()
 
     async def run(self, queues: list[str] | None, ready: Callable[[], None] | None = None) -> None:
@@ -119,7 +120,7 @@ class _Worker:
         await self.app.run_worker_async(
             queues=queues,  # type: ignore[arg-type]  # None, for all, is its default
             name=self.name,
-            concurrency=self.settings.worker_concurrency,
+            concurrency=self.places,
             fetch_job_polling_interval=LOOK_SECONDS,
             abort_job_polling_interval=LOOK_SECONDS,
             shutdown_graceful_timeout=0,  # the worker has waited for what runs

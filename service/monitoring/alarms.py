@@ -11,15 +11,15 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.access import User, audit
+from service.compute.judging import Episode
 from service.errors import Conflict, NotFound
-from service.monitoring.computation import Episode
+from service.monitoring.notifications.messages import announce
 from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorSeries
 from service.monitoring.values import unit_of
-from service.notifications.messages import announce
-from service.structures.operations import structure_of
+from service.store.structures.operations import structure_of
 
 if TYPE_CHECKING:
-    from service.structures.tables import Structure
+    from service.store.structures.tables import Structure
 
 EVENT_OF_STATE = {"alarm": "raised", "acknowledged": "acknowledged", "cleared": "cleared", "withdrawn": "withdrawn"}
 

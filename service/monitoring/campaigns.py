@@ -17,15 +17,15 @@ from uuid import UUID
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.campaigns.grid_points import point_digests
-from service.campaigns.operations import dated_campaigns
-from service.frfs.operations import frf_digests
-from service.imports.operations import import_progress
-from service.modes.operations import newest_stated
 from service.monitoring.tables import CampaignCompletion, Monitor
+from service.store.campaigns.grid_points import point_digests
+from service.store.campaigns.operations import dated_campaigns
+from service.store.frfs.operations import frf_digests
+from service.store.imports.operations import import_progress
+from service.store.modes.operations import newest_stated
 
 if TYPE_CHECKING:
-    from service.campaigns.tables import Campaign
+    from service.store.campaigns.tables import Campaign
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,12 @@ from sqlalchemy.orm import Session
 from fecore.trend import Acknowledgement, State, Watch
 from fecore.trend import Chart as CoreChart
 from fecore.trend.states import WORST_FIRST
+from service.compute.judging import Judgement, JudgementInputs, Observation, judge
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue
 from service.jobs.tables import Job
 from service.monitoring.alarms import state_changed, update_alarms
 from service.monitoring.campaigns import Seen, seen_campaigns
-from service.monitoring.computation import Judgement, JudgementInputs, Observation, judge
 from service.monitoring.lookups import monitor_for
 from service.monitoring.runs import counted, latest_runs
 from service.monitoring.tables import Alarm, Monitor, MonitorJudgement, MonitorRun, MonitorSeries

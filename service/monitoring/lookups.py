@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from service.access import Lookup
 from service.monitoring.tables import Alarm, Monitor
-from service.structures.operations import structure_for
+from service.store.structures.operations import structure_for
 
 monitor_for = Lookup(Monitor, "monitor", "structure_id", structure_for)
 """The monitor, if the user has at least a role in its project."""

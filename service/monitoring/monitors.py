@@ -16,7 +16,6 @@ from sqlalchemy.orm import Session, undefer
 from fecore import __version__
 from fecore.updating.parameters import parametrise
 from service.access import User, audit, projects_of
-from service.campaigns.operations import campaign_for, campaigns_of
 from service.db.clock import transaction_time
 from service.errors import Conflict, Invalid, NotFound
 from service.monitoring import runs
@@ -26,13 +25,20 @@ from service.monitoring.scheduler import next_time, request_check
 from service.monitoring.schemas import CONSTANT, BaselineIn, ChartIn, MonitorIn, MonitorOut, MonitorPatch, WatchedIn
 from service.monitoring.tables import AT_WORK, Alarm, CampaignCompletion, Monitor, MonitorRun, MonitorSeries
 from service.settings import Settings
-from service.structures.operations import current_version, describe_version, structure_for, structures_in, structures_of
-from service.updating.bodies import body_of
-from service.updating.operations import check_prior_batch
+from service.store.campaigns.operations import campaign_for, campaigns_of
+from service.store.structures.operations import (
+    current_version,
+    describe_version,
+    structure_for,
+    structures_in,
+    structures_of,
+)
+from service.store.updating.bodies import body_of
+from service.store.updating.operations import check_prior_batch
 
 if TYPE_CHECKING:
-    from service.campaigns.tables import Campaign
-    from service.structures.tables import Structure
+    from service.store.campaigns.tables import Campaign
+    from service.store.structures.tables import Structure
 
 NOW = timedelta(0)
 

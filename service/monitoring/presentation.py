@@ -10,16 +10,16 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.access import User
-from service.campaigns.operations import campaigns_of
 from service.jobs.tables import Job
 from service.monitoring.runs import latest_runs
 from service.monitoring.schemas import AlarmEventOut, AlarmOut, RunOut
 from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorJudgement, MonitorRun, MonitorSeries
 from service.monitoring.values import unit_of
-from service.structures.operations import structure_of, structures_of
+from service.store.campaigns.operations import campaigns_of
+from service.store.structures.operations import structure_of, structures_of
 
 if TYPE_CHECKING:
-    from service.structures.tables import Structure
+    from service.store.structures.tables import Structure
 
 
 def series_document(session: Session, monitor: Monitor, series: MonitorSeries) -> dict[str, Any]:

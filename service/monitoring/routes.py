@@ -10,13 +10,12 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.access import CurrentUser, SessionDep, SettingsDep, project_for, projects_of
-from service.campaigns.operations import campaign_for
 from service.errors import Invalid
-from service.figures.answers import RESPONSES, Asked
-from service.figures.series import series_figure
 from service.monitoring import alarms as steps
 from service.monitoring import monitors
 from service.monitoring.lookups import alarm_for, monitor_for
+from service.monitoring.notifications.operations import deliveries_of_monitor
+from service.monitoring.notifications.schemas import DeliveryOut
 from service.monitoring.presentation import describe_alarms, describe_runs, series_document
 from service.monitoring.scheduler import request_check
 from service.monitoring.schemas import (
@@ -32,9 +31,8 @@ from service.monitoring.schemas import (
 )
 from service.monitoring.series_schemas import SeriesOut
 from service.monitoring.tables import Alarm, Monitor, MonitorRun, MonitorSeries
-from service.notifications.operations import deliveries_of_monitor
-from service.notifications.schemas import DeliveryOut
-from service.structures.operations import structure_for, structures_in
+from service.store.campaigns.operations import campaign_for
+from service.store.structures.operations import structure_for, structures_in
 from service.web import IF_MATCH, Confirm, Cursor, Limit, Page, api_router, etag_of, paged, require_match, require_usual
 
 router = api_router(tags=["monitoring"])
@@ -178,25 +176,6 @@ def get_series(monitor_id: UUID, session: SessionDep, user: CurrentUser, series:
     """The series: values with their uncertainty, baseline, limits, corrected and raw, alarms and campaigns as marks."""
     monitor = monitor_for(session, user, monitor_id)
     return series_document(session, monitor, monitors.series_for(session, monitor, series))
-
-
-@router.get("/monitors/{monitor_id}/series/figure", response_class=Response, responses=RESPONSES)
-def get_series_figure(
-    monitor_id: UUID,
-    session: SessionDep,
-    user: CurrentUser,
-    asked: Asked,
-    parameter: Annotated[str | None, Query(max_length=60, description="default: the first one that is watched")] = None,
-    series: Version = None,
-) -> Response:
-    """The series of a parameter as a figure: Plotly JSON for the browser and notebooks, or SVG, PNG, PDF for print."""
-    monitor = monitor_for(session, user, monitor_id)
-    document = series_document(session, monitor, monitors.series_for(session, monitor, series))
-    watched = list(monitor.watch["directions"])
-    wanted = parameter or watched[0]
-    if wanted not in watched:
-        raise Invalid("parameter", f"{wanted!r} is not watched; {', '.join(watched)} are")
-    return asked.answer(lambda: series_figure(document, wanted), wanted)
 
 
 @router.post("/campaigns/{campaign_id}/complete")

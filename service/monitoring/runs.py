@@ -21,16 +21,16 @@ from fecore import __version__
 from fecore.errors import FecoreError
 from fecore.updating.parameters import parametrise
 from service.access import User
-from service.campaigns.operations import campaign_of
 from service.errors import ServiceError
 from service.jobs.tables import Job
 from service.monitoring.campaigns import Seen, seen_campaigns
 from service.monitoring.tables import Monitor, MonitorRun, MonitorSeries
 from service.monitoring.values import watched_values
-from service.structures.operations import describe_version, structure_of, version_of
-from service.updating.bodies import body_of
-from service.updating.operations import result_documents, start_update
-from service.updating.schemas import ParameterIn, RecipeIn
+from service.store.campaigns.operations import campaign_of
+from service.store.structures.operations import describe_version, structure_of, version_of
+from service.store.updating.bodies import body_of
+from service.store.updating.operations import result_documents, start_update
+from service.store.updating.schemas import ParameterIn, RecipeIn
 
 
 @dataclass(frozen=True)

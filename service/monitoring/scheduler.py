@@ -22,18 +22,18 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from service.access import projects_at_work
-from service.background import Background
-from service.campaigns.operations import structures_with
 from service.db.engine import Sessions, make_engine, make_sessions
-from service.imports.operations import campaigns_with
+from service.jobs.background import Background
 from service.jobs.notices import Listener
 from service.jobs.tables import CHANGED, Job
 from service.monitoring import runs
 from service.monitoring.judgements import judge_if_changed
+from service.monitoring.notifications.sender import Sender
 from service.monitoring.tables import AT_WORK, Monitor, MonitorJudgement, MonitorRun, MonitorSeries
-from service.notifications.sender import Sender
 from service.settings import Settings
-from service.structures.operations import structures_in
+from service.store.campaigns.operations import structures_with
+from service.store.imports.operations import campaigns_with
+from service.store.structures.operations import structures_in
 
 ASKED = "modalbase_monitor_asked"
 """Channel of notifications with the id of a monitor that has changed through the API."""

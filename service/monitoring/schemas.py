@@ -13,8 +13,8 @@ from pydantic_core import PydanticCustomError
 
 from fecore.errors import InputError
 from fecore.trend import Chart, Watch
-from service.campaigns.schemas import Boundary
-from service.updating.schemas import RecipeIn
+from service.store.campaigns.schemas import Boundary
+from service.store.updating.schemas import RecipeIn
 from service.web import Name, StrictModel, Text, Time, example, not_null
 
 Direction = Literal["fall", "rise", "both"]

@@ -12,10 +12,10 @@ from sqlalchemy.orm import Session
 
 from fecore.body.specimen import UNITS, kind_of
 from fecore.dynamics.damping_laws import CaugheySeries
-from service.modes.operations import modes_of
+from service.store.modes.operations import modes_of
 
 if TYPE_CHECKING:
-    from service.modes.tables import Mode
+    from service.store.modes.tables import Mode
 
 Pair = tuple[float, float | None]
 """Estimate and standard deviation, None where the measurement states none."""

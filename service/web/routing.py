@@ -139,7 +139,7 @@ class BulkRoute(StrictRoute):
 
 
 def api_router(*, tags: list[str], bulk: bool = False) -> APIRouter:
-    """A router for one feature, to be listed in `service.composition`; paths are relative to `/api/v1`.
+    """A router for one feature, to be listed in `service.app.composition`; paths are relative to `/api/v1`.
 
     Args:
         tags: headings on the documentation page.

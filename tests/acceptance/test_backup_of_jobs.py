@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 
 from benchmarks.soak_backup import restored, soak
-from service.kinds import KINDS
+from service.app.kinds import KINDS
 
 EVERY_KIND = {kind.name for kind in KINDS}
 

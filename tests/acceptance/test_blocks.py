@@ -24,12 +24,12 @@ import pytest
 
 import modalbase
 from modalbase.formats.frfs.mat import frfs_of
-from service.campaigns.schemas import CampaignIn
-from service.coupons.curve_schemas import CurveCouponIn
-from service.demo.paper import uff_file
-from service.structures.schemas import StructureIn
-from service.supervisor import LocalService
-from service.updating.schemas import RecipeIn
+from service.app.demo.paper import uff_file
+from service.app.supervisor import LocalService
+from service.store.campaigns.schemas import CampaignIn
+from service.store.coupons.curve_schemas import CurveCouponIn
+from service.store.structures.schemas import StructureIn
+from service.store.updating.schemas import RecipeIn
 from tests.support.blocks import AT_HAND, PAGES, Block, blocks
 from tests.support.command import modalbase_here, run_as_typed
 from tests.support.places import ROOT
@@ -197,7 +197,7 @@ def looked_at_jobs(names: dict[str, Any]) -> None:
 
 
 def looked_at_monitoring(names: dict[str, Any]) -> None:
-    assert names["monitor"]["name"] == "stringer 1"
+    assert names["watch"].name == "stringer 1"
 
 
 LOOKED_AT: dict[str, Callable[[dict[str, Any]], Any]] = {
@@ -248,7 +248,7 @@ def test_a_reader_of_the_guide_finds_every_command_that_exists() -> None:
     """Blocks that nothing runs name commands and options that are there."""
     from typer.main import get_command
 
-    from service.cli.command import app
+    from service.app.cli.command import app
 
     commands: dict[str, Any] = get_command(app).commands  # type: ignore[attr-defined]
     for block in BLOCKS:

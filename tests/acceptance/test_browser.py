@@ -14,7 +14,7 @@ import httpx
 import numpy as np
 import pytest
 
-from service.supervisor import LocalService
+from service.app.supervisor import LocalService
 from tests.support.browser import Watched, browser, chromium, drawn, hindrances, watched_page
 from tests.support.places import shared_file
 from tests.support.rest import client_at, ok, posted

@@ -15,8 +15,8 @@ import pytest
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from modalbase.formats.decks import Deck, write_shells
-from service.demo import paper
-from service.supervisor import LocalService
+from service.app.demo import paper
+from service.app.supervisor import LocalService
 from tests.support.command import modalbase_here
 from tests.support.plates import solve
 from tests.support.rest import finished, ok, posted, result_of

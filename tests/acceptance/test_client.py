@@ -18,8 +18,8 @@ import pytest
 
 from modalbase.client.results import print_result
 from modalbase.formats.uff import DatasetReport, Frf, ModeShape, read_file
-from service.demo import paper
-from service.supervisor import LocalService
+from service.app.demo import paper
+from service.app.supervisor import LocalService
 from tests.support.command import modalbase_here
 from tests.support.waiting import PATIENCE
 
@@ -291,7 +291,7 @@ def test_an_update_that_fails_says_why(run: Run, campaign: str) -> None:
 
 
 def test_the_client_starts_without_the_database_and_the_core() -> None:
-    code = "import sys, service.cli.command, modalbase.client.connection, modalbase.client.results; print(*sys.modules)"
+    code = "import sys, service.app.cli.command, modalbase.client.connection, modalbase.client.results; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.split())
     assert not loaded & {"numpy", "scipy", "sqlalchemy", "psycopg", "fastapi", "pydantic", "fecore", "service.settings"}

@@ -10,8 +10,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from service.demo import paper
-from service.supervisor import LocalService
+from service.app.demo import paper
+from service.app.supervisor import LocalService
 from tests.support.command import modalbase, modalbase_here
 
 Run = Callable[..., "subprocess.CompletedProcess[str]"]

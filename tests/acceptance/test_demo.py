@@ -17,7 +17,7 @@ def test_the_script_makes_the_demonstrations_file(tmp_path: Path) -> None:
     """The file in the package is what the script writes, to single precision's round-off."""
     made = tmp_path / "made.uff"
     subprocess.run([sys.executable, str(ROOT / "examples/make_paper_beam.py"), str(made)], check=True, cwd=ROOT)
-    ours, shipped = (list(read_file(file)) for file in (made, ROOT / "service/demo/paper_beam.uff"))
+    ours, shipped = (list(read_file(file)) for file in (made, ROOT / "service/app/demo/paper_beam.uff"))
     points = [[item for item in file if isinstance(item, GridPoint)] for file in (ours, shipped)]
     assert points[0] == points[1]
     assert len(points[0]) == 33

@@ -8,9 +8,9 @@ from typing import Any
 import httpx
 import pytest
 
-from service.demo import paper
-from service.supervisor import LocalService
-from service.updating.result_schemas import ResultOut
+from service.app.demo import paper
+from service.app.supervisor import LocalService
+from service.store.updating.result_schemas import ResultOut
 from tests.support.rest import finished
 
 

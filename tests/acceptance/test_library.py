@@ -17,8 +17,8 @@ import pyuff
 import modalbase
 from modalbase.client.place import find_place, profile_file, save_profile
 from modalbase.formats.records import Place
-from service.demo import paper
-from service.supervisor import LocalService
+from service.app.demo import paper
+from service.app.supervisor import LocalService
 from tests.support.laboratory import BEAM
 
 BODY = {**BEAM["geometry"], **BEAM["material"], "density_kg_m3": 2012.0}
@@ -234,7 +234,7 @@ def test_where_the_service_and_its_key_are_looked_for(
 def the_service_that_runs_here(folder: Path) -> None:
     """`modalbase up` notes where it is; its data folder has the key that it made."""
     from modalbase.client.place import KEY_FILE, notes_folder
-    from service.running import announced
+    from service.app.running import announced
 
     data = folder / "data"
     data.mkdir()

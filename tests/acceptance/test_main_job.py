@@ -13,8 +13,8 @@ from uuid import uuid4
 import httpx
 import pytest
 
-from service.demo.paper import uff_file
-from service.supervisor import LocalService
+from service.app.demo.paper import uff_file
+from service.app.supervisor import LocalService
 from tests.support.laboratory import MATERIAL
 from tests.support.places import SHARED, shared_file
 from tests.support.rest import finished, posted, result_of

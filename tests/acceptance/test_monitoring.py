@@ -15,9 +15,9 @@ import psycopg
 import pytest
 
 from examples.monitoring import State, measured_frfs, post_campaign, structure_body
+from service.app.supervisor import LocalService, environment
 from service.db.engine import psycopg_url
 from service.settings import Settings
-from service.supervisor import LocalService, environment
 from tests.support.receivers import receiver, signature_holds
 from tests.support.rest import client_of, ok
 from tests.support.waiting import until

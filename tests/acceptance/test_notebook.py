@@ -9,7 +9,7 @@ import sys
 import httpx
 import pytest
 
-from service.supervisor import LocalService
+from service.app.supervisor import LocalService
 from tests.support.command import environment
 from tests.support.places import ROOT
 from tests.support.waiting import PATIENCE

@@ -28,8 +28,8 @@ def test_the_wheel_has_four_packages_and_nothing_else(built: tuple[Path, Path]) 
         metadata = wheel.read(next(name for name in names if name.endswith("METADATA"))).decode()
     tops = {name.split("/")[0] for name in names if not name.split("/")[0].endswith(".dist-info")}
     assert tops == {"fecore", "migrations", "modalbase", "service"}
-    assert "service/demo/paper_beam.uff" in names
-    assert {"service/guide/pages/index.md", "service/guide/pages/decisions/queue.md"} <= set(names)
+    assert "service/app/demo/paper_beam.uff" in names
+    assert {"service/show/guide/pages/index.md", "service/show/guide/pages/decisions/queue.md"} <= set(names)
     assert any(name.endswith("licenses/LICENSE") for name in names)
     required = [
         line.split(":")[1] for line in metadata.splitlines() if line.startswith("Requires-Dist") and "extra" not in line
@@ -40,7 +40,13 @@ def test_the_wheel_has_four_packages_and_nothing_else(built: tuple[Path, Path]) 
 def test_the_source_archive_builds_the_same_packages(built: tuple[Path, Path]) -> None:
     with tarfile.open(built[1]) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
-    assert {"pyproject.toml", "README.md", "LICENSE", "modalbase/__init__.py", "service/demo/paper_beam.uff"} <= names
+    assert {
+        "pyproject.toml",
+        "README.md",
+        "LICENSE",
+        "modalbase/__init__.py",
+        "service/app/demo/paper_beam.uff",
+    } <= names
 
 
 def test_the_wheel_alone_runs_in_a_laboratorys_own_folder_and_leaves_nothing_running(
@@ -64,7 +70,7 @@ def test_the_wheel_alone_runs_in_a_laboratorys_own_folder_and_leaves_nothing_run
     assert not poisoned.exists()
     result = json.loads(ended.stdout)  # the document and nothing else
     rows = {row["name"]: row for row in result["parameters"]}
-    assert rows["Ex"]["estimate"] == pytest.approx(31.66e9, rel=0.005)  # the paper's; docs/theory.md, section 10
+    assert rows["Ex"]["estimate"] == pytest.approx(31.66e9, rel=0.005)  # the paper's; docs/results.md
     assert rows["Gxy"]["estimate"] == pytest.approx(6.30e9, rel=0.02)
     assert not rows["Ey"]["identifiable"]
     assert any("rayleigh" in warning for warning in result["warnings"])

@@ -6,7 +6,7 @@ from sqlalchemy import text
 
 from benchmarks.jobs_floor import Floor, floor
 from benchmarks.soak_backup import RECIPE, Laboratory, client_of, hits_of_a_point
-from service.demo import paper
+from service.app.demo import paper
 from service.jobs.child import PURGED
 from service.jobs.tables import Job
 

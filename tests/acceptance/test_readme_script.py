@@ -7,7 +7,7 @@ import re
 import httpx
 import pytest
 
-from service.supervisor import LocalService
+from service.app.supervisor import LocalService
 from tests.support.places import ROOT
 
 (SCRIPT,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.DOTALL)

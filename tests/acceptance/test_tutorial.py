@@ -15,7 +15,7 @@ import pytest
 
 from examples import make_tutorial
 from modalbase.formats.uff import Frf, read_file
-from service.supervisor import LocalService
+from service.app.supervisor import LocalService
 from tests.support.command import modalbase_here, run_as_typed
 from tests.support.places import ROOT
 

@@ -13,9 +13,9 @@ import numpy as np
 import psutil
 import pytest
 
+from service.app.supervisor import LocalService, StartError
 from service.db.opening import DataFolderError
 from service.settings import Settings
-from service.supervisor import LocalService, StartError
 from tests.support.command import living, modalbase, modalbase_here, status, up, wait_until_gone
 from tests.support.laboratory import BEAM
 from tests.support.rest import plain_client

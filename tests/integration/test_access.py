@@ -14,9 +14,9 @@ from sqlalchemy import select
 
 from service.access.keys import create_key, user_named, user_of_key
 from service.access.tables import ApiKey
+from service.app.supervisor import LocalService
 from service.db.engine import Sessions
 from service.errors import PreconditionFailed, PreconditionRequired, Unauthorized
-from service.supervisor import LocalService
 from service.web import etag_of, require_match
 from tests.support.rest import client_of
 

@@ -27,13 +27,13 @@ from service.access.users import (
     set_disabled,
     valid_key_counts,
 )
-from service.campaigns.tables import Campaign
 from service.db.engine import Sessions
 from service.errors import Conflict, Forbidden, Invalid, NotFound, Unauthorized
-from service.imports.tables import Import, Original
 from service.jobs.tables import Job
-from service.structures.operations import structure_for
-from service.structures.tables import Structure
+from service.store.campaigns.tables import Campaign
+from service.store.imports.tables import Import, Original
+from service.store.structures.operations import structure_for
+from service.store.structures.tables import Structure
 
 ALL = ["read", "write", "jobs", "admin"]
 

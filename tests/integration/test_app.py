@@ -18,9 +18,9 @@ from fastapi import FastAPI
 from sqlalchemy import make_url
 
 from service.access.keys import create_key, user_named
-from service.app import create_app
+from service.app.application import create_app
+from service.app.supervisor import LocalService
 from service.settings import Settings
-from service.supervisor import LocalService
 from service.web.openapi_document import undescribed
 from tests.support.waiting import until
 

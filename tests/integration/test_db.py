@@ -12,9 +12,9 @@ from alembic.runtime.migration import MigrationContext
 from psycopg.conninfo import conninfo_to_dict
 from sqlalchemy import Engine, inspect, select, text
 
-import service.composition  # noqa: F401  imports every table
+import service.app.composition  # noqa: F401  imports every table
 from service.access.tables import User
-from service.app import create_app
+from service.app.application import create_app
 from service.db.base import Base
 from service.db.engine import Sessions, for_reading, make_sessions, psycopg_url, sqlalchemy_url
 from service.db.schema import SchemaError, current_revision, head_revision, require_head, upgrade

@@ -16,8 +16,8 @@ import pytest
 
 from benchmarks import access_matrix
 from benchmarks.access_laboratory import ASKED_FREELY
+from service.app.supervisor import LocalService
 from service.settings import Settings
-from service.supervisor import LocalService
 
 SEED = 20_150
 REQUESTS_AN_OPERATION = 6

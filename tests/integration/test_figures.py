@@ -21,8 +21,8 @@ import psycopg
 import pytest
 
 from benchmarks.soak_small import small_campaigns
-from service.demo.laboratory import Laboratory
-from service.supervisor import LocalService
+from service.app.demo.laboratory import Laboratory
+from service.app.supervisor import LocalService
 from tests.support.rest import client_at, finished, ok, plain_client, result_of, session_client
 
 BEGINNINGS = {"plotly": b'{"data":', "svg": b"<?xml", "png": b"\x89PNG", "pdf": b"%PDF"}

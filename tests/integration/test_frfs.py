@@ -19,10 +19,10 @@ import pyuff
 from scipy.io import savemat
 
 from fecore.frf import Dof
+from service.app.supervisor import LocalService
 from service.db.engine import make_engine, make_sessions, psycopg_url
-from service.frfs.formats import FORMATS
-from service.frfs.measured_campaign import load_measured_campaign
-from service.supervisor import LocalService
+from service.store.frfs.formats import FORMATS
+from service.store.frfs.measured_campaign import load_measured_campaign
 from service.web.downloads import MEMORY_BYTES
 
 Checked = Callable[[httpx.Response, int], Any]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import httpx
 
-from service.guide.contents import addresses
-from service.supervisor import LocalService
+from service.app.supervisor import LocalService
+from service.show.guide.contents import addresses
 
 
 def test_every_page_of_the_guide_is_served_to_anybody(service: LocalService) -> None:

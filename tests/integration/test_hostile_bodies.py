@@ -15,9 +15,9 @@ import numpy as np
 import psutil
 import pytest
 
-from service.demo import paper
+from service.app.demo import paper
+from service.app.supervisor import LocalService
 from service.settings import Settings
-from service.supervisor import LocalService
 from tests.support.crowd import statuses
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_of, plain_client

@@ -12,12 +12,12 @@ from sqlalchemy import Engine, func, select, update
 
 from modalbase.formats.uff import DatasetReport, GridPoint, ModeShape
 from service.access import User
+from service.compute.reading import EncodedFrf, Kept
+from service.compute.spectra import Axis, encode
 from service.db.engine import Sessions
 from service.errors import PayloadTooLarge
-from service.frfs.spectra import Axis, encode
-from service.imports import intake
-from service.imports.reading import EncodedFrf, Kept
-from service.imports.tables import Import, Original
+from service.store.imports import intake
+from service.store.imports.tables import Import, Original
 from service.web.paging import HEAVIEST_BYTES, paged
 from tests.integration.test_migrations import fill
 

@@ -14,8 +14,8 @@ import httpx
 import psycopg
 import pytest
 
+from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
-from service.supervisor import LocalService
 from tests.support.waiting import PATIENCE
 
 Checked = Callable[[httpx.Response, int], Any]

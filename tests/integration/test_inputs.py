@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from sqlalchemy import JSON, Engine, update
 
-import service.composition  # noqa: F401  imports every table
+import service.app.composition  # noqa: F401  imports every table
+from service.app.demo import paper
 from service.db.base import Base
-from service.demo import paper
 from service.errors import NotFinite
 from tests.support.cantilever import MEASURED_HZ
 from tests.support.rest import finished, ok, pointers, posted, result_of

@@ -13,11 +13,11 @@ import httpx
 import pytest
 from sqlalchemy import text
 
-from service.app import create_app
+from service.app.application import create_app
+from service.app.supervisor import LocalService
 from service.db.engine import make_engine
 from service.jobs.events import Changes
 from service.settings import Settings
-from service.supervisor import LocalService
 from tests.support.waiting import until
 
 NOWHERE = "postgresql://nobody@127.0.0.1:1/nothing"

@@ -12,8 +12,8 @@ import pytest
 
 import modalbase
 from examples.joint_update import paper_bar_together
-from fecore.updating.campaigns.layout import Campaign
-from service.supervisor import LocalService
+from fecore.updating.campaigns import Campaign
+from service.app.supervisor import LocalService
 from tests.support.rest import finished, mode_rows, ok, session_client
 from tests.support.strips import NOMINAL, STRIP, TRUTH, measured
 

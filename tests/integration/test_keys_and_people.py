@@ -15,9 +15,9 @@ from sqlalchemy.exc import DBAPIError, OperationalError
 
 from service.access import Member, User
 from service.access.scopes import scope_of
+from service.app.supervisor import LocalService
 from service.db.engine import Sessions, make_engine, make_sessions
-from service.structures.operations import structure_for
-from service.supervisor import LocalService
+from service.store.structures.operations import structure_for
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_at, ok
 

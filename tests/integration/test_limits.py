@@ -10,8 +10,8 @@ from uuid import uuid4
 import httpx
 import pytest
 
+from service.app.supervisor import LocalService
 from service.settings import Settings
-from service.supervisor import LocalService
 from tests.support.crowd import at_once, statuses, with_crowd
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_of, ok

@@ -16,7 +16,7 @@ from procrastinate.schema import SchemaManager
 from sqlalchemy import Column, Connection, Engine, MetaData, Table, insert, inspect, select
 from sqlalchemy.dialects.postgresql import JSONB
 
-import service.composition  # noqa: F401  imports every table
+import service.app.composition  # noqa: F401  imports every table
 from migrations import procrastinate_schema
 from service.db.base import Base
 from service.db.engine import make_engine

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from fecore.frf import Dof
+from service.app.supervisor import LocalService
 from service.db.engine import make_engine, make_sessions
-from service.modes.operations import load_modes
-from service.supervisor import LocalService
+from service.store.modes.operations import load_modes
 
 Checked = Callable[[httpx.Response, int], Any]
 

@@ -19,13 +19,8 @@ from sqlalchemy.orm import Session
 from examples.monitoring import State, measured_frfs, post_campaign, send_measurement, structure_body
 from service.access import Member, Project, User
 from service.access.keys import user_named
-from service.campaigns.operations import create_campaign
-from service.campaigns.schemas import CampaignIn
-from service.campaigns.tables import Campaign
+from service.app.supervisor import LocalService
 from service.db.engine import Sessions, make_engine, make_sessions
-from service.frfs.tables import Frf
-from service.imports.operations import IMPORT
-from service.imports.tables import Import, Original
 from service.jobs.queue import enqueue
 from service.monitoring.campaigns import seen_campaigns
 from service.monitoring.judgements import set_state
@@ -35,10 +30,15 @@ from service.monitoring.scheduler import check
 from service.monitoring.schemas import MonitorIn
 from service.monitoring.tables import Monitor, MonitorRun
 from service.settings import Settings
-from service.structures.operations import create_structure
-from service.structures.schemas import StructureIn
-from service.structures.tables import Structure
-from service.supervisor import LocalService
+from service.store.campaigns.operations import create_campaign
+from service.store.campaigns.schemas import CampaignIn
+from service.store.campaigns.tables import Campaign
+from service.store.frfs.tables import Frf
+from service.store.imports.operations import IMPORT
+from service.store.imports.tables import Import, Original
+from service.store.structures.operations import create_structure
+from service.store.structures.schemas import StructureIn
+from service.store.structures.tables import Structure
 from tests.support.rest import client_of, ok
 from tests.support.waiting import until
 

@@ -18,29 +18,29 @@ from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, GeneralisedPro
 from fecore.trend import Acknowledgement, Watch
 from service.access import Member, Project
 from service.access.keys import user_named
-from service.campaigns.operations import create_campaign
-from service.campaigns.schemas import CampaignIn
+from service.compute.judging import Episode, Judgement, JudgementInputs, Observation, judge
 from service.db.engine import Sessions
 from service.errors import Conflict, NotFound
-from service.figures.printing import draw, render
-from service.figures.series import series_figure
-from service.frfs.tables import Frf
 from service.jobs.queue import enqueue
 from service.jobs.tables import Job
 from service.monitoring.alarms import acknowledge, update_alarms
-from service.monitoring.computation import Episode, Judgement, JudgementInputs, Observation, judge
 from service.monitoring.judgements import JUDGE, judge_if_changed, set_state
 from service.monitoring.lookups import alarm_for, monitor_for
 from service.monitoring.monitors import create_monitor
+from service.monitoring.notifications.tables import Delivery
 from service.monitoring.runs import newest_series
 from service.monitoring.schemas import MonitorIn
 from service.monitoring.tables import Alarm, AlarmEvent, MonitorJudgement, MonitorRun
 from service.monitoring.values import unit_of
-from service.notifications.tables import Delivery
 from service.settings import Settings
-from service.structures.operations import create_structure
-from service.structures.schemas import StructureIn
-from service.structures.tables import Structure
+from service.show.figures.printing import draw, render
+from service.show.figures.series import series_figure
+from service.store.campaigns.operations import create_campaign
+from service.store.campaigns.schemas import CampaignIn
+from service.store.frfs.tables import Frf
+from service.store.structures.operations import create_structure
+from service.store.structures.schemas import StructureIn
+from service.store.structures.tables import Structure
 
 START = datetime(2025, 1, 1, tzinfo=UTC)
 MODES = [[25.0, 0.01, 0.02, None], [160.0, 0.02, 0.01, None], [400.0, 0.05, 0.01, None]]

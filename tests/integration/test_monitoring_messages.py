@@ -18,15 +18,15 @@ import pytest
 import trustme
 from sqlalchemy import select
 
-import service.composition  # noqa: F401  imports every table
+import service.app.composition  # noqa: F401  imports every table
 from service.access import Project
 from service.db.engine import Sessions
-from service.notifications import delivery as attempts
-from service.notifications.addresses import AddressError, destinations, parse_url, resolve
-from service.notifications.delivery import new_secret, post, sign
-from service.notifications.messages import EVENTS
-from service.notifications.sender import ATTEMPTS, Sender
-from service.notifications.tables import Delivery, Webhook
+from service.monitoring.notifications import delivery as attempts
+from service.monitoring.notifications.addresses import AddressError, destinations, parse_url, resolve
+from service.monitoring.notifications.delivery import new_secret, post, sign
+from service.monitoring.notifications.messages import EVENTS
+from service.monitoring.notifications.sender import ATTEMPTS, Sender
+from service.monitoring.notifications.tables import Delivery, Webhook
 from service.settings import Settings
 from tests.support.receivers import ACCOUNT, MailServer, Receiver, dripping, mail_server, receiver, signature_holds
 from tests.support.waiting import until
@@ -268,7 +268,8 @@ def test_the_connection_goes_to_the_address_that_was_checked(
     """A name that changes what it stands for between check and connection gains nothing."""
     answers = iter(["127.0.0.1", "192.0.2.1"])
     monkeypatch.setattr(
-        "service.notifications.addresses.socket.getaddrinfo", lambda *_, **__: [(2, 1, 6, "", (next(answers), 0))]
+        "service.monitoring.notifications.addresses.socket.getaddrinfo",
+        lambda *_, **__: [(2, 1, 6, "", (next(answers), 0))],
     )
     port = httpx.URL(hook.url).port
     delivery = planted(sessions, f"http://receiver.example:{port}/hook")
@@ -334,7 +335,7 @@ def test_a_name_that_has_come_to_stand_for_a_special_address_gets_nothing(
 ) -> None:
     """It was public when the webhook was made; each attempt looks again."""
     monkeypatch.setattr(
-        "service.notifications.addresses.socket.getaddrinfo", lambda *_, **__: [(2, 1, 6, "", (now, 0))]
+        "service.monitoring.notifications.addresses.socket.getaddrinfo", lambda *_, **__: [(2, 1, 6, "", (now, 0))]
     )
     planted(sessions, "http://receiver.example/hook")
     delivery = sent(sessions, Settings(), lambda d: d.last_error is not None)

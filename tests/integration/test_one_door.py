@@ -14,8 +14,8 @@ import pytest
 from scipy.io import savemat, wavfile
 
 from benchmarks.soak_bombs import MOST_GROWTH, throw
+from service.app.supervisor import LocalService
 from service.settings import Settings
-from service.supervisor import LocalService
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_of, ok
 from tests.support.waiting import until

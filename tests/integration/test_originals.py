@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from service.db.engine import Sessions
 from service.errors import Damaged
-from service.imports.originals import (
+from service.store.imports.originals import (
     CHUNK_BYTES,
     READ_BYTES,
     keep_original,

@@ -14,8 +14,8 @@ import httpx
 import psycopg
 import pytest
 
-from service.pages.assets import FOLDER
-from service.supervisor import LocalService
+from service.app.supervisor import LocalService
+from service.show.pages.assets import FOLDER
 from tests.support.rest import ok, session_client
 from tests.support.uff import dataset
 from tests.support.waiting import until

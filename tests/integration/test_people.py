@@ -14,12 +14,12 @@ from typer.testing import CliRunner
 
 from benchmarks.jobs_floor import EMPTY
 from service.access import Project
-from service.cli.command import app
+from service.app.cli.command import app
+from service.app.doctor import Finding, examine
+from service.app.supervisor import LocalService
 from service.db.engine import Sessions
-from service.doctor import Finding, examine
 from service.jobs.queue import enqueue
 from service.settings import Settings
-from service.supervisor import LocalService
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from uuid import uuid4
 import httpx
 import pytest
 
-from service.supervisor import LocalService
+from service.app.supervisor import LocalService
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_of, finished, ok, pointers, posted
 

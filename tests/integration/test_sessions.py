@@ -9,8 +9,8 @@ import psycopg
 import pytest
 
 from service.access.sessions import COOKIE
+from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
-from service.supervisor import LocalService
 from tests.support.rest import ok, session_client
 
 

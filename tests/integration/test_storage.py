@@ -11,10 +11,10 @@ import psycopg
 import pytest
 
 from benchmarks.access_laboratory import FORM, MODES, frfs, record
+from service.app.demo import paper
+from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
-from service.demo import paper
 from service.settings import Settings
-from service.supervisor import LocalService
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_of, finished, ok
 from tests.support.waiting import until

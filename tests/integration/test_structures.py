@@ -12,11 +12,11 @@ import pytest
 from sqlalchemy import delete
 
 from service.access import Member, Project, User
+from service.app.supervisor import LocalService
 from service.db.engine import Sessions, psycopg_url
 from service.errors import NotFound
-from service.structures.operations import structure_for
-from service.structures.tables import Structure
-from service.supervisor import LocalService
+from service.store.structures.operations import structure_for
+from service.store.structures.tables import Structure
 from tests.support.laboratory import MATERIAL
 from tests.support.rest import pointers
 

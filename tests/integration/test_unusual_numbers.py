@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 import modalbase
-from service.supervisor import LocalService
+from service.app.supervisor import LocalService
 from tests.support.laboratory import BEAM, MATERIAL
 from tests.support.rest import ok
 

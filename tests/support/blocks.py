@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -109,22 +108,14 @@ def _long() -> dict[str, Any]:
 
 
 def _contributor() -> dict[str, Any]:
-    import tempfile
     from uuid import UUID
 
     from fastapi import APIRouter
 
-    import modalbase
-    from fecore.body.mesh import rectangle
-    from fecore.body.model import plate
-    from fecore.body.supports import Supports
     from service.access import CurrentUser, SessionDep
-    from service.records import operations
-    from service.records.schemas import RecordOut
-    from tests.support.plates import paper_section
+    from service.store.records import operations
+    from service.store.records.schemas import RecordOut
 
-    model = plate(rectangle(0.5, 0.04, 8, 2), Supports())
-    f = np.linspace(1.0, 2.0, 3)
     return {
         "router": APIRouter(),
         "UUID": UUID,
@@ -132,10 +123,6 @@ def _contributor() -> dict[str, Any]:
         "CurrentUser": CurrentUser,
         "RecordOut": RecordOut,
         "operations": operations,
-        "K": model.stiffness.at(model.stiffness_coefficients(paper_section())),
-        "rigid": model.rigid_modes,
-        "path": Path(tempfile.mkdtemp()) / "frfs.npz",
-        "frfs": modalbase.Frfs.from_arrays(f, np.ones((1, 3), dtype=complex), response=[(1, 3)], reference=[(2, 3)]),
     }
 
 

@@ -71,7 +71,7 @@ def modalbase_here(
         code: that it must end with; None where the caller looks.
         env: beside an environment that says nothing of a service.
     """
-    from service.cli import main
+    from service.app.cli import main
 
     line, ended = list(map(str, words)), 0
     out, err = (TextIOWrapper(BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))

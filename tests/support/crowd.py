@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import httpx
 
-from service.supervisor import LocalService
+from service.app.supervisor import LocalService
 from tests.support.rest import ONCE
 from tests.support.waiting import PATIENCE
 

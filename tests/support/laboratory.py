@@ -10,8 +10,8 @@ import psycopg
 import pytest
 from psycopg.rows import dict_row
 
+from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
-from service.supervisor import LocalService
 from tests.support import rest
 from tests.support.rest import ok
 

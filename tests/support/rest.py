@@ -8,7 +8,7 @@ import httpx
 
 from fecore.modes import MeasuredModes
 from modalbase.client.connection import no_certificates
-from service.supervisor import LocalService
+from service.app.supervisor import LocalService
 from tests.support.waiting import PATIENCE, until
 
 ONCE = httpx.Limits(max_connections=None, max_keepalive_connections=0)

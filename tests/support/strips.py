@@ -14,7 +14,7 @@ from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.oriented import OrientedSpecimen
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
-from fecore.updating.campaigns.layout import Campaign
+from fecore.updating.campaigns import Campaign
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.parameters import Parameter, parametrise

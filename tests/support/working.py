@@ -16,12 +16,12 @@ import pytest
 from sqlalchemy import select
 
 from service.access.tables import AuditEvent, Project
+from service.app.supervisor import environment
 from service.db.engine import Sessions, make_engine, make_sessions
 from service.jobs.queue import enqueue
 from service.jobs.state import job_state
 from service.jobs.tables import Job
 from service.settings import Settings
-from service.supervisor import environment
 from tests.support import job_kinds
 from tests.support.computations import GATE
 from tests.support.places import ROOT

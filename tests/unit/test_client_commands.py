@@ -29,7 +29,7 @@ from modalbase.objects.laboratory import Laboratory
 from modalbase.objects.modes import ModeSet
 from modalbase.objects.projects import Structure
 from modalbase.objects.table import Table
-from service.cli.command import app
+from service.app.cli.command import app
 
 ID = "0198c6a2-0000-7000-8000-000000000001"
 JOB = {

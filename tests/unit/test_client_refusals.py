@@ -15,7 +15,7 @@ from modalbase.client.errors import ClientError
 from modalbase.client.rest import Rest
 from modalbase.objects.projects import Structure
 from modalbase.objects.table import Table
-from service.cli.command import app
+from service.app.cli.command import app
 
 
 @pytest.mark.parametrize(

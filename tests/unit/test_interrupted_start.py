@@ -16,7 +16,7 @@ class Interrupting:
             raise KeyboardInterrupt
 
 sys.meta_path.insert(0, Interrupting())
-from service.cli import main
+from service.app.cli import main
 main()
 """
 
@@ -44,8 +44,8 @@ sys.meta_path.insert(0, Finder())
 sys.argv[1:] = {command}
 {start}
 """
-COMMAND = "from service.cli import main; main()"
-ATTACHED = "import runpy; runpy.run_module('service.attached', run_name='__main__')"
+COMMAND = "from service.app.cli import main; main()"
+ATTACHED = "import runpy; runpy.run_module('service.app.attached', run_name='__main__')"
 
 
 @pytest.mark.parametrize(
@@ -53,8 +53,8 @@ ATTACHED = "import runpy; runpy.run_module('service.attached', run_name='__main_
     [
         ("SIGTERM", 0, "fastapi", ATTACHED, ["serve", "0"]),
         ("SIGTERM", 0, "service.jobs.worker", ATTACHED, ["worker", "0"]),
-        ("SIGTERM", 0, "service.supervisor", COMMAND, ["up"]),
-        ("SIGINT", 130, "service.supervisor", COMMAND, ["up"]),
+        ("SIGTERM", 0, "service.app.supervisor", COMMAND, ["up"]),
+        ("SIGINT", 130, "service.app.supervisor", COMMAND, ["up"]),
     ],
 )
 def test_a_signal_that_a_library_would_disguise_ends_it_without_a_trace(

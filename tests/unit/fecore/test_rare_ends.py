@@ -27,9 +27,9 @@ from fecore.processing.comparison import Comparison, Offset
 from fecore.processing.judgement import Finding, Limits, Verdict
 from fecore.processing.traits import Before
 from fecore.processing.usual import Lines, Ordinary
-from fecore.updating import mode_roles, window
-from fecore.updating.campaigns import update
+from fecore.updating import campaigns, mode_roles, window
 from fecore.updating.excursions import excursions
+from fecore.updating.findings import MOST_WARNINGS, warnings
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.laws import FREQUENCY_LAWS
@@ -37,8 +37,7 @@ from fecore.updating.measured_ratios import nearest_positive
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.recipe import Recipe
-from fecore.updating.verdict import MOST_WARNINGS, warnings
-from fecore.updating.verdict import Finding as Remark
+from fecore.updating.result import Finding as Remark
 
 
 def test_too_few_lines_for_leakage_and_nothing_to_estimate_from() -> None:
@@ -109,20 +108,28 @@ def test_modes_that_only_move_on_springs_tell_no_damping() -> None:
 
 def test_what_campaigns_say_of_one_another() -> None:
     parts: Any = [SimpleNamespace(name=name, contradicts=True, predictive_p=0.001, modes=(1, 2, 3)) for name in "ab"]
-    (both,) = update._contradictions(parts, None)
+    (both,) = campaigns._contradictions(parts, None)
     assert both.text.startswith("the campaigns contradict each other: a (p = 0.001) and b (p = 0.001)")
-    layout = SimpleNamespace(sd=lambda _: np.ones(1), labels=["Ex"])
+    layout = SimpleNamespace(sd=lambda _: np.ones(1), labels=["Ex"], shared=("Ex",))
     problem = SimpleNamespace(residual=np.array([0.0, 0.0, 1.0]))
     pairings = [SimpleNamespace(unpaired_measured=unpaired) for unpaired in ((), (1, 2))]
     fitted: Any = SimpleNamespace(
-        layout=layout, rows=[slice(0, 2), slice(2, 3)], pairings=pairings, problem=problem, x=np.zeros(1), scatter=1.0
+        layout=layout,
+        rows=[slice(0, 2), slice(2, 3)],
+        pairings=pairings,
+        problem=problem,
+        x=np.zeros(1),
+        scatter=1.0,
+        standing=(),
+        rivals=(),
+        torn=(),
     )
-    found = update._findings(fitted, parts)
+    found = campaigns._findings(fitted, parts)
     assert [(one.level, one.text.split(":")[0]) for one in found] == [
         ("do_not_use", "campaign b"), ("with_care", "campaign b"),
     ]  # fmt: skip
     fitted.pairings[1].unpaired_measured = (1,)
-    assert [one.level for one in update._findings(fitted, parts)] == ["with_care", "with_care"]
+    assert [one.level for one in campaigns._findings(fitted, parts)] == ["with_care", "with_care"]
 
 
 def test_a_window_that_would_change_nothing_is_not_asked_about() -> None:

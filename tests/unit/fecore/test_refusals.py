@@ -37,12 +37,12 @@ from fecore.trend.baseline import fit_baseline
 from fecore.trend.change import ChangePoint
 from fecore.trend.rates import rate_since_onset
 from fecore.trend.series import Series
-from fecore.updating.campaigns.plans import plan_tests
 from fecore.updating.elastic import update_elastic
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.plans import plan_tests
 from fecore.updating.recipe import HoldOut, Recipe
 from tests.support.plates import PAPER
 

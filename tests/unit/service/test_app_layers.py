@@ -40,17 +40,19 @@ FAULTS = (
     ("fecore/dynamics/eigen.py", "import fecore.dynamics.reduction", "fecore.dynamics:"),
     ("fecore/correlation.py", "import fecore.modal", "fecore: data flows one way"),
     ("service/db/engine.py", "import service.access.tables", "service: imports run downwards only"),
-    ("service/structures/tables.py", "import service.campaigns.tables", "service: imports run downwards only"),
-    ("service/jobs/child.py", "import service.app", "service: imports run downwards only"),
-    ("service/monitoring/values.py", "import service.modes.tables", "tables of modes"),
-    ("service/frfs/measurement.py", "import service.structures.tables", "tables of structures"),
-    ("service/campaigns/tables.py", "import service.frfs.tables", "service: imports run downwards only"),
+    ("service/store/structures/tables.py", "import service.store.campaigns.tables", "service.store: a noun needs only"),
+    ("service/show/figures/look.py", "import service.show.pages", "service.show: imports run downwards only"),
+    ("service/app/parts.py", "import service.app.supervisor", "service.app: imports run downwards only"),
+    ("service/jobs/child.py", "import service.app.application", "service: imports run downwards only"),
+    ("service/monitoring/values.py", "import service.store.modes.tables", "tables of modes"),
+    ("service/store/frfs/measurement.py", "import service.store.structures.tables", "tables of structures"),
+    ("service/store/campaigns/tables.py", "import service.store.frfs.tables", "service.store: a noun needs only"),
     ("modalbase/client/jobs.py", "import service.settings", "modalbase: what a user imports"),
     ("modalbase/client/jobs.py", "import numpy", "modalbase.client: HTTP alone"),
     ("modalbase/formats/uff/scan.py", "import fecore.errors", "modalbase: what a user imports"),
     ("modalbase/formats/uff/scan.py", "import httpx", "modalbase.formats: bytes to dataclasses"),
     ("fecore/mesh.py", "import modalbase", "fecore: pure"),
-    ("service/updating/computation.py", "import sqlalchemy", "computations: neither database nor web"),
+    ("service/compute/updating.py", "import sqlalchemy", "computations: neither database nor web"),
 )
 
 
@@ -72,10 +74,10 @@ def test_the_service_starts_without_what_only_some_jobs_need() -> None:
     """Each takes a good part of a second to import, in every process that starts."""
     parts = ("linalg", "optimize", "sparse", "special", "stats")
     heavy = (*(f"scipy.{part}" for part in parts), "alembic", "emcee", "h5py", "markdown_it", "matplotlib")
-    worker, web = "service.jobs.worker, service.kinds, service.monitoring.scheduler", ("fastapi", "starlette")
+    worker, web = "service.jobs.worker, service.app.kinds, service.monitoring.scheduler", ("fastapi", "starlette")
     script = (
         f"import sys, {worker}; print([m for m in {web} if m in sys.modules])\n"
-        f"import service.app; print([m for m in {heavy} if m in sys.modules])"
+        f"import service.app.application; print([m for m in {heavy} if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["[]", "[]"]

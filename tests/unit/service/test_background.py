@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from service.background import Background
+from service.jobs.background import Background
 
 PATIENCE = 30.0
 

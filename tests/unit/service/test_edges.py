@@ -13,18 +13,18 @@ import pytest
 
 from fecore.errors import InputError
 from fecore.frf import Dof
-from service.app import create_app
-from service.campaigns.frame import make_frame
-from service.campaigns.grid_points import from_csv
+from service.app.application import create_app
+from service.compute.frame import make_frame
+from service.compute.spectra import decode, encode, encode_axis
 from service.db.engine import DatabaseUrlError, sqlalchemy_url
 from service.errors import MOST_FAULTS, Damaged, Invalid
-from service.figures.print_traces import add_trace
-from service.figures.shapes import aligned
-from service.frfs.spectra import decode, encode, encode_axis
 from service.jobs.child import CHECKPOINT_BYTES, _Reporter
-from service.pages.grid import draw_grid
-from service.pages.numbers import in_unit, number, percent, seconds_between, size
 from service.settings import Settings, SettingsFileError
+from service.show.figures.print_traces import add_trace
+from service.show.figures.shapes import aligned
+from service.show.pages.grid import draw_grid
+from service.show.pages.numbers import in_unit, number, percent, seconds_between, size
+from service.store.campaigns.grid_points import from_csv
 
 NOON = datetime(2026, 3, 2, 12, tzinfo=UTC)
 

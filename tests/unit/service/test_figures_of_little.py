@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from service.figures.budget import OTHERS, budget_figure
-from service.figures.correlation import PointValues, points_figure
-from service.figures.coupon import CurveShown, coupon_figure
-from service.figures.frf import FrfCurves, Spread, frf_figure
-from service.figures.hits import HitShown, PointShown, hits_figure
-from service.figures.parameters import parameters_figure
-from service.figures.printing import draw
-from service.figures.series import series_figure
-from service.figures.shapes import MOST_ROWS, ShapePair, shapes_figure
-from service.reports.as_pdf import as_pdf
-from service.reports.blocks import Picture, Report
-from service.results.figure_data import UpdateFigures
-from service.results.figure_frf import Wanted
-from service.results.figures import draw_figure, draw_sheets
+from service.show.figures.budget import OTHERS, budget_figure
+from service.show.figures.correlation import PointValues, points_figure
+from service.show.figures.coupon import CurveShown, coupon_figure
+from service.show.figures.frf import FrfCurves, Spread, frf_figure
+from service.show.figures.hits import HitShown, PointShown, hits_figure
+from service.show.figures.parameters import parameters_figure
+from service.show.figures.printing import draw
+from service.show.figures.series import series_figure
+from service.show.figures.shapes import MOST_ROWS, ShapePair, shapes_figure
+from service.show.reports.as_pdf import as_pdf
+from service.show.reports.blocks import Picture, Report
+from service.show.results.figure_data import UpdateFigures
+from service.show.results.figure_frf import Wanted
+from service.show.results.figures import draw_figure, draw_sheets
 
 
 def names(figure: Mapping[str, Any]) -> list[str]:

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from service.guide.markdown import render
+from service.show.guide.markdown import render
 from tests.support.places import ROOT
 from tools.guide import write
 

@@ -8,8 +8,8 @@ import pytest
 from fecore.body.laminate import SHEAR_CORRECTION
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import Parameter, parametrise
-from service.structures.schemas import StructureIn
-from service.updating.bodies import nominal_specimen
+from service.store.structures.schemas import StructureIn
+from service.store.updating.bodies import nominal_specimen
 
 FACE = {
     "E1_Pa": 70e9,

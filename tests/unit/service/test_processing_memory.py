@@ -10,8 +10,8 @@ from uuid import UUID
 import numpy as np
 
 from fecore.processing import Averages, Processing, Windows
-from service.records.computing import PointFile, ProcessingInputs, process_records
-from service.records.hits import BlockRow
+from service.compute.hits import BlockRow
+from service.compute.processing import PointFile, ProcessingInputs, process_records
 
 SAMPLES, RATE_HZ = 65_536, 12_800.0
 FRF_BYTES = 32 * SAMPLES / 2.56

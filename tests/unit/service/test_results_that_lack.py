@@ -19,36 +19,37 @@ from fecore.frf import Dof
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import PosteriorSummary
 from modalbase.formats.records import TimeBlock
+from service.compute.judging import _same_mode
+from service.compute.result_arrays import as_npz
+from service.compute.updating import _measured, _within_force
 from service.errors import Conflict, Damaged, Invalid, NotFound
-from service.frfs import measured_campaign
-from service.frfs.measured_campaign import MeasuredFrfs
-from service.imports.intake import _Intake
-from service.modes import identifications
 from service.monitoring import judgements
-from service.monitoring.computation import _same_mode
+from service.monitoring.notifications.messages import as_mail
 from service.monitoring.runs import _held_otherwise
 from service.monitoring.schemas import WatchedIn
 from service.monitoring.values import watched_values
-from service.notifications.messages import as_mail
-from service.pages.grid import draw_grid
-from service.records import figures as record_figures
-from service.records import operations as record_operations
-from service.records import processings
-from service.records.intake import RecordIntake
-from service.reports import update_report
-from service.results import cards, figure_data, figure_frf, predictions
-from service.results.figure_data import UpdateFigures
-from service.results.figure_frf import Wanted, _row_at
-from service.results.figures import FIGURES, _shapes, draw_figure
-from service.results.joint_figures import draw_joint_figure
-from service.structures.schemas import StructureIn
-from service.updating import bodies, joint_loading, loading, operations
-from service.updating.arrays import as_npz
-from service.updating.batches import _placed
-from service.updating.computation import _measured, _within_force
-from service.updating.document import _agreement, _posterior
-from service.updating.loading import _with_sensor_of, carried_masses
-from service.updating.schemas import RecipeIn
+from service.show import hits as record_figures
+from service.show.pages.grid import draw_grid
+from service.show.reports import update_report
+from service.show.results import cards, figure_data, figure_frf, predictions
+from service.show.results.figure_data import UpdateFigures
+from service.show.results.figure_frf import Wanted, _row_at
+from service.show.results.figures import FIGURES, _shapes, draw_figure
+from service.show.results.joint_figures import draw_joint_figure
+from service.store.frfs import measured_campaign
+from service.store.frfs.measured_campaign import MeasuredFrfs
+from service.store.imports.intake import _Intake
+from service.store.modes import identifications
+from service.store.records import operations as record_operations
+from service.store.records import processings
+from service.store.records.intake import RecordIntake
+from service.store.structures.schemas import StructureIn
+from service.store.updating import bodies, joint_loading, loading, operations
+from service.store.updating.batches import _placed
+from service.store.updating.document import _agreement, _posterior
+from service.store.updating.loading import _with_sensor_of, carried_masses
+from service.store.updating.result_schemas import DampingLawOut
+from service.store.updating.schemas import RecipeIn
 
 HERE = UUID(int=1)
 FIBRE = OrthotropicMaterial(Ex=1e10, Ey=1e9, Gxy=1e9, Gxz=1e9, Gyz=1e9, nu_xy=0.0, density=2000.0)
@@ -264,6 +265,9 @@ def test_arrays_and_document_of_a_result_without_prediction_shapes_and_samples()
     assert _posterior(gaussian) == {"method": "gaussian"}
     one = np.ones((1, 1))
     assert _posterior(replace(gaussian, names=("Ex",), correlation=one, samples=one))["samples"] == 1
+    laws = {"name": "a", "coefficients": {}, "preferred": False, "missed": np.array([0.1, np.nan]), "bic": np.inf}
+    shown = DampingLawOut.model_validate(laws).model_dump(mode="json", exclude_unset=True)
+    assert (shown["bic"], shown["missed"]) == (None, [0.1, None])
 
 
 def test_faults_of_a_batch_are_placed_in_its_job() -> None:

@@ -20,24 +20,24 @@ from starlette.exceptions import HTTPException
 from fecore.errors import InputError, UpdatingError
 from modalbase.client.errors import ClientError, Exit
 from modalbase.formats import uff
-from service import doctor, parts, supervisor
-from service.cli import people_remote, running
+from service.app import doctor, parts, supervisor
+from service.app.cli import people_remote, running
+from service.app.parts import Part, how_it_ended
+from service.app.supervisor import LocalService, StartError
+from service.compute.reading import _why_unused
 from service.db import opening, schema
 from service.db.opening import DataFolderError
 from service.errors import UnsupportedMediaType
-from service.frfs.formats import _uff_axis
-from service.guide.markdown import _lead
-from service.imports.reading import _why_unused
 from service.jobs.metrics import _open_metrics
 from service.jobs.process import LOST, SERVER_GONE, Child
 from service.jobs.worker import run_to_end, run_worker
 from service.jobs.workspaces import _clear_if_dead
-from service.parts import Part, how_it_ended
-from service.reports.blocks import Bullets, Heading, PageBreak, Paragraph, Table
-from service.reports.update_report import MOST_MODES, UpdateFacts, update_report
 from service.settings import Settings
-from service.storage.operations import StorageOwner, _require_that_all_fits, book
-from service.supervisor import LocalService, StartError
+from service.show.guide.markdown import _lead
+from service.show.reports.blocks import Bullets, Heading, PageBreak, Paragraph, Table
+from service.show.reports.update_report import MOST_MODES, UpdateFacts, update_report
+from service.store.frfs.formats import _uff_axis
+from service.store.storage.operations import StorageOwner, _require_that_all_fits, book
 from service.web import pages
 from service.web.middleware import RequestMiddleware
 from service.web.problems import _core_error, _http_exception

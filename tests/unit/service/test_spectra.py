@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.campaigns.frame import make_frame
+from service.compute.frame import make_frame
+from service.compute.spectra import Spectrum, decode, encode, encode_axis
 from service.errors import Damaged
-from service.frfs.spectra import Spectrum, decode, encode, encode_axis
 
 
 def test_a_frame_turns_points_and_directions_alike() -> None:

@@ -17,15 +17,15 @@ import pytest
 from sqlalchemy.exc import OperationalError
 
 from modalbase.client.place import running_here
-from service import doctor, serving, supervisor
-from service.backup.archive import BackupError
-from service.cli import ending, running
+from service.app import doctor, serving, supervisor
+from service.app.backup.archive import BackupError
+from service.app.cli import ending, running
+from service.app.demo import run as demo
+from service.app.parts import Part
+from service.app.supervisor import LocalService, StartError
 from service.db import embedded, postgres
 from service.db.postgres import Cluster, PostgresError
-from service.demo import run as demo
-from service.parts import Part
 from service.settings import Settings
-from service.supervisor import LocalService, StartError
 
 
 @pytest.mark.parametrize("root", [True, False])

@@ -18,9 +18,10 @@ from fecore.errors import InputError, UpdatingError
 from fecore.frf import Dof, FrfSet
 from fecore.modal import set_with_gaps
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic import _Fit
+from fecore.updating.elastic import _no_rest
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
+from fecore.updating.layout import CampaignModel, Layout
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.pipeline import update
@@ -362,9 +363,13 @@ def test_fits_come_to_rest(seed: int, step: int) -> None:
 
 
 def test_pairs_that_go_round_in_a_circle_are_named() -> None:
-    fit = _Fit(None, MeasuredModes(np.array([10.0, 144.52]), np.array([0.01, 0.01])))  # type: ignore[arg-type]
-    assert "partner of measured mode 2 (144.52 Hz) changes to and fro" in fit.without_rest({1})
-    assert "check geometry, density, boundary and priors" in fit.without_rest(set())
+    modes = MeasuredModes(np.array([10.0, 144.52]), np.array([0.01, 0.01]))
+    one = CampaignModel("", ForwardModel(BEAM, parametrise(BEAM), (), np.zeros((0, 2)), 3), modes, np.eye(4))
+    alone, two = Layout((one,), ()), Layout((one, replace(one, name="b")), ())
+    assert "partner of measured mode 2 (144.52 Hz) changes to and fro" in _no_rest(alone, {(0, 1)})
+    assert "partner of measured mode 2 (144.52 Hz) of campaign b changes to and fro" in _no_rest(two, {(1, 1)})
+    assert "turns of 6 steps; check geometry, density, boundary and priors" in _no_rest(alone, set())
+    assert "update each campaign by itself" in _no_rest(two, set())
 
 
 @pytest.mark.parametrize("law", ["rayleigh", "modal"])

@@ -115,12 +115,12 @@ def law(name: str, bic: float, named: tuple[tuple[int, float], ...] = ()) -> Ran
 
 def test_what_a_user_must_know_of_the_first_law() -> None:
     first, better, same = law("first", 30.0), law("better", 19.9), law("same", 19.9 + 4e-7)
-    assert LawRanking((first, law("fair", 20.0))).sentences() == []
+    assert LawRanking((first, law("fair", 20.0))).findings() == []
     assert LawRanking((first, better, same)).preferred is same
-    assert LawRanking((first, better)).sentences() == [
+    assert [each.text for each in LawRanking((first, better)).findings()] == [
         "the first law is inadequate for this damping; the evidence prefers better (BIC 19.9 against 30.0)"
     ]
     missing = law("first", 10.0, ((2, -0.381), (5, 0.2)))
-    assert LawRanking((missing, better)).sentences() == [
+    assert [each.text for each in LawRanking((missing, better)).findings()] == [
         "the first law is inadequate for this damping: it misses mode 2 by -38 %, mode 5 by +20 %"
     ]

@@ -12,10 +12,10 @@ from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.oriented import OrientedSpecimen
 from fecore.body.supports import PointMass
 from fecore.errors import InputError
-from fecore.updating.campaigns.plans import PlannedTest, best_points, effective_independence, plan_tests
-from fecore.updating.campaigns.update import CampaignsRecipe, update_campaigns
+from fecore.updating.campaigns import CampaignsRecipe, update_campaigns
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
+from fecore.updating.plans import PlannedTest, best_points, plan_tests
 from tests.support.strips import NOMINAL, STRIP, measured
 
 
@@ -71,6 +71,19 @@ def random_beam(random: np.random.Generator) -> PlannedTest:
     body = OrientedSpecimen(length, width, thickness, material, boundary, divisions=(14, 2))  # type: ignore[arg-type]
     first = np.sqrt(E / 1800.0) * thickness / length**2
     return PlannedTest("beam", body, 12 * first, tour(length, width), 32, noise=0.3, damping_ratio=0.02)
+
+
+def effective_independence(shapes: np.ndarray, count: int) -> tuple[int, ...]:
+    """The points that effective independence would keep (Kammer, J. Guid. Control Dyn. 14, 1991), to compare a plan with.
+
+    Of (n, p) shapes the point that adds least to the independence of the modes is left out, one after the other.
+    """
+    kept = list(range(shapes.shape[1]))
+    while len(kept) > count:
+        phi = shapes[:, kept].T
+        share = np.einsum("pn,nm,pm->p", phi, np.linalg.pinv(phi.T @ phi), phi)
+        kept.pop(int(np.argmin(share)))
+    return tuple(kept)
 
 
 def test_eight_points_keep_the_whole_tour_and_beat_effective_independence() -> None:

@@ -7,13 +7,13 @@ import pytest
 import scipy
 
 from fecore.updating.posterior import (
+    LinearProblem,
     Mixture,
     ScaleMixture,
     discrepancy,
     identifiability,
     log_likelihood,
     log_likelihood_of_deviations,
-    marginalise,
     scale_of_deviations,
     spread_over,
 )
@@ -48,7 +48,10 @@ def test_the_likelihood_is_that_of_gaussians_over_the_priors_scales() -> None:
 
 
 def test_the_mixture_is_likelihood_times_prior() -> None:
-    found = marginalise(RESIDUAL, NOISE, SENSITIVITY, PRIOR, DESCENT)
+    sd, rest = np.array([2.0, 3.0]), PRIOR - np.diag([1 / 4, 1 / 9])  # of the prior a part is coupons
+    problem = LinearProblem(RESIDUAL, NOISE, SENSITIVITY, np.zeros(2), lambda _: sd, {"coupons": rest}, DESCENT)
+    found, scatters = problem.mixture(0.0)
+    assert not scatters.any()
     assert found.weight.sum() == pytest.approx(1)
     at = 0.5 * RANDOM.standard_normal((8, 2))
     density = sum(

@@ -1,0 +1,365 @@
+"""Updating several campaigns of one material together: the entry point, and how the campaigns are laid out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.body.oriented import OrientedSpecimen
+from fecore.errors import InputError
+from fecore.modes import MeasuredModes
+from fecore.updating.common_damping import CommonLaw, common_damping
+from fecore.updating.contradictions import CONTRADICTS, Agreement, agreements, odd_one_out
+from fecore.updating.coordinates import Coordinates
+from fecore.updating.discretisation import discretise
+from fecore.updating.edges import points_beyond
+from fecore.updating.elastic_findings import FAR, USUAL_MISS, pairing_findings
+from fecore.updating.elastic_result import ElasticResult
+from fecore.updating.elastic_starts import update_from_several_starts
+from fecore.updating.estimates import constant_estimates, own_estimates
+from fecore.updating.excursions import excursions
+from fecore.updating.findings import Level, found, judge, ordered, warnings
+from fecore.updating.forward import EXTRA_MODES, ForwardModel, modes_to_cover
+from fecore.updating.inputs import Inputs
+from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Coupon, Layout, Unknown
+from fecore.updating.parameters import Parameter, Parametrisation, parametrise
+from fecore.updating.posterior import SCATTER
+from fecore.updating.result import Finding, ModeComparison, ParameterEstimate, Verdict
+
+__all__ = [
+    "MATERIAL",
+    "MATERIAL_PARAMETERS",
+    "Campaign",
+    "CampaignsRecipe",
+    "CampaignsResult",
+    "Coupon",
+    "check_material",
+    "clamped",
+    "lay_out",
+    "update_campaigns",
+]
+
+MATERIAL = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy")
+"""Constants that belong to the material."""
+
+MATERIAL_PARAMETERS = (*(Parameter(name) for name in MATERIAL[:-1]), Parameter("nu_xy", prior_sd=0.1))
+"""What several campaigns update together by default: all constants of the material, each by itself."""
+
+_CLAMP_LOG_SD = 1.2  # of a clamp's compliance: its logarithm covers a half-normal's mass from a tenth to five scales
+_HALF_NORMAL_MEDIAN = 0.6745  # of |z|, z ~ N(0, 1)
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """One test of one specimen of the material.
+
+    Attributes:
+        name: of the campaign, in results.
+        specimen: name of the specimen; campaigns of one specimen share its dimensions.
+        body: as it stood in this campaign; its material is the shared one, in the material's axes.
+        modes: measured modes, with shapes at `dofs` where there are any.
+        points: coordinates (x, y, z) in m of the shapes' points.
+        inputs: how well the laboratory knows what it hands in.
+        fixed_points: points at which a sensor stood through the test, if its mass was not stated.
+    """
+
+    name: str
+    specimen: str
+    body: OrientedSpecimen
+    modes: MeasuredModes
+    points: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
+    inputs: Inputs = field(default_factory=Inputs)
+    fixed_points: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class CampaignsRecipe:
+    """How several campaigns are updated together.
+
+    Attributes:
+        parameters: the material's, with their priors.
+        scatter: scale of the moduli's relative deviations between specimens; 0: all specimens are of exactly one material.
+    """
+
+    parameters: tuple[Parameter, ...] = MATERIAL_PARAMETERS
+    scatter: float = SCATTER
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.scatter) and 0 <= self.scatter <= 1):
+            raise InputError("scatter", f"is {self.scatter}, expected a share from 0 to 1")
+
+
+@dataclass(frozen=True)
+class CampaignPart:
+    """What one campaign has to do with the result.
+
+    Attributes:
+        name, specimen: as they came in.
+        modes: measured beside updated.
+        own: its own nuisances and its specimen's: length, clamp_compliance, width, thickness, density, fibre_angle, and the
+            specimen's scatter as ratios to the material.
+        alone: the material's constants by this campaign alone: estimate, standard deviation, and z of the difference from all
+            together, by name.
+        predictive_p: of its frequencies, given the other campaigns; None of a single campaign.
+        contradicts: whether that is too small to be chance.
+    """
+
+    name: str
+    specimen: str
+    modes: tuple[ModeComparison, ...]
+    own: tuple[ParameterEstimate, ...]
+    alone: Mapping[str, Mapping[str, float]]
+    predictive_p: float | None
+    contradicts: bool
+
+
+@dataclass(frozen=True)
+class CampaignsResult:
+    """One material from several campaigns.
+
+    Attributes:
+        verdict: whether it may be used.
+        parameters: the material's constants, in its own axes.
+        correlation: (q, q) of the free ones' posterior, in their coordinates; names of them in `free`.
+        free: names of the free parameters.
+        campaigns: each one's part.
+        odd_one_out: name of the campaign without which the others agree best, where some contradict; None else.
+        discrepancy: relative model error of a frequency.
+        scatter: relative deviation of a modulus between specimens, root of its posterior mean; None where it is not modelled.
+        warnings: what a user must know; findings: the same, each with the id of its row of the table.
+        damping: laws with one set of coefficients for all campaigns, ranked; none where no mode has a damping ratio.
+    """
+
+    verdict: Verdict
+    parameters: tuple[ParameterEstimate, ...]
+    correlation: FloatArray
+    free: tuple[str, ...]
+    campaigns: tuple[CampaignPart, ...]
+    odd_one_out: str | None
+    discrepancy: float
+    scatter: float | None
+    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()
+    damping: tuple[CommonLaw, ...] = ()
+
+
+def update_campaigns(
+    campaigns: Sequence[Campaign],
+    recipe: CampaignsRecipe | None = None,
+    coupons: Sequence[Coupon] = (),
+    progress: Callable[[str, float], None] = lambda *_: None,
+) -> CampaignsResult:
+    """One posterior of a material from several campaigns of its specimens.
+
+    Args:
+        campaigns: tests of specimens of the material, with their modes.
+        recipe: the material's parameters and whether specimens scatter.
+        coupons: what static tests say of its constants.
+        progress: called with the stage and the share of the whole that is done; raise from it to cancel.
+
+    Raises:
+        InputError: campaigns, parameters or coupons contradict themselves.
+        UpdatingError: a campaign has nothing in common with its model, or the estimate does not come to rest.
+    """
+    recipe = recipe or CampaignsRecipe()
+    progress("laying out the campaigns", 0.0)
+    meshed = [replace(campaign, body=_meshed(campaign)) for campaign in campaigns]
+    scatter = recipe.scatter if len({campaign.specimen for campaign in meshed}) > 1 else 0.0
+    layout = lay_out(meshed, recipe.parameters, scatter=scatter > 0)
+    elastic = update_from_several_starts(
+        layout, lambda share: progress("updating the material", 0.1 + 0.6 * share), coupons=coupons, scatter=scatter
+    )
+    progress("comparing the campaigns", 0.7)
+    alone = agreements(elastic, scatter)
+    odd = odd_one_out(elastic, alone, scatter)
+    progress("making intervals", 0.9)
+    parameters = tuple(constant_estimates(elastic, None))
+    parts = tuple(_part(elastic, number, each, alone[number]) for number, each in enumerate(meshed))
+    findings = [*_contradictions(parts, odd), *_findings(elastic, parts), *_points_beyond(layout, meshed)]
+    total = elastic.mixture.total[: len(layout.shared), : len(layout.shared)]
+    sd = np.sqrt(np.diag(total))
+    progress("done", 1.0)
+    return CampaignsResult(
+        verdict=judge(findings, parameters),
+        parameters=parameters,
+        correlation=total / np.outer(sd, sd),
+        free=layout.shared,
+        campaigns=parts,
+        odd_one_out=None if odd is None else parts[odd].name,
+        discrepancy=elastic.discrepancy,
+        scatter=elastic.scatter if scatter else None,
+        warnings=warnings(findings),
+        findings=ordered(findings),
+        damping=common_damping(elastic),
+    )
+
+
+def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], *, scatter: bool) -> Layout:
+    """Lay out the unknowns of some campaigns.
+
+    Args:
+        campaigns: at least one; names are all different.
+        parameters: the material's, with their priors.
+        scatter: give every specimen deviations of its own in each free modulus, where there is more than one specimen.
+
+    Raises:
+        InputError: two campaigns have one name, a parameter is not the material's, or the parameters contradict themselves.
+    """
+    _check(campaigns, parameters)
+    forwards = [_forward(campaign, parameters) for campaign in campaigns]
+    shared, sd = forwards[0].parametrisation.reported, Coordinates(forwards[0].parametrisation).sd
+    unknowns: dict[tuple[str, str | None], Unknown] = {}
+    unknowns |= {(name, None): Unknown(name, None, float(sd[i])) for i, name in enumerate(shared)}
+    specimens = tuple(dict.fromkeys(campaign.specimen for campaign in campaigns))
+    if scatter and len(specimens) > 1:
+        moduli = [name for name in shared if name != "nu_xy"]
+        unknowns |= {(n, specimen): Unknown.of_scatter(n, specimen) for specimen in specimens for n in moduli}
+    keys = []
+    for campaign, forward in zip(campaigns, forwards, strict=True):
+        prior, own = forward.parametrisation, Coordinates(forward.parametrisation).sd
+        keys.append([_key(name, campaign, shared) for name in prior.names])
+        for key, name, deviation in zip(keys[-1], prior.names, own, strict=True):
+            owner = f"campaign {key[1]}" if name in CAMPAIGNS_OWN else key[1]
+            unknowns.setdefault(key, Unknown(name, owner, float(deviation)))
+    places = {key: place for place, key in enumerate(unknowns)}
+    models = []
+    for campaign, forward, own_keys in zip(campaigns, forwards, keys, strict=True):
+        pick = np.zeros((len(own_keys), len(unknowns)))
+        for row, key in enumerate(own_keys):
+            pick[row, places[key]] = 1.0
+            if key[1] is None and (key[0], campaign.specimen) in places:
+                pick[row, places[key[0], campaign.specimen]] = 1.0
+        seek = partial(excursions, inputs=campaign.inputs, fixed_points=campaign.fixed_points)
+        models.append(CampaignModel(campaign.name, forward, campaign.modes, pick, seek))
+    return Layout(tuple(models), tuple(unknowns.values()))
+
+
+def clamped(body: OrientedSpecimen, inputs: Inputs) -> OrientedSpecimen:
+    """The body with a clamp that may yield as far as the inputs say; as it is where it is not clamped."""
+    scale = inputs.standard_deviation("clamp_compliance")
+    if body.boundary != "cantilever" or body.clamp_compliance or not scale:
+        return body
+    return replace(body, clamp_compliance=_HALF_NORMAL_MEDIAN * scale)
+
+
+def _check(campaigns: Sequence[Campaign], parameters: Sequence[Parameter]) -> None:
+    names = [campaign.name for campaign in campaigns]
+    if not names:
+        raise InputError("campaigns", "is empty, expected at least one")
+    if len(set(names)) < len(names):
+        raise InputError("campaigns", "two have the same name; the result needs names that differ")
+    check_material(parameters)
+
+
+def check_material(parameters: Sequence[Parameter]) -> None:
+    """Make sure that parameters are the material's.
+
+    Raises:
+        InputError: one is not.
+    """
+    for index, parameter in enumerate(parameters):
+        if parameter.name not in MATERIAL:
+            expected = f"is {parameter.name!r}, expected one of the material's: {', '.join(MATERIAL)}"
+            raise InputError(f"parameters.{index}.name", expected)
+
+
+def _key(name: str, campaign: Campaign, shared: tuple[str, ...]) -> tuple[str, str | None]:
+    """The key of an unknown: its name, and to whom it belongs."""
+    if name in shared:
+        return name, None
+    return name, campaign.name if name in CAMPAIGNS_OWN else f"specimen {campaign.specimen}"
+
+
+def _forward(campaign: Campaign, parameters: Sequence[Parameter]) -> ForwardModel:
+    parametrisation = _with_own(parametrise(campaign.body, parameters), campaign)
+    dofs = campaign.modes.dofs if campaign.modes.shapes is not None else ()
+    points = tuple(dict.fromkeys([*(dof.point for dof in dofs), *campaign.fixed_points]))
+    places = np.array([campaign.points[point][:2] for point in points]).reshape(-1, 2)
+    count = modes_to_cover(parametrisation, float(campaign.modes.frequency_hz[-1]), len(campaign.modes) + EXTRA_MODES)
+    return ForwardModel(campaign.body, parametrisation, points, places, count)
+
+
+def _with_own(parametrisation: Parametrisation, campaign: Campaign) -> Parametrisation:
+    """The parameters, and the body's own constants as far as they are not known exactly."""
+    body, inputs = campaign.body, campaign.inputs
+    nominal = body.nominal
+    sds = {name: inputs.standard_deviation(name, nominal[name]) for name in (*SPECIMENS_OWN, CAMPAIGNS_OWN[0])}
+    if body.clamp_compliance:
+        sds["clamp_compliance"] = body.clamp_compliance * float(np.sqrt(np.expm1(_CLAMP_LOG_SD**2)))
+    return parametrisation.with_inputs(sds)
+
+
+def _meshed(campaign: Campaign) -> OrientedSpecimen:
+    """The body with a mesh for its modes and a clamp that may yield, where nothing else was asked for."""
+    body = clamped(campaign.body, campaign.inputs)
+    if body.divisions is not None:
+        return body
+    mesh = discretise(replace(campaign.body, clamp_compliance=0.0), 1.05 * float(campaign.modes.frequency_hz[-1]))
+    return replace(body, divisions=mesh.divisions)
+
+
+def _part(elastic: ElasticResult, number: int, campaign: Campaign, agreement: Agreement) -> CampaignPart:
+    layout = elastic.layout
+    coordinates, alone = layout.campaigns[0].coordinates, layout.material(agreement.alone)
+    names = enumerate(layout.shared)
+    p, count = agreement.predictive_p, len(layout.campaigns)
+    return CampaignPart(
+        name=campaign.name,
+        specimen=campaign.specimen,
+        modes=elastic.compared_modes(number, campaign.modes),
+        own=tuple(own_estimates(elastic, number)),
+        alone={
+            name: {
+                "estimate": float(alone[place]),
+                "standard_deviation": float(
+                    agreement.alone_sd[place] * (abs(alone[place]) if coordinates.logarithmic[place] else 1.0)
+                ),
+                "z": float(agreement.z[place]),
+            }
+            for place, name in names
+        },
+        predictive_p=p,
+        contradicts=p is not None and p < CONTRADICTS / count,
+    )
+
+
+def _contradictions(parts: Sequence[CampaignPart], odd: int | None) -> list[Finding]:
+    """Campaigns whose frequencies the others do not foretell; which one is odd where that can be said."""
+    wrong = [part for part in parts if part.contradicts]
+    if not wrong:
+        return []
+    if odd is None:
+        which = " and ".join(f"{part.name} (p = {part.predictive_p:.2g})" for part in wrong)
+        return [found("campaigns_contradict", which=which)]
+    part = parts[odd]
+    worst = sorted(part.alone.items(), key=lambda item: -abs(item[1]["z"]))[:2]
+    moved = ", ".join(f"{name} {values['z']:+.1f} standard deviations" for name, values in worst)
+    return [found("odd_campaign", name=part.name, p=part.predictive_p, moved=moved)]
+
+
+def _points_beyond(layout: Layout, campaigns: Sequence[Campaign]) -> list[Finding]:
+    each = zip(layout.campaigns, campaigns, strict=True)
+    return [
+        finding for model, campaign in each for finding in points_beyond(model.forward, campaign.inputs, campaign.name)
+    ]
+
+
+def _findings(elastic: ElasticResult, parts: Sequence[CampaignPart]) -> list[Finding]:
+    layout, findings = elastic.layout, pairing_findings(elastic)
+    for part, at, pairing in zip(parts, elastic.rows, elastic.pairings, strict=True):
+        alone, count = len(pairing.unpaired_measured), len(part.modes)
+        if alone:
+            level: Level | None = "do_not_use" if 2 * alone > count else None
+            findings.append(found("campaign_modes_alone", level=level, name=part.name, alone=alone, count=count))
+        miss = float(np.sqrt(np.mean(elastic.problem.residual[at] ** 2)))
+        if miss > USUAL_MISS:
+            findings.append(found("campaign_missed", name=part.name, percent=100 * miss))
+    away: FloatArray = elastic.x / layout.sd(max(elastic.scatter, 1e-12))
+    return findings + [
+        found("unknown_far_from_prior", name=layout.labels[place], away=abs(away[place]))
+        for place in np.flatnonzero(np.abs(away) > FAR)
+    ]

@@ -1,0 +1,204 @@
+"""Which unknowns a fit has, and how each campaign sees them.
+
+| unknown | belongs to |
+|---|---|
+| moduli and Poisson's ratio, in the material's axes | the material: all campaigns share them |
+| width, thickness, density, angle of the fibres; deviations of the moduli by scatter | the specimen: its campaigns share them |
+| length that vibrates, the clamp's compliance | the campaign |
+
+All unknowns are one vector x of deviations from their prior means in the coordinates of `fecore.updating.coordinates`, with
+independent Gaussian priors; the coordinates of campaign c are ξ_c = m_c + P_c x, where P_c picks and adds. An update of one
+campaign is the same problem with P = 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.errors import InputError
+from fecore.modes import MeasuredModes
+from fecore.updating.coordinates import Coordinates
+from fecore.updating.excursions import Excursion
+from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.updating.parameters import by_name
+
+SPECIMENS_OWN = ("width", "thickness", "density", "fibre_angle")
+"""Constants that belong to a specimen, whatever its boundary."""
+
+CAMPAIGNS_OWN = ("length", "clamp_compliance")
+"""Constants that belong to one campaign: a clamp begins to hold somewhere else each time."""
+
+UNKNOWN_FREQUENCY_SD = 0.0002
+"""Relative standard deviation of a frequency that was typed in without one."""
+
+_SCATTER = "scatter of "
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One entry of x: its name, to which specimen or campaign it belongs (None: to all), and its prior's deviation."""
+
+    name: str
+    owner: str | None
+    sd: float
+
+    @classmethod
+    def of_scatter(cls, name: str, specimen: str) -> Unknown:
+        """A specimen's deviation from the material; its prior's deviation is the scatter, which is estimated."""
+        return cls(_SCATTER + name, specimen, 0.0)
+
+    @property
+    def is_scatter(self) -> bool:
+        """Whether this is a specimen's deviation from the material."""
+        return self.name.startswith(_SCATTER)
+
+    @property
+    def label(self) -> str:
+        """Such as `Ex`, or `thickness of strip 90`."""
+        return self.name if not self.owner else f"{self.name} of {self.owner}"
+
+    @property
+    def source(self) -> str:
+        """What it is called in a budget of uncertainty."""
+        name = "scatter between specimens" if self.is_scatter else self.name
+        return f"prior of {name}" if self.owner is None else name
+
+
+@dataclass(frozen=True)
+class CampaignModel:
+    """A campaign as a fit sees it.
+
+    Attributes:
+        name: of the campaign; empty where there is one.
+        forward: its model; the first points are those of the modes' shapes, in their order.
+        modes: measured modes; without shapes they are paired by frequency.
+        pick: (p, X) matrix P.
+        seek_excursions: what inputs may do that are believed to be nothing, at the updated model.
+    """
+
+    name: str
+    forward: ForwardModel
+    modes: MeasuredModes
+    pick: FloatArray
+    seek_excursions: Callable[[ForwardState], tuple[Excursion, ...]] = lambda _: ()
+
+    @cached_property
+    def coordinates(self) -> Coordinates:
+        """Of the campaign's parameters θ."""
+        return Coordinates(self.forward.parametrisation)
+
+    def theta(self, x: FloatArray) -> FloatArray:
+        """(p,) the campaign's parameters θ at x."""
+        return self.coordinates.values(self.coordinates.mean + self.pick @ x)
+
+    def is_believable(self, x: FloatArray) -> bool:
+        """Whether the campaign's body could have the parameters at x."""
+        return bool(self.coordinates.are_believable((self.coordinates.mean + self.pick @ x)[None])[0])
+
+    def noise(self, rows: list[int]) -> FloatArray:
+        """(n, n) covariance of the logarithms of some measured frequencies by noise."""
+        if self.modes.covariance is None:
+            return np.eye(len(rows)) * UNKNOWN_FREQUENCY_SD**2
+        hz = self.modes.frequency_hz[rows]
+        covariance: FloatArray = self.modes.covariance[np.ix_(rows, rows)] / np.outer(hz, hz)
+        return covariance
+
+    def named(self, row: int) -> str:
+        """A measured mode in a message: its number and frequency, and its campaign where there are several."""
+        text = f"{row + 1} ({self.modes.frequency_hz[row]:.2f} Hz)"
+        return f"{text} of campaign {self.name}" if self.name else text
+
+
+@dataclass(frozen=True)
+class Coupon:
+    """What static tests say of one of the material's constants: a mean with its standard deviation, SI."""
+
+    name: str
+    mean: float
+    standard_deviation: float
+
+
+@dataclass(frozen=True)
+class Layout:
+    """All unknowns, and the campaigns that see them.
+
+    Attributes:
+        campaigns: models whose parametrisations have the shared parameters first and the same.
+        unknowns: entries of x, those that all campaigns share first.
+    """
+
+    campaigns: tuple[CampaignModel, ...]
+    unknowns: tuple[Unknown, ...]
+
+    @classmethod
+    def of_one(
+        cls,
+        forward: ForwardModel,
+        modes: MeasuredModes,
+        seek_excursions: Callable[[ForwardState], tuple[Excursion, ...]] = lambda _: (),
+    ) -> Layout:
+        """The unknowns of one campaign: its parameters and inputs."""
+        prior, sd = forward.parametrisation, Coordinates(forward.parametrisation).sd
+        owners = [None if name in prior.reported else "" for name in prior.names]
+        unknowns = tuple(Unknown(*each) for each in zip(prior.names, owners, map(float, sd), strict=True))
+        return cls((CampaignModel("", forward, modes, np.eye(sd.size), seek_excursions),), unknowns)
+
+    @property
+    def shared(self) -> tuple[str, ...]:
+        """Names of the parameters that are asked for, the first entries of x."""
+        return self.campaigns[0].forward.parametrisation.reported
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Of all unknowns."""
+        return tuple(unknown.label for unknown in self.unknowns)
+
+    def sd(self, scatter: float) -> FloatArray:
+        """(X,) prior standard deviations, where specimens scatter by so much."""
+        return np.array([scatter if unknown.is_scatter else unknown.sd for unknown in self.unknowns])
+
+    def material(self, x: FloatArray) -> FloatArray:
+        """(q,) the shared parameters at x, without any specimen's scatter."""
+        q, coordinates = len(self.shared), self.campaigns[0].coordinates
+        xi = coordinates.mean.copy()
+        xi[:q] += x[:q]
+        return coordinates.values(xi)[:q]
+
+    def parameters(self, x: FloatArray) -> dict[str, float]:
+        """The shared parameters by name; of one campaign its inputs too. SI."""
+        if len(self.campaigns) > 1:
+            return by_name(self.shared, self.material(x))
+        return by_name(self.campaigns[0].forward.parametrisation.names, self.campaigns[0].theta(x))
+
+    def coupon_terms(self, coupons: Sequence[Coupon]) -> tuple[tuple[int, float, float], ...]:
+        """Place in x, value and standard deviation of each coupon there.
+
+        Raises:
+            InputError: a coupon's constant is not updated.
+        """
+        terms, coordinates = [], self.campaigns[0].coordinates
+        for index, coupon in enumerate(coupons):
+            if coupon.name not in self.shared:
+                known = ", ".join(self.shared)
+                raise InputError(f"coupons.{index}", f"{coupon.name} is not updated; expected one of {known}")
+            place, mean, sd = self.shared.index(coupon.name), coupon.mean, coupon.standard_deviation
+            if coordinates.logarithmic[place]:
+                mean, sd = float(np.log(mean)), sd / mean
+            terms.append((place, mean - float(coordinates.mean[place]), sd))
+        return tuple(terms)
+
+    def unverified(self) -> Layout:
+        """The same on bases as they are now and without excursions, for a search that is verified afterwards."""
+        loose = [replace(c, forward=c.forward.unverified(), seek_excursions=lambda _: ()) for c in self.campaigns]
+        return replace(self, campaigns=tuple(loose))
+
+    def with_priors(self, sd: Sequence[float] | FloatArray) -> Layout:
+        """The layout of one campaign with other prior standard deviations of its parameters, SI."""
+        (only,) = self.campaigns
+        parametrisation = replace(only.forward.parametrisation, prior_sd=np.asarray(sd))
+        return Layout.of_one(replace(only.forward, parametrisation=parametrisation), only.modes, only.seek_excursions)

@@ -1,0 +1,296 @@
+"""Where to hit next: what a test that nobody has made yet would add to what is known (Lindley, Ann. Math. Stat. 27, 1956).
+
+At the present posterior the problem is linear, so a test's frequencies, whatever they will be, change the precision of all
+unknowns from H to H + SᵀC⁻¹S, S = ∂ln f/∂x and C = noise + s². With the test's own nuisances integrated out, the expected
+information about the material is the fall of its posterior's entropy,
+
+    I = ½ ln |C_now| - ½ ln |C_then|        (nats; C the covariance of the material's parameters alone).
+
+The noise of a frequency follows from the FRFs that are to be measured. Near its resonance ∂H/∂ln ω_k ≈ 2 ω_k⁴ A/D², and its
+square summed over lines Δf apart gives, for accelerances with noise of variance σ²,
+
+    1/var(ln ω_k) = Σ_p ω_k (φ_kp φ_kr)² / (8 ζ_k³ Δf σ²)
+
+over points p hit against the sensor r. A mode with a node at the sensor is not seen, and a test's points are chosen by the same
+sum: one after the other, then by exchanges (Fedorov 1972), to the least posterior volume.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.body.oriented import OrientedSpecimen
+from fecore.body.supports import PointMass
+from fecore.errors import InputError
+from fecore.modes import MeasuredModes
+from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, clamped, lay_out
+from fecore.updating.discretisation import discretise
+from fecore.updating.elastic import fit
+from fecore.updating.elastic_result import ElasticResult
+from fecore.updating.forward import ForwardModel, ForwardState, modes_to_cover
+from fecore.updating.inputs import Inputs
+from fecore.updating.layout import Layout
+from fecore.updating.parameters import Parameter, by_name, parametrise
+from fecore.updating.posterior import DISCREPANCY
+
+_FAINT = 1e4  # noise variance of ln f, over the discrepancy's, from which a mode counts as not seen
+_ROUNDS = 5  # of exchanges
+
+
+@dataclass(frozen=True)
+class PlannedTest:
+    """A test that could be made.
+
+    Attributes:
+        name: in the plan.
+        body: as it would stand, added masses included.
+        highest_hz: of the band.
+        points: (x, y) in m of the points that can be hit.
+        sensor: number of the point, among these, where the sensor would stand.
+        sensor_mass: kg; it loads the body.
+        noise: standard deviation of an FRF's noise, as a share of the root mean square of the FRF at the sensor.
+        damping_ratio: of all modes, as expected.
+        lines_hz: spacing of the lines.
+        specimen: name of the specimen; tests and campaigns of one specimen share its dimensions.
+        inputs: how well the laboratory will know what it hands in.
+        hit: numbers of the points that may be hit; None: all.
+    """
+
+    name: str
+    body: OrientedSpecimen
+    highest_hz: float
+    points: tuple[tuple[float, float], ...]
+    sensor: int
+    sensor_mass: float = 0.0
+    noise: float = 0.02
+    damping_ratio: float = 0.01
+    lines_hz: float = 0.5
+    specimen: str = "specimen"
+    inputs: Inputs = field(default_factory=Inputs)
+    hit: tuple[int, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.sensor < len(self.points):
+            raise InputError("sensor", f"is point {self.sensor}, expected one of the {len(self.points)} points")
+        for name in ("highest_hz", "noise", "damping_ratio", "lines_hz"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise InputError(name, f"is {value}, expected a positive number")
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a test would bring.
+
+    Attributes:
+        name: of the test.
+        information: expected, about the material, nats.
+        standard_deviations: expected afterwards, by parameter, SI.
+        frequencies_hz: of the modes that it would see.
+        points: numbers of the points to hit, in the order of what they add; all that can be hit where no number was asked for.
+        share: of the information of hitting every point that these points keep.
+    """
+
+    name: str
+    information: float
+    standard_deviations: dict[str, float]
+    frequencies_hz: FloatArray
+    points: tuple[int, ...]
+    share: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Tests by their expected information, the best first, and what is known now, by parameter, SI."""
+
+    known: dict[str, float]
+    forecasts: tuple[Forecast, ...]
+
+
+def plan_tests(
+    tests: Sequence[PlannedTest],
+    campaigns: Sequence[Campaign] = (),
+    parameters: Sequence[Parameter] = MATERIAL_PARAMETERS,
+    count: int | None = None,
+) -> Plan:
+    """Rank tests by what they would add to the campaigns so far.
+
+    Args:
+        tests: that could be made.
+        campaigns: that were made, with their modes; none: the parameters' priors are what is known.
+        parameters: the material's.
+        count: how many points are to be hit in each test; None: all.
+
+    Raises:
+        InputError: tests contradict themselves, or see no mode in their band.
+        UpdatingError: the campaigns so far have no common estimate.
+    """
+    if not tests:
+        raise InputError("tests", "is empty, expected at least one that could be made")
+    fitted = fit(lay_out(campaigns, parameters, scatter=False)) if campaigns else None
+    theta = {} if fitted is None else by_name(fitted.layout.shared, fitted.layout.material(fitted.x))
+    looks = [_Look.of(test, parameters, theta) for test in tests]
+    layout = lay_out([*campaigns, *(look.campaign for look in looks)], parameters, scatter=False)
+    precision = np.diag(layout.sd(0.0) ** -2) + _informed(layout, fitted)
+    now = _material_covariance(precision, len(layout.shared))
+    slope = layout.campaigns[0].coordinates.slope(_whole(layout, theta))[: len(layout.shared)]
+    found = [
+        _forecast(look, layout, len(campaigns) + number, precision, now, slope, count=count)
+        for number, look in enumerate(looks)
+    ]
+    return Plan(
+        by_name(layout.shared, np.sqrt(np.diag(now)) * slope),
+        tuple(sorted(found, key=lambda each: -each.information)),
+    )
+
+
+@dataclass(frozen=True)
+class _Look:
+    """A test on its model: the modes that it would see, and how loud each is at each point."""
+
+    test: PlannedTest
+    campaign: Campaign
+    state: ForwardState
+    loudness: FloatArray
+
+    @classmethod
+    def of(cls, test: PlannedTest, parameters: Sequence[Parameter], theta: dict[str, float]) -> _Look:
+        body = clamped(test.body, test.inputs)
+        if test.sensor_mass:
+            x, y = test.points[test.sensor]
+            body = replace(body, masses=(*body.masses, PointMass(x, y, test.sensor_mass)))
+        if body.divisions is None:
+            body = replace(body, divisions=discretise(replace(body, clamp_compliance=0.0), test.highest_hz).divisions)
+        prior = parametrise(body, parameters)
+        places = np.array(test.points)
+        count = modes_to_cover(prior, test.highest_hz, 3)
+        forward = ForwardModel(body, prior, tuple(range(len(places))), places, count)
+        known = [theta.get(name, mean) for name, mean in zip(prior.names, prior.prior_mean, strict=True)]
+        state = forward.solve(np.array(known))
+        hz = state.frequency_hz[state.frequency_hz < test.highest_hz]
+        if not hz.size:
+            raise InputError("highest_hz", f"of {test.name} is {test.highest_hz:g}, below the first mode of its model")
+        campaign = Campaign(
+            test.name, test.specimen, body, MeasuredModes(hz, np.full(hz.size, np.nan)), inputs=test.inputs
+        )
+        return cls(test, campaign, state, _loudness(test, state.shapes[: hz.size], hz))
+
+    def noise(self, points: Sequence[int]) -> FloatArray:
+        """(n,) variance of ln f by noise when these points are hit."""
+        variance: FloatArray = 1 / np.maximum(self.loudness[:, list(points)].sum(axis=1), 1e-300)
+        return variance
+
+
+def _loudness(test: PlannedTest, shapes: FloatArray, hz: FloatArray) -> FloatArray:
+    """(n, p) 1/var(ln ω) that hitting each point brings for each mode."""
+    omega, zeta = 2 * np.pi * hz, test.damping_ratio
+    driving = shapes[:, test.sensor] ** 2
+    # Mean square of the sensor's own accelerance, by its resonances: Σ_k π ω A²/4ζ over the width of the band in rad/s.
+    power = float(np.sum(driving**2 * omega / zeta)) * np.pi / 4 / (2 * np.pi * test.highest_hz)
+    residues = (shapes * shapes[:, [test.sensor]]) ** 2
+    loud: FloatArray = omega[:, None] * residues / (8 * zeta**3 * test.lines_hz * test.noise**2 * max(power, 1e-300))
+    return loud
+
+
+def _whole(layout: Layout, theta: dict[str, float], number: int = 0) -> FloatArray:
+    prior = layout.campaigns[number].forward.parametrisation
+    return np.array([theta.get(name, mean) for name, mean in zip(prior.names, prior.prior_mean, strict=True)])
+
+
+def _sensitivity(layout: Layout, number: int, theta: dict[str, float]) -> FloatArray:
+    """(n, X) ∂ln f/∂x of a campaign's modes, each taken for the model's of its number."""
+    campaign = layout.campaigns[number]
+    state = campaign.forward.solve(_whole(layout, theta, number))
+    count = min(len(campaign.modes), state.frequency_hz.size)
+    by = state.frequency_jacobian[:count] / state.frequency_hz[:count, None]
+    sensitivity: FloatArray = by * campaign.coordinates.slope(state.theta) @ campaign.pick
+    return sensitivity
+
+
+def _informed(layout: Layout, fitted: ElasticResult | None) -> FloatArray:
+    """(X, X) precision that the campaigns so far bring."""
+    size = len(layout.unknowns)
+    if fitted is None:
+        return np.zeros((size, size))
+    variance = fitted.problem.noise + fitted.discrepancy**2 * np.eye(fitted.problem.residual.size)
+    S = np.zeros((fitted.problem.residual.size, size))
+    S[:, [layout.labels.index(label) for label in fitted.layout.labels]] = fitted.problem.sensitivity
+    precision: FloatArray = S.T @ np.linalg.solve(variance, S)
+    return precision
+
+
+def _material_covariance(precision: FloatArray, shared: int) -> FloatArray:
+    covariance: FloatArray = np.linalg.inv(precision)[:shared, :shared]
+    return covariance
+
+
+def _forecast(
+    look: _Look,
+    layout: Layout,
+    number: int,
+    precision: FloatArray,
+    now: FloatArray,
+    slope: FloatArray,
+    *,
+    count: int | None,
+) -> Forecast:
+    S, shared = _sensitivity(layout, number, _theta_of(look)), len(layout.shared)
+    base = np.linalg.slogdet(now)[1]
+
+    def covariance(points: Sequence[int]) -> FloatArray:
+        weight = 1 / (look.noise(points) + DISCREPANCY**2)
+        return _material_covariance(precision + S.T @ (weight[:, None] * S), shared)
+
+    def information(points: Sequence[int]) -> float:
+        return float(base - np.linalg.slogdet(covariance(points))[1]) / 2
+
+    everywhere = tuple(range(look.loudness.shape[1])) if look.test.hit is None else look.test.hit
+    chosen = everywhere if count is None else best_points(information, everywhere, count)
+    seen = look.noise(chosen) < _FAINT * DISCREPANCY**2
+    whole = information(everywhere)
+    return Forecast(
+        name=look.test.name,
+        information=information(chosen),
+        standard_deviations=by_name(layout.shared, np.sqrt(np.diag(covariance(chosen))) * slope),
+        frequencies_hz=look.campaign.modes.frequency_hz[seen],
+        points=tuple(chosen),
+        share=information(chosen) / whole if whole > 0 else 1.0,
+    )
+
+
+def _theta_of(look: _Look) -> dict[str, float]:
+    return by_name(look.state.forward.parametrisation.names, look.state.theta)
+
+
+def best_points(information: Callable[[Sequence[int]], float], points: Sequence[int], count: int) -> tuple[int, ...]:
+    """So many of some points with the most information: greedily, then by exchanges of one against another.
+
+    Args:
+        information: of a set of points; it grows with the set.
+        points: to choose from.
+        count: how many.
+    """
+    if count >= len(points):
+        return tuple(points)
+    chosen: list[int] = []
+    while len(chosen) < count:
+        left = [point for point in points if point not in chosen]
+        chosen.append(max(left, key=lambda point: information([*chosen, point])))
+    best = information(chosen)
+    for _ in range(_ROUNDS):
+        before = best
+        for place in range(count):
+            for other in points:
+                if other in chosen:
+                    continue
+                trial = [*chosen[:place], other, *chosen[place + 1 :]]
+                value = information(trial)
+                if value > best + 1e-9:
+                    chosen, best = trial, value
+        if best <= before:
+            break
+    return tuple(chosen)

@@ -1,0 +1,78 @@
+"""How a command ends: what goes wrong on purpose is one line on standard error, and SIGTERM unwinds."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from types import FrameType
+from typing import NoReturn
+
+
+def stop_with(message: str, code: int = 1) -> NoReturn:
+    """End the command with one line on standard error."""
+    sys.stderr.write(f"modalbase: {message}\n")
+    sys.exit(code)
+
+
+@contextmanager
+def ending() -> Iterator[None]:
+    """What a command does, within this, ends as commands do."""
+    signal.signal(signal.SIGTERM, _leave)
+    try:
+        yield
+    except Exception as error:
+        stop = error.__cause__
+        if isinstance(stop, SystemExit | KeyboardInterrupt):  # Python 3.11 wraps what is raised within `__set_name__`
+            raise stop from None
+        if (known := _known(error)) is None:
+            raise
+        stop_with(*known)
+
+
+def _known(error: Exception) -> tuple[str, int] | None:
+    """The line and the exit code of an error that is raised on purpose; None of any other."""
+    from modalbase.client.errors import ClientError
+
+    if isinstance(error, ClientError):
+        return str(error), error.code
+    if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+        _forget_output()
+        return f"cannot write{f' {error.filename}' if error.filename else ''}: no space left", 2
+
+    if find_spec("sqlalchemy") is None:  # modalbase alone, without its extra `server`
+        lacks = isinstance(error, ModuleNotFoundError)
+        return ("this command runs the service: pip install 'modalbase[server]'", 2) if lacks else None
+
+    from psycopg import OperationalError as NoAnswer
+    from sqlalchemy.exc import OperationalError
+
+    from service.app.backup.archive import BackupError
+    from service.app.supervisor import StartError
+    from service.db.engine import DatabaseUrlError
+    from service.db.opening import DataFolderError
+    from service.db.schema import SchemaError
+    from service.errors import ServiceError
+
+    if isinstance(error, BackupError | DatabaseUrlError | DataFolderError | SchemaError | StartError | ServiceError):
+        return str(error), 1
+    if isinstance(error, OperationalError):
+        return f"the database does not answer: {error.orig}", 1
+    if isinstance(error, NoAnswer):
+        return f"the database does not answer: {error}", 1
+    return None
+
+
+def _forget_output() -> None:
+    """Keep the interpreter from writing the rest when it ends: it would report the full disk a second time."""
+    with open(os.devnull, "wb") as nothing:
+        os.dup2(nothing.fileno(), sys.stdout.fileno())
+
+
+def _leave(_signal: int, _frame: FrameType | None) -> NoReturn:
+    """SIGTERM unwinds as an error does, so that everything opened is closed."""
+    sys.exit(0)

@@ -1,0 +1,82 @@
+"""Where the features come together for the API: their routers. Their kinds of job, for the worker, are in `service.app.kinds`.
+
+Importing this module imports every table, which is what the comparison of models and migrations needs.
+A new feature adds its router here and nowhere else.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+from fastapi import APIRouter
+
+from service.access.door import Finder
+from service.access.member_routes import router as members
+from service.access.projects import project_for
+from service.access.routes import router as access
+from service.access.session_routes import router as sessions
+from service.access.user_routes import router as users
+from service.monitoring.notifications.routes import router as webhooks
+from service.monitoring.routes import router as monitoring
+from service.show.results.card_routes import router as cards
+from service.show.results.figure_routes import router as figures
+from service.show.results.joint_figure_routes import router as joint_figures
+from service.show.results.prediction_routes import router as predictions
+from service.show.routes import router as measured_figures
+from service.store.campaigns.grid_point_routes import router as grid_points
+from service.store.campaigns.operations import campaign_for
+from service.store.campaigns.routes import router as campaigns
+from service.store.coupons.operations import batch_for, coupon_for
+from service.store.coupons.routes import router as coupons
+from service.store.frfs.routes import router as frfs
+from service.store.imports.purging import router as purging
+from service.store.imports.routes import router as imports
+from service.store.imports.script_routes import router as scripts
+from service.store.modes.identification_routes import router as identifications
+from service.store.modes.routes import router as mode_sets
+from service.store.plans.routes import router as plans
+from service.store.records.routes import router as records
+from service.store.storage.routes import router as storage
+from service.store.structures.operations import structure_for
+from service.store.structures.routes import router as structures
+from service.store.updating.joint_routes import router as joint_updates
+from service.store.updating.routes import router as updating
+
+ROUTERS: tuple[APIRouter, ...] = (
+    access,
+    members,
+    sessions,
+    users,
+    storage,
+    structures,
+    campaigns,
+    imports,
+    purging,
+    grid_points,
+    scripts,
+    frfs,
+    records,
+    mode_sets,
+    identifications,
+    coupons,
+    updating,
+    joint_updates,
+    plans,
+    predictions,
+    cards,
+    figures,
+    joint_figures,
+    measured_figures,
+    monitoring,
+    webhooks,
+)
+"""Everything under `/api/v1`, in the order of the documentation page."""
+
+FINDERS: dict[str, Finder] = {
+    "project_id": project_for,
+    "structure_id": structure_for,
+    "campaign_id": partial(campaign_for, deleted=True),
+    "batch_id": batch_for,
+    "coupon_id": coupon_for,
+}
+"""What the ids in a path name, so that a role is asked for before a body is read."""

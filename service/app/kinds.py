@@ -1,0 +1,17 @@
+"""Where the features come together for the worker: their kinds of job, without routes, whose making takes long at a start.
+
+A new feature adds its kinds here and nowhere else.
+"""
+
+from __future__ import annotations
+
+from service.jobs.kinds import JobKind
+from service.monitoring.judgements import JUDGE
+from service.store.imports.operations import IMPORT
+from service.store.modes.identifications import IDENTIFY
+from service.store.records.processings import PROCESS
+from service.store.updating.joint_operations import JOINT_UPDATE
+from service.store.updating.operations import UPDATE
+
+KINDS: tuple[JobKind, ...] = (IMPORT, PROCESS, IDENTIFY, UPDATE, JOINT_UPDATE, JUDGE)
+"""Every kind of job that a worker can run."""

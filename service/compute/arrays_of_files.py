@@ -1,0 +1,174 @@
+"""Reading an npz, .mat, CSV or wav in the child process: hits or FRFs, and what its arrays are.
+
+This module imports no database and no web, since the child imports it.
+"""
+
+from __future__ import annotations
+
+import csv
+import warnings
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
+
+from fecore.frf import Quantity
+from modalbase.formats.errors import FormatError
+from modalbase.formats.frfs import Frfs, read_csv, read_npz
+from modalbase.formats.frfs.mat import frfs_of, propose_frfs
+from modalbase.formats.frfs.npz import REQUIRED
+from modalbase.formats.frfs.table import DOFS
+from modalbase.formats.recognise import Format
+from modalbase.formats.records import TimeBlock, Variables, blocks_of, propose, read_mapping, read_variables
+from service.compute.frf_rows import EncodedFrf, encoded
+from service.errors import Fault, Invalid, pointer
+
+if TYPE_CHECKING:
+    from service.compute.reading import ReadingInputs
+
+Kind = Literal["hits", "frfs"]
+T = TypeVar("T")
+
+FREE_BYTES, RATIO, MOST_BYTES = 64 * 1024 * 1024, 100, 1024 * 1024 * 1024
+"""A file may unpack to `FREE_BYTES`, or to `RATIO` times its own size, at most to `MOST_BYTES` or its own size: what is
+measured does not compress better."""
+
+MOST_VARIABLES = 1000
+"""Arrays of a file that are listed."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a file is.
+
+    Attributes:
+        format: by its content.
+        kind: whether its arrays are hits or FRFs; None of UFF, which may hold both.
+        variables: type and shape of its arrays.
+        mapping: one that suggests itself; empty where none is needed.
+        blocks: time blocks that the stated mapping makes.
+        counted: hit numbers were only counted in the file.
+        notes: what the reader noticed.
+    """
+
+    format: Format
+    kind: Kind | None = None
+    variables: dict[str, str] = field(default_factory=dict)
+    mapping: dict[str, Any] = field(default_factory=dict)
+    blocks: int | None = None
+    counted: bool = False
+    notes: list[str] = field(default_factory=list)
+
+
+def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlock | EncodedFrf]:
+    """What a file is, then its time blocks or FRFs.
+
+    Without a mapping where one is needed, a dry run ends after what the file is.
+
+    Raises:
+        Invalid: the file cannot be read, or the mapping is missing or does not fit; each fault with its pointer.
+    """
+    kind = inputs.kind or _kind_by_names(inputs, form)
+    with warnings.catch_warnings(record=True) as noticed:
+        warnings.simplefilter("always", UserWarning)
+        if kind == "frfs" and inputs.mapping is None and form in ("npz", "csv"):
+            yield from _own_frfs(inputs, form)
+            return
+        limit = limit_of(inputs.path)
+        variables = _faults_as(_dotted, lambda: read_variables(inputs.path, f".{form}", limit))
+    notes = [str(warning.message) for warning in noticed]
+    if kind is None:
+        kind = "frfs" if any(array.dtype.kind == "c" for array in variables.values()) else "hits"
+    read = _mapped_frfs if kind == "frfs" else _hits
+    yield from read(inputs, form, variables, notes)
+
+
+def limit_of(path: Path) -> int:
+    """The most bytes that a file may unpack to."""
+    size = path.stat().st_size
+    return max(FREE_BYTES, size, min(RATIO * size, MOST_BYTES))
+
+
+def _kind_by_names(inputs: ReadingInputs, form: Format) -> Kind | None:
+    """What the mapping, the format or the names of its columns or arrays say that a file holds; None where they do not."""
+    if inputs.mapping is not None:
+        return "frfs" if isinstance(inputs.mapping, dict) and "frf" in inputs.mapping else "hits"
+    if form == "wav":
+        return "hits"
+    names: set[str] = set()
+    if form == "csv":
+        with inputs.path.open(encoding="utf-8-sig", errors="replace") as text:
+            names = {cell.strip() for cell in next(csv.reader([text.readline(1 << 16)]), [])}
+    elif form == "npz":
+        with suppress(zipfile.BadZipFile), zipfile.ZipFile(inputs.path) as archive:  # its reader says what is wrong
+            names = {name.removesuffix(".npy") for name in archive.namelist()}
+    return "frfs" if names.issuperset(REQUIRED) or names.issuperset((*DOFS, "frequency_hz", "real", "imag")) else None
+
+
+def _own_frfs(inputs: ReadingInputs, form: Format) -> Iterator[Found | EncodedFrf]:
+    """FRFs in the arrays or columns that `GET …/frfs/data` writes, which need no mapping."""
+    if form == "npz":
+        frfs = _faults_as(_named, lambda: read_npz(inputs.path, limit_of(inputs.path)))
+    else:
+        frfs = _faults_as(str, lambda: read_csv(inputs.path, _quantity(inputs, form)))
+    shapes = {"frequency_hz": frfs.frequency_hz, "values": frfs.values, "coherence": frfs.coherence}
+    rows = encoded(frfs)
+    yield Found(form, "frfs", _shapes({name: array for name, array in shapes.items() if array is not None}))
+    yield from rows
+
+
+def _mapped_frfs(
+    inputs: ReadingInputs, form: Format, variables: Variables, notes: list[str]
+) -> Iterator[Found | EncodedFrf]:
+    found = Found(form, "frfs", _shapes(variables), propose_frfs(variables), notes=notes)
+    if inputs.mapping is None and inputs.dry_run:
+        yield found
+        return
+    quantity = _quantity(inputs, form)
+    frfs: Frfs = _faults_as(_dotted, lambda: frfs_of(variables, inputs.mapping, quantity))
+    rows = encoded(frfs)
+    yield found
+    yield from rows
+
+
+def _hits(inputs: ReadingInputs, form: Format, variables: Variables, notes: list[str]) -> Iterator[Found | TimeBlock]:
+    shapes, proposed = _shapes(variables), propose(variables)
+    if inputs.mapping is None:
+        if not inputs.dry_run:
+            raise Invalid("mapping", f"is missing; ?dry_run=true proposes one; the file suggests {proposed}")
+        yield Found(form, "hits", shapes, proposed, notes=notes)
+        return
+    mapping = _faults_as(_dotted, lambda: read_mapping(inputs.mapping))
+    blocks = _faults_as(_dotted, lambda: blocks_of(variables, mapping))
+    counted = mapping.hit is None
+    yield Found(form, "hits", shapes, proposed, blocks=len(blocks), counted=counted, notes=notes)
+    yield from blocks
+
+
+def _quantity(inputs: ReadingInputs, form: Format) -> Quantity:
+    if inputs.quantity is None and not inputs.dry_run:
+        raise Invalid("quantity", f"is missing: a {form} does not say what it holds, so ?quantity= must")
+    return inputs.quantity or "accelerance"
+
+
+def _shapes(variables: Variables) -> dict[str, str]:
+    listed = sorted(variables.items())[:MOST_VARIABLES]
+    return {name: f"{array.dtype} {list(array.shape)}" for name, array in listed}
+
+
+def _faults_as(place: Callable[[str], str], read: Callable[[], T]) -> T:
+    """What is read; the places of faults become pointers."""
+    try:
+        return read()
+    except FormatError as error:
+        raise Invalid([Fault(place(where), why) for where, why in error.faults]) from None
+
+
+def _dotted(place: str) -> str:
+    return pointer(place.split(".") if place else [])
+
+
+def _named(place: str) -> str:
+    return pointer([place] if place else [])

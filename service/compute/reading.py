@@ -1,0 +1,159 @@
+"""Reading an uploaded file in the child process: what is kept from it, and a report on every dataset.
+
+This module imports no database and no web, since the child imports it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fecore.errors import InputError
+from fecore.frf import Quantity, size_fault
+from modalbase.formats.recognise import Format, recognise
+from modalbase.formats.records import TimeBlock
+from modalbase.formats.uff import (
+    COHERENCE,
+    Content,
+    DatasetReport,
+    Element,
+    Frf,
+    Function,
+    GridPoint,
+    Limits,
+    ModeShape,
+    PowerSpectrum,
+    TimeResponse,
+    TraceLine,
+    UffError,
+    read_file,
+)
+from modalbase.formats.uff.content import Outcome
+from modalbase.formats.uff.spectra import Spectra
+from service.compute.arrays_of_files import Found, Kind, read_arrays
+from service.compute.frf_rows import EncodedFrf
+from service.compute.spectra import Axis, encode, encode_axis
+
+if TYPE_CHECKING:
+    from service.jobs.kinds import Report
+
+POINTS_AT_ONCE = 5000
+REPORT_SECONDS = 0.5
+
+
+Kept = Found | list[GridPoint] | EncodedFrf | Function | TimeResponse | TimeBlock | ModeShape | DatasetReport
+"""What goes to the database; of functions that are not FRFs, ordinary coherences and time blocks."""
+
+
+@dataclass(frozen=True)
+class ReadingInputs:
+    """A file to read.
+
+    Attributes:
+        path: where it lies.
+        quantity: what an FRF is whose file states neither data type nor unit.
+        filename: what its sender calls it.
+        form: its format where that is known.
+        kind: what an npz, .mat or CSV holds, where its sender says so.
+        mapping: which of its variables is what.
+        dry_run: nothing will be stored.
+    """
+
+    path: Path
+    quantity: Quantity | None
+    filename: str = ""
+    form: Format | None = None
+    kind: Kind | None = None
+    mapping: Any = None
+    dry_run: bool = False
+
+
+def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
+    """What a file is, and what is kept of it.
+
+    Raises:
+        InputError: the framing of a UFF file is broken; nothing was yielded before.
+        Invalid: another file cannot be read, or its mapping does not fit.
+    """
+    report("checking the file", 0.0)
+    form = inputs.form or recognise(inputs.path, inputs.filename)
+    if form == "uff":
+        yield from _read_uff(inputs, report)
+        return
+    report("reading arrays", 0.0)
+    yield from read_arrays(inputs, form)
+
+
+def _read_uff(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
+    """What is kept of a UFF file, dataset by dataset, each followed by its report."""
+    size = inputs.path.stat().st_size
+    report_at = 0.0
+    try:
+        items = read_file(inputs.path, Limits(quantity=inputs.quantity))
+        yield Found("uff")
+        points: list[GridPoint] = []
+        unused: tuple[Outcome, str] | None = None
+        spectra = Spectra()
+        for item in items:
+            if isinstance(item, GridPoint) and len(points) < POINTS_AT_ONCE:
+                points.append(item)
+                continue
+            if points:
+                yield points
+                points = []
+            if isinstance(item, PowerSpectrum):
+                spectra.take(item)
+            elif isinstance(item, DatasetReport) and spectra.holds(item):
+                continue
+            elif isinstance(item, DatasetReport):
+                if time.monotonic() >= report_at:  # each report is a commit, which waits for all that is being stored
+                    report("reading datasets", min(1.0, item.offset / size))
+                    report_at = time.monotonic() + REPORT_SECONDS
+                left_out = unused if item.outcome == "read" else None
+                yield item if left_out is None else replace(item, outcome=left_out[0], reason=left_out[1])
+                unused = None
+            elif isinstance(item, GridPoint):
+                points.append(item)
+            elif (reason := _why_unused(item)) is not None:
+                unused = ("refused" if isinstance(item, Frf) else "ignored", reason)
+            elif isinstance(item, Frf):
+                spectra.note(item)
+                yield _encoded(item)
+            elif isinstance(item, Function | TimeResponse | ModeShape):
+                yield item
+        for found in spectra.finish():
+            yield _encoded(found) if isinstance(found, Frf) else found
+    except UffError as error:
+        raise InputError("file", f"{error.reason} (byte {error.offset})") from error
+
+
+def _encoded(frf: Frf) -> EncodedFrf:
+    lines = frf.frequency
+    even = lines.values is None and lines.count > 1
+    return EncodedFrf(
+        dataset=frf.dataset,
+        label=frf.label,
+        response_point=frf.response_point,
+        response_direction=frf.response_direction,
+        reference_point=frf.reference_point,
+        reference_direction=frf.reference_direction,
+        quantity=frf.quantity,
+        axis=Axis(lines.start, lines.step, lines.count) if even else encode_axis(lines.points()),
+        spectrum=encode(frf.values),
+    )
+
+
+def _why_unused(item: Content) -> str | None:
+    """Why a content that could be read is not stored; None where it is, or where it only serves to read the rest."""
+    if isinstance(item, Frf):
+        return size_fault(item.values)
+    if isinstance(item, Function) and item.function_type != COHERENCE:
+        return f"is a {item.name}; of functions, FRFs, coherences, time blocks and power spectra of force and motion are stored"
+    if isinstance(item, TraceLine):
+        return "is a trace line of the drawing; it stays in the original file"
+    if isinstance(item, Element):
+        return "holds elements of the drawing; they stay in the original file"
+    return None

@@ -1,0 +1,160 @@
+"""What an update job computes, in the worker's child process: no database, no web."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from fecore.body.layered import LayeredSpecimen
+from fecore.body.specimen import Specimen
+from fecore.modes import MeasuredModes
+from fecore.processing import Processed
+from fecore.updating.inputs import Inputs
+from fecore.updating.measurement import Measurement
+from fecore.updating.pipeline import update
+from fecore.updating.recipe import Recipe
+from fecore.updating.result import UpdateResult
+from service.compute.frame import Frame
+from service.compute.identification_document import describe_identification
+from service.compute.origin import origin
+from service.compute.processing import ProcessingInputs, ProcessingOutput, process_whole
+from service.compute.result_arrays import as_npz
+from service.jobs.kinds import Report
+
+_OF_HITS = 0.05  # share of an update's progress that its hits take
+
+
+@dataclass(frozen=True)
+class Hits:
+    """Time blocks that become the measurement on the way.
+
+    Attributes:
+        records: the hits, and how to process them.
+        points: label to coordinates in the specimen's frame, m.
+        frame: of the file in which the hits' directions are.
+        roving_mass: of a sensor that moved with the response, kg.
+        inputs: how well the laboratory knows what else it hands in.
+    """
+
+    records: ProcessingInputs
+    points: Mapping[int, tuple[float, float, float]]
+    frame: Frame
+    roving_mass: float
+    inputs: Inputs
+
+
+@dataclass(frozen=True)
+class UpdateInputs:
+    """Everything that an update needs, and where it came from.
+
+    Attributes:
+        measurement, specimen, recipe: for the core; the measurement is None where hits become it.
+        hits: time blocks of a campaign that has no FRFs yet, or None.
+        warnings: what was left out while loading.
+        provenance: ids and digests of the inputs, and the recipe as sent.
+    """
+
+    measurement: Measurement | None
+    specimen: Specimen | LayeredSpecimen
+    recipe: Recipe
+    warnings: tuple[str, ...]
+    provenance: dict[str, Any]
+    hits: Hits | None = None
+
+
+@dataclass(frozen=True)
+class UpdateOutput:
+    """A result ready to be stored.
+
+    Attributes:
+        result: of the core, without what is in the arrays.
+        prediction: arrays as npz: predicted FRFs, shapes, samples.
+        warnings: what was left out while loading, and of the hits.
+        provenance: where all of it came from.
+        identified: modes that the job found itself, in the specimen's frame; None where it was given a mode set.
+        identification: how they were found, as JSON.
+        processing: what became of the hits, where there were hits.
+    """
+
+    result: UpdateResult
+    prediction: bytes
+    warnings: tuple[str, ...]
+    provenance: dict[str, Any]
+    identified: MeasuredModes | None = None
+    identification: dict[str, Any] | None = None
+    processing: ProcessingOutput | None = None
+
+
+def compute_update(inputs: UpdateInputs, report: Report) -> Iterator[UpdateOutput]:
+    """Run the core."""
+    stages = _Stopwatch(report, 0.0 if inputs.hits is None else _OF_HITS)
+    measurement, recipe, processing, warnings = inputs.measurement, inputs.recipe, None, inputs.warnings
+    if inputs.hits is not None:
+        processing = process_whole(inputs.hits.records, lambda stage, share: report(stage, _OF_HITS * share))
+        measurement = _measured(inputs.hits, processing.processed)
+        recipe, band = _within_force(recipe, processing.processed)
+        warnings = (*warnings, *processing.processed.warnings, *band)
+    assert measurement is not None, "a measurement is loaded, or made of hits"
+    result = update(measurement, inputs.specimen, recipe, stages.progress, report)
+    found = result.identification
+    yield UpdateOutput(
+        result=replace(result, prediction=None, identification=None),
+        prediction=as_npz(result),
+        warnings=warnings,
+        provenance={**inputs.provenance, **origin(), "durations_s": stages.finish()},
+        identified=None if found is None else found.modes,
+        identification=None if found is None else describe_identification(found),
+        processing=processing,
+    )
+
+
+def _within_force(recipe: Recipe, processed: Processed) -> tuple[Recipe, tuple[str, ...]]:
+    """The recipe with modes sought where the hammer has half of its force, unless it states a band; and a note of it."""
+    if recipe.identification.band_hz is not None:
+        return recipe, ()
+    band = float(processed.frfs.frequency_hz[0]), processed.strong_hz
+    note = (
+        f"modes were sought up to {band[1]:.0f} Hz, where the hammer has half of its largest force; identification.band_hz "
+        "states another band"
+    )
+    return replace(recipe, identification=replace(recipe.identification, band_hz=band)), (note,)
+
+
+def _measured(hits: Hits, processed: Processed) -> Measurement:
+    """The FRFs of the hits in the specimen's frame, with the window that they carry."""
+    frfs, inputs = processed.frfs, hits.inputs
+    moved = replace(
+        frfs,
+        responses=tuple(hits.frame.dof(dof) for dof in frfs.responses),
+        references=tuple(hits.frame.dof(dof) for dof in frfs.references),
+    )
+    if inputs.window_rate is None:
+        inputs = replace(inputs, window_rate=processed.rate_per_s)
+    return Measurement(moved, hits.points, None, hits.roving_mass, inputs)
+
+
+class _Stopwatch:
+    """Passes progress on and notes how long each stage took."""
+
+    def __init__(self, report: Report, first: float) -> None:
+        self._report, self._first = report, first
+        self._stage, self._since = "", time.perf_counter()
+        self._durations: dict[str, float] = {}
+
+    def progress(self, stage: str, share: float) -> None:
+        if stage != self._stage:
+            self._close()
+            self._stage = stage
+        self._report(stage, self._first + (1 - self._first) * share)
+
+    def finish(self) -> dict[str, float]:
+        self._close()
+        return self._durations
+
+    def _close(self) -> None:
+        now = time.perf_counter()
+        if self._stage and self._stage != "done":
+            self._durations[self._stage] = self._durations.get(self._stage, 0.0) + now - self._since
+        self._since = now

@@ -1,0 +1,135 @@
+"""Where a webhook may go: names are resolved here, once, and the connection goes to the address that was checked.
+
+Without this a webhook would let anyone with a project reach what only this server can reach: its own loopback, the
+laboratory's network, a cloud's metadata. An operator allows networks of their own by `MODALBASE_WEBHOOK_NETWORKS`, and ports
+by `MODALBASE_WEBHOOK_PORTS`. What an IPv6 address carries, as NAT64's does, must be allowed besides.
+"""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Sequence
+from dataclasses import dataclass
+from ipaddress import IPv4Address, IPv4Network, IPv6Address, IPv6Network, ip_address
+from typing import TYPE_CHECKING
+
+from service.monitoring.notifications.special_networks import special_use
+from service.settings import Settings
+
+if TYPE_CHECKING:
+    import httpx
+
+# httpx is imported by the first URL: it would be a thirtieth of the start.
+
+IpAddress = IPv4Address | IPv6Address
+IpNetwork = IPv4Network | IPv6Network
+
+
+class AddressError(Exception):
+    """A URL that no message may go to; the message says why."""
+
+
+@dataclass(frozen=True)
+class Destinations:
+    """What an operator allows.
+
+    Attributes:
+        networks: beside public addresses.
+        ports: of any address.
+    """
+
+    networks: Sequence[IpNetwork]
+    ports: Sequence[range]
+
+
+def destinations(settings: Settings) -> Destinations:
+    """What the settings allow."""
+    return Destinations(settings.allowed_networks, settings.allowed_ports)
+
+
+@dataclass(frozen=True)
+class Target:
+    """A URL with the address that its name stood for when it was checked.
+
+    Attributes:
+        url: as connected to: the address in place of the name.
+        host: for the Host header.
+        name: for TLS: the certificate must be of this name.
+    """
+
+    url: httpx.URL
+    host: str
+    name: str
+
+
+def parse_url(url: str) -> httpx.URL:
+    """A URL that a webhook may have, whatever its name stands for.
+
+    Raises:
+        AddressError: it is none.
+    """
+    import httpx
+
+    try:
+        parsed = httpx.URL(url)
+    except httpx.InvalidURL as error:
+        raise AddressError(f"is no URL: {error}") from None
+    if parsed.scheme not in ("http", "https") or not parsed.host:
+        raise AddressError("is no http:// or https:// URL with a host")
+    if parsed.userinfo:
+        raise AddressError("holds a user or password; the signature proves who sends")
+    return parsed
+
+
+def resolve(url: str, allowed: Destinations) -> Target:
+    """The URL with its name resolved.
+
+    Raises:
+        AddressError: the port is not allowed, or the name stands for nothing, or for an address that is not public and not
+            allowed.
+    """
+    parsed = parse_url(url)
+    port = parsed.port or {"http": 80, "https": 443}[parsed.scheme]
+    if not any(port in ports for ports in allowed.ports):
+        raise AddressError(f"goes to port {port}, which the operator does not allow (MODALBASE_WEBHOOK_PORTS)")
+    try:
+        found = socket.getaddrinfo(parsed.host, port, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError) as error:
+        raise AddressError(f"{parsed.host} cannot be resolved: {error}") from None
+    addresses = [ip_address(str(entry[4][0]).split("%")[0]) for entry in found]
+    for address in addresses:
+        if special := _special(address, allowed.networks):
+            raise AddressError(
+                f"{parsed.host} leads to {special}, which is not a public address; an operator may allow its network "
+                "(MODALBASE_WEBHOOK_NETWORKS)"
+            )
+    host = parsed.netloc.decode("ascii")
+    return Target(parsed.copy_with(host=str(addresses[0]), port=port), host, parsed.host)
+
+
+def _special(address: IpAddress, allowed: Sequence[IpNetwork]) -> str | None:
+    """The address, or one that it carries, that is neither public nor allowed, with what it is for; None where all are."""
+    use = special_use(address)
+    if use is not None and not any(address in network for network in allowed):
+        return f"{address} ({use})"
+    return next(filter(None, (_special(inner, allowed) for inner in _carried(address))), None)
+
+
+def _carried(address: IpAddress) -> list[IPv4Address]:
+    """The IPv4 addresses that a form of IPv6 carries; a gateway or a tunnel would lead there."""
+    if isinstance(address, IPv4Address) or address.is_loopback or address.is_unspecified:  # ::1 and :: are IPv6's own
+        return []
+    if address.sixtofour is not None:
+        return [address.sixtofour]
+    if address.teredo is not None:
+        return list(address.teredo)
+    isatap = (int(address) >> 32) & 0xFDFFFFFF == 0x5EFE
+    if isatap or any(address in network for network in _LAST_BITS):
+        return [IPv4Address(int(address) & 0xFFFFFFFF)]
+    return []
+
+
+_LAST_BITS = tuple(map(IPv6Network, ("64:ff9b::/96", "::ffff:0:0/96", "::/96", "::ffff:0:0:0/96")))
+"""NAT64 (RFC 6052), IPv4-mapped and IPv4-compatible (RFC 4291) and IPv4-translated (RFC 2765): an IPv4 address is the last 32
+bits.
+"""

@@ -1,0 +1,1 @@
+"""Results and measurements for people: figures, reports, pages and the guide."""

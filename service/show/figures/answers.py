@@ -1,0 +1,109 @@
+"""A figure over HTTP: Plotly JSON, or a print that a browser shows in place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from hashlib import sha256
+from typing import Annotated, Any, get_args
+
+from fastapi import Depends, Path, Query, Request, Response
+from pydantic import BaseModel, Field
+
+from fecore import __version__
+from service.errors import NotFound
+from service.show.figures.look import Figure, Theme, themed
+from service.show.figures.printing import MEDIA_TYPES, Format, render
+from service.web.conditional import not_modified
+
+FigureName = Annotated[str, Path(max_length=60, description="name of the figure, as the text above has it")]
+RESPONSES: dict[int | str, dict[str, Any]] = {
+    200: {
+        "description": "The figure. JSON is Plotly's: `data` (traces) and `layout`.",
+        "content": {
+            "application/json": {
+                "schema": {
+                    "type": "object",
+                    "required": ["data", "layout"],
+                    "properties": {
+                        "data": {"type": "array", "items": {"type": "object"}, "description": "Traces of Plotly."},
+                        "layout": {"type": "object", "description": "Plotly's layout: title, axes, legend, marks."},
+                    },
+                }
+            },
+            **{MEDIA_TYPES[each]: {} for each in get_args(Format) if each != "plotly"},
+        },
+    }
+}
+"""What OpenAPI says of the answer of a figure's route."""
+
+
+class FigureOut(BaseModel):
+    """A figure of a result."""
+
+    name: str = Field(description="in the address of the figure")
+    title: str = Field(description="what it shows")
+    href: str = Field(description="address of the figure; its default format is Plotly JSON")
+    available: bool = Field(description="whether this result has something to draw")
+    reason: str | None = Field(description="why not, in words; null where it is available")
+    query: list[str] = Field(description="parameters of the query that it heeds, besides `format` and `theme`")
+
+
+class FiguresOut(BaseModel):
+    """The figures of a result, in the order of a report."""
+
+    items: list[FigureOut] = Field(description="every figure that there is for such a result")
+
+
+@dataclass(frozen=True)
+class AskedFigure:
+    """How a client asks for a figure: what every route of one takes beside its name."""
+
+    request: Request
+    file_format: Format
+    theme: Theme
+
+    def answer(self, draw: Callable[[], Figure], name: str, version: str | None = None) -> Response:
+        """The figure, shown in place and not as an attachment.
+
+        Args:
+            draw: makes the figure, for a light page; not called where the client has kept it as it is now.
+            name: of the file, should someone save it; ASCII, without a suffix.
+            version: changes whenever the data that are drawn change; None where nothing says so. A later release may draw
+                another figure, and the address names the rest.
+        """
+        headers = {}
+        if version is not None:
+            url = self.request.url
+            key = sha256(f"{__version__} {url.path} {url.query} {version}".encode()).hexdigest()[:32]
+            headers = {"ETag": f'"{key}"', "Cache-Control": "private, no-cache"}
+            if (unchanged := not_modified(self.request, headers)) is not None:
+                return unchanged
+        if self.file_format != "plotly":
+            headers["Content-Disposition"] = f'inline; filename="{name}.{self.file_format}"'
+        body = render(themed(draw(), self.theme), self.file_format)
+        return Response(body, media_type=MEDIA_TYPES[self.file_format], headers=headers)
+
+
+def _asked(
+    request: Request,
+    file_format: Annotated[
+        Format, Query(alias="format", description="Plotly JSON for a page or a notebook; a print as SVG, PNG or PDF")
+    ] = "plotly",
+    theme: Annotated[Theme, Query(description="colours for a light or a dark page")] = "light",
+) -> AskedFigure:
+    return AskedFigure(request, file_format, theme)
+
+
+Asked = Annotated[AskedFigure, Depends(_asked)]
+"""The parameter of a figure's route."""
+
+
+def require_figure(name: str, *known: str) -> None:
+    """Refuse a name that no figure has; to be called once it is known that the user may see what is drawn.
+
+    Raises:
+        NotFound: there is no such figure.
+    """
+    if name not in known:
+        raise NotFound(f"figure {name!r}; there are {', '.join(known)}")

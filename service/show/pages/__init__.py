@@ -1,0 +1,23 @@
+"""What a person sees in a browser: pages below `/ui/`, made on the server, with figures and forms that use the REST contract.
+
+A page only reads. What it changes it sends to `/api/v1` as a script would, so that every rule has one place. All its files
+are served from here, and its policy lets a browser ask nobody else.
+"""
+
+from __future__ import annotations
+
+from fastapi import FastAPI
+
+from service.show.pages import coupons, joint, measurements, monitors, start, updates
+from service.show.pages.errors import PageErrors
+from service.show.pages.look import PREFIX
+from service.web.routing import include
+
+__all__ = ["PREFIX", "PageErrors", "add_pages"]
+
+
+def add_pages(app: FastAPI) -> None:
+    """All pages; `/` leads to the first of them."""
+    include(app, start.open_router)
+    for router in (start.router, measurements.router, updates.router, joint.router, coupons.router, monitors.router):
+        include(app, router, PREFIX)

@@ -1,0 +1,136 @@
+"""The form of a recipe, made from its schema: whatever the contract takes, the form has."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import BaseModel
+
+from service.show.pages.numbers import words
+from service.web.quantities import UNITS
+
+CHECKED_LIST = "choices"
+SIMPLE = {"number": "number", "integer": "whole", "boolean": "switch"}
+
+
+@dataclass(frozen=True)
+class Field:
+    """One question of a form.
+
+    Attributes:
+        name: JSON pointer of its value without the first slash.
+        label: in words.
+        kind: `number`, `whole`, `text`, `select`, `choices`, `pair`, `numbers`, `switch`, `group`, `table`.
+        help: what the contract says of it.
+        default: its value where nothing is said.
+        options: value and words of each choice.
+        fields: of a group, or of one row of a table.
+        nullable: whether nothing can be said.
+    """
+
+    name: str
+    label: str
+    kind: str
+    help: str = ""
+    default: Any = None
+    options: list[tuple[str, str]] = field(default_factory=list)
+    fields: list[Field] = field(default_factory=list)
+    nullable: bool = False
+
+
+def fields_of(model: type[BaseModel], choices: Mapping[str, list[tuple[str, str]]]) -> list[Field]:
+    """The questions of a body, in the order of its members.
+
+    Args:
+        model: of the body.
+        choices: value and words to choose from, of members that name something which is stored.
+    """
+    schema = model.model_json_schema()
+    return _members(schema, schema.get("$defs", {}), "", choices)
+
+
+def _members(
+    schema: Mapping[str, Any], definitions: Mapping[str, Any], prefix: str, choices: Mapping[str, list[tuple[str, str]]]
+) -> list[Field]:
+    return [
+        _field(prefix + name, name, node, definitions, choices) for name, node in schema.get("properties", {}).items()
+    ]
+
+
+def _field(
+    name: str,
+    label: str,
+    node: Mapping[str, Any],
+    definitions: Mapping[str, Any],
+    choices: Mapping[str, list[tuple[str, str]]],
+) -> Field:
+    outer, nullable = node, False
+    node = _resolved(node, definitions)
+    if "anyOf" in node:
+        kinds = [_resolved(option, definitions) for option in node["anyOf"]]
+        nullable = any(kind.get("type") == "null" for kind in kinds)
+        node = next(kind for kind in kinds if kind.get("type") != "null")
+    said = outer.get("description") or node.get("description", "")
+    common: dict[str, Any] = {
+        "name": name,
+        "label": _label(label),
+        "help": _without_json(said),
+        "default": outer.get("default"),
+        "nullable": nullable,
+    }
+    if name in choices:
+        return Field(kind="select", options=choices[name], **common)
+    if "enum" in node:
+        return Field(kind="select", options=[(value, words(value)) for value in node["enum"]], **common)
+    if node.get("type") == "object":
+        return Field(kind="group", fields=_members(node, definitions, f"{name}/", choices), **common)
+    if node.get("type") == "array":
+        return _list(node, definitions, choices, common)
+    return Field(kind=SIMPLE.get(node.get("type", ""), "text"), **common)
+
+
+def _list(
+    node: Mapping[str, Any],
+    definitions: Mapping[str, Any],
+    choices: Mapping[str, list[tuple[str, str]]],
+    common: dict[str, Any],
+) -> Field:
+    if "prefixItems" in node:
+        return Field(kind="pair", **common)
+    item = _resolved(node["items"], definitions)
+    if "enum" in item:
+        return Field(kind=CHECKED_LIST, options=[(value, words(value)) for value in item["enum"]], **common)
+    if item.get("type") == "object":
+        return Field(kind="table", fields=_members(item, definitions, "", choices), **common)
+    return Field(kind="numbers", **common)
+
+
+def _resolved(node: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mapping[str, Any]:
+    while "$ref" in node:
+        node = definitions[str(node["$ref"]).rsplit("/", 1)[1]]
+    return node
+
+
+def _without_json(said: str) -> str:
+    """What the contract says of a member, for someone who fills in a field and writes no JSON.
+
+    >>> _without_json("1/τ; null: nobody knows")
+    '1/τ; empty: nobody knows'
+    """
+    return re.sub(r"\bnull\b", "empty", said).replace("`{}` will do", "everything may stay empty")
+
+
+def _label(name: str) -> str:
+    """A member's name as words, with its unit where the name has one.
+
+    >>> _label("band_hz")
+    'Band [Hz]'
+    """
+    for ending, unit in UNITS.items():
+        if name.endswith(ending):
+            return f"{_label(name.removesuffix(ending))} [{unit}]"
+    text = words(name).replace(" sd", " standard deviation")
+    return (text[:1].upper() + text[1:]).replace("Nu xy", "νxy")

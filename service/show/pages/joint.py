@@ -1,0 +1,69 @@
+"""Pages of joint updates: one material from several campaigns, on its way and as a result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated
+from uuid import UUID
+
+from fastapi import Query
+from fastapi.responses import HTMLResponse
+from starlette.responses import Response
+
+from service.access import routes as access
+from service.jobs.state import ENDED
+from service.show.pages.look import Visit, VisitDep
+from service.show.results import joint_figure_routes
+from service.store.campaigns.operations import campaigns_of
+from service.store.updating import joint_routes
+from service.store.updating import routes as updating
+from service.store.updating.joint_operations import joint_document, joint_update_for
+from service.store.updating.joint_schemas import JointUpdateOut
+from service.web.routing import page_router
+
+router = page_router()
+MOST = 100  # rows of a list on a page
+
+
+@router.get("/joint-updates/{joint_id}")
+def get_joint(joint_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> HTMLResponse:
+    """A joint update: its progress while it runs, then what all campaigns say together, and where they contradict.
+
+    `part` is the piece with the progress alone, as of a single update.
+    """
+    job = joint_routes.get_joint_update(joint_id, visit.session, visit.user)
+    ended = job.status in ENDED
+    if part:
+        answer = visit.show("job_progress.html", job=job, ended=ended, kind="joint-updates")
+        if ended:
+            answer.headers["HX-Refresh"] = "true"
+        return answer
+    project = access.get_project(job.project_id, visit.session, visit.user, Response())
+    rows = {row.id: row for row in campaigns_of(visit.session, [each.campaign_id for each in job.campaigns])}
+    names = {str(key): row.name for key, row in rows.items()}
+    common = {"job": job, "project": project, "names": names, "kind": "joint-updates"}
+    if job.status != "succeeded":
+        return visit.show("joint_job.html", **common, ended=ended)
+    return visit.show(
+        "joint_result.html",
+        **common,
+        result=joint_document(visit.session, joint_update_for(visit.session, visit.user, joint_id)),
+        figures=joint_figure_routes.list_joint_figures(joint_id, visit.session, visit.user).items,
+        alone=_newest_alone(visit, names),
+    )
+
+
+def _newest_alone(visit: Visit, names: Mapping[str, str]) -> dict[str, UUID]:
+    """The newest result of each campaign by itself, by the campaign's key; those without one are left out."""
+    found = {}
+    for key in names:
+        jobs = updating.list_update_jobs(visit.session, visit.user, campaign=UUID(key), status=["succeeded"], limit=1)
+        if jobs.items:
+            found[key] = jobs.items[0].id
+    return found
+
+
+def joint_updates_of(visit: Visit, project_id: UUID, campaign_id: UUID | None = None) -> Sequence[JointUpdateOut]:
+    """The newest joint updates of a project, or those of them that a campaign takes part in."""
+    listed = joint_routes.list_joint_updates(project_id, visit.session, visit.user, limit=MOST).items
+    return [job for job in listed if campaign_id is None or campaign_id in {each.campaign_id for each in job.campaigns}]

@@ -1,0 +1,103 @@
+"""How every page is made: who looks, the templates, addresses, and the policy that keeps a browser on this host."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from fastapi import Depends, Request
+from fastapi.responses import HTMLResponse
+from sqlalchemy.orm import Session
+
+from fecore import __version__
+from service.access import CurrentUser, SessionDep, User
+from service.access.sessions import COOKIE, request_token
+from service.show.pages import numbers
+from service.show.pages.assets import address
+from service.web.templates import templates_in
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+PREFIX = "/ui"
+EMPTY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
+"""An empty style element, which Plotly makes and fills by the object model; a policy allows it by this digest of nothing."""
+
+POLICY = (
+    "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; script-src 'self'; "
+    f"style-src 'self' {EMPTY_STYLE}; img-src 'self' data: blob:; connect-src 'self'"
+)
+HEADERS = {"Content-Security-Policy": POLICY, "Cache-Control": "no-store"}
+
+
+def root_of(path: str) -> str:
+    """The service's root as seen from a path of it, so that pages work below any prefix of a proxy.
+
+    >>> root_of("/ui/projects/x")
+    '../../'
+    """
+    return "../" * (path.count("/") - 1) or "./"
+
+
+@cache
+def _templates() -> Environment:
+    made = templates_in(Path(__file__).parent / "templates")
+    made.filters.update(numbers.FILTERS)
+    made.globals.update(asset=address, version=__version__)
+    return made
+
+
+def page(request: Request, template: str, status_code: int = 200, **context: Any) -> HTMLResponse:
+    """A template as an answer, with the policy of all pages.
+
+    Args:
+        request: whose answer.
+        template: its file.
+        status_code: of HTTP.
+        context: what it shows; `user` is whose session it is, None outside of one.
+    """
+    token = request.cookies.get(COOKIE)
+    shown = {
+        "user": None,
+        "root": root_of(request.url.path),
+        "path": request.url.path,
+        "csrf": "" if token is None else request_token(token),
+        "docs": request.app.state.settings.docs if "app" in request.scope else True,
+        **context,
+    }
+    return HTMLResponse(_templates().get_template(template).render(shown), status_code, headers=HEADERS)
+
+
+@dataclass(frozen=True)
+class Visit:
+    """Somebody who is signed in and looks at a page.
+
+    Attributes:
+        request: theirs.
+        session: its transaction, in which the database stands still.
+        user: who.
+    """
+
+    request: Request
+    session: Session
+    user: User
+
+    def show(self, template: str, **context: Any) -> HTMLResponse:
+        """A page of theirs."""
+        return page(self.request, template, user=self.user.name, **context)
+
+
+def _visit(request: Request, session: SessionDep, user: CurrentUser) -> Iterator[Visit]:
+    """A page asks many times and shows one moment: a file that is read has its FRFs, or a browser would wait for them."""
+    session.commit()
+    session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
+    try:
+        yield Visit(request, session, user)
+    finally:
+        session.close()
+
+
+VisitDep = Annotated[Visit, Depends(_visit, scope="function")]

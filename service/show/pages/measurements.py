@@ -1,0 +1,193 @@
+"""Pages of what is measured: structure, campaign, the report on a file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+from uuid import UUID
+
+from fastapi import Query
+from fastapi.responses import HTMLResponse
+from starlette.responses import Response
+
+from service.access import routes as access
+from service.access.schemas import ProjectOut
+from service.monitoring import routes as monitoring
+from service.show.hits import AXES
+from service.show.pages.grid import draw_grid
+from service.show.pages.joint import joint_updates_of
+from service.show.pages.look import Visit, VisitDep
+from service.show.pages.names import NamedJob, name_jobs, over_time
+from service.store.campaigns import routes as campaigns
+from service.store.campaigns.grid_points import stored_points
+from service.store.campaigns.operations import campaign_for, describe
+from service.store.campaigns.schemas import Boundary, CampaignOut
+from service.store.coupons import routes as coupons
+from service.store.frfs import routes as frfs
+from service.store.frfs.measured_campaign import specimen_points
+from service.store.frfs.operations import FrfFilter
+from service.store.frfs.schemas import FrfOut
+from service.store.imports import routes as imports
+from service.store.modes import identification_routes as identifications
+from service.store.modes import routes as modes
+from service.store.records import routes as records
+from service.store.records.schemas import RecordOut
+from service.store.structures import routes as structures
+from service.store.structures.schemas import StructureOut
+from service.store.updating import routes as updating
+from service.web.routing import page_router
+
+router = page_router()
+MOST = 500  # rows of a list on a page
+Cursor = Annotated[str | None, Query(max_length=100)]
+
+
+@router.get("/structures/{structure_id}")
+def get_structure(
+    structure_id: UUID,
+    visit: VisitDep,
+    boundary: Annotated[Boundary | None, Query()] = None,
+    name: Annotated[str, Query(max_length=200)] = "",
+    cursor: Cursor = None,
+) -> HTMLResponse:
+    """A structure: its tests side by side with what they gave, coupon batches, monitors."""
+    structure = structures.get_structure(structure_id, visit.session, visit.user, Response())
+    project = access.get_project(structure.project_id, visit.session, visit.user, Response())
+    listed = campaigns.list_campaigns(structure_id, visit.session, visit.user, cursor=cursor, limit=MOST)
+    shown = [c for c in listed.items if _wanted(c, boundary, name)]
+    jobs = updating.list_update_jobs(
+        visit.session, visit.user, structure=structure_id, status=["succeeded"], limit=MOST
+    ).items
+    newest = _newest(name_jobs(visit, jobs, ("verdict", "parameters", "modes")))
+    return visit.show(
+        "structure.html",
+        project=project,
+        structure=structure,
+        campaigns=sorted(shown, key=lambda c: c.performed_at or c.created_at),
+        all_campaigns=len(listed.items),
+        following=listed.next_cursor,
+        newest=newest,
+        over_time=over_time(list(newest.values()), {c.id: c.performed_at for c in listed.items}),
+        parameters=_parameter_names(newest.values()),
+        batches=coupons.list_batches(structure_id, visit.session, visit.user, limit=MOST).items,
+        monitors=monitoring.list_monitors_of_structure(structure_id, visit.session, visit.user, limit=MOST).items,
+        boundary=boundary,
+        name=name,
+    )
+
+
+def _wanted(campaign: CampaignOut, boundary: str | None, name: str) -> bool:
+    return boundary in (None, campaign.boundary) and name.casefold() in campaign.name.casefold()
+
+
+def _newest(jobs: Sequence[NamedJob]) -> dict[UUID, NamedJob]:
+    """The newest result of each campaign; jobs come newest first."""
+    found: dict[UUID, NamedJob] = {}
+    for job in jobs:
+        found.setdefault(job.job.campaign_id, job)
+    return found
+
+
+def _parameter_names(jobs: Iterable[NamedJob]) -> list[str]:
+    names: dict[str, None] = {}
+    for job in jobs:
+        names |= dict.fromkeys(p["name"] for p in (job.result or {}).get("parameters", []))
+    return list(names)
+
+
+def campaign_context(
+    visit: Visit, campaign_id: UUID, *, deleted: bool = True
+) -> tuple[CampaignOut, StructureOut, ProjectOut]:
+    """A campaign with its structure and project, for pages that stand below it; results outlive their campaign."""
+    campaign = describe(campaign_for(visit.session, visit.user, campaign_id, deleted=deleted))
+    structure = structures.get_structure(campaign.structure_id, visit.session, visit.user, Response())
+    project = access.get_project(structure.project_id, visit.session, visit.user, Response())
+    return campaign, structure, project
+
+
+@router.get("/campaigns/{campaign_id}")
+def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
+    """A campaign: upload, grid to scale, FRF viewer, files, mode sets, hits, updates."""
+    campaign, structure, project = campaign_context(visit, campaign_id, deleted=False)
+    listed = frfs.list_frfs(campaign_id, FrfFilter(), visit.session, visit.user, limit=1000)
+    points = specimen_points(visit.session, campaign_for(visit.session, visit.user, campaign_id))
+    jobs = updating.list_update_jobs(visit.session, visit.user, campaign=campaign_id, limit=50).items
+    blocks = records.list_records(campaign_id, visit.session, visit.user, limit=MOST).items
+    processings = records.list_processings(campaign_id, visit.session, visit.user, limit=10).items
+    done = next((row.result for row in processings if row.result is not None), None)
+    return visit.show(
+        "campaign.html",
+        project=project,
+        structure=structure,
+        campaign=campaign,
+        frfs=listed.items,
+        more_frfs=listed.next_cursor is not None,
+        grid=draw_grid(points, structure.geometry, _measured_points(listed.items)),
+        point_count=len(points),
+        imports=list(reversed(imports.list_imports(campaign_id, visit.session, visit.user, limit=50).items)),
+        mode_sets=modes.list_mode_sets(campaign_id, visit.session, visit.user, limit=50).items,
+        identifications=identifications.list_identifications(campaign_id, visit.session, visit.user, limit=10).items,
+        records=blocks,
+        hit_places=_hit_places(blocks),
+        processings=processings,
+        judged=[] if done is None else done["hits"],
+        jobs=name_jobs(visit, jobs),
+        joint=joint_updates_of(visit, project.id, campaign_id),
+    )
+
+
+def _measured_points(rows: Sequence[FrfOut]) -> dict[int, int]:
+    """How many FRFs each point has as a response or reference."""
+    counts: dict[int, int] = {}
+    for row in rows:
+        for point in {row.response_point, row.reference_point}:
+            counts[point] = counts.get(point, 0) + 1
+    return counts
+
+
+@dataclass(frozen=True)
+class HitPlace:
+    """Where was hit and where the sensor stood, for a list to choose from.
+
+    Attributes:
+        name: in the page's address.
+        words: for a person.
+        query: of the figure.
+    """
+
+    name: str
+    words: str
+    query: str
+
+
+def _hit_places(blocks: Sequence[RecordOut]) -> list[HitPlace]:
+    """Every pair of a hit's place and a sensor's, in the order in which they were first sent."""
+    responses = [row for row in blocks if row.quantity != "force"]
+    pairs = dict.fromkeys((row.force_point, row.force_direction, row.point) for row in responses)
+    return [
+        HitPlace(
+            name=f"{point}~{direction}~{response}",
+            words=f"{point}{'+' if direction > 0 else '−'}{AXES[abs(direction)]} / {response}",
+            query=f"point={point}&direction={direction}&response={response}",
+        )
+        for point, direction, response in pairs
+    ]
+
+
+@router.get("/campaigns/{campaign_id}/grid-points")
+def get_points(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
+    """The table of a campaign's grid points, in the file's frame."""
+    campaign, structure, project = campaign_context(visit, campaign_id)
+    points = stored_points(visit.session, campaign_id)
+    return visit.show("grid_points.html", project=project, structure=structure, campaign=campaign, points=points)
+
+
+@router.get("/imports/{import_id}")
+def get_import(import_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> HTMLResponse:
+    """What became of a file, dataset by dataset; `part` is the piece that replaces itself until the import has ended."""
+    shown = imports.get_import(import_id, visit.session, visit.user)
+    if part:
+        return visit.show("import_report.html", item=shown)
+    campaign, structure, project = campaign_context(visit, shown.campaign_id)
+    return visit.show("import.html", project=project, structure=structure, campaign=campaign, item=shown)

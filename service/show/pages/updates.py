@@ -1,0 +1,139 @@
+"""Pages of updates: the form of a recipe, a job on its way, its result, several results side by side."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+from uuid import UUID
+
+from fastapi import Query
+from fastapi.responses import HTMLResponse
+
+from service.access import routes as access
+from service.errors import Invalid
+from service.jobs.state import ENDED, JobState
+from service.show.pages.forms import fields_of
+from service.show.pages.look import Visit, VisitDep
+from service.show.pages.measurements import campaign_context
+from service.show.pages.names import name_jobs, over_time
+from service.show.results import figure_routes
+from service.store.campaigns.operations import campaigns_of
+from service.store.coupons import routes as coupons
+from service.store.frfs import routes as frfs
+from service.store.frfs.operations import FrfFilter
+from service.store.modes import routes as modes
+from service.store.updating import routes as updating
+from service.store.updating.operations import result_document, update_job_for
+from service.store.updating.schemas import RecipeIn
+from service.web.paging import Cursor
+from service.web.routing import page_router
+
+router = page_router()
+MOST = 100  # rows of a list on a page
+MOST_COMPARED = 50
+COMPARED = ("verdict", "parameters", "modes", "correlation", "provenance")
+PRINCIPAL = ("mode_set", "prior_from_coupon_batch", "method", "parameters", "damping_models", "posterior")
+"""What an engineer chooses first; the rest of a recipe stands below."""
+
+
+@router.get("/campaigns/{campaign_id}/update")
+def get_new_update(
+    campaign_id: UUID, visit: VisitDep, like: Annotated[UUID | None, Query(description="a job to repeat")] = None
+) -> HTMLResponse:
+    """The form of a recipe, made from its schema; filled in as another job's where one is named."""
+    campaign, structure, project = campaign_context(visit, campaign_id)
+    sets = modes.list_mode_sets(campaign_id, visit.session, visit.user, limit=MOST).items
+    batches = coupons.list_batches(campaign.structure_id, visit.session, visit.user, limit=MOST).items
+    choices = {
+        "mode_set": [(str(s.id), f"{s.name} ({s.origin}, {len(s.modes)} modes)") for s in reversed(sets)],
+        "prior_from_coupon_batch": [(str(b.id), f"{b.name} ({', '.join(b.constants)})") for b in reversed(batches)],
+    }
+    fields = fields_of(RecipeIn, choices)
+    first = sorted((f for f in fields if f.name in PRINCIPAL), key=lambda f: PRINCIPAL.index(f.name))
+    start: dict[str, Any] = {}
+    if like is not None:
+        recipe = updating.get_update_job(like, visit.session, visit.user).recipe
+        start = recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
+    return visit.show(
+        "new_update.html",
+        project=project,
+        structure=structure,
+        campaign=campaign,
+        first=first,
+        more=[f for f in fields if f.name not in PRINCIPAL],
+        start=start,
+    )
+
+
+@router.get("/update-jobs")
+def get_jobs(
+    visit: VisitDep,
+    status: Annotated[list[JobState] | None, Query()] = None,
+    project: Annotated[UUID | None, Query()] = None,
+    cursor: Cursor = None,
+) -> HTMLResponse:
+    """Update jobs, newest first."""
+    listed = updating.list_update_jobs(
+        visit.session, visit.user, project=project, status=status, cursor=cursor, limit=MOST
+    )
+    projects = access.list_projects(visit.session, visit.user, limit=MOST).items
+    return visit.show(
+        "jobs.html",
+        jobs=name_jobs(visit, listed.items),
+        following=listed.next_cursor,
+        status=status[0] if status else "",
+        project_id=project,
+        projects=projects,
+    )
+
+
+@router.get("/update-jobs/{job_id}")
+def get_job(job_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> HTMLResponse:
+    """A job: its progress while it runs, its result when it has one.
+
+    `part` is the piece with the progress alone, which replaces itself; when the job has ended, it has the page loaded anew.
+    """
+    job = updating.get_update_job(job_id, visit.session, visit.user)
+    if part:
+        answer = visit.show("job_progress.html", job=job, ended=job.status in ENDED, kind="update-jobs")
+        if job.status in ENDED:
+            answer.headers["HX-Refresh"] = "true"
+        return answer
+    campaign, structure, project = campaign_context(visit, job.campaign_id)
+    common = {"job": job, "campaign": campaign, "structure": structure, "project": project}
+    if job.status != "succeeded":
+        return visit.show("job.html", **common, ended=job.status in ENDED, kind="update-jobs")
+    result = result_document(visit.session, update_job_for(visit.session, visit.user, job_id))
+    figures = figure_routes.list_figures(job_id, visit.session, visit.user).items
+    points = [] if campaign.deleted_at is not None else _points(visit, job.campaign_id, result)
+    return visit.show("result.html", **common, result=result, points=points, figures=figures)
+
+
+def _points(visit: Visit, campaign_id: UUID, result: dict[str, Any]) -> list[tuple[int, int]]:
+    """Response and reference point of each FRF that was used and is still there, once each."""
+    used = {frf["id"] for frf in result["provenance"].get("frfs", [])}
+    rows = frfs.list_frfs(campaign_id, FrfFilter(), visit.session, visit.user, limit=1000).items
+    return sorted({(row.response_point, row.reference_point) for row in rows if str(row.id) in used})
+
+
+@router.get("/compare")
+def get_comparison(visit: VisitDep, job: Annotated[list[UUID] | None, Query()] = None) -> HTMLResponse:
+    """Any number of results in one table: parameters, frequencies, agreement."""
+    wanted = list(dict.fromkeys(job or []))
+    if len(wanted) > MOST_COMPARED:
+        raise Invalid("job", f"names {len(wanted)} results, at most {MOST_COMPARED} are compared at a time")
+    jobs = [updating.get_update_job(key, visit.session, visit.user) for key in wanted]
+    named = [row for row in name_jobs(visit, jobs, COMPARED) if row.result is not None]
+    rows = campaigns_of(visit.session, [row.job.campaign_id for row in named])
+    performed = {campaign.id: campaign.performed_at for campaign in rows}
+    names = dict.fromkeys(p["name"] for row in named for p in row.result["parameters"])  # type: ignore[index]
+    units = {p["name"]: p["unit"] for row in named for p in row.result["parameters"]}  # type: ignore[index]
+    most_modes = max((len(row.result["modes"]) for row in named), default=0)  # type: ignore[index]
+    return visit.show(
+        "compare.html",
+        jobs=named,
+        without=len(jobs) - len(named),
+        names=list(names),
+        units=units,
+        most_modes=most_modes,
+        over_time=over_time(named, performed),
+    )

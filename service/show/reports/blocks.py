@@ -1,0 +1,92 @@
+"""What a report is made of. A report is a list of blocks; `as_html` and `as_pdf` write the same list."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from service.show.figures.look import Figure
+
+Tone = Literal["plain", "good", "careful", "bad", "small", "code"]
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading; level 1 is the report's title, 2 a section's."""
+
+    text: str
+    level: int = 2
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """Words; a tone other than `plain` is a box in its colour, small print, or text as it stands in a file."""
+
+    text: str
+    tone: Tone = "plain"
+
+
+@dataclass(frozen=True)
+class Bullets:
+    """Sentences of equal rank."""
+
+    items: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns and rows of text.
+
+    Attributes:
+        columns: headings; empty for a list of names and values.
+        rows: of as many cells.
+        numeric: of each column, whether it stands to the right.
+    """
+
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    numeric: Sequence[bool]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure.
+
+    Attributes:
+        figure: of `service.show.figures`.
+        width: as a share of the text's.
+    """
+
+    figure: Figure
+    width: float = 1.0
+
+
+@dataclass(frozen=True)
+class Signatures:
+    """Lines to sign and date, with who signs."""
+
+    roles: Sequence[str]
+
+
+@dataclass(frozen=True)
+class PageBreak:
+    """What follows starts on a new page."""
+
+
+Block = Heading | Paragraph | Bullets | Table | Picture | Signatures | PageBreak
+
+
+@dataclass(frozen=True)
+class Report:
+    """A report.
+
+    Attributes:
+        title: of the document.
+        footer: at the foot of every page, before its number.
+        blocks: in order.
+    """
+
+    title: str
+    footer: str
+    blocks: Sequence[Block]

@@ -1,0 +1,116 @@
+"""What the figures of an update are drawn from: its result document, its predicted FRFs and the measured ones beside them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+from uuid import UUID
+
+import numpy as np
+from sqlalchemy.orm import Session
+
+from fecore.arrays import ComplexArray, FloatArray
+from fecore.frf import Dof
+from service.errors import Conflict
+from service.show.results.predictions import used_frfs
+from service.store.frfs.data import FrfTable, frequency_axis
+from service.store.frfs.operations import frfs_of
+from service.store.structures.operations import describe_version, version_of
+from service.store.updating.operations import result_arrays, result_document, result_parts
+from service.store.updating.stored_arrays import StoredArrays
+
+if TYPE_CHECKING:
+    from service.store.frfs.tables import Frf
+    from service.store.updating.tables import UpdateJob
+
+
+@dataclass(frozen=True)
+class UpdateFigures:
+    """A job whose figures are drawn; everything is read when a figure asks for it.
+
+    Attributes:
+        session: of the request.
+        job: the update.
+    """
+
+    session: Session
+    job: UpdateJob
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """The result document.
+
+        Raises:
+            Conflict: the job has no result, yet or ever.
+        """
+        return result_document(self.session, self.job)
+
+    @cached_property
+    def light(self) -> dict[str, Any]:
+        """Band, and where the result came from: the members that a figure of FRFs needs, without reading the others.
+
+        Raises:
+            Conflict: the job has no result, yet or ever.
+        """
+        found = result_parts(self.session, [self.job.id], ("band_hz", "provenance"))
+        return found[self.job.id] if found else self.document
+
+    @cached_property
+    def arrays(self) -> StoredArrays:
+        """Arrays that were stored beside the document: predicted FRFs and what belongs to them.
+
+        Raises:
+            Conflict: the job has no result, yet or ever.
+        """
+        return result_arrays(self.session, self.job)
+
+    def require_prediction(self) -> None:
+        """Make sure that FRFs were predicted.
+
+        Raises:
+            Conflict: none were; the message says why.
+        """
+        if self.arrays["frequency_hz"].size == 0:
+            damping = next((o for o in self.document["outcomes"] if o["stage"] == "damping"), None)
+            why = f": {damping['message']}" if damping and damping["message"] else ""
+            raise Conflict(f"this update predicts no FRF, as its damping was not fitted to any{why}")
+
+    @cached_property
+    def dofs(self) -> list[tuple[Dof, Dof]]:
+        """Response and reference of each predicted FRF, in the specimen's frame."""
+        pairs = zip(self.arrays["responses"].tolist(), self.arrays["references"].tolist(), strict=True)
+        return [(Dof(*response), Dof(*reference)) for response, reference in pairs]
+
+    def measured_frf(self, row: int) -> Frf:
+        """The measured FRF that a prediction belongs to."""
+        ids = [UUID(frf["id"]) for frf in self.light["provenance"]["frfs"]]
+        if len(ids) == len(self.dofs):
+            return frfs_of(self.session, [ids[row]])[0]
+        return used_frfs(self.session, self.job, frfs_of(self.session, ids), self.dofs)[row]
+
+    def measured(self, frf: Frf) -> tuple[ComplexArray, FloatArray | None]:
+        """(L,) measured values on the predicted lines, and the coherence, or None where none was stored."""
+        frequency = self.arrays["frequency_hz"]
+        first = int(np.searchsorted(frequency_axis(self.session, frf), frequency[0] * (1 - 1e-9)))
+        ((_, values, coherence),) = FrfTable(
+            self.session, [frf], frequency, slice(first, first + frequency.size)
+        ).both()
+        return values.astype(complex), coherence
+
+    def moving_point(self, row: int) -> int:
+        """The point that distinguishes an FRF from the others: that of the side which moved; of both, the response's."""
+        response, reference = self.dofs[row]
+        return reference.point if self._responses_stay else response.point
+
+    @cached_property
+    def _responses_stay(self) -> bool:
+        responses, references = ({pair[side] for pair in self.dofs} for side in (0, 1))
+        return len(responses) < len(references)
+
+    @property
+    def plan(self) -> tuple[float, float]:
+        """Length and width of the specimen, m, as they were when the job was queued."""
+        geometry = describe_version(version_of(self.session, self.job.structure_version_id), "").geometry
+        assert geometry is not None, "a structure that was updated has a geometry"
+        return geometry.length_m, geometry.width_m

@@ -1,0 +1,309 @@
+"""The figures of an update by name: what each is called, and how it is drawn from the job's result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fecore.correlation import auto_mac
+from service.errors import Conflict, NotFound
+from service.show.figures.answers import require_figure
+from service.show.figures.budget import budget_figure
+from service.show.figures.convergence import convergence_figure
+from service.show.figures.correlation import PointValues, agreement_figure, points_figure
+from service.show.figures.damping import damping_figure
+from service.show.figures.look import Figure, words
+from service.show.figures.matrices import mac_figure
+from service.show.figures.parameters import parameters_figure
+from service.show.figures.posterior import posterior_figure
+from service.show.figures.shapes import MOST_MODES, MOST_ROWS, ShapePair, shapes_figure
+from service.show.figures.stabilisation import stabilisation_figure
+from service.show.results.figure_data import UpdateFigures
+from service.show.results.figure_frf import Wanted, update_frf_figure
+
+
+@dataclass(frozen=True)
+class NamedFigure:
+    """A figure of an update.
+
+    Attributes:
+        title: what it shows, in one line.
+        draw: draws it.
+        check: raises Conflict where the result has nothing for it; `draw` may rely on it.
+        query: parameters of the query that it heeds.
+        sheets: draws it as several figures of which each fits on a page; None where one does.
+    """
+
+    title: str
+    draw: Callable[[UpdateFigures, Wanted], Figure]
+    check: Callable[[UpdateFigures], object]
+    query: tuple[str, ...] = ()
+    sheets: Callable[[UpdateFigures], Sequence[Figure]] | None = None
+
+
+def draw_figure(data: UpdateFigures, name: str, wanted: Wanted) -> Figure:
+    """A figure of an update.
+
+    Raises:
+        NotFound: there is no figure of that name, or no FRF at the point.
+        Conflict: the job has no result, or its result has nothing to draw; the message says why.
+    """
+    require_figure(name, *FIGURES)
+    FIGURES[name].check(data)
+    return FIGURES[name].draw(data, wanted)
+
+
+def draw_sheets(data: UpdateFigures, name: str) -> Sequence[Figure]:
+    """A figure for paper: as many figures as it needs pages, none where the result has nothing to draw."""
+    figure = FIGURES[name]
+    try:
+        figure.check(data)
+    except Conflict:
+        return ()
+    return [figure.draw(data, Wanted())] if figure.sheets is None else figure.sheets(data)
+
+
+def _require_result(data: UpdateFigures) -> None:
+    assert data.document is not None, "asking for it raises where there is none"
+
+
+def _require_arrays(*names: str) -> Callable[[UpdateFigures], None]:
+    """A check that arrays were kept, for figures of FRFs: of a job without a prediction, and of an earlier version's."""
+
+    def check(data: UpdateFigures) -> None:
+        data.require_prediction()
+        if any(name not in data.arrays for name in names):
+            raise Conflict(_OLDER)
+
+    return check
+
+
+_OLDER = "this result was computed by an earlier version, which kept no data for this figure; run the update again"
+
+
+def _require_mac(data: UpdateFigures) -> None:
+    if data.document["correlation"]["mac_matrix"] is None:
+        raise Conflict("the measured modes have no shapes, so there is no MAC")
+
+
+def _mac(data: UpdateFigures, _: Wanted) -> Figure:
+    document = data.document
+    matrix = document["correlation"]["mac_matrix"]
+    across = document.get("model_modes") or [{"number": j + 1, "frequency_hz": None} for j in range(len(matrix[0]))]
+    columns = [_mode_name(mode["number"], mode["frequency_hz"]) for mode in across]
+    title = "MAC of measured and updated shapes"
+    return mac_figure(matrix, _measured_names(data), columns, title, "mode of the updated model")
+
+
+def _mode_name(number: int, hz: float | None) -> str:
+    return str(number) if hz is None else f"{number}: {hz:.4g} Hz"
+
+
+def _measured_names(data: UpdateFigures) -> list[str]:
+    return [_mode_name(mode["number"], mode["measured_hz"]) for mode in data.document["modes"]]
+
+
+def _require_measured_shapes(data: UpdateFigures) -> None:
+    _require_mac(data)
+    if "shapes_measured" not in data.arrays:
+        raise Conflict(_OLDER)
+
+
+def _automac(data: UpdateFigures, _: Wanted) -> Figure:
+    matrix = auto_mac(data.arrays["shapes_measured"].astype(complex)).tolist()
+    names = _measured_names(data)
+    title = "AutoMAC of the measured shapes: can the points keep the modes apart?"
+    return mac_figure(matrix, names, names, title, "measured mode")
+
+
+def _require_shapes(data: UpdateFigures) -> None:
+    _require_result(data)
+    if "shapes_updated" not in data.arrays:
+        has_points = bool(data.document["provenance"]["frfs"])
+        raise Conflict(
+            _OLDER if has_points else "there are no FRFs and the modes have no shapes, so there is nothing to draw"
+        )
+
+
+def _shapes(data: UpdateFigures, wanted: Wanted) -> Figure:
+    found = _shape_pairs(data, wanted)
+    if not found:
+        return words("Mode shapes, measured and updated", "this mode has no partner; choose one of the other side too")
+    which = f"the first {MOST_MODES} of {len(found)} pairs" if len(found) > MOST_MODES else ""
+    return _drawn_shapes(data, wanted, found[:MOST_MODES], which)
+
+
+def _shape_sheets(data: UpdateFigures) -> list[Figure]:
+    found = _shape_pairs(data, Wanted())
+    if len(found) <= MOST_ROWS:
+        return [_shapes(data, Wanted())]
+    sheets = np.array_split(found[:MOST_MODES], -(-min(len(found), MOST_MODES) // MOST_ROWS))
+    return [
+        _drawn_shapes(data, Wanted(), sheet.tolist(), f"modes {sheet[0, 0] + 1} to {sheet[-1, 0] + 1}")
+        for sheet in sheets
+    ]
+
+
+def _drawn_shapes(data: UpdateFigures, wanted: Wanted, found: Sequence[tuple[int, int]], which: str) -> Figure:
+    arrays, modes = data.arrays, data.document["modes"]
+    pairs = [
+        ShapePair(
+            number=modes[i]["number"],
+            measured_title=f"mode {modes[i]['number']}, measured: {modes[i]['measured_hz']:.4g} Hz",
+            updated_title=_updated_title(modes[i]) if wanted.model is None else _model_title(data, i, j),
+            measured=arrays["shapes_measured"][i].astype(complex),
+            updated=arrays["shapes_updated"][j].astype(float),
+        )
+        for i, j in found
+    ]
+    return shapes_figure(pairs, arrays["shape_points"].tolist(), arrays["shape_places_m"], which)
+
+
+def _shape_pairs(data: UpdateFigures, wanted: Wanted) -> list[tuple[int, int]]:
+    """Places of the modes whose shapes are drawn: the pairs of the result, those of one measured mode, or any two."""
+    measured, model = len(data.document["modes"]), len(data.arrays["shapes_updated"])
+    for name, number, most in (("measured", wanted.measured, measured), ("model", wanted.model, model)):
+        if number is not None and number > most:
+            raise NotFound(f"{name} mode {number} in this result; there are 1 to {most}")
+    if wanted.measured is not None and wanted.model is not None:
+        return [(wanted.measured - 1, wanted.model - 1)]
+    return [
+        (i, j)
+        for i, j in data.arrays["shape_pairs"].tolist()
+        if wanted.measured in (None, i + 1) and wanted.model in (None, j + 1)
+    ]
+
+
+def _model_title(data: UpdateFigures, i: int, j: int) -> str:
+    """Of a pair that was asked for, which need not be one of the result."""
+    mode, matrix = data.document["model_modes"][j], data.document["correlation"]["mac_matrix"]
+    mac = "" if matrix is None or matrix[i][j] is None else f", MAC {matrix[i][j]:.3f}"
+    return f"updated model, mode {mode['number']}: {mode['frequency_hz']:.4g} Hz{mac}"
+
+
+def _updated_title(mode: dict[str, Any]) -> str:
+    mac = "" if mode["mac"] is None else f", MAC {mode['mac']:.3f}"
+    return f"updated: {mode['updated_hz']:.4g} Hz, {mode['kind']}{mac}"
+
+
+def _parameters(data: UpdateFigures, _: Wanted) -> Figure:
+    return parameters_figure(data.document["parameters"], "Parameters: prior and updated, 95 % intervals")
+
+
+def _require_posterior(data: UpdateFigures) -> None:
+    if data.document["posterior"].get("correlation") is None:
+        raise Conflict(_OLDER)
+
+
+def _posterior(data: UpdateFigures, _: Wanted) -> Figure:
+    described = data.document["posterior"]
+    rows = {row["name"]: row for row in data.document["parameters"]}
+    places = [i for i, name in enumerate(described["names"]) if name in rows]
+    chosen = [rows[described["names"][i]] for i in places]
+    correlation = np.array(described["correlation"], dtype=float)[np.ix_(places, places)]
+    samples = data.arrays["samples"][:, places].astype(float) if "samples" in data.arrays else None
+    return posterior_figure(chosen, correlation, samples)
+
+
+def _require_budget(data: UpdateFigures) -> None:
+    if not any(row["budget"] for row in data.document["parameters"]):
+        raise Conflict("no parameter of this result has a budget of its variance")
+
+
+def _budget(data: UpdateFigures, _: Wanted) -> Figure:
+    return budget_figure(data.document["parameters"])
+
+
+def _agreement(name: str) -> Callable[[UpdateFigures, Wanted], Figure]:
+    def draw(data: UpdateFigures, wanted: Wanted) -> Figure:
+        hz = data.arrays["band_lines_hz"]
+        low, high = wanted.fmin or 0.0, np.inf if wanted.fmax is None else wanted.fmax
+        kept = (hz >= low) & (hz <= high)
+        if not kept.any():
+            raise NotFound(f"line of the fitted band, {hz[0]:g} to {hz[-1]:g} Hz, between {low:g} and {high:g} Hz")
+        initial, updated = data.arrays[name][:, kept].astype(float)
+        return agreement_figure(
+            name, hz[kept], initial, updated, [mode["measured_hz"] for mode in data.document["modes"]]
+        )
+
+    return draw
+
+
+def _sac(data: UpdateFigures, _: Wanted) -> Figure:
+    arrays, correlation = data.arrays, data.document["correlation"]
+    parts = [(arrays["fitted"].tolist(), correlation, False)]
+    if correlation["held_out"]["frfs"] is not None:
+        parts.append((arrays["held"].tolist(), correlation["held_out"]["frfs"], True))
+    rows = [row for places, _, _ in parts for row in places]
+    places = dict(zip(arrays["shape_points"].tolist(), arrays["shape_places_m"], strict=True))
+    labels = [data.moving_point(row) for row in rows]
+    at = np.array([places[label] for label in labels])
+    values = {
+        name: np.array([np.nan if v is None else v for _, found, _ in parts for v in found[name]], dtype=float)
+        for name in ("sac", "frac")
+    }
+    held = [is_held for places, _, is_held in parts for _ in places]
+    length, width = data.plan
+    return points_figure(PointValues(labels, at[:, 0], at[:, 1], values["sac"], values["frac"], held), length, width)
+
+
+def _convergence(data: UpdateFigures, _: Wanted) -> Figure:
+    document = data.document
+    steps = document["convergence"]
+    reported = {row["name"] for row in document["parameters"]}
+    names = [name for name in steps[0]["parameters"] if name in reported] if steps else []
+    constants = {name: [step["parameters"][name] for step in steps] for name in names}
+    history = np.array(document["damping_fit"]["history"], dtype=float)
+    laws = document["damping_models"]
+    coefficients = dict(zip(laws[0]["coefficients"], history.T.tolist(), strict=True)) if history.size else {}
+    return convergence_figure(document["starts"], constants, coefficients)
+
+
+def _require_laws(data: UpdateFigures) -> None:
+    laws = data.document["damping_models"]
+    if not laws:
+        damping = next((o["message"] for o in data.document["outcomes"] if o["stage"] == "damping"), "")
+        raise Conflict(f"no damping law was fitted: {damping or 'no measured mode has a damping ratio'}")
+    if laws[0]["curve"] is None:
+        raise Conflict(_OLDER)
+
+
+def _damping(data: UpdateFigures, _: Wanted) -> Figure:
+    return damping_figure(data.document["damping_models"], data.document["modes"])
+
+
+def _require_identification(data: UpdateFigures) -> None:
+    if data.document["identification"] is None:
+        raise Conflict("this update was given its modes and identified none, so there is no stabilisation diagram")
+
+
+def _stabilisation(data: UpdateFigures, _: Wanted) -> Figure:
+    found = data.document["identification"]
+    return stabilisation_figure(found["stabilisation"], found["modes"], found["doubtful"])
+
+
+_LINES = ("fmin", "fmax")
+
+FIGURES: dict[str, NamedFigure] = {
+    "frf": NamedFigure(
+        "FRF: measured, initial and updated", update_frf_figure, _require_arrays(), ("point", "reference", *_LINES)
+    ),
+    "parameters": NamedFigure("Parameters: prior and updated with 95 % intervals", _parameters, _require_result),
+    "budget": NamedFigure("What the variance of each parameter is made of", _budget, _require_budget),
+    "posterior": NamedFigure("Posterior: densities and correlations", _posterior, _require_posterior),
+    "shapes": NamedFigure(
+        "Mode shapes, measured beside updated", _shapes, _require_shapes, ("measured", "model"), _shape_sheets
+    ),
+    "mac": NamedFigure("MAC of measured and updated shapes", _mac, _require_mac),
+    "automac": NamedFigure("AutoMAC of the measured shapes", _automac, _require_measured_shapes),
+    "csac": NamedFigure("CSAC: agreement in shape by line", _agreement("csac"), _require_arrays("csac"), _LINES),
+    "csf": NamedFigure("CSF: agreement in level by line", _agreement("csf"), _require_arrays("csf"), _LINES),
+    "sac": NamedFigure("SAC and FRAC by point on the specimen", _sac, _require_arrays("fitted", "shape_points")),
+    "damping": NamedFigure("Damping ratios and the laws", _damping, _require_laws),
+    "convergence": NamedFigure("Convergence of all starts", _convergence, _require_result),
+    "stabilisation": NamedFigure("Stabilisation diagram", _stabilisation, _require_identification),
+}
+"""Every figure of an update, in the order in which a report shows them."""

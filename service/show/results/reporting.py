@@ -1,0 +1,45 @@
+"""The report of an update: its facts from the rooms that have them, its figures from the result."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from sqlalchemy.orm import Session
+
+from service.access import User, project_for
+from service.show.results.figure_data import UpdateFigures
+from service.show.results.figures import draw_sheets
+from service.store.campaigns.operations import campaign_of
+from service.store.campaigns.operations import describe as describe_campaign
+from service.store.structures.operations import describe_version, structure_of, version_of
+
+if TYPE_CHECKING:
+    from service.show.reports.blocks import Report
+    from service.store.updating.tables import UpdateJob
+
+
+def report_of(session: Session, user: User, job: UpdateJob) -> Report:
+    """The report of an update, with the structure as it was then.
+
+    Raises:
+        Conflict: the job has no result, yet or ever.
+    """
+    from service.show.reports.update_report import (  # with the terminal's tables, by the first report
+        UpdateFacts,
+        update_report,
+    )
+
+    data = UpdateFigures(session, job)
+    campaign = campaign_of(session, job.campaign_id)
+    name = structure_of(session, campaign.structure_id).name
+    structure = describe_version(version_of(session, job.structure_version_id), name)
+    facts = UpdateFacts(
+        document=data.document,
+        project=project_for(session, user, job.project_id).name,
+        structure=structure.model_dump(mode="json"),
+        campaign=describe_campaign(campaign).model_dump(mode="json"),
+        frfs=len(data.document["provenance"]["frfs"]),
+    )
+
+    return update_report(facts, partial(draw_sheets, data))

@@ -1,0 +1,133 @@
+"""Routes of the figures of what is measured and watched: hits of a point, a stabilisation diagram, a coupon's curve, a series.
+
+Those of results are in `service.show.results`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+from uuid import UUID
+
+from fastapi import Query, Response
+
+from service.access import CurrentUser, SessionDep
+from service.compute.identification_document import up_to_date
+from service.errors import Conflict, Invalid
+from service.jobs.state import why_no_result
+from service.jobs.tables import Job
+from service.monitoring.lookups import monitor_for
+from service.monitoring.monitors import series_for
+from service.monitoring.presentation import series_document
+from service.monitoring.routes import Version
+from service.show.figures.answers import RESPONSES, Asked, FigureName, require_figure
+from service.show.figures.coupon import CurveShown, coupon_figure
+from service.show.figures.hits import hits_figure
+from service.show.figures.look import Figure
+from service.show.figures.series import series_figure
+from service.show.figures.stabilisation import stabilisation_figure
+from service.show.hits import Chosen, point_blocks, point_shown
+from service.store.campaigns.operations import campaign_for
+from service.store.coupons.curves import curve_of, series_of
+from service.store.coupons.operations import coupon_for
+from service.store.modes.identifications import identification_for
+from service.store.records.routes import Whole
+from service.web import api_router
+
+if TYPE_CHECKING:
+    from service.store.coupons.tables import Coupon, CouponCurve
+
+router = api_router(tags=["figures"])
+
+
+@router.get("/campaigns/{campaign_id}/figures/{name}", response_class=Response, responses=RESPONSES)
+def get_campaign_figure(
+    campaign_id: UUID,
+    name: FigureName,
+    session: SessionDep,
+    user: CurrentUser,
+    asked: Asked,
+    point: Annotated[Whole, Query(description="where it was hit; default: the first place")] = None,
+    direction: Annotated[int | None, Query(ge=-6, le=6, description="signed direction of the hits")] = None,
+    response: Annotated[Whole, Query(description="where the sensor stood; default: the first one")] = None,
+) -> Response:
+    """The figure `hits` of a point: the good ones alike, each bad one in a colour of its own with what was found against it.
+
+    They are judged as the newest processing judged them; before one, among themselves.
+    """
+    campaign = campaign_for(session, user, campaign_id)
+    require_figure(name, "hits")
+    blocks = point_blocks(session, campaign.id, Chosen(point, direction, response))
+    return asked.answer(lambda: hits_figure(point_shown(session, blocks)), name, blocks.version)
+
+
+@router.get("/identifications/{identification_id}/figures/{name}", response_class=Response, responses=RESPONSES)
+def get_identification_figure(
+    identification_id: UUID,
+    name: FigureName,
+    session: SessionDep,
+    user: CurrentUser,
+    asked: Asked,
+) -> Response:
+    """The figure `stabilisation` of an identification; 409 while it has found nothing, or where it failed."""
+    row = identification_for(session, user, identification_id)
+    require_figure(name, "stabilisation")
+    if row.document is None:
+        raise Conflict(why_no_result("identification", session.get_one(Job, row.id, populate_existing=True)))
+    found = up_to_date(row.document)
+
+    def draw() -> Figure:
+        return stabilisation_figure(found["stabilisation"], found["modes"], found["doubtful"])
+
+    return asked.answer(draw, name, str(row.id))  # what it found never changes
+
+
+@router.get("/coupons/{coupon_id}/figures/{name}", response_class=Response, responses=RESPONSES)
+def get_coupon_figure(
+    coupon_id: UUID,
+    name: FigureName,
+    session: SessionDep,
+    user: CurrentUser,
+    asked: Asked,
+) -> Response:
+    """The figure `curve`: raw curve, chord, bounds, strength; of D3518 the 0.2 % offset, of D3039 the transverse strain."""
+    coupon = coupon_for(session, user, coupon_id)
+    require_figure(name, "curve")
+    curve = curve_of(session, coupon)
+    return asked.answer(lambda: coupon_figure(_curve_shown(coupon, curve)), name, curve.sha256.hex())
+
+
+@router.get("/monitors/{monitor_id}/series/figure", response_class=Response, responses=RESPONSES)
+def get_series_figure(
+    monitor_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    asked: Asked,
+    parameter: Annotated[str | None, Query(max_length=60, description="default: the first one that is watched")] = None,
+    series: Version = None,
+) -> Response:
+    """The series of a parameter as a figure: Plotly JSON for the browser and notebooks, or SVG, PNG, PDF for print."""
+    monitor = monitor_for(session, user, monitor_id)
+    document = series_document(session, monitor, series_for(session, monitor, series))
+    watched = list(monitor.watch["directions"])
+    wanted = parameter or watched[0]
+    if wanted not in watched:
+        raise Invalid("parameter", f"{wanted!r} is not watched; {', '.join(watched)} are")
+    return asked.answer(lambda: series_figure(document, wanted), wanted)
+
+
+def _curve_shown(coupon: Coupon, curve: CouponCurve) -> CurveShown:
+    """A curve as its figure needs it.
+
+    Raises:
+        Damaged: the bytes are not the ones that were stored.
+    """
+    series = series_of(curve)
+    strain = series["strain"]
+    return CurveShown(
+        title=f"{coupon.specimen}, {coupon.standard}",
+        shear=coupon.standard == "D3518",
+        strain=(strain + series["strain_back"]) / 2 if "strain_back" in series else strain,
+        force=series["force"],
+        transverse=series.get("transverse_strain"),
+        reduction=curve.reduction,
+    )

@@ -1,5 +1,0 @@
-"""How much a project stores, and how much it may."""
-
-from service.storage.operations import StorageOwner, book, require_room
-
-__all__ = ["StorageOwner", "book", "require_room"]

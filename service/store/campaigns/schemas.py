@@ -1,0 +1,191 @@
+"""What a client sends and gets about campaigns, grid points and imports."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime
+from typing import Annotated, Literal, Self
+from uuid import UUID
+
+from pydantic import AfterValidator, Field, JsonValue, field_validator, model_validator
+from pydantic_core import PydanticCustomError
+
+from fecore.errors import InputError
+from fecore.updating.inputs import SOFTEST_CLAMP
+from service.compute.frame import make_frame
+from service.store.structures.schemas import Deviation
+from service.web import Name, StrictModel, Text, Time, example, not_null
+from service.web.quantities import SENSOR_MASS
+
+Boundary = Literal["cantilever", "free", "simply_supported"]
+Point = Annotated[int, Field(ge=1, le=9_999_999_999, description="label of a grid point")]
+Coordinate = Annotated[float, Field(ge=-1e6, le=1e6, description="m")]
+Vector = tuple[Coordinate, Coordinate, Coordinate]
+
+
+def _short(value: dict[str, JsonValue]) -> dict[str, JsonValue]:
+    """Refuse more than a page: every list of campaigns shows it."""
+    if (size := len(json.dumps(value))) > MOST_DETAILS:
+        raise PydanticCustomError(
+            "long", "has {size} characters as JSON, at most {most} are kept", {"size": size, "most": MOST_DETAILS}
+        )
+    return value
+
+
+MOST_DETAILS = 10_000
+Details = Annotated[
+    dict[str, JsonValue], AfterValidator(_short), Field(description=f"at most {MOST_DETAILS} characters as JSON")
+]
+
+
+class FrameIn(StrictModel):
+    """Where the file's coordinates put the specimen: origin and unit axes of the specimen, in the file's coordinates."""
+
+    origin_m: Vector = (0.0, 0.0, 0.0)
+    x_axis: Vector = (1.0, 0.0, 0.0)
+    y_axis: Vector = (0.0, 1.0, 0.0)
+
+    @model_validator(mode="after")
+    def _orthonormal(self) -> Self:
+        try:
+            make_frame(self.origin_m, self.x_axis, self.y_axis)
+        except InputError as error:
+            raise PydanticCustomError("not_orthonormal", "{why}", {"why": str(error)}) from None
+        return self
+
+
+class AddedMass(StrictModel):
+    """A mass that was put on the specimen to be known, such as a nut glued to its tip."""
+
+    x_m: Coordinate = Field(description="m, on the specimen, from its end x = 0")
+    y_m: Coordinate = Field(0.0, description="m, from its centre line")
+    mass_kg: float = Field(gt=0, le=1000)
+    rotary_inertia_kg_m2: float = Field(0.0, ge=0, le=1000, description="about x and y through its place; 0: a point")
+
+
+class Instruments(StrictModel):
+    """What was measured with. A sensor of a mass but no point stood where all responses are, or moved with them."""
+
+    hammer: Details = Field(default_factory=dict, max_length=100)
+    sensor: Details = Field(default_factory=dict, max_length=100)
+    analyser: Details = Field(default_factory=dict, max_length=100)
+    sensor_mass_kg: Annotated[float, SENSOR_MASS] | None = Field(
+        default=None, ge=0, le=1000, description="kg; 0 for a sensor that does not touch"
+    )
+    sensor_point: Point | None = Field(
+        default=None, description="grid point where the sensor sits; none where it moves with the response"
+    )
+    added_masses: list[AddedMass] = Field(
+        default_factory=list, max_length=100, description="what the specimen carried besides the sensor, weighed"
+    )
+
+
+class CampaignInputs(StrictModel):
+    """How well is known what a test was done with: standard deviations. null: a careful laboratory's; 0: exactly known."""
+
+    clamp_compliance_sd: Deviation = Field(None, description="of EI/kL of a clamped edge, 1 at most; half-normal")
+    sensor_mass_sd_kg: Deviation = Field(None, description="where no sensor is stated: half-normal; null is 1 g there")
+    channel_delay_sd_s: Deviation = Field(None, description="of the delay between response and force")
+    window_rate_per_s: Deviation = Field(
+        None,
+        description="1/τ of an exponential window exp(-t/τ) on the response; 0: there was none; null: what the FRFs state, "
+        "or nobody knows",
+    )
+    window_time_constant_s: float | None = Field(
+        None, gt=0, le=1e9, description="τ of that window, where the analyser states it in place of the rate"
+    )
+    window_rate_sd_per_s: Deviation = Field(None, description="of a stated window's rate; null is 0")
+
+    @model_validator(mode="after")
+    def _one_window(self) -> Self:
+        if self.window_rate_per_s is not None and self.window_time_constant_s is not None:
+            raise PydanticCustomError("one_window", "state window_rate_per_s or window_time_constant_s, not both")
+        return self
+
+
+class StatedInputs(CampaignInputs):
+    """The same as a client states it; earlier versions took a clamp that is none."""
+
+    clamp_compliance_sd: float | None = Field(
+        None, ge=0, le=SOFTEST_CLAMP, description="of EI/kL of a clamped edge; half-normal"
+    )
+
+
+class CampaignIn(StrictModel):
+    """A campaign as a client describes it."""
+
+    model_config = example(name="March", boundary="cantilever", performed_at="2026-03-02T09:30:00Z", temperature_c=21.5)
+
+    name: Name
+    boundary: Boundary
+    performed_at: Time | None = None
+    temperature_c: float | None = Field(None, gt=-273.15, le=1000)
+    humidity_percent: float | None = Field(None, ge=0, le=100)
+    instruments: Instruments = Instruments.model_construct()  # nothing stated, and nothing to check
+    frame: FrameIn | None = None
+    inputs: StatedInputs | None = Field(None, description="window, and how well clamp, sensor and channels are known")
+    notes: Text = Field("", max_length=10_000)
+
+
+class CampaignPatch(StrictModel):
+    """Members to change; a member that may be unknown is cleared with null."""
+
+    model_config = example(temperature_c=20.5)
+
+    name: Name | None = None
+    boundary: Boundary | None = None
+    performed_at: Time | None = None
+    temperature_c: float | None = Field(None, gt=-273.15, le=1000)
+    humidity_percent: float | None = Field(None, ge=0, le=100)
+    instruments: Instruments | None = None
+    frame: FrameIn | None = None
+    inputs: StatedInputs | None = None
+    notes: Text | None = Field(None, max_length=10_000)
+
+    _never_null = not_null("name", "boundary", "instruments", "notes")
+
+
+class CampaignOut(StrictModel):
+    """A campaign."""
+
+    id: UUID
+    structure_id: UUID
+    name: str
+    boundary: Boundary
+    performed_at: datetime | None
+    temperature_c: float | None
+    humidity_percent: float | None
+    instruments: Instruments
+    frame: FrameIn
+    inputs: CampaignInputs
+    notes: str
+    created_at: datetime
+    updated_at: datetime
+    deleted_at: datetime | None
+
+
+class GridPoint(StrictModel):
+    """A measurement point in the file's coordinates."""
+
+    label: Point
+    x_m: Coordinate
+    y_m: Coordinate
+    z_m: Coordinate = 0.0
+
+
+class GridPoints(StrictModel):
+    """All points of a campaign."""
+
+    items: list[GridPoint] = Field(max_length=1_000_000)
+
+    @field_validator("items")
+    @classmethod
+    def _labels_once(cls, items: list[GridPoint]) -> list[GridPoint]:
+        seen: set[int] = set()
+        for i, point in enumerate(items):
+            if point.label in seen:
+                raise PydanticCustomError(
+                    "twice", "point {label} is there twice, again as item {i}", {"label": point.label, "i": i}
+                )
+            seen.add(point.label)
+        return items

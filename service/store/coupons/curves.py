@@ -1,0 +1,178 @@
+"""Raw curves in the database: the machine's file and its series, each under its SHA-256."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import statistics
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from fecore.arrays import FloatArray
+from service.errors import Conflict, NotFound, verified
+from service.store.coupons.curve_schemas import CurveCouponIn, CurveFile, CurveOut
+from service.store.coupons.reduction import Reduced
+from service.store.coupons.tables import Coupon, CouponBatch, CouponCurve
+
+if TYPE_CHECKING:
+    from service.store.coupons.bodies import RawCurve
+
+UNLIKE_DIMENSION = 3.0
+"""Ratio of a dimension to that of the batch's other specimens from which on it is thought to be a mistake."""
+
+UNITS = {"force": "N", "strain": "m/m", "strain_back": "m/m", "transverse_strain": "m/m", "time": "s"}
+
+
+def new_curve(coupon: Coupon, sent: RawCurve, reduced: Reduced) -> CouponCurve:
+    """The row of a specimen's curve, to be added to a session: the machine's file and the series in SI, each with its
+    SHA-256, and how the file was read and reduced.
+    """
+    data = b"".join(np.ascontiguousarray(values, "<f8").tobytes() for values in reduced.series.values())
+    return CouponCurve(
+        coupon_id=coupon.id,
+        filename=sent.filename,
+        file_sha256=hashlib.sha256(sent.data).digest(),
+        file_size=len(sent.data),
+        request=sent.request.model_dump(mode="json"),
+        reading=reduced.reading,
+        reduction=reduced.reduction,
+        software=reduced.software,
+        series=list(reduced.series),
+        points=next(iter(reduced.series.values())).size,
+        sha256=hashlib.sha256(data).digest(),
+        file=sent.data,
+        data=data,
+    )
+
+
+def same_curve(session: Session, batch: CouponBatch, sent: RawCurve) -> Coupon | None:
+    """The specimen of the batch that came of the same file and the same request; None where there is none."""
+    query = select(Coupon).join(CouponCurve, CouponCurve.coupon_id == Coupon.id)
+    own = Coupon.batch_id == batch.id, Coupon.specimen == sent.request.specimen
+    found = session.scalars(query.where(*own, CouponCurve.file_sha256 == hashlib.sha256(sent.data).digest())).first()
+    same = found is not None and found.curve is not None and found.curve.request == sent.request.model_dump(mode="json")
+    return found if same else None
+
+
+def unlike_the_batch(session: Session, batch: CouponBatch, data: bytes, reduced: Reduced) -> list[str]:
+    """What is odd about a specimen beside those that the batch has already.
+
+    Args:
+        session: the request's transaction.
+        batch: where the specimen is about to go.
+        data: its machine's file.
+        reduced: the results, and how they came about.
+
+    Raises:
+        Conflict: the batch has this run of this file already, under another name.
+    """
+    others = session.execute(
+        select(Coupon.specimen, CouponCurve.file_sha256, CouponCurve.reading, CouponCurve.reduction)
+        .join(CouponCurve, CouponCurve.coupon_id == Coupon.id)
+        .where(Coupon.batch_id == batch.id, Coupon.excluded.is_(False))
+        .order_by(Coupon.id)
+    ).all()
+    digest = hashlib.sha256(data).digest()
+    for specimen, sha256, reading, _ in others:
+        if sha256 == digest and reading["run"] == reduced.reading["run"]:
+            raise Conflict(f"the batch has run {reading['run']} of this file already, as specimen {specimen}")
+    found = []
+    for name in ("width_m", "thickness_m") if others else ():
+        usual, own = statistics.median(reduction[name] for *_, reduction in others), reduced.reduction[name]
+        if not 1 / UNLIKE_DIMENSION < own / usual < UNLIKE_DIMENSION:
+            found.append(
+                f"the {name.removesuffix('_m')} is {1e3 * own:.4g} mm, {own / usual:.3g} times that of the batch's other "
+                f"specimens ({1e3 * usual:.4g} mm): is it in another unit?"
+            )
+    return found
+
+
+def curve_of(session: Session, coupon: Coupon) -> CouponCurve:
+    """The curve of a specimen.
+
+    Raises:
+        NotFound: its results were handed in without a curve.
+    """
+    curve = session.get(CouponCurve, coupon.id)
+    if curve is None:
+        raise NotFound("raw curve of coupon", coupon.id)
+    return curve
+
+
+def series_of(curve: CouponCurve) -> dict[str, FloatArray]:
+    """(points,) SI arrays by name, verified. NaN where the machine wrote nothing.
+
+    Raises:
+        Damaged: the bytes are not the ones that were stored.
+    """
+    table = np.frombuffer(verified(curve.data, curve.sha256, "curve"), "<f8").reshape(len(curve.series), curve.points)
+    return {name: row.astype(np.float64) for name, row in zip(curve.series, table, strict=True)}
+
+
+def file_of(curve: CouponCurve) -> bytes:
+    """The machine's file, byte for byte, verified.
+
+    Raises:
+        Damaged: the bytes are not the ones that were stored.
+    """
+    return verified(curve.file, curve.file_sha256, "file")
+
+
+def describe_curve(curve: CouponCurve) -> CurveOut:
+    """A curve as clients see it: its file, how it was read, units, number of points, and what the standard reports."""
+    return CurveOut(
+        file=CurveFile(filename=curve.filename, size=curve.file_size, sha256=curve.file_sha256.hex(), **curve.reading),
+        series=curve.series,
+        points=curve.points,
+        sha256=curve.sha256.hex(),
+        request=CurveCouponIn.model_validate(curve.request),
+        reduction=curve.reduction,
+        software=curve.software,
+    )
+
+
+def as_json(curve: CouponCurve) -> dict[str, Any]:
+    """The series of a curve by name, in SI, with null where the machine wrote nothing, and their units.
+
+    Raises:
+        Damaged: the bytes are not the ones that were stored.
+    """
+    return {
+        "units": {name: UNITS[name] for name in curve.series},
+        "series": {
+            name: [
+                value if known else None for value, known in zip(row.tolist(), np.isfinite(row).tolist(), strict=True)
+            ]
+            for name, row in series_of(curve).items()
+        },
+    }
+
+
+def as_csv(curve: CouponCurve) -> str:
+    """The series of a curve as CSV: one line for each point; the header states the units. A cell is empty where the
+    machine wrote nothing.
+
+    Raises:
+        Damaged: the bytes are not the ones that were stored.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\r\n")
+    writer.writerow(f"{name} ({UNITS[name]})" for name in curve.series)
+    for row in zip(*(values.tolist() for values in series_of(curve).values()), strict=True):
+        writer.writerow("" if value != value else repr(value) for value in row)
+    return text.getvalue()
+
+
+def as_npz(curve: CouponCurve) -> bytes:
+    """The series of a curve as npz: an array by name, SI, NaN where the machine wrote nothing.
+
+    Raises:
+        Damaged: the bytes are not the ones that were stored.
+    """
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **series_of(curve))
+    return buffer.getvalue()

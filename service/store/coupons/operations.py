@@ -1,0 +1,288 @@
+"""What can be done with coupon batches: record, summarise, use as a prior."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+from uuid import UUID
+
+from sqlalchemy import func, select
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+
+from fecore.coupons.batch import FEWEST_SPECIMENS, CouponResult, Statistics, outlier_warnings, prior, statistics
+from fecore.coupons.failure import failed_at_grip
+from fecore.errors import InputError
+from service.access import Lookup, User, audit
+from service.errors import Conflict, Fault, Invalid
+from service.store.coupons.curves import new_curve, same_curve, unlike_the_batch
+from service.store.coupons.schemas import (
+    BatchIn,
+    BatchOut,
+    Constant,
+    CouponIn,
+    CouponOut,
+    Excluded,
+    ExclusionIn,
+    Prior,
+    PublishedMean,
+    Statistic,
+    Summary,
+)
+from service.store.coupons.tables import Coupon, CouponBatch
+from service.store.storage import StorageOwner, book
+from service.store.structures.operations import structure_for
+
+if TYPE_CHECKING:
+    from service.store.coupons.bodies import RawCurve
+
+PROPERTY_OF: dict[Constant, str] = {"Ex": "E_Pa", "Ey": "E_Pa", "Gxy": "G_Pa", "nu_xy": "nu"}
+"""Which measured property of a specimen a constant of the structure is."""
+
+UNITS = {"E_Pa": "Pa", "G_Pa": "Pa", "nu": "1", "strength_Pa": "Pa", "ultimate_strain": "1"}
+
+
+batch_for = Lookup(CouponBatch, "coupon batch", "structure_id", structure_for)
+"""The batch, if the user has at least a role in its project."""
+
+
+def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn) -> CouponBatch:
+    """Store a new batch of coupons of a structure's material and note it in the audit trail.
+
+    Args:
+        session: the request's transaction.
+        user: who asks; an editor of the project at least.
+        structure_id: the structure whose material is tested.
+        body: name, the constants that the batch gives, published means, conditions.
+
+    Raises:
+        NotFound: there is no such structure, or it is other people's.
+        Forbidden: the user's role is too low.
+    """
+    structure = structure_for(session, user, structure_id, "editor")
+    batch = CouponBatch(
+        structure_id=structure.id,
+        name=body.name,
+        constants=list(body.constants),
+        published={name: value.model_dump() for name, value in body.published.items()},
+        conditions=body.conditions,
+    )
+    session.add(batch)
+    session.flush()
+    session.refresh(batch)
+    audit(session, user, "coupon_batch.create", "coupon_batch", batch.id, structure.project_id, name=body.name)
+    return batch
+
+
+def add_coupons(session: Session, user: User, batch: CouponBatch, bodies: Sequence[CouponIn]) -> list[Coupon]:
+    """Record specimens with their results, all or none.
+
+    Args:
+        session: the request's transaction.
+        user: who asks, for the audit trail.
+        batch: which batch they belong to.
+        bodies: the specimens; names are unique in the batch.
+
+    Returns:
+        The rows, in the order given.
+
+    Raises:
+        Invalid: a specimen measures what the batch does not give without saying of which direction it is.
+        Conflict: a specimen of that name is in the batch already.
+    """
+    along = [name for name in ("Ex", "Ey") if name in batch.constants]
+    faults = [
+        Fault(
+            f"/{i}/E_Pa" if len(bodies) > 1 else "/E_Pa", "the batch gives Ex and Ey; record each direction in a batch"
+        )
+        for i, body in enumerate(bodies)
+        if body.E_Pa is not None and len(along) == 2
+    ]
+    if faults:
+        raise Invalid(faults)
+    rows = [Coupon(batch_id=batch.id, **body.model_dump()) for body in bodies]
+    session.add_all(rows)
+    try:
+        session.flush()
+    except IntegrityError as error:
+        if "uq_coupons_batch_id_specimen" not in str(error.orig):
+            raise
+        raise Conflict(
+            "a specimen of that name is in the batch already; every specimen has a name of its own"
+        ) from None
+    for row in rows:
+        session.refresh(row)
+    audit(
+        session, user, "coupon.create", "coupon_batch", batch.id, batch_for.project_of(session, batch), count=len(rows)
+    )
+    return rows
+
+
+def add_measured_coupon(session: Session, user: User, batch: CouponBatch, sent: RawCurve) -> Coupon:
+    """Record the specimen of a raw curve with file, curve and what came of them by its standard (ASTM D3039 or D3518),
+    or nothing. One that is sent again as it was is there already.
+
+    Args:
+        session: the request's transaction.
+        user: who asks, for the audit trail.
+        batch: which batch the specimen belongs to.
+        sent: the machine's file, what is said of it, and what came of it.
+
+    Raises:
+        Conflict: the batch has this run of this file already.
+        QuotaExceeded: the project has no room for the curve.
+        Invalid, Conflict: as `add_coupons`.
+    """
+    if (known := same_curve(session, batch, sent)) is not None:
+        return known
+    reduced = sent.reduced
+    reduced.reduction["warnings"] += unlike_the_batch(session, batch, sent.data, reduced)
+    (row,) = add_coupons(session, user, batch, [reduced.coupon])
+    curve = new_curve(row, sent, reduced)
+    owner = StorageOwner(batch_for.project_of(session, batch), structure_id=batch.structure_id)
+    book(session, owner, "curves", len(curve.file) + len(curve.data))
+    session.add(curve)
+    session.flush()
+    session.refresh(row)
+    return row
+
+
+coupon_for = Lookup(Coupon, "coupon", "batch_id", batch_for)
+"""The specimen, if the user has at least a role in its project."""
+
+
+def exclude(session: Session, user: User, coupon: Coupon, body: ExclusionIn) -> None:
+    """Decide whether a specimen counts in the batch's statistics. It stays recorded; the audit trail keeps what was
+    before.
+
+    Args:
+        session: the request's transaction.
+        user: who decides.
+        coupon: the specimen, locked.
+        body: whether it is excluded, and why.
+    """
+    was = {"excluded": coupon.excluded, "exclusion_reason": coupon.exclusion_reason}
+    coupon.excluded, coupon.exclusion_reason = body.excluded, body.exclusion_reason
+    session.flush()
+    project_id = coupon_for.project_of(session, coupon)
+    audit(session, user, "coupon.exclude", "coupon", coupon.id, project_id, was=was, now=body.model_dump())
+
+
+def summarise(session: Session, batch: CouponBatch) -> Summary:
+    """The statistics of a batch, by ASTM D3039: mean, standard deviation with n − 1, and coefficient of variation.
+
+    Excluded specimens do not count and are listed with their reasons. Constants follow from the specimens; where
+    none measures a constant, its published mean stands in. Warnings say what the standard asks for and is not met,
+    such as fewer than five specimens.
+    """
+    coupons = session.scalars(select(Coupon).where(Coupon.batch_id == batch.id).order_by(Coupon.id)).all()
+    counted = [coupon for coupon in coupons if not coupon.excluded]
+    measured: dict[str, Statistics] = {}
+    for name in UNITS:
+        if values := [found[name] for coupon in counted if name in (found := _values(coupon))]:
+            measured[name] = statistics(values)
+    constants, warnings = _constants(batch, measured)
+    warnings += outlier_warnings([CouponResult(c.specimen, _values(c)) for c in counted])
+    coded = [coupon.failure_code for coupon in counted if coupon.failure_code is not None]
+    at_grip = sum(failed_at_grip(code) for code in coded)
+    if 2 * at_grip > len(coded):
+        warnings.append(f"{at_grip} of {len(coded)} failed in or next to the grips: see how force enters the specimens")
+    return Summary(
+        batch_id=batch.id,
+        properties={name: _statistic(s, UNITS[name], "specimens") for name, s in measured.items()},
+        constants=constants,
+        priors=_priors(constants, warnings),
+        excluded=[Excluded(specimen=c.specimen, reason=c.exclusion_reason or "") for c in coupons if c.excluded],
+        warnings=warnings,
+    )
+
+
+def batch_prior(session: Session, batch_id: UUID) -> Summary:
+    """A batch as a prior of stage 1: `priors` has mean and standard deviation of each constant as of one more piece.
+
+    A constant whose `constants` entry has no standard deviation (one specimen, or a published mean without one) is given
+    with an assumed one, which its `basis` says.
+    """
+    return summarise(session, session.get_one(CouponBatch, batch_id))
+
+
+def describe_all(session: Session, batches: Sequence[CouponBatch]) -> list[BatchOut]:
+    """Batches as clients see them, in the order given, each with the number of its specimens; one query for all counts."""
+    counts = session.execute(
+        select(Coupon.batch_id, func.count())
+        .where(Coupon.batch_id.in_([b.id for b in batches]))
+        .group_by(Coupon.batch_id)
+    )
+    number = {row[0]: row[1] for row in counts}
+    return [
+        BatchOut(
+            id=batch.id,
+            structure_id=batch.structure_id,
+            name=batch.name,
+            constants=batch.constants,
+            published={name: PublishedMean.model_validate(v) for name, v in batch.published.items()},  # type: ignore[misc]
+            conditions=batch.conditions,
+            coupons=number.get(batch.id, 0),
+            created_at=batch.created_at,
+        )
+        for batch in batches
+    ]
+
+
+def describe_coupon(coupon: Coupon) -> CouponOut:
+    """A specimen as clients see it, with the warnings of the reduction where it came as a raw curve."""
+    curve = coupon.curve
+    own = {name: getattr(coupon, name) for name in CouponOut.model_fields if name not in ("has_curve", "warnings")}
+    return CouponOut(**own, has_curve=curve is not None, warnings=[] if curve is None else curve.reduction["warnings"])
+
+
+def _values(coupon: Coupon) -> dict[str, float]:
+    """What was measured of a specimen, by property."""
+    return {name: value for name in UNITS if (value := getattr(coupon, name)) is not None}
+
+
+def _priors(constants: dict[Constant, Statistic], warnings: list[str]) -> dict[Constant, Prior]:
+    priors: dict[Constant, Prior] = {}
+    for name, value in constants.items():
+        try:
+            found = prior(Statistics(value.n, value.mean, value.standard_deviation))
+        except InputError as error:
+            warnings.append(f"{name}: no prior: {error}")
+        else:
+            priors[name] = Prior(mean=found.mean, standard_deviation=found.standard_deviation, basis=found.basis)
+    return priors
+
+
+def _constants(batch: CouponBatch, measured: dict[str, Statistics]) -> tuple[dict[Constant, Statistic], list[str]]:
+    constants: dict[Constant, Statistic] = {}
+    warnings: list[str] = []
+    for name in batch.constants:
+        unit = "1" if name == "nu_xy" else "Pa"
+        own, published = measured.get(PROPERTY_OF[name]), batch.published.get(name)
+        if own is not None:
+            constants[name] = _statistic(own, unit, "specimens")
+            if published is not None:
+                warnings.append(f"{name}: the specimens are used, not the published mean")
+            if own.n is not None and own.n < FEWEST_SPECIMENS:
+                warnings.append(f"{name}: {own.n} valid specimens; D3039 asks for at least {FEWEST_SPECIMENS}")
+        elif published is not None:
+            value = PublishedMean.model_validate(published)
+            constants[name] = _statistic(Statistics(value.n, value.mean, value.standard_deviation), unit, "published")
+            if value.n is None:
+                warnings.append(f"{name}: a published mean that does not say how many specimens it stands for")
+            elif value.n < FEWEST_SPECIMENS:
+                warnings.append(f"{name}: {value.n} specimens; D3039 asks for at least {FEWEST_SPECIMENS}")
+        else:
+            warnings.append(f"{name}: no valid specimen and no published mean")
+    return constants, warnings
+
+
+def _statistic(value: Statistics, unit: str, source: str) -> Statistic:
+    return Statistic(
+        n=value.n,
+        mean=value.mean,
+        standard_deviation=value.standard_deviation,
+        cv_percent=value.cv_percent,
+        unit=unit,
+        source=source,  # type: ignore[arg-type]  # one of two, by this module
+    )

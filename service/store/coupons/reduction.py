@@ -1,0 +1,142 @@
+"""From a testing machine's file and the readings of a specimen to what its standard reports. No database, no web."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+import fecore
+from fecore.arrays import FloatArray
+from fecore.coupons import d3039, d3518
+from fecore.coupons.curves import Curve
+from fecore.errors import InputError
+from modalbase.formats.errors import FormatError
+from modalbase.formats.machine_csv import Column, MachineFile, Run, read_machine_csv
+from modalbase.formats.machine_csv.units import Quantity, factor
+from service.store.coupons.curve_schemas import CurveCouponIn
+from service.store.coupons.schemas import CouponIn
+
+GAUGE = {"strain": "gauge_length", "strain_back": "gauge_length", "transverse_strain": "transverse_gauge_length"}
+"""Which gauge length turns the elongation of a series into its strain."""
+
+_FIELDS = {"width_m": "dimensions.width", "thickness_m": "dimensions.thickness"}
+"""Fields of the core to fields of the request."""
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """A specimen that was reduced.
+
+    Attributes:
+        coupon: what counts in the batch.
+        series: SI arrays of the run, by name.
+        reading: how the file was read.
+        reduction: all that the standard reports, and its warnings.
+        software: version that did it.
+    """
+
+    coupon: CouponIn
+    series: dict[str, FloatArray]
+    reading: dict[str, Any]
+    reduction: dict[str, Any]
+    software: str
+
+
+def reduce_curve(path: Path, request: CurveCouponIn) -> Reduced:
+    """Read a machine's file and reduce its curve.
+
+    Raises:
+        InputError: the file cannot be read, or its curve not be reduced; says where and what to do.
+    """
+    gauges: dict[str, float | None] = {name: _gauge_m(request, name) for name in request.columns}
+    columns: dict[str, Column] = {
+        name: Column(c.header, _quantity(name, gauges[name]), c.unit) for name, c in request.columns.items()
+    }
+    try:
+        file = read_machine_csv(path.read_bytes(), columns, request.delimiter, request.decimal)
+    except FormatError as error:
+        raise InputError(error.place, error.message) from error
+    number, run = _chosen(file, request.run)
+    series = {name: np.asarray(values) / (gauges[name] or 1.0) for name, values in run.columns.items()}
+    try:
+        coupon, reduction = _by_standard(series, request)
+    except InputError as error:
+        raise InputError(_FIELDS.get(error.field, error.field), error.message) from error
+    reading = {
+        "encoding": file.encoding,
+        "delimiter": file.delimiter,
+        "decimal": file.decimal,
+        "units": dict(file.units),
+        "run": number,
+        "runs": len(file.runs),
+        "first_line": run.first_line,
+        "last_line": run.last_line,
+        "notes": list(file.notes),
+    }
+    return Reduced(coupon, series, reading, reduction, fecore.__version__)
+
+
+def _gauge_m(request: CurveCouponIn, series: str) -> float | None:
+    """Gauge length of a series that is recorded as an elongation, m; None of any other."""
+    length: float | None = getattr(request.dimensions, GAUGE[series]) if series in GAUGE else None
+    return None if length is None else length * factor("length", request.dimensions.unit, "dimensions.unit")
+
+
+def _quantity(series: str, gauge_m: float | None) -> Quantity:
+    if series in ("force", "time"):
+        return cast(Quantity, series)
+    return "strain" if gauge_m is None else "length"
+
+
+def _chosen(file: MachineFile, wanted: int | None) -> tuple[int, Run]:
+    """The run that counts, and its number."""
+    runs = len(file.runs)
+    if wanted is None and runs > 1:
+        lines = ", ".join(f"{i} (lines {run.first_line} to {run.last_line})" for i, run in enumerate(file.runs, 1))
+        raise InputError("run", f"is missing: the machine was restarted; say which of its runs counts: {lines}")
+    number = wanted or 1
+    if number > runs:
+        raise InputError("run", f"is {number}, the file has {runs}")
+    return number, file.runs[number - 1]
+
+
+def _by_standard(series: dict[str, FloatArray], request: CurveCouponIn) -> tuple[CouponIn, dict[str, Any]]:
+    metres = factor("length", request.dimensions.unit, "dimensions.unit")
+    width = [metres * reading for reading in request.dimensions.width]
+    thickness = [metres * reading for reading in request.dimensions.thickness]
+    curve = Curve(
+        series["force"],
+        series["strain"],
+        series.get("strain_back"),
+        series.get("transverse_strain"),
+        series.get("time"),
+    )
+    values: dict[str, Any]
+    result: d3039.TensileResult | d3518.ShearResult
+    if request.standard == "D3039":
+        result = d3039.reduce(curve, width, thickness, request.chord_range, request.ends)
+        values = {
+            "E_Pa": result.modulus_pa,
+            "nu": result.poisson_ratio,
+            "strength_Pa": result.strength_pa,
+            "ultimate_strain": result.ultimate_strain,
+        }
+    else:
+        start = (
+            d3518.START_RANGE[0] / 2 + d3518.START_RANGE[1] / 2 if request.chord_start is None else request.chord_start
+        )
+        result = d3518.reduce(curve, width, thickness, start, request.ends)
+        values = {"G_Pa": result.modulus_pa, "strength_Pa": result.maximum_stress_pa}
+    coupon = CouponIn(
+        specimen=request.specimen,
+        standard=request.standard,
+        failure_code=request.failure_code,
+        excluded=request.excluded,
+        exclusion_reason=request.exclusion_reason,
+        **values,
+    )
+    reduction = asdict(result)
+    return coupon, {**reduction, "chord_range": list(result.chord_range), "warnings": list(result.warnings)}

@@ -1,0 +1,153 @@
+"""Routes of coupon batches and coupons."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+from urllib.parse import quote
+from uuid import UUID
+
+from fastapi import Query, Request, Response
+from fastapi.responses import JSONResponse
+from sqlalchemy import select
+
+from service.access import CurrentUser, SessionDep
+from service.store.coupons import curves, operations
+from service.store.coupons.bodies import CouponBody, RawCurve, documented
+from service.store.coupons.curve_schemas import CurveOut
+from service.store.coupons.schemas import BatchIn, BatchOut, CouponOut, ExclusionIn, Summary
+from service.store.coupons.tables import Coupon, CouponBatch
+from service.store.structures.operations import structure_for
+from service.web import IF_MATCH, Confirm, Cursor, Limit, Page, api_router, etag_of, paged, require_match, require_usual
+from service.web.routing import Later
+
+router = api_router(tags=["coupons"])
+
+CURVES: dict[int | str, dict[str, Any]] = {
+    200: {"content": {kind: {} for kind in ("application/json", "text/csv", "application/x-npz")}}
+}
+ORIGINAL: dict[int | str, dict[str, Any]] = {200: {"content": {"application/octet-stream": {}}}}
+
+
+@router.post("/structures/{structure_id}/coupon-batches", status_code=201)
+def create_batch(
+    structure_id: UUID,
+    body: BatchIn,
+    session: SessionDep,
+    user: CurrentUser,
+    response: Response,
+    confirm: Confirm = False,
+) -> BatchOut:
+    """Open a batch: which constants it gives, and published means of those that have no specimens here."""
+    require_usual(body, confirm)
+    batch = operations.create_batch(session, user, structure_id, body)
+    response.headers["Location"] = f"/api/v1/coupon-batches/{batch.id}"
+    return operations.describe_all(session, [batch])[0]
+
+
+@router.get("/structures/{structure_id}/coupon-batches")
+def list_batches(
+    structure_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+) -> Page[BatchOut]:
+    """Coupon batches of a structure."""
+    structure = structure_for(session, user, structure_id)
+    query = select(CouponBatch).where(CouponBatch.structure_id == structure.id)
+    rows, following = paged(session, query, CouponBatch.id, cursor, limit)
+    return Page(items=operations.describe_all(session, rows), next_cursor=following)
+
+
+@router.get("/coupon-batches/{batch_id}")
+def get_batch(batch_id: UUID, session: SessionDep, user: CurrentUser) -> BatchOut:
+    """A coupon batch."""
+    return operations.describe_all(session, [operations.batch_for(session, user, batch_id)])[0]
+
+
+@router.post("/coupon-batches/{batch_id}/coupons", status_code=201, openapi_extra=Later(documented))
+def create_coupons(
+    batch_id: UUID, body: CouponBody, session: SessionDep, user: CurrentUser, confirm: Confirm = False
+) -> Page[CouponOut]:
+    """Record specimens: results of one, or of several as a list, in JSON; or the raw curve of one as multipart.
+
+    The multipart fields are `file`, as the testing machine wrote it, and `coupon`, JSON with the dimensions, the columns
+    and their units. The curve is reduced by D3039 or D3518 and kept with its results. All are stored, or none.
+    """
+    batch = operations.batch_for(session, user, batch_id, "editor")
+    if isinstance(body, RawCurve):
+        require_usual(body.request, confirm)
+        require_usual(body.reduced.coupon, confirm)
+        rows = [operations.add_measured_coupon(session, user, batch, body)]
+    else:
+        require_usual(body if len(body) > 1 else body[0], confirm)
+        rows = operations.add_coupons(session, user, batch, body)
+    return Page(items=[operations.describe_coupon(row) for row in rows])
+
+
+@router.get("/coupon-batches/{batch_id}/coupons")
+def list_coupons(
+    batch_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+) -> Page[CouponOut]:
+    """Specimens of a batch, excluded ones included."""
+    batch = operations.batch_for(session, user, batch_id)
+    rows, following = paged(session, select(Coupon).where(Coupon.batch_id == batch.id), Coupon.id, cursor, limit)
+    return Page(items=[operations.describe_coupon(row) for row in rows], next_cursor=following)
+
+
+@router.get("/coupon-batches/{batch_id}/summary")
+def get_summary(batch_id: UUID, session: SessionDep, user: CurrentUser) -> Summary:
+    """Mean, n-1 standard deviation and coefficient of variation of each property, and the constants that follow."""
+    return operations.summarise(session, operations.batch_for(session, user, batch_id))
+
+
+@router.get("/coupons/{coupon_id}")
+def get_coupon(coupon_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> CouponOut:
+    """A specimen."""
+    return _shown(operations.describe_coupon(operations.coupon_for(session, user, coupon_id)), response)
+
+
+@router.patch("/coupons/{coupon_id}", openapi_extra=IF_MATCH)
+def change_coupon(
+    coupon_id: UUID, body: ExclusionIn, session: SessionDep, user: CurrentUser, request: Request, response: Response
+) -> CouponOut:
+    """Exclude a specimen from its batch with a reason, or take it back in. It stays recorded either way."""
+    coupon = operations.coupon_for(session, user, coupon_id, "editor", lock=True)
+    require_match(request, etag_of(operations.describe_coupon(coupon)))
+    operations.exclude(session, user, coupon, body)
+    return _shown(operations.describe_coupon(coupon), response)
+
+
+@router.get("/coupons/{coupon_id}/curve")
+def get_curve(coupon_id: UUID, session: SessionDep, user: CurrentUser) -> CurveOut:
+    """Where a specimen's raw curve came from, how it was read, and all that its standard reports of it."""
+    return curves.describe_curve(curves.curve_of(session, operations.coupon_for(session, user, coupon_id)))
+
+
+@router.get("/coupons/{coupon_id}/curve/data", response_class=Response, responses=CURVES)
+def get_curve_data(
+    coupon_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    file_format: Annotated[Literal["json", "csv", "npz"], Query(alias="format")] = "json",
+) -> Response:
+    """The raw curve in SI: force N, strains m/m, time s."""
+    curve = curves.curve_of(session, operations.coupon_for(session, user, coupon_id))
+    headers = {"ETag": f'"{curve.sha256.hex()[:32]}-{file_format}"'}
+    if file_format == "csv":
+        return Response(curves.as_csv(curve), media_type="text/csv", headers=headers)
+    if file_format == "npz":
+        return Response(curves.as_npz(curve), media_type="application/x-npz", headers=headers)
+    return JSONResponse(curves.as_json(curve), headers=headers)
+
+
+@router.get("/coupons/{coupon_id}/curve/original", response_class=Response, responses=ORIGINAL)
+def get_original(coupon_id: UUID, session: SessionDep, user: CurrentUser) -> Response:
+    """The testing machine's file as it was uploaded, byte for byte."""
+    curve = curves.curve_of(session, operations.coupon_for(session, user, coupon_id))
+    headers = {
+        "ETag": f'"{curve.file_sha256.hex()}"',
+        "Content-Disposition": f"attachment; filename*=UTF-8''{quote(curve.filename, safe='')}",
+    }
+    return Response(curves.file_of(curve), media_type="application/octet-stream", headers=headers)
+
+
+def _shown(coupon: CouponOut, response: Response) -> CouponOut:
+    response.headers["ETag"] = etag_of(coupon)
+    return coupon

@@ -1,0 +1,285 @@
+"""FRFs in the database: list, find, store. No spectrum is loaded here."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from uuid import UUID
+
+import numpy as np
+from sqlalchemy import Row, Select, func, literal, select, update
+from sqlalchemy.dialects.postgresql import aggregate_order_by
+from sqlalchemy.orm import Session
+
+from fecore.arrays import FloatArray
+from fecore.frf import FrfSet, Quantity
+from modalbase.formats.frfs.table import DOFS
+from service.access import Lookup, User, audit
+from service.compute.frf_rows import COLUMNS, coherence_columns
+from service.compute.spectra import encode, encode_axis
+from service.db.bytea import copy_rows, new_keys
+from service.store.campaigns.operations import campaign_for, campaign_of
+from service.store.frfs.schemas import UNITS, FrfOut
+from service.store.frfs.tables import Frf
+from service.store.storage import StorageOwner, book
+
+if TYPE_CHECKING:
+    from service.store.campaigns.tables import Campaign
+
+
+READ_COLUMNS = {"campaign_id": "uuid", "import_id": "uuid", "dataset": "int4", **COLUMNS}
+"""What an import states of an FRF, and its type in the database."""
+
+PROCESSED_COLUMNS = {
+    "id": "uuid",
+    "campaign_id": "uuid",
+    "processing_id": "uuid",
+    **COLUMNS,
+    "window_rate_per_s": "float8",
+    "variance": "bytea",
+    "variance_sha256": "bytea",
+}
+"""What a processing states of an FRF."""
+
+
+@dataclass(frozen=True)
+class FrfFilter:
+    """Which FRFs of a campaign; None does not narrow.
+
+    Attributes:
+        point: response point.
+        direction: signed response direction.
+        reference: reference point.
+        quantity: accelerance, mobility or receptance.
+        import_id: the import that they came with.
+        fmin: at least one line at or above this, Hz.
+        fmax: at least one line at or below this, Hz.
+    """
+
+    point: int | None = None
+    direction: int | None = None
+    reference: int | None = None
+    quantity: Quantity | None = None
+    import_id: UUID | None = None
+    fmin: float | None = None
+    fmax: float | None = None
+
+    def query(self, campaign_id: UUID) -> Select[Frf]:
+        """The query of the FRFs of a campaign that pass, without an order: the caller pages through them or streams
+        them.
+        """
+        query = select(Frf).where(Frf.campaign_id == campaign_id)
+        equal = {
+            Frf.response_point: self.point,
+            Frf.response_direction: self.direction,
+            Frf.reference_point: self.reference,
+            Frf.quantity: self.quantity,
+            Frf.import_id: self.import_id,
+        }
+        for column, value in equal.items():
+            if value is not None:
+                query = query.where(column == value)
+        if self.fmin is not None:
+            query = query.where(Frf.end_hz >= self.fmin)
+        if self.fmax is not None:
+            query = query.where(Frf.start_hz <= self.fmax)
+        return query
+
+
+@dataclass(frozen=True)
+class NewFrfs:
+    """FRFs that were read and checked, on their way to the database.
+
+    Attributes:
+        path: rows, as `service.store.frfs.bodies.write_rows` left them.
+        count: how many.
+    """
+
+    path: Path
+    count: int
+
+
+frf_for = Lookup(Frf, "FRF", "campaign_id", campaign_for)
+"""The FRF, if the user has at least a role in its project."""
+
+
+def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -> Sequence[Frf]:
+    """Store FRFs that a script hands in, all or none, each with the SHA-256 of its spectrum.
+
+    Args:
+        session: the request's transaction.
+        user: who asks, for the audit trail.
+        campaign: whose FRFs.
+        new: FRFs that were read and checked.
+
+    Returns:
+        The rows, in the order given.
+
+    Raises:
+        QuotaExceeded: the project has no room for them.
+    """
+    project_id = campaign_for.project_of(session, campaign)
+    book(session, StorageOwner(project_id, campaign.id), "frfs", new.path.stat().st_size)
+    keys = new_keys(session, new.count)
+    columns = {"id": "uuid", "campaign_id": "uuid", **COLUMNS}
+    with new.path.open("rb") as file, copy_rows(session, Frf.__tablename__, columns) as write:
+        for key in keys:
+            write([key, campaign.id, *pickle.load(file)])
+    audit(session, user, "frf.create", "campaign", campaign.id, project_id, count=new.count)
+    return frfs_of(session, keys)
+
+
+@dataclass(frozen=True)
+class ProcessedFrfs:
+    """FRFs that a processing made of time blocks, all or some of them.
+
+    Attributes:
+        frfs: the FRFs with their variance.
+        coherence: (N, L) γ².
+        hits: (N,) how many hits each is the mean of.
+        window_rate_per_s: rate of the exponential window that all of them carry.
+    """
+
+    frfs: FrfSet
+    coherence: FloatArray
+    hits: tuple[int, ...]
+    window_rate_per_s: float
+
+
+def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, new: ProcessedFrfs) -> list[UUID]:
+    """Store FRFs of a processing in the job's transaction; those that come in parts are stored part by part.
+
+    Args:
+        session: the job's transaction.
+        campaign_id: whose FRFs.
+        processing_id: the processing, whose row is there already.
+        new: the FRFs.
+
+    Returns:
+        Their keys, in order.
+
+    Raises:
+        QuotaExceeded: the project has no room for them.
+    """
+    campaign = campaign_of(session, campaign_id)
+    kept = (new.frfs.values, new.coherence, new.frfs.variance)
+    size = sum(values.nbytes for values in kept if values is not None)
+    book(session, StorageOwner(campaign_for.project_of(session, campaign), campaign.id), "frfs", size)
+    common = {
+        "campaign_id": campaign_id,
+        "processing_id": processing_id,
+        "quantity": new.frfs.quantity,
+        "window_rate_per_s": new.window_rate_per_s,
+        **encode_axis(new.frfs.frequency_hz).columns(),
+    }
+    keys = new_keys(session, len(new.hits))
+    with copy_rows(session, Frf.__tablename__, PROCESSED_COLUMNS) as write:
+        for i, (key, response, force) in enumerate(zip(keys, new.frfs.responses, new.frfs.references, strict=True)):
+            variance = None if new.frfs.variance is None else new.frfs.variance[i]
+            known = None if variance is None or np.isnan(variance).any() else encode(variance)
+            row = {
+                "id": key,
+                "label": f"{new.hits[i]} hits at point {force.point}",
+                **dict(zip(DOFS, (response.point, response.direction, force.point, force.direction), strict=True)),
+                "averages": new.hits[i],
+                **common,
+                **encode(new.frfs.values[i]).columns(),
+                **coherence_columns(new.coherence[i]),
+                "variance": None if known is None else known.data,
+                "variance_sha256": None if known is None else known.sha256,
+            }
+            write([row[name] for name in PROCESSED_COLUMNS])
+    return keys
+
+
+def describe(frf: Frf) -> FrfOut:
+    """An FRF as clients see it: degrees of freedom, quantity, unit, axis and SHA-256. The values are not read."""
+    return FrfOut(
+        id=frf.id,
+        campaign_id=frf.campaign_id,
+        import_id=frf.import_id,
+        dataset=frf.dataset,
+        label=frf.label,
+        response_point=frf.response_point,
+        response_direction=frf.response_direction,
+        reference_point=frf.reference_point,
+        reference_direction=frf.reference_direction,
+        quantity=frf.quantity,  # type: ignore[arg-type]  # the column holds what was checked on the way in
+        unit=UNITS[frf.quantity],  # type: ignore[index]
+        averages=frf.averages,
+        lines=frf.lines,
+        start_hz=frf.start_hz,
+        end_hz=frf.end_hz,
+        step_hz=frf.step_hz,
+        dtype=str(np.dtype(frf.dtype)),
+        sha256=frf.sha256.hex(),
+        has_coherence=frf.coherence_sha256 is not None,
+        processing_id=frf.processing_id,
+        window_rate_per_s=frf.window_rate_per_s,
+        created_at=frf.created_at,
+    )
+
+
+@contextmanager
+def writing_frfs(session: Session) -> Iterator[Callable[[Mapping[str, Any]], None]]:
+    """Stream FRFs of a file into the database; while the block runs, the session can do nothing else.
+
+    Yields:
+        What takes an FRF: the value of each of `READ_COLUMNS`, by name.
+    """
+    with copy_rows(session, Frf.__tablename__, READ_COLUMNS) as write:
+        yield lambda row: write([row[column] for column in READ_COLUMNS])
+
+
+def add_coherence(session: Session, import_id: UUID, dataset: int, coherence: FloatArray) -> None:
+    """Give the FRF of a file's dataset its coherence."""
+    row = update(Frf).where(Frf.import_id == import_id, Frf.dataset == dataset)
+    session.execute(row.values(**coherence_columns(coherence)))
+
+
+def frfs_of(session: Session, keys: Sequence[UUID]) -> list[Frf]:
+    """Rows by key, in the order given, whoever asks."""
+    rows = {frf.id: frf for frf in session.scalars(select(Frf).where(Frf.id.in_(keys)))}
+    return [rows[key] for key in keys]
+
+
+def frfs_of_import(session: Session, import_id: UUID) -> Sequence[Frf]:
+    """The FRFs that an import brought, in the order of its file."""
+    return session.scalars(select(Frf).where(Frf.import_id == import_id).order_by(Frf.id)).all()
+
+
+def frf_extents(session: Session, campaign_id: UUID) -> Sequence[Row[float, float, int, int]]:
+    """First and last line (`start_hz`, `end_hz`), `response_point` and `reference_point` of each FRF of a campaign."""
+    columns = (Frf.start_hz, Frf.end_hz, Frf.response_point, Frf.reference_point)
+    return session.execute(select(*columns).where(Frf.campaign_id == campaign_id)).all()
+
+
+def frf_digests(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, tuple[str, datetime]]:
+    """Digest and newest time of each campaign's FRFs; reads no spectrum. Campaigns without any are left out."""
+    parts = (Frf.response_point, Frf.response_direction, Frf.reference_point, Frf.reference_direction, Frf.quantity)
+    one = func.concat_ws(" ", func.encode(Frf.sha256, "hex"), *parts, Frf.start_hz, Frf.step_hz, Frf.lines)
+    digest = func.md5(func.string_agg(one, aggregate_order_by(literal(","), one)))
+    query = select(Frf.campaign_id, digest, func.max(Frf.created_at)).where(Frf.campaign_id.in_(campaign_ids))
+    return {key: (found, newest) for key, found, newest in session.execute(query.group_by(Frf.campaign_id))}
+
+
+def row_of_prediction(measured: Frf, frequency_hz: FloatArray, dtype: np.dtype[np.complexfloating]) -> Frf:
+    """A row that describes a prediction of a measured FRF, and is never stored; its id is the measured FRF's."""
+    return Frf(
+        id=measured.id,
+        campaign_id=measured.campaign_id,
+        label=measured.label,
+        **{name: getattr(measured, name) for name in DOFS},
+        quantity=measured.quantity,
+        averages=None,
+        start_hz=float(frequency_hz[0]),
+        end_hz=float(frequency_hz[-1]),
+        lines=frequency_hz.size,
+        dtype=f"<{dtype.kind}{dtype.itemsize}",
+        coherence_sha256=None,
+    )

@@ -1,0 +1,289 @@
+"""Storing what the child process read of a file: grid points, FRFs, coherences, modes and the reports, in one transaction."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+from uuid import UUID
+
+import numpy as np
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from fecore.body.mesh import off_specimen
+from modalbase.formats.records import TimeBlock
+from modalbase.formats.uff import DatasetReport, Function, GridPoint, ModeShape, TimeResponse
+from service.compute.arrays_of_files import Found
+from service.compute.frf_rows import EncodedFrf
+from service.compute.reading import Kept
+from service.errors import Conflict, Invalid, PayloadTooLarge
+from service.store.campaigns.grid_points import add_points, stored_points
+from service.store.campaigns.operations import campaign_for, campaign_of, frame_of
+from service.store.frfs.operations import add_coherence, writing_frfs
+from service.store.imports.tables import Import, Original
+from service.store.modes.operations import store_read_modes
+from service.store.records.intake import RecordIntake
+from service.store.records.operations import NewRecords
+from service.store.storage import StorageOwner, book
+from service.store.structures.operations import present_structure
+
+SAME_POINT_M = 1e-6
+"""Coordinates of one point in two files may differ by this: a file may have them in single precision."""
+MOST_NAMED = 10
+MOST_POINTS = 1_000_000  # of a campaign, as many as PUT grid-points takes
+RATIO, FREE_BYTES = 8, 64 * 1024 * 1024
+"""Spectra of a UFF file may take so many times its size, or so much whatever that is. The densest text makes 4."""
+HELD_BYTES = 1024 * 1024 * 1024
+"""Coherences and mode shapes of one file that the worker holds until their FRFs and points are known."""
+LISTED = 20_000
+"""Datasets of one file that are reported one by one; of more, their number is."""
+
+Pair = tuple[int, int, int, int, int]
+
+
+def store_import(session: Session, job_id: UUID, items: Iterator[Kept]) -> None:
+    """Take in a file. A dry run goes the same way and writes the report alone.
+
+    Raises:
+        Conflict: a grid point of the file lies elsewhere than the campaign has it.
+        QuotaExceeded: the project has no room for what is in the file.
+        PayloadTooLarge: more is in the file than one import may bring.
+        Invalid: nothing at all of the file could be read.
+    """
+    row = session.get_one(Import, job_id)
+    # Imports into one campaign are stored one after the other, so that each sees the points of the one before.
+    session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(str(row.campaign_id), 0))))
+    with RecordIntake() as records:
+        intake = _Intake(session, row, records)
+        with writing_frfs(session) as write_frf:
+            for item in items:
+                intake.take(item, write_frf)
+        intake.finish()
+
+
+class _Intake:
+    """One import's way into the tables: FRFs stream in as they come, the rest follows when the whole file was seen."""
+
+    def __init__(self, session: Session, row: Import, records: RecordIntake) -> None:
+        self.session = session
+        self.row = row
+        self.found = Found("uff")
+        self.reports: list[DatasetReport] = []
+        self.points = stored_points(session, row.campaign_id)
+        self.new_points: list[GridPoint] = []
+        self.pairs: dict[Pair, int] = {}
+        self.coherences: list[tuple[int, Pair, Function]] = []
+        self.modes: list[ModeShape] = []
+        self.counts = {"frfs": 0, "grid_points": 0, "modes": 0, "records": 0}
+        self.records = records
+        self.blocks: set[int] = set()
+        self.unused: dict[int, str] = {}
+        self.file_bytes = session.scalars(select(Original.size).where(Original.sha256 == row.sha256)).one()
+        self.frf_bytes = self.held_bytes = 0
+        self.named: set[int] = set()
+        self.seen: set[int] = set()
+
+    def take(self, item: Kept, write_frf: Callable[[Mapping[str, Any]], None]) -> None:
+        """One item, in the file's order."""
+        if isinstance(item, Found):
+            self.found = item
+        elif isinstance(item, list):
+            self._take_points(item)
+        elif isinstance(item, EncodedFrf):
+            self._take_frf(item, write_frf)
+        elif isinstance(item, TimeResponse):
+            self._take_block(item)
+        elif isinstance(item, TimeBlock):
+            self.records.hold(item)
+            self.counts["records"] += 1
+        elif isinstance(item, Function):
+            self._hold(item.values.nbytes)
+            self.coherences.append((item.dataset, _pair(item), item))
+        elif isinstance(item, ModeShape):
+            self._hold(item.values.nbytes + item.points.nbytes)
+            self.modes.append(item)
+            self.counts["modes"] += 1
+        else:
+            self.reports.append(item)
+
+    def _hold(self, size: int) -> None:
+        self.held_bytes += size
+        if self.held_bytes > HELD_BYTES:
+            raise PayloadTooLarge(
+                f"the file's coherences and mode shapes take more than {HELD_BYTES} bytes; import it in parts"
+            )
+
+    def finish(self) -> None:
+        """What can only be stored once the whole file was seen."""
+        self.unused |= self.records.finish()
+        self.counts["records"] += len(self.blocks - self.unused.keys())
+        if self.counts["records"] and not self.row.dry_run:
+            counted = bool(self.blocks) or self.found.counted
+            new = NewRecords(self.row.campaign_id, (), 0, counted, self.row.filename, self.row.id)
+            self.records.store(self.session, new, self.unused.keys())
+        self._write_points()
+        self._write_coherences()
+        self._write_modes()
+        self.reports = [
+            replace(r, outcome="ignored", reason=self.unused[r.number]) if r.number in self.unused else r
+            for r in sorted(self.reports, key=lambda r: r.number)
+        ]
+        if not any(self.counts.values()) and not self.row.dry_run:
+            self._refuse_nothing()
+        if self.frf_bytes and not self.row.dry_run:
+            campaign = campaign_of(self.session, self.row.campaign_id)
+            owner = StorageOwner(campaign_for.project_of(self.session, campaign), campaign.id)
+            book(self.session, owner, "frfs", self.frf_bytes)
+        self.row.counts = self.counts
+        self.row.format, self.row.kind = self.found.format, self.found.kind
+        if self.found.kind is not None:
+            self.row.found = {name: getattr(self.found, name) for name in ("variables", "mapping", "blocks")}
+        self.row.datasets = [_report(report) for report in self.reports[:LISTED]]
+        self.row.warnings = self._warnings()
+        self.session.flush()
+
+    def _take_points(self, points: list[GridPoint]) -> None:
+        for point in points:
+            known = self.points.get(point.number)
+            if known is None:
+                self.points[point.number] = point.xyz_m
+                self.new_points.append(point)
+            elif np.max(np.abs(np.subtract(known, point.xyz_m))) > SAME_POINT_M:
+                raise Conflict(
+                    f"grid point {point.number} lies at {_metres(point.xyz_m)} in the file and at {_metres(known)} in the "
+                    "campaign, or it is in the file twice; correct the one that is wrong (PUT grid-points), or import "
+                    "into a campaign of its own"
+                )
+        if len(self.points) > MOST_POINTS:
+            raise PayloadTooLarge(f"the campaign would have more than {MOST_POINTS} grid points")
+        self.seen |= {point.number for point in points}
+        self.counts["grid_points"] = len(self.seen)
+
+    def _take_block(self, block: TimeResponse) -> None:
+        self.blocks.add(block.dataset)
+        reason = self.records.take(
+            block.dataset,
+            TimeBlock(
+                quantity=block.quantity,
+                point=block.response_point,
+                direction=block.response_direction,
+                force_point=block.reference_point,
+                force_direction=block.reference_direction,
+                hit=1,
+                sample_rate_hz=block.sample_rate_hz,
+                samples=block.samples,
+                label=block.label,
+            ),
+        )
+        if reason is not None:
+            self.unused[block.dataset] = reason
+
+    def _take_frf(self, frf: EncodedFrf, write: Callable[[Mapping[str, Any]], None]) -> None:
+        self.counts["frfs"] += 1
+        self.frf_bytes += frf.size
+        if self.found.format == "uff" and self.frf_bytes > max(FREE_BYTES, RATIO * self.file_bytes):
+            raise PayloadTooLarge(
+                f"the file has {self.file_bytes} bytes and unpacks to more than {RATIO} times that; import it in parts"
+            )
+        if frf.dataset is not None:
+            self.pairs[_pair(frf)] = frf.dataset
+        self.named |= {frf.response_point, frf.reference_point}
+        if self.row.dry_run:
+            return
+        write({"campaign_id": self.row.campaign_id, "import_id": self.row.id, **frf.columns()})
+
+    def _write_points(self) -> None:
+        if self.new_points and not self.row.dry_run:
+            points = ((point.number, point.xyz_m) for point in self.new_points)
+            add_points(self.session, self.row.campaign_id, points)
+
+    def _write_coherences(self) -> None:
+        """Each coherence goes to the FRF between the same points; one that has none is reported as ignored."""
+        orphans: dict[int, str] = {}
+        for dataset, pair, function in self.coherences:
+            frf = self.pairs.get(pair)
+            if frf is None:
+                orphans[dataset] = "is a coherence of two points between which the file has no FRF on as many lines"
+            elif not self.row.dry_run:
+                self.frf_bytes += function.values.real.nbytes
+                add_coherence(self.session, self.row.id, frf, function.values.real)
+        self.reports = [
+            replace(r, outcome="ignored", reason=orphans[r.number]) if r.number in orphans else r for r in self.reports
+        ]
+
+    def _write_modes(self) -> None:
+        if self.modes and not self.row.dry_run:
+            row = self.row
+            store_read_modes(self.session, row.campaign_id, row.id, row.filename, self.modes)
+
+    def _refuse_nothing(self) -> None:
+        why = [f"dataset {r.number} (type {r.type}, byte {r.offset}): {r.reason}" for r in self.reports if r.reason]
+        more = f"; and {len(why) - MOST_NAMED} more" if len(why) > MOST_NAMED else ""
+        raise Invalid("file", "nothing in it can be stored. " + "; ".join(why[:MOST_NAMED]) + more)
+
+    def _warnings(self) -> list[str]:
+        warnings = list(self.found.notes)
+        refused = sum(r.outcome == "refused" for r in self.reports)
+        if refused:
+            warnings.append(f"{refused} of {len(self.reports)} datasets were refused; see datasets for the reasons")
+        if more := Counter(report.outcome for report in self.reports[LISTED:]):
+            shown = ", ".join(f"{count} {outcome}" for outcome, count in sorted(more.items()))
+            warnings.append(f"{more.total()} datasets after the first {LISTED} are not listed: {shown}")
+        if unknown := self.named - self.points.keys():
+            warnings.append(
+                f"FRFs name grid points that have no coordinates yet: {_shown(unknown)}; "
+                "`modalbase points` or PUT grid-points states them"
+            )
+        if off := self._off_specimen():
+            warnings.append(
+                f"FRFs name grid points off the specimen: {_shown(off)}; an update will refuse them: check the structure's "
+                "dimensions, the points' coordinates and the campaign's frame"
+            )
+        return warnings
+
+    def _off_specimen(self) -> list[int]:
+        """Labels of the FRFs' points that lie further out than the model takes to be on the edge."""
+        labels = sorted(self.named & self.points.keys())
+        if not labels:
+            return []
+        campaign = campaign_of(self.session, self.row.campaign_id)
+        geometry = present_structure(self.session, campaign.structure_id)[1].geometry
+        if geometry is None:
+            return []
+        places = frame_of(campaign).points(np.array([self.points[label] for label in labels]))
+        off = off_specimen(places[:, :2], geometry.length_m, geometry.width_m)
+        return [labels[row] for row in np.flatnonzero(off)]
+
+
+def _shown(labels: Collection[int]) -> str:
+    """The first of some points."""
+    return ", ".join(map(str, sorted(labels)[:MOST_NAMED])) + (" …" if len(labels) > MOST_NAMED else "")
+
+
+def _pair(item: EncodedFrf | Function) -> Pair:
+    """Between which points and axes; the sense of a direction does not matter to a coherence."""
+    lines = item.spectrum.count if isinstance(item, EncodedFrf) else item.abscissa.count
+    return (
+        item.response_point,
+        abs(item.response_direction),
+        item.reference_point,
+        abs(item.reference_direction),
+        lines,
+    )
+
+
+def _report(report: DatasetReport) -> dict[str, Any]:
+    return {
+        "number": report.number,
+        "type": report.type,
+        "offset": report.offset,
+        "outcome": report.outcome,
+        "reason": report.reason,
+        "notes": list(report.notes),
+    }
+
+
+def _metres(xyz: tuple[float, float, float]) -> str:
+    return "(" + ", ".join(f"{v:.6g}" for v in xyz) + ") m"

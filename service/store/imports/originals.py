@@ -1,0 +1,100 @@
+"""Uploaded files in the database: in chunks, under their SHA-256, each stored once however often it is uploaded."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+from sqlalchemy.dialects.postgresql import insert
+from sqlalchemy.orm import Session
+
+from service.db.bytea import copy_rows, stream_rows
+from service.errors import Damaged
+from service.store.imports.tables import Original
+
+if TYPE_CHECKING:
+    from service.web.uploads import Spooled
+
+CHUNK_BYTES = 8092
+"""A row with a chunk of this size just fills a page, so that it is stored there at once; PostgreSQL would cut a larger one
+into pieces of 2 kB, each with an entry in an index and a record in the log of its own.
+"""
+READ_BYTES = 1024 * 1024
+
+# As many chunks at a time as make READ_BYTES; those of earlier versions are of 1 MiB.
+_READ = """
+    SELECT coalesce((
+      SELECT string_agg(data, '' ORDER BY number) FROM original_chunks
+      WHERE sha256 = file.sha256 AND number >= start AND number < start + step
+    ), '')
+    FROM (
+      SELECT sha256, greatest(1, %s / greatest(1, length(data))) AS step FROM original_chunks WHERE sha256 = %s AND number = 0
+    ) file
+    CROSS JOIN LATERAL generate_series(0, (SELECT max(number) FROM original_chunks o WHERE o.sha256 = file.sha256), step) start
+"""
+
+
+def keep_original(session: Session, file: Spooled) -> None:
+    """Store the file's bytes in chunks under their SHA-256, unless they are stored already.
+
+    A second upload of the same bytes at the same moment waits for the first one's commit here.
+
+    Args:
+        session: the request's transaction.
+        file: where the upload lies on disk, with its size and SHA-256.
+    """
+    new = session.execute(
+        insert(Original).values(sha256=file.sha256, size=file.size).on_conflict_do_nothing().returning(Original.sha256)
+    ).one_or_none()
+    if new is None:
+        return
+    columns = {"sha256": "bytea", "number": "int4", "data": "bytea"}
+    with file.path.open("rb") as stream, copy_rows(session, "original_chunks", columns) as write:
+        for number, data in enumerate(iter(lambda: stream.read(CHUNK_BYTES), b"")):
+            write((file.sha256, number, data))
+
+
+def original_chunks(session: Session, sha256: bytes) -> Iterator[bytes]:
+    """The bytes of a stored file, block by block, without verifying them; until the last one is taken, the session can
+    do nothing else.
+
+    `copy_original` verifies what it copies.
+    """
+    for (data,) in stream_rows(session, _READ, [READ_BYTES, sha256], ["bytea"]):
+        yield data
+
+
+def write_original(session: Session, sha256: bytes, path: Path) -> None:
+    """Write a stored file to disk.
+
+    Args:
+        session: the transaction.
+        sha256: of the file, 32 bytes.
+        path: where to; a file that is there is replaced.
+
+    Raises:
+        Damaged: what was stored is not what was uploaded.
+    """
+    with path.open("wb") as file:
+        copy_original(session, sha256, file)
+
+
+def copy_original(session: Session, sha256: bytes, file: IO[bytes]) -> None:
+    """Copy a stored file into an open one, block by block, and verify its SHA-256 at the end.
+
+    Args:
+        session: the transaction.
+        sha256: of the file, 32 bytes.
+        file: open for writing bytes.
+
+    Raises:
+        Damaged: what was stored is not what was uploaded; what was written must not be used.
+    """
+    digest = hashlib.sha256()
+    for chunk in original_chunks(session, sha256):
+        digest.update(chunk)
+        file.write(chunk)
+    if digest.digest() != sha256:
+        raise Damaged("file", sha256)

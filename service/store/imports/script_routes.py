@@ -1,0 +1,278 @@
+"""`POST …/records` and `POST …/frfs`: what a script sends is stored when it is answered.
+
+JSON is stored in the request. A file goes the way of every file: its import is queued, and the request waits for the job
+without slot and transaction. What takes longer than `import_wait_seconds` is answered 202 with the import's address.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import AsyncIterator
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Any
+from uuid import UUID
+
+from anyio import to_thread
+from fastapi import Depends, Query, Request, Response
+
+from modalbase.formats.recognise import FORMATS, Format
+from service.access import CurrentUser, SessionDep, SettingsDep
+from service.access.dependencies import Beforehand
+from service.errors import Conflict, Fault, Invalid, PayloadTooLarge, ServiceError, Unavailable, UnsupportedMediaType
+from service.jobs.aside import read_aside
+from service.jobs.events import ChangesDep, shown
+from service.jobs.tables import Job
+from service.store.campaigns.operations import campaign_for
+from service.store.campaigns.uploads import UPLOAD_CONTENT, UploadDep
+from service.store.frfs import bodies as frf_bodies
+from service.store.frfs import operations as frfs
+from service.store.frfs.schemas import FrfOut, FrfsIn
+from service.store.imports import operations
+from service.store.imports.routes import MappingQuery, QuantityQuery, read_mapping
+from service.store.imports.schemas import ImportOut
+from service.store.records import bodies as record_bodies
+from service.store.records import operations as records
+from service.store.records.schemas import Proposal, StoredRecords
+from service.web import Name, Page, api_router
+from service.web.gate import without_slot
+from service.web.openapi import schema_of
+from service.web.routing import Later
+
+router = api_router(tags=[])
+
+BINARY = {"schema": {"type": "string", "format": "binary"}}
+RECORDS = {
+    "requestBody": {
+        "required": True,
+        "content": {**UPLOAD_CONTENT, "application/json": {"schema": {"type": "object", "required": ["variables"]}}},
+    }
+}
+FRFS = Later(
+    lambda: {
+        "requestBody": {
+            "required": True,
+            "content": {
+                "application/json": {"schema": schema_of(FrfsIn)},
+                "application/x-npz": BINARY,
+                "text/csv": {"schema": {"type": "string"}},
+                "application/x-matlab-data": BINARY,
+            },
+        }
+    }
+)
+LATER: dict[int | str, dict[str, Any]] = {
+    202: {"model": ImportOut, "description": "the file is not read yet; `Location` is its import"}
+}
+FRF_FORMATS: dict[str, Format] = {
+    "application/x-npz": "npz",
+    "application/octet-stream": "npz",
+    "application/zip": "npz",
+    "text/csv": "csv",
+    "application/x-matlab-data": "mat",
+}
+"""Media types of files with FRFs."""
+SUFFIX_OF = {"application/x-npz": ".npz", "text/csv": ".csv", "audio/wav": ".wav", "audio/x-wav": ".wav"}
+RECORD_SUFFIXES: dict[str, Format] = {f".{form}": form for form in FORMATS if form != "uff"}
+
+
+class Reading:
+    """Queues the file of a request and waits until it is read."""
+
+    def __init__(
+        self,
+        request: Request,
+        settings: SettingsDep,
+        changes: ChangesDep,
+        beforehand: Annotated[Beforehand, Depends()],
+    ) -> None:
+        self._request, self._changes, self._beforehand = request, changes, beforehand
+        self._seconds = settings.import_wait_seconds
+
+    async def of(self, campaign_id: UUID, wanted: operations.ImportRequest) -> UUID:
+        """The key of the file's import, which has ended or has had its time."""
+
+        def start(session: Any, key: Any, user: Any) -> tuple[UUID, Any, str]:
+            row, _ = operations.start_import(session, user, campaign_id, replace(wanted, urgent=True))
+            return row.id, shown(session.get_one(Job, row.id)), str(key.id)
+
+        job_id, job, caller = await self._beforehand.do(start)
+        async with without_slot(self._request.scope):
+            await self._changes.ended(job, job_id, caller, self._seconds)
+        return job_id
+
+
+ReadingDep = Annotated[Reading, Depends()]
+
+
+@dataclass(frozen=True)
+class _Came:
+    """Time blocks of a script.
+
+    Attributes:
+        sent: those of JSON, or the import of a file.
+        filename: where they come from.
+        dry_run: they shall only be looked at.
+    """
+
+    sent: record_bodies.Sent | UUID
+    filename: str
+    dry_run: bool
+
+
+async def _records(
+    campaign_id: UUID,
+    reading: ReadingDep,
+    upload: UploadDep,
+    filename: Annotated[Name | None, Query(description="name of a file that is sent as raw body")] = None,
+    mapping: MappingQuery = None,
+    dry_run: Annotated[bool, Query(description="only report what the file holds, and propose a mapping")] = False,
+) -> _Came:
+    if upload.file.size == 0:
+        raise Invalid("", "the body is empty, expected time blocks")
+    name = filename or upload.filename
+    if upload.content_type == "application/json":
+        sent = await to_thread.run_sync(lambda: record_bodies.from_json(upload.file.path.read_bytes()))
+        return _Came(sent, name, dry_run)
+    suffix = (PurePosixPath(name).suffix or SUFFIX_OF.get(upload.content_type, "")).lower()
+    if suffix not in RECORD_SUFFIXES:
+        raise Invalid("", f"is a '{suffix}' file, expected one of {', '.join(RECORD_SUFFIXES)}")
+    stated = read_mapping(mapping, upload)
+    if stated is None and not dry_run:
+        raise Invalid("mapping", "is missing; ?dry_run=true proposes one")
+    wanted = operations.ImportRequest(
+        upload.file,
+        name or f"upload{suffix}",
+        dry_run,
+        None,
+        format=RECORD_SUFFIXES[suffix],
+        kind="hits",
+        mapping=stated,
+    )
+    return _Came(await reading.of(campaign_id, wanted), name, dry_run)
+
+
+@router.post(
+    "/campaigns/{campaign_id}/records", status_code=201, openapi_extra=RECORDS, responses=LATER, tags=["records"]
+)
+def create_records(
+    campaign_id: UUID,
+    came: Annotated[_Came, Depends(_records)],
+    session: SessionDep,
+    user: CurrentUser,
+    response: Response,
+) -> StoredRecords | Proposal | ImportOut:
+    """Send time blocks of hits as npz, .mat, CSV or wav with a mapping, or as JSON `{variables, mapping}`.
+
+    All are stored, or none. The answer judges the hits of the points concerned, so a script beside the hammer knows
+    after each hit whether it was good. A file is an import: one that is not read within `import_wait_seconds` is
+    answered 202 with its address.
+    """
+    sent = came.sent
+    if isinstance(sent, UUID):
+        state = _ended(session, user, sent, response)
+        if state.status != "succeeded":
+            return state
+        if came.dry_run and state.found is not None:
+            response.status_code = 200
+            return state.found
+        return records.judged(session, campaign_id, records.records_of_import(session, sent))
+    if came.dry_run:
+        campaign_for(session, user, campaign_id, "editor")
+        response.status_code = 200
+        return sent.proposal()
+    blocks, used = sent.blocks()
+    rows = records.store_records(session, user, campaign_id, came.filename, blocks, counted=used.hit is None)
+    return records.judged(session, campaign_id, rows)
+
+
+async def _frfs(
+    campaign_id: UUID,
+    request: Request,
+    reading: ReadingDep,
+    upload: UploadDep,
+    quantity: QuantityQuery = None,
+    mapping: MappingQuery = None,
+) -> AsyncIterator[frfs.NewFrfs | UUID]:
+    """JSON as rows to be stored, which a child process made, or a file's import."""
+    if upload.file.size == 0:
+        raise Invalid("", "the body is empty, expected FRFs as npz or JSON")
+    if upload.content_type == "application/json":
+        with tempfile.NamedTemporaryFile(prefix="modalbase-rows-") as rows:
+            path = Path(rows.name)
+            async with without_slot(request.scope):
+                count = await read_aside(frf_bodies.write_rows, upload.file.path, path)
+            yield frfs.NewFrfs(path, count)
+        return
+    form = FRF_FORMATS.get(upload.content_type)
+    if form is None:
+        raise UnsupportedMediaType(
+            f"the body is {upload.content_type or 'of no stated type'}, "
+            "expected application/x-npz, application/json, text/csv or application/x-matlab-data"
+        )
+    if form != "npz" and quantity is None:
+        raise Invalid("quantity", f"is missing: a {form} does not say what it holds, so ?quantity= must")
+    stated = read_mapping(mapping, upload) if form == "mat" else None
+    wanted = operations.ImportRequest(
+        upload.file,
+        upload.filename or f"frfs.{form}",
+        False,
+        quantity,
+        format=form,
+        kind="frfs",
+        mapping=stated,
+    )
+    yield await reading.of(campaign_id, wanted)
+
+
+@router.post("/campaigns/{campaign_id}/frfs", status_code=201, openapi_extra=FRFS, responses=LATER, tags=["FRFs"])
+def create_frfs(
+    campaign_id: UUID,
+    came: Annotated[frfs.NewFrfs | UUID, Depends(_frfs)],
+    session: SessionDep,
+    user: CurrentUser,
+    response: Response,
+) -> Page[FrfOut] | ImportOut:
+    """Send FRFs of a script as npz, JSON or CSV, as `GET …/frfs/data` writes them, or an analyser's .mat with a mapping.
+
+    All are stored, or none; at most 10,000 at a time. A file is an import: one that is not read within
+    `import_wait_seconds` is answered 202 with its address.
+    """
+    if isinstance(came, UUID):
+        state = _ended(session, user, came, response)
+        if state.status != "succeeded":
+            return state
+        rows = frfs.frfs_of_import(session, came)
+    else:
+        rows = frfs.store_frfs(session, user, campaign_for(session, user, campaign_id, "editor"), came)
+    return Page(items=[frfs.describe(row) for row in rows])
+
+
+def _ended(session: SessionDep, user: CurrentUser, import_id: UUID, response: Response) -> ImportOut:
+    """A file's import: one that goes on is answered 202.
+
+    Raises:
+        ServiceError: it failed; as if the file had been read in the request.
+    """
+    state = operations.describe(session, operations.import_for(session, user, import_id))
+    if state.error is not None:
+        raise _error_of(state.error)
+    if state.status != "succeeded":
+        response.status_code = 202
+        response.headers["Location"] = f"/api/v1/imports/{state.id}"
+    return state
+
+
+def _error_of(error: dict[str, Any]) -> Exception:
+    """What the reading of a file raised, from what is kept of it."""
+    reason, kind, detail = error["reason"], error["type"], error["detail"]
+    if faults := error.get("errors"):
+        return Invalid([Fault(**fault) for fault in faults], count=error["error_count"])
+    if reason in ("memory", "time", "crash"):
+        return PayloadTooLarge(f"the body cannot be read here: {detail}")
+    if reason == "lost":
+        return Unavailable(detail)
+    if reason == "internal":
+        return RuntimeError(detail)
+    known: dict[str, type[ServiceError]] = {"Conflict": Conflict}
+    return known.get(kind, PayloadTooLarge)(detail)

@@ -1,0 +1,132 @@
+"""What a client sends and gets about mode sets."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any, Literal
+from uuid import UUID
+
+from pydantic import Field, field_validator
+from pydantic_core import PydanticCustomError
+
+from service.store.campaigns.schemas import Point
+from service.web import Name, StrictModel, example
+
+Origin = Literal["typed", "file", "identified", "edited"]
+
+
+class ShapeValue(StrictModel):
+    """Displacement of a mode at a point, in a signed direction of the file's coordinates, arbitrarily scaled."""
+
+    point: Point
+    direction: int = Field(ge=-6, le=6, description="±1 … ±3 along x, y, z, ±4 … ±6 about them")
+    real: float
+    imag: float = 0.0
+
+    @field_validator("direction")
+    @classmethod
+    def _not_zero(cls, direction: int) -> int:
+        if direction == 0:
+            raise PydanticCustomError("direction", "is 0, expected ±1 … ±6")
+        return direction
+
+
+class ModeIn(StrictModel):
+    """One mode as a client knows it; standard deviations where it knows them too."""
+
+    frequency_hz: float = Field(gt=0, le=1e9, description="undamped natural frequency")
+    damping_ratio: float | None = Field(None, ge=0, lt=1, description="viscous damping ratio, not per cent")
+    frequency_sd_hz: float | None = Field(None, gt=0, le=1e9)
+    damping_sd: float | None = Field(None, gt=0, lt=1)
+    shape: list[ShapeValue] | None = Field(None, min_length=1, max_length=1_000_000)
+
+    @field_validator("shape")
+    @classmethod
+    def _shape(cls, shape: list[ShapeValue] | None) -> list[ShapeValue] | None:
+        seen: set[tuple[int, int]] = set()
+        for value in shape or []:
+            key = (value.point, abs(value.direction))
+            if key in seen:
+                raise PydanticCustomError(
+                    "twice", "point {point} has direction {axis} twice", {"point": key[0], "axis": key[1]}
+                )
+            seen.add(key)
+        if shape and not any(value.real or value.imag for value in shape):
+            raise PydanticCustomError("zero", "is zero everywhere")
+        return shape
+
+
+class ModeSetIn(StrictModel):
+    """Modes of a campaign, in any order."""
+
+    model_config = example(
+        name="typed in",
+        modes=[{"frequency_hz": 25.61, "damping_ratio": 0.1556}, {"frequency_hz": 160.85, "damping_ratio": 0.0284}],
+    )
+
+    name: Name
+    modes: list[ModeIn] = Field(min_length=1, max_length=10_000)
+
+
+class FeatureOut(StrictModel):
+    """One reason for or against a pole being a mode."""
+
+    name: str = Field(description="phase, rise, share, damping, twin, repeat or growth")
+    value: float
+    weight: float = Field(description="what it adds to ln(P/(1 − P))")
+    words: str
+
+
+class ModeOut(StrictModel):
+    """One mode of a set."""
+
+    number: int = Field(description="1 for the lowest")
+    frequency_hz: float
+    damping_ratio: float | None
+    frequency_sd_hz: float | None
+    damping_sd: float | None
+    shape: list[ShapeValue] | None
+    probability: float | None = Field(
+        description="that the pole is a mode of the structure; null where no job identified it"
+    )
+    features: list[FeatureOut] = Field(description="the reasons for and against it that weigh most")
+
+
+class DecisionIn(StrictModel):
+    """What a person decides of one pole."""
+
+    frequency_hz: float = Field(
+        gt=0, le=1e9, description="of a mode of the set, or of an uncertain or refused pole beside it"
+    )
+    keep: bool
+    reason: str = Field(min_length=1, max_length=2000, description="why, for those who read the new set")
+
+
+class EditIn(StrictModel):
+    """Which poles of a mode set are kept and dropped; all others stay as they are."""
+
+    model_config = example(
+        name="checked by hand",
+        decisions=[{"frequency_hz": 50.0, "keep": False, "reason": "hum of the mains: it is there without a hit, too"}],
+    )
+
+    name: Name
+    decisions: list[DecisionIn] = Field(min_length=1, max_length=10_000)
+
+
+class ModeSetOut(StrictModel):
+    """A mode set."""
+
+    id: UUID
+    campaign_id: UUID
+    name: str
+    origin: Origin
+    import_id: UUID | None = Field(description="the import that it came with")
+    job_id: UUID | None = Field(description="the job that identified it")
+    modes: list[ModeOut]
+    details: dict[str, Any] = Field(
+        description="of an identified set, what stands beside its modes: `warnings`, `doubtful` modes with the reason of "
+        "each, `refused` FRFs, `refused_poles`, `evidence` for each mode; of an edited set `edited_from` and `decisions` as "
+        "well, each with who made it; empty for others, and for sets of versions up to 0.2"
+    )
+    created_at: datetime

@@ -1,0 +1,102 @@
+"""Routes of time blocks and of processings."""
+
+from __future__ import annotations
+
+import io
+from typing import Annotated, Literal
+from uuid import UUID
+
+import numpy as np
+from fastapi import Query, Response
+from fastapi.responses import JSONResponse
+
+from service.access import CurrentUser, SessionDep
+from service.store.campaigns.operations import campaign_for
+from service.store.records import operations, processings
+from service.store.records.schemas import UNITS, ProcessingIn, ProcessingOut, RecordOut
+from service.store.records.tables import Processing, Record
+from service.web import Cursor, Limit, Page, api_router, paged
+
+router = api_router(tags=["records"])
+
+Whole = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
+MEDIA_TYPES = {"json": "application/json", "npz": "application/x-npz", "csv": "text/csv"}
+
+
+@router.get("/campaigns/{campaign_id}/records")
+def list_records(
+    campaign_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    point: Annotated[Whole, Query(description="where it was hit")] = None,
+    hit: Annotated[Whole, Query(description="number of the hit")] = None,
+    cursor: Cursor = None,
+    limit: Limit = 100,
+) -> Page[RecordOut]:
+    """Time blocks of a campaign, without their samples."""
+    campaign = campaign_for(session, user, campaign_id)
+    rows, following = paged(session, operations.query_of(campaign.id, point, hit), Record.id, cursor, limit)
+    return Page(items=[operations.describe(row) for row in rows], next_cursor=following)
+
+
+@router.get("/records/{record_id}")
+def get_record(record_id: UUID, session: SessionDep, user: CurrentUser) -> RecordOut:
+    """A time block without its samples."""
+    return operations.describe(operations.record_for(session, user, record_id))
+
+
+@router.get("/records/{record_id}/data", responses={200: {"content": {m: {} for m in MEDIA_TYPES.values()}}})
+def get_record_data(
+    record_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    file_format: Annotated[Literal["json", "npz", "csv"], Query(alias="format")] = "json",
+) -> Response:
+    """Samples of a time block in SI with their time axis, as JSON, npz or CSV."""
+    row = operations.record_for(session, user, record_id)
+    rows = operations.block_rows(session, row.campaign_id, {row.force_point})
+    wanted = [r for r in rows[row.force_point, row.force_direction] if r.id == row.id]
+    (samples,) = operations.samples_of(session, wanted)
+    time = np.arange(samples.size) / row.sample_rate_hz
+    if file_format == "json":
+        shown = {"sample_rate_hz": row.sample_rate_hz, "unit": UNITS[row.quantity], "samples": samples.tolist()}
+        return JSONResponse(shown)
+    file = io.BytesIO()
+    if file_format == "npz":
+        np.savez(file, time_s=time, samples=samples, sample_rate_hz=np.array(row.sample_rate_hz))
+    else:
+        np.savetxt(file, np.column_stack((time, samples)), "%.9g", ",", header=f"time_s,{row.quantity}", comments="")
+    return Response(file.getvalue(), media_type=MEDIA_TYPES[file_format])
+
+
+@router.delete("/records/{record_id}", status_code=204)
+def delete_record(record_id: UUID, session: SessionDep, user: CurrentUser) -> None:
+    """Delete a time block. FRFs that were made of it stay."""
+    operations.remove_record(session, user, record_id)
+
+
+@router.post("/campaigns/{campaign_id}/processings", status_code=202)
+def start_processing(
+    campaign_id: UUID, body: ProcessingIn, session: SessionDep, user: CurrentUser, response: Response
+) -> ProcessingOut:
+    """Queue a processing of the campaign's records: hits are judged, the good ones become FRFs. `{}` is a body."""
+    row = processings.start_processing(session, user, campaign_id, body)
+    response.headers["Location"] = f"/api/v1/processings/{row.id}"
+    return processings.describe(session, row)
+
+
+@router.get("/campaigns/{campaign_id}/processings")
+def list_processings(
+    campaign_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 20
+) -> Page[ProcessingOut]:
+    """Processings of a campaign, newest first."""
+    campaign = campaign_for(session, user, campaign_id)
+    query = processings.query_of(campaign.id)
+    rows, following = paged(session, query, Processing.id, cursor, limit, newest_first=True)
+    return Page(items=[processings.describe(session, row) for row in rows], next_cursor=following)
+
+
+@router.get("/processings/{processing_id}")
+def get_processing(processing_id: UUID, session: SessionDep, user: CurrentUser) -> ProcessingOut:
+    """How far a processing is, how it judged every hit, and which FRFs rest on which records."""
+    return processings.describe(session, processings.processing_for(session, user, processing_id))

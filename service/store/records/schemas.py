@@ -1,0 +1,139 @@
+"""What a client sends and gets about time blocks and their processing."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+from uuid import UUID
+
+from pydantic import Field
+
+from fecore.processing import Estimator, Processing, Windows
+from service.jobs.state import JobOut
+from service.store.campaigns.schemas import Point
+from service.store.frfs.schemas import Direction
+from service.web import StrictModel, example
+
+ChannelQuantity = Literal["force", "acceleration", "velocity", "displacement"]
+UNITS: dict[str, str] = {"force": "N", "acceleration": "m/s²", "velocity": "m/s", "displacement": "m"}
+
+
+class RecordOut(StrictModel):
+    """One channel's time block of one hit, without its samples."""
+
+    id: UUID
+    campaign_id: UUID
+    label: str
+    filename: str
+    quantity: ChannelQuantity
+    unit: str
+    point: int
+    direction: int
+    force_point: int
+    force_direction: int
+    hit: int
+    sample_rate_hz: float
+    samples: int
+    sensitivity: float
+    window_rate_per_s: float
+    full_scale: float | None
+    dtype: str
+    sha256: str
+    created_at: datetime
+
+
+class FindingOut(StrictModel):
+    """One criterion of one hit."""
+
+    criterion: Literal["double", "overload", "quiet", "late", "early", "place", "polarity", "height", "swapped"]
+    number: float | None = Field(
+        description="null where it is infinite; of `place`, in mm where the hit could be located, as its sentence says"
+    )
+    limit: float
+    failed: bool
+    sentence: str
+
+
+class HitOut(StrictModel):
+    """The judgement of one hit."""
+
+    point: int
+    direction: int
+    hit: int
+    accepted: bool
+    overruled: bool | None = Field(description="what a user decided against the findings")
+    findings: list[FindingOut]
+
+
+class StoredRecords(StrictModel):
+    """Time blocks that were stored, and the judgement of the hits of the points they are of."""
+
+    items: list[RecordOut]
+    hits: list[HitOut] = Field(description="all hits of these points as they are judged now")
+    coherence: dict[str, float] = Field(
+        description="mean coherence of the good hits in the excited band, by force point; of the sensors of its newest hit"
+    )
+    incomplete: list[str] = Field(
+        description="hits of these points that are not judged, since their force or every response was deleted; "
+        "delete what is left of them before a processing"
+    )
+
+
+class Proposal(StrictModel):
+    """What a dry run says of a file."""
+
+    variables: dict[str, str] = Field(description="shape and type of each array")
+    mapping: dict[str, Any] = Field(description="a mapping that names and shapes suggest; look at it and complete it")
+    blocks: int | None = Field(description="time blocks that the stated mapping makes of the file")
+
+
+class WindowsIn(StrictModel):
+    """Windows; both are chosen from the hits where no object is sent, and `{}` is neither of them."""
+
+    force_length_s: float | None = Field(None, gt=0, le=100, description="about the pulse; null: the whole block")
+    rate_per_s: float = Field(
+        0.0, ge=0, le=1e4, description="of the exponential window on both channels, 1/s; 0: there is none"
+    )
+
+
+class OverruleIn(StrictModel):
+    """A user's decision about one hit."""
+
+    point: Point
+    direction: Direction | None = Field(None, description="null: the one in which the point was hit")
+    hit: int = Field(ge=1)
+    use: bool
+
+
+class ProcessingIn(StrictModel):
+    """How records become FRFs; `{}` will do."""
+
+    model_config = example()
+
+    estimator: Estimator = "H1"
+    windows: WindowsIn | None = Field(
+        None,
+        description="null: a force window, and where needed an exponential one, chosen from the hits; {}: no windows",
+    )
+    band_hz: tuple[Annotated[float, Field(ge=0, le=1e7)], Annotated[float, Field(gt=0, le=1e7)]] | None = None
+    delay_s: float = Field(0.0, gt=-1, lt=1, description="lag of the response, to be taken out; at most half a block")
+    overrules: list[OverruleIn] = Field(default_factory=list, max_length=100_000)
+
+    def processing(self) -> Processing:
+        """The core's choices, but for the overrules, for which the hits must be known.
+
+        Raises:
+            InputError: the band is empty.
+        """
+        windows = None if self.windows is None else Windows(self.windows.force_length_s, self.windows.rate_per_s)
+        return Processing(self.estimator, windows, self.band_hz, self.delay_s)
+
+
+class ProcessingOut(JobOut):
+    """A processing: how far it is, and what it did."""
+
+    campaign_id: UUID
+    options: ProcessingIn
+    result: dict[str, Any] | None = Field(
+        description="choices made, judgement of every hit, and each FRF with the records that it rests on"
+    )

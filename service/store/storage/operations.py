@@ -1,0 +1,107 @@
+"""The account of what each project stores, and its limit.
+
+The limit travels with the session (`service.db.engine.make_sessions`), since it holds for whatever a transaction stores,
+a request's and a job's alike. A session without one has no limit: the operator's commands.
+
+Bytes are compared with the limit twice. Before they are stored, so that what has no room costs little; transactions that
+store at the same moment do not see each other's bytes then. So each compares again when it commits, one after the other
+within a project: what does not fit by then is rolled back. A project's account is held for the commit alone.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Literal
+from uuid import UUID
+
+from sqlalchemy import event, func, insert, select
+from sqlalchemy.orm import Session
+
+from service.db.engine import QUOTA
+from service.errors import QuotaExceeded
+from service.store.storage.tables import StoredBytes
+
+BOOKED = "booked_bytes"
+"""Name in `Session.info` of the bytes by project that the transaction has booked."""
+
+Kind = Literal["files", "frfs", "records", "curves", "modes", "results"]
+
+
+@dataclass(frozen=True)
+class StorageOwner:
+    """What bytes are stored for; they go when it is purged.
+
+    Attributes:
+        project_id: whose limit counts.
+        campaign_id: the campaign that they belong to.
+        structure_id: the structure, of what belongs to no campaign.
+    """
+
+    project_id: UUID
+    campaign_id: UUID | None = None
+    structure_id: UUID | None = None
+
+
+def used_bytes(session: Session, project_id: UUID) -> dict[str, int]:
+    """Bytes that a project stores, by kind; what is deleted counts until it is purged."""
+    query = (
+        select(StoredBytes.kind, func.sum(StoredBytes.size))
+        .where(StoredBytes.project_id == project_id)
+        .group_by(StoredBytes.kind)
+    )
+    return {kind: int(size) for kind, size in session.execute(query)}
+
+
+def require_room(session: Session, project_id: UUID, size: int = 1) -> None:
+    """Refuse what a project has no room for.
+
+    Args:
+        session: the transaction.
+        project_id: which project.
+        size: bytes that are about to be stored; 1 asks whether there is any room, before a job is queued that will store.
+
+    Raises:
+        QuotaExceeded: the project would have more bytes than it may.
+    """
+    allowed: int | None = session.info.get(QUOTA)
+    if allowed is None:
+        return
+    used = sum(used_bytes(session, project_id).values())
+    if used + size > allowed:
+        raise QuotaExceeded(used, allowed, size)
+
+
+def book(session: Session, owner: StorageOwner, kind: Kind, size: int) -> None:
+    """Enter bytes into a project's account, in the transaction that stores them and before it does where they are known.
+
+    Args:
+        session: the transaction.
+        owner: what they are stored for.
+        kind: what they are.
+        size: how many; negative where they are removed.
+
+    Raises:
+        QuotaExceeded: the project would have more bytes than it may. At the transaction's commit too.
+    """
+    if size > 0:
+        require_room(session, owner.project_id, size)
+    if size:
+        session.execute(insert(StoredBytes).values(**vars(owner), kind=kind, size=size))
+    if size > 0:
+        booked: Counter[UUID] = session.info.setdefault(BOOKED, Counter())
+        booked[owner.project_id] += size
+        event.listen(session, "before_commit", _require_that_all_fits)
+
+
+def _require_that_all_fits(session: Session) -> None:
+    """What `book` cannot see: the bytes of transactions that have committed since. The lock ends with the transaction."""
+    booked: Counter[UUID] = session.info.pop(BOOKED, Counter())
+    allowed: int | None = session.info.get(QUOTA)
+    if allowed is None:
+        return
+    for project_id, size in sorted(booked.items()):
+        session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(f"storage {project_id}", 0))))
+        used = sum(used_bytes(session, project_id).values())
+        if used > allowed:
+            raise QuotaExceeded(used - size, allowed, size)

@@ -1,0 +1,208 @@
+"""What can be done with structures. Every change of what a structure physically is makes a new version."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+from uuid import UUID
+
+from sqlalchemy import Select, select
+from sqlalchemy.orm import Session
+
+from service.access import Lookup, User, audit, project_for
+from service.db.clock import transaction_time
+from service.errors import Fault, Invalid
+from service.store.structures.schemas import (
+    Geometry,
+    Laminate,
+    Material,
+    Piece,
+    StructureIn,
+    StructureInputs,
+    StructureOut,
+    StructurePatch,
+)
+from service.store.structures.tables import Structure, StructureVersion
+from service.web.json_body import checked
+
+structure_for = Lookup(Structure, "structure", "project_id")
+"""The structure, if the user has at least a role in its project."""
+
+
+def current_version(session: Session, structure: Structure) -> StructureVersion:
+    """The version of a structure that is valid now, which new campaigns and new updates refer to.
+
+    Args:
+        session: the request's transaction.
+        structure: whose version.
+    """
+    return session.scalars(
+        select(StructureVersion).where(
+            StructureVersion.structure_id == structure.id, StructureVersion.number == structure.version
+        )
+    ).one()
+
+
+def create_structure(session: Session, user: User, project_id: UUID, body: StructureIn) -> Structure:
+    """Store a new structure in version 1 and note it in the audit trail.
+
+    Args:
+        session: the request's transaction.
+        user: who asks; an editor of the project at least.
+        project_id: the project that the structure belongs to.
+        body: name, geometry in m, density in kg/m³, and a laminate or a material in Pa.
+
+    Raises:
+        NotFound: there is no such project, or it is other people's.
+        Forbidden: the user's role is too low.
+    """
+    project = project_for(session, user, project_id, "editor")
+    structure = Structure(project_id=project.id, name=body.name, version=1)
+    session.add(structure)
+    session.flush()
+    _add_version(session, structure, body)
+    session.refresh(structure)
+    audit(session, user, "structure.create", "structure", structure.id, project.id, name=body.name)
+    return structure
+
+
+def change_structure(session: Session, user: User, structure: Structure, patch: StructurePatch) -> None:
+    """Apply a patch. A new name stays in the version; a change of geometry, density, laminate, material or
+    inputs makes the next one.
+
+    Results that were computed keep the version that they were computed with.
+
+    Args:
+        session: the request's transaction.
+        user: who asks, for the audit trail.
+        structure: the structure, locked.
+        patch: the fields that were sent; a laminate takes the place of a material, and the other way round.
+
+    Raises:
+        Invalid: the patch, or the structure it would lead to, makes no sense.
+    """
+    before = describe(session, structure)
+    after = _patched(before, patch)
+    structure.name = after.name
+    physical = ("geometry", "density_kg_m3", "laminate", "material", "inputs", "pieces")
+    if any(getattr(after, field) != getattr(before, field) for field in physical):
+        structure.version += 1
+        _add_version(session, structure, after)
+    structure.updated_at = transaction_time(session)
+    session.flush()
+    audit(session, user, "structure.change", "structure", structure.id, structure.project_id, version=structure.version)
+
+
+def describe(session: Session, structure: Structure) -> StructureOut:
+    """The structure in its current version, as clients see it: one query, for the version."""
+    return _described(structure, current_version(session, structure))
+
+
+def describe_all(session: Session, structures: Sequence[Structure]) -> list[StructureOut]:
+    """Several structures in their current versions, as clients see them, in the order given; one query for all
+    versions.
+    """
+    query = (
+        select(StructureVersion)
+        .join(Structure, Structure.id == StructureVersion.structure_id)
+        .where(Structure.id.in_([s.id for s in structures]), StructureVersion.number == Structure.version)
+    )
+    versions = {version.structure_id: version for version in session.scalars(query)}
+    return [_described(structure, versions[structure.id]) for structure in structures]
+
+
+def _described(structure: Structure, version: StructureVersion) -> StructureOut:
+    return StructureOut(
+        id=structure.id,
+        project_id=structure.project_id,
+        name=structure.name,
+        version=version.number,
+        created_at=structure.created_at,
+        updated_at=structure.updated_at,
+        **_physical(version),
+    )
+
+
+def describe_version(version: StructureVersion, name: str) -> StructureIn:
+    """A structure as it was in a version, in the form of a request.
+
+    It was checked when it came in, perhaps by rules of that time, so it is not checked again: an old result must
+    stay readable.
+
+    Args:
+        version: the stored version.
+        name: the structure's name now; versions have none.
+    """
+    return StructureIn.model_construct(name=name, **_physical(version))
+
+
+def _physical(version: StructureVersion) -> dict[str, Any]:
+    pieces = None if version.pieces is None else [Piece.model_validate(piece) for piece in version.pieces]
+    sizes = {"length_m": version.length_m, "width_m": version.width_m, "thickness_m": version.thickness_m}
+    return {
+        "geometry": None if None in sizes.values() else Geometry.model_validate(sizes),
+        "density_kg_m3": version.density_kg_m3,
+        "laminate": version.laminate and Laminate.model_validate(version.laminate),
+        "material": version.material and Material.model_validate(version.material),
+        "inputs": version.inputs and StructureInputs.model_validate(version.inputs),
+        "pieces": pieces,
+    }
+
+
+def _patched(before: StructureOut, patch: StructurePatch) -> StructureIn:
+    sent = {field: getattr(patch, field) for field in patch.model_fields_set}
+    nulls = [field for field, value in sent.items() if value is None]
+    if nulls:
+        raise Invalid([Fault(f"/{field}", "cannot be null; leave it out to keep it") for field in nulls])
+    if "laminate" in sent and "material" in sent:
+        raise Invalid("/material", "state a laminate or a material, not both")
+    merged = before.model_dump(include=set(StructureIn.model_fields))
+    merged.update(patch.model_dump(exclude_unset=True))
+    if "laminate" in sent:
+        merged["material"] = None
+    if "material" in sent:
+        merged["laminate"] = None
+    return checked(StructureIn, merged)
+
+
+def _add_version(session: Session, structure: Structure, body: StructureIn) -> None:
+    session.add(
+        StructureVersion(
+            structure_id=structure.id,
+            number=structure.version,
+            **(body.geometry.model_dump() if body.geometry else {}),
+            density_kg_m3=body.density_kg_m3,
+            laminate=body.laminate and body.laminate.model_dump(),
+            material=body.material and body.material.model_dump(),
+            inputs=body.inputs and body.inputs.model_dump(),
+            pieces=[piece.model_dump() for piece in body.pieces] if body.pieces else None,
+        )
+    )
+    session.flush()
+
+
+def present_structure(session: Session, structure_id: UUID) -> tuple[StructureVersion, StructureIn]:
+    """A structure's present version, and what the structure is in it."""
+    structure = session.get_one(Structure, structure_id)
+    version = current_version(session, structure)
+    return version, describe_version(version, structure.name)
+
+
+def structure_of(session: Session, structure_id: UUID) -> Structure:
+    """The row of a structure as it is now, whoever asks."""
+    return session.get_one(Structure, structure_id, populate_existing=True)
+
+
+def version_of(session: Session, version_id: UUID) -> StructureVersion:
+    """The row of a version, whoever asks."""
+    return session.get_one(StructureVersion, version_id)
+
+
+def structures_of(session: Session, keys: Iterable[UUID]) -> dict[UUID, Structure]:
+    """Rows by key, whoever asks."""
+    return {row.id: row for row in session.scalars(select(Structure).where(Structure.id.in_(set(keys))))}
+
+
+def structures_in(projects: Select[UUID] | Sequence[UUID]) -> Select[UUID]:
+    """Keys of the structures of some projects that are not deleted, as part of a query."""
+    return select(Structure.id).where(Structure.project_id.in_(projects), Structure.deleted_at.is_(None))

@@ -1,0 +1,282 @@
+"""What can be done with update jobs: start, look at, cancel, read the result."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+from uuid import UUID
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from fecore.errors import InputError
+from fecore.updating.parameters import parametrise
+from service.access import Lookup, User, audit, project_for
+from service.compute.updating import UpdateOutput, compute_update
+from service.errors import Conflict, Invalid
+from service.jobs.kinds import CORE_LIBRARIES, JobKind
+from service.jobs.queue import enqueue, one_at_a_time, request_cancel, retry
+from service.jobs.state import job_state, why_no_result
+from service.jobs.tables import Job
+from service.store.campaigns.operations import campaign_for, campaigns_of
+from service.store.coupons.operations import batch_for
+from service.store.frfs.operations import frf_extents
+from service.store.modes.identifications import keep_identified
+from service.store.modes.operations import mode_set_for
+from service.store.records.processings import keep_processing
+from service.store.storage import StorageOwner, book, require_room
+from service.store.structures.operations import present_structure
+from service.store.updating.bodies import body_of
+from service.store.updating.document import describe as describe_result
+from service.store.updating.loading import load_update
+from service.store.updating.schemas import RecipeIn, UpdateJobOut
+from service.store.updating.stored_arrays import StoredArrays
+from service.store.updating.tables import UpdateJob, UpdateResult
+from service.store.updating.versions import MARKS, up_to_date
+
+if TYPE_CHECKING:
+    from service.store.campaigns.tables import Campaign
+
+
+def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> None:
+    row = session.get_one(UpdateJob, job_id)
+    for output in items:
+        document = describe_result(output.result, output.identification, output.warnings, output.provenance)
+        if output.processing is not None and not frf_extents(session, row.campaign_id):
+            options = RecipeIn.model_validate(row.recipe).processing
+            done = keep_processing(session, job_id, row.campaign_id, options, output.processing)
+            document["provenance"]["processing"] = str(job_id)
+            document["provenance"]["frfs"] = [{"id": frf["id"], "records": frf["records"]} for frf in done["frfs"]]
+        if output.identified is not None:
+            found = document["identification"]
+            kept = keep_identified(
+                session, row.campaign_id, "identified by an update", output.identified, found, job_id=job_id
+            )
+            document["provenance"]["mode_set"] = str(kept.id)
+        size = len(output.prediction) + len(json.dumps(document))
+        book(session, StorageOwner(row.project_id, row.campaign_id), "results", size)
+        session.add(UpdateResult(id=job_id, document=document, prediction=output.prediction))
+
+
+UPDATE = JobKind("update", load=load_update, compute=compute_update, store=_store, libraries=CORE_LIBRARIES)
+
+
+def start_update(
+    session: Session,
+    user: User,
+    campaign_id: UUID,
+    recipe: RecipeIn,
+    idempotency_key: str | None = None,
+    priority: int = 0,
+) -> UpdateJob:
+    """Queue an update, in the caller's transaction. The same key and recipe again give the job that is there.
+
+    Args:
+        session: the request's transaction.
+        user: who asks; an editor of the project at least.
+        campaign_id: the campaign whose FRFs are fitted.
+        recipe: all choices; `RecipeIn()` will do.
+        idempotency_key: a name of this request, so that a repetition makes no second job.
+        priority: −100 to 100, among the waiting jobs of the project.
+
+    Raises:
+        Invalid: the recipe contradicts itself or names what is not this campaign's, or the key came with another
+            recipe.
+        InputError: the core does not take the recipe's parameters or band.
+        NotFound: there is no such campaign, or it is other people's.
+        Forbidden: the user's role is too low.
+        QuotaExceeded: the project has no room for a result.
+    """
+    campaign = campaign_for(session, user, campaign_id, "editor")
+    project_id = campaign_for.project_of(session, campaign)
+    sent = recipe.model_dump(mode="json")
+    if idempotency_key is not None:
+        one_at_a_time(session, f"{project_id} {idempotency_key}")
+        known = session.scalars(
+            select(UpdateJob).where(UpdateJob.project_id == project_id, UpdateJob.idempotency_key == idempotency_key)
+        ).one_or_none()
+        if known is not None:
+            # An earlier version knew fewer fields.
+            before = RecipeIn.model_validate(known.recipe).model_dump(mode="json")
+            if before != sent or known.campaign_id != campaign.id:
+                raise Invalid("Idempotency-Key", "was used for another request; use a new key for a new job")
+            return known
+    version, structure = present_structure(session, campaign.structure_id)
+    _check(session, user, campaign, recipe)
+    _check_parameters(recipe, structure, campaign)
+    _check_data(session, recipe, campaign)
+    require_room(session, project_id)
+    job = enqueue(session, kind=UPDATE, project_id=project_id, priority=priority)
+    row = UpdateJob(
+        id=job.id,
+        project_id=project_id,
+        campaign_id=campaign.id,
+        structure_version_id=version.id,
+        recipe=sent,
+        idempotency_key=idempotency_key,
+    )
+    session.add(row)
+    session.flush()
+    audit(session, user, "update_job.create", "update_job", row.id, project_id)
+    return row
+
+
+def _check(session: Session, user: User, campaign: Campaign, recipe: RecipeIn) -> None:
+    """What the recipe names must be the user's and this campaign's."""
+    if recipe.mode_set is not None:
+        mode_set = mode_set_for.named(session, user, recipe.mode_set, "/mode_set")
+        if mode_set.campaign_id != campaign.id:
+            raise Invalid("/mode_set", f"{mode_set.id} belongs to another campaign")
+    check_prior_batch(session, user, recipe, campaign.structure_id, "/prior_from_coupon_batch")
+
+
+def check_prior_batch(session: Session, user: User, recipe: RecipeIn, structure_id: UUID, pointer: str) -> None:
+    """The coupon batch that a recipe takes its priors from must be the user's and of the structure's material.
+
+    Raises:
+        Invalid: it is not; the pointer says where the batch is named.
+    """
+    if recipe.prior_from_coupon_batch is not None:
+        batch = batch_for.named(session, user, recipe.prior_from_coupon_batch, pointer)
+        if batch.structure_id != structure_id:
+            raise Invalid(pointer, f"{batch.id} belongs to another structure")
+
+
+def _check_parameters(recipe: RecipeIn, structure: Any, campaign: Campaign) -> None:
+    """A recipe that contradicts itself is refused before it is queued, with the core's message."""
+    recipe.inputs.to_core()
+    body = body_of(structure, campaign.boundary, recipe)
+    parametrise(body, recipe.parameters_of(body))
+    if recipe.band_hz is not None and not recipe.band_hz[0] < recipe.band_hz[1]:
+        raise InputError("band_hz", "expected its low end below its high end")
+    band = recipe.identification.band_hz
+    if band is not None and not band[0] < band[1]:
+        raise InputError("identification.band_hz", "expected its low end below its high end")
+    if len(set(recipe.damping_models)) < len(recipe.damping_models):
+        raise InputError("damping_models", "names a law twice")
+
+
+def _check_data(session: Session, recipe: RecipeIn, campaign: Campaign) -> None:
+    """What the recipe keeps of the FRFs must leave something to fit. Looks at axes and points, never at a spectrum."""
+    rows = frf_extents(session, campaign.id)
+    if not rows:
+        return  # an import may be on its way; the job says so if nothing has come by then
+    low, high = min(row.start_hz for row in rows), max(row.end_hz for row in rows)
+    axes = f"the campaign's FRFs have lines from {low:g} to {high:g} Hz"
+    first, last = recipe.band_hz or (low, high)
+    if first > high or last < low:
+        raise Invalid("/band_hz", f"{first:g} to {last:g} Hz holds no line; {axes}")
+    if recipe.hold_out.band_hz is not None:
+        from_hz, to_hz = recipe.hold_out.band_hz
+        if from_hz <= max(first, low) and to_hz >= min(last, high):
+            raise Invalid("/hold_out/band_hz", f"holds out every line that would be fitted; {axes}")
+    if recipe.hold_out.points:
+        points = set(recipe.hold_out.points)
+        used = {point for row in rows for point in (row.response_point, row.reference_point)}
+        if unknown := sorted(points - used):
+            raise Invalid("/hold_out/points", f"{', '.join(map(str, unknown))} have no FRF in this campaign")
+        if all(row.response_point in points or row.reference_point in points for row in rows):
+            fixed = set.intersection(*({row.response_point, row.reference_point} for row in rows))
+            if not fixed or points >= used:
+                raise Invalid("/hold_out/points", "holds out every FRF, so nothing is left to fit")
+
+
+update_job_for = Lookup(UpdateJob, "update job", "campaign_id", campaign_for, deleted_owner=True)
+"""The update job, if the user has at least a role in its project; a job outlives its campaign's deletion."""
+
+
+def cancel_update(session: Session, user: User, row: UpdateJob) -> None:
+    """Ask for a job's end. A job that waits is cancelled at once; one that runs is killed by its worker; one that has
+    ended stays as it is.
+
+    Raises:
+        Forbidden: the user's role is too low.
+    """
+    project_for(session, user, row.project_id, "editor")
+    request_cancel(session, row.id)
+    audit(session, user, "update_job.cancel", "update_job", row.id, row.project_id)
+
+
+def retry_update(session: Session, user: User, row: UpdateJob) -> None:
+    """Queue a job again that failed or was cancelled, from its beginning, with the recipe and the structure's version
+    that it had.
+
+    Raises:
+        Conflict: it waits, runs or has succeeded.
+        Forbidden: the user's role is too low.
+    """
+    project_for(session, user, row.project_id, "editor")
+    retry(session, row.id)
+    audit(session, user, "update_job.retry", "update_job", row.id, row.project_id)
+
+
+def job_of(session: Session, row: UpdateJob) -> Job:
+    """The row of the job behind an update, read anew: its state, progress and error as they are now."""
+    return session.get_one(Job, row.id, populate_existing=True)
+
+
+def describe(session: Session, row: UpdateJob) -> UpdateJobOut:
+    """An update job as clients see it, with the state of its job as it is now."""
+    return describe_all(session, [row])[0]
+
+
+def describe_all(session: Session, rows: Sequence[UpdateJob]) -> list[UpdateJobOut]:
+    """Update jobs as clients see them, in the order given, with their recipes and the states of their jobs as they are
+    now.
+    """
+    query = select(Job).where(Job.id.in_([row.id for row in rows])).execution_options(populate_existing=True)
+    jobs = {job.id: job for job in session.scalars(query)}
+    names = {campaign.id: campaign.name for campaign in campaigns_of(session, {row.campaign_id for row in rows})}
+    return [
+        UpdateJobOut(
+            **job_state(jobs[row.id]),
+            priority=jobs[row.id].priority,
+            campaign_id=row.campaign_id,
+            campaign_name=names[row.campaign_id],
+            structure_version_id=row.structure_version_id,
+            recipe=RecipeIn.model_validate(row.recipe),
+        )
+        for row in rows
+    ]
+
+
+def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
+    """The result of an update, computed by whichever version: the JSON document of `docs/results.md`.
+
+    Raises:
+        Conflict: the job has none, yet or ever; the message says which.
+    """
+    result = session.get(UpdateResult, row.id)
+    if result is None:
+        raise Conflict(why_no_result("update job", job_of(session, row)))
+    return up_to_date(result.document)
+
+
+def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
+    """The arrays that were stored beside a result: predicted FRFs and what belongs to them, each read when it is asked for.
+
+    Raises:
+        Conflict: the job has none, yet or ever; the message says which.
+    """
+    size = session.scalars(select(func.length(UpdateResult.prediction)).filter_by(id=row.id)).one_or_none()
+    if size is None:
+        raise Conflict(why_no_result("update job", job_of(session, row)))
+    return StoredArrays(session, row.id, size)
+
+
+def result_documents(session: Session, keys: Sequence[UUID]) -> dict[UUID, dict[str, Any]]:
+    """Results by update job; jobs without one are left out."""
+    query = select(UpdateResult.id, UpdateResult.document).where(UpdateResult.id.in_(keys))
+    return {key: up_to_date(document) for key, document in session.execute(query)}
+
+
+def result_parts(session: Session, keys: Sequence[UUID], parts: Sequence[str]) -> dict[UUID, dict[str, Any]]:
+    """Members of results by update job, without reading the rest of the documents; jobs without a result are left out."""
+    read = (*MARKS, *parts)
+    columns = [UpdateResult.document[part] for part in read]
+    rows = session.execute(select(UpdateResult.id, *columns).where(UpdateResult.id.in_(keys)))
+    found = {
+        key: up_to_date({n: v for n, v in zip(read, values, strict=True) if v is not None}) for key, *values in rows
+    }
+    return {key: {part: document.get(part) for part in parts} for key, document in found.items()}

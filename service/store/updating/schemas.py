@@ -1,0 +1,257 @@
+"""Recipes as clients send them, and update jobs as they see them. Every recipe field is optional."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Literal
+from uuid import UUID
+
+from pydantic import Field
+
+from fecore.body.layered import PLY_CONSTANTS
+from fecore.body.specimen import CONSTANTS, Body, kind_of
+from fecore.body.supports import Edge, Spring
+from fecore.modal import Options
+from fecore.updating import recipe as core
+from fecore.updating.inputs import Inputs
+from fecore.updating.misfit import Weighting
+from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter, default_parameters
+from service.jobs.state import JobOut
+from service.store.campaigns.schemas import CampaignInputs
+from service.store.records.schemas import ProcessingIn
+from service.store.structures.schemas import StructureInputs
+from service.web import Int64, Name, StrictModel, example
+from service.web.quantities import (
+    DENSITY,
+    DENSITY_SD,
+    LENGTH,
+    LENGTH_SD,
+    MODULUS,
+    MODULUS_SD,
+    THICKNESS,
+    THICKNESS_SD,
+    WIDTH,
+    Quantity,
+)
+
+DampingModel = Literal[
+    "rayleigh",
+    "caughey3",
+    "caughey4",
+    "generalised",
+    "mechanism",
+    "mechanism_viscous",
+    "mechanism_constants",
+    "mechanism_support",
+    "loss_factor",
+    "modal",
+]
+Frequency = Annotated[float, Field(ge=0, le=1e7, description="Hz")]
+Band = tuple[Frequency, Frequency]
+
+
+PRIORS = {
+    **dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz", "E1", "E2", "G12", "G13", "G23"), (MODULUS, MODULUS_SD)),
+    "density": (DENSITY, DENSITY_SD),
+    "length": (LENGTH, LENGTH_SD),
+    "width": (WIDTH, LENGTH_SD),
+    "thickness": (THICKNESS, THICKNESS_SD),
+}
+"""What mean and standard deviation of a parameter measure, by its kind."""
+
+
+class ParameterIn(StrictModel):
+    """A constant to update; SI. Without a mean the structure's nominal value, without a spread 30 % of the mean."""
+
+    name: Name = Field(
+        description=f"{', '.join(CONSTANTS)}; of a laminate also its plies' {', '.join(PLY_CONSTANTS)} (E1_2 and so on of the "
+        "second ply material from the bottom) and angle_1, angle_2, … in rad; or the name of one of the recipe's springs"
+    )
+    prior_mean: float | None = None
+    prior_sd: float | None = None
+    fixed: bool = False
+    tied_to: Name | None = Field(None, description="follows that parameter in the ratio of the nominal values")
+
+    def measured(self) -> Iterator[tuple[str, float, Quantity]]:
+        """Mean and spread of the prior, as what the parameter is."""
+        if (kinds := PRIORS.get(kind_of(self.name))) is not None:
+            yield "prior_mean", self.prior_mean or 0.0, kinds[0]
+            yield "prior_sd", self.prior_sd or 0.0, kinds[1]
+
+
+class SpringIn(StrictModel):
+    """An elastic support, which a parameter of the same name updates; it adds to the campaign's boundary."""
+
+    name: Name
+    stiffness: float = Field(gt=0, le=1e18, description="N/m or N·m/rad at a point; per metre of edge on an edge")
+    direction: int = Field(ge=1, le=6, description="1, 2, 3 along x, y, z; 4, 5, 6 about them")
+    edge: Edge | None = None
+    point_m: tuple[float, float] | None = Field(None, description="x and y on the specimen")
+
+    def to_core(self) -> Spring:
+        """The core's spring.
+
+        Raises:
+            InputError: it has no place, or two.
+        """
+        return Spring(self.name, self.stiffness, self.direction, self.edge, self.point_m)
+
+
+class HoldOutIn(StrictModel):
+    """What the fits do not see and the result is checked against."""
+
+    points: list[Int64] | None = Field(
+        None, max_length=10_000, description="grid points whose FRFs are held out; default: every eighth FRF; []: none"
+    )
+    band_hz: Band | None = Field(None, description="lines held out; those above the fitted band always are")
+
+
+class InputsIn(CampaignInputs, StructureInputs):
+    """How well the laboratory knows what it hands in; what is null here is as the campaign and the structure state it."""
+
+    def or_as_stated(
+        self, structure: StructureInputs | None, campaign: CampaignInputs, window_rate: float | None
+    ) -> InputsIn:
+        """These inputs where they are stated, else the campaign's and the structure's.
+
+        Args:
+            structure: what the structure states.
+            campaign: what the campaign states.
+            window_rate: 1/τ that the FRFs themselves state, 1/s.
+        """
+        found = {} if structure is None else structure.model_dump(exclude_none=True)
+        for stated in (InputsIn.window(window_rate), campaign, self):
+            values = stated.model_dump(exclude_none=True)
+            if values.keys() & _WINDOWS:
+                found = {name: value for name, value in found.items() if name not in _WINDOWS}
+            found |= values
+        return InputsIn.model_validate(found)
+
+    @classmethod
+    def window(cls, rate: float | None) -> InputsIn:
+        """A window's rate alone, 1/s."""
+        return cls.model_validate({"window_rate_per_s": rate})
+
+    def to_core(self) -> Inputs:
+        """The core's inputs."""
+        angle, constant = self.fibre_angle_sd_deg, self.window_time_constant_s
+        return Inputs(
+            length_sd=self.length_sd_m,
+            width_sd=self.width_sd_m,
+            thickness_sd=self.thickness_sd_m,
+            density_sd=self.density_sd_kg_m3,
+            nu_xy_sd=self.nu_xy_sd,
+            fibre_angle_sd=None if angle is None else math.radians(angle),
+            ply_angle_sd=None if self.ply_angle_sd_deg is None else math.radians(self.ply_angle_sd_deg),
+            clamp_compliance_sd=self.clamp_compliance_sd,
+            sensor_mass_sd=self.sensor_mass_sd_kg,
+            delay_sd=self.channel_delay_sd_s,
+            window_rate=self.window_rate_per_s if constant is None else 1 / constant,
+            window_rate_sd=self.window_rate_sd_per_s or 0.0,
+        )
+
+
+_WINDOWS = {"window_rate_per_s", "window_time_constant_s"}
+
+
+class IdentificationRecipeIn(StrictModel):
+    """How an update identifies modes where it is given none; `{}` will do."""
+
+    band_hz: Band | None = Field(None, description="lines to use; default: all")
+    highest_order: int = Field(40, ge=4, le=200, description="of the linear stage")
+    most_modes: int = Field(100, ge=1, le=200, description="poles of the fitted series")
+    threshold: float = Field(
+        0.9, ge=0.1, le=1, description="probability from which a pole is a mode; below, it is uncertain"
+    )
+    include_doubtful: bool = Field(False, description="use the uncertain poles, from probability 0.1 on, too")
+
+
+class RecipeIn(StrictModel):
+    """How to use a campaign; `{}` will do for a first look."""
+
+    model_config = example()
+
+    method: Literal["two_stage", "joint"] = Field(
+        "two_stage", description="joint: constants and damping together from the FRFs, without modes"
+    )
+    mode_set: UUID | None = Field(None, description="measured modes; without it they are identified from the FRFs")
+    identification: IdentificationRecipeIn = IdentificationRecipeIn(
+        band_hz=None, highest_order=40, most_modes=100, threshold=0.9, include_doubtful=False
+    )
+    springs: list[SpringIn] = Field(default_factory=list, max_length=20, description="elastic supports of the specimen")
+    zones_m: list[float] = Field(
+        default_factory=list,
+        max_length=12,
+        description="x in m of lines between zones whose stiffness may have changed by a factor each: the parameters zone_1, "
+        "zone_2, …, nearly all expected to be 1",
+    )
+    parameters: list[ParameterIn] | None = Field(
+        None,
+        max_length=20,
+        description="default: Ex, Ey, Gxy, Gxz, and Gyz tied to Gxz, nominal ± 30 %; of a laminate that couples bending with "
+        "twisting or membrane forces: E1, E2, G12, G13, and G23 tied to G13",
+    )
+    prior_from_coupon_batch: UUID | None = Field(
+        None, description="means and spreads of the constants that the batch gives, where the recipe states none"
+    )
+    processing: ProcessingIn = Field(
+        default_factory=lambda: ProcessingIn.model_validate({}),
+        description="how time blocks become FRFs, where the campaign has time blocks and no FRFs",
+    )
+    use_shapes: bool = Field(False, description="fit the mode shapes too, not the frequencies alone")
+    damping_models: list[DampingModel] = Field(
+        ["rayleigh", "caughey3", "caughey4", "generalised", "mechanism", "mechanism_viscous", "modal"],
+        min_length=1,
+        max_length=10,
+        description="laws to rank; the first one's coefficients are reported as parameters. Those by mechanism damp the shares "
+        "of strain energy: eta_E and eta_G (loss factors), b_E and b_G (viscous), one for each modulus, or the springs' own",
+    )
+    weighting: Weighting = "noise"
+    band_hz: Band | None = Field(None, description="lines of the damping update; default: past the highest mode")
+    hold_out: HoldOutIn = HoldOutIn(points=None, band_hz=None)
+    inputs: InputsIn = Field(
+        default_factory=lambda: InputsIn.model_validate({}),
+        description="what the laboratory does not know exactly; null members are as campaign and structure state them",
+    )
+    posterior: Literal["laplace", "mcmc"] = Field("laplace", description="Gaussian, or sampled with emcee")
+    seed: int = Field(0, ge=0, le=2**32 - 1)
+
+    def parameters_of(self, body: Body) -> tuple[Parameter, ...]:
+        """The recipe's parameters, or what is updated of such a body when a recipe names none."""
+        return default_parameters(body) if self.parameters is None else self.to_core().parameters
+
+    def to_core(self) -> core.Recipe:
+        """The recipe as the core takes it; priors of a coupon batch are put in by who loads the batch."""
+        return core.Recipe(
+            method=self.method,
+            parameters=DEFAULT_PARAMETERS
+            if self.parameters is None
+            else tuple(Parameter(**parameter.model_dump()) for parameter in self.parameters),
+            use_shapes=self.use_shapes,
+            damping_models=tuple(self.damping_models),
+            weighting=self.weighting,
+            band_hz=self.band_hz,
+            hold_out=core.HoldOut(
+                None if self.hold_out.points is None else tuple(self.hold_out.points), self.hold_out.band_hz
+            ),
+            posterior=self.posterior,
+            seed=self.seed,
+            identification=Options(
+                self.identification.band_hz,
+                self.identification.highest_order,
+                self.identification.most_modes,
+                self.identification.threshold,
+            ),
+            include_doubtful=self.identification.include_doubtful,
+        )
+
+
+class UpdateJobOut(JobOut):
+    """An update job: how far it is, or what became of it."""
+
+    campaign_id: UUID
+    campaign_name: str
+    structure_version_id: UUID
+    recipe: RecipeIn
+    priority: int
