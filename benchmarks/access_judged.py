@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from benchmarks.access_laboratory import HOOK, MODES, MONITOR, frfs, record
-from service.demo import paper
+from service.app.demo import paper
 
 JUDGED = """
 public  -       GET /healthz, GET /readyz

@@ -9,10 +9,10 @@ from uuid import UUID
 import httpx
 from sqlalchemy import insert
 
+from service.app.demo import paper
+from service.app.kinds import KINDS  # every table is imported by this
 from service.db.base import Base
 from service.db.engine import Sessions
-from service.demo import paper
-from service.kinds import KINDS  # every table is imported by this
 
 assert KINDS  # it is imported for its tables
 

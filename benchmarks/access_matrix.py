@@ -30,10 +30,10 @@ from benchmarks.access_laboratory import ASKED_FREELY, FORM, HOOK, Things, furni
 from service.access.keys import create_key, user_named
 from service.access.scopes import SCOPES
 from service.access.tables import ApiKey, User
+from service.app.demo import paper
+from service.app.supervisor import LocalService
 from service.db.engine import Sessions, make_engine, make_sessions
-from service.demo import paper
 from service.settings import Settings
-from service.supervisor import LocalService
 
 PREFIX = "/api/v1"
 RANK = {"viewer": 0, "editor": 1, "owner": 2}

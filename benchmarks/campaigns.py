@@ -1,6 +1,6 @@
 """Joint updates of strips at 0°, 90° and 45° and a plate of one material, and plans: the figures of their guides.
 
-`python -m benchmarks.campaigns coverage|solids|plans [draws] [seed]`; the solids need CalculiX (`ccx`).
+The arguments are `coverage`, `solids` or `plans`, a count and a seed; the solids need CalculiX (`ccx`).
 
 - coverage: truths by our own plates on another mesh, with inputs drawn as a laboratory errs: do the intervals hold them?
 - solids: truths by CalculiX, 20-node solids with the material turned in space, the same inputs drawn.
@@ -10,7 +10,6 @@
 from __future__ import annotations
 
 import re
-import sys
 import time
 from dataclasses import replace
 
@@ -20,11 +19,10 @@ from benchmarks.forward_peers import ccx
 from benchmarks.independent import solid_grid
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
-from fecore.updating.campaigns.layout import Campaign
-from fecore.updating.campaigns.plans import plan_tests
-from fecore.updating.campaigns.update import CampaignsResult, update_campaigns
+from fecore.updating.campaigns import Campaign, CampaignsResult, update_campaigns
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
+from fecore.updating.plans import plan_tests
 from tests.support.strips import PLATE, STRIP, TRUTH, measured, panel
 from tests.unit.fecore.updating.test_plans import effective_independence, random_beam
 
@@ -148,13 +146,6 @@ def _solid_modes(
     return hz[kept], np.array(shapes)
 
 
-def main() -> None:
-    """A few draws of each, as `python -m benchmarks` runs it."""
-    coverage(3, 1)
-    solids(2, 1)
-    plans(12, 17)
-
-
-if __name__ == "__main__":
-    what, count, first = sys.argv[1], *(int(each) for each in [*sys.argv[2:], "8", "1"][:2])
-    {"coverage": coverage, "solids": solids, "plans": plans}[what](count, first)
+def main(what: str = "coverage", draws: int = 8, seed: int = 1) -> None:
+    """Print one of the three."""
+    {"coverage": coverage, "solids": solids, "plans": plans}[what](draws, seed)

@@ -1,13 +1,12 @@
 """Decks of updated models against the model itself: natural frequencies by CalculiX (`ccx`, where it is installed).
 
 Strips and plates with random constants, sizes and boundaries; the deck is written as `modalbase cards` writes it, and every
-frequency of the model in the band is compared with the nearest of the deck. `python -m benchmarks.cards [draws] [seed]`.
+frequency of the model in the band is compared with the nearest of the deck.
 """
 
 from __future__ import annotations
 
 import shutil
-import sys
 
 import numpy as np
 
@@ -64,7 +63,3 @@ def main(draws: int = DRAWS, seed: int = SEED) -> None:
         )
     for name, errors in worst.items():
         print(f"  {name}: median {100 * np.median(errors):.3f} %, worst {100 * max(errors):.3f} % of {draws}")
-
-
-if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))

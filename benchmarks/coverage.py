@@ -1,13 +1,12 @@
-"""Do 95 % intervals hold the truth 95 times in a hundred? Sets made by the core with random truth and a wrong model.
+"""Measurements made by the core with a random truth and a model that is slightly wrong, for tests of intervals.
 
-Each set is a cantilever with constants and damping drawn at random around the nominal ones. Its FRFs come from the model
+Each is a cantilever with constants and damping drawn at random around the nominal ones. Its FRFs come from the model
 with every natural frequency off by a random 0.2 % and every damping ratio off its law by a random 2 % (the model error that
-the intervals claim to allow for), and 1 % noise. The whole job runs on it: identification, two stages, intervals.
+the intervals claim to allow for), and 1 % noise.
 """
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +18,6 @@ from fecore.frf import Dof, FrfSet
 from fecore.updating.forward import ForwardModel
 from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import parametrise
-from fecore.updating.pipeline import update
 from fecore.updating.result import UpdateResult
 
 NOMINAL = OrthotropicMaterial(Ex=33.05e9, Ey=31.80e9, Gxy=5.73e9, Gxz=4.5e9, Gyz=4.5e9, nu_xy=0.15, density=2012.0)
@@ -64,25 +62,3 @@ def inside(result: UpdateResult, true: dict[str, float]) -> dict[str, bool]:
     """Whether each parameter's 95 % interval holds the truth."""
     found = {row.name: row.interval_95 for row in result.parameters}
     return {name: found[name][0] <= true[name] <= found[name][1] for name in PARAMETERS}
-
-
-def main(sets: int = 40) -> None:
-    """Print how often each interval held the truth, and how large the errors are in the stated standard deviations."""
-    held: dict[str, list[bool]] = {name: [] for name in PARAMETERS}
-    scaled: dict[str, list[float]] = {name: [] for name in PARAMETERS}
-    for seed in range(sets):
-        measurement, true = draw(seed)
-        result = update(measurement, BEAM)
-        rows = {row.name: row for row in result.parameters}
-        for name, ok in inside(result, true).items():
-            held[name].append(ok)
-            scaled[name].append((rows[name].estimate - true[name]) / rows[name].standard_deviation)
-    print(f"coverage of 95 % intervals over {sets} sets (target 88 to 99 %)")
-    print(f"{'':6} {'inside':>8} {'error/sd, rms':>14}")
-    for name in PARAMETERS:
-        print(f"{name:6} {100 * np.mean(held[name]):7.1f} % {np.sqrt(np.mean(np.square(scaled[name]))):13.2f}")
-    print(f"{'all':6} {100 * np.mean([ok for row in held.values() for ok in row]):7.1f} %")
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 40)

@@ -22,7 +22,6 @@ from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass, Supports
 from fecore.dynamics.damping_laws import RAYLEIGH, damping_rate
 from fecore.dynamics.eigen import normal_modes
-from fecore.dynamics.factor import factorise
 from fecore.frf import Dof
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.parameters import parametrise
@@ -162,37 +161,6 @@ def growth() -> None:
     print(f"  fitted exponent {exponent:.2f} (target 1.3)")
 
 
-def factorisations() -> None:
-    """The factorisation that `fecore.dynamics.factor` picks beside SuperLU in symmetric mode and CHOLMOD."""
-    import fecore.dynamics.factor as chosen
-
-    print("factorisation of K      dofs  band   banded ms   SuperLU ms   CHOLMOD ms (numeric + symbolic)")
-    for nx, ny in ((40, 4), (160, 16), (50, 50)):
-        model = plate(rectangle(0.5, 0.04, nx, ny), Supports.of("cantilever"))
-        K = model.stiffness.at(model.stiffness_coefficients(section([Ply(PAPER, 0.01)])))
-        columns = np.repeat(np.arange(K.shape[0]), np.diff(K.indptr))
-        widest, chosen._WIDEST_BAND = chosen._WIDEST_BAND, K.shape[0]
-        banded = median_ms(lambda K=K: factorise(K), 3)
-        chosen._WIDEST_BAND = 0
-        sparse = median_ms(lambda K=K: factorise(K), 3)
-        chosen._WIDEST_BAND = widest
-        cholmod = "not installed"
-        if importlib.util.find_spec("cvxopt"):
-            cholmod = f"{median_ms(_cholmod(K), 5):9.2f}"
-        print(
-            f"  {nx:4d} x {ny:<3d} {K.shape[0]:16d} {np.max(K.indices - columns):5d} {banded:11.2f} {sparse:12.2f}   {cholmod}"
-        )
-
-
-def _cholmod(K) -> Callable[[], object]:
-    from cvxopt import cholmod, spmatrix
-    from scipy.sparse import coo_array, tril
-
-    lower = coo_array(tril(K))
-    A = spmatrix(lower.data, lower.row.astype(int), lower.col.astype(int), K.shape)
-    return lambda: cholmod.numeric(A, cholmod.symbolic(A))
-
-
 def main() -> None:
     """Print all tables.
 
@@ -204,9 +172,4 @@ def main() -> None:
     against_peers()
     resolves()
     frfs()
-    factorisations()
     growth()
-
-
-if __name__ == "__main__":
-    main()

@@ -1,33 +1,27 @@
-"""Raw hammer hits: what the judgement finds, what pyFRF's default limits find of the same hits, and what processing costs.
+"""Raw hammer hits: what the judgement finds, and what pyFRF's default limits find of the same hits.
 
 Simulated campaigns (`benchmarks.hammer`: other specimens, tips, sensors, noise in each; a third of the hits has a fault),
 and the sets of another simulator where they lie beside the project (`MODALBASE_HITS` names their folder).
-`python -m benchmarks.hits 60` takes that many campaigns in place of 12; a second number is the seed. The same campaigns are
-judged once more by the first three and the first two hits of each point alone.
+The arguments are the number of campaigns and the seed. The same campaigns are judged once more by the first three and the first
+two hits of each point alone.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import sys
-import tempfile
-import time
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import psutil
-from scipy import fft
 
 from benchmarks.hammer import campaign
 from fecore.frf import Dof
-from fecore.processing import Block, Hit, Processing, Windows, by_point, process
+from fecore.processing import Block, Hit, Processing, by_point, process
 
-CAMPAIGNS, POINTS, HITS, SEED = 12, 8, 5, 20260
+POINTS, HITS = 8, 5
 FEWER = (3, 2)
-MANY, SAMPLES = 10_000, 16_384
 SETS = ("hits-cantilever", "hits-free-window", "hits-plate-one-point")
 NAMED = {"clip_force": "overload", "clip_response": "overload", "off_place": "place"}
 
@@ -40,9 +34,8 @@ Positions = dict[int, tuple[float, float, float]]
 Tally = dict[str, Counter[str | None]]
 
 
-def main() -> None:
+def main(campaigns: int = 12, seed: int = 20260) -> None:
     """Print the tables."""
-    campaigns, seed = (int(a) for a in [*sys.argv[1:3], *map(str, (CAMPAIGNS, SEED)[len(sys.argv[1:3]) :])])
     rng = np.random.default_rng(seed)
     tally, fewer = _new_tally(), {count: _new_tally() for count in FEWER}
     for number in range(campaigns):
@@ -60,7 +53,6 @@ def main() -> None:
             tally = _new_tally()
             _count(tally, *read_set(folder / name))
             _table(name, tally)
-    _speed()
 
 
 def read_set(folder: Path) -> tuple[list[Hit], list[str | None], Positions]:
@@ -121,66 +113,3 @@ def _by_hits(tallies: dict[int, Tally]) -> None:
         shares = [(tally["found"][fault], tally["hits"][fault]) for tally in tallies.values()]
         columns = "".join(f"{f'{found} of {n}':>13}{found / max(n, 1):7.1%}" for found, n in shares)
         print(f"{fault or 'good: thrown':16}{columns}")
-
-
-class _Files:
-    """Hits in files of one point each, read anew at each look."""
-
-    def __init__(self, paths: Sequence[Path], rate: float) -> None:
-        self.paths, self.rate = paths, rate
-
-    def __len__(self) -> int:
-        return len(self.paths)
-
-    def __getitem__(self, point: int, /) -> list[Hit]:
-        blocks = np.load(self.paths[point])
-        return [
-            Hit(
-                Block(Dof(point + 1, 3), "force", force),
-                (Block(Dof(9999, 3), "acceleration", response),),
-                self.rate,
-                number,
-            )
-            for number, (force, response) in enumerate(blocks, 1)
-        ]
-
-
-def _speed() -> None:
-    """Processing of many hits beside reading their files and transforming every block."""
-    rng = np.random.default_rng(1)
-    rate = 12_800.0
-    t = np.arange(SAMPLES) / rate
-    pulse = np.exp(-(((t - 0.05) / 4e-4) ** 2))
-    ring = np.where(t > 0.05, np.exp(-8 * (t - 0.05)) * np.sin(2 * np.pi * 200 * (t - 0.05)), 0)
-    with tempfile.TemporaryDirectory(prefix="hits-") as folder:
-        paths = []
-        for point in range(MANY // HITS):
-            blocks = np.empty((HITS, 2, SAMPLES), np.float32)
-            heights = rng.uniform(50, 100, (HITS, 1))
-            blocks[:, 0] = heights * pulse + 0.05 * rng.standard_normal((HITS, SAMPLES), np.float32)
-            blocks[:, 1] = heights * ring + 0.05 * rng.standard_normal((HITS, SAMPLES), np.float32)
-            paths.append(Path(folder) / f"{point}.npy")
-            np.save(paths[-1], blocks)
-        source = _Files(paths, rate)
-        start = time.process_time()
-        for path in paths:
-            for block in np.load(path).reshape(-1, SAMPLES):
-                fft.rfft(block.astype(float))
-        bound = time.process_time() - start
-        before = psutil.Process().memory_info().rss
-        start = time.process_time()
-        found = process(source, Processing(windows=Windows(0.01, 1.0), band_hz=(5.0, 500.0)))
-        took = time.process_time() - start
-        grown = (psutil.Process().memory_info().rss - before) / 2**20
-    kept = found.frfs.values.nbytes * 2 / 2**20
-    print(
-        f"\n{MANY} hits of {SAMPLES} samples: {took:.1f} s of processor; reading and transforms alone {bound:.1f} s; "
-        f"ratio {bound / took:.2f}"
-    )
-    print(
-        f"memory grew by {grown:.0f} MB, the hits have {MANY * 2 * SAMPLES * 4 / 2**20:.0f} MB, the results {kept:.0f} MB"
-    )
-
-
-if __name__ == "__main__":
-    main()

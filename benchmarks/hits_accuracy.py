@@ -1,13 +1,12 @@
 """FRFs of simulated hammer hits against the exact modal ones; stated variance against the seen one; damping under windows.
 
-`python -m benchmarks.hits_accuracy [CAMPAIGNS]`: the bodies and analysers of `benchmarks.hammer`, drawn at random, a third of
+The bodies and analysers of `benchmarks.hammer`, drawn at random, a third of
 the hits with a fault. "on the point" has every hit where its grid point is, so that what is left is the processing's own error;
 "2 mm beside" is what people hit, where the exact FRF of the point is not what was measured.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -20,16 +19,15 @@ from fecore.arrays import ComplexArray, FloatArray
 from fecore.modal import identify
 from fecore.processing import Hit, Processed, Processing, Windows, by_point, process, remove_window
 
-CAMPAIGNS, POINTS, HITS, SEED = 18, 6, 5, 31800
+POINTS, HITS, SEED = 6, 5, 31800
 REPEATS, REPEATED = 40, 6
 KINDS = ("clamped", "free", "plate")
 RATES = (0.0, 0.5, 1.0, 3.0)
 LOWEST_HZ = 10.0  # above the suspension
 
 
-def main() -> None:
+def main(campaigns: int = 18) -> None:
     """Print the tables."""
-    campaigns = int(sys.argv[1]) if len(sys.argv) == 2 and sys.argv[1].isdigit() else CAMPAIGNS
     print(
         f"{campaigns} campaigns of {POINTS} points, from {LOWEST_HZ:g} Hz to where the hammer has a tenth of its force"
     )
@@ -132,7 +130,3 @@ def _under_windows(number: int) -> FloatArray:
         frequency, damping = remove_window(modes.frequency_hz, modes.damping_ratio, found.rate_per_s)
         rows.append([damping[np.argmin(np.abs(frequency - f))] for f in elastic[:2]])
     return np.array(rows) / truth
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """Time blocks of strips to a0 and a1: how far off on average, with and without an exponential window.
 
-`python -m benchmarks.hits_damping [DRAWS]`: clamped and free strips of beam theory, of other size, stiffness and damping in
+Clamped and free strips of beam theory, of other size, stiffness and damping in
 each draw, in analysers drawn at random (`benchmarks.hammer`), hit 2 mm beside the points, a third of the hits with a fault.
 Each draw is processed and updated by the default choices twice: as recorded, and as an analyser with a window of 2 per second
 records it.
@@ -10,7 +10,6 @@ the slender beam; and every frequency is off by 0.2 %.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,9 +57,8 @@ class Strip:
     a1: float
 
 
-def main() -> None:
+def main(draws: int = DRAWS) -> None:
     """Print the table."""
-    draws = int(sys.argv[1]) if len(sys.argv) == 2 and sys.argv[1].isdigit() else DRAWS
     print("draw  window   a0 off   sd   held     a1 off   sd   held   verdict")
     rows = [row for number in range(draws) for row in _both(number)]
     for rate in RATES:
@@ -147,7 +145,3 @@ def _updated(strip: Strip, laboratory: Laboratory, rng: np.random.Generator) -> 
     band = (float(frfs.frequency_hz[0]), processed.strong_hz)
     measurement = Measurement(frfs, points, inputs=Inputs(window_rate=processed.rate_per_s, sensor_mass_sd=0.0))
     return update(measurement, strip.stated, Recipe(identification=Options(band_hz=band)))
-
-
-if __name__ == "__main__":
-    main()

@@ -2,13 +2,12 @@
 offsets, short leads, hits that follow one another soon. None of it makes a hit a bad one, but for an amplifier that
 saturates, which is counted apart.
 
-`python -m benchmarks.hits_habits 6` takes that many campaigns a habit in place of 3; a second number is the seed. A tenth of
+The arguments are the campaigns of each habit and the seed. A tenth of
 the hits has a fault. Each habit changes the laboratory (`_instruments`) or what arrives at the converter (`HabitBench`).
 """
 
 from __future__ import annotations
 
-import sys
 import zlib
 from collections import Counter
 from collections.abc import Sequence
@@ -149,9 +148,8 @@ def _faults(habit: str) -> Sequence[str]:
     return [f for f in FAULTS if not ("pretrigger" in habit and f == "late")]
 
 
-def main() -> None:
+def main(campaigns: int = CAMPAIGNS, seed: int = SEED) -> None:
     """Print the table."""
-    campaigns, seed = (int(a) for a in [*sys.argv[1:3], *map(str, (CAMPAIGNS, SEED)[len(sys.argv[1:3]) :])])
     print(f"{'habit':32}{'good hits':>10}{'thrown away':>13}  for                  faulty found")
     for habit in HABITS:
         rng = np.random.default_rng([seed, zlib.crc32(habit.encode())])
@@ -168,7 +166,3 @@ def main() -> None:
         faults = ", ".join(f"{name} {found[name]}/{hits[name]}" for name in sorted(hits) if name != "good")
         reason = ", ".join(f"{name} {count}" for name, count in reasons.items())
         print(f"{habit:32}{hits['good']:10}{found['good'] / hits['good']:13.1%}  {reason:20} {faults}")
-
-
-if __name__ == "__main__":
-    main()

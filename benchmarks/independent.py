@@ -2,7 +2,7 @@
 
 CalculiX (`ccx`, where it is installed) solves beams of 20-node solid elements with random constants; its modes are
 superposed under random Rayleigh damping, noise is added, and the update gets what a laboratory knows: geometry, density,
-boundary, the sensor's mass, coupon values. `python -m benchmarks.independent [sets] [seed]`.
+boundary, the sensor's mass, coupon values.
 
 Noise: H (1 + m g₁) + n rms(H) g₂ with complex normal g of unit variance, rms over the record.
 """
@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -199,7 +198,3 @@ def main(sets: int = SETS, seed: int = SEED) -> None:
     print(
         f"  within tolerance {sum(within)} of {len(within)}; intervals that hold the truth {sum(held)} of {len(held)}"
     )
-
-
-if __name__ == "__main__":
-    main(*(int(word) for word in sys.argv[1:]))

@@ -21,12 +21,12 @@ import psutil
 
 from benchmarks.jobs_floor import EMPTY, SECOND, Floor, floor
 from service.access.keys import create_key, user_named
-from service.demo import paper
+from service.app.demo import paper
+from service.app.supervisor import listening_socket
+from service.compute.updating import compute_update
 from service.jobs.queue import request_cancel
 from service.jobs.tables import Job
-from service.supervisor import listening_socket
-from service.updating.computation import compute_update
-from service.updating.loading import load_update
+from service.store.updating.loading import load_update
 
 
 class _Quiet:

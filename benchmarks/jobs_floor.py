@@ -25,15 +25,15 @@ from sqlalchemy.orm import Session
 
 from benchmarks.jobs_floor_work import compute, empty, wait
 from service.access.tables import AuditEvent, Project
+from service.app.demo import paper
+from service.app.supervisor import environment
 from service.db.embedded import embedded_server
 from service.db.engine import make_engine, make_sessions
 from service.db.schema import upgrade
-from service.demo import paper
 from service.jobs.kinds import JobKind
 from service.jobs.queue import enqueue
 from service.jobs.tables import Job
 from service.settings import Settings
-from service.supervisor import environment
 
 ROOT = Path(__file__).parents[1]
 RESULT = "floor.result"
@@ -47,7 +47,7 @@ def load_second(_session: Session, job_id: UUID, _workspace: Path) -> dict[str, 
 
 def load(session: Session, job_id: UUID, _workspace: Path) -> dict[str, Any]:
     """The job's own id and its recipe's seed, which says how long it takes."""
-    from service.updating.tables import UpdateJob
+    from service.store.updating.tables import UpdateJob
 
     return {"job": str(job_id), "seconds": session.get_one(UpdateJob, job_id).recipe["seed"] / 1000}
 

@@ -4,14 +4,13 @@ Each set draws a structure (strips and plates, 1 to 20 mm; glass fibre, carbon f
 (grid, edge, centre line, a few points; roving hammer or sensors, two references, negative directions), a band (from 0 Hz,
 above the first mode, ending in a resonance, of two modes), lines, a quantity, damping from 0.05 to 8 % and noise from 0.1 to
 10 %. The truth comes from the model with constants up to 45 % off the nominal ones, frequencies off by 0.2 % and damping ratios
-by 2 %. Then the same laboratories have one fault each. `python -m benchmarks.laboratories [sets] [first seed]`.
+by 2 %. Then the same laboratories have one fault each.
 """
 
 from __future__ import annotations
 
 import collections
 import re
-import sys
 import time
 from dataclasses import dataclass, replace
 from typing import get_args
@@ -270,7 +269,3 @@ def main(sets: int = SETS, seed: int = SEED) -> None:
 def _kinds(outcome: Outcome) -> set[str]:
     """Warnings without their numbers."""
     return {re.sub(r"[\d.]+", "", warning) for warning in outcome.warnings}
-
-
-if __name__ == "__main__":
-    main(*(int(word) for word in sys.argv[1:]))

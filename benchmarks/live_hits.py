@@ -1,24 +1,18 @@
 """A campaign that receives one hit after another over HTTP: how long each answer takes that says whether the hit was good.
 
-`python -m benchmarks live_hits` sends 50 simulated hits (ten points of five, 8,192 samples or what the drawn analyser has) to a
-service of its own, one request each, and times request to answer.
+50 simulated hits (ten points of five) go to a service of its own, one request each.
 """
 
 from __future__ import annotations
 
 import io
 import json
-import tempfile
 import time
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from benchmarks.hammer import Simulated, campaign
-from benchmarks.measurements import client_of, structure_of
-from service.settings import Settings
-from service.supervisor import LocalService
+from benchmarks.service import RAW, campaign_of, served
 
 POINTS, HITS, SEED = 10, 5, 18
 MAPPING = {
@@ -33,27 +27,17 @@ MAPPING = {
 def main() -> None:
     """Print the table."""
     _, _, simulated = campaign(np.random.default_rng(SEED), "free", POINTS, HITS, 0.2)
-    with tempfile.TemporaryDirectory(prefix="mb-") as folder:
-        settings = Settings(data=Path(folder) / "db", port=0, log_level="error")
-        with LocalService(settings) as service, client_of(service) as api:
-            tour = {"name": "live", "boundary": "free"}
-            made = api.post(f"structures/{structure_of(api)}/campaigns", json=tour).raise_for_status().json()
-            took, found = [], 0
-            for one in simulated:
-                body, query = _npz(one), {"filename": "hit.npz", "mapping": json.dumps(MAPPING)}
-                start = time.perf_counter()
-                answer = api.post(f"campaigns/{made['id']}/records", content=body, params=query, headers=RAW)
-                took.append(1e3 * (time.perf_counter() - start))
-                judged: dict[str, Any] = answer.raise_for_status().json()["hits"][-1]
-                found += judged["accepted"] == (one.fault is None)
-    samples = simulated[0].hit.samples
-    print(f"{len(took)} hits of {samples} samples, one request each: p50 {np.percentile(took, 50):.0f} ms, ", end="")
-    print(
-        f"p95 {np.percentile(took, 95):.0f} ms, longest {max(took):.0f} ms; judged as they are: {found} of {len(took)}"
-    )
-
-
-RAW = {"Content-Type": "application/octet-stream"}
+    with served() as (_, api, _):
+        tour, query = campaign_of(api, "live"), {"filename": "hit.npz", "mapping": json.dumps(MAPPING)}
+        took, found = [], 0
+        for one in simulated:
+            body, start = _npz(one), time.perf_counter()
+            answer = api.post(f"campaigns/{tour}/records", content=body, params=query, headers=RAW)
+            took.append(1e3 * (time.perf_counter() - start))
+            found += answer.raise_for_status().json()["hits"][-1]["accepted"] == (one.fault is None)
+    middle, most = np.percentile(took, (50, 95))
+    print(f"{len(took)} hits of {simulated[0].hit.samples} samples, one request each: p50 {middle:.0f} ms, ", end="")
+    print(f"p95 {most:.0f} ms, longest {max(took):.0f} ms; judged as they are: {found} of {len(took)}")
 
 
 def _npz(one: Simulated) -> bytes:
@@ -66,7 +50,3 @@ def _npz(one: Simulated) -> bytes:
         fs=np.array(one.hit.sample_rate_hz),
     )
     return file.getvalue()
-
-
-if __name__ == "__main__":
-    main()

@@ -12,7 +12,6 @@ import io
 import os
 import socket
 import statistics
-import tempfile
 import threading
 import time
 import uuid
@@ -22,59 +21,27 @@ from pathlib import Path
 
 import httpx
 import numpy as np
-import psutil
 import psycopg
 import pyuff
 
+from benchmarks.service import Cost, campaign_of, copied, ended, load, measured, served
 from modalbase.formats.uff import Axis, Frf, GridPoint
 from modalbase.formats.uff.write import write_file
+from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
-from service.imports.originals import CHUNK_BYTES
-from service.settings import Settings
-from service.supervisor import LocalService
+from service.store.imports.originals import CHUNK_BYTES
 
 FRFS, LINES = 1000, 3201
 LARGE_FRFS = 3900  # 200 MB
 PAIRS = 3
-STRUCTURE = {
-    "name": "beam",
-    "geometry": {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01},
-    "density_kg_m3": 2012,
-    "material": {"Ex_Pa": 33e9, "Ey_Pa": 32e9, "Gxy_Pa": 6e9, "Gxz_Pa": 5e9, "Gyz_Pa": 5e9, "nu_xy": 0.15},
-}
 
 
 def main() -> None:
     """Print the tables."""
-    with tempfile.TemporaryDirectory(prefix="mb-") as folder:
-        settings = Settings(data=Path(folder) / "db", port=0, log_level="error")
-        with LocalService(settings) as service, client_of(service) as api:
-            structure = structure_of(api)
-            _imports(api, structure, service, Path(folder))
-            _spectra(api, structure, service)
-            _listing(api, structure, service)
-
-
-def client_of(service: LocalService) -> httpx.Client:
-    """A client of a service with a key of its own."""
-    key = service.new_key("benchmark")
-    return httpx.Client(
-        base_url=f"{service.url}/api/v1/",
-        headers={"Authorization": f"Bearer {key}"},
-        timeout=600,
-        trust_env=False,
-    )
-
-
-def structure_of(api: httpx.Client) -> str:
-    """A new beam in a new project; its id."""
-    project = api.post("projects", json={"name": "benchmark"}).raise_for_status().json()["id"]
-    return str(api.post(f"projects/{project}/structures", json=STRUCTURE).raise_for_status().json()["id"])
-
-
-def _campaign(api: httpx.Client, structure: str, name: str) -> str:
-    body = {"name": name, "boundary": "cantilever"}
-    return str(api.post(f"structures/{structure}/campaigns", json=body).raise_for_status().json()["id"])
+    with served() as (service, api, folder):
+        _imports(api, service, folder)
+        _spectra(api, service)
+        _listing(api, service)
 
 
 def _frfs(count: int, lines: int, seed: int) -> Iterator[GridPoint | Frf]:
@@ -87,120 +54,44 @@ def _frfs(count: int, lines: int, seed: int) -> Iterator[GridPoint | Frf]:
         yield Frf(0, label, ids, n, 3, 1, 3, "accelerance", Axis(0.0, 0.5, lines), values)
 
 
-def _imports(api: httpx.Client, structure: str, service: LocalService, folder: Path) -> None:
-    print(f"import of {FRFS} FRFs × {LINES} lines, upload to result, medians of {PAIRS} pairs of runs, load {_load()}")
+def _imports(api: httpx.Client, service: LocalService, folder: Path) -> None:
+    print(f"import of {FRFS} FRFs × {LINES} lines, upload to result, medians of {PAIRS} pairs of runs, {load()}")
     print("(target: at most 1.5 × pyuff's reading; COPY: PostgreSQL alone stores the file and its spectra;")
     print(" memory: of API, worker and child, pages that they share counted for each; in brackets above idle)")
     print(f"{'':8} {'MB':>6} {'pyuff s':>9} {'COPY s':>9} {'import s':>9} {'ratio':>6} {'peak memory MB':>16}")
-    for name, binary in (("58b", True), ("58", False)):
-        path = folder / f"{name}.uff"
-        runs = []
-        for pair in range(PAIRS):
-            write_file(path, _frfs(FRFS, LINES, seed=pair), binary=binary)  # bytes that are not there yet
-            limits = _pyuff_seconds(path), _copy_seconds(service, path)
-            runs.append((*limits, *_timed_import(api, structure, service, path, FRFS)))
-        reading, copying, taken, *peak = (statistics.median(column) for column in zip(*runs, strict=True))
-        ratio = statistics.median(run[2] / run[0] for run in runs)
+    for name, binary, frfs in (("58b", True, FRFS), ("58", False, FRFS), ("58b", True, LARGE_FRFS)):
+        path, runs = folder / f"{name}.uff", []
+        for pair in range(PAIRS if frfs == FRFS else 1):
+            write_file(path, _frfs(frfs, LINES, seed=pair), binary=binary)  # bytes that are not there yet
+            peer = _pyuff_seconds(path, frfs)
+            file, spectrum = path.read_bytes(), os.urandom(16 * LINES)
+            chunks = [file[at : at + CHUNK_BYTES] for at in range(0, len(file), CHUNK_BYTES)]
+            bound = copied(service, [chunks, [spectrum] * frfs])
+            cost = _import(api, service, path, frfs)
+            runs.append((peer, bound.clock, cost.clock, cost.clock / peer, cost.peak / 1e6, cost.above_idle / 1e6))
+        row = [statistics.median(column) for column in zip(*runs, strict=True)]
         size = path.stat().st_size / 1e6
-        print(f"{name:8} {size:6.0f} {reading:9.2f} {copying:9.2f} {taken:9.2f} {ratio:6.2f} {_memory(*peak)}")
+        print(
+            f"{name:8} {size:6.0f} {row[0]:9.2f} {row[1]:9.2f} {row[2]:9.2f} {row[3]:6.2f} {row[4]:10.0f} ({row[5]:.0f})"
+        )
         path.unlink()
-    write_file(folder / "large.uff", _frfs(LARGE_FRFS, LINES, seed=PAIRS), binary=True)
-    seconds, *peak = _timed_import(api, structure, service, folder / "large.uff", LARGE_FRFS)
-    size = (folder / "large.uff").stat().st_size / 1e6
-    print(f"{'58b':8} {size:6.0f} {'':9} {'':9} {seconds:9.2f} {'':6} {_memory(*peak)}")
-    (folder / "large.uff").unlink()
 
 
-def _pyuff_seconds(path: Path) -> float:
+def _pyuff_seconds(path: Path, frfs: int) -> float:
     began = time.perf_counter()
     sets = pyuff.UFF(str(path)).read_sets()
     taken = time.perf_counter() - began
-    assert sum(s["type"] == 58 for s in sets) == FRFS
+    assert sum(s["type"] == 58 for s in sets) == frfs
     return taken
 
 
-def _copy_seconds(service: LocalService, path: Path) -> float:
-    """What PostgreSQL needs for the file's bytes and then for those of its spectra, one transaction each."""
-    file, spectrum = path.read_bytes(), os.urandom(16 * LINES)
-    chunks = [file[at : at + CHUNK_BYTES] for at in range(0, len(file), CHUNK_BYTES)]
-    with psycopg.connect(psycopg_url(service.settings.database_url or ""), autocommit=True) as connection:
-        connection.execute("CREATE TABLE copied (id uuid PRIMARY KEY DEFAULT uuidv7(), data bytea)")
-        connection.execute("ALTER TABLE copied ALTER COLUMN data SET STORAGE EXTERNAL")
-        connection.execute("ALTER TABLE copied SET (toast_tuple_target = 8160)")  # as `original_chunks`
-        began = time.perf_counter()
-        for rows in (chunks, [spectrum] * FRFS):
-            command = "COPY copied (data) FROM STDIN (FORMAT BINARY)"
-            with connection.transaction(), connection.cursor() as cursor, cursor.copy(command) as copy:
-                copy.set_types(["bytea"])
-                for data in rows:
-                    copy.write_row((data,))
-        taken = time.perf_counter() - began
-        connection.execute("DROP TABLE copied")
-    return taken
-
-
-def _timed_import(
-    api: httpx.Client, structure: str, service: LocalService, path: Path, frfs: int
-) -> tuple[float, float, float]:
-    """Seconds, and bytes of memory at the peak, and above what it was before."""
-    campaign = _campaign(api, structure, path.name)
-    with peak_memory(service) as peak:
-        began = time.perf_counter()
-        counts = _import(api, campaign, path)
-        taken = time.perf_counter() - began
-    assert counts == {"frfs": frfs, "grid_points": frfs, "modes": 0}
-    return taken, float(peak[0]), float(peak[1])
-
-
-def _memory(peak: float, above_idle: float) -> str:
-    return f"{peak / 1e6:10.0f} ({above_idle / 1e6:.0f})"
-
-
-def _load() -> str:
-    return f"{os.getloadavg()[0]:.1f} on {os.cpu_count()} processors"
-
-
-def _import(api: httpx.Client, campaign: str, path: Path) -> dict[str, int]:
-    with path.open("rb") as file:
+def _import(api: httpx.Client, service: LocalService, path: Path, frfs: int) -> Cost:
+    campaign = campaign_of(api, path.name)
+    with measured(service) as cost, path.open("rb") as file:
         answer = api.post(f"campaigns/{campaign}/imports", content=iter(lambda: file.read(1 << 20), b""))
-    location = api.base_url.join(answer.raise_for_status().headers["Location"])
-    while (state := api.get(location).raise_for_status().json())["status"] in ("queued", "running"):
-        time.sleep(0.05)
-    assert state["status"] == "succeeded", state["error"]
-    counts: dict[str, int] = state["counts"]
-    return counts
-
-
-@contextmanager
-def peak_memory(service: LocalService) -> Iterator[list[int]]:
-    """Largest sum of the resident memory of API, worker and their children; and above what it was at the beginning."""
-    ended = threading.Event()
-    peak = [0, 0]
-
-    def resident() -> int:
-        total = 0
-        for process in service.processes.values():
-            for each in (psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)):
-                try:
-                    total += each.memory_info().rss
-                except psutil.NoSuchProcess:
-                    continue
-        return total
-
-    before = resident()
-
-    def watch() -> None:
-        while not ended.wait(0.05):
-            peak[0] = max(peak[0], resident())
-            peak[1] = peak[0] - before
-
-    thread = threading.Thread(target=watch)
-    thread.start()
-    try:
-        yield peak
-    finally:
-        ended.set()
-        thread.join()
+        counts = ended(api, answer)["counts"]
+    assert counts["frfs"] == counts["grid_points"] == frfs
+    return cost
 
 
 def _median(run: Callable[[], object], times: int = 9) -> float:
@@ -212,8 +103,8 @@ def _median(run: Callable[[], object], times: int = 9) -> float:
     return statistics.median(taken)
 
 
-def _spectra(api: httpx.Client, structure: str, service: LocalService) -> None:
-    campaign = _campaign(api, structure, "spectra")
+def _spectra(api: httpx.Client, service: LocalService) -> None:
+    campaign = campaign_of(api, "spectra")
     buffer = io.BytesIO()
     rng = np.random.default_rng(2)
     points = np.arange(1, 101)
@@ -251,7 +142,7 @@ def _spectra(api: httpx.Client, structure: str, service: LocalService) -> None:
 
         turns = [[_median(each, 1) for each in (select, client_alone, over_http)] for _ in range(25)]
         raw, client, http = (statistics.median(column) for column in zip(*turns, strict=True))
-    print(f"\n100 FRFs × {LINES} lines, medians of 25 turns, load {_load()} (target: at most 3 × a raw SELECT)")
+    print(f"\n100 FRFs × {LINES} lines, medians of 25 turns, {load()} (target: at most 3 × a raw SELECT)")
     print(f"raw SELECT {1000 * raw:.1f} ms, npz over HTTP {1000 * http:.1f} ms, ratio {http / raw:.2f};", end=" ")
     print(f"the client alone, with the same bytes from a bare socket: {1000 * client:.1f} ms, {client / raw:.2f}")
 
@@ -271,14 +162,14 @@ def _bare_server(body: bytes) -> Iterator[str]:
         yield f"http://127.0.0.1:{listener.getsockname()[1]}/"
 
 
-def _listing(api: httpx.Client, structure: str, service: LocalService) -> None:
+def _listing(api: httpx.Client, service: LocalService) -> None:
     sizes = (1_000, 1_000_000)
-    campaigns = [_campaign(api, structure, f"{rows} rows") for rows in sizes]
+    campaigns = [campaign_of(api, f"{rows} rows") for rows in sizes]
     with psycopg.connect(psycopg_url(service.settings.database_url or ""), autocommit=True) as connection:
         middles = [_fill(connection, c, rows) for c, rows in zip(campaigns, sizes, strict=True)]
         connection.execute("VACUUM ANALYZE frfs")
         connection.execute("CHECKPOINT")
-    print(f"\npage of 100 FRFs, medians of 31 turns, load {_load()} (target: flat within 1.5 times)")
+    print(f"\npage of 100 FRFs, medians of 31 turns, {load()} (target: flat within 1.5 times)")
     print(f"{'rows':>9} {'first ms':>9} {'deep ms':>9} {'by point ms':>12}")
     taken: dict[tuple[int, int], list[float]] = {}
     for _ in range(31):  # by turns, so that the machine's load is the same for both
@@ -310,7 +201,3 @@ def _fill(connection: psycopg.Connection[tuple[uuid.UUID]], campaign: str, rows:
 
 def _cursor(key: bytes) -> str:
     return base64.urlsafe_b64encode(key).rstrip(b"=").decode()
-
-
-if __name__ == "__main__":
-    main()

@@ -16,9 +16,9 @@ from pathlib import Path
 import httpx
 import numpy as np
 
-from service.demo.laboratory import Laboratory
+from service.app.demo.laboratory import Laboratory
+from service.app.supervisor import LocalService
 from service.settings import Settings
-from service.supervisor import LocalService
 from tests.support.browser import PROGRAMS, browser, watched_page
 from tests.support.rest import ok
 

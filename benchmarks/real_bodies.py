@@ -4,14 +4,13 @@ The truth shares none of the model's assumptions: its clamp is springs along an 
 density, Poisson's ratio and fibres are not as stated; a sensor is not stated; a window and a delay are left in the FRFs; every
 frequency is off by 0.1 %. The default recipe is given what the laboratory states.
 
-    python -m benchmarks.real_bodies table [words of a row]     one deviation at a time
-    python -m benchmarks.real_bodies drawn 60                   bodies with all of them drawn
-    python -m benchmarks.real_bodies perfect 40                 bodies without any, everything stated as exactly known
+    table [words of a row]     one deviation at a time
+    drawn 60                   bodies with all of them drawn
+    perfect 40                 bodies without any, everything stated as exactly known
 """
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from dataclasses import dataclass, replace
 
@@ -192,13 +191,9 @@ def coverage(bodies: int, perfect: bool) -> None:
     print(f"  verdicts: {dict(Counter(verdicts))}; moduli with an interval that reaches zero: {below_zero}")
 
 
-def main(what: str = "table", argument: str = "") -> None:
+def main(what: str = "table", *rest: str | int) -> None:
     """Print one of the three."""
     if what == "table":
-        table(argument)
+        table(" ".join(map(str, rest)))
     else:
-        coverage(int(argument or 60), what == "perfect")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) > 1 else "table", " ".join(sys.argv[2:]))
+        coverage(int(rest[0]), what == "perfect")

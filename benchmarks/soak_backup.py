@@ -27,12 +27,12 @@ from benchmarks.jobs_floor import ROOT, Floor, floor
 from modalbase.formats.uff import Frf, GridPoint, read_file
 from modalbase.formats.uff.write import encode
 from service.access.keys import create_key, user_named
+from service.app.demo import paper
+from service.app.kinds import KINDS
+from service.app.supervisor import listening_socket
 from service.db.embedded import embedded_server
-from service.demo import paper
 from service.jobs.tables import Job
-from service.kinds import KINDS
 from service.monitoring.scheduler import check
-from service.supervisor import listening_socket
 
 POINTS = (14, 33)  # hit in the paper's file; so many of its FRFs are enough
 RECIPE = {

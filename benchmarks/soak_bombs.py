@@ -31,9 +31,9 @@ import psutil
 
 from benchmarks.access_laboratory import ASKED_FREELY
 from modalbase.formats.recognise import FORMATS
-from service.demo import paper
+from service.app.demo import paper
+from service.app.supervisor import LocalService
 from service.settings import Settings
-from service.supervisor import LocalService
 
 COUNT, LARGE = 10, 512
 MIB = 1024 * 1024
@@ -215,10 +215,15 @@ def running() -> Iterator[LocalService]:
             yield service
 
 
-if __name__ == "__main__":
+def main(count: int = COUNT) -> None:
+    """Print what came of so many bombs of each format; exit 1 where that is too much."""
     with running() as service:
-        found = throw(service, int(sys.argv[1]) if len(sys.argv) > 1 else COUNT)
+        found = throw(service, count)
     print(f"API memory grew by {found.growth / 1e6:.0f} MB, /healthz took {1e3 * found.slowest:.0f} ms at most")
     print("\n".join(f"{count} × {end}" for end, count in sorted(found.ends.items())))
     print(f"{len(found.faults)} faults", *found.faults, sep="\n")
     sys.exit(1 if found.faults or found.growth > MOST_GROWTH or found.slowest > MOST_SECONDS else 0)
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:]))

@@ -33,9 +33,9 @@ from schemathesis.specs.openapi.checks import (
 )
 
 from benchmarks.access_laboratory import ASKED_FREELY, furnish
+from service.app.supervisor import LocalService
 from service.db.engine import make_engine, make_sessions
 from service.settings import Settings
-from service.supervisor import LocalService
 
 MINUTES = 10.0
 SEED = 14

@@ -29,8 +29,8 @@ from sqlalchemy import text
 
 from benchmarks.jobs_floor import PATIENCE_SECONDS, Floor, floor, laboratory
 from service.access.keys import create_key, user_named
-from service.demo import paper
-from service.supervisor import listening_socket
+from service.app.demo import paper
+from service.app.supervisor import listening_socket
 
 KILLS = 100
 WORKERS = 2

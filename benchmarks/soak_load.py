@@ -25,9 +25,9 @@ import numpy as np
 import psutil
 
 from benchmarks.access_laboratory import MODES
-from service.demo import paper
+from service.app.demo import paper
+from service.app.supervisor import LocalService
 from service.settings import Settings
-from service.supervisor import LocalService
 
 SECONDS = 60.0
 CLIENTS, STREAMS, KEYS = 500, 400, 50

@@ -17,9 +17,9 @@ from modalbase.client.connection import Connection
 from modalbase.objects.campaigns import Campaign
 from modalbase.objects.frfs import Frfs
 from modalbase.objects.laboratory import Laboratory
-from service.demo import paper
+from service.app.demo import paper
+from service.app.supervisor import LocalService
 from service.settings import Settings
-from service.supervisor import LocalService
 
 SIZES = tuple((frfs, stride) for frfs in (1, 2, 3, 5, 12) for stride in (1, 2, 4, 8))
 """FRFs, and which of their 1,000 lines."""
@@ -64,8 +64,8 @@ def _looked_at(client: httpx.Client, campaign: Campaign, formats: tuple[str, ...
         yield address, client.get(f"{path}/{address}").status_code
 
 
-def main() -> int:
-    """Print what was refused or broke, and how many answers there were."""
+def main() -> None:
+    """Print what was refused or broke, and how many answers there were; exit 1 where one was bad."""
     with tempfile.TemporaryDirectory(prefix="modalbase-small-") as folder:
         settings = Settings(data=Path(folder), port=0, database_url=None, log_level="warning")
         with LocalService(settings) as service:
@@ -75,8 +75,8 @@ def main() -> int:
     bad = [answer for answer in answers if answer[1] != httpx.codes.OK]
     print("\n".join(f"{status}  {asked}" for asked, status in bad))
     print(f"{len(SIZES)} campaigns, {len(answers)} answers, {len(bad)} of them bad")
-    return 1 if bad or not answers else 0
+    sys.exit(1 if bad or not answers else 0)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import psutil
 
-from service.supervisor import listening_socket
+from service.app.supervisor import listening_socket
 
 STARTS = 9
 LOOK_SECONDS = 0.02
@@ -73,7 +73,3 @@ def main() -> None:
         found = [start(data) for _ in range(STARTS)]
     for what, values in zip(("ready", "last line", "processor"), zip(*found, strict=True), strict=True):
         print(f"  {what:<10} {statistics.median(values):.2f} s, {min(values):.2f} to {max(values):.2f}")
-
-
-if __name__ == "__main__":
-    main()

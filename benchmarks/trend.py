@@ -1,4 +1,4 @@
-"""Condition monitoring on simulated series: false alarms and detection delays, beside Shewhart's chart and a threshold.
+"""Condition monitoring on simulated series: false alarms and detection delays, beside Shewhart's chart.
 
 Monthly campaigns of a beam: 12 make the baseline, 24 follow, a change comes with the 7th of these. The stiffness Ex (own
 standard deviation 0.3 %, scatter between campaigns 0.4 %, −0.1 %/K) is watched for a fall, the damping ratio (5 % and 6 %) for
@@ -6,16 +6,10 @@ a rise; 0.01 false alarms a campaign for both together. The peers:
 
 Shewhart, our scores   Shewhart's limits on the scores of our other charts: covariates, uncertainty, short baseline seen to
 Shewhart, raw values   as a laboratory draws it: baseline's mean ± L of its standard deviations, L from the normal distribution
-naive threshold        the same, L from 4000 simulated unchanged structures with seasons, so that it calls as often as stated
-EWMA, independent      our EWMA with limits for campaigns that do not resemble their neighbours
-known-scatter band     the baseline's mean ± a percentage that knows those 4000 structures; no laboratory has that
-
-`python -m benchmarks.trend 2000` takes that many series of each kind in place of 200, and another seed with a second number.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -24,7 +18,7 @@ import numpy as np
 from scipy import stats
 
 from fecore.arrays import FloatArray
-from fecore.trend import Chart, Limits, Series, State, Watch, assess
+from fecore.trend import Chart, Series, State, Watch, assess
 
 SETS, BASELINE, HORIZON, CHANGE, RATE = 200, 12, 24, 6, 0.01
 OWN, BETWEEN, MEAN = {"Ex": 0.003, "zeta_1": 0.05}, {"Ex": 0.004, "zeta_1": 0.06}, {"Ex": 32e9, "zeta_1": 0.012}
@@ -96,20 +90,6 @@ def _alike(e: FloatArray, phi: float) -> FloatArray:
     return e
 
 
-def first_outside_independent(series: dict[str, Series], baseline: int) -> int | None:
-    """Watched campaign of the first call of an EWMA whose limits take campaigns as independent."""
-    watch = Watch(DIRECTIONS, baseline, ("temperature_c",), RATE, HORIZON, 1, Chart("ewma"))  # type: ignore[arg-type]
-    found = []
-    for trend in assess(series, watch).parameters.values():
-        assert trend.limits is not None
-        assert trend.widened_by is not None
-        assert trend.scores is not None
-        sign = 1 if trend.direction == "rise" else -1
-        limits = Limits(trend.limits.chart / trend.widened_by, trend.limits.score / trend.widened_by)
-        found += np.flatnonzero(Chart("ewma").outside(sign * trend.scores.score, limits)[1])[:1].tolist()
-    return min(found, default=None)
-
-
 def first_alarm(series: dict[str, Series], chart: Chart, pending: int, baseline: int) -> int | None:
     """Watched campaign of the first alarm, from 0."""
     watch = Watch(
@@ -124,21 +104,13 @@ def first_alarm(series: dict[str, Series], chart: Chart, pending: int, baseline:
     return min(found, default=None)
 
 
-def excess(series: dict[str, Series], baseline: int, known: bool) -> FloatArray:
-    """(2, HORIZON) how far raw values are on the bad side of the baseline's mean, in its standard deviations or relative."""
+def excess(series: dict[str, Series], baseline: int) -> FloatArray:
+    """(2, HORIZON) how far raw values are on the bad side of the baseline's mean, in its standard deviations."""
     rows = []
     for name, sign in (("Ex", -1), ("zeta_1", 1)):
         base, later = series[name].estimate[:baseline], series[name].estimate[baseline:]
-        rows.append(sign * (later - base.mean()) / (base.mean() if known else base.std(ddof=1)))
+        rows.append(sign * (later - base.mean()) / base.std(ddof=1))
     return np.array(rows)
-
-
-def thresholds(known: bool) -> FloatArray:
-    """(2, 1) thresholds on raw values with the stated false-alarm probability over the horizon, half of it each."""
-    rng = np.random.default_rng(1000)
-    highest = np.array([excess(simulate(SCENARIOS[1], rng), BASELINE, known).max(axis=1) for _ in range(4000)])
-    each = (1 - (1 - RATE) ** HORIZON) / 2
-    return np.asarray(np.quantile(highest, 1 - each, axis=0)[:, None])
 
 
 def normal_threshold() -> FloatArray:
@@ -165,16 +137,7 @@ def report(label: str, firsts: list[int | None], changes: bool) -> None:
 
 def main(sets: int = SETS, seed: int = 100) -> None:
     """Print the table."""
-    bands = {
-        "Shewhart, raw values": (False, normal_threshold()),
-        "naive threshold": (False, thresholds(known=False)),
-        "known-scatter band": (True, thresholds(known=True)),
-    }
-    (plain, _), (a, b), (c, d) = (band[:, 0] for _, band in bands.values())
-    print(
-        f"limits on raw values: Shewhart {plain:.2f} s; naive Ex −{a:.1f} s, ζ₁ +{b:.1f} s; "
-        f"known scatter Ex −{c:.1%}, ζ₁ +{d:.1%}"
-    )
+    limit = normal_threshold()
     for k, scenario in enumerate(SCENARIOS):
         rng = np.random.default_rng(seed + k)
         drawn = [simulate(scenario, rng) for _ in range(sets)]
@@ -182,12 +145,5 @@ def main(sets: int = SETS, seed: int = 100) -> None:
         for label, (chart, pending) in CHARTS.items():
             firsts = [first_alarm(s, chart, pending, scenario.baseline) for s in drawn]
             report(label, firsts, bool(scenario.factors))
-        independent = [first_outside_independent(s, scenario.baseline) for s in drawn]
-        report("EWMA, independent", independent, bool(scenario.factors))
-        for label, (known, band) in bands.items():
-            beyond = [np.flatnonzero((excess(s, scenario.baseline, known) > band).any(axis=0)) for s in drawn]
-            report(label, [int(b[0]) if b.size else None for b in beyond], bool(scenario.factors))
-
-
-if __name__ == "__main__":
-    main(*(int(argument) for argument in sys.argv[1:]))
+        beyond = [np.flatnonzero((excess(s, scenario.baseline) > limit).any(axis=0)) for s in drawn]
+        report("Shewhart, raw values", [int(b[0]) if b.size else None for b in beyond], bool(scenario.factors))

@@ -331,7 +331,3 @@ def main(count: int = 2000, seed: int = 2015) -> None:
             print(f"{kind:<36} +{memory:.0f} MiB {seconds:.2f} s  {outcome[:90]}")
     if silent:
         raise SystemExit(f"{len(silent)} silent changes")
-
-
-if __name__ == "__main__":
-    main()

@@ -194,7 +194,3 @@ def main() -> None:
     sampling(data, default_job(data))
     against_least_squares(data)
     print(f"\nload average at the end {os.getloadavg()[0]:.1f}")
-
-
-if __name__ == "__main__":
-    main()

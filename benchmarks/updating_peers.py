@@ -31,8 +31,8 @@ class ElasticByDifferences:
     def __post_init__(self) -> None:
         self.solves = 0
         self.rows, self.columns = (list(side) for side in zip(*self.ours.pairing.pairs, strict=True))
-        n = self.ours.residual.size
-        self.root = cholesky(np.linalg.inv(self.ours.noise + self.ours.discrepancy**2 * np.eye(n)))
+        n = self.ours.problem.residual.size
+        self.root = cholesky(np.linalg.inv(self.ours.problem.noise + self.ours.discrepancy**2 * np.eye(n)))
 
     def residual(self, theta: np.ndarray) -> np.ndarray:
         """Frequency errors and distances from the prior, in standard deviations."""
