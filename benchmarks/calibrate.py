@@ -7,7 +7,8 @@ regression,
     ln p(b) = Σ_k ln P(y_k | b) - ½ (b - m)ᵀ S⁻¹ (b - m),
 
 m and S those of the prior there; the covariance is the inverse of the Hessian at the best b (Laplace). The other half shows how
-good they are: log loss, Brier score, a reliability table, and each feature's worth by leaving it out.
+good they are: log loss, Brier score, and each feature's worth by leaving it out. Reliability, and what becomes of modes and of
+others, are printed for the weights in use.
 
 `CALIBRATE_SEEDS` (default 10) draws of each kind; the printed table replaces the one in `fecore/modal/weights.py`.
 """
@@ -30,7 +31,7 @@ from fecore.modal.evidence import evidence_of
 from fecore.modal.fitting import fit_series
 from fecore.modal.preparation import prepare
 from fecore.modal.probability import design, predictive
-from fecore.modal.weights import PRIOR_MEAN, PRIOR_SD
+from fecore.modal.weights import COVARIANCE, MEAN, PRIOR_MEAN, PRIOR_SD
 
 SEEDS = int(os.environ.get("CALIBRATE_SEEDS", "10"))
 FIRST = int(os.environ.get("CALIBRATE_FIRST_SEED", "5000"))
@@ -70,7 +71,7 @@ def collect(draw: Draw, kind: str, number: int, poles: Poles) -> None:
     hz, zeta = fitted.fit.terms.frequency_hz, fitted.fit.terms.damping_ratio
     matched, optional = _matched(draw, hz, zeta, rows[:, 2])
     poles.lost[kind] = poles.lost.get(kind, 0) + int(np.sum(~draw.optional)) - len(matched)
-    sd = np.sqrt(np.diag(fitted.fit.parameter_covariance))
+    sd = np.sqrt(np.diag(fitted.covariance))
     for k in np.flatnonzero(in_band(fitted.arrangement, hz)):
         if k in optional or hz[k] < 1.3 * np.max(draw.frequency_hz[draw.optional], initial=0.0):
             continue
@@ -200,9 +201,10 @@ def main() -> None:
         own, _ = fitted_weights(without_ratio[learn], without[learn], true[learn])
         p = scipy.special.expit(without_ratio[test] + without[test] @ own)
         print(f"without {name:8} log loss %.4f, Brier %.4f" % scores(p, true[test]))
-    print_reliability(judged(poles, test, b, C), true[test])
+    used = judged(poles, np.ones(true.size, dtype=bool), MEAN, COVARIANCE)  # what a user gets
+    print_reliability(used, true)
+    print_kinds(poles, used)
     b, C = fitted_weights(ratio, x, true)
-    print_kinds(poles, judged(poles, np.ones(true.size, dtype=bool), b, C))
     print("MEAN = np.array([" + ", ".join(f"{each:.3f}" for each in b) + "])")
     print("COVARIANCE = np.array([")
     print("\n".join("    [" + ", ".join(f"{each:.4f}" for each in row) + "]," for row in C) + "\n])")

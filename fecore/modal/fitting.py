@@ -11,7 +11,7 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray
 from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import Terms, poles
 from fecore.modal.compression import compress
-from fecore.modal.drift import Drift, in_band, session_of, without_drift
+from fecore.modal.drift import Drift, in_band, session_of, sessions, without_drift
 from fecore.modal.error_model import memory
 from fecore.modal.evidence import evidence_of
 from fecore.modal.growth import ROUNDS, grow, linear_weight, pruned, with_residual_terms, without_poles
@@ -50,6 +50,14 @@ class Fitted:
     linear: LinearPoles
     drift: Drift | None
     full: bool
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(2n, 2n) covariance of (ln f, ζ); the mean of as many drifts as there are tests is common to all frequencies."""
+        covariance, n = self.fit.parameter_covariance.copy(), self.fit.terms.pairs
+        if self.drift is not None:
+            covariance[:n, :n] += self.drift.sd**2 / sessions(self.arrangement)
+        return covariance
 
 
 def fit_series(arrangement: Arrangement, noise: FloatArray, highest: int, most: int, report: Report) -> Fitted:

@@ -12,12 +12,13 @@ from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.basis import poles
+from fecore.modal.basis import columns, poles
 from fecore.modal.diagram import Stabilisation, diagram_of
-from fecore.modal.drift import in_band, sessions
+from fecore.modal.drift import in_band
 from fecore.modal.evidence import Evidence, evidence_of
 from fecore.modal.fitting import Fitted, fit_series
 from fecore.modal.growth import gains, pole_price
+from fecore.modal.linear import real_times
 from fecore.modal.parting import part
 from fecore.modal.preparation import Prepared, prepare
 from fecore.modal.probability import Feature, features, probability
@@ -115,7 +116,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock)
     verdict = _verdict(arrangement, fit, evidence)
     if not verdict.kept.size:
         raise IdentificationError(_nothing(arrangement, diagram, verdict.refused, fitted.full))
-    worth, tones = gains(fit) / pole_price(fit), _of_tones(arrangement, fit, evidence)
+    worth, toned = gains(fit) / pole_price(fit), _toned(arrangement, fit, evidence)
     fit, old, parted = part(arrangement, fit, verdict.kept)
     fitted, verdict = replace(fitted, fit=fit), verdict.of(old, fit.terms.frequency_hz)
     kept = verdict.kept
@@ -126,7 +127,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock)
         *prepared.said,
         *_of_drift(fitted),
         *_of_phase(evidence),
-        *tones,
+        *_of_tones(arrangement, toned),
         *(["the search stopped at most_modes; raise it, or leave it out"] if fitted.full else []),
         *parted,
         *remarks(arrangement, fit, kept, shapes, evidence.share[old], doubt),
@@ -152,7 +153,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock)
         warnings=notes,
         frequency_hz=arrangement.frequency_hz,
         quantity=arrangement.quantity,
-        measured=np.where(arrangement.measured & ~spoilt, arrangement.values, np.nan),
+        measured=np.where(arrangement.measured & ~spoilt & ~toned, arrangement.values, np.nan),
         predicted=fit.model(arrangement),
         noise_variance=np.where(known, arrangement.variance, fit.variance),
         noise_ratio=_ratio(arrangement, fit),
@@ -202,11 +203,8 @@ def _modes(fitted: Fitted, verdict: _Verdict, shapes: Shapes) -> MeasuredModes:
     arrangement, fit, kept = fitted.arrangement, fitted.fit, verdict.kept
     n, f = fit.terms.pairs, fit.terms.frequency_hz[kept]
     both = np.concatenate([kept, n + kept])
-    covariance = fit.parameter_covariance[np.ix_(both, both)]
     scale = np.concatenate([f, np.ones(f.size)])  # from ln f to f
-    covariance = covariance * np.outer(scale, scale)
-    if fitted.drift is not None:  # the mean of as many drifts as there are sessions, common to all modes
-        covariance[: f.size, : f.size] += np.outer(f, f) * fitted.drift.sd**2 / sessions(arrangement)
+    covariance = fitted.covariance[np.ix_(both, both)] * np.outer(scale, scale)
     zeta, p = fit.terms.damping_ratio[kept], verdict.probability[kept]
     return MeasuredModes(f, zeta, shapes.complex, arrangement.roving, covariance, p)
 
@@ -220,10 +218,17 @@ def _of_drift(fitted: Fitted) -> list[str]:
     ]
 
 
-def _of_tones(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> list[str]:
-    seen, lines = fit.terms.frequency_hz[evidence.tone], arrangement.frequency_hz
-    at = np.unique([int(np.argmin(np.abs(lines - hz))) for hz in seen if lines[0] <= hz <= lines[-1]]).astype(int)
-    return [f"interference at {lines_in_words(lines[at])}: a tone of no width, modelled and no mode"] if at.size else []
+def _toned(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> BoolArray:
+    """(N, L) values of which a tone is a larger part than their noise: it is no answer to the force."""
+    pairs, tone = slice(0, 2 * fit.terms.pairs), np.repeat(evidence.tone, 2)
+    own = columns(arrangement.omega, fit.terms, arrangement.power)[:, pairs][:, tone]
+    part = real_times(fit.linear.coefficients[:, pairs][:, tone], own.T)
+    return np.asarray(np.abs(part) ** 2 > fit.variance)
+
+
+def _of_tones(arrangement: Arrangement, toned: BoolArray) -> list[str]:
+    lines = lines_in_words(arrangement.frequency_hz[toned.any(axis=0)])
+    return [f"interference at {lines}: left out there, a tone of no width is no mode"] if toned.any() else []
 
 
 def _of_phase(evidence: Evidence) -> list[str]:
