@@ -23,7 +23,7 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import Terms, columns, poles
 from fecore.modal.growth import gains
-from fecore.modal.refinement import Fit, evaluate
+from fecore.modal.refinement import Level, level_at
 from fecore.modal.residues import weights
 
 _FEWEST = 4  # tests of which a drift can be found
@@ -57,7 +57,7 @@ def without_drift(
     unmoved: Arrangement,
     arrangement: Arrangement,
     before: Drift | None,
-    fit: Fit,
+    fit: Level,
     settle: Callable[[Arrangement, Terms], Terms],
     grown: Callable[[Arrangement, Terms, ComplexArray], Terms],
 ) -> tuple[Arrangement, Terms, Drift] | None:
@@ -95,11 +95,11 @@ def without_drift(
         each += more
         still = aligned(unmoved, terms, weight, each)
         terms = settle(still, terms)
-        left, before_it = evaluate(still, terms, fit.variance).chi_squared, left
+        left, before_it = level_at(still, terms, fit.variance).chi_squared, left
         if left > _AT_REST * before_it:
             break
     terms = grown(still, terms, poles(fit.terms.frequency_hz, fit.terms.damping_ratio))
-    misfit = evaluate(still, terms, fit.variance).chi_squared - fit.chi_squared
+    misfit = level_at(still, terms, fit.variance).chi_squared - fit.chi_squared
     saved = (fit.terms.pairs - terms.pairs) * (2 * len(tests) + 2) - int(tests.max()) - 1
     if not np.any(each) or misfit >= _PRICE * saved:
         return None
@@ -174,7 +174,7 @@ def _moved(arrangement: Arrangement, terms: Terms, drift: float) -> Terms:
     return replace(terms, frequency_hz=terms.frequency_hz * np.where(tone, 1.0, 1 + drift))
 
 
-def _merged(fit: Fit, inside: BoolArray) -> Terms:
+def _merged(fit: Level, inside: BoolArray) -> Terms:
     """The series with one pole, in their middle and as narrow as the narrowest, for those side by side.
 
     Poles within half a bandwidth are what a small drift makes of one mode; those further apart may be true pairs,
@@ -184,7 +184,7 @@ def _merged(fit: Fit, inside: BoolArray) -> Terms:
     return near if double else _side_by_side(fit, inside, _TOGETHER)[0]
 
 
-def _side_by_side(fit: Fit, inside: BoolArray, reach: float) -> tuple[Terms, bool]:
+def _side_by_side(fit: Level, inside: BoolArray, reach: float) -> tuple[Terms, bool]:
     """The series with one pole for those within so many summed half bandwidths, and whether half of the modes were more."""
     terms = fit.terms
     hz, zeta, gain = terms.frequency_hz.copy(), terms.damping_ratio.copy(), gains(fit)

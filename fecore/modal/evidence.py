@@ -26,7 +26,7 @@ from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import Terms, columns, poles
 from fecore.modal.drift import in_band
 from fecore.modal.growth import gains
-from fecore.modal.refinement import Fit
+from fecore.modal.refinement import Level
 from fecore.modal.residues import weights
 
 _REACH = 3.0  # half bandwidths on each side of a pole within which the misfit is local
@@ -70,7 +70,7 @@ class Evidence:
     turned: bool
 
 
-def evidence_of(arrangement: Arrangement, fit: Fit, hits: tuple[FloatArray, FloatArray] | None = None) -> Evidence:
+def evidence_of(arrangement: Arrangement, fit: Level, hits: tuple[FloatArray, FloatArray] | None = None) -> Evidence:
     """The features of all poles of a fit.
 
     Args:
@@ -110,13 +110,13 @@ def evidence_of(arrangement: Arrangement, fit: Fit, hits: tuple[FloatArray, Floa
     )
 
 
-def residues_of(fit: Fit) -> ComplexArray:
+def residues_of(fit: Level) -> ComplexArray:
     """(N, n) residues of the receptance."""
     c = fit.linear.coefficients[:, : 2 * fit.terms.pairs]
     return np.asarray(c[:, 0::2] + 1j * c[:, 1::2])
 
 
-def _rise(arrangement: Arrangement, fit: Fit) -> FloatArray:
+def _rise(arrangement: Arrangement, fit: Level) -> FloatArray:
     off = np.abs(arrangement.frequency_hz[:, None] - fit.terms.frequency_hz)
     width = fit.terms.damping_ratio * fit.terms.frequency_hz
     near = off <= np.maximum(_REACH * width, _LEAST_REACH * arrangement.spacing_hz)
@@ -127,7 +127,7 @@ def _rise(arrangement: Arrangement, fit: Fit) -> FloatArray:
     return np.asarray(np.clip(1 + gains(fit) / with_it, *_RISE))
 
 
-def _share(arrangement: Arrangement, fit: Fit) -> tuple[FloatArray, FloatArray]:
+def _share(arrangement: Arrangement, fit: Level) -> tuple[FloatArray, FloatArray]:
     """(n,) height of each pole at the line next to its frequency, and over the FRFs there: a needle between lines has none."""
     terms, n = fit.terms, fit.terms.pairs
     omega = arrangement.omega[np.argmin(np.abs(arrangement.frequency_hz[:, None] - terms.frequency_hz), axis=0)]

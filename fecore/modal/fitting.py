@@ -18,7 +18,7 @@ from fecore.modal.growth import ROUNDS, grow, linear_weight, pruned, with_residu
 from fecore.modal.lscf import LinearPoles, clusters, linear_poles
 from fecore.modal.noise import local_variance, student
 from fecore.modal.probability import probability
-from fecore.modal.refinement import Fit, evaluate, refine
+from fecore.modal.refinement import Fit, Level, level_at, refine
 
 _ALIGN = 4  # turns of drift and growth
 _STILL = 0.1  # of the whole drift: what is left below it is at rest
@@ -108,8 +108,8 @@ class _Data:
     def settled(self, terms: Terms) -> Terms:
         """The poles refined on the combinations."""
         measured = self.few.measured
-        fit = evaluate(self.few, terms, local_variance(self.few.values, self.few.values, self.few_noise, measured))
-        fit = evaluate(self.few, terms, local_variance(fit.residual, self.few.values, self.few_noise, measured))
+        fit = level_at(self.few, terms, local_variance(self.few.values, self.few.values, self.few_noise, measured))
+        fit = level_at(self.few, terms, local_variance(fit.residual, self.few.values, self.few_noise, measured))
         return refine(self.few, terms, fit.variance, steps=_STEPS, enough=1.0).terms
 
     def grown(
@@ -118,15 +118,15 @@ class _Data:
         """The poles with those, of the candidates and of what the residual shows, that the combinations need."""
         return grow(self.few, self.few_noise, most, step, terms, pool, rounds).terms
 
-    def fitted(self, terms: Terms) -> Fit:
+    def fitted(self, terms: Terms) -> Level:
         """The series with all FRFs, without poles and residual terms that do not pay."""
         terms, measured = with_residual_terms(self.arrangement, terms), self.arrangement.measured
-        fit = evaluate(
+        fit = level_at(
             self.arrangement,
             terms,
             local_variance(self.arrangement.values, self.arrangement.values, self.noise, measured),
         )
-        fit = evaluate(
+        fit = level_at(
             self.arrangement, terms, local_variance(fit.residual, self.arrangement.values, self.noise, measured)
         )
         return pruned(self.arrangement, fit)
@@ -172,14 +172,14 @@ def _aligned(
     return still, terms, drift
 
 
-def _better(rival: Fit, fit: Fit) -> bool:
+def _better(rival: Level, fit: Level) -> bool:
     """Whether the series without a drift is clearly better: 2 Σ ln v lower by several prices of its further unknowns."""
     more = (rival.terms.pairs - fit.terms.pairs) * (2 * len(fit.residual) + 2)
     lower = 2 * float(np.sum(np.log(fit.variance)) - np.sum(np.log(rival.variance)))
     return lower > _CLEARLY * 2 * max(more, len(fit.residual))
 
 
-def _without_company(data: _Data, fit: Fit) -> Fit:
+def _without_company(data: _Data, fit: Level) -> Level:
     """The fit without refused poles that only bend a better one beside them."""
     for _ in range(_CULLS):
         if not fit.terms.pairs:
@@ -202,7 +202,7 @@ def _company(arrangement: Arrangement, terms: Terms, p: FloatArray) -> BoolArray
     )
 
 
-def _last(data: _Data, fit: Fit) -> Fit:
+def _last(data: _Data, fit: Level) -> Fit:
     """A few steps with a variance for each value (Student's law of the errors), and what the covariance needs."""
     arrangement = data.arrangement
     variance = student(fit.residual, arrangement.values, data.noise, arrangement.measured)

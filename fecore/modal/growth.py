@@ -20,7 +20,7 @@ from fecore.modal.basis import Terms, columns
 from fecore.modal.error_model import RELATIVE
 from fecore.modal.lscf import NARROW, clusters, linear_poles
 from fecore.modal.noise import local_variance
-from fecore.modal.refinement import Fit, evaluate, refine
+from fecore.modal.refinement import Fit, Level, level_at, refine
 from fecore.modal.residues import weights
 
 EXPONENTS = (-3, -2, -1, 0, 1, 2)
@@ -58,8 +58,8 @@ def grow(
         rounds: most rounds.
     """
     measured, omega, first = arrangement.measured, arrangement.omega, np.append(pool, _beyond(arrangement))
-    fit = evaluate(arrangement, start, local_variance(arrangement.values, arrangement.values, noise, measured))
-    fit = evaluate(arrangement, start, local_variance(fit.residual, arrangement.values, noise, measured))
+    fit = level_at(arrangement, start, local_variance(arrangement.values, arrangement.values, noise, measured))
+    fit = level_at(arrangement, start, local_variance(fit.residual, arrangement.values, noise, measured))
     candidates = first
     for number in range(rounds):
         added = _chosen(arrangement, fit, candidates, most - fit.terms.pairs)
@@ -69,11 +69,9 @@ def grow(
         before = fit.terms.pairs
         # Not before there are poles, as residual terms would take the place of a broad one; then all of them again, as a better
         # fit may need what a poor one did without.
-        larger = evaluate(arrangement, with_residual_terms(arrangement, larger.terms), larger.variance)
-        fit = pruned(
-            arrangement,
-            evaluate(arrangement, larger.terms, local_variance(larger.residual, arrangement.values, noise, measured)),
-        )
+        whole = level_at(arrangement, with_residual_terms(arrangement, larger.terms), larger.variance)
+        variance = local_variance(whole.residual, arrangement.values, noise, measured)
+        fit = pruned(arrangement, level_at(arrangement, whole.terms, variance))
         step(fit.terms.pairs)
         if number and fit.terms.pairs <= before:
             break
@@ -118,7 +116,7 @@ def without_poles(terms: Terms, gone: BoolArray) -> Terms:
     )
 
 
-def gains(fit: Fit) -> FloatArray:
+def gains(fit: Level) -> FloatArray:
     """(n,) what χ² would rise by without each pole, all other coefficients fitted anew: Σ_i cᵀV⁻¹c, V the covariance of c."""
     n = fit.terms.pairs
     one, two = (fit.linear.coefficients[:, place : 2 * n : 2] for place in (0, 1))
@@ -129,12 +127,12 @@ def gains(fit: Fit) -> FloatArray:
     return np.asarray(np.sum((d * one**2 - 2 * b * one * two + a * two**2) / determinant, axis=0))
 
 
-def pole_price(fit: Fit) -> float:
+def pole_price(fit: Level) -> float:
     """Akaike's price of a pole, of two unknowns an FRF and two for the pole, and that of having looked for it at every line."""
     return (_PRICE * (2 * len(fit.residual) + 2) + 2 * float(np.log(fit.residual.shape[1]))) * fit.memory
 
 
-def pruned(arrangement: Arrangement, fit: Fit) -> Fit:
+def pruned(arrangement: Arrangement, fit: Level) -> Level:
     """The fit without poles that do not pay, the broadest of them first: what a narrower one explains must not outlive it."""
     while fit.terms.pairs:
         poor = gains(fit) < pole_price(fit)
@@ -142,11 +140,11 @@ def pruned(arrangement: Arrangement, fit: Fit) -> Fit:
             break
         width = fit.terms.damping_ratio * fit.terms.frequency_hz
         gone = np.arange(poor.size) == int(np.argmax(np.where(poor, width, -1.0)))
-        fit = evaluate(arrangement, without_poles(fit.terms, gone), fit.variance)
+        fit = level_at(arrangement, without_poles(fit.terms, gone), fit.variance)
     return _without_idle_terms(arrangement, fit)
 
 
-def _without_idle_terms(arrangement: Arrangement, fit: Fit) -> Fit:
+def _without_idle_terms(arrangement: Arrangement, fit: Level) -> Level:
     """The fit without residual terms that do not pay, the least worth first."""
     while len(fit.terms.exponents) > 1:
         first = 2 * fit.terms.pairs
@@ -156,7 +154,7 @@ def _without_idle_terms(arrangement: Arrangement, fit: Fit) -> Fit:
         if worth[least] > _PRICE * len(fit.residual) * fit.memory:
             break
         left = fit.terms.exponents[:least] + fit.terms.exponents[least + 1 :]
-        fit = evaluate(arrangement, replace(fit.terms, exponents=left), fit.variance)
+        fit = level_at(arrangement, replace(fit.terms, exponents=left), fit.variance)
     return fit
 
 
@@ -167,7 +165,7 @@ def _beyond(arrangement: Arrangement) -> ComplexArray:
     return np.asarray((np.array([[-0.01], [-0.05]]) + 1j) * at).ravel()
 
 
-def _chosen(arrangement: Arrangement, fit: Fit, pool: ComplexArray, room: int) -> ComplexArray:
+def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int) -> ComplexArray:
     """The candidates that pay, most gain first, each on top of those before it."""
     if not pool.size or room <= 0:
         return pool[:0]

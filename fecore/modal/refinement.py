@@ -14,7 +14,7 @@ inner products of all FRFs come from one matrix product over the lines, since ev
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -45,33 +45,50 @@ _DAMPING_RANGE = (1e-5, 0.95)  # of ζ: a pole beyond is no resonance
 
 
 @dataclass(frozen=True)
-class Fit:
-    """A model fitted to all FRFs.
+class Level:
+    """A fit at given poles, without its derivatives: all that a choice between series needs.
 
     Attributes:
         terms: poles and residual terms.
         linear: coefficients of every FRF, with their covariance for fixed poles.
         variance: (N, L) noise variance that weighted the fit.
+        weight: (N, L) weights of the lines.
+        own: (q, r) coefficients of the terms from those of the orthonormal frame.
         residual: (N, L) measured minus model.
-        chi_squared: weighted sum of squared residuals; its expectation is `freedom`.
-        freedom: twice the number of measured values less the number of unknowns.
-        information: (parameters, parameters) matrix H of (ln ω_1 … ln ω_n, ζ_1 … ζ_n).
-        lever: (N, q, parameters) -∂c/∂θ, by which residues inherit the uncertainty of the poles.
-        pull: (N, parameters) what each FRF adds to the gradient of -χ²/2.
+        chi_squared: weighted sum of squared residuals.
         memory: number of lines that are worth one.
-        sessions: (N,) number of the test that each FRF belongs to, where the scatter between tests is to count.
     """
 
     terms: Terms
     linear: LinearFit
     variance: FloatArray
+    weight: FloatArray
+    own: FloatArray
     residual: ComplexArray
     chi_squared: float
+    memory: float = 1.0
+
+    def model(self, arrangement: Arrangement) -> ComplexArray:
+        """(N, L) fitted FRFs."""
+        return self.linear.coefficients @ columns(arrangement.omega, self.terms, arrangement.power).T
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit(Level):
+    """A model fitted to all FRFs.
+
+    Attributes:
+        freedom: twice the number of measured values less the number of unknowns, the expectation of χ².
+        information: (parameters, parameters) matrix H of (ln ω_1 … ln ω_n, ζ_1 … ζ_n).
+        lever: (N, q, parameters) -∂c/∂θ, by which residues inherit the uncertainty of the poles.
+        pull: (N, parameters) what each FRF adds to the gradient of -χ²/2.
+        sessions: (N,) number of the test that each FRF belongs to, where the scatter between tests is to count.
+    """
+
     freedom: int
     information: FloatArray
     lever: FloatArray
     pull: FloatArray
-    memory: float = 1.0
     sessions: IntArray | None = None
 
     @property
@@ -83,10 +100,6 @@ class Fit:
     def inflation(self) -> float:
         """Factor of all variances: the residual's size over the stated noise, and the lines that are worth one."""
         return max(1.0, self.chi_squared / self.freedom) * self.memory
-
-    def model(self, arrangement: Arrangement) -> ComplexArray:
-        """(N, L) fitted FRFs."""
-        return self.linear.coefficients @ columns(arrangement.omega, self.terms, arrangement.power).T
 
     def residues(self) -> tuple[ComplexArray, FloatArray]:
         """(N, n) receptance residues and their variance E|error|², the uncertainty of the poles included.
@@ -148,29 +161,10 @@ def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fi
     Raises:
         IdentificationError: an FRF has no weight on the lines of a term.
     """
-    return _with_slopes(arrangement, _level(arrangement, terms, variance))
+    return _with_slopes(arrangement, level_at(arrangement, terms, variance))
 
 
-@dataclass(frozen=True)
-class _Level:
-    """The fit at given poles without derivatives: all that a step needs that is refused.
-
-    Attributes:
-        terms, variance, linear, residual, chi_squared: as in `Fit`.
-        weight: (N, L) of the lines.
-        own: (q, r) coefficients of the terms from those of the frame.
-    """
-
-    terms: Terms
-    variance: FloatArray
-    weight: FloatArray
-    own: FloatArray
-    linear: LinearFit
-    residual: ComplexArray
-    chi_squared: float
-
-
-def _level(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> _Level:
+def level_at(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Level:
     """Linear coefficients and residual at given poles.
 
     Raises:
@@ -181,7 +175,7 @@ def _level(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> _Lev
     frame, own = orthonormal(basis, weight)
     linear = solve_normal(normal_matrices(frame, weight), frame, own, arrangement.values, weight)
     residual = np.where(arrangement.measured, arrangement.values - real_times(linear.coefficients, basis.T), 0)
-    return _Level(
+    return Level(
         terms=terms,
         variance=variance,
         weight=weight,
@@ -192,7 +186,7 @@ def _level(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> _Lev
     )
 
 
-def _with_slopes(arrangement: Arrangement, level: _Level) -> Fit:
+def _with_slopes(arrangement: Arrangement, level: Level) -> Fit:
     """The same fit with its Gauss-Newton matrices.
 
     The derivative columns are taken less their projection on the frame, which leaves H as it is and spares it the cancellation.
@@ -211,11 +205,7 @@ def _with_slopes(arrangement: Arrangement, level: _Level) -> Fit:
     lever = np.matmul(level.own, np.matmul(linear.root.transpose(0, 2, 1), seen) + np.matmul(inside, turn))
     pull = np.einsum("nij,ni->nj", turn, real_part(weight * level.residual, steep.T))
     return Fit(
-        terms=terms,
-        linear=linear,
-        variance=level.variance,
-        residual=level.residual,
-        chi_squared=level.chi_squared,
+        **{each.name: getattr(level, each.name) for each in fields(Level)},
         freedom=2 * int(arrangement.measured.sum()) - terms.parameters - len(level.residual) * terms.columns,
         information=information,
         lever=lever,
@@ -273,9 +263,9 @@ def _step(fit: Fit, damping: float) -> tuple[FloatArray, float]:
     return step, float(2 * step @ fit.gradient - step @ fit.information @ step)
 
 
-def _try(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> _Level | None:
+def _try(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Level | None:
     try:
-        return _level(arrangement, terms, variance)
+        return level_at(arrangement, terms, variance)
     except IdentificationError:
         return None
 

@@ -1,8 +1,9 @@
 """The weights of `probability`, of 24 November 2026; `python -m benchmarks calibrate` fits them and judges them.
 
-They are those of a first fit to 1,138 poles of measured and made sets. A fit to 434 poles of made sets alone with these as
-the prior (constant 1.2, rise 1.0, share 9.9, damping 1.3, twin 3.9) does hardly better on 367 others (Brier 0.020 against
-0.023) and doubts weak true modes, so they stay until measured sets speak.
+They are prior means taken over from an earlier prototype: fitted there to 1,138 poles of measured and made sets, of which
+152 were no modes, with a phase law of another form; they were not fitted again to those poles. A fit to 434 poles of made
+sets alone with these as the prior (constant 1.2, rise 1.0, share 9.9, damping 1.3, twin 3.9) does hardly better on 367
+others (Brier 0.020 against 0.023) and doubts weak true modes, so they stay until measured sets speak.
 """
 
 from __future__ import annotations
