@@ -83,7 +83,7 @@ def evidence_of(arrangement: Arrangement, fit: Level, hits: tuple[FloatArray, Fl
     rise = _rise(arrangement, fit)
     height, share = _share(arrangement, fit)
     inside = in_band(arrangement, terms.frequency_hz)
-    tone: BoolArray = terms.frequency_hz * terms.damping_ratio < _TONE * arrangement.spacing_hz
+    tone: BoolArray = inside & (terms.frequency_hz * terms.damping_ratio < _TONE * arrangement.spacing_hz)
     strength = np.where(inside & ~tone, np.log10(rise) * share, 0.0)
     delay, turned = _delay(terms, residues, np.where(rise > _STRONG, strength, 0.0))
     phase = _phase(terms, residues, delay, turned)

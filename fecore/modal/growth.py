@@ -33,6 +33,7 @@ _RESIDUAL_ORDER = 10  # of the linear stage on the residual
 _STEPS = 8  # of the refinement in each round
 _ENOUGH = 1.0  # decrease of χ² that a step is worth before the last round
 _PRICE = 2.0  # of an unknown (Akaike)
+_FAR = 2.0  # times the upper end of the band, or of the lower end over it: poles beyond are residual terms
 _ALONE = 1e-6  # share of a candidate's power that the series leaves: below it nothing new is in it
 _APART = 0.5  # summed half bandwidths between two poles that are taken in one round
 
@@ -133,15 +134,25 @@ def pole_price(fit: Level) -> float:
 
 
 def pruned(arrangement: Arrangement, fit: Level) -> Level:
-    """The fit without poles that do not pay, the broadest of them first: what a narrower one explains must not outlive it."""
+    """The fit without poles that do not pay, the broadest of them first: what a narrower one explains must not outlive it.
+
+    A pole far beyond the band looks like a residual term. Both at once are large and cancel, and then a drift of 10⁻⁴ of that
+    pole, or rounding, spoils all FRFs: the term is enough.
+    """
     while fit.terms.pairs:
-        poor = gains(fit) < pole_price(fit)
+        poor = (gains(fit) < pole_price(fit)) | _far(arrangement, fit.terms)
         if not poor.any():
             break
         width = fit.terms.damping_ratio * fit.terms.frequency_hz
         gone = np.arange(poor.size) == int(np.argmax(np.where(poor, width, -1.0)))
         fit = level_at(arrangement, without_poles(fit.terms, gone), fit.variance)
     return _without_idle_terms(arrangement, fit)
+
+
+def _far(arrangement: Arrangement, terms: Terms) -> BoolArray:
+    """(n,) poles so far beyond the band that the lines tell nothing of their frequency."""
+    low, high = arrangement.frequency_hz[[0, -1]]
+    return np.asarray((terms.frequency_hz > _FAR * high) | (terms.frequency_hz < low / _FAR))
 
 
 def _without_idle_terms(arrangement: Arrangement, fit: Level) -> Level:
@@ -161,7 +172,7 @@ def _without_idle_terms(arrangement: Arrangement, fit: Level) -> Level:
 def _beyond(arrangement: Arrangement) -> ComplexArray:
     """Candidates outside the band, for modes whose skirts reach into it."""
     low, high = arrangement.omega[0], arrangement.omega[-1]
-    at = np.append(high * np.array([1.03, 1.1, 1.25, 1.6]), low * np.array([0.5, 0.8, 0.95]))
+    at = np.append(high * np.array([1.03, 1.1, 1.25, 1.6]), low * np.array([0.6, 0.8, 0.95]))
     return np.asarray((np.array([[-0.01], [-0.05]]) + 1j) * at).ravel()
 
 
