@@ -23,8 +23,8 @@ from service.show.results.figure_routes import router as figures
 from service.show.results.joint_figure_routes import router as joint_figures
 from service.show.results.prediction_routes import router as predictions
 from service.show.routes import router as measured_figures
-from service.store.campaigns.grid_point_routes import router as grid_points
 from service.store.campaigns.operations import campaign_for
+from service.store.campaigns.routes import points_router as grid_points
 from service.store.campaigns.routes import router as campaigns
 from service.store.coupons.operations import batch_for, coupon_for
 from service.store.coupons.routes import router as coupons

@@ -19,7 +19,7 @@ from service.monitoring.values import unit_of
 from service.store.structures.operations import structure_of
 
 if TYPE_CHECKING:
-    from service.store.structures.tables import Structure
+    from service.store.structures.operations import Structure
 
 EVENT_OF_STATE = {"alarm": "raised", "acknowledged": "acknowledged", "cleared": "cleared", "withdrawn": "withdrawn"}
 

@@ -25,7 +25,7 @@ from service.store.imports.operations import import_progress
 from service.store.modes.operations import newest_stated
 
 if TYPE_CHECKING:
-    from service.store.campaigns.tables import Campaign
+    from service.store.campaigns.operations import Campaign
 
 
 @dataclass(frozen=True)

@@ -37,8 +37,8 @@ from service.store.updating.bodies import body_of
 from service.store.updating.operations import check_prior_batch
 
 if TYPE_CHECKING:
-    from service.store.campaigns.tables import Campaign
-    from service.store.structures.tables import Structure
+    from service.store.campaigns.operations import Campaign
+    from service.store.structures.operations import Structure
 
 NOW = timedelta(0)
 

@@ -34,7 +34,8 @@ from service.store.records.routes import Whole
 from service.web import api_router
 
 if TYPE_CHECKING:
-    from service.store.coupons.tables import Coupon, CouponCurve
+    from service.store.coupons.curves import CouponCurve
+    from service.store.coupons.operations import Coupon
 
 router = api_router(tags=["figures"])
 

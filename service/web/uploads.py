@@ -8,9 +8,9 @@ from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import IO
+from typing import IO, Annotated
 
-from fastapi import Request
+from fastapi import Depends, Request
 from fastapi.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 from starlette.formparsers import MultiPartException, MultiPartParser
@@ -136,3 +136,27 @@ def _copy(source: IO[bytes], spool: IO[bytes]) -> tuple[int, bytes]:
         size += len(block)
         spool.write(block)
     return size, digest.digest()
+
+
+async def _receive(request: Request) -> AsyncIterator[Upload]:
+    async with received(request) as upload:
+        yield upload
+
+
+UploadDep = Annotated[Upload, Depends(_receive)]
+"""The body as a file. No transaction is open while it is received."""
+
+UPLOAD_CONTENT = {
+    "multipart/form-data": {  # first, since the documentation page sends the first, and this one keeps the file's name
+        "schema": {
+            "type": "object",
+            "required": ["file"],
+            "properties": {
+                "file": {"type": "string", "format": "binary", "description": "the file, with its name"},
+                "mapping": {"type": "string", "description": "which variable is what, as JSON"},
+            },
+        }
+    },
+    "application/octet-stream": {"schema": {"type": "string", "format": "binary"}},
+}
+"""Both forms in which a file may be uploaded, for the API's description."""

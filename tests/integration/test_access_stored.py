@@ -30,10 +30,10 @@ from service.access.users import (
 from service.db.engine import Sessions
 from service.errors import Conflict, Forbidden, Invalid, NotFound, Unauthorized
 from service.jobs.tables import Job
-from service.store.campaigns.tables import Campaign
-from service.store.imports.tables import Import, Original
-from service.store.structures.operations import structure_for
-from service.store.structures.tables import Structure
+from service.store.campaigns.operations import Campaign
+from service.store.imports.operations import Import
+from service.store.imports.originals import Original
+from service.store.structures.operations import Structure, structure_for
 
 ALL = ["read", "write", "jobs", "admin"]
 

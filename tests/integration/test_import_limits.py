@@ -17,7 +17,8 @@ from service.compute.spectra import Axis, encode
 from service.db.engine import Sessions
 from service.errors import PayloadTooLarge
 from service.store.imports import intake
-from service.store.imports.tables import Import, Original
+from service.store.imports.operations import IMPORT, Import
+from service.store.imports.originals import Original
 from service.web.paging import HEAVIEST_BYTES, paged
 from tests.integration.test_migrations import fill
 
@@ -31,7 +32,7 @@ def stored(engine: Engine, sessions: Sessions) -> Iterator[Callable[[list[Kept]]
         session.execute(update(Original).values(size=1000))
 
         def store(items: list[Kept]) -> Import:
-            intake.store_import(session, key, iter(items))
+            IMPORT.store(session, key, iter(items))
             return session.get_one(Import, key)
 
         yield store

@@ -21,7 +21,7 @@ from service.store.updating.operations import result_arrays, result_document, re
 from service.store.updating.stored_arrays import StoredArrays
 
 if TYPE_CHECKING:
-    from service.store.frfs.tables import Frf
+    from service.store.frfs.operations import Frf
     from service.store.updating.tables import UpdateJob
 
 

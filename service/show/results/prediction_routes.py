@@ -13,7 +13,7 @@ from service.access import CurrentUser, SessionDep
 from service.errors import Invalid
 from service.show.results.predictions import Chosen, Model, predicted_table
 from service.store.frfs.data import Cut
-from service.store.frfs.formats import FORMATS
+from service.store.frfs.routes import FORMATS
 from service.store.updating.operations import update_job_for
 from service.web import api_router
 from service.web.conditional import not_modified

@@ -8,14 +8,27 @@ from collections.abc import Iterable, Sequence
 from uuid import UUID
 
 from pydantic import ValidationError
-from sqlalchemy import delete, func, insert, literal, select
+from sqlalchemy import ForeignKey, delete, func, insert, literal, select
 from sqlalchemy.dialects.postgresql import aggregate_order_by
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Mapped, Session, mapped_column
 
+from service.db.base import Base, Big
 from service.db.bytea import copy_rows
 from service.errors import MOST_FAULTS, Fault, Invalid
 from service.store.campaigns.schemas import GridPoint, GridPoints
-from service.store.campaigns.tables import GridPointRow
+
+
+class GridPointRow(Base):
+    """A measurement point, in the file's coordinates."""
+
+    __tablename__ = "grid_points"
+
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"), primary_key=True)
+    label: Mapped[Big] = mapped_column(primary_key=True)
+    x_m: Mapped[float]
+    y_m: Mapped[float]
+    z_m: Mapped[float]
+
 
 COLUMNS = ("label", "x_m", "y_m", "z_m")
 

@@ -1,21 +1,44 @@
-"""What can be done with campaigns themselves: describe, change, delete, restore."""
+"""Campaigns: their table, and what can be done with them: describe, change, delete, restore."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from datetime import datetime
+from typing import Any
 from uuid import UUID
 
 from pydantic import BaseModel
-from sqlalchemy import Select, select
-from sqlalchemy.orm import Session
+from sqlalchemy import ForeignKey, Index, Select, func, select
+from sqlalchemy.dialects.postgresql import JSONB
+from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from service.access import Lookup, User, audit
 from service.compute.frame import SPECIMEN, Frame, make_frame
+from service.db.base import Base, Identified
 from service.db.clock import transaction_time
 from service.store.campaigns.schemas import CampaignIn, CampaignInputs, CampaignOut, CampaignPatch, FrameIn, Instruments
-from service.store.campaigns.tables import Campaign
 from service.store.structures.operations import structure_for
+
+
+class Campaign(Identified, Base):
+    """One measurement of a structure. A deleted campaign keeps its row, so that results keep their lineage."""
+
+    __tablename__ = "campaigns"
+    __table_args__ = (Index(None, "structure_id", "id"),)
+
+    structure_id: Mapped[UUID] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
+    name: Mapped[str]
+    boundary: Mapped[str]
+    performed_at: Mapped[datetime | None]
+    temperature_c: Mapped[float | None]
+    humidity_percent: Mapped[float | None]
+    instruments: Mapped[dict[str, Any]]
+    frame: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+    inputs: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+    notes: Mapped[str] = mapped_column(default="")
+    updated_at: Mapped[datetime] = mapped_column(server_default=func.now(), onupdate=func.now())
+    deleted_at: Mapped[datetime | None]
+
 
 campaign_for = Lookup(Campaign, "campaign", "structure_id", structure_for)
 """The campaign, if the user has at least a role in its project."""

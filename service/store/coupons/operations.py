@@ -1,21 +1,25 @@
-"""What can be done with coupon batches: record, summarise, use as a prior."""
+"""Coupon batches and their specimens: their tables, and what can be done with them: record, summarise, use as a prior."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from statistics import median
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
-from sqlalchemy import func, select
+from sqlalchemy import CheckConstraint, ForeignKey, Index, UniqueConstraint, func, select
 from sqlalchemy.exc import IntegrityError
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Mapped, Session, mapped_column, relationship
 
 from fecore.coupons.batch import FEWEST_SPECIMENS, CouponResult, Statistics, outlier_warnings, prior, statistics
 from fecore.coupons.failure import failed_at_grip
 from fecore.errors import InputError
 from service.access import Lookup, User, audit
+from service.db.base import Base, Identified
 from service.errors import Conflict, Fault, Invalid
-from service.store.coupons.curves import new_curve, same_curve, unlike_the_batch
+from service.store.coupons.curves import CouponCurve, new_curve
+from service.store.coupons.reduction import Reduced
 from service.store.coupons.schemas import (
     BatchIn,
     BatchOut,
@@ -29,15 +33,54 @@ from service.store.coupons.schemas import (
     Statistic,
     Summary,
 )
-from service.store.coupons.tables import Coupon, CouponBatch
 from service.store.storage import StorageOwner, book
 from service.store.structures.operations import structure_for
 
 if TYPE_CHECKING:
-    from service.store.coupons.bodies import RawCurve
+    from service.store.coupons.routes import RawCurve
+
+
+class CouponBatch(Identified, Base):
+    """A batch of coupons of a structure's material."""
+
+    __tablename__ = "coupon_batches"
+    __table_args__ = (Index(None, "structure_id", "id"),)
+
+    structure_id: Mapped[UUID] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
+    name: Mapped[str]
+    constants: Mapped[list[Any]]
+    published: Mapped[dict[str, Any]]
+    conditions: Mapped[dict[str, Any]]
+
+
+class Coupon(Identified, Base):
+    """Results of one specimen."""
+
+    __tablename__ = "coupons"
+    __table_args__ = (
+        UniqueConstraint("batch_id", "specimen"),
+        CheckConstraint("excluded = (exclusion_reason IS NOT NULL)", name="exclusion_reason"),
+    )
+
+    batch_id: Mapped[UUID] = mapped_column(ForeignKey("coupon_batches.id", ondelete="CASCADE"))
+    specimen: Mapped[str]
+    standard: Mapped[str]
+    E_Pa: Mapped[float | None] = mapped_column("e_pa")
+    G_Pa: Mapped[float | None] = mapped_column("g_pa")
+    nu: Mapped[float | None]
+    strength_Pa: Mapped[float | None] = mapped_column("strength_pa")
+    ultimate_strain: Mapped[float | None]
+    failure_code: Mapped[str | None]
+    excluded: Mapped[bool]
+    exclusion_reason: Mapped[str | None]
+    curve: Mapped[CouponCurve | None] = relationship(lazy="joined", viewonly=True)
+
 
 PROPERTY_OF: dict[Constant, str] = {"Ex": "E_Pa", "Ey": "E_Pa", "Gxy": "G_Pa", "nu_xy": "nu"}
 """Which measured property of a specimen a constant of the structure is."""
+
+UNLIKE_DIMENSION = 3.0
+"""Ratio of a dimension to that of the batch's other specimens from which on it is thought to be a mistake."""
 
 UNITS = {"E_Pa": "Pa", "G_Pa": "Pa", "nu": "1", "strength_Pa": "Pa", "ultimate_strain": "1"}
 
@@ -204,6 +247,48 @@ def batch_prior(session: Session, batch_id: UUID) -> Summary:
     with an assumed one, which its `basis` says.
     """
     return summarise(session, session.get_one(CouponBatch, batch_id))
+
+
+def same_curve(session: Session, batch: CouponBatch, sent: RawCurve) -> Coupon | None:
+    """The specimen of the batch that came of the same file and the same request; None where there is none."""
+    query = select(Coupon).join(CouponCurve, CouponCurve.coupon_id == Coupon.id)
+    own = Coupon.batch_id == batch.id, Coupon.specimen == sent.request.specimen
+    found = session.scalars(query.where(*own, CouponCurve.file_sha256 == hashlib.sha256(sent.data).digest())).first()
+    same = found is not None and found.curve is not None and found.curve.request == sent.request.model_dump(mode="json")
+    return found if same else None
+
+
+def unlike_the_batch(session: Session, batch: CouponBatch, data: bytes, reduced: Reduced) -> list[str]:
+    """What is odd about a specimen beside those that the batch has already.
+
+    Args:
+        session: the request's transaction.
+        batch: where the specimen is about to go.
+        data: its machine's file.
+        reduced: the results, and how they came about.
+
+    Raises:
+        Conflict: the batch has this run of this file already, under another name.
+    """
+    others = session.execute(
+        select(Coupon.specimen, CouponCurve.file_sha256, CouponCurve.reading, CouponCurve.reduction)
+        .join(CouponCurve, CouponCurve.coupon_id == Coupon.id)
+        .where(Coupon.batch_id == batch.id, Coupon.excluded.is_(False))
+        .order_by(Coupon.id)
+    ).all()
+    digest = hashlib.sha256(data).digest()
+    for specimen, sha256, reading, _ in others:
+        if sha256 == digest and reading["run"] == reduced.reading["run"]:
+            raise Conflict(f"the batch has run {reading['run']} of this file already, as specimen {specimen}")
+    found = []
+    for name in ("width_m", "thickness_m") if others else ():
+        usual, own = median(reduction[name] for *_, reduction in others), reduced.reduction[name]
+        if not 1 / UNLIKE_DIMENSION < own / usual < UNLIKE_DIMENSION:
+            found.append(
+                f"the {name.removesuffix('_m')} is {1e3 * own:.4g} mm, {own / usual:.3g} times that of the batch's other "
+                f"specimens ({1e3 * usual:.4g} mm): is it in another unit?"
+            )
+    return found
 
 
 def describe_all(session: Session, batches: Sequence[CouponBatch]) -> list[BatchOut]:

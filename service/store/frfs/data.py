@@ -15,7 +15,7 @@ from fecore.arrays import FloatArray
 from service.compute.spectra import Axis, Spectrum, decode
 from service.db.bytea import stream_rows
 from service.errors import Conflict, Invalid
-from service.store.frfs.tables import Frf
+from service.store.frfs.operations import Frf
 
 Values = NDArray[np.complexfloating]
 

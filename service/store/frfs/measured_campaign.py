@@ -17,12 +17,12 @@ from service.store.campaigns.grid_points import stored_points
 from service.store.campaigns.operations import campaign_of, frame_of
 from service.store.campaigns.schemas import AddedMass, CampaignInputs, Instruments
 from service.store.frfs.data import Cut, FrfTable, make_tables
-from service.store.frfs.tables import Frf
+from service.store.frfs.operations import Frf
 from service.store.structures.operations import present_structure
 from service.store.structures.schemas import StructureIn
 
 if TYPE_CHECKING:
-    from service.store.campaigns.tables import Campaign
+    from service.store.campaigns.operations import Campaign
 
 
 @dataclass(frozen=True)

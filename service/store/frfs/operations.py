@@ -1,4 +1,4 @@
-"""FRFs in the database: list, find, store. No spectrum is loaded here."""
+"""FRFs in the database: their table; list, find, store. No spectrum is loaded here."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 import numpy as np
-from sqlalchemy import Row, Select, func, literal, select, update
+from sqlalchemy import CheckConstraint, ForeignKey, Index, LargeBinary, Row, Select, func, literal, select, update
 from sqlalchemy.dialects.postgresql import aggregate_order_by
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import FloatArray
 from fecore.frf import FrfSet, Quantity
@@ -22,14 +22,53 @@ from modalbase.formats.frfs.table import DOFS
 from service.access import Lookup, User, audit
 from service.compute.frf_rows import COLUMNS, coherence_columns
 from service.compute.spectra import encode, encode_axis
+from service.db.base import Base, Big, Identified
 from service.db.bytea import copy_rows, new_keys
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.frfs.schemas import UNITS, FrfOut
-from service.store.frfs.tables import Frf
 from service.store.storage import StorageOwner, book
 
 if TYPE_CHECKING:
-    from service.store.campaigns.tables import Campaign
+    from service.store.campaigns.operations import Campaign
+
+
+class Frf(Identified, Base):
+    """One FRF. Spectra lie in their own columns, out of line and uncompressed, and are loaded only when asked for."""
+
+    __tablename__ = "frfs"
+    __table_args__ = (
+        Index(None, "campaign_id", "id"),
+        Index(None, "campaign_id", "response_point", "id"),
+        Index(None, "import_id", "dataset", unique=True),
+        Index(None, "processing_id"),
+        CheckConstraint("(step_hz IS NULL) = (axis IS NOT NULL)", name="axis"),
+    )
+
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    import_id: Mapped[UUID | None] = mapped_column(ForeignKey("imports.id", deferrable=True))
+    dataset: Mapped[int | None]
+    label: Mapped[str]
+    response_point: Mapped[Big]
+    response_direction: Mapped[int]
+    reference_point: Mapped[Big]
+    reference_direction: Mapped[int]
+    quantity: Mapped[str]
+    averages: Mapped[int | None]
+    start_hz: Mapped[float]
+    end_hz: Mapped[float]
+    step_hz: Mapped[float | None]
+    lines: Mapped[int]
+    dtype: Mapped[str]
+    sha256: Mapped[bytes]
+    coherence_dtype: Mapped[str | None]
+    coherence_sha256: Mapped[bytes | None]
+    axis: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
+    data: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+    coherence: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
+    processing_id: Mapped[UUID | None] = mapped_column(ForeignKey("processings.id"))
+    window_rate_per_s: Mapped[float | None]
+    variance_sha256: Mapped[bytes | None]
+    variance: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
 
 
 READ_COLUMNS = {"campaign_id": "uuid", "import_id": "uuid", "dataset": "int4", **COLUMNS}
@@ -96,7 +135,7 @@ class NewFrfs:
     """FRFs that were read and checked, on their way to the database.
 
     Attributes:
-        path: rows, as `service.store.frfs.bodies.write_rows` left them.
+        path: rows, as `service.store.frfs.schemas.write_rows` left them.
         count: how many.
     """
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
-from typing import Any
-from uuid import UUID
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from sqlalchemy import func, select
 from sqlalchemy.orm import Session
+
+if TYPE_CHECKING:
+    from service.store.imports.operations import Import
 
 from fecore.body.mesh import off_specimen
 from modalbase.formats.records import TimeBlock
@@ -21,8 +22,7 @@ from service.compute.reading import Kept
 from service.errors import Conflict, Invalid, PayloadTooLarge
 from service.store.campaigns.grid_points import add_points, stored_points
 from service.store.campaigns.operations import campaign_for, campaign_of, frame_of
-from service.store.frfs.operations import add_coherence, writing_frfs
-from service.store.imports.tables import Import, Original
+from service.store.frfs.operations import add_coherence
 from service.store.modes.operations import store_read_modes
 from service.store.records.intake import RecordIntake
 from service.store.records.operations import NewRecords
@@ -43,30 +43,10 @@ LISTED = 20_000
 Pair = tuple[int, int, int, int, int]
 
 
-def store_import(session: Session, job_id: UUID, items: Iterator[Kept]) -> None:
-    """Take in a file. A dry run goes the same way and writes the report alone.
-
-    Raises:
-        Conflict: a grid point of the file lies elsewhere than the campaign has it.
-        QuotaExceeded: the project has no room for what is in the file.
-        PayloadTooLarge: more is in the file than one import may bring.
-        Invalid: nothing at all of the file could be read.
-    """
-    row = session.get_one(Import, job_id)
-    # Imports into one campaign are stored one after the other, so that each sees the points of the one before.
-    session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(str(row.campaign_id), 0))))
-    with RecordIntake() as records:
-        intake = _Intake(session, row, records)
-        with writing_frfs(session) as write_frf:
-            for item in items:
-                intake.take(item, write_frf)
-        intake.finish()
-
-
-class _Intake:
+class Intake:
     """One import's way into the tables: FRFs stream in as they come, the rest follows when the whole file was seen."""
 
-    def __init__(self, session: Session, row: Import, records: RecordIntake) -> None:
+    def __init__(self, session: Session, row: Import, file_bytes: int, records: RecordIntake) -> None:
         self.session = session
         self.row = row
         self.found = Found("uff")
@@ -80,7 +60,7 @@ class _Intake:
         self.records = records
         self.blocks: set[int] = set()
         self.unused: dict[int, str] = {}
-        self.file_bytes = session.scalars(select(Original.size).where(Original.sha256 == row.sha256)).one()
+        self.file_bytes = file_bytes
         self.frf_bytes = self.held_bytes = 0
         self.named: set[int] = set()
         self.seen: set[int] = set()

@@ -15,7 +15,8 @@ from service.access import CurrentUser, SessionDep, project_for
 from service.access.lookup import purge
 from service.jobs.queue import cancel_purged
 from service.store.campaigns.operations import campaign_for
-from service.store.imports.tables import Import, Original
+from service.store.imports.operations import Import
+from service.store.imports.originals import Original
 from service.store.structures.operations import structure_for
 from service.web import api_router
 

@@ -1,31 +1,77 @@
-"""Routes of imports and of the original files."""
+"""What a client gets about imports; the routes of imports and of the original files."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from fastapi import Query, Request, Response
 from fastapi.responses import FileResponse
+from pydantic import Field
 from sqlalchemy import func, select
+from sqlalchemy.orm import Session
 
 from fecore.frf import Quantity
+from modalbase.formats.recognise import Format
 from service.access import CurrentUser, SessionDep
 from service.compute.arrays_of_files import Kind
 from service.errors import Invalid
+from service.jobs.state import JobOut, job_state
+from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
-from service.store.campaigns.uploads import UPLOAD_CONTENT, UploadDep
 from service.store.imports import operations
-from service.store.imports.originals import copy_original
-from service.store.imports.schemas import ImportOut
-from service.store.imports.tables import Import
+from service.store.imports.operations import Import
+from service.store.imports.originals import Original, copy_original
 from service.store.records.operations import judged, records_of_import
-from service.store.records.schemas import StoredRecords
-from service.web import Cursor, Limit, Name, Page, api_router, paged
+from service.store.records.schemas import Proposal, StoredRecords
+from service.web import Cursor, Limit, Name, Page, StrictModel, api_router, paged
 from service.web.conditional import not_modified
 from service.web.downloads import spooled
 from service.web.json_body import parse_parameter
-from service.web.uploads import Upload
+from service.web.uploads import UPLOAD_CONTENT, Upload, UploadDep
+
+
+class DatasetOutcome(StrictModel):
+    """What became of one dataset of the file."""
+
+    number: int = Field(description="1 for the first dataset of the file")
+    type: str = Field(description='dataset type: "15", "58", "58b" ...')
+    offset: int = Field(description="byte at which the dataset begins")
+    outcome: Literal["read", "ignored", "refused"]
+    reason: str | None
+    notes: list[str] = Field(description="conversions and assumptions made while reading")
+
+
+class Counts(StrictModel):
+    """What an import brought in."""
+
+    frfs: int
+    grid_points: int
+    modes: int
+    records: int = Field(0, description="time blocks of hammer hits")
+
+
+class ImportOut(JobOut):
+    """A file's way into a campaign, whatever its format."""
+
+    campaign_id: UUID
+    filename: str
+    size: int = Field(description="bytes")
+    sha256: str
+    dry_run: bool
+    quantity: Quantity | None
+    format: Format | None = Field(description="by what is in the file; null until that was read")
+    kind: Kind | None = Field(
+        description="what an npz, .mat, CSV or wav holds, as stated or found; null of UFF, which may hold both"
+    )
+    mapping: Any = Field(description="which variable is what, as it was stated")
+    found: Proposal | None = Field(description="arrays of an npz, .mat, CSV or wav, and a mapping that suggests itself")
+    already_imported: bool = Field(False, description="these bytes are in the campaign already; nothing new was queued")
+    counts: Counts | None = Field(description="what was read; null until it succeeded")
+    datasets: list[DatasetOutcome]
+    warnings: list[str]
+
 
 router = api_router(tags=["imports"])
 
@@ -33,6 +79,51 @@ BODY = {"requestBody": {"required": True, "content": UPLOAD_CONTENT}}
 
 QuantityQuery = Annotated[Quantity | None, Query(description="what an FRF is whose file does not say so, in SI units")]
 MappingQuery = Annotated[str | None, Query(description="which variable is what, as JSON", max_length=20_000)]
+
+
+def describe(session: Session, row: Import, *, already_imported: bool = False) -> ImportOut:
+    """An import as clients see it: the state of its job, counts, and a report on every dataset.
+
+    Args:
+        session: the request's transaction.
+        row: the import.
+        already_imported: the file was sent again, and this is the import that has it.
+    """
+    return describe_all(session, [row])[0].model_copy(update={"already_imported": already_imported})
+
+
+def describe_all(session: Session, rows: Sequence[Import]) -> list[ImportOut]:
+    """Imports as clients see them: their own rows and their jobs', read at one moment, so that a job that has succeeded
+    never stands beside an import that has no counts yet.
+    """
+    query = (
+        select(Import, Job, Original.size)
+        .join(Job, Job.id == Import.id)
+        .join(Original, Original.sha256 == Import.sha256)
+        .where(Import.id.in_([row.id for row in rows]))
+        .order_by(Import.id)
+        .execution_options(populate_existing=True)
+    )
+    return [_described(row, job, size) for row, job, size in session.execute(query)]
+
+
+def _described(row: Import, job: Job, size: int) -> ImportOut:
+    return ImportOut(
+        **job_state(job),
+        campaign_id=row.campaign_id,
+        filename=row.filename,
+        size=size,
+        sha256=row.sha256.hex(),
+        dry_run=row.dry_run,
+        quantity=row.quantity,  # type: ignore[arg-type]  # the columns hold what was checked on the way in
+        format=row.format,  # type: ignore[arg-type]
+        kind=row.kind,  # type: ignore[arg-type]
+        mapping=row.mapping,
+        found=None if row.found is None else Proposal.model_validate(row.found),
+        counts=None if row.counts is None else Counts.model_validate(row.counts),
+        datasets=[DatasetOutcome.model_validate(d) for d in row.datasets or []],
+        warnings=row.warnings or [],
+    )
 
 
 def read_mapping(stated: str | None, upload: Upload) -> Any:
@@ -81,7 +172,7 @@ def start_import(
     row, new = operations.start_import(session, user, campaign_id, wanted)
     response.status_code = 202 if new else 200
     response.headers["Location"] = f"/api/v1/imports/{row.id}"
-    return operations.describe(session, row, already_imported=not new)
+    return describe(session, row, already_imported=not new)
 
 
 @router.get("/campaigns/{campaign_id}/imports")
@@ -92,13 +183,13 @@ def list_imports(
     campaign = campaign_for(session, user, campaign_id)
     query = select(Import).where(Import.campaign_id == campaign.id)
     rows, following = paged(session, query, Import.id, cursor, limit, weight=func.pg_column_size(Import.datasets))
-    return Page(items=operations.describe_all(session, rows), next_cursor=following)
+    return Page(items=describe_all(session, rows), next_cursor=following)
 
 
 @router.get("/imports/{import_id}")
 def get_import(import_id: UUID, session: SessionDep, user: CurrentUser) -> ImportOut:
     """How far an import is, what it brought in, and what became of each dataset."""
-    return operations.describe(session, operations.import_for(session, user, import_id))
+    return describe(session, operations.import_for(session, user, import_id))
 
 
 @router.get("/imports/{import_id}/records")

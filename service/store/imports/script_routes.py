@@ -24,20 +24,17 @@ from service.jobs.aside import read_aside
 from service.jobs.events import ChangesDep, shown
 from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
-from service.store.campaigns.uploads import UPLOAD_CONTENT, UploadDep
-from service.store.frfs import bodies as frf_bodies
 from service.store.frfs import operations as frfs
-from service.store.frfs.schemas import FrfOut, FrfsIn
+from service.store.frfs.schemas import FrfOut, FrfsIn, write_rows
 from service.store.imports import operations
-from service.store.imports.routes import MappingQuery, QuantityQuery, read_mapping
-from service.store.imports.schemas import ImportOut
-from service.store.records import bodies as record_bodies
+from service.store.imports.routes import ImportOut, MappingQuery, QuantityQuery, describe, read_mapping
 from service.store.records import operations as records
-from service.store.records.schemas import Proposal, StoredRecords
+from service.store.records.schemas import Proposal, Sent, StoredRecords, from_json
 from service.web import Name, Page, api_router
 from service.web.gate import without_slot
 from service.web.openapi import schema_of
 from service.web.routing import Later
+from service.web.uploads import UPLOAD_CONTENT, UploadDep
 
 router = api_router(tags=[])
 
@@ -115,7 +112,7 @@ class _Came:
         dry_run: they shall only be looked at.
     """
 
-    sent: record_bodies.Sent | UUID
+    sent: Sent | UUID
     filename: str
     dry_run: bool
 
@@ -132,7 +129,7 @@ async def _records(
         raise Invalid("", "the body is empty, expected time blocks")
     name = filename or upload.filename
     if upload.content_type == "application/json":
-        sent = await to_thread.run_sync(lambda: record_bodies.from_json(upload.file.path.read_bytes()))
+        sent = await to_thread.run_sync(lambda: from_json(upload.file.path.read_bytes()))
         return _Came(sent, name, dry_run)
     suffix = (PurePosixPath(name).suffix or SUFFIX_OF.get(upload.content_type, "")).lower()
     if suffix not in RECORD_SUFFIXES:
@@ -201,7 +198,7 @@ async def _frfs(
         with tempfile.NamedTemporaryFile(prefix="modalbase-rows-") as rows:
             path = Path(rows.name)
             async with without_slot(request.scope):
-                count = await read_aside(frf_bodies.write_rows, upload.file.path, path)
+                count = await read_aside(write_rows, upload.file.path, path)
             yield frfs.NewFrfs(path, count)
         return
     form = FRF_FORMATS.get(upload.content_type)
@@ -254,7 +251,7 @@ def _ended(session: SessionDep, user: CurrentUser, import_id: UUID, response: Re
     Raises:
         ServiceError: it failed; as if the file had been read in the request.
     """
-    state = operations.describe(session, operations.import_for(session, user, import_id))
+    state = describe(session, operations.import_for(session, user, import_id))
     if state.error is not None:
         raise _error_of(state.error)
     if state.status != "succeeded":

@@ -24,7 +24,7 @@ from service.store.modes.tables import Mode, ModeSet
 from service.store.storage import StorageOwner, book
 
 if TYPE_CHECKING:
-    from service.store.campaigns.tables import Campaign
+    from service.store.campaigns.operations import Campaign
 
 mode_set_for = Lookup(ModeSet, "mode set", "campaign_id", campaign_for)
 """The mode set, if the user has at least a role in its project."""

@@ -1,4 +1,4 @@
-"""Time blocks in the database: take in, list, delete; and the hits that they are."""
+"""Time blocks in the database: their table; take in, list, delete; and the hits that they are."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 from uuid import UUID
 
 import numpy as np
-from sqlalchemy import ARRAY, Select, Uuid, any_, delete, func, literal, select
-from sqlalchemy.orm import Session
+from sqlalchemy import ARRAY, ForeignKey, Index, LargeBinary, Select, Uuid, any_, delete, func, literal, select
+from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import FloatArray
 from fecore.processing import look
@@ -17,12 +17,53 @@ from modalbase.formats.records import TimeBlock
 from service.access import Lookup, User, audit
 from service.compute.hits import BlockRow, Place, by_sensors, describe_verdict, hits_of, whole
 from service.compute.spectra import encode
+from service.db.base import Base, Big, Identified
 from service.db.bytea import copy_rows, new_keys, stream_rows
 from service.errors import Conflict, Damaged, verified
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.records.schemas import UNITS, HitOut, RecordOut, StoredRecords
-from service.store.records.tables import Record
 from service.store.storage import StorageOwner, book
+
+
+class Record(Identified, Base):
+    """One channel's time block of one hit, in SI; its samples lie out of line and are loaded only when asked for."""
+
+    __tablename__ = "records"
+    __table_args__ = (
+        Index(None, "campaign_id", "id"),
+        Index(
+            "ix_records_hit",
+            "campaign_id",
+            "force_point",
+            "force_direction",
+            "hit",
+            "quantity",
+            "point",
+            "direction",
+            unique=True,
+        ),
+        Index(None, "import_id"),
+    )
+
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    import_id: Mapped[UUID | None] = mapped_column(ForeignKey("imports.id", deferrable=True))
+    label: Mapped[str]
+    filename: Mapped[str]
+    quantity: Mapped[str]
+    point: Mapped[Big]
+    direction: Mapped[int]
+    force_point: Mapped[Big]
+    force_direction: Mapped[int]
+    hit: Mapped[Big]
+    sample_rate_hz: Mapped[float]
+    samples: Mapped[int]
+    sensitivity: Mapped[float]
+    window_rate_per_s: Mapped[float]
+    full_scale: Mapped[float | None]
+    dtype: Mapped[str]
+    sha256: Mapped[bytes]
+    data: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+
 
 MOST_LOOKED_AT = 64
 """Blocks of the points concerned above which an answer does not judge their hits; a processing does."""

@@ -10,15 +10,17 @@ from pathlib import Path
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import Select, select
-from sqlalchemy.orm import Session
+from sqlalchemy import JSON, ForeignKey, Index, Select, select
+from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.body.laminate import section
 from fecore.errors import InputError
+from fecore.frf import Dof
 from fecore.processing import Averages, Strip
 from service.access import Lookup, User, audit
 from service.compute.hits import BlockRow, Place, by_sensors, whole
 from service.compute.processing import PointFile, ProcessingInputs, ProcessingOutput, process_records
+from service.db.base import Base
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue
 from service.jobs.state import job_state
@@ -27,11 +29,22 @@ from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.frfs.measured_campaign import specimen_points
 from service.store.frfs.operations import ProcessedFrfs, store_processed
 from service.store.records.operations import block_rows, sample_bytes
-from service.store.records.overrules import decisions
-from service.store.records.schemas import ProcessingIn, ProcessingOut
-from service.store.records.tables import Processing
+from service.store.records.schemas import OverruleIn, ProcessingIn, ProcessingOut
 from service.store.storage import require_room
 from service.store.structures.operations import present_structure
+
+
+class Processing(Base):
+    """One processing of a campaign's records; its key is its job's."""
+
+    __tablename__ = "processings"
+    __table_args__ = (Index(None, "campaign_id", "id"),)
+
+    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    options: Mapped[dict[str, Any]]
+    document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+
 
 _STRIP = 1 / 3  # width over length up to which a body is a strip
 
@@ -192,3 +205,57 @@ def describe(session: Session, row: Processing) -> ProcessingOut:
         options=ProcessingIn.model_validate(row.options),
         result=row.document,
     )
+
+
+_MOST_PLACES = 8  # that a message names
+
+
+def decisions(overrules: Sequence[OverruleIn], hits: Iterable[tuple[Place, int]]) -> dict[tuple[Dof, int], bool]:
+    """Which hits are used, whatever the criteria say.
+
+    Args:
+        overrules: as the user stated them; without a direction, the one is meant in which the point was hit.
+        hits: place and number of each hit that there is.
+
+    Raises:
+        InputError: one means no hit, may mean several, or contradicts another.
+    """
+    if not overrules:
+        return {}
+    there = set(hits)
+    found: dict[tuple[Dof, int], bool] = {}
+    for number, one in enumerate(overrules):
+        field, key = f"overrules.{number}", (Dof(one.point, _direction(one, there, number)), one.hit)
+        if ((key[0].point, key[0].direction), one.hit) not in there:
+            raise InputError(field, f"means {_named(one)}, which there is not; there are {_listed(there)}")
+        if found.setdefault(key, one.use) != one.use:
+            raise InputError(field, f"contradicts another about {_named(one)}: use it, or leave it out")
+    return found
+
+
+def _direction(one: OverruleIn, there: set[tuple[Place, int]], number: int) -> int:
+    """That of the hit which is meant."""
+    if one.direction is not None:
+        return one.direction
+    own = sorted({direction for (point, direction), hit in there if (point, hit) == (one.point, one.hit)})
+    if len(own) > 1:
+        listed = ", ".join(map(str, own))
+        raise InputError(f"overrules.{number}.direction", f"is missing: there is {_named(one)} in directions {listed}")
+    return own[0] if own else 3
+
+
+def _named(one: OverruleIn) -> str:
+    way = "" if one.direction is None else f" in direction {one.direction}"
+    return f"hit {one.hit} of point {one.point}{way}"
+
+
+def _listed(there: set[tuple[Place, int]]) -> str:
+    numbers: dict[Place, list[int]] = {}
+    for place, hit in sorted(there):
+        numbers.setdefault(place, []).append(hit)
+    found = [
+        f"point {point}, direction {direction}: hits {min(own)} to {max(own)}"
+        for (point, direction), own in numbers.items()
+    ]
+    more = f"; and {len(found) - _MOST_PLACES} other places" if len(found) > _MOST_PLACES else ""
+    return ("; ".join(found[:_MOST_PLACES]) or "no hits at all") + more

@@ -13,8 +13,9 @@ from fastapi.responses import JSONResponse
 from service.access import CurrentUser, SessionDep
 from service.store.campaigns.operations import campaign_for
 from service.store.records import operations, processings
+from service.store.records.operations import Record
+from service.store.records.processings import Processing
 from service.store.records.schemas import UNITS, ProcessingIn, ProcessingOut, RecordOut
-from service.store.records.tables import Processing, Record
 from service.web import Cursor, Limit, Page, api_router, paged
 
 router = api_router(tags=["records"])

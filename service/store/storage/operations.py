@@ -15,12 +15,30 @@ from dataclasses import dataclass
 from typing import Literal
 from uuid import UUID
 
-from sqlalchemy import event, func, insert, select
-from sqlalchemy.orm import Session
+from sqlalchemy import ForeignKey, Index, event, func, insert, select
+from sqlalchemy.orm import Mapped, Session, mapped_column
 
+from service.db.base import Base, Big, Identified
 from service.db.engine import QUOTA
 from service.errors import QuotaExceeded
-from service.store.storage.tables import StoredBytes
+
+
+class StoredBytes(Identified, Base):
+    """Bytes that one request or job stored; negative where it removed some. It goes with what it was stored for."""
+
+    __tablename__ = "stored_bytes"
+    __table_args__ = (
+        Index(None, "project_id", "kind", "size"),  # sums are read from the index alone
+        Index(None, "structure_id"),
+        Index(None, "campaign_id"),
+    )
+
+    project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
+    structure_id: Mapped[UUID | None] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
+    campaign_id: Mapped[UUID | None] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    kind: Mapped[str]
+    size: Mapped[Big]
+
 
 BOOKED = "booked_bytes"
 """Name in `Session.info` of the bytes by project that the transaction has booked."""

@@ -11,8 +11,8 @@ from sqlalchemy import select
 from service.access import CurrentUser, SessionDep, project_for
 from service.errors import Invalid, NotFound
 from service.store.structures import operations
+from service.store.structures.operations import Structure, StructureVersion
 from service.store.structures.schemas import StructureIn, StructureOut, StructurePatch
-from service.store.structures.tables import Structure, StructureVersion
 from service.web import IF_MATCH, Confirm, Cursor, Limit, Page, api_router, etag_of, paged, require_match, require_usual
 
 router = api_router(tags=["structures"])

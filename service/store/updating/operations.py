@@ -36,7 +36,7 @@ from service.store.updating.tables import UpdateJob, UpdateResult
 from service.store.updating.versions import MARKS, up_to_date
 
 if TYPE_CHECKING:
-    from service.store.campaigns.tables import Campaign
+    from service.store.campaigns.operations import Campaign
 
 
 def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> None:

@@ -15,12 +15,12 @@ from starlette.requests import Request
 
 from fecore.errors import InputError
 from modalbase.formats.uff import DatasetReport, Function, GridPoint
+from service.compute import reading
 from service.errors import PayloadTooLarge
 from service.jobs import aside, process
 from service.jobs.child import Failure, Item
 from service.jobs.process import LOST, ChildEnded
-from service.store.coupons import bodies
-from service.store.imports import reading
+from service.store.coupons import routes as bodies
 from tests.support.uff import axis, dataset, set_58
 
 

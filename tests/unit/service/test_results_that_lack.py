@@ -38,7 +38,7 @@ from service.show.results.figures import FIGURES, _shapes, draw_figure
 from service.show.results.joint_figures import draw_joint_figure
 from service.store.frfs import measured_campaign
 from service.store.frfs.measured_campaign import MeasuredFrfs
-from service.store.imports.intake import _Intake
+from service.store.imports.intake import Intake
 from service.store.modes import identifications
 from service.store.records import operations as record_operations
 from service.store.records import processings
@@ -596,7 +596,7 @@ def test_measured_data_that_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> N
         reference_direction=0, sample_rate_hz=100.0, samples=np.zeros(4), label="",
     )  # fmt: skip
     with RecordIntake() as records:
-        taken = vars(intake := _Intake.__new__(_Intake))
+        taken = vars(intake := Intake.__new__(Intake))
         taken.update(records=records, blocks=set(), unused={})
         intake._take_block(block)
     assert (intake.blocks, intake.unused) == ({3}, {3: "is a time block without a point and direction"})

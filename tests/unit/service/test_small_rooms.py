@@ -36,7 +36,7 @@ from service.settings import Settings
 from service.show.guide.markdown import _lead
 from service.show.reports.blocks import Bullets, Heading, PageBreak, Paragraph, Table
 from service.show.reports.update_report import MOST_MODES, UpdateFacts, update_report
-from service.store.frfs.formats import _uff_axis
+from service.store.frfs.routes import _uff_axis
 from service.store.storage.operations import StorageOwner, _require_that_all_fits, book
 from service.web import pages
 from service.web.middleware import RequestMiddleware
