@@ -27,8 +27,7 @@ from sqlalchemy import update
 
 from benchmarks.access_judged import BODIES, judgements
 from benchmarks.access_laboratory import ASKED_FREELY, FORM, HOOK, Things, furnish, record
-from service.access.keys import create_key, user_named
-from service.access.scopes import SCOPES
+from service.access.keys import SCOPES, create_key, user_named
 from service.access.tables import ApiKey, User
 from service.app.demo import paper
 from service.app.supervisor import LocalService

@@ -16,7 +16,7 @@ from pathlib import Path
 import httpx
 import numpy as np
 
-from service.app.demo.laboratory import Laboratory
+from service.app.demo.run import Laboratory
 from service.app.supervisor import LocalService
 from service.settings import Settings
 from tests.support.browser import PROGRAMS, browser, watched_page

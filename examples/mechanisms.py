@@ -13,8 +13,7 @@ import numpy as np
 from examples.paper.published import TABLE_3_DAMPING, TABLE_3_MEASURED_HZ, TABLE_4_UPDATED, cantilever
 from fecore.dynamics.damping_laws import ModalDamping
 from fecore.updating.forward import ForwardModel
-from fecore.updating.law_ranking import LawRanking, rank_laws
-from fecore.updating.laws import laws_of
+from fecore.updating.laws import LawRanking, laws_of, rank_laws
 from fecore.updating.measured_ratios import MeasuredRatios
 from fecore.updating.parameters import parametrise
 from fecore.updating.recipe import Recipe

@@ -128,3 +128,17 @@ def minimise(
         else:
             damping, growth = damping * growth, 2 * growth
     return Minimum(point, "exhausted")
+
+
+def unit_columns(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(n, p) rows with columns of unit length, and the (p,) lengths; 1 of a column of zeros."""
+    length = np.linalg.norm(rows, axis=0)
+    length[length == 0] = 1.0
+    return rows / length, length
+
+
+def nearest(rows: FloatArray, target: FloatArray) -> FloatArray:
+    """(p,) coefficients a with the least |rows a - target|², whatever their units; 0 where a column is zero."""
+    unit, length = unit_columns(rows)
+    coefficients: FloatArray = np.linalg.lstsq(unit, target, rcond=None)[0] / length
+    return coefficients

@@ -14,7 +14,7 @@ from tools import pages, routes
 
 ROOT = Path(__file__).resolve().parent.parent
 MADE: dict[str, Callable[[], str]] = {
-    "modalbase/client/routes.py": routes.table,
+    "modalbase/client/routes.json": routes.table,
     "docs/reference-rest.md": pages.rest_page,
     "docs/reference-cli.md": pages.cli_page,
 }

@@ -1,7 +1,8 @@
-"""The client's table of routes, made from the service's routers: `modalbase/client/routes.py`."""
+"""The client's table of routes, made from the service's routers: `modalbase/client/routes.json`."""
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from dataclasses import dataclass, field
 from functools import cache
@@ -14,32 +15,6 @@ from service.app.composition import ROUTERS
 from service.web.routing import include
 
 METHODS = ("get", "post", "put", "patch", "delete")
-HEAD = '''\
-"""The routes of the REST contract; `python -m tools.reference` makes this file from the service's routers."""
-
-from __future__ import annotations
-
-from typing import NamedTuple
-
-
-class Route(NamedTuple):
-    """A call: its method, its path below `/api/v1/`, the names of its query, what it does."""
-
-    method: str
-    path: str
-    query: tuple[str, ...]
-    summary: str
-
-    @property
-    def takes(self) -> tuple[str, ...]:
-        """What stands in the path's braces."""
-        return tuple(part.strip("{}") for part in self.path.split("/") if part.startswith("{"))
-
-
-# fmt: off
-# ruff: noqa: E501
-ROUTES: dict[str, Route] = {
-'''
 
 
 @dataclass(frozen=True)
@@ -104,15 +79,6 @@ def _longer(name: str, path: str) -> str:
 
 
 def table() -> str:
-    """The text of `modalbase/client/routes.py`."""
-    lines = []
-    for route in described(document()):
-        summary = route.summary.replace('"', "'")
-        values = f'"{route.method}", "{route.path}", {_tuple(route.query)}'
-        lines.append(f'    "{route.name}": Route(\n        {values},\n        "{summary}",\n    ),\n')
-    return HEAD + "".join(lines) + "}\n"
-
-
-def _tuple(names: tuple[str, ...]) -> str:
-    quoted = ", ".join(f'"{name}"' for name in names)
-    return f"({quoted},)" if len(names) == 1 else f"({quoted})"
+    """The text of `modalbase/client/routes.json`: a line for each call, for diffs that can be read."""
+    rows = ({route.name: [route.method, route.path, route.query, route.summary]} for route in described(document()))
+    return "{\n" + ",\n".join(json.dumps(row, ensure_ascii=False)[1:-1] for row in rows) + "\n}\n"

@@ -20,10 +20,12 @@ class TableContract(Contract):  # type: ignore[misc]
     nouns = fields.StringField()
     """The package whose tables are kept."""
 
-    def check(self, graph: Any, verbose: bool) -> ContractCheck:  # noqa: ARG002 - the signature is import-linter's
+    def check(self, graph: Any, verbose: bool) -> ContractCheck:  # noqa: ARG002 - import-linter's signature; its graph has modules
         """Every use of a table outside its package, by any module of the same root package."""
         nouns = str(self.nouns)
-        trees = {m: _tree(m) for m in sorted(graph.find_descendants(nouns.partition(".")[0]))}
+        trees = {
+            _module(path): ast.parse(path.read_bytes()) for path in sorted(Path(nouns.partition(".")[0]).rglob("*.py"))
+        }
         tables = {m: found for m, tree in trees.items() if m.startswith(f"{nouns}.") and (found := _tables(tree))}
         links = [
             f"{module} -> {used} (l.{line})"
@@ -39,10 +41,8 @@ class TableContract(Contract):  # type: ignore[misc]
             output.print_error(f"- {link}")
 
 
-def _tree(module: str) -> ast.Module:
-    path = Path(*module.split("."))
-    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
-    return ast.parse(path.read_bytes())
+def _module(path: Path) -> str:
+    return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
 
 
 def _tables(tree: ast.Module) -> set[str]:

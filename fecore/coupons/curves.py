@@ -167,11 +167,8 @@ def jump(strain: FloatArray) -> int | None:
 
 def without_jump(curve: Curve, warnings: list[str]) -> Curve:
     """The curve with its strains taken as lost from a jump of the extensometer on, which a warning then says."""
-    found = [
-        i
-        for values in (curve.strain, curve.strain_back, curve.transverse_strain)
-        if values is not None and (i := jump(values)) is not None
-    ]
+    strains = (curve.strain, curve.strain_back, curve.transverse_strain)
+    found = [i for values in strains if values is not None and (i := jump(values)) is not None]
     if not found:
         return curve
     at = min(found)
@@ -180,11 +177,7 @@ def without_jump(curve: Curve, warnings: list[str]) -> Curve:
         "strains from there on are left out"
     )
     lost = np.arange(len(curve)) >= at
-    strains = (
-        None if values is None else np.where(lost, np.nan, values)
-        for values in (curve.strain, curve.strain_back, curve.transverse_strain)
-    )
-    front, back, transverse = strains
+    front, back, transverse = (None if values is None else np.where(lost, np.nan, values) for values in strains)
     assert front is not None
     return Curve(curve.force_n, front, back, transverse, curve.time_s)
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
+from fecore.least_squares import nearest
 
 
 class DampingLaw(Protocol):
@@ -277,8 +278,4 @@ def fit_ratios(law: DampingLaw, omega: FloatArray, ratio: FloatArray, strain: Fl
         raise InputError("damping_ratio", f"{omega.size} modes cannot fix the {law.name} law's coefficients")
     if np.any(ratio <= 0):
         raise InputError("damping_ratio", "must be positive")
-    rows = law.basis(omega, strain) / (2 * omega * ratio)[:, None]
-    scale = np.linalg.norm(rows, axis=0)
-    scale[scale == 0] = 1.0  # a mechanism that no mode strains
-    solution: FloatArray = np.linalg.lstsq(rows / scale, np.ones(omega.size), rcond=None)[0] / scale
-    return solution
+    return nearest(law.basis(omega, strain) / (2 * omega * ratio)[:, None], np.ones(omega.size))

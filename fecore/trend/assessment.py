@@ -9,7 +9,7 @@ parameters (Bonferroni).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 
 import numpy as np
@@ -18,14 +18,10 @@ from fecore.arrays import BoolArray, FloatArray
 from fecore.errors import InputError
 from fecore.trend.autocorrelation import widened
 from fecore.trend.baseline import Baseline, Scores, complete_campaigns, fit_baseline, score
-from fecore.trend.change import ChangePoint, change_point
-from fecore.trend.charts import Limits
-from fecore.trend.rates import Rate, rate, rate_since_onset
-from fecore.trend.run_length import KNOWN, control_limits
-from fecore.trend.series import Series, days_since, in_time_order
-from fecore.trend.states import State, worst
-from fecore.trend.timeline import Acknowledgement, Moment, timeline
-from fecore.trend.watch import SIDES, Direction, Watch
+from fecore.trend.change import ChangePoint, Rate, change_point, rate, rate_since_onset
+from fecore.trend.charts import KNOWN, Limits, control_limits
+from fecore.trend.series import SIDES, Direction, Series, Watch, days_since, in_time_order
+from fecore.trend.states import Acknowledgement, Moment, State, timeline, worst
 
 _FEWEST_FOR_RATE = 3  # watched campaigns
 _NOTICED = 1.15  # factor of the limits from which a note says why they are wide
@@ -54,17 +50,17 @@ class ParameterTrend:
     name: str
     direction: Direction
     series: Series
-    baseline: Baseline | None
-    watched: Series | None
-    scores: Scores | None
-    statistic: Mapping[str, FloatArray]
-    limits: Limits | None
-    widened_by: float | None
-    outside: BoolArray
-    timeline: tuple[Moment, ...]
-    change: ChangePoint | None
-    rate: Rate | None
-    notes: tuple[str, ...]
+    baseline: Baseline | None = None
+    watched: Series | None = None
+    scores: Scores | None = None
+    statistic: Mapping[str, FloatArray] = field(default_factory=dict)
+    limits: Limits | None = None
+    widened_by: float | None = None
+    outside: BoolArray = field(default_factory=lambda: np.zeros(0, bool))
+    timeline: tuple[Moment, ...] = ()
+    change: ChangePoint | None = None
+    rate: Rate | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def state(self) -> State:
@@ -125,28 +121,12 @@ def _parameter(
         short = f"no baseline yet: {complete} of {watch.baseline} campaigns" + (
             f" with {' and '.join(watch.covariates)}" if watch.covariates else ""
         )
-        return ParameterTrend(
-            name=series.name,
-            direction=direction,
-            series=ordered,
-            baseline=None,
-            watched=None,
-            scores=None,
-            statistic={},
-            limits=None,
-            widened_by=None,
-            outside=np.zeros(0, bool),
-            timeline=(),
-            change=None,
-            rate=None,
-            notes=(*said, short),
-        )
+        return ParameterTrend(series.name, direction, ordered, notes=(*said, short))
     baseline, watched, left_out = fit_baseline(ordered, watch.baseline, watch.covariates)
     limits, wider = _limits(baseline, watch)
     scores = None if watched is None else score(baseline, watched)
     z = np.zeros(0) if scores is None else scores.score
     judged = {side: watch.chart.outside(sign * z, limits) for side, sign in SIDES[direction].items()}
-    statistic = {side: values for side, (values, _) in judged.items()}
     outside = np.any([out for _, out in judged.values()], axis=0)
     begin = ordered.dates[list(ordered.labels).index(baseline.labels[-1])]
     seen = [note.date for note in notes if note.parameter == series.name]
@@ -159,14 +139,7 @@ def _parameter(
         interval_days=watch.expected_interval_days,
         as_of=as_of,
     )
-    change = speed = None
-    unknown: tuple[str, ...] = ()
-    if watched is not None and scores is not None and len(watched) >= _FEWEST_FOR_RATE:
-        speed, unknown = _speed(ordered, watch, baseline)
-        if np.any(outside):
-            change = _change(begin, watched, scores, baseline)
-            if change.pattern == "ramp" and speed is not None:  # else covariates run with time, and no rate is known
-                speed = rate_since_onset(change, baseline.mean)
+    change, speed, unknown = _change_and_rate(ordered, watch, baseline, begin, watched, scores, outside)
     return ParameterTrend(
         name=series.name,
         direction=direction,
@@ -174,7 +147,7 @@ def _parameter(
         baseline=baseline,
         watched=watched,
         scores=scores,
-        statistic=statistic,
+        statistic={side: values for side, (values, _) in judged.items()},
         limits=limits,
         widened_by=wider,
         outside=outside,
@@ -185,12 +158,32 @@ def _parameter(
     )
 
 
-def _speed(ordered: Series, watch: Watch, baseline: Baseline) -> tuple[Rate | None, tuple[str, ...]]:
-    """The rate of change, or why there is none: a covariate that runs with time cannot be separated from ageing."""
+def _change_and_rate(
+    ordered: Series,
+    watch: Watch,
+    baseline: Baseline,
+    begin: datetime,
+    watched: Series | None,
+    scores: Scores | None,
+    outside: BoolArray,
+) -> tuple[ChangePoint | None, Rate | None, tuple[str, ...]]:
+    """When the change began, how fast it goes, and why no rate is known: a covariate that runs with time cannot be
+    separated from ageing.
+    """
+    if watched is None or scores is None or len(watched) < _FEWEST_FOR_RATE:
+        return None, None, ()
+    speed: Rate | None = None
+    unknown: tuple[str, ...] = ()
     try:
-        return rate(ordered, watch.covariates, baseline.mean), ()
+        speed = rate(ordered, watch.covariates, baseline.mean)
     except InputError as error:
-        return None, (f"no rate of change: {error}",)
+        unknown = (f"no rate of change: {error}",)
+    if not np.any(outside):
+        return None, speed, unknown
+    change = _change(begin, watched, scores, baseline)
+    if change.pattern == "ramp" and speed is not None:  # else covariates run with time, and no rate is known
+        speed = rate_since_onset(change, baseline.mean)
+    return change, speed, unknown
 
 
 def _limits(baseline: Baseline, watch: Watch) -> tuple[Limits, float]:

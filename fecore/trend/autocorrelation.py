@@ -1,6 +1,6 @@
 """Campaigns that resemble their neighbours: lag-1 autocorrelation of a baseline, and limits that hold in spite of it.
 
-Scores of an unchanged structure are taken as independent when limits are set (run_length.py). Where what is left after the
+Scores of an unchanged structure are taken as independent when limits are set (charts.py). Where what is left after the
 covariates follows an autoregression
 
     e_i = φ e_{i−1} + √(1 − φ²) u_i,   Corr(e_i, e_j) = φ^(|t_i − t_j| / Δ),   Δ the usual time between campaigns
@@ -29,10 +29,29 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.trend.charts import Chart, Limits
-from fecore.trend.deviates import simulated_scores
+
+_NODES = np.sinh(np.linspace(0, 14.5, 2901))  # t up to 10⁶, closest about 0: linear between is exact to 2e-5
+
+
+def normal_score(t: FloatArray, degrees_of_freedom: float) -> FloatArray:
+    """Φ⁻¹(T_ν(t)), from the nearer tail so that a large deviate keeps its digits."""
+    tail = np.maximum(scipy.special.stdtr(degrees_of_freedom, -np.abs(t)), 1e-300)
+    return np.asarray(-np.sign(t) * scipy.special.ndtri(tail))
+
+
+def simulated_scores(t: FloatArray, degrees_of_freedom: float) -> FloatArray:
+    """The same of many simulated deviates, from a table: a tenth of the time, within 2e-5 up to |t| = 10⁶."""
+    return np.copysign(np.interp(np.abs(t), _NODES, _table(degrees_of_freedom)), t)
+
+
+@lru_cache(maxsize=64)
+def _table(degrees_of_freedom: float) -> FloatArray:
+    return normal_score(_NODES, degrees_of_freedom)
+
 
 GRID = np.arange(10) / 10
 """φ for which series are simulated."""

@@ -11,8 +11,7 @@ import scipy
 from fecore.arrays import FloatArray
 from fecore.trend.assessment import ParameterTrend
 from fecore.trend.baseline import Baseline, score
-from fecore.trend.change import ChangePoint
-from fecore.trend.rates import Rate
+from fecore.trend.change import ChangePoint, Rate
 
 
 def describe_trend(trend: ParameterTrend) -> dict[str, Any]:

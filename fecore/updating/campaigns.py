@@ -12,12 +12,9 @@ from fecore.arrays import FloatArray
 from fecore.body.oriented import OrientedSpecimen
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
-from fecore.updating.common_damping import CommonLaw, common_damping
 from fecore.updating.contradictions import CONTRADICTS, Agreement, agreements, odd_one_out
-from fecore.updating.coordinates import Coordinates
 from fecore.updating.discretisation import discretise
-from fecore.updating.edges import points_beyond
-from fecore.updating.elastic_findings import FAR, USUAL_MISS, pairing_findings
+from fecore.updating.elastic_findings import FAR, USUAL_MISS, pairing_findings, points_beyond
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts
 from fecore.updating.estimates import constant_estimates, own_estimates
@@ -25,8 +22,9 @@ from fecore.updating.excursions import excursions
 from fecore.updating.findings import Level, found, judge, ordered, warnings
 from fecore.updating.forward import EXTRA_MODES, ForwardModel, modes_to_cover
 from fecore.updating.inputs import Inputs
+from fecore.updating.laws import CommonLaw, common_damping
 from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Coupon, Layout, Unknown
-from fecore.updating.parameters import Parameter, Parametrisation, parametrise
+from fecore.updating.parameters import Coordinates, Parameter, Parametrisation, parametrise
 from fecore.updating.posterior import SCATTER
 from fecore.updating.result import Finding, ModeComparison, ParameterEstimate, Verdict
 
@@ -358,8 +356,7 @@ def _findings(elastic: ElasticResult, parts: Sequence[CampaignPart]) -> list[Fin
         miss = float(np.sqrt(np.mean(elastic.problem.residual[at] ** 2)))
         if miss > USUAL_MISS:
             findings.append(found("campaign_missed", name=part.name, percent=100 * miss))
-    away: FloatArray = elastic.x / layout.sd(max(elastic.scatter, 1e-12))
     return findings + [
-        found("unknown_far_from_prior", name=layout.labels[place], away=abs(away[place]))
-        for place in np.flatnonzero(np.abs(away) > FAR)
+        found("unknown_far_from_prior", name=layout.labels[place], away=abs(elastic.away[place]))
+        for place in np.flatnonzero(np.abs(elastic.away) > FAR)
     ]

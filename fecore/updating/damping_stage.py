@@ -24,12 +24,11 @@ from fecore.frf import FrfSet, convert
 from fecore.identification.error_model import memory
 from fecore.identification.noise import line_scatter, residual_variance
 from fecore.updating.damping_data import DampingData, lawful_strain, measured_ratios
-from fecore.updating.disagreement import disagreement
 from fecore.updating.forward import ForwardState
 from fecore.updating.law_fit import DampingFit, fit_law
-from fecore.updating.measured_ratios import MeasuredRatios, law_of_window, law_ratio
+from fecore.updating.measured_ratios import MeasuredRatios, disagreement, law_of_window, law_ratio
 from fecore.updating.misfit import FrfMisfit
-from fecore.updating.posterior import ScaleMixture, scale_of_deviations
+from fecore.updating.posterior import ScaleMixture, root, scale_of_deviations
 
 DAMPING_DISCREPANCY = 0.02
 """Prior standard deviation of a damping ratio about its law, as a share of it: root mean square of the prior of s."""
@@ -200,7 +199,7 @@ def fit_damping(
     scale = scale_of_deviations(
         np.log(law_ratio(law, ratios) / ratios.ratio),
         ratios.relative_covariance,
-        ratios.basis(law) / ratios.ratio[:, None],
+        ratios.relative_basis(law),
         DAMPING_DISCREPANCY,
     )
     spread = scale.rms
@@ -279,11 +278,8 @@ def _own_sources(data: DampingData, fit: DampingFit, relative: float) -> dict[st
     m, others, moved = fit.eigenvalue.size, data.roles.unmeasured, fit.nuisance.modes
     by = fit.response @ fit.normal.hessian
     by_shift = by[:, others] * 2 * fit.eigenvalue[others] * data.elastic.discrepancy
-    scale = np.sqrt(np.diag(fit.noise_covariance))
-    safe = np.where(scale > 0, scale, 1.0)
-    value, turn = np.linalg.eigh(fit.noise_covariance / np.outer(safe, safe))
     parts = (
-        safe[:, None] * turn * np.sqrt(np.maximum(value, 0)),
+        root(fit.noise_covariance),
         (by[:, m + moved] * fit.law_rate[moved] + fit.seen[:, moved]) * relative,
         by_shift,
     )
@@ -292,7 +288,7 @@ def _own_sources(data: DampingData, fit: DampingFit, relative: float) -> dict[st
 
 def _against_modes(ratios: MeasuredRatios, fit: DampingFit, spread: float) -> FloatArray:
     """(p,) by what the FRFs say of the law and the identified modes do not."""
-    basis = ratios.basis(fit.law) / ratios.ratio[:, None]
+    basis = ratios.relative_basis(fit.law)
     return disagreement(basis, ratios.relative_covariance, spread, fit.coefficients, fit.noise_covariance)
 
 

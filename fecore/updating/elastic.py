@@ -241,7 +241,8 @@ class Misfit:
             np.add.at(others["coupons"], (place, place), sd**-2)
             np.add.at(descent, place, off / sd**2)
             cost += float(np.sum((off / sd) ** 2))
-        return LinearProblem(residual, noise, sensitivity, x, self.layout.sd, others, descent, cost / 2)
+        known = residual, noise, sensitivity, x, self.layout.sd, others
+        return LinearProblem(*known, other_descent=descent, other_cost=cost / 2)
 
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
         """The point that a step leads to; None where no specimen could be, or a held partner is lost."""

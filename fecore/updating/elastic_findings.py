@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from fecore.body.mesh import EDGE_ROUNDING
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic_result import REFUTED, ElasticResult
-from fecore.updating.findings import Level, found, remarks
+from fecore.updating.findings import Level, found, listed, remarks
+from fecore.updating.forward import ForwardModel
+from fecore.updating.inputs import Inputs
 from fecore.updating.result import Finding
 
 SAME_SHAPE = 0.8
@@ -16,6 +19,9 @@ FAR = 2.0  # prior standard deviations from the prior mean that are worth a warn
 USUAL_MISS = 0.01  # of frequencies, root mean square: five times what plate theory misses of a body and its supports
 HOPELESS_MISS = 0.03
 """The same, from which model and measurement do not belong together."""
+
+_DOUBTED = 2.0  # standard deviations of a dimension from which a point of the grid beyond it contradicts it
+_NAMED = 4  # points named in one sentence
 
 
 def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:
@@ -103,8 +109,7 @@ def _missed_frequencies(elastic: ElasticResult) -> list[Finding]:
 
 
 def _far_from_prior(elastic: ElasticResult) -> list[Finding]:
-    prior, theta = elastic.updated.forward.parametrisation, elastic.theta
-    away = elastic.x / elastic.layout.sd(elastic.scatter)
+    prior, theta, away = elastic.updated.forward.parametrisation, elastic.theta, elastic.away
     return [
         found(
             "far_from_prior",
@@ -124,3 +129,24 @@ def _confounded(elastic: ElasticResult) -> list[Finding]:
         for each in elastic.identifiability
         if each.confounded_with and each.name in elastic.layout.shared
     ]
+
+
+def points_beyond(forward: ForwardModel, inputs: Inputs, campaign: str = "") -> list[Finding]:
+    """Which points of the grid contradict the length or the width; of a campaign that is named where there are several.
+
+    A tape, a drawing and a calliper differ by millimetres, so the model has a point that lies a little further out on its edge
+    (`fecore.body.mesh.BEYOND_EDGE`). Beyond what the dimension is known to, the dimension or the point is wrong.
+    """
+    nominal, (x, y) = forward.specimen.nominal, forward.places.T
+    where, findings = f"campaign {campaign}: " if campaign else "", []
+    for name, out in (
+        ("length", np.maximum(-x, x - nominal["length"])),
+        ("width", np.abs(y) - nominal["width"] / 2),
+    ):
+        size = nominal[name]
+        limit = max(_DOUBTED * inputs.standard_deviation(name, size), EDGE_ROUNDING * size)
+        if (rows := np.flatnonzero(out > limit)).size:
+            points = listed([forward.points[row] for row in rows], _NAMED)
+            values = {"points": points, "name": name, "size": 1e3 * size, "out": 1e3 * out.max()}
+            findings.append(found("points_beyond", where=where, **values))
+    return findings

@@ -12,17 +12,18 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.correlation import Pairing
 from fecore.modes import MeasuredModes
-from fecore.updating.coordinates import Coordinates
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardState
 from fecore.updating.layout import CampaignModel, Layout
 from fecore.updating.pairing import Partners, partners_of
+from fecore.updating.parameters import Coordinates
 from fecore.updating.posterior import (
     Identifiability,
     LinearProblem,
     Mixture,
     identifiability,
     null_directions,
+    root,
     spread_over,
 )
 from fecore.updating.result import ConvergenceStep, ModeComparison, StartHistory
@@ -110,10 +111,10 @@ class ElasticResult:
         The estimate is linear in data and prior means, so its error is Gε + Gδ + H⁻¹P(x₀ - x); the variances of these parts,
         the noise's, the discrepancy's and each prior's, add up to H⁻¹.
         """
-        noise = self.gain @ _root(self.problem.noise)
+        noise = self.gain @ root(self.problem.noise)
         parts: dict[str, list[FloatArray]] = {NOISE: [noise], DISCREPANCY_OF_MODEL: [self.gain * self.discrepancy]}
         for name, information in self.problem.others.items():
-            parts[name] = [self.inverse @ _root(information)]
+            parts[name] = [self.inverse @ root(information)]
         for place, (unknown, sd) in enumerate(zip(self.layout.unknowns, self.layout.sd(self.scatter), strict=True)):
             parts.setdefault(unknown.source, []).append(self.inverse[:, [place]] / sd)
         return {name: np.hstack(columns) for name, columns in parts.items()}
@@ -161,6 +162,12 @@ class ElasticResult:
     def misfit(self) -> float:
         """Root mean square of the residuals."""
         return float(np.sqrt(np.mean(self.problem.residual**2)))
+
+    @property
+    def away(self) -> FloatArray:
+        """(X,) prior standard deviations between the estimate and the prior means."""
+        away: FloatArray = self.x / self.layout.sd(max(self.scatter, 1e-12))
+        return away
 
     @property
     def every_excursion(self) -> tuple[Excursion, ...]:
@@ -237,11 +244,6 @@ class ElasticResult:
         return self.states[0]
 
     @property
-    def initial_pairing(self) -> Pairing:
-        """Its measured to model modes at the prior means."""
-        return self.initial_pairings[0]
-
-    @property
     def pairing(self) -> Pairing:
         """Its measured to model modes at the estimate."""
         return self.pairings[0]
@@ -261,10 +263,3 @@ class ElasticResult:
 
 def _finite(values: FloatArray | None, row: int) -> float | None:
     return float(values[row]) if values is not None and np.isfinite(values[row]) else None
-
-
-def _root(covariance: FloatArray) -> FloatArray:
-    """R with RRᵀ = a covariance that may be singular."""
-    value, vectors = np.linalg.eigh(covariance)
-    root: FloatArray = vectors * np.sqrt(np.maximum(value, 0))
-    return root

@@ -26,7 +26,7 @@ from fecore.updating.elastic_result import DISCREPANCY_OF_MODEL, NOISE, ElasticR
 from fecore.updating.excursions import REACH_95, Excursion
 from fecore.updating.findings import found
 from fecore.updating.inputs import Inputs, tolerance_of
-from fecore.updating.law_ranking import RankedLaw
+from fecore.updating.laws import RankedLaw
 from fecore.updating.result import BudgetEntry, Comparable, Finding, ParameterEstimate
 from fecore.updating.sampling import Posterior
 

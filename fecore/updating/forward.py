@@ -20,11 +20,11 @@ from fecore.body.model import ModeKind, deflection_at
 from fecore.body.specimen import Body
 from fecore.dynamics.eigen import modes_below, normal_modes
 from fecore.dynamics.reduction import ReducedModel
-from fecore.dynamics.synthesis import ModalFrfModel, RovingMass
+from fecore.dynamics.sensitivity import static_series
+from fecore.dynamics.synthesis import RESIDUAL_TERMS, ModalFrfModel, RovingMass
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.updating.parameters import Parametrisation
-from fecore.updating.point_pairs import PointPairs
 from fecore.updating.solution import Solution, Terms
 
 OUT_OF_PLANE = 3
@@ -306,3 +306,48 @@ def modes_to_cover(parametrisation: Parametrisation, highest_hz: float, at_least
     model, c = parametrisation.body.model, parametrisation.coefficients(parametrisation.prior_mean)
     below = modes_below(model.stiffness.at(c.stiffness), model.mass.at(c.mass), (2 * np.pi * 2 * highest_hz) ** 2)
     return max(below, at_least + int(model.rigid_modes.shape[1]))
+
+
+@dataclass(frozen=True)
+class PointPairs:
+    """Point numbers of N FRFs and the product of their directions' signs, the side with fewer points as reference."""
+
+    response: IntArray
+    reference: IntArray
+    sign: FloatArray
+
+    @classmethod
+    def of(
+        cls, response: IntArray, response_sign: FloatArray, reference: IntArray, reference_sign: FloatArray
+    ) -> PointPairs:
+        """The pairs of some FRFs between (N,) points with (N,) signs of their directions."""
+        if np.unique(response).size < np.unique(reference).size:  # H is symmetric (Maxwell, Betti)
+            response, reference = reference, response
+        return cls(response, reference, response_sign * reference_sign)
+
+    def products(self, shapes: FloatArray) -> FloatArray:
+        """(N, m) residues of (m, points) shapes."""
+        residues: FloatArray = self.sign[:, None] * (shapes[:, self.response] * shapes[:, self.reference]).T
+        return residues
+
+    def product_derivatives(self, shapes: FloatArray, by: FloatArray) -> FloatArray:
+        """(p, N, m) derivatives of the residues, from those of the shapes."""
+        product = (
+            by[:, :, self.response] * shapes[:, self.reference] + shapes[:, self.response] * by[:, :, self.reference]
+        )
+        signed: FloatArray = self.sign[:, None] * product.transpose(0, 2, 1)
+        return signed
+
+    def residual(self, state: Solution) -> FloatArray:
+        """(N, t) terms of the truncated modes' series in ω² - σ: solves with the factor of K - σM."""
+        used, column = np.unique(self.reference, return_inverse=True)
+        load = state.observation[used].T
+        load = load if isinstance(load, np.ndarray) else load.toarray()
+        mass = state.terms.sum("mass", state.coefficients.mass)
+        series = static_series(state.modes, mass, load, RESIDUAL_TERMS)
+        seen = np.array([(state.observation @ each)[self.response, column] for each in series]).T
+        away = 1 / (state.modes.eigenvalue - state.modes.shift)
+        # What a residue counts for in each term of the series: 1 / (λ - σ)ᵗ.
+        powers = away[:, None] ** np.arange(1, RESIDUAL_TERMS + 1)
+        residual: FloatArray = seen * self.sign[:, None] - self.products(state.all_shapes) @ powers
+        return residual

@@ -27,9 +27,9 @@ from fecore.errors import UpdatingError
 from fecore.frf import Dof, FrfSet
 from fecore.identification.noise import residual_variance
 from fecore.modes import MeasuredModes
-from fecore.updating.draws import even_draws
 from fecore.updating.elastic import update_elastic
 from fecore.updating.elastic_result import ElasticResult
+from fecore.updating.elastic_starts import even_draws
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import OUT_OF_PLANE, ForwardModel, ForwardState
 from fecore.updating.law_fit import DampingFit, fit_law

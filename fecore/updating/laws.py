@@ -1,21 +1,59 @@
-"""The damping laws of a recipe by their names.
+"""The damping laws of a recipe by their names, and which of them the measured damping supports.
 
 `generalised` turns in the middle of the measured modes, `modal` has them as its knots; the laws by mechanism group the elastic
 constants of the body: its moduli E of fibre and matrix in tension, and its shear moduli G.
+
+FRFs are so many values that, taken as independent, they would prefer the richest law always: what limits a law is not noise
+but that no body follows it to the last per cent. So laws are ranked on the damping ratios of the measured modes, each known
+to its own noise and to the discrepancy s₀ = 2 % that any law is allowed:
+
+    χ² = rᵀ (C_noise + s₀² 1)⁻¹ r,   r_k = ζ_law(ω_k)/ζ_k - 1,      BIC = χ² + p ln n
+
+with n modes and p coefficients (Schwarz 1978). The law with the least BIC is preferred; 10 is very strong evidence (Kass and
+Raftery 1995).
+
+Over several campaigns one law of the material explains the damping ratios of all their modes together, each by the shares of
+strain energy that its own body has at the common estimate:
+
+    ζ_ck = ½ (a₀/ω_ck + Σ_m η_m U_ckm)      with the same a₀ and η_m in every campaign c.
+
+A strip at 90° and one at 45° damp where a strip at 0° has no energy, so mechanisms are kept apart that one specimen shows as
+one. How far each campaign is off the common law is the root mean square of its own misses: a suspension or a clamp that damps
+shows there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import scipy
 
+from fecore.arrays import FloatArray
 from fecore.body.mechanisms import SUPPORTS, mechanism_names
 from fecore.body.specimen import Body, kind_of
 from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, DampingLaw, GeneralisedProportional, ModalDamping
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.errors import InputError
+from fecore.least_squares import unit_columns
+from fecore.updating.damping_stage import DAMPING_DISCREPANCY
+from fecore.updating.elastic_result import ElasticResult
+from fecore.updating.findings import found
+from fecore.updating.measured_ratios import MeasuredRatios, paired_ratios
+from fecore.updating.parameters import by_name
 from fecore.updating.recipe import Recipe
+from fecore.updating.result import Finding
+
+STRONG_EVIDENCE = 10.0
+"""Difference of two BICs above which the worse law is called inadequate."""
+
+_NEGATIVE = 3.0  # standard deviations below zero that refute a mechanism's coefficient: a material feeds no energy in
+_LEAST_SHARE = 0.05  # of its strain energy that some mode must have in a mechanism for the modes to show its damping
+_APART = 0.02  # smallest singular value, of columns of unit length, of mechanisms that the modes distinguish
+_BY_MECHANISM = ("mechanism", "mechanism_viscous", "mechanism_constants", "loss_factor")
+_MISSED = 3.0  # standard deviations by which a law must miss a mode for the mode to be named
 
 FREQUENCY_LAWS: Mapping[str, DampingLaw] = {
     "rayleigh": RAYLEIGH,
@@ -86,3 +124,169 @@ def laws_of(recipe: Recipe, modal: ModalDamping, body: Body) -> tuple[DampingLaw
         if name not in known:
             raise InputError(f"damping_models.{index}", f"is {name!r}, expected one of {', '.join(known)}")
     return tuple(known[name] for name in recipe.damping_models)
+
+
+@dataclass(frozen=True)
+class RankedLaw:
+    """One law, ranked.
+
+    Attributes:
+        law: the law.
+        coefficients: (p,) nearest to the modal damping ratios.
+        covariance: (p, p) of the coefficients, the law's discrepancy included; noise_covariance: without it.
+        bic: Bayesian information criterion; infinite where the law would damp a mode negatively, and where the modes cannot
+            distinguish a law's mechanisms or make one of them feed energy in.
+        chi_squared: misfit of the ratios.
+        missed: (n,) relative miss of each ratio.
+        named: number and relative miss of each mode that it misses by more than three standard deviations.
+    """
+
+    law: DampingLaw
+    coefficients: FloatArray
+    covariance: FloatArray
+    noise_covariance: FloatArray
+    bic: float
+    chi_squared: float
+    missed: FloatArray
+    named: tuple[tuple[int, float], ...]
+
+    @property
+    def described(self) -> dict[str, Any]:
+        """Name, coefficients, their standard deviations, and BIC."""
+        names = self.law.coefficient_names
+        return {
+            "name": self.law.name,
+            "coefficients": by_name(names, self.coefficients),
+            "standard_deviations": by_name(names, np.sqrt(np.diag(self.covariance))),
+            "bic": self.bic,
+        }
+
+
+@dataclass(frozen=True)
+class LawRanking:
+    """All laws, in the order of the recipe, and which of them is preferred."""
+
+    laws: tuple[RankedLaw, ...]
+
+    @property
+    def preferred(self) -> RankedLaw:
+        """The law with the least BIC; of two with the same, the later one of the recipe."""
+        return min(reversed(self.laws), key=lambda ranked: round(ranked.bic, 6))
+
+    def findings(self) -> list[Finding]:
+        """What a user must know about the first law; nothing where it is adequate."""
+        first, best = self.laws[0], self.preferred
+        if first.bic - best.bic <= STRONG_EVIDENCE and not first.named:
+            return []
+        modes = ", ".join(f"mode {number} by {100 * miss:+.0f} %" for number, miss in first.named)
+        missed = f": it misses {modes}" if modes else ""
+        better = f"; the evidence prefers {best.law.name} (BIC {best.bic:.1f} against {first.bic:.1f})"
+        return [found("law_inadequate", law=first.law.name, missed=missed, better=better if best is not first else "")]
+
+
+def identifiable_laws(modes: int, laws: Sequence[DampingLaw]) -> tuple[DampingLaw, ...]:
+    """Those of the laws that so many modes can determine: with no more coefficients than modes."""
+    return tuple(law for law in laws if len(law.coefficient_names) <= modes)
+
+
+def rank_laws(ratios: MeasuredRatios, rows: list[int], laws: Sequence[DampingLaw]) -> LawRanking:
+    """Rank laws, each of which the modes can determine, by measured damping ratios; `rows` are the modes' numbers, from 0."""
+    return LawRanking(tuple(_ranked(law, ratios, rows) for law in laws))
+
+
+def _ranked(law: DampingLaw, ratios: MeasuredRatios, rows: list[int]) -> RankedLaw:
+    """Generalised least squares of ζ_law/ζ = 1; a law that misses more than it may has the wider covariance for it."""
+    ratio, noise = ratios.ratio, ratios.relative_covariance
+    covariance = noise + np.diag(np.full(ratio.size, DAMPING_DISCREPANCY**2))
+    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+    basis = ratios.relative_basis(law)
+    unit, scale = unit_columns(basis)
+    gain = np.linalg.pinv(whiten @ unit) @ whiten / scale[:, None]
+    coefficients = gain @ np.ones(ratio.size)
+    relative = basis @ coefficients
+    missed = relative - 1
+    chi_squared = float(np.sum((whiten @ missed) ** 2))
+    price = coefficients.size * np.log(ratio.size)
+    excess = max(1.0, chi_squared / max(ratio.size - coefficients.size, 1))
+    spread = excess * gain @ covariance @ gain.T
+    possible = bool(np.all(relative > 0)) and not _is_refuted(law, coefficients, spread, ratios, unit)
+    named = np.abs(missed) > _MISSED * np.sqrt(np.diag(covariance))
+    return RankedLaw(
+        law=law,
+        coefficients=coefficients,
+        covariance=spread,
+        noise_covariance=gain @ noise @ gain.T,
+        bic=float(chi_squared + price) if possible else float("inf"),
+        chi_squared=chi_squared,
+        missed=missed,
+        named=tuple((rows[k] + 1, float(missed[k])) for k in np.flatnonzero(named)),
+    )
+
+
+def _is_refuted(
+    law: DampingLaw, coefficients: FloatArray, covariance: FloatArray, ratios: MeasuredRatios, basis: FloatArray
+) -> bool:
+    """Whether a law by mechanism cannot be: a coefficient is negative beyond doubt, or the modes do not distinguish them.
+
+    A series in frequency may have negative coefficients, as only its sum is a rate; a mechanism's coefficient is one by itself.
+    """
+    if not isinstance(law, MechanismDamping):
+        return False
+    assert ratios.strain is not None, "the law was fitted on shares"
+    hidden = any(ratios.strain[:, list(columns)].sum(axis=1).max() < _LEAST_SHARE for _, columns in law.groups)
+    together = float(np.linalg.svd(basis, compute_uv=False)[-1]) < _APART
+    return hidden or together or bool(np.any(coefficients < -_NEGATIVE * np.sqrt(np.diag(covariance))))
+
+
+@dataclass(frozen=True)
+class CommonLaw:
+    """A damping law with one set of coefficients for all campaigns.
+
+    Attributes:
+        name: of the law.
+        coefficients, standard_deviations: by name; a0 in 1/s, loss factors without unit, viscous rates in s.
+        bic: infinite where the law cannot be.
+        preferred: whether no other law has a lower BIC.
+        missed_by: root mean square of the relative misses of each campaign's ratios, by its name.
+    """
+
+    name: str
+    coefficients: dict[str, float]
+    standard_deviations: dict[str, float]
+    bic: float
+    preferred: bool
+    missed_by: dict[str, float]
+
+
+def common_damping(elastic: ElasticResult) -> tuple[CommonLaw, ...]:
+    """The laws that the paired modes of all campaigns can determine, ranked; none where no mode has a damping ratio."""
+    seen = zip(elastic.layout.campaigns, elastic.states, elastic.pairings, strict=True)
+    parts = [paired_ratios(campaign.modes, state, pairing)[1] for campaign, state, pairing in seen]
+    damped = [(number, part) for number, part in enumerate(parts) if part.ratio.size]
+    if not damped:
+        return ()
+    shares = [part.strain for _, part in damped if part.strain is not None]
+    together = MeasuredRatios(
+        np.concatenate([part.omega for _, part in damped]),
+        np.concatenate([part.ratio for _, part in damped]),
+        scipy.linalg.block_diag(*(part.relative_covariance for _, part in damped)),
+        np.vstack(shares),
+    )
+    by_mechanism = mechanism_laws(elastic.layout.campaigns[damped[0][0]].forward.specimen)
+    laws = identifiable_laws(
+        together.ratio.size, [*FREQUENCY_LAWS.values(), *(by_mechanism[name] for name in _BY_MECHANISM)]
+    )
+    ranking = rank_laws(together, list(range(together.ratio.size)), laws)
+    ends = np.cumsum([part.ratio.size for _, part in damped])[:-1]
+    names = [elastic.layout.campaigns[number].name for number, _ in damped]
+    common = []
+    for ranked in ranking.laws:
+        misses = np.split(ranked.missed, ends)
+        common.append(
+            CommonLaw(
+                **ranked.described,
+                preferred=ranked is ranking.preferred and bool(np.isfinite(ranked.bic)),
+                missed_by={name: float(np.sqrt(np.mean(miss**2))) for name, miss in zip(names, misses, strict=True)},
+            )
+        )
+    return tuple(common)

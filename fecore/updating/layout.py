@@ -6,7 +6,7 @@
 | width, thickness, density, angle of the fibres; deviations of the moduli by scatter | the specimen: its campaigns share them |
 | length that vibrates, the clamp's compliance | the campaign |
 
-All unknowns are one vector x of deviations from their prior means in the coordinates of `fecore.updating.coordinates`, with
+All unknowns are one vector x of deviations from their prior means in the coordinates of `fecore.updating.parameters`, with
 independent Gaussian priors; the coordinates of campaign c are ξ_c = m_c + P_c x, where P_c picks and adds. An update of one
 campaign is the same problem with P = 1.
 """
@@ -22,10 +22,9 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
-from fecore.updating.coordinates import Coordinates
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
-from fecore.updating.parameters import by_name
+from fecore.updating.parameters import Coordinates, by_name
 
 SPECIMENS_OWN = ("width", "thickness", "density", "fibre_angle")
 """Constants that belong to a specimen, whatever its boundary."""

@@ -1,4 +1,10 @@
-"""Measured damping ratios, and what a law has to do with them before any FRF is looked at."""
+"""Measured damping ratios: what a law has to do with them before any FRF is looked at, and where it disagrees with them after.
+
+The FRFs are fitted with the model's own shapes and frequencies, the modes were identified without the model: what a wrong
+clamp, an unstated sensor or a delay leaves in the FRFs moves the first and not the second. With a the law from the FRFs and a_r
+the one that comes nearest to the ratios, d = a - a_r has the variance V by noise and by the scatter of the modes about the law;
+what d² has above V is an error of the model, and enters the variance of a.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +16,7 @@ from fecore.arrays import FloatArray
 from fecore.correlation import Pairing
 from fecore.dynamics.damping_laws import DampingLaw, fit_ratios
 from fecore.errors import UpdatingError
+from fecore.least_squares import nearest, unit_columns
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardState
 
@@ -38,6 +45,11 @@ class MeasuredRatios:
         by: FloatArray = law.basis(self.omega, self.strain) / (2 * self.omega)[:, None]
         return by
 
+    def relative_basis(self, law: DampingLaw) -> FloatArray:
+        """(n, p) the same of the ratios' logarithms: relative_basis @ a = 1 where the law holds."""
+        relative: FloatArray = self.basis(law) / self.ratio[:, None]
+        return relative
+
 
 def paired_ratios(modes: MeasuredModes, state: ForwardState, pairing: Pairing) -> tuple[list[int], MeasuredRatios]:
     """Numbers, from 0, of the paired modes that have a damping ratio and strain the body, and these ratios."""
@@ -54,12 +66,7 @@ def paired_ratios(modes: MeasuredModes, state: ForwardState, pairing: Pairing) -
 
 def law_of_window(law: DampingLaw, ratios: MeasuredRatios) -> FloatArray:
     """(p,) change of a law's coefficients per rate 1/τ of an exponential window: every modal rate grows by 2/τ."""
-    basis = ratios.basis(law) / ratios.ratio[:, None]
-    scale = np.linalg.norm(basis, axis=0)
-    scale[scale == 0] = 1.0
-    share = 1 / (ratios.omega * ratios.ratio)
-    grown: FloatArray = np.linalg.lstsq(basis / scale, share, rcond=None)[0] / scale
-    return grown
+    return nearest(ratios.relative_basis(law), 1 / (ratios.omega * ratios.ratio))
 
 
 def law_ratio(law: DampingLaw, ratios: MeasuredRatios) -> FloatArray:
@@ -95,3 +102,24 @@ def nearest_positive(
     if np.all(everywhere @ coefficients > 0):
         return coefficients
     return fit_ratios(law, omega, np.full_like(ratio, float(np.median(ratio))), own)
+
+
+def disagreement(
+    basis: FloatArray, noise: FloatArray, spread: float, coefficients: FloatArray, coefficient_noise: FloatArray
+) -> FloatArray:
+    """(p,) standard deviations that a model's errors add to a law's coefficients.
+
+    Args:
+        basis: (n, p) relative derivative of the measured ratios by the coefficients: basis @ a = 1 where a law holds.
+        noise: (n, n) relative covariance of the ratios by noise.
+        spread: relative standard deviation of a ratio about the law.
+        coefficients: (p,) the law fitted to the FRFs.
+        coefficient_noise: (p, p) their covariance by noise.
+    """
+    weight = np.linalg.inv(noise + spread**2 * np.eye(len(noise)))
+    scaled, scale = unit_columns(basis)
+    near = np.linalg.pinv(scaled.T @ weight @ scaled, hermitian=True)
+    apart = coefficients - near @ scaled.T @ weight @ np.ones(len(basis)) / scale
+    expected = np.diag(near) / scale**2 + np.diag(coefficient_noise)
+    added: FloatArray = np.sqrt(np.maximum(apart**2 - expected, 0))
+    return added

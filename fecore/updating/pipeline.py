@@ -20,18 +20,16 @@ from fecore.modes import MeasuredModes
 from fecore.updating.damping_data import damping_data
 from fecore.updating.damping_stage import DampingResult, fit_damping, fit_reference
 from fecore.updating.discretisation import DISCRETISATION, discretise
-from fecore.updating.edges import points_beyond
 from fecore.updating.elastic import fit
-from fecore.updating.elastic_findings import HOPELESS_MISS
+from fecore.updating.elastic_findings import HOPELESS_MISS, points_beyond
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.elastic_starts import update_from_several_starts
+from fecore.updating.elastic_starts import sparse_zones, update_from_several_starts
 from fecore.updating.excursions import excursions, fixed_points
 from fecore.updating.findings import Level, found, remarks
 from fecore.updating.forward import EXTRA_MODES, ForwardModel, modes_to_cover
 from fecore.updating.inputs import Inputs, tolerance_of
 from fecore.updating.joint import update_jointly
-from fecore.updating.law_ranking import LawRanking, identifiable_laws, rank_laws
-from fecore.updating.laws import laws_of
+from fecore.updating.laws import LawRanking, identifiable_laws, laws_of, rank_laws
 from fecore.updating.layout import Layout
 from fecore.updating.measured_ratios import paired_ratios
 from fecore.updating.measurement import Measurement, Prepared, prepare
@@ -40,7 +38,6 @@ from fecore.updating.plausibility import examine
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import Finding, StageOutcome, UpdateResult
 from fecore.updating.sampling import Checkpoint, Posterior, sample_posterior
-from fecore.updating.sparse import sparse_zones
 from fecore.updating.summary import Summary
 from fecore.updating.window import unstated_window
 

@@ -92,6 +92,14 @@ def _information(covariance: FloatArray, prior_sd: FloatArray) -> FloatArray:
     return np.maximum(1 - np.diag(covariance) / prior_sd**2, 0)
 
 
+def root(covariance: FloatArray) -> FloatArray:
+    """R with RRᵀ = a covariance that may be singular; scaled first, as SI units spread over fifteen decades."""
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    value, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    factor: FloatArray = scale[:, None] * vectors * np.sqrt(np.maximum(value, 0))
+    return factor
+
+
 def null_directions(covariance: FloatArray, prior_sd: FloatArray) -> FloatArray:
     """(d, p) unit vectors, in prior standard deviations, along which more than 0.9 of the prior variance is left."""
     share, directions = np.linalg.eigh(covariance / np.outer(prior_sd, prior_sd))

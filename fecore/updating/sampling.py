@@ -23,11 +23,10 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import UpdatingError
-from fecore.updating.coordinates import Coordinates
 from fecore.updating.damping_stage import DAMPING_DISCREPANCY, DampingResult
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
-from fecore.updating.parameters import Parametrisation, by_name
+from fecore.updating.parameters import Coordinates, Parametrisation, by_name
 from fecore.updating.posterior import log_likelihood, log_likelihood_of_deviations
 
 if TYPE_CHECKING:
@@ -286,7 +285,7 @@ def _damping_density(damping: DampingResult) -> tuple[LogProbability, FloatArray
         residual = np.log(np.where(ratio > 0, ratio, 1.0) / ratios.ratio)
         return np.where(positive, likelihood(residual), -np.inf)
 
-    slope = basis / ratios.ratio[:, None]
+    slope = ratios.relative_basis(law)
     return density, np.linalg.inv(slope.T @ weight @ slope)
 
 

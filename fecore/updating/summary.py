@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -18,7 +18,7 @@ from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.estimates import coefficient_estimates, constant_estimates, disagreements, ratio_estimates
 from fecore.updating.findings import found, judge, ordered, warnings
 from fecore.updating.inputs import Inputs
-from fecore.updating.law_ranking import LawRanking, RankedLaw
+from fecore.updating.laws import LawRanking, RankedLaw
 from fecore.updating.measurement import Prepared
 from fecore.updating.parameters import by_name
 from fecore.updating.result import (
@@ -128,18 +128,14 @@ class Summary:
 
     def _law(self, ranked: RankedLaw) -> DampingModelFit:
         assert self.ranking is not None, "laws were ranked"
-        fitted = ranked is self.ranking.laws[0] and self.damping is not None
-        coefficients, covariance = ranked.coefficients, ranked.covariance
-        if fitted and self.damping is not None:
-            coefficients, covariance = self.damping.fit.coefficients, self.damping.covariance
+        law = ranked
+        if ranked is self.ranking.laws[0] and self.damping is not None:
+            law = replace(ranked, coefficients=self.damping.fit.coefficients, covariance=self.damping.covariance)
         return DampingModelFit(
-            name=ranked.law.name,
-            coefficients=by_name(ranked.law.coefficient_names, coefficients),
-            bic=ranked.bic,
+            **law.described,
             preferred=ranked is self.ranking.preferred,
             missed=ranked.missed,
-            standard_deviations=by_name(ranked.law.coefficient_names, np.sqrt(np.diag(covariance))),
-            curve=self._curve(ranked.law, coefficients),
+            curve=self._curve(law.law, law.coefficients),
             by_mechanism=isinstance(ranked.law, MechanismDamping),
         )
 

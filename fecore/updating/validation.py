@@ -18,6 +18,7 @@ from fecore.frf import Dof, FrfSet, convert
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.excursions import REACH_95
+from fecore.updating.posterior import root
 from fecore.updating.result import FrfCorrelation, HeldOut
 
 _VALUES_AT_ONCE = 200_000  # of FRFs whose changes are held in memory, some twenty for each value
@@ -85,7 +86,7 @@ class Predictor:
         weights[: self.elastic.theta.size, :, :m] = state.residue_jacobian(frfs.responses, references)
         weights[: self.elastic.theta.size, :, m : 2 * m] = A * state.eigenvalue_jacobian.T[:, None, :]
         weights[self.elastic.theta.size : p, :, 2 * m :] = A * basis.T[:, None, :]
-        weights[:p] = np.tensordot(_root(self.covariance).T, weights[:p], 1)
+        weights[:p] = np.tensordot(root(self.covariance).T, weights[:p], 1)
         causes = np.arange(e)
         shift, deviation = (
             2 * model.eigenvalue[shifted] * self.elastic.discrepancy,
@@ -151,11 +152,3 @@ def _line(level: FloatArray, variance: FloatArray) -> FloatArray:
     slope = float(np.polyfit(level, variance, 1)[0]) if np.ptp(level) > 0 else 0.0
     slope = max(slope, 0.0)
     return np.array([slope, max(float(np.mean(variance - slope * level)), float(variance.min()))])
-
-
-def _root(covariance: FloatArray) -> FloatArray:
-    """R with RRᵀ = covariance, which may be singular; scaled first, as SI units spread over fifteen decades."""
-    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    value, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    root: FloatArray = scale[:, None] * vectors * np.sqrt(np.maximum(value, 0))
-    return root

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.least_squares import nearest
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.findings import found
 from fecore.updating.inputs import Inputs
@@ -54,7 +55,6 @@ def looks_windowed(omega: FloatArray, ratio: FloatArray, record_s: float) -> flo
         return None
     decay = ratio * omega
     basis = np.column_stack([np.ones_like(omega), omega**2]) / decay[:, None]
-    scale = np.linalg.norm(basis, axis=0)
-    constant = float(np.linalg.lstsq(basis / scale, np.ones_like(omega), rcond=None)[0][0] / scale[0])
+    constant = float(nearest(basis, np.ones_like(omega))[0])
     usual = _USUAL[0] <= constant * record_s <= _USUAL[1]
     return constant if usual and constant > _MOST * decay.min() else None

@@ -1,24 +1,40 @@
-"""The client's commands, ready to be added to the application.
+"""The client's commands, ready to be added to the application, and `modalbase login`.
 
-This much is imported by every process that starts as `modalbase`, a job's child among them; what talks HTTP and draws
-bars is imported by a command when it runs.
+This much is imported by every process that starts as `modalbase`, a job's child among them; httpx and rich are imported by a
+command when it runs.
 """
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import typer
 
-from modalbase.client.coupons import coupons
-from modalbase.client.exporting import cards, export
-from modalbase.client.hits import hits
-from modalbase.client.inventory import campaigns, projects, structures
-from modalbase.client.login import login
-from modalbase.client.measuring import frfs, import_files
-from modalbase.client.modes import modes
-from modalbase.client.points import points
-from modalbase.client.reporting import report
-from modalbase.client.updating import figure, result, update
-from modalbase.client.watching import alarms, jobs, monitors
+from modalbase.client.exporting import cards, export, figure, report
+from modalbase.client.inventory import campaigns, coupons, projects, structures
+from modalbase.client.measuring import frfs, hits, import_files, modes, points
+from modalbase.client.options import say_next
+from modalbase.client.updating import alarms, jobs, monitors, result, update
+
+
+def login(
+    url: Annotated[str, typer.Argument(help="Address of the service")] = "http://127.0.0.1:8000",
+    key: Annotated[
+        str,
+        typer.Option(
+            envvar="MODALBASE_API_KEY", prompt="API key", hide_input=True, help="API key; asked for by default"
+        ),
+    ] = "",
+) -> None:
+    """Keep address and key of a service for this user's commands and scripts, once it has accepted them."""
+    from modalbase.client.connection import Connection
+    from modalbase.client.place import save_profile
+
+    with Connection(url, key) as service:
+        service.get("projects", limit=1)
+    typer.echo(f"saved in {save_profile(url, key)}, which only you can read")
+    say_next("projects")
+
 
 COMMANDS = (
     login, projects, structures, campaigns, points, hits, frfs, modes, coupons,

@@ -32,8 +32,9 @@ def no_certificates() -> ssl.SSLContext:
 class Connection:
     """A client of one service with one key; a context manager that closes its connections.
 
-    Paths are those of the REST contract below `/api/v1/`, without a leading slash. What the service refuses is a
-    `ClientError` with its message, each fault with its pointer.
+    Of all methods, `path` is one of the REST contract below `/api/v1/`, without a leading slash, and `params` are those of
+    the query, of which those that are None are left out. They raise `ClientError` where the service does not answer, is not
+    modalbase, or refuses; then with its message, each fault with its pointer.
 
         with Connection("http://127.0.0.1:8000", key) as service:
             for campaign in service.pages("campaigns"):
@@ -78,16 +79,7 @@ class Connection:
         self._http.close()
 
     def request(self, method: str, path: str, **how: Any) -> httpx.Response:
-        """The answer to a request that the service has accepted, with its headers.
-
-        Args:
-            method: of HTTP.
-            path: below `/api/v1/`.
-            how: as httpx takes it.
-
-        Raises:
-            ClientError: as `get`.
-        """
+        """The answer to a request that the service has accepted, with its headers; `how` is as httpx takes it."""
         try:
             answer = self._http.request(method, self._at(path), **how)
         except httpx.HTTPError as error:
@@ -96,32 +88,11 @@ class Connection:
         return answer
 
     def get(self, path: str, **params: Any) -> Any:
-        """The JSON at a path.
-
-        Args:
-            path: below `/api/v1/`.
-            params: of the query; those that are None are left out.
-
-        Raises:
-            ClientError: the service does not answer, refuses, or is not modalbase.
-        """
+        """The JSON at a path."""
         return self._json(self.request("GET", path, params=_given(params)))
 
     def post(self, path: str, body: Any, headers: dict[str, str] | None = None, **params: Any) -> Any:
-        """Send a JSON body.
-
-        Args:
-            path: below `/api/v1/`.
-            body: what JSON can hold.
-            headers: beside the key, such as `Idempotency-Key`.
-            params: of the query; those that are None are left out.
-
-        Returns:
-            The JSON that answers it.
-
-        Raises:
-            ClientError: as `get`.
-        """
+        """Send a JSON body, with headers such as `Idempotency-Key` beside the key; returns the JSON that answers it."""
         return self._json(self.request("POST", path, json=body, headers=headers, params=_given(params)))
 
     def call(self, method: str, path: str, *, params: Mapping[str, Any] | None = None, **how: Any) -> Any:
@@ -129,15 +100,12 @@ class Connection:
 
         Args:
             method: of HTTP.
-            path: below `/api/v1/`.
-            params: of the query; those that are None are left out.
+            path: of the call.
+            params: of the query.
             how: `json`, `content`, `headers`, `files`, `data` as httpx takes them.
 
         Returns:
             The JSON that answers it, the bytes of any other answer, None of an empty one.
-
-        Raises:
-            ClientError: as `get`.
         """
         answer = self.request(method, path, params=_given(dict(params or {})), **how)
         if not answer.content:
@@ -148,12 +116,7 @@ class Connection:
     def lines(self, path: str, headers: dict[str, str] | None = None) -> Iterator[str]:
         """The lines of an answer as they come, such as those of a stream of events; its end is not known before.
 
-        Args:
-            path: below `/api/v1/`.
-            headers: beside the key, such as `Last-Event-ID`.
-
-        Raises:
-            ClientError: as `get`.
+        `headers`, such as `Last-Event-ID`, go beside the key.
         """
         try:
             with self._http.stream("GET", self._at(path), headers=headers) as answer:
@@ -163,16 +126,7 @@ class Connection:
             raise self._unreachable(error) from error
 
     def pages(self, path: str, most: int | None = None, **params: Any) -> Iterator[dict[str, Any]]:
-        """The items of a list, through all of its pages, which are fetched as they are needed.
-
-        Args:
-            path: of the list, below `/api/v1/`.
-            most: how many items at most; None for all.
-            params: of the query; those that are None are left out.
-
-        Raises:
-            ClientError: as `get`.
-        """
+        """The items of a list, at most so many, through all of its pages, which are fetched as they are needed."""
         cursor, left = None, most
         while left is None or left > 0:
             limit = PAGE_ROWS if left is None else min(PAGE_ROWS, left)
@@ -187,16 +141,13 @@ class Connection:
         """Send a file as raw body, block by block, so that it may be larger than the memory.
 
         Args:
-            path: below `/api/v1/`.
+            path: where to.
             file: what is sent.
             watch: called after each block.
-            params: of the query; those that are None are left out.
+            params: of the query.
 
         Returns:
             The JSON that answers it.
-
-        Raises:
-            ClientError: as `get`.
         """
         size = file.stat().st_size
 
@@ -212,20 +163,7 @@ class Connection:
         return self._json(self.request("POST", path, params=_given(params), content=blocks(), headers=headers))
 
     def submit(self, path: str, file: Path, fields: dict[str, str], **params: Any) -> Any:
-        """Send a multipart form with a file.
-
-        Args:
-            path: below `/api/v1/`.
-            file: the form's field `file`, with its name.
-            fields: the form's other fields.
-            params: of the query; those that are None are left out.
-
-        Returns:
-            The JSON that answers it.
-
-        Raises:
-            ClientError: as `get`.
-        """
+        """Send a multipart form whose field `file` is a file, beside other fields; returns the JSON that answers it."""
         with file.open("rb") as stream:
             form = {"data": fields, "files": {"file": (file.name, stream)}}
             return self._json(self.request("POST", path, params=_given(params), **form))
@@ -234,16 +172,16 @@ class Connection:
         """Write what is at a path to a file, or to standard output. The file is whole, or not there.
 
         Args:
-            path: below `/api/v1/`.
+            path: what is fetched.
             target: where to; None for standard output. A pipe or a device is written to and stays.
             watch: called after each block.
-            params: of the query; those that are None are left out.
+            params: of the query.
 
         Returns:
             The number of bytes.
 
         Raises:
-            ClientError: as `get`, or the target cannot be written.
+            ClientError: as all methods, or the target cannot be written.
         """
         try:
             with self._http.stream("GET", self._at(path), params=_given(params)) as answer:

@@ -1,29 +1,26 @@
-"""What people see: tables on standard output, bars on standard error and only where that is a terminal."""
+"""What people see: tables on standard output, bars on standard error and only where that is a terminal, or in a notebook.
+
+rich is loaded by what draws: every command imports this module.
+"""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from html import escape
 from math import floor, log10
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    DownloadColumn,
-    Progress,
-    TaskProgressColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TransferSpeedColumn,
-)
-from rich.table import Table
 
-from modalbase.client.connection import Watch
-from modalbase.client.notebook import notebook_bar, notebook_display
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from modalbase.client.connection import Watch
 
 PLAIN_WIDTH = 160  # columns where the output is no terminal, so that no table is cut
 
@@ -49,6 +46,9 @@ def print_table(
     title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], console: Console | None = None
 ) -> None:
     """A table, on standard output where no console is given; numbers to the right."""
+    from rich.console import Console
+    from rich.table import Table
+
     console = console or Console()
     if not console.is_terminal:
         console = Console(width=PLAIN_WIDTH, file=console.file)
@@ -82,6 +82,8 @@ _MOMENT = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d")
 @contextmanager
 def transfer(what: str) -> Iterator[Watch]:
     """A bar of bytes while a file travels."""
+    from rich.progress import BarColumn, DownloadColumn, TextColumn, TransferSpeedColumn
+
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
     with _bars(columns) as progress:
         bar = progress.add_task(what, total=None)
@@ -91,9 +93,11 @@ def transfer(what: str) -> Iterator[Watch]:
 @contextmanager
 def stages(what: str) -> Iterator[Any]:
     """A bar of a job: call it with the job's last state."""
-    if (display := notebook_display()) is not None:
-        yield notebook_bar(display, what)
+    if (display := _notebook()) is not None:
+        yield _notebook_bar(display, what)
         return
+    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     with _bars(columns) as progress:
         bar = progress.add_task(what, total=1.0)
@@ -103,5 +107,32 @@ def stages(what: str) -> Iterator[Any]:
 
 
 def _bars(columns: Sequence[Any]) -> Progress:
+    from rich.console import Console
+    from rich.progress import Progress
+
     console = Console(stderr=True)
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+
+
+def _notebook() -> Any:
+    """IPython's `display` where this process is the kernel of a notebook, else None."""
+    ipython = sys.modules.get("IPython")
+    shell = None if ipython is None else ipython.get_ipython()
+    if shell is None or type(shell).__name__ != "ZMQInteractiveShell":
+        return None
+    return ipython.display  # type: ignore[union-attr]  # it is there: a shell is
+
+
+def _notebook_bar(display: Any, what: str) -> Callable[[Mapping[str, Any]], None]:
+    """A bar below the cell: call it with a job's last state."""
+    handle = display.display(display.HTML(_bar_html(what, "", 0.0)), display_id=True)
+
+    def show(job: Mapping[str, Any]) -> None:
+        stage, share = str(job["stage"] or job["status"]), float(job["progress"] or 0.0)
+        handle.update(display.HTML(_bar_html(what, stage, share)))
+
+    return show
+
+
+def _bar_html(what: str, stage: str, share: float) -> str:
+    return f'<progress max="1" value="{share:.3f}"></progress> {100 * share:.0f} % {escape(what)}: {escape(stage)}'

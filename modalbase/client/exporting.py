@@ -1,15 +1,19 @@
-"""`modalbase export` and `cards`: measured and predicted FRFs, grid points, modes, originals, decks."""
+"""Files of the service: `modalbase figure`, `report`, `export` and `cards`."""
 
 from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
+from urllib.parse import quote
 
 import typer
 
+from modalbase.client.display import print_json, transfer
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.options import AsJson, Job, Url, service_at
+from modalbase.client.files import FIGURES, FRF_FORMATS, REPORTS, SOLVERS, fetch_file, format_of
+from modalbase.client.finding import CAMPAIGN, MODE_SET, find_id, find_job, uuid_of
+from modalbase.client.options import AsJson, Job, Url, service_at, show
 
 if TYPE_CHECKING:
     from modalbase.client.connection import Connection
@@ -32,40 +36,15 @@ PATHS = {
     What.predicted: "update-jobs/{}/frfs/data",
     What.original: "imports/{}/original",
 }
-SUFFIXES = {
-    ".json": "json",
-    ".npz": "npz",
-    ".csv": "csv",
-    ".uff": "uff",
-    ".unv": "uff",
-    ".arrow": "arrow",
-    ".arrows": "arrow",
-}
 
 
-def format_of(file: Path) -> str:
-    """The format that a file's name says.
-
-    Raises:
-        ClientError: it says none.
-    """
-    if (found := SUFFIXES.get(file.suffix.lower())) is None:
-        raise ClientError(f"state --format; {file.name!r} does not say one of {', '.join(SUFFIXES)}", Exit.USAGE)
-    return found
-
-
-SOLVERS = {".inp": "calculix", ".bdf": "nastran", ".dat": "nastran", ".nas": "nastran"}
-
-
-def solver_of(file: Path) -> str:
-    """The program whose deck a file's name says.
-
-    Raises:
-        ClientError: it says none.
-    """
-    if (found := SOLVERS.get(file.suffix.lower())) is None:
-        raise ClientError(f"state the program: {file.name!r} does not end in one of {', '.join(SOLVERS)}", Exit.USAGE)
-    return found
+def _fetch(service: Connection, path: str, file: Path, as_json: bool, **query: Any) -> None:
+    """Write what is at a path to a file, and say so."""
+    size = fetch_file(service, path, file, **query)
+    if as_json:
+        print_json({"file": str(file), "bytes": size})
+    else:
+        typer.echo(file)
 
 
 def cards(
@@ -79,22 +58,14 @@ def cards(
     url: Url = None,
 ) -> None:
     """Write the updated model as a deck that CalculiX, Abaqus or Nastran runs."""
-    from modalbase.client.display import print_json, transfer
-    from modalbase.client.finding import find_job
-
-    with service_at(url) as service, transfer(out.name) as watch:
+    with service_at(url) as service:
         path = f"update-jobs/{find_job(service, job)}/cards"
-        size = service.download(path, out, watch, format=program or solver_of(out), element=element)
-    if as_json:
-        print_json({"file": str(out), "bytes": size})
-    else:
-        typer.echo(out)
+        chosen = program or format_of(out, SOLVERS, "state the program: ")
+        _fetch(service, path, out, as_json, format=chosen, element=element)
 
 
 def _id(service: Connection, what: What, text: str) -> str:
     """The id of what a text names."""
-    from modalbase.client.finding import CAMPAIGN, MODE_SET, find_id, find_job, uuid_of
-
     if what is What.predicted:
         return find_job(service, text)
     if what is What.original:
@@ -123,11 +94,9 @@ def export(
     url: Url = None,
 ) -> None:
     """Fetch FRFs, grid points, modes, predictions or an original file."""
-    from modalbase.client.display import print_json, transfer
-
     target = None if str(out) == "-" else out
     if what is not What.original and file_format is None:
-        file_format = format_of(out)
+        file_format = format_of(out, FRF_FORMATS, "state --format: ")
     wanted = {"point": point, "reference": reference, "fmin": fmin, "fmax": fmax, "stride": stride}
     stated = [f"--{name}" for name, value in wanted.items() if value is not None]
     if stated and what not in (What.frfs, What.predicted):
@@ -137,3 +106,37 @@ def export(
         size = service.download(path, target, watch, format=file_format, **wanted)
     if as_json and target is not None:
         print_json({"file": str(target), "bytes": size})
+
+
+def figure(
+    name: Annotated[str, typer.Argument(help="frf, mac, parameters; `modalbase figure list` names all")],
+    job: Job = "latest",
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="File to write: .svg .png .pdf, or .json for Plotly")
+    ] = None,
+    point: Annotated[int | None, typer.Option(help="Whose FRF is drawn")] = None,
+    as_json: AsJson = False,
+    url: Url = None,
+) -> None:
+    """Write a figure of a result to a file."""
+    with service_at(url) as service:
+        path = f"update-jobs/{find_job(service, job)}/figures"
+        if name == "list":
+            found = service.get(path)["items"]
+            show(found, ("name", "title", "available", "reason"), as_json)
+            return
+        target = out or Path(f"{name}.svg")
+        chosen = format_of(target, FIGURES, "--out ")
+        _fetch(service, f"{path}/{quote(name, safe='')}", target, as_json, format=chosen, point=point)
+
+
+def report(
+    job: Job = "latest",
+    out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .pdf or .html")] = Path("report.pdf"),
+    as_json: AsJson = False,
+    url: Url = None,
+) -> None:
+    """Write the report of an update: two pages for a customer, the rest as annex."""
+    chosen = format_of(out, REPORTS, "--out ")
+    with service_at(url) as service:
+        _fetch(service, f"update-jobs/{find_job(service, job)}/report", out, as_json, format=chosen)

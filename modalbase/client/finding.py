@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from difflib import get_close_matches
 from reprlib import repr as shorten
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
-from modalbase.client.connection import Connection
 from modalbase.client.errors import ClientError, Exit
+
+if TYPE_CHECKING:
+    from modalbase.client.connection import Connection
 
 LATEST = "latest"
 MOST_NAMED = 8
@@ -19,31 +21,31 @@ MOST_NAMED = 8
 
 @dataclass(frozen=True)
 class Kind:
-    """A noun whose things have names and are listed below another noun's.
+    """A noun whose things are listed below another noun's.
 
     Attributes:
         word: how a message calls one.
         path: of one, with `{}` for its id.
-        above: the noun that it belongs to; None of a project.
-        below: its list below `above`, with `{}` for the id of that.
+        below: the list of them, with `{}` for the id of the one above.
+        above: the noun that it belongs to, where things are found by name; None of a project.
         made_by: the command that makes one.
     """
 
     word: str
     path: str
-    above: Kind | None
     below: str
-    made_by: str
+    above: Kind | None = None
+    made_by: str = ""
 
 
-PROJECT = Kind("project", "projects/{}", None, "projects", "projects --new NAME")
-STRUCTURE = Kind("structure", "structures/{}", PROJECT, "projects/{}/structures", "structures --new NAME …")
-CAMPAIGN = Kind("campaign", "campaigns/{}", STRUCTURE, "structures/{}/campaigns", "campaigns --new NAME --boundary …")
-MODE_SET = Kind("mode set", "mode-sets/{}", CAMPAIGN, "campaigns/{}/mode-sets", "modes CAMPAIGN --identify")
+PROJECT = Kind("project", "projects/{}", "projects", None, "projects --new NAME")
+STRUCTURE = Kind("structure", "structures/{}", "projects/{}/structures", PROJECT, "structures --new NAME …")
+CAMPAIGN = Kind("campaign", "campaigns/{}", "structures/{}/campaigns", STRUCTURE, "campaigns --new NAME --boundary …")
+MODE_SET = Kind("mode set", "mode-sets/{}", "campaigns/{}/mode-sets", CAMPAIGN, "modes CAMPAIGN --identify")
 BATCH = Kind(
-    "coupon batch", "coupon-batches/{}", STRUCTURE, "structures/{}/coupon-batches", "coupons NAME --new STRUCTURE …"
+    "coupon batch", "coupon-batches/{}", "structures/{}/coupon-batches", STRUCTURE, "coupons NAME --new STRUCTURE …"
 )
-MONITOR = Kind("monitor", "monitors/{}", STRUCTURE, "structures/{}/monitors", "monitors --new NAME")
+MONITOR = Kind("monitor", "monitors/{}", "structures/{}/monitors", STRUCTURE, "monitors --new NAME")
 
 
 def find(service: Connection, kind: Kind, text: str, within: str | None = None) -> dict[str, Any]:
@@ -99,13 +101,19 @@ def find_or_make(
     return found
 
 
-def find_id(service: Connection, kind: Kind, text: str) -> str:
+def find_id(service: Connection, kind: Kind, text: str, within: str | None = None) -> str:
     """The id of the one thing that a text means; an id is taken as it is, and the service judges it.
+
+    Args:
+        service: the connection.
+        kind: of the thing.
+        text: as `find` takes it.
+        within: id of the one above, where only what belongs to that is meant.
 
     Raises:
         ClientError: as `find`.
     """
-    return uuid_of(text) or str(find(service, kind, text)["id"])
+    return uuid_of(text) or str(find(service, kind, text, within)["id"])
 
 
 def find_job(service: Connection, text: str, **narrowed: Any) -> str:

@@ -1,14 +1,18 @@
-"""`modalbase projects`, `structures` and `campaigns`: list what there is, or make one."""
+"""`modalbase projects`, `structures`, `campaigns` and `coupons`: list what there is, or make one."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from modalbase.client.display import Written, print_json, print_table, with_digits
 from modalbase.client.errors import ClientError, Exit
+from modalbase.client.finding import BATCH, CAMPAIGN, PROJECT, STRUCTURE, Kind, all_of, find, find_id
 from modalbase.client.options import (
+    NAMED,
     AsJson,
     Confirm,
     OfProject,
@@ -17,9 +21,15 @@ from modalbase.client.options import (
     Url,
     json_file,
     make,
+    names_of,
     say_next,
     service_at,
+    show,
 )
+
+if TYPE_CHECKING:
+    from modalbase.client.connection import Connection
+
 
 MODULI = ("Ex", "Ey", "Gxy", "Gxz", "Gyz")
 """Stated in GPa; nu_xy has no unit."""
@@ -32,18 +42,13 @@ def projects(
     url: Url = None,
 ) -> None:
     """List projects, or make one."""
-    from modalbase.client.finding import PROJECT
-
     with service_at(url) as service:
         if new is not None:
-            _made(
-                make(service, PROJECT, {"name": new}, None, reuse),
-                as_json,
-                f'structures --new NAME --project "{new}" …',
-            )
+            made = make(service, PROJECT, {"name": new}, None, reuse)
+            _made(made, as_json, f'structures --new NAME --project "{new}" …')
             return
         found = list(service.pages("projects"))
-    _listed(found, ("id", "name", "description", "created_at"), as_json, {"created_at": "made"})
+    show(found, {"id": "id", "name": "name", "description": "description", "made": "created_at"}, as_json)
     if not found and not as_json:
         say_next("projects --new NAME")
 
@@ -65,8 +70,6 @@ def structures(
     url: Url = None,
 ) -> None:  # fmt: skip
     """List structures, or make one."""
-    from modalbase.client.finding import PROJECT, STRUCTURE, all_of, find, find_id
-
     with service_at(url) as service:
         if new is not None:
             given: dict[str, Any] = {} if body is None else json_file(body)
@@ -76,15 +79,9 @@ def structures(
             made = make(service, STRUCTURE, given, find_id(service, PROJECT, project or "latest"), reuse, confirm)
             _made(made, as_json, f'campaigns --new NAME --structure "{new}" --boundary cantilever')
             return
-        among = None if project is None else find(service, PROJECT, project)
-        found = _above(service, among, STRUCTURE, all_of)
-    rows = [{**one, "project_name": one["above"]["name"]} for one in found]
-    _listed(
-        _plain(rows),
-        ("id", "project_name", "name", "version", "created_at"),
-        as_json,
-        {"project_name": "project", "created_at": "made"},
-    )
+        found = _below(service, STRUCTURE, project)
+    columns = {"id": "id", "project": "project_name", "name": "name", "version": "version", "made": "created_at"}
+    show(found, columns, as_json)
 
 
 def campaigns(
@@ -104,8 +101,6 @@ def campaigns(
     url: Url = None,
 ) -> None:  # fmt: skip
     """List campaigns, or make one."""
-    from modalbase.client.finding import CAMPAIGN, PROJECT, STRUCTURE, all_of, find, find_id
-
     if project is not None and structure is not None:
         raise ClientError("state --project or --structure: a structure is in one project", Exit.USAGE)
     with service_at(url) as service:
@@ -121,28 +116,25 @@ def campaigns(
             made = make(service, CAMPAIGN, given, find_id(service, STRUCTURE, structure or "latest"), reuse, confirm)
             _made(made, as_json, f'import FILE.uff --campaign "{new}"')
             return
-        among = None
-        if structure is not None:
-            among = find(service, STRUCTURE, structure)
-            found = [{**one, "above": among} for one in service.pages(f"structures/{among['id']}/campaigns")]
-        else:
-            wanted = None if project is None else find(service, PROJECT, project)["id"]
-            found = [one for one in all_of(service, CAMPAIGN) if wanted in (None, one["above"]["project_id"])]
-    rows = [{**one, "structure_name": one["above"]["name"]} for one in found]
-    columns = ("id", "structure_name", "name", "boundary", "performed_at", "temperature_c")
-    heads = {"structure_name": "structure", "performed_at": "performed", "temperature_c": "°C"}
-    _listed(_plain(rows), columns, as_json, heads)
+        found = _below(service, CAMPAIGN, structure, project)
+    columns = {
+        "id": "id", "structure": "structure_name", "name": "name", "boundary": "boundary", "performed": "performed_at",
+        "°C": "temperature_c",
+    }  # fmt: skip
+    show(found, columns, as_json)
 
 
-def _above(service: Any, among: dict[str, Any] | None, kind: Any, all_of: Any) -> list[dict[str, Any]]:
-    """Things of a kind, each with the one above it; of one of those alone where it is stated."""
-    if among is None:
-        return list(all_of(service, kind))
-    return [{**one, "above": among} for one in service.pages(kind.below.format(among["id"]))]
-
-
-def _plain(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    return [{name: value for name, value in row.items() if name != "above"} for row in rows]
+def _below(service: Connection, kind: Kind, above: str | None, project: str | None = None) -> list[dict[str, Any]]:
+    """Things of a kind with the name of the one above each; of one of those, or of a project, where it is stated."""
+    assert kind.above is not None
+    if above is not None:
+        within = find(service, kind.above, above)
+        pairs = [(one, within) for one in service.pages(kind.below.format(within["id"]))]
+    else:
+        wanted = None if project is None else find(service, PROJECT, project)["id"]
+        pairs = [(one, one.pop("above")) for one in all_of(service, kind)]
+        pairs = [(one, up) for one, up in pairs if wanted in (None, up.get("project_id"))]
+    return [{**one, f"{kind.above.word}_name": up["name"]} for one, up in pairs]
 
 
 def _stated(**values: Any) -> dict[str, Any]:
@@ -151,25 +143,11 @@ def _stated(**values: Any) -> dict[str, Any]:
 
 def _made(thing: dict[str, Any], as_json: bool, following: str) -> None:
     """What was made: its id alone, or its JSON."""
-    from modalbase.client.display import print_json
-
     if as_json:
         print_json(thing)
     else:
         typer.echo(thing["id"])
         say_next(following)
-
-
-def _listed(
-    found: list[dict[str, Any]], columns: tuple[str, ...], as_json: bool, heads: dict[str, str] | None = None
-) -> None:
-    from modalbase.client.display import print_json, print_table
-
-    if as_json:
-        print_json(found)
-    else:
-        shown = [(heads or {}).get(name, name) for name in columns]
-        print_table("", shown, [[one[name] for name in columns] for one in found])
 
 
 def _geometry(text: str) -> dict[str, float]:
@@ -197,3 +175,80 @@ def _material(text: str) -> dict[str, float]:
             raise ClientError(f"--moduli: there is no {name!r}, there is {', '.join((*MODULI, 'nu_xy'))}", Exit.USAGE)
         found[name if name == "nu_xy" else f"{name}_Pa"] = number if name == "nu_xy" else number * 1e9
     return found
+
+
+def coupons(
+    batch: Annotated[str, typer.Argument(help=f"Coupon batch: {NAMED}", autocompletion=names_of(BATCH))],
+    files: Annotated[
+        list[Path] | None, typer.Argument(help="Raw curves to add, one a specimen", exists=True, dir_okay=False)
+    ] = None,
+    about: Annotated[
+        Path | None,
+        typer.Option(help="JSON of what the curves have in common (dimensions, columns, standard); "
+                     "`specimens` in it may say more by name", exists=True, dir_okay=False),
+    ] = None,
+    new: Annotated[str | None, typer.Option(help="Make the batch first, of this structure")] = None,
+    constants: Annotated[str, typer.Option(help="With --new: which constants it measures")] = "Ex",
+    reuse: Reuse = False,
+    confirm: Confirm = False,
+    as_json: AsJson = False,
+    url: Url = None,
+) -> None:  # fmt: skip
+    """Show a batch with its statistics; add specimens from testing machines' files, each named as its file."""
+    if files and about is None:
+        raise ClientError("state with --about what the files hold: dimensions, columns and their units", Exit.USAGE)
+    known = {} if about is None else json_file(about)
+    specimens = known.pop("specimens", {})
+    if not (isinstance(specimens, dict) and all(isinstance(more, dict) for more in specimens.values())):
+        raise ClientError(f'{about}: specimens is no object such as {{"A3": {{"excluded": true}}}}', Exit.USAGE)
+    with service_at(url) as service:
+        path = f"coupon-batches/{_batch(service, batch, new, constants, reuse)}"
+        for file in files or []:
+            coupon = {"specimen": file.stem, **known, **specimens.get(file.stem, {})}
+            try:
+                service.submit(f"{path}/coupons", file, {"coupon": json.dumps(coupon)}, confirm=confirm or None)
+            except ClientError as error:
+                raise ClientError(f"{file}: {error}", error.code) from error
+        found, summary = list(service.pages(f"{path}/coupons")), service.get(f"{path}/summary")
+    if as_json:
+        print_json({"coupons": found, "summary": summary})
+        return
+    print_table(f"{len(found)} specimens", list(COLUMNS), [_cells(coupon) for coupon in found])
+    rows = [[name, *_statistics(of)] for name, of in summary["constants"].items()]
+    print_table("\nconstants", ("constant", "n", "mean", "± sd", "CV %", "unit", "from"), rows)
+    for warning in summary["warnings"]:
+        typer.echo(warning, err=True)
+
+
+COLUMNS = {
+    "specimen": ("specimen", None),
+    "E GPa": ("E_Pa", 1e-9),
+    "G GPa": ("G_Pa", 1e-9),
+    "ν": ("nu", 1.0),
+    "strength MPa": ("strength_Pa", 1e-6),
+    "ultimate strain %": ("ultimate_strain", 100.0),
+    "failure": ("failure_code", None),
+    "left out because": ("exclusion_reason", None),
+}
+"""Member of a specimen by heading, and the factor to the heading's unit; None of a text."""
+
+
+def _cells(coupon: dict[str, Any]) -> list[Any]:
+    values = [(coupon[name], factor) for name, factor in COLUMNS.values()]
+    return [v if v is None or factor is None else Written(f"{v * factor:.4g}") for v, factor in values]
+
+
+def _statistics(of: dict[str, Any]) -> list[Any]:
+    """Number, mean, standard deviation, coefficient of variation, unit and origin of a constant."""
+    factor, unit = (1e-9, "GPa") if of["unit"] == "Pa" else (1.0, "–")
+    mean, sd = (None if of[name] is None else factor * of[name] for name in ("mean", "standard_deviation"))
+    share = None if of["cv_percent"] is None else Written(f"{of['cv_percent']:.2g}")
+    return [of["n"], *with_digits(mean, sd), share, unit, of["source"]]
+
+
+def _batch(service: Connection, batch: str, structure: str | None, constants: str, reuse: bool) -> str:
+    """The id of the batch, which is made where a structure is stated."""
+    if structure is None:
+        return find_id(service, BATCH, batch)
+    body = {"name": batch, "constants": constants.split(",")}
+    return str(make(service, BATCH, body, find_id(service, STRUCTURE, structure), reuse)["id"])

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from modalbase.client.connection import Connection
 from modalbase.client.display import stages
 from modalbase.client.errors import JobFailed
+
+if TYPE_CHECKING:
+    from modalbase.client.connection import Connection
 
 ENDED = ("succeeded", "failed", "cancelled")
 FIRST_PAUSE, LONGEST_PAUSE, GROWTH = 0.05, 1.0, 1.3  # s

@@ -1,17 +1,94 @@
-"""`modalbase import` and `frfs`."""
+"""`modalbase points`, `import`, `hits`, `frfs` and `modes`: from a campaign's files to its modes."""
 
 from __future__ import annotations
 
 import json
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from modalbase.client.connection import Connection
+from modalbase.client.display import Written, print_json, print_table
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.options import NAMED, AsJson, Campaign, Url, json_file, names_of, say_next, service_at
+from modalbase.client.files import send_file
+from modalbase.client.finding import CAMPAIGN, MODE_SET, find, find_id
+from modalbase.client.jobs import require_success, wait_for
+from modalbase.client.options import NAMED, AsJson, Campaign, Url, json_file, names_of, say_next, service_at, show
+from modalbase.client.results import beside_lines, mode_set_cells
+
+if TYPE_CHECKING:
+    from modalbase.client.connection import Connection
+
+
+AXES = ("x", "y", "z")
+METRES = {"m": 1.0, "mm": 1e-3}
+HEADER = "label,x_mm,y_mm,z_mm, or with _m for metres; z may be left out"
+
+
+def points(
+    campaign: Campaign,
+    file: Annotated[
+        Path | None,
+        typer.Argument(help=f"CSV of the points, in place of those there: {HEADER}", exists=True, dir_okay=False),
+    ] = None,
+    as_json: AsJson = False,
+    url: Url = None,
+) -> None:
+    """Show the grid points of a campaign; state them from a CSV file, where no UFF file does."""
+    stated = None if file is None else read_points(file)
+    with service_at(url) as service:
+        path = f"campaigns/{find_id(service, CAMPAIGN, campaign)}/grid-points"
+        there = service.request("GET", path)
+        found = there.json()
+        if stated is not None:
+            replaced = {"If-Match": there.headers["etag"]}  # by whoever looked last
+            found = service.call("PUT", path, json={"items": stated}, headers=replaced)
+    if as_json:
+        print_json(found)
+        return
+    rows = [[p["label"], *(Written(f"{1000 * p[f'{axis}_m']:.6g}") for axis in AXES)] for p in found["items"]]
+    print_table(f"{len(rows)} grid points", ("label", "x mm", "y mm", "z mm"), rows)
+    if not rows:
+        say_next(f'points "{campaign}" POINTS.csv')
+
+
+def read_points(file: Path) -> list[dict[str, Any]]:
+    """Grid points of a CSV file, in metres as REST has them.
+
+    Cells are parted by commas, semicolons or tabs; a comma inside a number of the latter two is a decimal comma.
+
+    Raises:
+        ClientError: the file is no such table; names the line.
+    """
+    from modalbase.formats.columns import read_columns, real, whole
+    from modalbase.formats.errors import FormatError
+
+    try:
+        with file.open(encoding="utf-8-sig", newline="") as text:
+            head, rows = read_columns(text, decimal_commas=";\t")
+            columns = list(zip(head, _members(file, head), strict=True))
+            found = []
+            for line, row in rows:
+                point: dict[str, Any] = {"z_m": 0.0}
+                for (name, member), cell in zip(columns, row, strict=True):
+                    place = f"line {line}, {name}"
+                    point[member] = whole(cell, place) if member == "label" else real(cell, place) * METRES[name[2:]]
+                found.append(point)
+            return found
+    except (OSError, UnicodeDecodeError) as error:
+        raise ClientError(f"{file} is no text in UTF-8: {error}", Exit.USAGE) from None
+    except FormatError as error:
+        raise ClientError(f"{file}, {error}", Exit.USAGE) from None
+
+
+def _members(file: Path, head: list[str]) -> list[str]:
+    """Which member of a point each column is."""
+    known = {f"{axis}_{unit}": f"{axis}_m" for axis in AXES for unit in METRES}
+    found = [{**known, "label": "label", "point": "label"}.get(name, "") for name in head]
+    if "" in found or len(set(found)) < len(head) or not {"label", "x_m", "y_m"} <= set(found):
+        raise ClientError(f"{file}, line 1: is {','.join(head)[:200]!r}, expected {HEADER}", Exit.USAGE)
+    return found
 
 
 class Quantity(StrEnum):
@@ -32,7 +109,7 @@ class Kind(StrEnum):
 def import_files(
     files: Annotated[list[Path], typer.Argument(help="UFF, npz, .mat, CSV, wav", exists=True, dir_okay=False)],
     campaign: Annotated[
-        str, typer.Option("--campaign", "-c", help=f"Campaign: {NAMED}", autocompletion=names_of("CAMPAIGN"))
+        str, typer.Option("--campaign", "-c", help=f"Campaign: {NAMED}", autocompletion=names_of(CAMPAIGN))
     ] = "latest",
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only report what the files hold")] = False,
     quantity: Annotated[Quantity | None, typer.Option(help="What FRFs are whose file does not say")] = None,
@@ -47,13 +124,10 @@ def import_files(
     url: Url = None,
 ) -> None:
     """Send files to a campaign. Exit 4 where one of them could not be read."""
-    from modalbase.client.display import print_json, print_table
-    from modalbase.client.finding import CAMPAIGN, find_id
-
     stated = {"quantity": quantity, "kind": kind, "mapping": None if mapping is None else json_file(mapping)}
     with service_at(url) as service:
         id_ = find_id(service, CAMPAIGN, campaign)
-        done = [send_file(service, id_, file, wait=wait, dry_run=dry_run, **stated) for file in files]
+        done = [_import(service, id_, file, wait, dry_run=dry_run, **stated) for file in files]
     if as_json:
         print_json(done)
     else:
@@ -69,29 +143,9 @@ def import_files(
         raise ClientError(f"{len(failed)} of {len(done)} imports did not succeed: {', '.join(failed)}", Exit.FAILED)
 
 
-def send_file(
-    service: Connection, campaign: str, file: Path, *, wait: bool = True, dry_run: bool = False, **stated: Any
-) -> dict[str, Any]:
-    """Send a file to a campaign and give its import, read where that is waited for.
-
-    Args:
-        service: the connection.
-        campaign: its id.
-        file: of any format.
-        wait: for the end of the reading.
-        dry_run: only look at it.
-        stated: `quantity`, `kind`, `mapping`.
-    """
-    from modalbase.client.display import transfer
-    from modalbase.client.jobs import wait_for
-
-    if stated.get("mapping") is not None:
-        stated["mapping"] = json.dumps(stated["mapping"])
-    with transfer(file.name) as watch:
-        path = f"campaigns/{campaign}/imports"
-        job: dict[str, Any] = service.upload(
-            path, file, watch, filename=file.name, dry_run=str(dry_run).lower(), **stated
-        )
+def _import(service: Connection, campaign: str, file: Path, wait: bool = True, **stated: Any) -> dict[str, Any]:
+    """The import of a file that is sent to a campaign, read where that is waited for."""
+    job = send_file(service, f"campaigns/{campaign}/imports", file, **stated)
     if job["already_imported"]:
         typer.echo(f"{file.name}: the campaign has this file already; it is not read again", err=True)
     return wait_for(service, f"imports/{job['id']}", file.name) if wait else job
@@ -121,15 +175,9 @@ def frfs(
     url: Url = None,
 ) -> None:
     """List the FRFs of a campaign; `modalbase export` fetches their values."""
-    from modalbase.client.display import print_json, print_table
-    from modalbase.client.finding import CAMPAIGN, find_id
-
     with service_at(url) as service:
         wanted = {"point": point, "direction": direction, "reference": reference, "quantity": quantity}
         found = list(service.pages(f"campaigns/{find_id(service, CAMPAIGN, campaign)}/frfs", limit, **wanted))
-    if as_json:
-        print_json(found)
-        return
     columns = ("id", "label", "response", "reference", "quantity", "lines", "start_hz", "end_hz", "averages")
     rows = [
         [
@@ -138,10 +186,95 @@ def frfs(
         ]
         for f in found
     ]  # fmt: skip
-    print_table(f"{len(found)} FRFs", columns, rows)
+    show(found, columns, as_json, rows, f"{len(found)} FRFs")
 
 
 def _dof(frf: dict[str, Any], side: str) -> str:
     direction = frf[f"{side}_direction"]
     axis = "?" if direction == 0 else ("X", "Y", "Z", "RX", "RY", "RZ")[abs(direction) - 1]
     return f"{frf[f'{side}_point']}{'-' if direction < 0 else '+'}{axis}"
+
+
+def hits(
+    files: Annotated[list[Path], typer.Argument(help="Time blocks: npz, .mat, CSV, wav", exists=True, dir_okay=False)],
+    campaign: Annotated[
+        str, typer.Option("--campaign", "-c", help=f"Campaign: {NAMED}", autocompletion=names_of(CAMPAIGN))
+    ] = "latest",
+    mapping: Annotated[
+        Path | None, typer.Option(help="JSON that says which variable is what; without it one is proposed", exists=True)
+    ] = None,
+    process: Annotated[bool, typer.Option("--process", help="Make FRFs of the good hits then")] = False,
+    as_json: AsJson = False,
+    url: Url = None,
+) -> None:
+    """Send time blocks of hits, see how each hit is judged, and make FRFs of the good ones."""
+    stated = None if mapping is None else json_file(mapping)
+    judged: list[dict[str, Any]] = []
+    with service_at(url) as service:
+        path = f"campaigns/{(id_ := find_id(service, CAMPAIGN, campaign))}"
+        for file in files:
+            sent = _import(service, id_, file, dry_run=stated is None, kind="hits", mapping=stated)
+            require_success(sent, file.name)
+            if stated is None:
+                print_json(sent["found"])
+                raise ClientError(
+                    "nothing is stored: save `mapping` of this, corrected, and state it with --mapping", Exit.USAGE
+                )
+            judged += service.get(f"imports/{sent['id']}/records")["hits"]
+        placed = bool(service.get(f"{path}/grid-points")["items"])
+        if process:
+            job = wait_for(service, f"processings/{service.post(f'{path}/processings', {})['id']}", "processing")
+            require_success(job, "processing")
+    if as_json:
+        print_json(judged)
+        return
+    rows = [[hit["point"], hit["hit"], hit["accepted"], _said(hit)] for hit in judged]
+    print_table("", ("point", "hit", "good", "why not"), rows)
+    if not placed:  # shapes have no place on the body without them
+        say_next(f'points "{campaign}" POINTS.csv')
+    say_next(f'modes "{campaign}" --identify' if process else f'hits FILE --campaign "{campaign}" --process')
+
+
+def _said(hit: dict[str, Any]) -> str | None:
+    """What failed of a hit."""
+    return "; ".join(finding["sentence"] for finding in hit["findings"] if finding["failed"]) or None
+
+
+def modes(
+    campaign: Campaign = "latest",
+    identify: Annotated[
+        bool, typer.Option("--identify", help="Find modes in the FRFs first, and wait for them")
+    ] = False,
+    band: Annotated[str | None, typer.Option(help="With --identify: Hz, such as 10-900")] = None,
+    mode_set: Annotated[str, typer.Option(help="Which modes: id, name or latest")] = "latest",
+    as_json: AsJson = False,
+    url: Url = None,
+) -> None:
+    """Show the modes of a campaign: typed in, read from a file, or identified; with what the identification doubts."""
+    with service_at(url) as service:
+        id_ = find_id(service, CAMPAIGN, campaign)
+        found = _identified(service, id_, band) if identify else find(service, MODE_SET, mode_set, within=id_)
+    if as_json:
+        print_json(found)
+        return
+    print_table(f"{found['name']} ({found['origin']}), {found['id']}", *mode_set_cells(found["modes"]))
+    for line in beside_lines(found["details"]):
+        typer.echo(line, err=True)
+    say_next(f'update "{campaign}" --mode-set {found["id"]} --wait')
+
+
+def _identified(service: Connection, campaign: str, band: str | None) -> dict[str, Any]:
+    options = {} if band is None else {"band_hz": _band(band)}
+    job = service.post(f"campaigns/{campaign}/identifications", options)
+    ended = wait_for(service, f"identifications/{job['id']}", "identification")
+    require_success(ended, f"identification {job['id']}")
+    found: dict[str, Any] = service.get(f"mode-sets/{ended['mode_set']}")
+    return found
+
+
+def _band(text: str) -> list[float]:
+    try:
+        low, high = (float(part) for part in text.split("-"))
+    except ValueError:
+        raise ClientError(f"--band {text!r} is no band in Hz, such as 10-900", Exit.USAGE) from None
+    return [low, high]

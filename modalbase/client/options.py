@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from modalbase.client.display import print_json, print_table
 from modalbase.client.errors import ClientError, Exit
+from modalbase.client.finding import CAMPAIGN, PROJECT, STRUCTURE, Kind, all_of, find_or_make
 
 if TYPE_CHECKING:
     from modalbase.client.connection import Connection
-    from modalbase.client.finding import Kind
 
 Url = Annotated[
     str | None,
@@ -43,16 +44,13 @@ def service_at(url: str | None) -> Connection:
     return Connection(place.url, place.key)
 
 
-def names_of(word: str) -> Callable[[str], list[str]]:
+def names_of(kind: Kind) -> Callable[[str], list[str]]:
     """Completes names in a shell, where a service answers."""
 
     def complete(incomplete: str) -> list[str]:
-        from modalbase.client import finding
-
-        kind: finding.Kind = getattr(finding, word)
         try:
             with service_at(os.environ.get("MODALBASE_URL")) as service:
-                names = ["latest", *(str(one["name"]) for one in finding.all_of(service, kind))]
+                names = ["latest", *(str(one["name"]) for one in all_of(service, kind))]
         except ClientError:
             return []  # a shell that completes has no place for a message
         return [name for name in dict.fromkeys(names) if name.startswith(incomplete)]
@@ -62,13 +60,13 @@ def names_of(word: str) -> Callable[[str], list[str]]:
 
 NAMED = "id, name, names from the project down with / between, or latest"
 Campaign = Annotated[
-    str, typer.Argument(help=f"Campaign: {NAMED}", show_default=False, autocompletion=names_of("CAMPAIGN"))
+    str, typer.Argument(help=f"Campaign: {NAMED}", show_default=False, autocompletion=names_of(CAMPAIGN))
 ]
 OfProject = Annotated[
-    str | None, typer.Option("--project", help="Project: id, name or latest", autocompletion=names_of("PROJECT"))
+    str | None, typer.Option("--project", help="Project: id, name or latest", autocompletion=names_of(PROJECT))
 ]
 OfStructure = Annotated[
-    str | None, typer.Option("--structure", help=f"Structure: {NAMED}", autocompletion=names_of("STRUCTURE"))
+    str | None, typer.Option("--structure", help=f"Structure: {NAMED}", autocompletion=names_of(STRUCTURE))
 ]
 Job = Annotated[str, typer.Argument(help="Id of the update job, or latest")]
 
@@ -77,13 +75,34 @@ def make(
     service: Connection, kind: Kind, body: dict[str, Any], above: str | None, reuse: bool, confirm: bool = False
 ) -> dict[str, Any]:
     """A new thing below another; with `reuse` the one that has its name already."""
-    from modalbase.client.finding import find_or_make
-
     query = {"confirm": confirm or None}
     if reuse:
         return find_or_make(service, kind, body, above, **query)
     made: dict[str, Any] = service.call("POST", kind.below.format(above), params=query, json=body)
     return made
+
+
+def show(
+    found: Any,
+    columns: Sequence[str] | Mapping[str, str],
+    as_json: bool,
+    rows: Sequence[Sequence[Any]] | None = None,
+    title: str = "",
+) -> None:
+    """What a command found: its JSON, or a table of it.
+
+    Args:
+        found: things as REST describes them.
+        columns: the members that are shown; of a mapping, by their headings.
+        as_json: print all of it.
+        rows: what the columns hold, where that is not members of the things.
+        title: of the table.
+    """
+    if as_json:
+        print_json(found)
+        return
+    members = columns.values() if isinstance(columns, Mapping) else columns
+    print_table(title, list(columns), rows if rows is not None else [[one[name] for name in members] for one in found])
 
 
 def say_next(*commands: str) -> None:

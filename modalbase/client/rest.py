@@ -2,18 +2,43 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable
-from typing import Any
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import quote
 
-from modalbase.client.connection import Connection
 from modalbase.client.errors import ClientError
-from modalbase.client.routes import ROUTES, Route
+
+if TYPE_CHECKING:
+    from modalbase.client.connection import Connection
 
 Call = Callable[..., Any]
 
 _OF_THE_CLIENT = ("cursor", "limit", "format", "filename")
 """Parameters that the library's own methods state."""
+
+
+class Route(NamedTuple):
+    """A call: its method, its path below `/api/v1/`, the names of its query, what it does."""
+
+    method: str
+    path: str
+    query: list[str]
+    summary: str
+
+    @property
+    def takes(self) -> list[str]:
+        """What stands in the path's braces."""
+        return [part.strip("{}") for part in self.path.split("/") if part.startswith("{")]
+
+
+@cache
+def routes() -> dict[str, Route]:
+    """The calls of the REST contract by name, read when first asked for; `python -m tools.reference` makes the file."""
+    text = files("modalbase.client").joinpath("routes.json").read_text(encoding="utf-8")
+    return {name: Route(*row) for name, row in json.loads(text).items()}
 
 
 class Rest:
@@ -28,12 +53,12 @@ class Rest:
         self._connection = connection
 
     def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *ROUTES]
+        return [*super().__dir__(), *routes()]
 
     def __getattr__(self, name: str) -> Call:
-        if name not in ROUTES:
+        if (route := routes().get(name)) is None:
             raise AttributeError(f"the REST contract has no call {name!r}; dir() lists them")
-        return _call(self._connection, name, ROUTES[name])
+        return _call(self._connection, name, route)
 
 
 def require_known(name: str, wanted: Iterable[str]) -> None:
@@ -46,7 +71,7 @@ def require_known(name: str, wanted: Iterable[str]) -> None:
     Raises:
         ClientError: one is unknown; the message lists those that there are.
     """
-    known = [one for one in ROUTES[name].query if one not in _OF_THE_CLIENT]
+    known = [one for one in routes()[name].query if one not in _OF_THE_CLIENT]
     if unknown := sorted(set(wanted) - set(known)):
         raise ClientError(f"there is no {', '.join(map(repr, unknown))} to choose by; there is {', '.join(known)}")
 

@@ -1,16 +1,19 @@
-"""A result document as tables, in a laboratory's units, with the digits that its uncertainty leaves."""
+"""Results and mode sets as tables, in a laboratory's units, with the digits that their uncertainty leaves."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import floor, log10
 from statistics import fmean
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
-from rich.console import Console
 
-from modalbase.client.display import Written, print_table
+from modalbase.client.display import Written, print_table, with_digits
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
 
 SHOWN = {"Pa": (1e-9, "GPa"), "s": (1e6, "µs"), "m": (1e3, "mm")}
 """Factor and unit in which values of an SI unit are shown; others as they are."""
@@ -31,6 +34,8 @@ def print_result(
         published: values of parameters from elsewhere, SI, to stand beside the estimates.
         console: where to; standard output by default.
     """
+    from rich.console import Console
+
     if said := verdict_lines(document):
         (console or Console()).print("\n".join(said), highlight=False, markup=False, soft_wrap=True)
     print_table(title, *parameter_cells(document["parameters"], published), console)
@@ -122,3 +127,23 @@ def _means(criteria: Mapping[str, Any]) -> list[Written | None]:
         criteria["csf_mean"],
     ]
     return [None if value is None else Written(f"{value:.4f}") for value in values]
+
+
+def mode_set_cells(modes: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[Any]]]:
+    """Columns and rows of the modes of a set, in Hz and per cent."""
+    return ["mode", "Hz", "± Hz", "ζ %", "± %"], [[mode["number"], *_pole(mode)] for mode in modes]
+
+
+def beside_lines(details: Mapping[str, Any]) -> list[str]:
+    """What the identification of a set says beside its modes: each doubtful one with the reason, each warning; a line each.
+
+    Args:
+        details: of the mode set; empty where it was typed in or read from a file.
+    """
+    doubtful = [f"doubtful: {mode['frequency_hz']:.5g} Hz, {mode['reason']}" for mode in details.get("doubtful", ())]
+    return [*doubtful, *(f"warning: {one}" for one in details.get("warnings", ()))]
+
+
+def _pole(mode: Mapping[str, Any]) -> list[Any]:
+    percent = (None if z is None else 100 * z for z in (mode["damping_ratio"], mode["damping_sd"]))
+    return [*with_digits(mode["frequency_hz"], mode["frequency_sd_hz"]), *with_digits(*percent)]

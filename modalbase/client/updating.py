@@ -1,17 +1,31 @@
-"""`modalbase update`, `result` and `figure`."""
+"""`modalbase update`, `result`, `jobs`, `monitors` and `alarms`."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-from urllib.parse import quote
+from typing import Annotated, Any
 
 import typer
 
+from modalbase.client.display import print_json
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.options import AsJson, Campaign, Confirm, Job, Url, json_file, say_next, service_at
-
-FIGURES = {".svg": "svg", ".png": "png", ".pdf": "pdf", ".json": "plotly"}
+from modalbase.client.finding import CAMPAIGN, MODE_SET, MONITOR, PROJECT, STRUCTURE, find_id, find_job, uuid_of
+from modalbase.client.jobs import require_success, wait_for
+from modalbase.client.options import (
+    AsJson,
+    Campaign,
+    Confirm,
+    Job,
+    OfProject,
+    OfStructure,
+    Url,
+    json_file,
+    names_of,
+    say_next,
+    service_at,
+    show,
+)
+from modalbase.client.results import print_result
 
 
 def update(
@@ -27,11 +41,6 @@ def update(
     url: Url = None,
 ) -> None:
     """Queue an update of a campaign's structure and print its id, or wait for its result. Exit 4 where it fails."""
-    from modalbase.client.display import print_json
-    from modalbase.client.finding import CAMPAIGN, MODE_SET, find, find_id, uuid_of
-    from modalbase.client.jobs import require_success, wait_for
-    from modalbase.client.results import print_result
-
     if idempotency_key is not None and not (idempotency_key.isascii() and idempotency_key.isprintable()):
         raise ClientError("--idempotency-key takes printable ASCII alone, as all that goes in a header", Exit.USAGE)
     body = {} if recipe is None else json_file(recipe)
@@ -39,7 +48,7 @@ def update(
     with service_at(url) as service:
         id_ = find_id(service, CAMPAIGN, campaign)
         if mode_set is not None:
-            body["mode_set"] = uuid_of(mode_set) or find(service, MODE_SET, mode_set, within=id_)["id"]
+            body["mode_set"] = find_id(service, MODE_SET, mode_set, id_)
         job = service.post(f"campaigns/{id_}/update-jobs", body, headers, confirm=confirm or None)
         if not wait:
             if as_json:
@@ -59,10 +68,6 @@ def update(
 
 def result(job: Job = "latest", as_json: AsJson = False, url: Url = None) -> None:
     """Show the result of an update: verdict, parameters, modes, correlation, warnings."""
-    from modalbase.client.display import print_json
-    from modalbase.client.finding import find_job
-    from modalbase.client.results import print_result
-
     with service_at(url) as service:
         id_ = find_job(service, job)
         document = service.get(f"update-jobs/{id_}/result")
@@ -72,37 +77,84 @@ def result(job: Job = "latest", as_json: AsJson = False, url: Url = None) -> Non
         print_result(f"update {id_}", document)
 
 
-def figure(
-    name: Annotated[str, typer.Argument(help="frf, mac, parameters; `modalbase figure list` names all")],
-    job: Job = "latest",
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="File to write: .svg .png .pdf, or .json for Plotly")
+def jobs(
+    campaign: Annotated[
+        str | None, typer.Option(help="Of this campaign only", autocompletion=names_of(CAMPAIGN))
     ] = None,
-    point: Annotated[int | None, typer.Option(help="Whose FRF is drawn")] = None,
+    structure: OfStructure = None,
+    project: OfProject = None,
+    status: Annotated[str | None, typer.Option(help="queued, running, succeeded, failed or cancelled")] = None,
+    limit: Annotated[int, typer.Option(min=1, help="The newest so many")] = 20,
+    cancel: Annotated[str | None, typer.Option(help="Ask for the end of this job")] = None,
+    retry: Annotated[str | None, typer.Option(help="Queue this job again, which failed or was cancelled")] = None,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
-    """Write a figure of a result to a file."""
-    from modalbase.client.display import print_json, print_table, transfer
-    from modalbase.client.finding import find_job
-
+    """List update jobs, newest first; cancel one, or queue one again."""
     with service_at(url) as service:
-        path = f"update-jobs/{find_job(service, job)}/figures"
-        if name == "list":
-            found = service.get(path)["items"]
-            columns = ("name", "title", "available", "reason")
-            if as_json:
-                print_json(found)
-            else:
-                print_table("", columns, [[one[column] for column in columns] for one in found])
+        if cancel is not None or retry is not None:
+            verb, which = ("cancel", cancel) if cancel is not None else ("retry", retry)
+            found = [service.call("POST", f"update-jobs/{find_job(service, str(which))}/{verb}")]
+        else:
+            given = {CAMPAIGN: campaign, STRUCTURE: structure, PROJECT: project}
+            narrowed = {kind.word: find_id(service, kind, text) for kind, text in given.items() if text is not None}
+            found = list(service.pages("update-jobs", limit, status=status, **narrowed))
+    rows = [
+        [
+            one["id"], one["campaign_name"], one["status"], one["stage"], one["created_at"],
+            (one["error"] or {}).get("detail"),
+        ]
+        for one in found
+    ]  # fmt: skip
+    show(found, ("id", "campaign", "status", "stage", "queued", "error"), as_json, rows)
+
+
+def monitors(
+    structure: OfStructure = None,
+    new: Annotated[str | None, typer.Option(help="Watch the structure: make a monitor of this name")] = None,
+    parameters: Annotated[str, typer.Option(help="With --new: what is watched, separated by commas")] = "Ex",
+    run: Annotated[
+        str | None,
+        typer.Option(help="Run this monitor on the campaigns not yet in it", autocompletion=names_of(MONITOR)),
+    ] = None,
+    as_json: AsJson = False,
+    url: Url = None,
+) -> None:
+    """List monitors with their state; make one, or run one."""
+    with service_at(url) as service:
+        if run is not None:
+            runs = service.post(f"monitors/{find_id(service, MONITOR, run)}/runs", {})["items"]
+            show(runs, {"campaign": "campaign_id", "state": "state", "message": "message"}, as_json)
+            if not runs:
+                typer.echo("no campaign waits: a monitor takes those that state when they were performed", err=True)
             return
-        target = out or Path(f"{name}.svg")
-        chosen = FIGURES.get(target.suffix.lower())
-        if chosen is None:
-            raise ClientError(f"--out {target.name!r} does not end in one of {', '.join(FIGURES)}", Exit.USAGE)
-        with transfer(target.name) as watch:
-            size = service.download(f"{path}/{quote(name, safe='')}", target, watch, format=chosen, point=point)
-    if as_json:
-        print_json({"file": str(target), "bytes": size})
-    else:
-        typer.echo(target)
+        if new is not None:
+            watched = [{"name": name.strip()} for name in parameters.split(",")]
+            path = f"structures/{find_id(service, STRUCTURE, structure or 'latest')}/monitors"
+            made = service.post(path, {"name": new, "parameters": watched})
+            show([made], ("id", "name", "state"), as_json)
+            say_next(f'monitors --run "{new}"')
+            return
+        path = "monitors" if structure is None else f"structures/{find_id(service, STRUCTURE, structure)}/monitors"
+        found = list(service.pages(path))
+    show(found, ("id", "structure_name", "name", "state", "state_since", "open_alarms"), as_json)
+
+
+def alarms(
+    state: Annotated[str | None, typer.Option(help="alarm, acknowledged, cleared or withdrawn")] = None,
+    acknowledge: Annotated[str | None, typer.Option(help="Id of an alarm that is now known")] = None,
+    note: Annotated[str | None, typer.Option(help="With --acknowledge: what is done about it")] = None,
+    as_json: AsJson = False,
+    url: Url = None,
+) -> None:
+    """List alarms, newest first; acknowledge one."""
+    with service_at(url) as service:
+        if acknowledge is not None:
+            if (id_ := uuid_of(acknowledge)) is None or not note:
+                raise ClientError(
+                    "--acknowledge takes the id of an alarm, and --note what is done about it", Exit.USAGE
+                )
+            found: list[dict[str, Any]] = [service.post(f"alarms/{id_}/acknowledge", {"note": note})]
+        else:
+            found = list(service.pages("alarms", state=state))
+    show(found, ("id", "created_at", "monitor_name", "parameter", "state", "acknowledged_by", "note"), as_json)

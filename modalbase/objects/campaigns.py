@@ -4,22 +4,47 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalbase.client.display import transfer
 from modalbase.client.errors import ClientError
-from modalbase.client.finding import MODE_SET
+from modalbase.client.files import FRF_FORMATS, fetch_file, format_of, send_file
+from modalbase.client.finding import CAMPAIGN, Kind
 from modalbase.client.rest import require_known
-from modalbase.objects.jobs import Identification, Import, Processing, UpdateJob
-from modalbase.objects.modes import ModeSet
-from modalbase.objects.records import Record
-from modalbase.objects.table import Table
-from modalbase.objects.thing import Editable, Thing, found_or_made
+from modalbase.objects.jobs import Identification, Import, ModeSet, Processing, UpdateJob, update_jobs
+from modalbase.objects.thing import Editable, Table, Thing
 
 if TYPE_CHECKING:
     from modalbase.formats.records import Place
     from modalbase.objects.frfs import Frfs
+
+
+class Record(Thing):
+    """One time block: the force or a response of one hit."""
+
+    noun = Kind("record", "records/{}", "campaigns/{}/records")
+
+    def samples(self) -> tuple[Any, Any]:
+        """(T,) times in s and (T,) samples in SI, as numpy arrays."""
+        import numpy as np
+
+        content = self.lab.rest.get_record_data(self.fields["id"], format="npz")
+        with np.load(BytesIO(content)) as arrays:
+            return arrays["time_s"], arrays["samples"]
+
+    def sep005(self) -> dict[str, Any]:
+        """The block as a time series of SDyPy's SEP 5, with its place and hit in fields of their own."""
+        from modalbase.formats.records.blocks import TimeBlock
+        from modalbase.formats.records.sep005 import records_to_sep005
+
+        known = {name: self.fields[name] for name in TimeBlock.__dataclass_fields__ if name != "samples"}
+        return records_to_sep005([TimeBlock(**known, samples=self.samples()[1])])[0]
+
+    def delete(self) -> None:
+        """Delete it for good."""
+        self.lab.rest.delete_record(self.fields["id"])
+
 
 POINT = ("label", "x_m", "y_m", "z_m")
 
@@ -27,7 +52,7 @@ POINT = ("label", "x_m", "y_m", "z_m")
 class Campaign(Editable):
     """Measurements of a structure under one boundary condition."""
 
-    word, path = "campaign", "campaigns/{}"
+    noun = CAMPAIGN
 
     def import_file(self, file: str | Path, *, wait: bool = True, **options: Any) -> Import:
         """Send a file, UFF, npz, .mat, CSV or wav, and wait until it is read.
@@ -47,20 +72,15 @@ class Campaign(Editable):
             JobFailed: the file could not be read.
             ClientError: the service refuses it.
         """
-        path = Path(file)
         require_known("start_import", options)
         if "dry_run" in options:
-            options["dry_run"] = str(bool(options["dry_run"])).lower()
-        if options.get("mapping") is not None:
-            options["mapping"] = json.dumps(options["mapping"])
-        with transfer(path.name) as watch:
-            fields = self.lab.connection.upload(f"{self.address}/imports", path, watch, filename=path.name, **options)
-        sent = Import(self.lab, fields)
+            options["dry_run"] = bool(options["dry_run"])
+        sent = Import(self.lab, send_file(self.lab.connection, f"{self.address}/imports", Path(file), **options))
         return sent.wait().check() if wait else sent
 
     def imports(self) -> list[Import]:
         """The files that were sent."""
-        return [Import(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/imports")]
+        return self._list(Import)
 
     def grid_points(self) -> Table:
         """Its grid points: `label`, `x_m`, `y_m`, `z_m`."""
@@ -121,11 +141,7 @@ class Campaign(Editable):
         Returns:
             `items`, the stored blocks, and `hits`, the judgement of each hit.
         """
-        path, given = Path(file), None if mapping is None else json.dumps(mapping)
-        with transfer(path.name) as watch:
-            answer = self.lab.connection.upload(
-                f"{self.address}/records", path, watch, filename=path.name, mapping=given
-            )
+        answer = send_file(self.lab.connection, f"{self.address}/records", Path(file), mapping=mapping)
         return self._judged(answer)
 
     def add_sep005(
@@ -151,7 +167,7 @@ class Campaign(Editable):
             FormatError: the series are not what SEP 5 says, or unlike one another.
             ClientError: the service refuses them.
         """
-        from modalbase.formats.records.arrays import arrays_of
+        from modalbase.formats.records.blocks import arrays_of
         from modalbase.formats.records.sep005 import records_from_sep005
 
         blocks = records_from_sep005(series, places, hit=hit, sensitivities=sensitivities)
@@ -188,7 +204,7 @@ class Campaign(Editable):
             ClientError: there is no such filter.
         """
         require_known("list_records", wanted)
-        return [Record(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/records", **wanted)]
+        return self._list(Record, **wanted)
 
     def process(self, *, wait: bool = True, **options: Any) -> Processing:
         """Make FRFs of the good hits.
@@ -200,7 +216,7 @@ class Campaign(Editable):
         Raises:
             JobFailed: it did not succeed.
         """
-        job = Processing(self.lab, self.lab.connection.post(f"{self.address}/processings", options))
+        job = self._make(Processing, options)
         return job.wait().check() if wait else job
 
     def new_mode_set(self, name: str, modes: Sequence[Mapping[str, Any]]) -> ModeSet:
@@ -211,18 +227,17 @@ class Campaign(Editable):
             modes: each with `frequency_hz`, and where known `damping_ratio`, `frequency_sd_hz`, `damping_sd`, `shape`.
         """
         body = {"name": name, "modes": [dict(mode) for mode in modes]}
-        return ModeSet(self.lab, self.lab.connection.post(f"{self.address}/mode-sets", body))
+        return self._make(ModeSet, body)
 
     def mode_sets(self) -> list[ModeSet]:
         """Its mode sets: typed in, of a file, identified."""
-        return [ModeSet(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/mode-sets")]
+        return self._list(ModeSet)
 
     def mode_set(self, which: str = "latest", *, create: bool = False, **fields: Any) -> ModeSet:
         """One of its mode sets by id, name or `latest`; with `create` made of `modes` where there is none of this name."""
-        above = self.fields["id"]
         if "modes" in fields:  # the service has them in this order
             fields["modes"] = sorted(fields["modes"], key=lambda mode: float(mode.get("frequency_hz", 0)))
-        return ModeSet(self.lab, found_or_made(self.lab.connection, MODE_SET, which, above, create, fields))
+        return self._one(ModeSet, which, create, fields)
 
     def identify(self, **options: Any) -> ModeSet:
         """Find modes in its FRFs and wait for them.
@@ -233,7 +248,7 @@ class Campaign(Editable):
         Raises:
             JobFailed: no mode was found; the text says why.
         """
-        job = Identification(self.lab, self.lab.connection.post(f"{self.address}/identifications", options))
+        job = self._make(Identification, options)
         return job.wait().mode_set()
 
     def update(self, recipe: Mapping[str, Any] | None = None, *, confirm: bool = False, **more: Any) -> UpdateJob:
@@ -249,12 +264,11 @@ class Campaign(Editable):
         """
         body = {name: value.fields["id"] if isinstance(value, Thing) else value for name, value in more.items()}
         whole = {**(recipe or {}), **body}
-        fields = self.lab.connection.post(f"{self.address}/update-jobs", whole, confirm=confirm or None)
-        return UpdateJob(self.lab, fields)
+        return self._make(UpdateJob, whole, confirm)
 
     def jobs(self) -> list[UpdateJob]:
         """Its update jobs, newest first."""
-        return self.lab.jobs(campaign=self.fields["id"])
+        return update_jobs(self.lab, campaign=self.fields["id"])
 
     def complete(self) -> list[dict[str, Any]]:
         """Say that it is complete: monitors of the structure run on it. Returns their runs."""
@@ -267,13 +281,10 @@ class Campaign(Editable):
         Raises:
             ClientError: the name says none of these, nothing matches, or there is no such filter.
         """
-        from modalbase.client.exporting import format_of
-
         require_known("get_campaign_data", wanted)
         target = Path(file)
-        chosen = file_format or format_of(target)
-        with transfer(target.name) as watch:
-            self.lab.connection.download(f"{self.address}/frfs/data", target, watch, format=chosen, **wanted)
+        chosen = file_format or format_of(target, FRF_FORMATS)
+        fetch_file(self.lab.connection, f"{self.address}/frfs/data", target, format=chosen, **wanted)
         return target
 
 

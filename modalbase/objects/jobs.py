@@ -1,28 +1,144 @@
-"""Jobs: what a worker does, from queue to end."""
+"""Jobs, what a worker does from queue to end, and what they find: mode sets and results."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from modalbase.client.display import transfer
-from modalbase.client.exporting import solver_of
+from modalbase.client.files import SOLVERS, fetch_file, format_of
+from modalbase.client.finding import MODE_SET, Kind
 from modalbase.client.jobs import ENDED, Watch, reason_of, require_success, wait_for
-from modalbase.objects.results import Result
-from modalbase.objects.thing import Thing
+from modalbase.client.results import beside_lines, mode_cells, mode_set_cells, parameter_cells, verdict_lines
+from modalbase.objects.thing import Access, Figure, Table, Thing
 
 if TYPE_CHECKING:
     from modalbase.objects.frfs import Frfs
-    from modalbase.objects.modes import ModeSet
+
+
+COLUMNS = ("number", "frequency_hz", "damping_ratio", "frequency_sd_hz", "damping_sd")
+
+
+class ModeSet(Thing):
+    """Modes of a campaign that were typed in, read from a file, or identified; printing it shows all that is known of them."""
+
+    noun = MODE_SET
+
+    def __str__(self) -> str:
+        return "\n".join([str(self.modes), *beside_lines(self.fields["details"])])
+
+    @property
+    def modes(self) -> Table:
+        """Frequencies in Hz, damping ratios, and their standard deviations."""
+        rows = [{name: mode[name] for name in COLUMNS} for mode in self.fields["modes"]]
+        return Table(rows, key="number", shown=mode_set_cells(rows))
+
+    @property
+    def doubtful(self) -> Table:
+        """What an identification took for a mode but for a check, each with its `reason`; none of a set from elsewhere."""
+        return Table(self.fields["details"].get("doubtful", []), key="frequency_hz")
+
+    @property
+    def warnings(self) -> list[str]:
+        """What to know of an identification before one uses it; none of a set from elsewhere."""
+        return list(self.fields["details"].get("warnings", ()))
+
+    @property
+    def frequency_hz(self) -> Any:
+        """(M,) numpy array."""
+        import numpy as np
+
+        return np.array([mode["frequency_hz"] for mode in self.fields["modes"]])
+
+    @property
+    def damping_ratio(self) -> Any:
+        """(M,) numpy array, NaN where a mode has none."""
+        import numpy as np
+
+        return np.array([mode["damping_ratio"] for mode in self.fields["modes"]], dtype=float)
+
+    def shapes(self) -> tuple[list[tuple[int, int]], Any]:
+        """N degrees of freedom as (point, direction), and the shapes, complex (M, N), NaN where a value is not known."""
+        import numpy as np
+
+        dofs = sorted({(v["point"], v["direction"]) for mode in self.fields["modes"] for v in mode["shape"] or ()})
+        place = {dof: i for i, dof in enumerate(dofs)}
+        values = np.full((len(self.fields["modes"]), len(dofs)), np.nan, dtype=complex)
+        for row, mode in zip(values, self.fields["modes"], strict=True):
+            for value in mode["shape"] or ():
+                row[place[value["point"], value["direction"]]] = complex(value["real"], value["imag"])
+        return dofs, values
+
+
+class Result:
+    """The result of an update job; printing it shows the verdict, the warnings and the parameters.
+
+    Attributes:
+        lab: where it is of.
+        job: id of the job.
+        document: the whole as REST gives it, SI; `result["modes"]` is a part of it.
+    """
+
+    def __init__(self, lab: Access, job: str, document: Mapping[str, Any]) -> None:
+        self.lab, self.job, self.document = lab, job, document
+
+    def __getitem__(self, name: str) -> Any:
+        return self.document[name]
+
+    def __str__(self) -> str:
+        warnings = [f"warning: {one}" for one in self.warnings]
+        return "\n".join([*verdict_lines(self.document), *warnings, str(self.parameters)])
+
+    def __repr__(self) -> str:
+        return f"<Result of update {self.job}: {self.verdict}>"
+
+    def _repr_html_(self) -> str:
+        said = [*verdict_lines(self.document), *(f"warning: {one}" for one in self.warnings)]
+        return "<br>".join(map(escape, said)) + self.parameters._repr_html_()
+
+    @property
+    def verdict(self) -> str:
+        """`usable`, `with_care` or `do_not_use`; empty where an earlier version made the result."""
+        return str((self.document.get("verdict") or {"level": ""})["level"])
+
+    @property
+    def warnings(self) -> list[str]:
+        """What to know before one uses it, the gravest first."""
+        return list(self.document["warnings"])
+
+    @property
+    def parameters(self) -> Table:
+        """Each parameter with estimate, standard deviation, interval and whether the data identify it; SI in the rows."""
+        rows = self.document["parameters"]
+        return Table(rows, shown=parameter_cells(rows))
+
+    @property
+    def modes(self) -> Table:
+        """Each mode: measured, initial, updated frequency in Hz, MAC, damping ratios."""
+        rows = self.document["modes"]
+        return Table(rows, key="number", shown=mode_cells(rows))
+
+    def figure(self, name: str, **options: Any) -> Figure:
+        """A figure, shown in a notebook; `figures()` lists the names.
+
+        Args:
+            name: such as `frf` or `mac`.
+            options: `point` and `reference` of the FRF, `fmin`, `fmax`, `theme` (`light`, `dark`).
+        """
+        return Figure(self.lab, f"update-jobs/{self.job}/figures/{name}", options)
+
+    def figures(self) -> Table:
+        """The figures, and which of them this result can be drawn as."""
+        return Table(self.lab.connection.get(f"update-jobs/{self.job}/figures")["items"])
 
 
 class Job(Thing):
     """Something that a worker does."""
 
     def __repr__(self) -> str:
-        return f"<{self.word} {self.fields['id']} {self.fields['status']}>"
+        return f"<{self.noun.word} {self.fields['id']} {self.fields['status']}>"
 
     @property
     def ended(self) -> bool:
@@ -44,7 +160,7 @@ class Job(Thing):
             ClientError: the service does not answer.
         """
         if not self.ended:
-            self.fields = wait_for(self.lab.connection, self.address, self.word, watch)
+            self.fields = wait_for(self.lab.connection, self.address, self.noun.word, watch)
         return self
 
     def check(self) -> Self:
@@ -53,20 +169,20 @@ class Job(Thing):
         Raises:
             JobFailed: with the reason that it states.
         """
-        require_success(self.fields, f"{self.word} {self.fields['id']}")
+        require_success(self.fields, f"{self.noun.word} {self.fields['id']}")
         return self
 
     def summary(self) -> str:
         """How it stands, in words."""
         if self.ended and not self.succeeded:
-            return f"{self.word} {self.fields['status']}: {reason_of(self.fields)}"
-        return f"{self.word}: {self.fields['stage'] or self.fields['status']}"
+            return f"{self.noun.word} {self.fields['status']}: {reason_of(self.fields)}"
+        return f"{self.noun.word}: {self.fields['stage'] or self.fields['status']}"
 
 
 class Import(Job):
     """The reading of a file."""
 
-    word, path = "import", "imports/{}"
+    noun = Kind("import", "imports/{}", "campaigns/{}/imports")
 
     def summary(self) -> str:
         """What was read, what was refused and why."""
@@ -84,13 +200,13 @@ class Import(Job):
 class Processing(Job):
     """From time blocks to FRFs."""
 
-    word, path = "processing", "processings/{}"
+    noun = Kind("processing", "processings/{}", "campaigns/{}/processings")
 
 
 class Identification(Job):
     """From FRFs to modes."""
 
-    word, path = "identification", "identifications/{}"
+    noun = Kind("identification", "identifications/{}", "campaigns/{}/identifications")
 
     def mode_set(self) -> ModeSet:
         """The modes that it found; waits for them.
@@ -98,10 +214,8 @@ class Identification(Job):
         Raises:
             JobFailed: it found none; the text says why.
         """
-        from modalbase.objects.modes import ModeSet
-
         found = self.wait().check().fields["mode_set"]
-        return ModeSet(self.lab, self.lab.connection.get(ModeSet.path.format(found)))
+        return ModeSet(self.lab, self.lab.connection.get(ModeSet.noun.path.format(found)))
 
     def cancel(self) -> Self:
         """Ask for its end."""
@@ -112,7 +226,7 @@ class Identification(Job):
 class UpdateJob(Job):
     """The updating of a structure's model to a campaign."""
 
-    word, path = "update", "update-jobs/{}"
+    noun = Kind("update", "update-jobs/{}", "campaigns/{}/update-jobs")
 
     def result(self) -> Result:
         """The result; waits for it.
@@ -165,7 +279,11 @@ class UpdateJob(Job):
             ClientError: the name does not say which, or the job has no result.
         """
         target = Path(file)
-        chosen = solver or solver_of(target)
-        with transfer(target.name) as watch:
-            self.lab.connection.download(f"{self.address}/cards", target, watch, format=chosen)
+        chosen = solver or format_of(target, SOLVERS, "state the program: ")
+        fetch_file(self.lab.connection, f"{self.address}/cards", target, format=chosen)
         return target
+
+
+def update_jobs(lab: Access, most: int | None = None, **narrowed: Any) -> list[UpdateJob]:
+    """Update jobs, newest first, as `Laboratory.jobs`."""
+    return [UpdateJob(lab, fields) for fields in lab.connection.pages("update-jobs", most, **narrowed)]

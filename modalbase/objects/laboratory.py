@@ -10,14 +10,10 @@ from typing import Any, Self
 from modalbase.client.connection import Connection
 from modalbase.client.finding import CAMPAIGN, MONITOR, PROJECT, STRUCTURE, find, find_job
 from modalbase.client.place import find_place
-from modalbase.client.rest import Rest
 from modalbase.objects.campaigns import Campaign
-from modalbase.objects.jobs import UpdateJob
-from modalbase.objects.monitors import Alarm, Monitor
-from modalbase.objects.projects import Project, Structure
-from modalbase.objects.results import Result
-from modalbase.objects.table import Table
-from modalbase.objects.thing import found_or_made
+from modalbase.objects.jobs import Result, UpdateJob, update_jobs
+from modalbase.objects.projects import Alarm, Monitor, Project, Structure
+from modalbase.objects.thing import Access, Table, found_or_made
 
 TOGETHER = 8
 """Results that are fetched at a time."""
@@ -49,7 +45,7 @@ def connect(url: str | None = None, key: str | None = None) -> Laboratory:
     return Laboratory(connection)
 
 
-class Laboratory:
+class Laboratory(Access):
     """What a key may see of a service; a context manager that closes its connections.
 
     Things are found by id, by name, by names from the project down (`"bridge/beam/March"`), or as `"latest"`.
@@ -58,10 +54,6 @@ class Laboratory:
         connection: HTTP to the service.
         rest: every call of the REST contract as a method, for what the objects do not have.
     """
-
-    def __init__(self, connection: Connection) -> None:
-        self.connection = connection
-        self.rest = Rest(connection)
 
     def __repr__(self) -> str:
         return f"<Laboratory {self.connection.url}>"
@@ -124,7 +116,7 @@ class Laboratory:
             most: how many at most; None for all.
             narrowed: to a `project`, `structure` or `campaign` by id, to a `status`.
         """
-        return [UpdateJob(self, fields) for fields in self.connection.pages("update-jobs", most, **narrowed)]
+        return update_jobs(self, most, **narrowed)
 
     def results(self, jobs: Iterable[UpdateJob] | None = None, **narrowed: Any) -> Table:
         """Results of many jobs as one table, a row a job: verdict, and each parameter with its uncertainty.

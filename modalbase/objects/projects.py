@@ -1,34 +1,30 @@
-"""Projects, and the structures in them."""
+"""Projects, the structures in them, and what is kept of a structure: coupon tests, monitors with their alarms."""
 
 from __future__ import annotations
 
-from typing import Any
+import json
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from modalbase.client.finding import BATCH, CAMPAIGN, MONITOR, STRUCTURE, Kind
+from modalbase.client.finding import BATCH, MONITOR, PROJECT, STRUCTURE, Kind
 from modalbase.objects.campaigns import Campaign
-from modalbase.objects.coupons import CouponBatch
-from modalbase.objects.jobs import UpdateJob
-from modalbase.objects.monitors import Monitor
-from modalbase.objects.thing import Editable, Thing, found_or_made
+from modalbase.objects.jobs import UpdateJob, update_jobs
+from modalbase.objects.thing import Editable, Figure, Table, Thing
+
+if TYPE_CHECKING:
+    pass
+
 
 GEOMETRY = ("length_m", "width_m", "thickness_m")
 STRUCTURE_INPUTS = (
-    "length_sd_m",
-    "width_sd_m",
-    "thickness_sd_m",
-    "density_sd_kg_m3",
-    "nu_xy_sd",
-    "fibre_angle_sd_deg",
-    "ply_angle_sd_deg",
-)
+    "length_sd_m", "width_sd_m", "thickness_sd_m", "density_sd_kg_m3",
+    "nu_xy_sd", "fibre_angle_sd_deg", "ply_angle_sd_deg",
+)  # fmt: skip
 CAMPAIGN_INPUTS = (
-    "clamp_compliance_sd",
-    "sensor_mass_sd_kg",
-    "channel_delay_sd_s",
-    "window_rate_per_s",
-    "window_time_constant_s",
-    "window_rate_sd_per_s",
-)
+    "clamp_compliance_sd", "sensor_mass_sd_kg", "channel_delay_sd_s",
+    "window_rate_per_s", "window_time_constant_s", "window_rate_sd_per_s",
+)  # fmt: skip
 MATERIAL = ("Ex_Pa", "Ey_Pa", "Gxy_Pa", "Gxz_Pa", "Gyz_Pa", "nu_xy")
 GROUPS = (
     ("geometry", GEOMETRY),
@@ -42,7 +38,7 @@ GROUPS = (
 class Project(Editable):
     """A project: structures, and the people who may see them."""
 
-    word, path = "project", "projects/{}"
+    noun = PROJECT
 
     def new_structure(self, name: str, *, confirm: bool = False, **properties: Any) -> Structure:
         """Make a structure.
@@ -59,13 +55,11 @@ class Project(Editable):
             ClientError: the service refuses them.
         """
         body = {"name": name, **_nested(properties)}
-        return Structure(
-            self.lab, self.lab.connection.post(f"{self.address}/structures", body, confirm=confirm or None)
-        )
+        return self._make(Structure, body, confirm)
 
     def structures(self) -> list[Structure]:
         """Its structures."""
-        return [Structure(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/structures")]
+        return self._list(Structure)
 
     def structure(self, which: str, *, create: bool = False, confirm: bool = False, **properties: Any) -> Structure:
         """One of its structures by name or id.
@@ -79,7 +73,7 @@ class Project(Editable):
         Raises:
             ClientError: there is none, several have the name, or the one that has it is not as stated.
         """
-        return Structure(self.lab, _within(self, STRUCTURE, which, create, _nested(properties), confirm))
+        return self._one(Structure, which, create, _nested(properties), confirm)
 
     def members(self) -> list[dict[str, Any]]:
         """Who is in it, and in which role."""
@@ -93,7 +87,7 @@ class Project(Editable):
 class Structure(Editable):
     """A specimen with its nominal properties; what was used is kept as a version."""
 
-    word, path = "structure", "structures/{}"
+    noun = STRUCTURE
 
     def new_campaign(self, name: str, boundary: str, *, confirm: bool = False, **fields: Any) -> Campaign:
         """Make a campaign.
@@ -110,11 +104,11 @@ class Structure(Editable):
             ClientError: the service refuses them.
         """
         body = {"name": name, "boundary": boundary, **_nested(fields)}
-        return Campaign(self.lab, self.lab.connection.post(f"{self.address}/campaigns", body, confirm=confirm or None))
+        return self._make(Campaign, body, confirm)
 
     def campaigns(self) -> list[Campaign]:
         """Its campaigns."""
-        return [Campaign(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/campaigns")]
+        return self._list(Campaign)
 
     def campaign(self, which: str, *, create: bool = False, confirm: bool = False, **fields: Any) -> Campaign:
         """One of its campaigns by name or id.
@@ -128,7 +122,7 @@ class Structure(Editable):
         Raises:
             ClientError: there is none, several have the name, or the one that has it is not as stated.
         """
-        return Campaign(self.lab, _within(self, CAMPAIGN, which, create, _nested(fields), confirm))
+        return self._one(Campaign, which, create, _nested(fields), confirm)
 
     def new_coupon_batch(self, name: str, constants: list[str], *, confirm: bool = False, **fields: Any) -> CouponBatch:
         """Make a batch of coupon tests.
@@ -140,16 +134,15 @@ class Structure(Editable):
             fields: `published` means where the specimens are not at hand, `conditions` of the tests.
         """
         body = {"name": name, "constants": constants, **fields}
-        made = self.lab.connection.post(f"{self.address}/coupon-batches", body, confirm=confirm or None)
-        return CouponBatch(self.lab, made)
+        return self._make(CouponBatch, body, confirm)
 
     def coupon_batches(self) -> list[CouponBatch]:
         """Its coupon batches."""
-        return [CouponBatch(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/coupon-batches")]
+        return self._list(CouponBatch)
 
     def coupon_batch(self, which: str, *, create: bool = False, confirm: bool = False, **fields: Any) -> CouponBatch:
         """One of its coupon batches by name or id; with `create` and `constants` made where there is none."""
-        return CouponBatch(self.lab, _within(self, BATCH, which, create, fields, confirm))
+        return self._one(CouponBatch, which, create, fields, confirm)
 
     def new_monitor(self, name: str, *, confirm: bool = False, **fields: Any) -> Monitor:
         """Watch it as it ages: a frozen recipe that runs on every complete campaign.
@@ -160,25 +153,19 @@ class Structure(Editable):
             fields: as `POST /structures/{id}/monitors` takes them.
         """
         body = {"name": name, **fields}
-        return Monitor(self.lab, self.lab.connection.post(f"{self.address}/monitors", body, confirm=confirm or None))
+        return self._make(Monitor, body, confirm)
 
     def monitors(self) -> list[Monitor]:
         """Its monitors."""
-        return [Monitor(self.lab, one) for one in self.lab.connection.pages(f"{self.address}/monitors")]
+        return self._list(Monitor)
 
     def monitor(self, which: str, *, create: bool = False, confirm: bool = False, **fields: Any) -> Monitor:
         """One of its monitors by name or id; with `create` made where there is none, of `fields`."""
-        return Monitor(self.lab, _within(self, MONITOR, which, create, fields, confirm))
+        return self._one(Monitor, which, create, fields, confirm)
 
     def jobs(self) -> list[UpdateJob]:
         """Update jobs of its campaigns, newest first."""
-        return self.lab.jobs(structure=self.fields["id"])
-
-
-def _within(above: Thing, kind: Kind, which: str, create: bool, body: dict[str, Any], confirm: bool) -> dict[str, Any]:
-    """One of the things below another, by id or name; with `create` made where there is none."""
-    query = {"confirm": True} if confirm else {}
-    return found_or_made(above.lab.connection, kind, which, above.fields["id"], create, body, **query)
+        return update_jobs(self.lab, structure=self.fields["id"])
 
 
 def _nested(properties: dict[str, Any]) -> dict[str, Any]:
@@ -188,3 +175,105 @@ def _nested(properties: dict[str, Any]) -> dict[str, Any]:
         if flat := {name: body.pop(name) for name in names if name in body}:
             body[group] = {**body.get(group, {}), **flat}
     return body
+
+
+class CouponBatch(Thing):
+    """Coupons of one plate and direction, tested to ASTM D3039 or D3518."""
+
+    noun = BATCH
+
+    def add_curve(self, file: str | Path, *, confirm: bool = False, **about: Any) -> dict[str, Any]:
+        """Add a specimen from a testing machine's file.
+
+        Args:
+            file: CSV of the machine.
+            confirm: take unusual dimensions and results as they are.
+            about: `dimensions`, `columns`, and where needed `standard`, `specimen` (by default the file's name) and the
+                others of `POST /coupon-batches/{id}/coupons`.
+
+        Raises:
+            ClientError: the file cannot be read so; the text says what is missing.
+        """
+        path = Path(file)
+        coupon = {"specimen": path.stem, **about}
+        fields = {"coupon": json.dumps(coupon)}
+        answer = self.lab.connection.submit(f"{self.address}/coupons", path, fields, confirm=confirm or None)
+        made: dict[str, Any] = answer["items"][0]
+        return made
+
+    def add_coupon(self, specimen: str, *, confirm: bool = False, **results: Any) -> dict[str, Any]:
+        """Add a specimen whose results are known: `E_Pa`, `G_Pa`, `nu`, `strength_Pa`, `standard` and so on; with `confirm`
+        unusual ones too.
+        """
+        body = {"specimen": specimen, **results}
+        answer = self.lab.connection.post(f"{self.address}/coupons", body, confirm=confirm or None)
+        made: dict[str, Any] = answer["items"][0]
+        return made
+
+    def coupons(self) -> Table:
+        """Its specimens with their results, SI."""
+        return Table(list(self.lab.connection.pages(f"{self.address}/coupons")), key="specimen")
+
+    def summary(self) -> dict[str, Any]:
+        """Statistics of the batch, the priors that follow, and warnings."""
+        found: dict[str, Any] = self.lab.connection.get(f"{self.address}/summary")
+        return found
+
+    @property
+    def statistics(self) -> Table:
+        """Mean, standard deviation and coefficient of variation of each constant."""
+        return Table([{"name": name, **value} for name, value in self.summary()["constants"].items()])
+
+    def curve(self, specimen: str) -> dict[str, Any]:
+        """The raw curve of a specimen as numpy arrays in SI: force in N, strains in m/m, time in s, where it has them."""
+        import numpy as np
+
+        content = self.lab.rest.get_curve_data(self.coupons()[specimen]["id"], format="npz")
+        with np.load(BytesIO(content)) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+
+
+class Monitor(Editable):
+    """A frozen recipe that runs on a structure's campaigns, with control charts of what it finds."""
+
+    noun = MONITOR
+
+    def run(self, campaign: Any = None, **how: Any) -> list[dict[str, Any]]:
+        """Run it now.
+
+        Args:
+            campaign: on this one; by default on all that are complete and not yet in the series.
+            how: `rerun`, `reason`.
+        """
+        body = {**({} if campaign is None else {"campaign": getattr(campaign, "id", campaign)}), **how}
+        runs: list[dict[str, Any]] = self.lab.connection.post(f"{self.address}/runs", body)["items"]
+        return runs
+
+    def runs(self) -> Table:
+        """What became of each run."""
+        return Table(list(self.lab.connection.pages(f"{self.address}/runs")), key="id")
+
+    def series(self, number: int | None = None) -> dict[str, Any]:
+        """Values with their uncertainty, baseline, limits, alarms and campaigns."""
+        found: dict[str, Any] = self.lab.connection.get(f"{self.address}/series", series=number)
+        return found
+
+    def figure(self, parameter: str | None = None) -> Figure:
+        """The control chart of a parameter; by default of the first one that is watched."""
+        return Figure(self.lab, f"{self.address}/series/figure", {"parameter": parameter})
+
+    def alarms(self) -> list[Alarm]:
+        """Its alarms, newest first."""
+        found = self.lab.connection.pages("alarms", monitor=self.fields["id"])
+        return [Alarm(self.lab, fields) for fields in found]
+
+
+class Alarm(Thing):
+    """A change that a monitor has found."""
+
+    noun = Kind("alarm", "alarms/{}", "alarms")
+
+    def acknowledge(self, note: str) -> Alarm:
+        """Say that one has seen it, and what is done about it."""
+        self.fields = self.lab.rest.acknowledge_alarm(self.fields["id"], body={"note": note})
+        return self

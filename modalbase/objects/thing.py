@@ -1,14 +1,34 @@
-"""What all nouns of the service have in common: their fields are attributes, they show and refresh themselves."""
+"""What the objects are made of: access to a service, things that it stores, tables, figures."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
+from modalbase.client.display import PLAIN_WIDTH, cell, print_table
+from modalbase.client.errors import ClientError, Exit
+from modalbase.client.files import FIGURES, format_of
 from modalbase.client.finding import Kind, find, find_or_make
+from modalbase.client.rest import Rest
 
 if TYPE_CHECKING:
     from modalbase.client.connection import Connection
-    from modalbase.objects.laboratory import Laboratory
+
+
+class Access:
+    """A service with a key.
+
+    Attributes:
+        connection: HTTP to the service.
+        rest: every call of the REST contract as a method, for what the objects do not have.
+    """
+
+    def __init__(self, connection: Connection) -> None:
+        self.connection = connection
+        self.rest = Rest(connection)
 
 
 class Thing:
@@ -19,26 +39,24 @@ class Thing:
         fields: the JSON that describes it, as it was last fetched. Each field is an attribute too: `campaign.temperature_c`.
     """
 
-    word: ClassVar[str]
-    """How a message calls one."""
-    path: ClassVar[str]
-    """Of one, below `/api/v1/`, with `{}` for its id."""
+    noun: ClassVar[Kind]
+    """Its noun: how a message calls one, where it is, and where things of its kind are listed."""
 
-    def __init__(self, lab: Laboratory, fields: dict[str, Any]) -> None:
+    def __init__(self, lab: Access, fields: dict[str, Any]) -> None:
         self.lab = lab
         self.fields = fields
 
     def __getattr__(self, name: str) -> Any:
         if name != "fields" and name in self.fields:
             return self.fields[name]
-        raise AttributeError(f"a {self.word} has no {name!r}")
+        raise AttributeError(f"a {self.noun.word} has no {name!r}")
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self.fields]
 
     def __repr__(self) -> str:
         name = f" {self.fields['name']!r}" if "name" in self.fields else ""
-        return f"<{self.word}{name} {self.fields['id']}>"
+        return f"<{self.noun.word}{name} {self.fields['id']}>"
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, type(self)) and self.fields["id"] == other.fields["id"]
@@ -49,7 +67,7 @@ class Thing:
     @property
     def address(self) -> str:
         """Its path below `/api/v1/`."""
-        return self.path.format(self.fields["id"])
+        return self.noun.path.format(self.fields["id"])
 
     def refresh(self) -> Self:
         """Fetch it again.
@@ -59,6 +77,26 @@ class Thing:
         """
         self.fields = self.lab.connection.get(self.address)
         return self
+
+    def _list(self, of: type[T], **narrowed: Any) -> list[T]:
+        """Things of a kind below it."""
+        path = of.noun.below.format(self.fields["id"])
+        return [of(self.lab, fields) for fields in self.lab.connection.pages(path, **narrowed)]
+
+    def _make(self, of: type[T], body: Mapping[str, Any], confirm: bool = False) -> T:
+        """A new thing of a kind below it."""
+        path = of.noun.below.format(self.fields["id"])
+        return of(self.lab, self.lab.connection.post(path, body, confirm=confirm or None))
+
+    def _one(self, of: type[T], which: str, create: bool, body: dict[str, Any], confirm: bool = False) -> T:
+        """One of the things of a kind below it; with `create` made where there is none."""
+        query = {"confirm": True} if confirm else {}
+        return of(
+            self.lab, found_or_made(self.lab.connection, of.noun, which, self.fields["id"], create, body, **query)
+        )
+
+
+T = TypeVar("T", bound=Thing)
 
 
 class Editable(Thing):
@@ -113,3 +151,120 @@ def found_or_made(
     if body or query:
         raise TypeError(f"{', '.join([*body, *query])} of a {kind.word} is stated with create=True")
     return find(service, kind, which, within=within)
+
+
+class Table(Sequence[Mapping[str, Any]]):
+    """Rows of named values, SI in full; printing shows them in a laboratory's units where the table has some.
+
+    `table[0]` is a row, `table["Ex"]` the row of that name, `table.column("estimate")` a column, `len(table)` the number
+    of rows, `table.to_pandas()` a DataFrame.
+
+    Attributes:
+        rows: the values.
+        key: the column that names a row.
+    """
+
+    def __init__(
+        self,
+        rows: Sequence[Mapping[str, Any]],
+        key: str = "name",
+        shown: tuple[Sequence[str], Sequence[Sequence[Any]]] | None = None,
+    ) -> None:
+        self.rows = list(rows)
+        self.key = key
+        self._shown = shown
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[Mapping[str, Any]]:
+        return iter(self.rows)
+
+    def __getitem__(self, which: Any) -> Any:
+        if not isinstance(which, str):
+            return self.rows[which]
+        for row in self.rows:
+            if row.get(self.key) == which:
+                return row
+        raise KeyError(f"{which!r}; there is {', '.join(str(row.get(self.key)) for row in self.rows)}")
+
+    def column(self, name: str) -> list[Any]:
+        """The values of a column, None where a row has none."""
+        return [row.get(name) for row in self.rows]
+
+    def to_pandas(self) -> Any:
+        """A `pandas.DataFrame`, SI in full.
+
+        Raises:
+            ClientError: pandas is not installed.
+        """
+        try:
+            import pandas as pd
+        except ModuleNotFoundError:
+            raise ClientError("pandas is not installed: pip install pandas", Exit.USAGE) from None
+        return pd.DataFrame(self.rows)
+
+    def __str__(self) -> str:
+        from rich.console import Console
+
+        text = StringIO()
+        print_table("", *self._cells(), Console(file=text, width=PLAIN_WIDTH))
+        return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        columns, rows = self._cells()
+        head = "".join(f"<th>{escape(name)}</th>" for name in columns)
+        body = "".join(f"<tr>{''.join(f'<td>{escape(cell(value))}</td>' for value in row)}</tr>" for row in rows)
+        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+    def _cells(self) -> tuple[Sequence[str], Sequence[Sequence[Any]]]:
+        if self._shown is not None:
+            return self._shown
+        columns = list(dict.fromkeys(name for row in self.rows for name in row))
+        return columns, [[row.get(name) for name in columns] for row in self.rows]
+
+
+class Figure:
+    """A figure; a notebook shows it as SVG, and needs no library for that.
+
+    Attributes:
+        lab: where it is of.
+        address: its path below `/api/v1/`.
+        query: which figure of that address.
+    """
+
+    def __init__(self, lab: Access, address: str, query: dict[str, Any]) -> None:
+        self.lab, self.address, self.query = lab, address, query
+
+    def __repr__(self) -> str:
+        return f"<Figure {self.address}; .save(FILE), .plotly()>"
+
+    def content(self, file_format: str) -> Any:
+        """The figure as `svg`, `png` or `pdf` bytes, or as the JSON of `plotly`.
+
+        Raises:
+            ClientError: there is none of that name, or nothing to draw.
+        """
+        return self.lab.connection.call("GET", self.address, params={**self.query, "format": file_format})
+
+    def save(self, file: str | Path) -> Path:
+        """Write it to a file: `.svg`, `.png`, `.pdf`, or `.json` for Plotly.
+
+        Raises:
+            ClientError: the file's name says none of these.
+        """
+        path = Path(file)
+        chosen = format_of(path, FIGURES)
+        self.lab.connection.download(self.address, path, lambda _done, _size: None, **{**self.query, "format": chosen})
+        return path
+
+    def plotly(self) -> dict[str, Any]:
+        """The figure as Plotly has it: `plotly.graph_objects.Figure(figure.plotly())`."""
+        found: dict[str, Any] = self.content("plotly")
+        return found
+
+    def _repr_svg_(self) -> str:
+        content: bytes = self.content("svg")
+        return content.decode()

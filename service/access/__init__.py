@@ -13,10 +13,9 @@ What a feature needs of it::
 
 from typing import TYPE_CHECKING, Any
 
-from service.access.audit import audit
-from service.access.lookup import Lookup
-from service.access.projects import Role, project_for, projects_at_work, projects_of
+from service.access.lookup import Lookup, Role, project_for, projects_at_work, projects_of
 from service.access.tables import ApiKey, AuditEvent, Member, Project, User
+from service.access.users import audit
 
 if TYPE_CHECKING:
     from service.access.dependencies import CurrentUser, SessionDep, SettingsDep

@@ -15,8 +15,7 @@ from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
-from service.access.keys import found_key
-from service.access.scopes import require_scope
+from service.access.keys import found_key, require_scope
 from service.access.tables import ApiKey, User
 from service.settings import Settings
 

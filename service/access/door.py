@@ -1,12 +1,21 @@
 """The door before the house: who asks, how often and how much is checked before a body is read, and a body is received
 whole before the request takes a slot (docs/limits.md).
+
+One API process remembers verdicts on keys, so that who is turned away costs neither a transaction nor a slot. A key that was
+found valid a moment ago is counted under its own name at the gate, any other under the address that it came from. Nothing is
+let in by memory alone: the transaction that answers a request asks for the key again.
 """
 
 from __future__ import annotations
 
 import asyncio
+import hashlib
+import hmac
+import time
+from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from uuid import UUID
 
@@ -18,24 +27,129 @@ from starlette.requests import ClientDisconnect
 from starlette.routing import BaseRoute
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.access.keys import found_key
-from service.access.known_keys import Caller, KnownKeys
-from service.access.projects import Role
-from service.access.scopes import require_scope
+from service.access.keys import COOKIE, HEADER, found_key, is_session_token, request_token, require_scope
+from service.access.lookup import Role
 from service.access.tables import User
 from service.db.engine import Sessions
-from service.errors import PayloadTooLarge, TooManyRequests, Unauthorized, Unavailable
+from service.errors import Forbidden, PayloadTooLarge, TooManyRequests, Unauthorized, Unavailable
 from service.settings import Settings
-from service.web.buckets import Buckets
-from service.web.gate import SLOT, Gate, Slot
+from service.web.gate import SLOT, Buckets, Gate, Slot
 from service.web.negotiation import content_type, is_json
 from service.web.problems import problem_of
-from service.web.spool import answer_early, spooled_body, too_large
+from service.web.uploads import answer_early, spooled_body, too_large
+
+SAFE = ("GET", "HEAD", "OPTIONS")
+
+LARGE_BYTES = 65536  # of a body before which key and role are checked, even of a key that is known
+
+SECONDS = 30.0  # for which a verdict is remembered
+MOST_KEYS = 10_000
+MISSING = "send `Authorization: Bearer KEY`; make a key with `modalbase keys create --name NAME`"
+INVALID = "the API key is not valid; make one with `modalbase keys create --name NAME`"
+
+
+@dataclass(frozen=True)
+class Caller:
+    """Who asks, as far as is known before the database was asked.
+
+    Attributes:
+        name: under which requests are counted: the key where it was valid a moment ago, else the address.
+        digest: of the key.
+        token: the key.
+        known: the key was valid a moment ago.
+    """
+
+    name: str
+    digest: bytes
+    token: str
+    known: bool
+
+
+class KnownKeys:
+    """Verdicts on keys, and the number of wrong keys that each address has tried."""
+
+    def __init__(self, failures_a_minute: int) -> None:
+        self._verdicts: OrderedDict[bytes, tuple[bool, float]] = OrderedDict()
+        self._failures = Buckets(failures_a_minute, 60.0)
+
+    def caller(self, authorization: str | None, address: str) -> Caller:
+        """Who asks.
+
+        Raises:
+            Unauthorized: there is no key, or it was wrong a moment ago.
+            TooManyRequests: the address has tried too many wrong keys, and this one is not known to be right.
+        """
+        scheme, _, token = (authorization or "").partition(" ")
+        token = token.strip()
+        if scheme.lower() != "bearer" or not token:
+            raise Unauthorized(MISSING)
+        digest = hashlib.sha256(token.encode("utf-8", "surrogatepass")).digest()
+        verdict = self._verdict(digest)
+        if verdict is False:
+            raise Unauthorized(INVALID)
+        if verdict is None and self._failures.left(address) < 1:
+            raise TooManyRequests("too many wrong keys came from this address; wait a minute", retry_after=60)
+        known = verdict is True
+        return Caller(f"key {digest.hex()}" if known else f"address {address}", digest, token, known)
+
+    def found(self, caller: Caller, address: str, *, valid: bool) -> None:
+        """The database was asked."""
+        if not valid and self._verdict(caller.digest) is not False:
+            self._failures.take(address)
+        self._verdicts[caller.digest] = valid, time.monotonic() + SECONDS
+        self._verdicts.move_to_end(caller.digest)
+        if len(self._verdicts) > MOST_KEYS:
+            self._verdicts.popitem(last=False)
+
+    def _verdict(self, digest: bytes) -> bool | None:
+        valid, until = self._verdicts.get(digest, (None, 0.0))
+        return valid if time.monotonic() < until else None
+
+
+class SessionCookie:
+    """ASGI layer: a request that comes with a session's cookie and without `Authorization` gets the session's token.
+
+    One that changes something is refused where it lacks the session's request token: another site may send the cookie's
+    owner here, but cannot read that token.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """ASGI entry."""
+        token = session_token(scope) if scope["type"] == "http" else None
+        if token is None:
+            await self.app(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+        if scope["method"] not in SAFE and not _proven(token, headers.get(HEADER, "")):
+            answer = problem_of(Forbidden(f"a request with a session's cookie needs its token in the header {HEADER}"))
+            assert answer is not None
+            await answer(scope, receive, send)
+            return
+        authorization = (b"authorization", f"Bearer {token}".encode())
+        await self.app({**scope, "headers": [*scope["headers"], authorization]}, receive, send)
+
+
+def session_token(scope: Scope) -> str | None:
+    """The token of the session's cookie; None where the request has none, or states a key."""
+    headers = Headers(scope=scope)
+    if "authorization" in headers:
+        return None
+    try:
+        morsel = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+    except CookieError:  # other cookies of this host, which are not ours to judge
+        return None
+    return morsel.value if morsel is not None and is_session_token(morsel.value) and morsel.value.isascii() else None
+
+
+def _proven(token: str, sent: str) -> bool:
+    return hmac.compare_digest(request_token(token).encode(), sent.encode("utf-8", "surrogatepass"))
+
 
 Finder = Callable[[Session, User, UUID, Role], object]
 """Finds what an id of a path names, or raises what the route itself would."""
-
-LARGE_BYTES = 65536  # of a body before which key and role are checked, even of a key that is known
 
 
 class Paths:

@@ -1,33 +1,62 @@
-"""Routes of projects, one's own API keys and the audit trail."""
+"""Routes of projects and their members, of keys, sessions and users, and of the audit trail.
+
+Those of users are for administrators. None of them makes a key, so nobody acts in another's name.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 from uuid import UUID
 
-from fastapi import Query, Request, Response
-from sqlalchemy import or_, select
+from fastapi import Depends, Path, Query, Request, Response
+from sqlalchemy import func, or_, select
+from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Session
 
-from service.access.audit import audit
 from service.access.dependencies import CurrentKey, CurrentUser, SessionDep
-from service.access.keys import create_key
-from service.access.projects import project_for, projects_of
+from service.access.keys import (
+    COOKIE,
+    LIFETIME,
+    close_session,
+    create_key,
+    is_session_token,
+    locked_key,
+    open_session,
+    request_token,
+    revoke_key,
+)
+from service.access.lookup import project_for, projects_of
 from service.access.schemas import (
     AuditEventOut,
+    KeyEnd,
     KeyIn,
     KeyOut,
+    MemberIn,
+    MemberOut,
     NewKeyOut,
     ProjectIn,
     ProjectOut,
     ProjectPatch,
+    SessionOut,
+    UserOut,
 )
 from service.access.tables import ApiKey, AuditEvent, Member, Project, User
-from service.access.users import names_of
+from service.access.users import (
+    audit,
+    expected_user,
+    find_user,
+    names_of,
+    require_administrator,
+    set_disabled,
+    user_of_id,
+    valid_key_counts,
+)
 from service.db.clock import transaction_time
-from service.errors import Conflict, Invalid, NotFound
+from service.errors import Conflict, Invalid, NotFound, not_found_as
 from service.web import IF_MATCH, Page, api_router, etag_of, require_match
-from service.web.paging import Cursor, Limit, paged
+from service.web.bodies import Name
+from service.web.parameters import Cursor, Limit, paged
 
 router = api_router(tags=["access"])
 
@@ -145,19 +174,13 @@ def create_api_key(body: KeyIn, session: SessionDep, user: CurrentUser, own: Cur
 @router.get("/api-keys")
 def list_api_keys(session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100) -> Page[KeyOut]:
     """One's own keys, without their secrets."""
-    rows, following = paged(session, select(ApiKey).where(ApiKey.user_id == user.id), ApiKey.id, cursor, limit)
-    return Page(items=[KeyOut.model_validate(row) for row in rows], next_cursor=following)
+    return _keys_of(session, user.id, cursor, limit)
 
 
 @router.delete("/api-keys/{key_id}", status_code=204)
 def revoke_api_key(key_id: UUID, session: SessionDep, user: CurrentUser) -> None:
     """Revoke a key of one's own: from now on it opens nothing."""
-    row = session.scalars(select(ApiKey).where(ApiKey.id == key_id, ApiKey.user_id == user.id)).one_or_none()
-    if row is None:
-        raise NotFound("API key", key_id)
-    if row.revoked_at is None:
-        row.revoked_at = transaction_time(session)
-        audit(session, user, "api_key.revoke", "api_key", row.id)
+    revoke_key(session, user, locked_key(session, user.id, key_id))
 
 
 @router.get("/audit-events")
@@ -176,3 +199,196 @@ def list_audit_events(
     names = names_of(session, {row.user_id for row in rows})
     items = [AuditEventOut(**row.__dict__, user=names.get(row.user_id)) for row in rows]
     return Page(items=items, next_cursor=following)
+
+
+MOST_MEMBERS = 1000  # of one project
+MemberName = Annotated[Name, Path(description="name of a user, or id of one")]
+
+
+@router.get("/projects/{project_id}/members")
+def list_members(
+    project_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+) -> Page[MemberOut]:
+    """Who is in a project, and in which role."""
+    project = project_for(session, user, project_id)
+    query = select(Member).where(Member.project_id == project.id)
+    rows, following = paged(session, query, Member.user_id, cursor, limit)
+    names = names_of(session, {row.user_id for row in rows})
+    items = [
+        MemberOut(project_id=project.id, user_id=row.user_id, user=names[row.user_id], role=row.role)  # type: ignore[arg-type]  # the column holds roles
+        for row in rows
+    ]
+    return Page(items=items, next_cursor=following)
+
+
+@router.put("/projects/{project_id}/members/{member}")
+def put_member(
+    project_id: UUID, member: MemberName, body: MemberIn, session: SessionDep, user: CurrentUser
+) -> MemberOut:
+    """Give a user, by name or id, a role in the project.
+
+    The answer to a name is the same whether or not there is such a user: who has no key yet is a member as soon as the
+    operator makes one (`modalbase keys create --name NAME`).
+    """
+    project = project_for(session, user, project_id, "owner")
+    found = expected_user(session, member)
+    if body.role != "owner":
+        _keep_an_owner(session, project_id, found)
+    _require_place(session, project_id, found)
+    session.execute(
+        insert(Member)
+        .values(project_id=project.id, user_id=found.id, role=body.role)
+        .on_conflict_do_update(index_elements=["project_id", "user_id"], set_={"role": body.role})
+    )
+    audit(session, user, "member.put", "user", found.id, project.id, role=body.role)
+    return MemberOut(project_id=project.id, user_id=found.id, user=found.name, role=body.role)
+
+
+@router.delete("/projects/{project_id}/members/{member}", status_code=204)
+def delete_member(project_id: UUID, member: str, session: SessionDep, user: CurrentUser) -> None:
+    """Take a user out of the project: an owner anybody, every member themselves."""
+    found = user if member in (user.name, str(user.id)) else None
+    project = project_for(session, user, project_id, "viewer" if found else "owner", resting=found is not None)
+    with not_found_as("member", member):  # whether there is a user of that name is nobody's business
+        found = found or find_user(session, member)
+    row = session.get(Member, (project.id, found.id))
+    if row is None:
+        raise NotFound("member", member)
+    _keep_an_owner(session, project_id, found)
+    session.delete(row)
+    audit(session, user, "member.delete", "user", found.id, project.id)
+
+
+def _require_place(session: Session, project_id: UUID, coming: User) -> None:
+    """Refuse one member too many; the role of one who is in the project already can be changed."""
+    others = select(func.count()).where(Member.project_id == project_id, Member.user_id != coming.id)
+    if session.scalars(others).one() >= MOST_MEMBERS:
+        raise Conflict(f"the project has {MOST_MEMBERS} members, as many as it may; take one out first")
+
+
+def _keep_an_owner(session: Session, project_id: UUID, leaving: User) -> None:
+    """Refuse to take the last owner's role away."""
+    owners = session.scalars(
+        select(Member.user_id).where(Member.project_id == project_id, Member.role == "owner").with_for_update()
+    ).all()
+    if list(owners) == [leaving.id]:
+        raise Conflict(f"{leaving.name} is the project's last owner; make another member an owner first")
+
+
+@router.post("/session", status_code=201)
+def sign_in(
+    session: SessionDep, user: CurrentUser, key: CurrentKey, request: Request, response: Response
+) -> SessionOut:
+    """Begin a browser's session with the key of this request; the answer sets its cookie.
+
+    The cookie is not readable by scripts and is sent to this host alone. A request that changes something and comes with
+    the cookie needs `X-CSRF-Token` as well, which the answer holds.
+    """
+    if is_session_token(_token(request)):
+        raise Conflict("this is a session already; sign in with a key")
+    row, token = open_session(session, key)
+    audit(session, user, "session.create", "session", row.id)
+    response.set_cookie(
+        COOKIE,
+        token,
+        max_age=int(LIFETIME.total_seconds()),
+        secure=request.url.scheme == "https",
+        httponly=True,
+        samesite="strict",
+    )
+    response.headers["Cache-Control"] = "no-store"
+    return SessionOut(user=user.name, expires_at=row.expires_at, csrf_token=request_token(token))
+
+
+@router.delete("/session", status_code=204)
+def sign_out(session: SessionDep, user: CurrentUser, request: Request, response: Response) -> None:
+    """End the session of this request's cookie, here and for whoever has its cookie."""
+    token = _token(request)
+    if not is_session_token(token):
+        raise Conflict("the request comes with a key and not with a session's cookie; revoke the key to end it")
+    close_session(session, token)
+    audit(session, user, "session.delete", "session", None)
+    response.delete_cookie(COOKIE, httponly=True, samesite="strict")
+
+
+def _token(request: Request) -> str:
+    return request.headers["authorization"].partition(" ")[2].strip()
+
+
+def _administrator(user: CurrentUser) -> None:
+    require_administrator(user)
+
+
+ADMINISTRATORS = [Depends(_administrator)]
+
+
+@router.get("/users", dependencies=ADMINISTRATORS)
+def list_users(
+    session: SessionDep,
+    name: Annotated[str | None, Query(max_length=200, description="only the user of this name")] = None,
+    cursor: Cursor = None,
+    limit: Limit = 100,
+) -> Page[UserOut]:
+    """All users; for administrators, with a key of the scope `admin`."""
+    query = select(User) if name is None else select(User).where(User.name == name.replace("\0", ""))
+    rows, following = paged(session, query, User.id, cursor, limit)
+    return Page(items=_described(session, rows), next_cursor=following)
+
+
+@router.get("/users/{user_id}", dependencies=ADMINISTRATORS)
+def get_user(user_id: UUID, session: SessionDep) -> UserOut:
+    """One user; for administrators."""
+    return _described(session, [user_of_id(session, user_id)])[0]
+
+
+@router.post("/users/{user_id}/disable", dependencies=ADMINISTRATORS)
+def disable_user(user_id: UUID, session: SessionDep, user: CurrentUser) -> UserOut:
+    """Disable a user: from now on none of their keys opens anything; for administrators."""
+    found = user_of_id(session, user_id, locked=True)
+    set_disabled(session, user, found, disabled=True)
+    return _described(session, [found])[0]
+
+
+@router.post("/users/{user_id}/enable", dependencies=ADMINISTRATORS)
+def enable_user(user_id: UUID, session: SessionDep, user: CurrentUser) -> UserOut:
+    """Enable a user who was disabled; for administrators."""
+    found = user_of_id(session, user_id, locked=True)
+    set_disabled(session, user, found, disabled=False)
+    return _described(session, [found])[0]
+
+
+@router.get("/users/{user_id}/api-keys", dependencies=ADMINISTRATORS)
+def list_keys_of_user(user_id: UUID, session: SessionDep, cursor: Cursor = None, limit: Limit = 100) -> Page[KeyOut]:
+    """A user's keys, without their secrets; for administrators."""
+    return _keys_of(session, user_of_id(session, user_id).id, cursor, limit)
+
+
+@router.patch("/users/{user_id}/api-keys/{key_id}", dependencies=ADMINISTRATORS)
+def end_key_of_user(user_id: UUID, key_id: UUID, body: KeyEnd, session: SessionDep, user: CurrentUser) -> KeyOut:
+    """Have a user's key expire, never later than it does already; for administrators."""
+    key = locked_key(session, user_of_id(session, user_id).id, key_id)
+    if key.revoked_at is not None:
+        raise Conflict("the key is revoked")
+    if body.expires_at <= transaction_time(session):
+        raise Invalid("/expires_at", "is over already; DELETE revokes the key at once")
+    if key.expires_at is not None and body.expires_at > key.expires_at:
+        raise Invalid("/expires_at", f"is later than the key's end now, {key.expires_at.isoformat()}")
+    key.expires_at = body.expires_at
+    audit(session, user, "api_key.expire", "api_key", key.id, expires_at=body.expires_at.isoformat())
+    return KeyOut.model_validate(key)
+
+
+@router.delete("/users/{user_id}/api-keys/{key_id}", status_code=204, dependencies=ADMINISTRATORS)
+def revoke_key_of_user(user_id: UUID, key_id: UUID, session: SessionDep, user: CurrentUser) -> None:
+    """Revoke a user's key: from now on it opens nothing; for administrators."""
+    revoke_key(session, user, locked_key(session, user_of_id(session, user_id).id, key_id))
+
+
+def _keys_of(session: Session, user_id: UUID, cursor: str | None, limit: int) -> Page[KeyOut]:
+    rows, following = paged(session, select(ApiKey).where(ApiKey.user_id == user_id), ApiKey.id, cursor, limit)
+    return Page(items=[KeyOut.model_validate(row) for row in rows], next_cursor=following)
+
+
+def _described(session: Session, users: Sequence[User]) -> list[UserOut]:
+    counts = valid_key_counts(session, [user.id for user in users])
+    return [UserOut(**user.__dict__, valid_keys=counts.get(user.id, 0)) for user in users]

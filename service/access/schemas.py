@@ -8,8 +8,8 @@ from uuid import UUID
 
 from pydantic import ConfigDict, Field
 
-from service.access.projects import Role
-from service.access.scopes import Scope
+from service.access.keys import Scope
+from service.access.lookup import Role
 from service.web.bodies import Name, StrictModel, Text, Time, example, not_null
 
 

@@ -1,19 +1,54 @@
-"""Users: found by name or key, entered under a name before they have a key, disabled."""
+"""Users: found by name or key, entered under a name before they have a key, disabled; and the audit trail of what they do."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from contextlib import suppress
+from typing import Any
 from uuid import UUID
 
 from sqlalchemy import ColumnElement, func, or_, select, text
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Session
 
-from service.access.audit import audit
-from service.access.tables import ApiKey, User
+from service.access.tables import ApiKey, AuditEvent, User
 from service.db.clock import transaction_time
 from service.errors import Conflict, Forbidden, NotFound
+from service.logs import current_request_id
+
+
+def audit(
+    session: Session,
+    user: User | None,
+    action: str,
+    subject_type: str,
+    subject_id: UUID | None,
+    project_id: UUID | None = None,
+    **detail: Any,
+) -> None:
+    """Record an act in the caller's transaction, so that the act and its record stand or fall together.
+
+    Args:
+        session: the transaction of the act.
+        user: who; None for the operator at the command line and for the service itself.
+        action: what, as `thing.verb`, such as `campaign.create`.
+        subject_type: kind of thing, such as `campaign`.
+        subject_id: which thing.
+        project_id: the project it belongs to; its members see the event.
+        detail: JSON values worth keeping.
+    """
+    session.add(
+        AuditEvent(
+            user_id=user.id if user else None,
+            project_id=project_id,
+            action=action,
+            subject_type=subject_type,
+            subject_id=subject_id,
+            detail=detail,
+            request_id=current_request_id(),
+        )
+    )
+
 
 _SOME_TIME_AGO = text("uuidv7(-random() * (now() - coalesce((SELECT min(created_at) FROM users), now())))")
 """A key like that of a user who came at any time since the first one: one made now would show that the user is new."""
@@ -85,13 +120,13 @@ def set_disabled(session: Session, by: User, user: User, *, disabled: bool) -> N
     audit(session, by, "user.disable" if disabled else "user.enable", "user", user.id, name=user.name)
 
 
-def locked_user(session: Session, user_id: UUID) -> User:
-    """A user by key, whom nobody else edits until the transaction ends.
+def user_of_id(session: Session, user_id: UUID, *, locked: bool = False) -> User:
+    """A user by key; `locked`, nobody else edits the row until the transaction ends.
 
     Raises:
         NotFound: there is none.
     """
-    found = session.get(User, user_id, with_for_update={"key_share": True})
+    found = session.get(User, user_id, with_for_update={"key_share": True} if locked else None)
     if found is None:
         raise NotFound("user", user_id)
     return found

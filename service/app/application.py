@@ -15,8 +15,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from starlette.concurrency import run_in_threadpool
 
 from fecore import __version__
-from service.access.cookie import SessionCookie
-from service.access.door import Door, Paths
+from service.access.door import Door, Paths, SessionCookie
 from service.app.composition import FINDERS, ROUTERS
 from service.db.engine import for_reading, make_engine, make_sessions
 from service.db.schema import SchemaError, require_head
@@ -28,10 +27,8 @@ from service.show.guide import router as guide
 from service.show.pages import PREFIX as PAGES
 from service.show.pages import PageErrors, add_pages
 from service.show.pages.assets import router as assets
-from service.web.hosts import KnownHosts
-from service.web.middleware import RequestMiddleware
-from service.web.openapi import RESPONSES, describe_problems
-from service.web.pages import add_documentation
+from service.web.middleware import KnownHosts, RequestMiddleware
+from service.web.openapi import RESPONSES, add_documentation, describe_problems
 from service.web.problems import add_problem_handlers
 from service.web.routing import include
 

@@ -11,17 +11,11 @@ from functools import partial
 from fastapi import APIRouter
 
 from service.access.door import Finder
-from service.access.member_routes import router as members
-from service.access.projects import project_for
+from service.access.lookup import project_for
 from service.access.routes import router as access
-from service.access.session_routes import router as sessions
-from service.access.user_routes import router as users
 from service.monitoring.notifications.routes import router as webhooks
 from service.monitoring.routes import router as monitoring
-from service.show.results.card_routes import router as cards
-from service.show.results.figure_routes import router as figures
-from service.show.results.joint_figure_routes import router as joint_figures
-from service.show.results.prediction_routes import router as predictions
+from service.show.results.routes import router as results
 from service.show.routes import router as measured_figures
 from service.store.campaigns.operations import campaign_for
 from service.store.campaigns.routes import points_router as grid_points
@@ -39,14 +33,10 @@ from service.store.records.routes import router as records
 from service.store.storage.routes import router as storage
 from service.store.structures.operations import structure_for
 from service.store.structures.routes import router as structures
-from service.store.updating.joint_routes import router as joint_updates
 from service.store.updating.routes import router as updating
 
 ROUTERS: tuple[APIRouter, ...] = (
     access,
-    members,
-    sessions,
-    users,
     storage,
     structures,
     campaigns,
@@ -60,12 +50,8 @@ ROUTERS: tuple[APIRouter, ...] = (
     identifications,
     coupons,
     updating,
-    joint_updates,
     plans,
-    predictions,
-    cards,
-    figures,
-    joint_figures,
+    results,
     measured_figures,
     monitoring,
     webhooks,

@@ -10,8 +10,7 @@ from service.monitoring.judgements import JUDGE
 from service.store.imports.operations import IMPORT
 from service.store.modes.identifications import IDENTIFY
 from service.store.records.processings import PROCESS
-from service.store.updating.joint_operations import JOINT_UPDATE
-from service.store.updating.operations import UPDATE
+from service.store.updating.operations import JOINT_UPDATE, UPDATE
 
 KINDS: tuple[JobKind, ...] = (IMPORT, PROCESS, IDENTIFY, UPDATE, JOINT_UPDATE, JUDGE)
 """Every kind of job that a worker can run."""

@@ -41,7 +41,7 @@ def serve(settings: Callable[[], Settings], listener: int | None = None, *, atta
         from service.app.supervisor import listening_socket
         from service.db.opening import open_database
         from service.logs import configure_logs
-        from service.web.server import PatientProtocol
+        from service.web.middleware import PatientProtocol
 
     wanted = settings()
     configure_logs(wanted)
@@ -91,11 +91,12 @@ def work(
     with loading():
         from service.app.kinds import KINDS
         from service.db.opening import open_database
+        from service.jobs.kinds import REQUESTS
         from service.jobs.worker import run_worker
         from service.logs import configure_logs
         from service.monitoring.scheduler import scheduler
 
-    wanted, known = settings(), {kind.queue for kind in KINDS}
+    wanted, known = settings(), {REQUESTS, *(kind.queue for kind in KINDS)}
     if queues is not None and not known.issuperset(queues):  # it would wait for ever
         raise UnknownQueueError(f"there is {', '.join(sorted(known))}, separated by commas where several")
     configure_logs(wanted)

@@ -32,7 +32,7 @@ class Observation:
     Attributes:
         campaign: its id.
         performed_at: when it was measured.
-        values: of `service.monitoring.values`.
+        values: of `service.monitoring.runs`.
         covariates: by name; NaN where not measured.
     """
 

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from fecore.body.oriented import OrientedSpecimen
-from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import Campaign
-from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter
 from fecore.updating.plans import Plan, PlannedTest, plan_tests
@@ -16,24 +13,12 @@ from fecore.updating.recipe import Recipe
 
 
 @dataclass(frozen=True)
-class MadeTest:
-    """A campaign that was made, with its modes."""
-
-    name: str
-    specimen: str
-    body: OrientedSpecimen
-    modes: MeasuredModes
-    points: dict[int, tuple[float, float, float]]
-    inputs: Inputs
-
-
-@dataclass(frozen=True)
 class PlanOrder:
-    """Everything that a plan needs; `sent` is how each test was asked for, for the answer."""
+    """Everything that a plan needs: `made` with the modes as they were stored, `sent` as each test was asked for."""
 
     tests: tuple[PlannedTest, ...]
     sent: tuple[dict[str, Any], ...]
-    made: tuple[MadeTest, ...]
+    made: tuple[Campaign, ...]
     parameters: tuple[Parameter, ...]
     count: int | None
 
@@ -49,7 +34,7 @@ def compute_plan(order: PlanOrder) -> dict[str, Any]:
     for each in order.made:
         modes = prepare(Measurement(None, each.points, each.modes), each.body, Recipe()).modes
         assert modes is not None, "they were handed in"
-        campaigns.append(Campaign(each.name, each.specimen, each.body, modes, each.points, each.inputs))
+        campaigns.append(replace(each, modes=modes))
     plan = plan_tests(order.tests, campaigns, order.parameters, order.count)
     return _describe(plan, order)
 

@@ -31,8 +31,8 @@ from modalbase.formats.uff import (
     UffError,
     read_file,
 )
+from modalbase.formats.uff.channels import Spectra
 from modalbase.formats.uff.content import Outcome
-from modalbase.formats.uff.spectra import Spectra
 from service.compute.arrays_of_files import Found, Kind, read_arrays
 from service.compute.frf_rows import EncodedFrf
 from service.compute.spectra import Axis, encode, encode_axis

@@ -1,4 +1,6 @@
-"""One attempt at a job: load, compute in the child, store. Runs in a thread of the worker."""
+"""One attempt at a job: load, compute in the child, store. Runs in a thread of the worker, and lives through the database's
+absence: errors pass that do so by themselves, and a result is kept so that it can be stored again.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +16,60 @@ from sqlalchemy.exc import DBAPIError
 
 from service.db.engine import Sessions
 from service.errors import NotFinite
-from service.jobs import checkpoints, ledger
+from service.jobs import ledger
 from service.jobs.child import Checkpoint, Failure, Item, Order, Progress, failure_of
 from service.jobs.kinds import JobKind
-from service.jobs.outages import Replay, passes
 from service.jobs.process import Child, ChildEnded
 from service.jobs.tables import Job
 from service.settings import Settings
+
+KEPT_BYTES = 32 * 1024 * 1024
+
+PASSING = ("08", "40", "53", "57P", "55P03")
+"""SQLSTATEs of lost connections, rollbacks that ask for another try, exhausted resources, shutdowns, lock time-outs."""
+
+
+def passes(error: DBAPIError) -> bool:
+    """Is this an error of the moment, which another try later may not meet? A connection refused has no SQLSTATE."""
+    state = getattr(error.orig, "sqlstate", None)
+    return error.connection_invalidated or (
+        state.startswith(PASSING) if state else type(error.orig).__name__ in ("OperationalError", "InterfaceError")
+    )
+
+
+class Replay:
+    """Items that can be gone through again from the first one on, as long as they are small.
+
+    Attributes:
+        complete: nothing has been dropped; another `iter` gives every item.
+    """
+
+    def __init__(self, source: Iterator[Item]) -> None:
+        self._source = source
+        self._kept: list[Item] = []
+        self._bytes = 0
+        self.complete = True
+
+    def __iter__(self) -> Iterator[Any]:
+        """What the items hold, from the first one on. Only the last iterator may be used."""
+        if not self.complete:
+            raise RuntimeError("the first items are gone")
+        for item in list(self._kept):
+            yield item.value
+        for item in self._source:
+            self._keep(item)
+            yield item.value
+
+    def _keep(self, item: Item) -> None:
+        if not self.complete:
+            return
+        self._bytes += item.size
+        if self._bytes > KEPT_BYTES:
+            self.complete = False
+            self._kept.clear()
+            return
+        self._kept.append(item)
+
 
 PROGRESS_SECONDS = 0.1
 AGAIN_SECONDS = 1.0  # between two tries to reach the database
@@ -92,7 +141,7 @@ class Attempt:
 
     def _load(self, workspace: Path) -> tuple[Any, bytes | None]:
         with self.sessions.begin() as session:
-            return self.kind.load(session, self.job.id, workspace), checkpoints.load(session, self.job.id)
+            return self.kind.load(session, self.job.id, workspace), ledger.load_checkpoint(session, self.job.id)
 
     def _start(self, inputs: Any, restored: bytes | None) -> Child:
         order = Order(self.kind.compute, inputs, restored, self.kind.memory_bytes or self.settings.job_memory_bytes)
@@ -137,7 +186,7 @@ class Attempt:
                     yield message
                 case Checkpoint(data):
                     self._aside(
-                        lambda session, data=data: checkpoints.save(session, self.job.id, self.job.attempt, data)
+                        lambda session, data=data: ledger.save_checkpoint(session, self.job.id, self.job.attempt, data)
                     )
                 case Progress():
                     self._progress(message)

@@ -1,10 +1,25 @@
-"""One way to run something in the background: a thread that goes round as long as a `with` block runs."""
+"""One way to run something in the background: a thread that goes round as long as a `with` block runs.
+
+The listener hears what the database announces at commit (LISTEN/NOTIFY). A notice is a hint: who needs to be sure also looks.
+"""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Self
+
+import psycopg
+import structlog
+from psycopg import sql
+
+from service.db.engine import psycopg_url
+
+AGAIN_SECONDS = 1.0
+
+WAKE_SECONDS = 0.5
+
+log = structlog.stdlib.get_logger("modalbase.notices")
 
 
 class Background:
@@ -45,3 +60,42 @@ class Background:
             seconds = self._work()
             if not self.ending.is_set():
                 self._woken.wait(seconds)
+
+
+class Listener(Background):
+    """Listens in a thread of its own, and connects again as often as needed; a context manager.
+
+    Attributes:
+        connected: whether notices come through at the moment.
+    """
+
+    def __init__(self, url: str, channels: Sequence[str], heard: Callable[[str], None]) -> None:
+        """Prepare.
+
+        Args:
+            url: the database.
+            channels: what to listen to.
+            heard: called with each payload, in the listener's thread.
+        """
+        super().__init__("notices", self._round)
+        self.connected = threading.Event()
+        self._url, self._channels, self._heard = psycopg_url(url), channels, heard
+
+    def _round(self) -> float:
+        try:
+            self._listen()
+        except psycopg.Error as error:
+            log.warning("notices are interrupted; connecting again", error=str(error).strip())
+        finally:
+            self.connected.clear()
+        return AGAIN_SECONDS
+
+    def _listen(self) -> None:
+        name = "modalbase notices"
+        with psycopg.connect(self._url, autocommit=True, application_name=name, connect_timeout=5) as connection:
+            for channel in self._channels:
+                connection.execute(sql.SQL("LISTEN {}").format(sql.Identifier(channel)))
+            self.connected.set()
+            while not self.ending.is_set():
+                for notice in connection.notifies(timeout=WAKE_SECONDS):
+                    self._heard(notice.payload)

@@ -16,7 +16,6 @@ from collections import Counter
 from collections.abc import AsyncIterator, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from types import TracebackType
 from typing import Annotated, Any, Self
 from uuid import UUID
 
@@ -31,7 +30,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from service.access.dependencies import CurrentKey
 from service.db.engine import Sessions
 from service.errors import TooManyRequests
-from service.jobs.notices import Listener
+from service.jobs.background import Listener
 from service.jobs.state import ENDED, job_state
 from service.jobs.tables import CHANGED, Job
 
@@ -109,11 +108,9 @@ class Changes:
         self._listener.__enter__()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
-        self._listener.__exit__(kind, error, trace)
+        self._listener.__exit__(*error)
 
     @property
     def patience(self) -> float:

@@ -54,6 +54,11 @@ CORE_LIBRARIES = tuple(f"scipy.{part}" for part in ("fft", "linalg", "ndimage", 
 """What of scipy the core uses: it loads each part when it first uses it."""
 
 
+JOBS, REQUESTS = "jobs", "requests"
+"""Names of the queues. In `requests` waits what a client waits for; a worker keeps one place more for it, so that a file which
+a script sends is read while an update runs."""
+
+
 @dataclass(frozen=True)
 class JobKind:
     """A kind of job.
@@ -68,7 +73,7 @@ class JobKind:
             failure, shown to the user; anything else is reported as an internal error.
         store: (session, job id, items) -> None. In the worker; consumes the items as the child yields them, in one
             transaction that is committed with the state `succeeded`, or not at all.
-        queue: name of the queue.
+        queue: name of the queue that its jobs wait in, where nothing else is said.
         max_attempts: how many workers may die with a job before it is given up.
         memory_bytes: memory that the child may take beyond that of an idle one; None: as the settings say.
         wall_seconds: time that an attempt may take; None: as the settings say.
@@ -79,7 +84,7 @@ class JobKind:
     load: Callable[[Session, UUID, Path], Any]
     compute: Callable[[Any, Report], Iterator[Any]]
     store: Callable[[Session, UUID, Iterator[Any]], None]
-    queue: str = "jobs"
+    queue: str = JOBS
     max_attempts: int = 3
     memory_bytes: int | None = None
     wall_seconds: float | None = None

@@ -6,13 +6,15 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from typing import Any
+from uuid import UUID
 
-from sqlalchemy import Update, func, select, update
+from sqlalchemy import Update, delete, func, select, update
+from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Session
 
-from service.jobs import checkpoints, tickets
+from service.jobs import tickets
 from service.jobs.child import Failure
-from service.jobs.tables import Job
+from service.jobs.tables import Job, JobCheckpoint
 
 UNTOLD = ("extra", "trace")
 
@@ -109,9 +111,32 @@ def _finish(session: Session, job: Job, **values: Any) -> None:
     if row is None:
         raise SupersededError
     tickets.end(session, row.ticket, row.queue)
-    checkpoints.forget(session, job.id)
+    forget_checkpoint(session, job.id)
 
 
 def _shown(failure: Failure) -> dict[str, Any]:
     shown = {key: value for key, value in asdict(failure).items() if key not in UNTOLD and value is not None}
     return shown | (failure.extra or {})
+
+
+# What a long job has saved on its way: written by its attempt alone, gone when the job ends.
+
+
+def save_checkpoint(session: Session, job_id: UUID, attempt: int, data: bytes) -> None:
+    """Keep a state in place of the one before; from an attempt that is no longer the present one, nothing is kept."""
+    present = select(Job.id).where(Job.id == job_id, Job.attempt == attempt, Job.state == "running")
+    if session.scalar(present.with_for_update(key_share=True)) is None:
+        return
+    new = insert(JobCheckpoint).values(job_id=job_id, attempt=attempt, data=data)
+    values = {"attempt": attempt, "data": data, "saved_at": func.now()}
+    session.execute(new.on_conflict_do_update(index_elements=["job_id"], set_=values))
+
+
+def load_checkpoint(session: Session, job_id: UUID) -> bytes | None:
+    """The last state that an attempt has saved; None where none has."""
+    return session.scalar(select(JobCheckpoint.data).where(JobCheckpoint.job_id == job_id))
+
+
+def forget_checkpoint(session: Session, job_id: UUID) -> None:
+    """Drop the state of a job that ends."""
+    session.execute(delete(JobCheckpoint).where(JobCheckpoint.job_id == job_id))

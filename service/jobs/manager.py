@@ -20,9 +20,9 @@ from sqlalchemy.exc import DBAPIError
 
 from service.db.engine import Sessions, psycopg_url
 from service.jobs import tickets
-from service.jobs.dispatch import begin_next
-from service.jobs.outages import passes
-from service.jobs.recovery import recover_stalled, recover_strays
+from service.jobs.attempt import passes
+from service.jobs.dispatch import begin_next, recover_stalled, recover_strays
+from service.jobs.kinds import REQUESTS
 from service.jobs.tables import Job
 from service.settings import Settings
 
@@ -53,6 +53,7 @@ class Manager(JobManager):
         super().__init__(PsycopgConnector(conninfo=url, pool_factory=AsyncNullConnectionPool))
         self._sessions, self._worker = sessions, worker
         self._silence, self._limit = settings.job_lease_seconds, settings.project_job_limit
+        self._places = settings.worker_concurrency
         self._recover_at, self._worker_id = 0.0, 0
         self.running: dict[int, Job] = {}
         self.draining = self.unsure = False
@@ -83,11 +84,17 @@ class Manager(JobManager):
             with self._sessions.begin() as session:
                 recover_strays(session, worker_id, list(self.running))
         with self._sessions.begin() as session:
-            job = begin_next(session, queues, self._worker, self._limit)
+            job = begin_next(session, self._open(queues), self._worker, self._limit)
             ticket = None if job is None else tickets.take(session, job, worker_id)
         if job is not None and job.ticket is not None:
             self.running[job.ticket] = job
         return ticket
+
+    def _open(self, queues: Iterable[str] | None) -> Iterable[str] | None:
+        """The queues that there is a place for: one place is kept for what requests wait for."""
+        if sum(job.queue != REQUESTS for job in self.running.values()) < self._places:
+            return queues
+        return [REQUESTS] if queues is None or REQUESTS in queues else []
 
     async def finish_job(self, job: jobs.Job, status: jobs.Status, delete_job: bool) -> None:
         """Nothing: the ticket has ended with its job."""

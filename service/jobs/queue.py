@@ -10,14 +10,15 @@ from sqlalchemy.orm import Session
 
 from service.db.base import Base
 from service.errors import Conflict
-from service.jobs import checkpoints, tickets
+from service.jobs import tickets
 from service.jobs.child import PURGED
 from service.jobs.kinds import JobKind
+from service.jobs.ledger import forget_checkpoint
 from service.jobs.tables import Job
-from service.request_id import current_request_id
+from service.logs import current_request_id
 
 
-def enqueue(session: Session, *, kind: JobKind, project_id: UUID, priority: int = 0) -> Job:
+def enqueue(session: Session, *, kind: JobKind, project_id: UUID, priority: int = 0, queue: str | None = None) -> Job:
     """A new queued job, in the caller's transaction: after a rollback there is neither row nor ticket.
 
     Args:
@@ -25,6 +26,7 @@ def enqueue(session: Session, *, kind: JobKind, project_id: UUID, priority: int 
         kind: what to run.
         project_id: whose job it is.
         priority: of the project's waiting jobs, the highest runs first; between projects it counts for nothing.
+        queue: the queue that it waits in; default: its kind's.
 
     Returns:
         The job's row, flushed, so that its id can be another table's key.
@@ -32,7 +34,7 @@ def enqueue(session: Session, *, kind: JobKind, project_id: UUID, priority: int 
     job = Job(
         kind=kind.name,
         project_id=project_id,
-        queue=kind.queue,
+        queue=queue or kind.queue,
         priority=priority,
         max_attempts=kind.max_attempts,
         request_id=current_request_id(),
@@ -54,7 +56,7 @@ def request_cancel(session: Session, job_id: UUID) -> Job:
         tickets.cancel(session, job)
     if job.state == "queued":
         job.state, job.message, job.finished_at = "cancelled", "cancelled on request", datetime.now(UTC)
-        checkpoints.forget(session, job_id)
+        forget_checkpoint(session, job_id)
     if job.state == "running":
         job.cancel_requested = True
     session.flush()
@@ -108,7 +110,7 @@ def cancel_purged(session: Session, project_id: UUID) -> None:
     lost = [~exists().where(key == Job.id) for key in of_features]
     ended = {"state": "cancelled", "message": PURGED.detail, "finished_at": func.now()}
     for key in session.scalars(update(Job).where(*at_work, *lost).values(ended).returning(Job.id)).all():
-        checkpoints.forget(session, key)
+        forget_checkpoint(session, key)
     tickets.drop_left(session)
 
 

@@ -40,15 +40,4 @@ def why_no_result(what: str, job: Job) -> str:
 
 def job_state(job: Job) -> dict[str, Any]:
     """A job as the API shows it, the fields of `JobOut`."""
-    return {
-        "id": job.id,
-        "status": job.state,
-        "stage": job.stage,
-        "progress": job.progress,
-        "attempt": job.attempt,
-        "message": job.message,
-        "error": job.error,
-        "created_at": job.created_at,
-        "started_at": job.started_at,
-        "finished_at": job.finished_at,
-    }
+    return {name: job.state if name == "status" else getattr(job, name) for name in JobOut.model_fields}

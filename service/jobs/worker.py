@@ -1,23 +1,30 @@
 """The worker: runs the job that a ticket names in a child, drains when it is asked to end.
 
 The event loop never computes and never waits for the database: both happen in threads, the numbers in children.
+
+Attempts have folders below one of the worker's own; what a killed worker left is cleared away by the next one. That a worker
+lives is known by its lock on a file, which the operating system drops however the worker dies.
 """
 
 from __future__ import annotations
 
 import asyncio
+import getpass
 import os
+import shutil
 import signal
 import socket
+import tempfile
 import time
-from collections.abc import Callable, Coroutine, Iterable, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
 import structlog
+from fasteners import InterProcessLock
 from procrastinate import App
 from procrastinate.job_context import AbortReason, JobContext
 
@@ -30,14 +37,57 @@ from service.jobs.child import Failure
 from service.jobs.kinds import JobKind
 from service.jobs.manager import Manager
 from service.jobs.process import ChildEnded, dismiss_children, prepare_children
-from service.jobs.workspaces import worker_folder, workspace
 from service.settings import Settings
+
+PREFIX = "modalbase-worker-"
+
+LOCK = ".alive"
+
+GATE = "modalbase-workers-{}.lock"  # a user each: files in a shared folder belong to who made them
+
+log = structlog.stdlib.get_logger("modalbase.worker")
+
+
+@contextmanager
+def worker_folder() -> Iterator[Path]:
+    """A folder for the workspaces of this worker while the block runs; those of dead workers are removed first."""
+    everyones = Path(tempfile.gettempdir())
+    with InterProcessLock(everyones / GATE.format(getpass.getuser())):
+        for folder in everyones.glob(f"{PREFIX}*"):
+            _clear_if_dead(folder)
+        own = Path(tempfile.mkdtemp(prefix=PREFIX))
+        alive = InterProcessLock(own / LOCK)
+        alive.acquire()
+    try:
+        yield own
+    finally:
+        alive.release()
+        shutil.rmtree(own, ignore_errors=True)
+
+
+@contextmanager
+def workspace(folder: Path) -> Iterator[Path]:
+    """A folder of one attempt."""
+    with tempfile.TemporaryDirectory(dir=folder, ignore_cleanup_errors=True) as own:
+        yield Path(own)
+
+
+def _clear_if_dead(folder: Path) -> None:
+    """Remove a dead worker's folder. The caller holds the gate, so no worker is between making and locking one."""
+    try:
+        if folder.is_symlink() or not os.access(folder, os.W_OK):
+            return
+        lock = InterProcessLock(folder / LOCK)
+        if lock.acquire(blocking=False):
+            shutil.rmtree(folder, ignore_errors=True)
+            lock.release()
+    except OSError as error:
+        log.warning("a dead worker's folder could not be removed", folder=str(folder), error=str(error))
+
 
 LOOK_SECONDS = 1.0  # for tickets and aborts whose notice did not come
 LEFT_SECONDS = 5.0  # for tasks that go on when the worker is done
 FORGET_SECONDS = 86400.0  # after which a dead worker's name is forgotten; its jobs are recovered long before
-
-log = structlog.stdlib.get_logger("modalbase.worker")
 
 
 def run_worker(
@@ -59,7 +109,7 @@ def run_worker(
     """
     if settings.database_url is None:
         raise ValueError("settings.database_url is not set; `service.db.opening.open_database` gives the embedded one")
-    engine = make_engine(settings.database_url, pool_size=2 * settings.worker_concurrency + 2, name="modalbase worker")
+    engine = make_engine(settings.database_url, pool_size=2 * settings.worker_concurrency + 4, name="modalbase worker")
     try:
         require_head(engine)
         prepare_children(kinds, settings.job_threads)
@@ -98,7 +148,8 @@ class _Worker:
         self.app = App(connector=self.manager.connector)
         self.app.job_manager = self.manager
         self.app.task(name=tickets.TASK, pass_context=True)(self._job)
-        self.threads = ThreadPoolExecutor(settings.worker_concurrency, thread_name_prefix="job")
+        self.places = settings.worker_concurrency + 1  # one of them for what requests wait for
+        self.threads = ThreadPoolExecutor(self.places, thread_name_prefix="job")
         self.work: set[asyncio.Future[str]] = set()
 
     async def run(self, queues: list[str] | None, ready: Callable[[], None] | None = None) -> None:
@@ -119,7 +170,7 @@ class _Worker:
         await self.app.run_worker_async(
             queues=queues,  # type: ignore[arg-type]  # None, for all, is its default
             name=self.name,
-            concurrency=self.settings.worker_concurrency,
+            concurrency=self.places,
             fetch_job_polling_interval=LOOK_SECONDS,
             abort_job_polling_interval=LOOK_SECONDS,
             shutdown_graceful_timeout=0,  # the worker has waited for what runs

@@ -10,16 +10,19 @@ from uuid import UUID
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.access import User, audit
+from service.access import Lookup, User, audit
 from service.compute.judging import Episode
 from service.errors import Conflict, NotFound
 from service.monitoring.notifications.messages import announce
+from service.monitoring.runs import monitor_for, unit_of
 from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorSeries
-from service.monitoring.values import unit_of
 from service.store.structures.operations import structure_of
 
 if TYPE_CHECKING:
     from service.store.structures.operations import Structure
+
+alarm_for = Lookup(Alarm, "alarm", "monitor_id", monitor_for)
+"""The alarm, if the user has at least a role in its project; none of a deleted monitor."""
 
 EVENT_OF_STATE = {"alarm": "raised", "acknowledged": "acknowledged", "cleared": "cleared", "withdrawn": "withdrawn"}
 

@@ -27,8 +27,7 @@ from service.jobs.queue import enqueue
 from service.jobs.tables import Job
 from service.monitoring.alarms import state_changed, update_alarms
 from service.monitoring.campaigns import Seen, seen_campaigns
-from service.monitoring.lookups import monitor_for
-from service.monitoring.runs import counted, latest_runs
+from service.monitoring.runs import counted, latest_runs, monitor_for
 from service.monitoring.tables import Alarm, Monitor, MonitorJudgement, MonitorRun, MonitorSeries
 
 GRACE = 1.5

@@ -20,7 +20,7 @@ from service.db.clock import transaction_time
 from service.errors import Conflict, Invalid, NotFound
 from service.monitoring import runs
 from service.monitoring.judgements import rank
-from service.monitoring.lookups import monitor_for
+from service.monitoring.runs import monitor_for
 from service.monitoring.scheduler import next_time, request_check
 from service.monitoring.schemas import CONSTANT, BaselineIn, ChartIn, MonitorIn, MonitorOut, MonitorPatch, WatchedIn
 from service.monitoring.tables import AT_WORK, Alarm, CampaignCompletion, Monitor, MonitorRun, MonitorSeries

@@ -11,10 +11,9 @@ from sqlalchemy.orm import Session
 
 from service.access import User
 from service.jobs.tables import Job
-from service.monitoring.runs import latest_runs
+from service.monitoring.runs import latest_runs, unit_of
 from service.monitoring.schemas import AlarmEventOut, AlarmOut, RunOut
 from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorJudgement, MonitorRun, MonitorSeries
-from service.monitoring.values import unit_of
 from service.store.campaigns.operations import campaigns_of
 from service.store.structures.operations import structure_of, structures_of
 
@@ -146,21 +145,12 @@ def _described(
 ) -> AlarmOut:
     structure = structures[monitor.structure_id]
     by = next((step.by for step in reversed(history) if step.event == "acknowledged"), None)
+    same = {name: getattr(alarm, name) for name in AlarmOut.model_fields if hasattr(alarm, name)}
     return AlarmOut(
-        id=alarm.id,
-        created_at=alarm.created_at,
-        monitor_id=monitor.id,
+        **{**same, "acknowledged_by": by},  # by name, where the row has the user's id
         monitor_name=monitor.name,
         structure_id=structure.id,
         project_id=structure.project_id,
-        parameter=alarm.parameter,
         unit=unit_of(alarm.parameter),
-        campaign_id=alarm.campaign_id,
-        series=alarm.series,
-        state=alarm.state,  # type: ignore[arg-type]  # the column's constraint is the schema's
-        acknowledged_at=alarm.acknowledged_at,
-        acknowledged_by=by,
-        note=alarm.note,
-        details=alarm.details,
         history=history,
     )

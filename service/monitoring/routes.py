@@ -13,10 +13,10 @@ from service.access import CurrentUser, SessionDep, SettingsDep, project_for, pr
 from service.errors import Invalid
 from service.monitoring import alarms as steps
 from service.monitoring import monitors
-from service.monitoring.lookups import alarm_for, monitor_for
-from service.monitoring.notifications.operations import deliveries_of_monitor
-from service.monitoring.notifications.schemas import DeliveryOut
+from service.monitoring.alarms import alarm_for
+from service.monitoring.notifications.routes import DeliveryOut, deliveries_of_monitor
 from service.monitoring.presentation import describe_alarms, describe_runs, series_document
+from service.monitoring.runs import monitor_for
 from service.monitoring.scheduler import request_check
 from service.monitoring.schemas import (
     AcknowledgementIn,
@@ -27,9 +27,9 @@ from service.monitoring.schemas import (
     MonitorPatch,
     RunOut,
     RunsIn,
+    SeriesOut,
     State,
 )
-from service.monitoring.series_schemas import SeriesOut
 from service.monitoring.tables import Alarm, Monitor, MonitorRun, MonitorSeries
 from service.store.campaigns.operations import campaign_for
 from service.store.structures.operations import structure_for, structures_in

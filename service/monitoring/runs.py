@@ -2,14 +2,18 @@
 
 `bring_up_to_date` compares what has been run with what should have been and starts the difference, so it may be called as
 often as one likes, by anyone, in any transaction that holds the monitor's row.
+
+A run takes from an update's result watched values with the part of their uncertainty that differs from one
+campaign to the next, and the laboratory's inputs, which all campaigns share, held at what was stated.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 from pydantic import ValidationError
@@ -18,19 +22,64 @@ from sqlalchemy.dialects.postgresql import distinct_on
 from sqlalchemy.orm import Session
 
 from fecore import __version__
+from fecore.body.specimen import UNITS, kind_of
+from fecore.dynamics.damping_laws import CaugheySeries
 from fecore.errors import FecoreError
 from fecore.updating.parameters import parametrise
-from service.access import User
+from service.access import Lookup, User
 from service.errors import ServiceError
 from service.jobs.tables import Job
 from service.monitoring.campaigns import Seen, seen_campaigns
 from service.monitoring.tables import Monitor, MonitorRun, MonitorSeries
-from service.monitoring.values import watched_values
 from service.store.campaigns.operations import campaign_of
-from service.store.structures.operations import describe_version, structure_of, version_of
+from service.store.modes.operations import modes_of
+from service.store.structures.operations import describe_version, structure_for, structure_of, version_of
 from service.store.updating.bodies import body_of
 from service.store.updating.operations import result_documents, start_update
 from service.store.updating.schemas import ParameterIn, RecipeIn
+
+if TYPE_CHECKING:
+    from service.store.modes.tables import Mode
+
+monitor_for = Lookup(Monitor, "monitor", "structure_id", structure_for)
+"""The monitor, if the user has at least a role in its project."""
+
+
+def watched_values(session: Session, document: dict[str, Any]) -> dict[str, Any]:
+    """Values of a result document.
+
+    Returns:
+        `parameters`: name to [estimate, noise-only standard deviation], both with the inputs held: a model error or a wrong
+        thickness that all campaigns share does not move them; `modes`: (f, sd, ζ, sd) of each measured mode;
+        None where not known.
+    """
+    compared = {row["name"]: row["comparable"] for row in document["parameters"]}
+    parameters = {name: [found["estimate"], found["standard_deviation"]] for name, found in compared.items()}
+    stated: dict[int, Mode] = {}
+    if mode_set := document["provenance"].get("mode_set"):
+        key = UUID(mode_set)
+        stated = {mode.number: mode for mode in modes_of(session, [key])[key]}
+    modes = []
+    for row in document["modes"]:
+        mode = stated.get(row["number"])
+        sds = (None, None) if mode is None else (mode.frequency_sd_hz, mode.damping_sd)
+        modes.append([row["measured_hz"], sds[0], row["measured_damping"], sds[1]])
+    return {"parameters": parameters, "modes": modes}
+
+
+def unit_of(parameter: str) -> str | None:
+    """SI unit of a watched value; None of a spring's stiffness, whose name is the recipe's."""
+    if kind_of(parameter) in UNITS:
+        return UNITS[kind_of(parameter)]
+    if parameter.startswith("frequency_"):
+        return "Hz"
+    if re.fullmatch(r"damping_ratio_\d+|zeta\d+", parameter):
+        return "1"
+    if parameter.startswith("g_"):
+        return "1/s"
+    if power := re.fullmatch(r"a(\d)", parameter):
+        return CaugheySeries("", (int(power[1]),)).coefficient_units[0]
+    return None
 
 
 @dataclass(frozen=True)

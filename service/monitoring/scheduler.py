@@ -23,8 +23,7 @@ from sqlalchemy.orm import Session
 
 from service.access import projects_at_work
 from service.db.engine import Sessions, make_engine, make_sessions
-from service.jobs.background import Background
-from service.jobs.notices import Listener
+from service.jobs.background import Background, Listener
 from service.jobs.tables import CHANGED, Job
 from service.monitoring import runs
 from service.monitoring.judgements import judge_if_changed

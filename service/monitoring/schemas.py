@@ -1,4 +1,6 @@
-"""What a client sends and gets about monitors, their runs and series, and alarms."""
+"""What a client sends and gets about monitors, their runs and series, and alarms. A series is shown as it was judged, not
+filtered; its models describe it in the OpenAPI document.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ from typing import Annotated, Any, Literal, Self
 from uuid import UUID
 
 from croniter import croniter
-from pydantic import Field, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from fecore.errors import InputError
@@ -278,3 +280,66 @@ class CompletionOut(StrictModel):
     campaign_id: UUID
     completed_at: datetime
     runs: list[RunOut] = Field(description="what its structure's monitors started")
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="allow")
+
+
+class PointOut(_Part):
+    """A campaign's value of a parameter."""
+
+    campaign_id: UUID
+    performed_at: datetime
+    raw: float = Field(description="the estimate, in the parameter's unit")
+    standard_deviation: float = Field(description="of the estimate, in the parameter's unit")
+    corrected: float | None = Field(
+        description="for covariates, in the parameter's unit; null before there is a baseline"
+    )
+    in_baseline: bool = Field(description="whether the campaign is one of the baseline's")
+    judged: dict[str, Any] | None = Field(
+        description="residual and limit in its unit, score and chart in standard deviations; null in the baseline"
+    )
+
+
+class SeriesParameterOut(_Part):
+    """A watched parameter of a series."""
+
+    name: str = Field(description="Ex Ey Gxy … a0 a1 …, or `frequency_2`, `damping_ratio_2`")
+    unit: str | None = Field(description="SI unit of its values")
+    direction: str = Field(description="where it must not go: fall, rise or both")
+    state: str = Field(description="no data, normal, pending, alarm or acknowledged")
+    baseline: dict[str, Any] | None = Field(description="mean, its sd, scatter, slopes; null until it is full")
+    limits: dict[str, float | None] | None = Field(description="of chart and single score, standard deviations")
+    autocorrelation: dict[str, Any] | None = Field(
+        None,
+        description="`lag_1` of the baseline with `interval_95`, and the factor `limits_widened_by` for it; null without one",
+    )
+    points: list[PointOut] = Field(description="in the order of time")
+    change_point: dict[str, Any] | None = Field(description="when and how much it changed; null without a change")
+    rate: dict[str, Any] | None = Field(
+        description="of change, per year, `since` its onset where it is a ramp; null where unknown"
+    )
+    timeline: list[dict[str, Any]] = Field(description="states as they came")
+    notes: list[str] = Field(description="what is worth saying, in words")
+
+
+class SeriesOut(_Part):
+    """A series: values with their uncertainty, baseline, limits, alarms and campaigns as marks."""
+
+    monitor_id: UUID
+    monitor_name: str
+    structure_id: UUID
+    structure_name: str
+    series: int
+    software: str | None
+    reason: str | None
+    current: bool = Field(description="whether it is the one that is judged")
+    versions: list[dict[str, Any]] = Field(description="all series of the monitor")
+    state: str = Field(description="the worst of its parameters")
+    assessed_at: datetime | None = Field(description="when it was last judged, UTC")
+    judgement: dict[str, Any] | None = Field(description="how the last judgement went")
+    notes: list[str]
+    campaigns: list[dict[str, Any]] = Field(description="each with its run")
+    parameters: list[SeriesParameterOut] = Field(description="the watched ones")
+    alarms: list[dict[str, Any]] = Field(description="marks on the series")

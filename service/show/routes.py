@@ -15,10 +15,10 @@ from service.compute.identification_document import up_to_date
 from service.errors import Conflict, Invalid
 from service.jobs.state import why_no_result
 from service.jobs.tables import Job
-from service.monitoring.lookups import monitor_for
 from service.monitoring.monitors import series_for
 from service.monitoring.presentation import series_document
 from service.monitoring.routes import Version
+from service.monitoring.runs import monitor_for
 from service.show.figures.answers import RESPONSES, Asked, FigureName, require_figure
 from service.show.figures.coupon import CurveShown, coupon_figure
 from service.show.figures.hits import hits_figure
@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     from service.store.coupons.curves import CouponCurve
     from service.store.coupons.operations import Coupon
 
-router = api_router(tags=["figures"])
+router = api_router(tags=[])  # each figure stands beside what it shows
 
 
-@router.get("/campaigns/{campaign_id}/figures/{name}", response_class=Response, responses=RESPONSES)
+@router.get("/campaigns/{campaign_id}/figures/{name}", response_class=Response, responses=RESPONSES, tags=["records"])
 def get_campaign_figure(
     campaign_id: UUID,
     name: FigureName,
@@ -61,7 +61,12 @@ def get_campaign_figure(
     return asked.answer(lambda: hits_figure(point_shown(session, blocks)), name, blocks.version)
 
 
-@router.get("/identifications/{identification_id}/figures/{name}", response_class=Response, responses=RESPONSES)
+@router.get(
+    "/identifications/{identification_id}/figures/{name}",
+    response_class=Response,
+    responses=RESPONSES,
+    tags=["identifications"],
+)
 def get_identification_figure(
     identification_id: UUID,
     name: FigureName,
@@ -82,7 +87,7 @@ def get_identification_figure(
     return asked.answer(draw, name, str(row.id))  # what it found never changes
 
 
-@router.get("/coupons/{coupon_id}/figures/{name}", response_class=Response, responses=RESPONSES)
+@router.get("/coupons/{coupon_id}/figures/{name}", response_class=Response, responses=RESPONSES, tags=["coupons"])
 def get_coupon_figure(
     coupon_id: UUID,
     name: FigureName,
@@ -97,7 +102,7 @@ def get_coupon_figure(
     return asked.answer(lambda: coupon_figure(_curve_shown(coupon, curve)), name, curve.sha256.hex())
 
 
-@router.get("/monitors/{monitor_id}/series/figure", response_class=Response, responses=RESPONSES)
+@router.get("/monitors/{monitor_id}/series/figure", response_class=Response, responses=RESPONSES, tags=["monitoring"])
 def get_series_figure(
     monitor_id: UUID,
     session: SessionDep,

@@ -11,10 +11,8 @@ from typing import TYPE_CHECKING, Any
 from service.web.bodies import Int64, Name, Page, StrictModel, Text, Time, example, not_null
 
 if TYPE_CHECKING:
-    from service.web.conditional import IF_MATCH, etag_of, require_match
-    from service.web.paging import Cursor, Limit, paged
+    from service.web.parameters import IF_MATCH, Confirm, Cursor, Limit, etag_of, paged, require_match, require_usual
     from service.web.routing import api_router
-    from service.web.usual import Confirm, require_usual
 
 __all__ = [
     "IF_MATCH",
@@ -37,10 +35,8 @@ __all__ = [
 ]
 
 _LATER = {
-    "conditional": ("IF_MATCH", "etag_of", "require_match"),
-    "paging": ("Cursor", "Limit", "paged"),
+    "parameters": ("IF_MATCH", "Confirm", "Cursor", "Limit", "etag_of", "paged", "require_match", "require_usual"),
     "routing": ("api_router",),
-    "usual": ("Confirm", "require_usual"),
 }
 
 

@@ -16,8 +16,8 @@ from starlette.exceptions import HTTPException
 
 from fecore.errors import FecoreError, InputError
 from service import errors as e
-from service.request_id import current_request_id
-from service.web.wording import wording
+from service.logs import current_request_id
+from service.web.json_body import wording
 
 STATUS: dict[type[e.ServiceError], int] = {
     e.NotFound: 404,

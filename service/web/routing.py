@@ -1,23 +1,48 @@
-"""Routes that are put together when they are first asked for, and that read JSON bodies strictly."""
+"""Routes that are put together when they are first asked for, and that read JSON bodies strictly.
+
+They refuse names in a query that they do not know: a mistyped filter would answer with more than was asked for.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterable, Set
 from functools import partial
 from threading import RLock
 from typing import Any
 
 from fastapi import APIRouter, FastAPI, Request, Response
 from fastapi.concurrency import run_in_threadpool
+from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
 from starlette.datastructures import Headers
 from starlette.routing import compile_path
 
-from service.errors import PayloadTooLarge, UnsupportedMediaType
+from service.errors import Fault, Invalid, PayloadTooLarge, UnsupportedMediaType
 from service.web.json_body import BULK_VALUES, MOST_VALUES, parse_json
 from service.web.negotiation import content_type, is_json
-from service.web.query_names import query_names, require_known
-from service.web.spool import too_large
+from service.web.uploads import too_large
+
+_PAGING = {"cursor", "limit"}
+"""Allowed everywhere: a script that pages through all lists alike meets some that come whole."""
+
+
+def query_names(dependant: Dependant) -> frozenset[str]:
+    """Names of the query's parameters that a route and all that it depends on declare."""
+    own = {field.alias for field in dependant.query_params}
+    return frozenset(own.union(*(query_names(one) for one in dependant.dependencies)))
+
+
+def require_known(sent: Iterable[str], known: Set[str]) -> None:
+    """Refuse names of query parameters that are not among the known ones.
+
+    Raises:
+        Invalid: each unknown name, with those that there are.
+    """
+    unknown = sorted(set(sent) - known - _PAGING)
+    if unknown:
+        there_are = f"expected one of {', '.join(sorted(known))}" if known else "this address takes none"
+        raise Invalid([Fault(name, f"is no parameter of this query; {there_are}") for name in unknown])
+
 
 LARGE = 65536  # bytes beyond which parsing would hold up other requests
 _MATCHING = ("path_regex", "path_format", "param_convertors")

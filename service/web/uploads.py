@@ -1,11 +1,15 @@
-"""Uploads: a body streamed to a spool file while it is hashed, raw or as multipart field `file`."""
+"""The body of a request: received whole before anything is done with it, in memory while it is small, else on disk. An upload
+is streamed to a spool file while it is hashed, raw or as multipart field `file`.
+"""
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
+import io
 import tempfile
 from collections.abc import AsyncIterator, Mapping
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import IO, Annotated
@@ -14,12 +18,144 @@ from fastapi import Depends, Request
 from fastapi.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 from starlette.formparsers import MultiPartException, MultiPartParser
+from starlette.requests import ClientDisconnect
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.errors import Invalid
+from service.errors import Invalid, PayloadTooLarge, TooSlow
 from service.web.negotiation import content_type
-from service.web.spool import body_of
 
+MEMORY_BYTES = 64 * 1024  # of a body that waits in memory: a thousand may wait
 BLOCK_BYTES = 1024 * 1024
+IDLE_SECONDS = 30.0  # between two blocks of a body
+GRACE_SECONDS = 60.0  # before its speed counts
+SLOWEST = 16_384  # bytes a second, on average
+LINGER_SECONDS, LINGER_BYTES = 20.0, 256 * 1024 * 1024  # for which a body that was refused is let come
+
+_SPOOL = "modalbase.body"
+
+
+@dataclass
+class Body:
+    """A body that has come in whole.
+
+    Attributes:
+        file: its bytes.
+        size: how many.
+        sha256: their digest.
+    """
+
+    file: IO[bytes]
+    size: int
+    sha256: bytes
+
+    def replayed(self, receive: Receive) -> Receive:
+        """What the application receives: the body block by block, then what comes from the client."""
+        self.file.seek(0)
+        ended = False
+
+        async def again() -> Message:
+            nonlocal ended
+            if ended:
+                return await receive()
+            block = self.file.read(BLOCK_BYTES)
+            ended = self.file.tell() == self.size
+            return {"type": "http.request", "body": block, "more_body": not ended}
+
+        return again
+
+    def on_disk(self) -> Path | None:
+        """Where the body lies, if it is on disk."""
+        return None if isinstance(self.file, io.BytesIO) else Path(self.file.name)
+
+
+def body_of(scope: Scope) -> Body | None:
+    """The body of a request that came through `spooled_body`."""
+    body: Body | None = scope.get(_SPOOL)
+    return body
+
+
+@asynccontextmanager
+async def spooled_body(scope: Scope, receive: Receive, limit: int, better: str = "") -> AsyncIterator[Body]:
+    """Receive a request's body, which is gone at the end of the block.
+
+    Args:
+        scope: of the request.
+        receive: gives the body.
+        limit: the most bytes that it may have.
+        better: what else one may do with more.
+
+    Raises:
+        PayloadTooLarge: it has more bytes than `limit`.
+        TooSlow: it comes more slowly than an honest line is.
+        ClientDisconnect: the client broke it off.
+    """
+    loop = asyncio.get_running_loop()
+    began, digest, size = loop.time(), hashlib.sha256(), 0
+    file: IO[bytes] = io.BytesIO()
+    try:
+        more = True
+        while more:
+            message = await _next(receive)
+            block = message.get("body", b"")
+            size += len(block)
+            if size > limit:
+                raise PayloadTooLarge(too_large(limit, better))
+            if loop.time() - began > GRACE_SECONDS + size / SLOWEST:
+                raise TooSlow(f"the body comes too slowly: {size} bytes in {loop.time() - began:.0f} s")
+            if size > MEMORY_BYTES and isinstance(file, io.BytesIO):
+                file = _moved_to_disk(file)
+            file.write(block)
+            digest.update(block)
+            more = message.get("more_body", False)
+        file.flush()
+        body = Body(file, size, digest.digest())
+        scope[_SPOOL] = body
+        yield body
+    finally:
+        scope.pop(_SPOOL, None)
+        file.close()
+
+
+def too_large(limit: int, better: str = "") -> str:
+    """What is said of a body of more bytes than `limit`, and what else one may do."""
+    return f"the body is larger than {limit} bytes, the limit for its kind{better}"
+
+
+async def answer_early(answer: ASGIApp, scope: Scope, receive: Receive, send: Send) -> None:
+    """Answer a request whose body is still coming, and let that come unread for a while: a client that sends all of it
+    before it listens would meet a broken connection instead of the answer.
+    """
+
+    async def unfinished(message: Message) -> None:
+        await send({**message, "more_body": True} if message["type"] == "http.response.body" else message)
+
+    await answer(scope, receive, unfinished)
+    left = LINGER_BYTES
+    with suppress(TimeoutError):
+        async with asyncio.timeout(LINGER_SECONDS):
+            while left > 0:
+                message = await receive()
+                left -= len(message.get("body", b""))
+                if not message.get("more_body", False):
+                    break
+    await send({"type": "http.response.body", "body": b""})
+
+
+async def _next(receive: Receive) -> Message:
+    try:
+        async with asyncio.timeout(IDLE_SECONDS):
+            message = await receive()
+    except TimeoutError:
+        raise TooSlow(f"nothing of the body came for {IDLE_SECONDS:g} s") from None
+    if message["type"] == "http.disconnect":
+        raise ClientDisconnect
+    return message
+
+
+def _moved_to_disk(memory: io.BytesIO) -> IO[bytes]:
+    file = tempfile.NamedTemporaryFile(prefix="modalbase-upload-")  # noqa: SIM115  closed with the body
+    file.write(memory.getvalue())
+    return file
 
 
 @dataclass(frozen=True)

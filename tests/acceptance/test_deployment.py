@@ -27,7 +27,7 @@ import trustme
 import yaml
 from packaging.requirements import Requirement
 
-from service.app.demo.laboratory import Laboratory
+from service.app.demo.run import Laboratory
 from tests.support.servers import password_server
 from tests.support.waiting import PATIENCE, until
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import modalbase
-from modalbase.objects.modes import ModeSet
+from modalbase.objects.jobs import ModeSet
 from tests.support.command import modalbase_here
 from tests.support.places import shared_file
 from tests.support.rest import finished, ok, posted, session_client

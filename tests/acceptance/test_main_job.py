@@ -121,37 +121,6 @@ def test_a_body_that_is_no_rayleigh_body_is_called_so(api: httpx.Client) -> None
     assert 0.88 <= held["coverage_95"] <= 1.0
 
 
-REFUSED: list[tuple[dict[str, Any], str]] = [
-    ({"weightings": "noise"}, "/weightings"),
-    ({"parameters": [{"name": "E"}]}, "/parameters/0/name"),
-    ({"parameters": [{"name": "Ex", "fixed": True, "prior_sd": 1e9}]}, "/parameters/0/prior_sd"),
-    ({"parameters": [{"name": "Ex", "tied_to": "Ex"}]}, "/parameters/0/tied_to"),
-    ({"parameters": [{"name": "Ex", "fixed": True}]}, "/parameters"),
-    ({"springs": [{"name": "root", "stiffness": 1e4, "direction": 5}]}, "/spring"),
-    ({"parameters": [{"name": "root"}]}, "/parameters/0/name"),
-    ({"band_hz": [500, 100]}, "/band_hz"),
-    ({"band_hz": [5000, 6000]}, "/band_hz"),
-    ({"hold_out": {"points": list(range(1, 34))}}, "/hold_out/points"),
-    ({"hold_out": {"points": [99]}}, "/hold_out/points"),
-    ({"hold_out": {"band_hz": [0, 2000]}}, "/hold_out/band_hz"),
-    ({"damping_models": []}, "/damping_models"),
-    ({"damping_models": ["modal", "rayleigh", "modal"]}, "/damping_models"),
-    ({"mode_set": "01890000-0000-7000-8000-000000000000"}, "/mode_set"),
-    ({"prior_from_coupon_batch": "01890000-0000-7000-8000-000000000000"}, "/prior_from_coupon_batch"),
-]
-
-
-def test_contradictory_recipes_are_refused_at_the_door(api: httpx.Client) -> None:
-    campaign = campaign_with(api, uff_file(), PAPER, "cantilever")
-    for recipe, pointer in REFUSED:
-        answer = api.post(f"campaigns/{campaign}/update-jobs", json=recipe)
-        assert answer.status_code == 422, f"{recipe}: {answer.text}"
-        assert answer.headers["content-type"] == "application/problem+json"
-        assert pointer in [fault["pointer"] for fault in answer.json()["errors"]], recipe
-        assert f"{pointer}: " in answer.json()["detail"]
-    assert api.get(f"update-jobs?campaign={campaign}").json()["items"] == []
-
-
 def test_a_support_spring_is_a_parameter(api: httpx.Client) -> None:
     """A soft spring under the tip's edge, which is not there: the estimate is next to nothing, and not identifiable."""
     campaign = campaign_with(api, uff_file(), PAPER, "cantilever")

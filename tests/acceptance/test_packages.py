@@ -28,7 +28,7 @@ def test_the_wheel_has_four_packages_and_nothing_else(built: tuple[Path, Path]) 
         metadata = wheel.read(next(name for name in names if name.endswith("METADATA"))).decode()
     tops = {name.split("/")[0] for name in names if not name.split("/")[0].endswith(".dist-info")}
     assert tops == {"fecore", "migrations", "modalbase", "service"}
-    assert "service/app/demo/paper_beam.uff" in names
+    assert {"modalbase/client/routes.json", "service/app/demo/paper_beam.uff"} <= set(names)
     assert {"service/show/guide/pages/index.md", "service/show/guide/pages/decisions/queue.md"} <= set(names)
     assert any(name.endswith("licenses/LICENSE") for name in names)
     required = [

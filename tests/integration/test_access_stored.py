@@ -12,19 +12,27 @@ from sqlalchemy import delete, select, text, update
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
-from service.access import member_routes
-from service.access.keys import USED_RESOLUTION, create_key, found_key, user_named, user_of_key
-from service.access.lookup import Lookup, purge
-from service.access.projects import Role
-from service.access.sessions import LIFETIME, close_session, is_session_token, key_of_session, open_session
+from service.access import routes
+from service.access.keys import (
+    LIFETIME,
+    USED_RESOLUTION,
+    close_session,
+    create_key,
+    found_key,
+    is_session_token,
+    key_of_session,
+    open_session,
+    user_named,
+)
+from service.access.lookup import Lookup, Role, purge
 from service.access.tables import ApiKey, AuditEvent, BrowserSession, Member, Project, User
 from service.access.users import (
     expected_user,
     find_user,
-    locked_user,
     names_of,
     require_administrator,
     set_disabled,
+    user_of_id,
     valid_key_counts,
 )
 from service.db.engine import Sessions
@@ -85,9 +93,9 @@ def test_a_key_opens_until_it_ends_is_revoked_or_its_user_disabled(sessions: Ses
                 if opens:
                     assert found_key(session, shown) == (row, user)
                 else:
-                    refused(Unauthorized, "valid|ended", user_of_key, session, shown)
+                    refused(Unauthorized, "valid|ended", found_key, session, shown)
             setattr(place, name, None)
-        assert user_of_key(session, key) is user
+        assert found_key(session, key)[1] is user
 
 
 def test_the_use_of_a_key_is_noted_once_a_minute_and_waits_for_nobody(sessions: Sessions) -> None:
@@ -165,8 +173,8 @@ def test_users_are_found_by_name_or_key_and_entered_by_name_alone(sessions: Sess
         eve = expected_user(session, "eve")
         assert (eve.name, expected_user(session, "eve") is eve) == ("eve", True)
         assert names_of(session, [ada.id, eve.id, None]) == {ada.id: "ada", eve.id: "eve"}
-        assert locked_user(session, bob.id) is bob
-        refused(NotFound, "user", locked_user, session, uuid4())
+        assert user_of_id(session, bob.id, locked=True) is bob
+        refused(NotFound, "user", user_of_id, session, uuid4())
 
 
 def test_only_administrators_and_never_themselves(sessions: Sessions) -> None:
@@ -296,11 +304,11 @@ def test_what_is_deleted_is_not_found_with_all_that_is_in_it(house: House) -> No
 def test_a_project_has_so_many_members_and_no_more(house: House, monkeypatch: pytest.MonkeyPatch) -> None:
     session, ada, project, _, _ = house
     eve = user_named(session, "eve")
-    monkeypatch.setattr(member_routes, "MOST_MEMBERS", 3)  # as many as there are: a role of theirs can be changed
-    member_routes._require_place(session, project.id, ada)
-    refused(Conflict, "the project has 3 members", member_routes._require_place, session, project.id, eve)
-    monkeypatch.setattr(member_routes, "MOST_MEMBERS", 4)
-    member_routes._require_place(session, project.id, eve)
+    monkeypatch.setattr(routes, "MOST_MEMBERS", 3)  # as many as there are: a role of theirs can be changed
+    routes._require_place(session, project.id, ada)
+    refused(Conflict, "the project has 3 members", routes._require_place, session, project.id, eve)
+    monkeypatch.setattr(routes, "MOST_MEMBERS", 4)
+    routes._require_place(session, project.id, eve)
 
 
 def test_a_project_goes_with_all_that_is_in_it_in_whatever_order(house: House) -> None:
@@ -331,7 +339,7 @@ def test_a_row_is_read_again_under_its_lock(house: House, sessions: Sessions, mo
         with pytest.raises(OperationalError, match="lock timeout"):
             other.execute(select(Campaign).with_for_update(key_share=True))
     with sessions() as edits, sessions() as other:
-        locked_user(edits, ada.id)
+        user_of_id(edits, ada.id, locked=True)
         other.execute(text("SET LOCAL lock_timeout = '1ms'"))
         other.execute(text("SELECT 1 FROM users FOR KEY SHARE"))  # keys and memberships of theirs still come in
         with pytest.raises(OperationalError, match="lock timeout"):

@@ -21,7 +21,7 @@ from service.access.keys import create_key, user_named
 from service.app.application import create_app
 from service.app.supervisor import LocalService
 from service.settings import Settings
-from service.web.openapi_document import undescribed
+from service.web.openapi import undescribed
 from tests.support.waiting import until
 
 JSON = {"Content-Type": "application/json"}

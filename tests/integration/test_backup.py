@@ -16,11 +16,9 @@ from sqlalchemy import Engine, LargeBinary, insert, inspect, select, text
 import service.app.composition  # noqa: F401  imports every table
 from fecore import __version__
 from service.access.tables import Member, Project, User
-from service.app.backup.archive import MANIFEST, BackupError, read_manifest
-from service.app.backup.reading_back import read_back
+from service.app.backup.archive import MANIFEST, BackupError, our_tables, read_back, read_manifest, write_backup
 from service.app.backup.restoring import restore_backup
 from service.app.backup.verification import CHECKED, find_damage
-from service.app.backup.writing import our_tables, write_backup
 from service.db.base import Base
 from service.db.engine import make_engine, make_sessions
 from service.db.schema import head_revision, require_head, upgrade

@@ -226,16 +226,6 @@ def test_a_specimen_is_excluded_later_with_a_reason(
     assert "Ex" in checked(api.get(f"coupon-batches/{batch}/summary"), 200)["constants"]
 
 
-def test_other_peoples_coupons_do_not_exist(
-    new_client: Callable[[], httpx.Client], send: Callable[..., httpx.Response], checked: Checked
-) -> None:
-    (coupon,) = checked(send(machine_file(CURVE)), 201)["items"]
-    stranger = new_client()
-    for path in ("", "/curve", "/curve/data", "/curve/original"):
-        checked(stranger.get(f"coupons/{coupon['id']}{path}"), 404)
-    checked(stranger.patch(f"coupons/{coupon['id']}", json={"excluded": False}), 404)
-
-
 def test_results_without_a_curve_have_none(api: httpx.Client, batch: str, checked: Checked) -> None:
     (coupon,) = checked(api.post(f"coupon-batches/{batch}/coupons", json={"specimen": "B", "E_Pa": 33e9}), 201)["items"]
     assert (coupon["has_curve"], coupon["warnings"]) == (False, [])

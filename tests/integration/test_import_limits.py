@@ -19,7 +19,7 @@ from service.errors import PayloadTooLarge
 from service.store.imports import intake
 from service.store.imports.operations import IMPORT, Import
 from service.store.imports.originals import Original
-from service.web.paging import HEAVIEST_BYTES, paged
+from service.web.parameters import HEAVIEST_BYTES, paged
 from tests.integration.test_migrations import fill
 
 

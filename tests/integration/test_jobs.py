@@ -223,3 +223,13 @@ def fork_server_of(worker: int) -> psutil.Process:
         child for child in psutil.Process(worker).children() if "forkserver import" in " ".join(child.cmdline())
     )
     return server
+
+
+def test_what_a_request_waits_for_has_a_place_of_its_own(works: Works) -> None:
+    running, waiting = put(works.sessions, "slow", 2)
+    held(works.sessions, running)
+    assert run(works.sessions, "asked").state == "succeeded"
+    assert look(works.sessions, waiting).state == "queued"
+    for job_id in (running, waiting):
+        works.gate.open(job_id, 10, 20)
+        assert wait(works.sessions, job_id).state == "succeeded"

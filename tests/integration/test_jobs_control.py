@@ -18,7 +18,7 @@ from sqlalchemy import func, select, text, update
 from service.access.tables import Project
 from service.db.engine import Sessions
 from service.errors import Conflict
-from service.jobs import checkpoints
+from service.jobs import ledger
 from service.jobs.dispatch import begin_next
 from service.jobs.metrics import JobMetrics
 from service.jobs.queue import enqueue, request_cancel, retry
@@ -200,7 +200,7 @@ def test_killed_workers_job_goes_on_where_it_was_and_nothing_else_of_it_stays(
 
 def saved_step(sessions: Sessions, job_id: UUID) -> int | None:
     with sessions() as session:
-        saved = checkpoints.load(session, job_id)
+        saved = ledger.load_checkpoint(session, job_id)
     return None if saved is None else int.from_bytes(saved[:2])
 
 
@@ -209,10 +209,10 @@ def test_checkpoint_of_an_attempt_that_is_no_longer_the_present_one_is_not_kept(
     job_id = take(sessions)
     assert job_id is not None
     with sessions.begin() as session:
-        checkpoints.save(session, job_id, 1, b"first")
-        checkpoints.save(session, job_id, 7, b"of another time line")
-        checkpoints.save(session, job_id, 1, b"second")
-        assert checkpoints.load(session, job_id) == b"second"
+        ledger.save_checkpoint(session, job_id, 1, b"first")
+        ledger.save_checkpoint(session, job_id, 7, b"of another time line")
+        ledger.save_checkpoint(session, job_id, 1, b"second")
+        assert ledger.load_checkpoint(session, job_id) == b"second"
 
 
 def test_metrics_by_kind_and_outcome(sessions: Sessions) -> None:
@@ -235,8 +235,8 @@ def test_metrics_by_kind_and_outcome(sessions: Sessions) -> None:
 
 
 def test_store_that_lost_its_connection_is_gone_through_again() -> None:
+    from service.jobs.attempt import Replay
     from service.jobs.child import Item
-    from service.jobs.outages import Replay
 
     made: list[Any] = []
     replay = Replay(Item(made.append(i) or i, 1) for i in range(4))
@@ -248,8 +248,8 @@ def test_store_that_lost_its_connection_is_gone_through_again() -> None:
 
 
 def test_results_too_large_to_keep_are_passed_on_once() -> None:
+    from service.jobs.attempt import KEPT_BYTES, Replay
     from service.jobs.child import Item
-    from service.jobs.outages import KEPT_BYTES, Replay
 
     replay = Replay(Item(i, KEPT_BYTES // 2) for i in range(4))
     assert list(iter(replay)) == [0, 1, 2, 3]

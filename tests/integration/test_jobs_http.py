@@ -80,16 +80,6 @@ def test_who_comes_back_is_told_what_is_new(api: httpx.Client, start: Callable[.
     assert (again.status_code, again.content) == (204, b"")
 
 
-def test_other_peoples_events_are_not_found(
-    start: Callable[..., dict[str, Any]], new_client: Callable[[], httpx.Client]
-) -> None:
-    job = start()
-    other = new_client()
-    for method, path in (("GET", "events"), ("POST", "retry"), ("POST", "cancel")):
-        assert other.request(method, f"update-jobs/{job['id']}/{path}").status_code == 404
-        assert other.request(method, f"update-jobs/{uuid4()}/{path}").status_code == 404
-
-
 def test_events_go_on_when_the_notices_are_cut_off(
     api: httpx.Client, start: Callable[..., dict[str, Any]], service: LocalService
 ) -> None:

@@ -14,7 +14,7 @@ from sqlalchemy import select, text, update
 from sqlalchemy.exc import DBAPIError, OperationalError
 
 from service.access import Member, User
-from service.access.scopes import scope_of
+from service.access.keys import scope_of
 from service.app.supervisor import LocalService
 from service.db.engine import Sessions, make_engine, make_sessions
 from service.store.structures.operations import structure_for

@@ -23,15 +23,13 @@ from service.db.engine import Sessions
 from service.errors import Conflict, NotFound
 from service.jobs.queue import enqueue
 from service.jobs.tables import Job
-from service.monitoring.alarms import acknowledge, update_alarms
+from service.monitoring.alarms import acknowledge, alarm_for, update_alarms
 from service.monitoring.judgements import JUDGE, judge_if_changed, set_state
-from service.monitoring.lookups import alarm_for, monitor_for
 from service.monitoring.monitors import create_monitor
 from service.monitoring.notifications.tables import Delivery
-from service.monitoring.runs import newest_series
+from service.monitoring.runs import monitor_for, newest_series, unit_of
 from service.monitoring.schemas import MonitorIn
 from service.monitoring.tables import Alarm, AlarmEvent, MonitorJudgement, MonitorRun
-from service.monitoring.values import unit_of
 from service.settings import Settings
 from service.show.figures.printing import draw, render
 from service.show.figures.series import series_figure

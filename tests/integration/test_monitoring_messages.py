@@ -21,11 +21,10 @@ from sqlalchemy import select
 import service.app.composition  # noqa: F401  imports every table
 from service.access import Project
 from service.db.engine import Sessions
-from service.monitoring.notifications import delivery as attempts
+from service.monitoring.notifications import sender as attempts
 from service.monitoring.notifications.addresses import AddressError, destinations, parse_url, resolve
-from service.monitoring.notifications.delivery import new_secret, post, sign
 from service.monitoring.notifications.messages import EVENTS
-from service.monitoring.notifications.sender import ATTEMPTS, Sender
+from service.monitoring.notifications.sender import ATTEMPTS, Sender, new_secret, post, sign
 from service.monitoring.notifications.tables import Delivery, Webhook
 from service.settings import Settings
 from tests.support.receivers import ACCOUNT, MailServer, Receiver, dripping, mail_server, receiver, signature_holds

@@ -21,8 +21,8 @@ from benchmarks.soak_backup import RECIPE, small_file
 from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
+from service.store.updating.document import MARKS, VERSION, up_to_date
 from service.store.updating.result_schemas import ResultOut
-from service.store.updating.versions import MARKS, VERSION, up_to_date
 from tests.support.rest import finished, ok, session_client
 
 OLD = ("0.1.0", "0.2.0")

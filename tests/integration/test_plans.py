@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
-from uuid import uuid4
 
 import httpx
 
@@ -36,17 +35,3 @@ def test_boundaries_are_ranked_and_what_was_measured_counts(
     assert again["free"] < 0.3 * fresh["free"]
     assert all(len(item["points_m"]) == 8 for item in after["items"])
     ok(new_client().post(f"structures/{structure}/plans", json={}), 404)
-
-
-def test_what_a_plan_cannot_take_is_refused_with_its_place(api: httpx.Client, structure: str, campaign: str) -> None:
-    def pointers(body: dict[str, Any]) -> set[str]:
-        return {error["pointer"] for error in ok(api.post(f"structures/{structure}/plans", json=body), 422)["errors"]}
-
-    free = {"boundary": "free"}
-    assert pointers({"tests": [{"boundary": "glued"}]}) == {"/tests/0/boundary"}
-    assert pointers({"tests": [free | {"sensor": 33}]}) == {"/tests/0/sensor"}
-    assert pointers({"tests": [free | {"structure_id": str(uuid4())}]}) == {"/tests/0/structure_id"}
-    assert pointers({"tests": [free], "made": [{"campaign_id": campaign, "mode_set": str(uuid4())}]}) == {
-        "/made/0/mode_set"
-    }
-    assert pointers({"tests": [free | {"highest_hz": 3.0}]}) == {"/highest_hz"}

@@ -7,37 +7,8 @@ from typing import Any
 from uuid import uuid4
 
 import httpx
-import pytest
 
-from tests.support.rest import ok, pointers, session_client
-
-
-@pytest.mark.parametrize(
-    ("path", "body", "pointer"),
-    [
-        ("projects/{project}", {}, ""),
-        ("projects/{project}", {"name": None}, "/name"),
-        ("projects/{project}", {"archived": None}, "/archived"),
-        ("campaigns/{campaign}", {}, ""),
-        ("campaigns/{campaign}", {"boundary": None}, "/boundary"),
-        ("campaigns/{campaign}", {"frame": {"x_axis": [1, 0, 0], "y_axis": [1, 0, 0]}}, "/frame"),
-        ("campaigns/{campaign}", {"instruments": {"sensor": {"model": 70_000 * "x"}}}, "/instruments/sensor"),
-    ],
-)
-def test_a_change_that_makes_no_sense_changes_nothing(
-    api: httpx.Client, project: str, campaign: str, path: str, body: dict[str, Any], pointer: str
-) -> None:
-    address = path.format(project=project, campaign=campaign)
-    before = api.get(address)
-    refused = ok(api.patch(address, json=body, headers={"If-Match": before.headers["ETag"]}), 422)
-    assert {found.removesuffix("/x_axis") for found in pointers(refused)} == {pointer}
-    assert ok(api.get(address)) == before.json()
-
-
-def test_a_band_that_is_turned_is_refused_before_it_is_queued(api: httpx.Client, campaign: str) -> None:
-    refused = ok(api.post(f"campaigns/{campaign}/identifications", json={"band_hz": [300, 100]}), 422)
-    assert pointers(refused) == {"/band_hz"}
-    assert ok(api.get(f"campaigns/{campaign}/identifications"), 200)["items"] == []
+from tests.support.rest import ok, session_client
 
 
 def test_what_is_deleted_is_not_there_to_be_changed_or_deleted_again(api: httpx.Client, project: str) -> None:
@@ -62,11 +33,6 @@ def test_a_session_begins_and_ends_no_other(api: httpx.Client) -> None:
         assert "revoke the key" in ok(api.delete("session"), 409)["detail"]
         ok(browser.delete("session"), 204)
         ok(browser.get("projects"), 401)
-
-
-def test_a_version_that_never_was_is_not_found(api: httpx.Client, structure: str) -> None:
-    for number in (0, 2):
-        ok(api.get(f"structures/{structure}/versions/{number}"), 404)
 
 
 def test_a_project_that_is_full_takes_no_member_more_but_another_role(

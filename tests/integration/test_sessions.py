@@ -8,7 +8,7 @@ import httpx
 import psycopg
 import pytest
 
-from service.access.sessions import COOKIE
+from service.access.keys import COOKIE
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
 from tests.support.rest import ok, session_client

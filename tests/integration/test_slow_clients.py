@@ -10,20 +10,20 @@ import pytest
 import uvicorn
 from fastapi import FastAPI
 
-from service.web import server
+from service.web import middleware
 
 
 @pytest.fixture
 def port(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """An application behind the server's protocol, which waits half a second for a head."""
-    monkeypatch.setattr(server, "HEAD_SECONDS", 0.5)
+    monkeypatch.setattr(middleware, "HEAD_SECONDS", 0.5)
     app = FastAPI()
 
     @app.get("/")
     def root() -> str:
         return "here"
 
-    config = uvicorn.Config(app, http=server.PatientProtocol, log_config=None)
+    config = uvicorn.Config(app, http=middleware.PatientProtocol, log_config=None)
     with socket.create_server(("127.0.0.1", 0)) as listener:
         running = uvicorn.Server(config)
         thread = threading.Thread(target=running.run, kwargs={"sockets": [listener]})

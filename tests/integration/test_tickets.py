@@ -9,9 +9,8 @@ from sqlalchemy import Engine, text
 from service.db.engine import Sessions, make_engine, make_sessions
 from service.db.schema import upgrade
 from service.jobs import tickets
-from service.jobs.dispatch import begin_next
+from service.jobs.dispatch import begin_next, recover_stalled, recover_strays
 from service.jobs.queue import request_cancel, retry
-from service.jobs.recovery import recover_stalled, recover_strays
 from tests.support.working import Gate, held, items, look, put, wait, worker
 
 ALL = text("SELECT id, status, args->>'job_id' AS job_id FROM procrastinate_jobs ORDER BY id")

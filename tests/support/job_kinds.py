@@ -12,7 +12,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.access.tables import AuditEvent
-from service.jobs.kinds import JobKind
+from service.jobs.kinds import REQUESTS, JobKind
 from service.jobs.tables import Job
 from tests.support import computations
 
@@ -43,6 +43,7 @@ KINDS = {
     kind.name: kind
     for kind in (
         JobKind("echo", load=load, compute=computations.echo, store=store),
+        JobKind("asked", load=load, compute=computations.echo, store=store, queue=REQUESTS),
         JobKind("slow", load=load, compute=computations.slow, store=store),
         JobKind("stubborn", load=load, compute=computations.stubborn, store=store),
         JobKind("overdue", load=load, compute=computations.stubborn, store=store, wall_seconds=0.5),

@@ -23,12 +23,10 @@ from modalbase.client.errors import ClientError, Exit
 from modalbase.client.jobs import wait_for
 from modalbase.client.place import NO_SERVICE, checked_key, find_place
 from modalbase.objects.campaigns import Campaign
-from modalbase.objects.figure import Figure
-from modalbase.objects.jobs import Import
+from modalbase.objects.jobs import Import, ModeSet
 from modalbase.objects.laboratory import Laboratory
-from modalbase.objects.modes import ModeSet
 from modalbase.objects.projects import Structure
-from modalbase.objects.table import Table
+from modalbase.objects.thing import Figure, Table
 from service.app.cli.command import app
 
 ID = "0198c6a2-0000-7000-8000-000000000001"
@@ -261,7 +259,7 @@ def test_the_library_sends_what_it_is_given(lab: Lab) -> None:
     with pytest.raises(ClientError, match=r"frfs\(\) has arrays; export\(\) writes a file in a format"):
         campaign.frfs(format="csv")
     figure = Figure(there, f"update-jobs/{ID}/figures/frf", {})
-    with pytest.raises(ClientError, match=r"'a.gif' does not say one of .svg, .png"):
+    with pytest.raises(ClientError, match=r"'a.gif' does not end in one of .svg, .png"):
         figure.save("a.gif")
     assert figure.save("a.svg").read_bytes() == b"<svg/>"
     lab.answers[f"POST structures/{ID}/campaigns"] = {"id": ID}

@@ -14,7 +14,7 @@ import modalbase
 from modalbase.client.errors import ClientError
 from modalbase.client.rest import Rest
 from modalbase.objects.projects import Structure
-from modalbase.objects.table import Table
+from modalbase.objects.thing import Table
 from service.app.cli.command import app
 
 
@@ -29,7 +29,7 @@ from service.app.cli.command import app
         ("coupons b A1.csv --about A1.csv", "A1.csv is not JSON"),
         ("export latest --what modes --fmin 3 --out x.csv", "--fmin choose FRFs, not modes"),
         ("update c --idempotency-key ä", "--idempotency-key takes printable ASCII alone"),
-        ("points c A1.csv", "A1.csv: line 1 is '1,2', expected label,x_mm"),
+        ("points c A1.csv", "A1.csv, line 1: is '1,2', expected label,x_mm"),
     ],
 )
 def test_a_command_that_cannot_be_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, says: str) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import modalbase
-from modalbase.objects.table import Table
+from modalbase.objects.thing import Table
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from modalbase.client.errors import ClientError
-from modalbase.client.points import read_points
+from modalbase.client.measuring import read_points
 
 
 def test_points_are_read_in_metres(tmp_path: Path) -> None:
@@ -24,13 +24,13 @@ def test_points_are_read_in_metres(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "line 1 is '', expected label,x_mm,y_mm,z_mm"),
-        ("label,x,y\n", "line 1 is 'label,x,y', expected label,x_mm"),
+        ("", "line 1: is '', expected label,x_mm,y_mm,z_mm"),
+        ("label,x,y\n", "line 1: is 'label,x,y', expected label,x_mm"),
         ("label,x_mm,x_m,y_m\n", "expected label,x_mm"),
         ("label,x_mm,z_mm\n", "expected label,x_mm"),
-        ("label,x_mm,y_mm\n\n1,2\n", "line 3: 2 cells, the header has 3"),
-        ("label,x_mm,y_mm\n1,2,left\n", "line 2: 'left' is no number"),
-        ("label,x_mm,y_mm\n1.5,2,3\n", "line 2: '1.5' is no label"),
+        ("label,x_mm,y_mm\n\n1,2\n", "line 3: has 2 cells, the header has 3"),
+        ("label,x_mm,y_mm\n1,2,left\n", "line 2, y_mm: is 'left', expected a number"),
+        ("label,x_mm,y_mm\n1.5,2,3\n", "line 2, label: is '1.5', expected a whole number"),
     ],
 )
 def test_what_is_no_table_of_points_is_named(tmp_path: Path, text: str, said: str) -> None:

@@ -11,6 +11,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from modalbase.formats.columns import read_columns, real, whole
 from modalbase.formats.errors import FormatError
 from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs, FrfTable
 from modalbase.formats.types import Quantity
@@ -46,8 +47,6 @@ def read_csv(path: Path, quantity: Quantity = "accelerance") -> Frfs:
             groups = [(dofs, [r[1] for r in rows]) for dofs, rows in itertools.groupby(_records(text), lambda r: r[0])]
     except UnicodeDecodeError as error:
         raise FormatError("", f"the CSV is not UTF-8: {error.reason} at byte {error.start}") from None
-    except csv.Error as error:
-        raise FormatError("", f"the CSV cannot be read: {error}") from None
     if not groups:
         raise FormatError("line 2", "is missing: the table has a header and nothing below it")
     blocks = [np.array(rows) for _, rows in groups]
@@ -83,34 +82,14 @@ def write_csv(table: FrfTable, file: IO[bytes]) -> None:
     text.detach()
 
 
-def _records(text: Iterator[str]) -> Iterator[Record]:
+def _records(text: Iterable[str]) -> Iterator[Record]:
     """Each line below the header: the FRF's degrees of freedom and (frequency, real, imag, coherence)."""
-    reader = csv.reader(text, strict=True)
-    header = [cell.strip() for cell in next(reader, [])]
+    header, rows = read_columns(text, ",")
     if set(header) - set(COLUMNS) or len(set(header)) != len(header) or not {*DOFS, *NUMBERS} <= set(header):
         raise FormatError("line 1", f"is {','.join(header)[:200]!r}, expected the header {','.join(COLUMNS)}")
-    for row in reader:
-        if not any(cell.strip() for cell in row):
-            continue
-        if len(row) != len(header):
-            raise FormatError(f"line {reader.line_num}", f"has {len(row)} cells, the header has {len(header)}")
+    for line, row in rows:
         cells = dict(zip(header, row, strict=True))
-        dofs = tuple(_integer(cells, name, reader.line_num) for name in DOFS)
-        frequency, real, imag = (_real(cells, name, reader.line_num) for name in NUMBERS)
-        coherence = _real(cells, "coherence", reader.line_num) if cells.get("coherence", "").strip() else np.nan
-        yield dofs, (frequency, real, imag, coherence)
-
-
-def _integer(cells: dict[str, str], name: str, line: int) -> int:
-    try:
-        return int(cells[name])
-    except ValueError:
-        raise FormatError(f"line {line}, {name}", f"is {cells[name][:40]!r}, expected a whole number") from None
-
-
-def _real(cells: dict[str, str], name: str, line: int) -> float:
-    try:
-        return float(cells[name])
-    except ValueError:
-        wanted = "a number with a decimal point"
-        raise FormatError(f"line {line}, {name}", f"is {cells[name][:40]!r}, expected {wanted}") from None
+        dofs = tuple(whole(cells[name], f"line {line}, {name}") for name in DOFS)
+        frequency, re, im = (real(cells[name], f"line {line}, {name}") for name in NUMBERS)
+        gamma = cells.get("coherence", "").strip()
+        yield dofs, (frequency, re, im, real(gamma, f"line {line}, coherence") if gamma else np.nan)

@@ -20,7 +20,7 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs
-from modalbase.formats.records.variables import Variables, read_variables
+from modalbase.formats.records.variables import Variables, is_named, read_variables, variable
 from modalbase.formats.types import FloatArray, Quantity
 
 _SPECTRA = ("cross", "spec", "psd", "csd")
@@ -96,21 +96,15 @@ def propose_frfs(variables: Variables) -> dict[str, Any]:
     return found
 
 
-def _array(variables: Variables, name: str) -> np.ndarray[Any, Any]:
-    if name not in variables:
-        raise FormatError(name, f"is not in the file; it has {', '.join(sorted(variables))}")
-    return variables[name]
-
-
 def _named(variables: Variables, document: dict[str, Any], field: str) -> np.ndarray[Any, Any]:
     given = document[field]
-    if not (isinstance(given, dict) and set(given) == {"variable"} and isinstance(given["variable"], str)):
+    if not is_named(given):
         raise FormatError(f"mapping.{field}", f'is {given!r}, expected {{"variable": name}}')
     return _real(variables, given["variable"], field)
 
 
 def _real(variables: Variables, name: str, field: str) -> np.ndarray[Any, Any]:
-    found = _array(variables, name)
+    found = variable(variables, name)
     if found.dtype.kind == "c":
         raise FormatError(name, f"is complex, expected the real numbers of {field}")
     return found
@@ -126,11 +120,11 @@ def _frf(variables: Variables, given: Any, lines: int) -> np.ndarray[Any, np.dty
         if real.shape != imaginary.shape:
             raise FormatError("mapping.frf", f"has {len(real)} real and {len(imaginary)} imaginary parts")
         return np.asarray(real + 1j * imaginary)
-    if not (isinstance(given, dict) and set(given) == {"variable"} and isinstance(given["variable"], str)):
+    if not is_named(given):
         raise FormatError(
             "mapping.frf", f'is {given!r}, expected {{"variable": name}} or {{"real": name, "imaginary": name}}'
         )
-    found = _array(variables, given["variable"])
+    found = variable(variables, given["variable"])
     if found.dtype.kind != "c":
         raise FormatError(
             given["variable"], "is real: an FRF without phase is of no use; name real and imaginary parts"
@@ -150,7 +144,7 @@ def _rows(array: np.ndarray[Any, Any], lines: int, field: str) -> np.ndarray[Any
 
 def _integers(variables: Variables, given: Any, count: int, field: str) -> list[int]:
     if isinstance(given, dict) and set(given) == {"variable"}:
-        values = np.ravel(_array(variables, str(given["variable"])))
+        values = np.ravel(variable(variables, str(given["variable"])))
     else:
         try:
             values = np.ravel(np.array(given, dtype=float))

@@ -22,7 +22,7 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records.blocks import ChannelQuantity, TimeBlock
-from modalbase.formats.records.variables import SAMPLE_RATE, Variables
+from modalbase.formats.records.variables import SAMPLE_RATE, Variables, is_named, variable
 from modalbase.formats.types import FloatArray
 
 Value = float | str
@@ -137,7 +137,7 @@ def _channel(place: str, entry: dict[str, Any], faults: list[tuple[str, str]]) -
 
 
 def _value(place: str, given: Any, faults: list[tuple[str, str]]) -> Value:
-    if isinstance(given, dict) and set(given) == {"variable"} and isinstance(given["variable"], str):
+    if is_named(given):
         return str(given["variable"])
     if isinstance(given, int | float) and not isinstance(given, bool) and np.isfinite(given):
         return float(given)
@@ -186,15 +186,9 @@ def blocks_of(variables: Variables, mapping: Mapping) -> list[TimeBlock]:
     ]
 
 
-def _array(variables: Variables, name: str) -> np.ndarray[Any, Any]:
-    if name not in variables:
-        raise FormatError(name, f"is not in the file; it has {', '.join(sorted(variables))}")
-    return variables[name]
-
-
 def _table(variables: Variables, channel: ChannelMapping) -> FloatArray:
     """(blocks, samples); the longer side is the time."""
-    values = np.squeeze(_array(variables, channel.variable))
+    values = np.squeeze(variable(variables, channel.variable))
     if values.ndim == 1:
         values = values[np.newaxis]
     if values.ndim != 2:
@@ -258,7 +252,7 @@ def _rate(variables: Variables, given: Value, samples: int) -> float:
                 f'is {rate:g}, and the file says {float(own.item()):g}; state {{"variable": "{SAMPLE_RATE}"}}',
             )
     else:
-        values = _real(np.ravel(_array(variables, given)), given)
+        values = _real(np.ravel(variable(variables, given)), given)
         if values.size == 1:
             rate = float(values[0])
         elif values.size == samples:
@@ -285,7 +279,7 @@ def _real(values: np.ndarray[Any, Any], name: str) -> FloatArray:
 
 def _integers(variables: Variables, given: Value, count: int, name: str, least: int) -> list[int]:
     place = given if isinstance(given, str) else f"mapping.{name}"
-    values = _real(np.ravel(_array(variables, given)), place) if isinstance(given, str) else np.array([given])
+    values = _real(np.ravel(variable(variables, given)), place) if isinstance(given, str) else np.array([given])
     if values.size == 1:
         values = np.repeat(values, count)
     if values.size != count:

@@ -6,17 +6,18 @@ Nothing is unpickled and nothing is guessed: what the arrays mean is the mapping
 from __future__ import annotations
 
 import codecs
-import csv
 import io
 import warnings
 import zipfile
 import zlib
+from array import array
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
 import numpy as np
 
+from modalbase.formats.columns import read_columns
 from modalbase.formats.errors import FormatError
 from modalbase.formats.npy import read_array
 
@@ -59,6 +60,22 @@ def read_variables(path: Path, suffix: str | None = None, limit_bytes: int | Non
     if not numbers:
         raise FormatError("", "holds no numeric array")
     return numbers
+
+
+def variable(variables: Variables, name: str) -> np.ndarray[Any, Any]:
+    """The array of a name.
+
+    Raises:
+        FormatError: the file has none; lists those that it has.
+    """
+    if name not in variables:
+        raise FormatError(name, f"is not in the file; it has {', '.join(sorted(variables))}")
+    return variables[name]
+
+
+def is_named(given: Any) -> bool:
+    """Whether a mapping's value is `{"variable": name}`."""
+    return isinstance(given, dict) and set(given) == {"variable"} and isinstance(given["variable"], str)
 
 
 def _within(declared: int, limit_bytes: int | None, name: str) -> None:
@@ -168,26 +185,17 @@ def _csv(path: Path, limit_bytes: int | None) -> Variables:
     content = path.read_bytes()
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise FormatError("", "is a CSV in UTF-16, as spreadsheets write Unicode text; save it as UTF-8")
-    text = content.decode("utf-8-sig", errors="replace")
-    first = text.partition("\n")[0]
-    separator = max(";\t,", key=first.count)
-    names = [name.strip() for name in next(csv.reader(io.StringIO(first), delimiter=separator), [])]
-    if len(names) < 2 or len(set(names)) < len(names) or any(not name for name in names):
+    header, rows = read_columns(io.StringIO(content.decode("utf-8-sig", errors="replace"), newline=""))
+    if len(header) < 2 or len(set(header)) < len(header) or not all(header):
         raise FormatError("line 1", "is not a heading with a name of its own for each column")
-    body = text.partition("\n")[2]
-    if separator == ";":
-        body = body.replace(",", ".")
-    rows = [(number, line) for number, line in enumerate(body.splitlines(), start=2) if line.strip()]
-    columns = np.empty((len(rows), len(names)))
-    for i, (number, row) in enumerate(rows):
-        fields = row.split(separator)
-        if len(fields) != len(names):
-            raise FormatError(f"line {number}", f"has {len(fields)} fields, the heading {len(names)}")
+    numbers = array("d")
+    for line, row in rows:
         try:
-            columns[i] = [float(field) for field in fields]
+            numbers.extend(map(float, row))
         except ValueError as error:
-            raise FormatError(f"line {number}", str(error)) from None
-    return {name: columns[:, i].copy() for i, name in enumerate(names)}
+            raise FormatError(f"line {line}", str(error)) from None
+    columns = np.frombuffer(numbers).reshape(-1, len(header)).T if numbers else np.empty((len(header), 0))
+    return {name: column.copy() for name, column in zip(header, columns, strict=True)}
 
 
 def _wav(path: Path, limit_bytes: int | None) -> Variables:

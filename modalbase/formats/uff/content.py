@@ -284,6 +284,11 @@ class PowerSpectrum:
     frequency: Axis
     values: ComplexArray
 
+    @property
+    def dofs(self) -> tuple[int, int, int, int]:
+        """Response point and direction, reference point and direction."""
+        return self.response_point, self.response_direction, self.reference_point, self.reference_direction
+
 
 @dataclass(frozen=True, eq=False)
 class ModeShape:

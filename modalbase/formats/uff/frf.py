@@ -41,20 +41,20 @@ class _Side:
 
 def function_of(raw: RawFunction, dataset: int) -> Function:
     """A function that is not an FRF, in the units of its labels."""
-    return Function(
-        dataset=dataset,
-        label=raw.id_lines[0],
-        id_lines=raw.id_lines,
-        function_type=raw.function_type,
-        response_point=raw.response_point,
-        response_direction=raw.response_direction,
-        reference_point=raw.reference_point,
-        reference_direction=raw.reference_direction,
-        abscissa=raw.axis,
-        abscissa_unit=raw.abscissa.unit,
-        values=raw.values,
-        unit="" if raw.ordinate.unit.lower() in NO_LABEL else raw.ordinate.unit,
-    )
+    unit = "" if raw.ordinate.unit.lower() in NO_LABEL else raw.ordinate.unit
+    ids, dofs = raw.id_lines, raw.dofs
+    return Function(dataset, ids[0], ids, raw.function_type, *dofs, raw.axis, raw.abscissa.unit, raw.values, unit)
+
+
+def global_dofs(raw: RawFunction, geometry: Geometry, notes: list[str]) -> tuple[int, int, int, int]:
+    """Response point and direction, reference point and direction, along global axes.
+
+    Raises:
+        Refusal: a point's own axes are not along the global ones.
+    """
+    response = geometry.global_direction(raw.response_point, raw.response_direction, "response", notes)
+    reference = geometry.global_direction(raw.reference_point, raw.reference_direction, "reference", notes)
+    return raw.response_point, response, raw.reference_point, reference
 
 
 def frf_of(
@@ -71,13 +71,7 @@ def frf_of(
         raise Refusal("is an FRF with real ordinates: without phase it is of no use")
     frequency = frequency_of(raw, notes)
     quantity, factor = _quantity_and_factor(raw, units, limits, notes)
-    response, reference = (
-        geometry.global_direction(point, direction, name, notes)
-        for point, direction, name in (
-            (raw.response_point, raw.response_direction, "response"),
-            (raw.reference_point, raw.reference_direction, "reference"),
-        )
-    )
+    dofs = global_dofs(raw, geometry, notes)
     double = raw.values.astype(np.complex128, copy=factor != 1.0)
     if factor != 1.0:
         with np.errstate(over="ignore"):
@@ -89,20 +83,7 @@ def frf_of(
     values: NDArray[np.complex64] | ComplexArray = double
     if raw.values.dtype == np.complex64 and fits_single(double.view(np.float64)):
         values = double.astype(np.complex64)
-    frf = Frf(
-        dataset=dataset,
-        label=raw.id_lines[0],
-        id_lines=raw.id_lines,
-        response_point=raw.response_point,
-        response_direction=response,
-        reference_point=raw.reference_point,
-        reference_direction=reference,
-        quantity=quantity,
-        frequency=frequency,
-        values=values,
-        load_case=raw.load_case,
-    )
-    return frf, notes
+    return Frf(dataset, raw.id_lines[0], raw.id_lines, *dofs, quantity, frequency, values, raw.load_case), notes
 
 
 def frequency_of(raw: RawFunction, notes: list[str]) -> Axis:

@@ -59,6 +59,11 @@ class RawFunction:
     unstated_reference: bool
     free_form: bool
 
+    @property
+    def dofs(self) -> tuple[int, int, int, int]:
+        """Response point and direction, reference point and direction."""
+        return self.response_point, self.response_direction, self.reference_point, self.reference_direction
+
 
 @dataclass(frozen=True)
 class _Shape:

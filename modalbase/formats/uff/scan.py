@@ -143,29 +143,15 @@ def _dataset(file: BinaryIO, number: int, offset: int, position: int, size: int,
     start = position + len(line)
     if not match[2].strip():
         end, after, note = _closing(file, number, start, offset, size, limits)
-        return Frame(
-            number=number,
-            type=str(kind),
-            offset=offset,
-            start=start,
-            end=end,
-            type_line=line,
-            note=note,
-        ), after
+        frame = Frame(number=number, type=str(kind), offset=offset, start=start, end=end, type_line=line, note=note)
+        return frame, after
     if kind != 58:
         raise UffError(
             f"dataset {number} has type {shown(line.strip())}; of the binary sets only 58b is known", position
         )
     end, after, note = _binary_end(file, number, line, start, offset, limits)
-    return Frame(
-        number=number,
-        type="58b",
-        offset=offset,
-        start=start,
-        end=end,
-        type_line=line,
-        note=note,
-    ), after
+    frame = Frame(number=number, type="58b", offset=offset, start=start, end=end, type_line=line, note=note)
+    return frame, after
 
 
 def _closing(file: BinaryIO, number: int, start: int, offset: int, size: int, limits: Limits) -> tuple[int, int, str]:

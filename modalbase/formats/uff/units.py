@@ -17,43 +17,23 @@ from modalbase.formats.uff.text import Cursor, Refusal, decoded
 
 Dimension = tuple[int, int, int]
 
-_ATOMS: dict[str, tuple[float, Dimension]] = {
-    "m": (1.0, (1, 0, 0)),
-    "cm": (1e-2, (1, 0, 0)),
-    "mm": (1e-3, (1, 0, 0)),
-    "um": (1e-6, (1, 0, 0)),
-    "µm": (1e-6, (1, 0, 0)),
-    "μm": (1e-6, (1, 0, 0)),
-    "nm": (1e-9, (1, 0, 0)),
-    "in": (0.0254, (1, 0, 0)),
-    "inch": (0.0254, (1, 0, 0)),
-    "mil": (0.0254e-3, (1, 0, 0)),
-    "ft": (0.3048, (1, 0, 0)),
-    "s": (1.0, (0, 0, 1)),
-    "sec": (1.0, (0, 0, 1)),
-    "ms": (1e-3, (0, 0, 1)),
-    "min": (60.0, (0, 0, 1)),
-    "hz": (1.0, (0, 0, -1)),
-    "khz": (1e3, (0, 0, -1)),
-    "rad": (1.0, (0, 0, 0)),
-    "deg": (0.017453292519943295, (0, 0, 0)),
-    "kg": (1.0, (0, 1, 0)),
-    "n": (1.0, (1, 1, -2)),
-    "newton": (1.0, (1, 1, -2)),
-    "newtons": (1.0, (1, 1, -2)),
-    "kn": (1e3, (1, 1, -2)),
-    "mn": (1e-3, (1, 1, -2)),
-    "dan": (10.0, (1, 1, -2)),
-    "lbf": (POUND_FORCE, (1, 1, -2)),
-    "lb": (POUND_FORCE, (1, 1, -2)),
-    "kgf": (STANDARD_GRAVITY, (1, 1, -2)),
-    "kp": (STANDARD_GRAVITY, (1, 1, -2)),
-    "g": (STANDARD_GRAVITY, (1, 0, -2)),
-    "gn": (STANDARD_GRAVITY, (1, 0, -2)),
-    "g's": (STANDARD_GRAVITY, (1, 0, -2)),
-    "ips": (0.0254, (1, 0, -1)),
-    "1": (1.0, (0, 0, 0)),
-}
+RESPONSE: dict[Quantity, Dimension] = {"accelerance": (1, 0, -2), "mobility": (1, 0, -1), "receptance": (1, 0, 0)}
+FORCE: Dimension = (1, 1, -2)
+_UNITS: dict[Dimension, dict[str, float]] = {
+    (1, 0, 0): {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "nm": 1e-9, "in": 0.0254,
+                "inch": 0.0254, "mil": 0.0254e-3, "ft": 0.3048},
+    (0, 0, 1): {"s": 1.0, "sec": 1.0, "ms": 1e-3, "min": 60.0},
+    (0, 0, -1): {"hz": 1.0, "khz": 1e3},
+    (0, 0, 0): {"rad": 1.0, "deg": 0.017453292519943295, "1": 1.0},
+    (0, 1, 0): {"kg": 1.0},
+    FORCE: {"n": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1e3, "mn": 1e-3, "dan": 10.0, "lbf": POUND_FORCE,
+            "lb": POUND_FORCE, "kgf": STANDARD_GRAVITY, "kp": STANDARD_GRAVITY},
+    (1, 0, -2): {"g": STANDARD_GRAVITY, "gn": STANDARD_GRAVITY, "g's": STANDARD_GRAVITY},
+    (1, 0, -1): {"ips": 0.0254},
+}  # fmt: skip
+"""SI value of one unit, by dimension and name in small letters."""
+
+_ATOMS = {name: (factor, dimension) for dimension, units in _UNITS.items() for name, factor in units.items()}
 _TOKEN = re.compile(r"\s*(\*\*|[()*/·^.-]|[²³]|[0-9]+|[^\W\d_²³]+(?:'s)?)")
 NO_LABEL = {"", "none", "unknown", "user_defined"}
 
@@ -69,10 +49,6 @@ class Label:
 
     factor: float
     dimension: Dimension
-
-
-RESPONSE: dict[Quantity, Dimension] = {"accelerance": (1, 0, -2), "mobility": (1, 0, -1), "receptance": (1, 0, 0)}
-FORCE: Dimension = (1, 1, -2)
 
 
 def times(a: Dimension, b: Dimension, power: int = 1) -> Dimension:

@@ -13,10 +13,16 @@ from sqlalchemy import Connection, Engine, text
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
-from service.app.backup.archive import BLOCK_BYTES, BackupError, Manifest, TableEntry, read_manifest
-from service.app.backup.reading_back import UNREADABLE
+from service.app.backup.archive import (
+    BLOCK_BYTES,
+    UNREADABLE,
+    BackupError,
+    Manifest,
+    TableEntry,
+    our_tables,
+    read_manifest,
+)
 from service.app.backup.verification import find_damage
-from service.app.backup.writing import our_tables
 from service.db.schema import known_revisions, upgrade_on, upgrading
 from service.jobs.queue import queue_again
 

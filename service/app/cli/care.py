@@ -1,4 +1,6 @@
-"""Commands that take care of what a service stores: back up, restore, verify, and say what is wrong."""
+"""Commands that take care of what a service stores: back up, restore, verify, bring the schema to this version, and say what
+is wrong.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +20,13 @@ if TYPE_CHECKING:
     from service.settings import Settings
 
 commands = typer.Typer()
+db = typer.Typer(help="The database's schema.", no_args_is_help=True)
 
 
 @commands.command()
 def backup(file: Annotated[Path, typer.Argument(help="File to write; it must not exist")], data: Data = None) -> None:
     """Write everything that is stored to one file, as it is at this moment. The service may run meanwhile."""
-    from service.app.backup.writing import write_backup
+    from service.app.backup.archive import write_backup
 
     with _engine(_existing(data)) as engine:
         manifest = write_backup(engine, file)
@@ -84,13 +87,33 @@ def _existing(data: Path | None) -> Settings:
     return settings
 
 
+@db.command("upgrade")
+def db_upgrade(data: Data = None) -> None:
+    """Bring the database's schema to this version's."""
+    from service.db.schema import current_revision, upgrade
+
+    with _engine(settings_of_running(data), migrate_new=True) as engine:
+        upgrade(engine)
+        typer.echo(f"the schema is at {current_revision(engine)}")
+
+
+@db.command("current")
+def db_current(data: Data = None) -> None:
+    """Print the revision that the database is at; exit 1 where it is not this version's."""
+    from service.db.schema import current_revision, require_head
+
+    with _engine(settings_of_running(data), migrate_new=True) as engine:
+        typer.echo(current_revision(engine) or "empty")
+        require_head(engine)
+
+
 @contextmanager
-def _engine(settings: Settings) -> Iterator[Engine]:
-    """An engine on the database, whose schema is left as it is."""
+def _engine(settings: Settings, *, migrate_new: bool = False) -> Iterator[Engine]:
+    """An engine on the database, whose schema is left as it is; `migrate_new`, a new one gets this version's."""
     from service.db.engine import make_engine
     from service.db.opening import open_database
 
-    with open_database(settings, migrate_new=False) as opened:
+    with open_database(settings, migrate_new=migrate_new) as opened:
         engine = make_engine(opened.database_url or "")
         try:
             yield engine

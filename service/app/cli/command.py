@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from modalbase.client.app import add_commands
-from service.app.cli import care, database, people, running
+from service.app.cli import care, people, running
 from service.app.cli.ending import ending
 
 # What a command needs is imported when it runs: a child of the worker imports this module too, and must start fast.
@@ -21,7 +21,7 @@ app = typer.Typer(
 )
 app.add_typer(running.commands)
 app.add_typer(care.commands)
-app.add_typer(database.db, name="db")
+app.add_typer(care.db, name="db")
 app.add_typer(people.keys, name="keys")
 app.add_typer(people.users, name="users")
 add_commands(app)

@@ -4,23 +4,92 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from service.app.cli import people_remote
+from modalbase.client.errors import ClientError
 from service.app.cli.ending import stop_with
 from service.app.cli.options import Data, settings_of_running
-from service.app.cli.people_remote import Remote, Url, remote_service
 
 if TYPE_CHECKING:
-    from datetime import datetime
     from pathlib import Path
 
     from sqlalchemy.orm import Session
 
     from modalbase.client.connection import Connection
     from service.access import User
+
+FORBIDDEN = 403
+
+Remote = Annotated[
+    bool,
+    typer.Option("--remote", help="Ask the service of MODALBASE_URL or of the saved profile, not the database here"),
+]
+Url = Annotated[str | None, typer.Option("--url", help="Ask the service at this address, not the database here")]
+
+
+def remote_service(remote: bool, url: str | None) -> Connection | None:
+    """The service that a command is for; None where it works on the database here.
+
+    Raises:
+        ClientError: no service or no key is found.
+    """
+    if not (remote or url):
+        return None
+    from modalbase.client.options import service_at
+
+    return service_at(url)
+
+
+def new_key_at(service: Connection, name: str, scopes: list[str] | None, expires_at: datetime | None) -> str:
+    """Another key of the user whose key the connection has."""
+    body: dict[str, Any] = {"name": name}
+    if scopes:
+        body["scopes"] = scopes
+    if expires_at is not None:
+        body["expires_at"] = expires_at.isoformat()
+    return str(service.post("api-keys", body)["key"])
+
+
+def keys_at(service: Connection) -> Iterator[tuple[dict[str, Any], dict[str, Any] | None]]:
+    """Every key with its user, for an administrator; one's own, without one, for anybody else."""
+    try:
+        users = list(service.pages("users"))
+    except ClientError as error:
+        if error.status != FORBIDDEN:
+            raise
+        yield from ((key, None) for key in service.pages("api-keys"))
+        return
+    for user in users:
+        yield from ((key, user) for key in service.pages(f"users/{user['id']}/api-keys"))
+
+
+def revoke_at(service: Connection, prefix: str) -> None:
+    """Revoke the key of a prefix.
+
+    Raises:
+        ClientError: one sees no such key.
+    """
+    for key, user in keys_at(service):
+        if key["prefix"] == prefix:
+            service.call("DELETE", f"users/{user['id']}/api-keys/{key['id']}" if user else f"api-keys/{key['id']}")
+            return
+    raise ClientError(f"no key that one may see has the prefix {prefix}; `modalbase keys list` shows all")
+
+
+def set_disabled_at(service: Connection, name: str, *, disabled: bool) -> None:
+    """Disable a user, or enable one again.
+
+    Raises:
+        ClientError: there is no such user, or the key is no administrator's.
+    """
+    found = list(service.pages("users", name=name))
+    if not found:
+        raise ClientError(f"there is no user {name!r}; `modalbase users list` shows all")
+    service.call("POST", f"users/{found[0]['id']}/{'disable' if disabled else 'enable'}")
+
 
 keys = typer.Typer(help="API keys.", no_args_is_help=True)
 users = typer.Typer(help="Users.", no_args_is_help=True)
@@ -70,11 +139,8 @@ def create(
     url: Url = None,
 ) -> None:
     """Make an API key and print it, alone on standard output. Works while the service runs."""
-    from datetime import UTC, datetime, timedelta
-
     from service.access import audit
-    from service.access.keys import create_key, user_named
-    from service.access.scopes import SCOPES
+    from service.access.keys import SCOPES, create_key, user_named
 
     scopes = list(dict.fromkeys(scope or SCOPES))
     if unknown := set(scopes) - set(SCOPES):
@@ -82,7 +148,7 @@ def create(
     expires_at = None if days is None else datetime.now(UTC) + timedelta(days=days)
     if (service := remote_service(remote, url)) is not None:
         with service:
-            typer.echo(people_remote.new_key(service, name, scope, expires_at))
+            typer.echo(new_key_at(service, name, scope, expires_at))
         return
     with _transaction(data) as session:
         row, key = create_key(session, user_named(session, name), name, scopes, expires_at)
@@ -93,15 +159,13 @@ def create(
 @keys.command("list")
 def list_keys(data: Data = None, remote: Remote = False, url: Url = None) -> None:
     """List all API keys, one a line: prefix, user, name, scopes, state. Elsewhere one's own, of who is no administrator."""
-    from datetime import datetime
-
     from sqlalchemy import select
 
     from service.access import ApiKey, User
 
     if (service := remote_service(remote, url)) is not None:
         with service:
-            for one, owner in people_remote.keys_of_all(service):
+            for one, owner in keys_at(service):
                 ends, disabled = one["expires_at"], owner is not None and owner["disabled_at"] is not None
                 state = _state(one["revoked_at"], disabled, datetime.fromisoformat(ends) if ends else None)
                 _say(
@@ -117,8 +181,6 @@ def list_keys(data: Data = None, remote: Remote = False, url: Url = None) -> Non
 
 
 def _state(revoked_at: object, disabled: bool, expires_at: datetime | None) -> str:
-    from datetime import UTC, datetime
-
     if revoked_at is not None or disabled:
         return "revoked" if revoked_at is not None else "user disabled"
     if expires_at is None:
@@ -144,7 +206,7 @@ def revoke(
 
     if (service := remote_service(remote, url)) is not None:
         with service:
-            people_remote.revoke(service, prefix)
+            revoke_at(service, prefix)
         return
     with _transaction(data) as session:
         key = session.scalars(select(ApiKey).where(ApiKey.prefix == prefix)).one_or_none()
@@ -217,7 +279,7 @@ def _set_disabled(name: str, data: Path | None, service: Connection | None, *, d
 
     if service is not None:
         with service:
-            people_remote.set_disabled(service, name, disabled=disabled)
+            set_disabled_at(service, name, disabled=disabled)
         return
     with _transaction(data) as session:
         user = _user(session, name)

@@ -1,25 +1,122 @@
-"""Routes of webhooks and of what was sent to them."""
+"""Routes of webhooks and of what was sent to them, with what a client sends and gets."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from datetime import datetime
+from typing import Annotated, Literal
 from uuid import UUID
 
 from fastapi import Query, Response
-from sqlalchemy import select
+from pydantic import ConfigDict, Field, field_validator
+from pydantic_core import PydanticCustomError
+from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
-from service.access import CurrentUser, SessionDep, SettingsDep, audit, project_for, projects_of
-from service.errors import Conflict, Invalid
-from service.monitoring.notifications.addresses import AddressError, destinations, resolve
-from service.monitoring.notifications.delivery import new_secret
-from service.monitoring.notifications.messages import trial_message
-from service.monitoring.notifications.operations import deliveries, delivery_for, webhook_for
-from service.monitoring.notifications.schemas import DeliveryOut, NewWebhookOut, WebhookIn, WebhookOut
+from service.access import CurrentUser, Lookup, Role, SessionDep, SettingsDep, User, audit, project_for, projects_of
+from service.errors import Conflict, Invalid, NotFound
+from service.monitoring.notifications.addresses import AddressError, destinations, parse_url, resolve
+from service.monitoring.notifications.messages import EVENTS, Event, trial_message
+from service.monitoring.notifications.sender import new_secret
 from service.monitoring.notifications.tables import Delivery, Webhook
-from service.web import Cursor, Limit, Page, api_router, paged
+from service.web import Cursor, Limit, Page, StrictModel, Text, api_router, paged
 
 router = api_router(tags=["webhooks"])
+
+
+class WebhookIn(StrictModel):
+    """Where to post a project's events."""
+
+    project: UUID
+    url: Text = Field(max_length=2000, description="http:// or https://")
+    events: list[Event] = Field(default_factory=lambda: list(EVENTS), min_length=1, description="default: all of them")
+
+    @field_validator("url")
+    @classmethod
+    def _is_url(cls, url: str) -> str:
+        try:
+            parse_url(url)
+        except AddressError as error:
+            raise PydanticCustomError("url", "{why}", {"why": str(error)}) from None
+        return url
+
+
+class WebhookOut(StrictModel):
+    """A webhook, without its secret."""
+
+    model_config = ConfigDict(from_attributes=True, extra="ignore")
+
+    id: UUID
+    created_at: datetime
+    project_id: UUID
+    url: str
+    events: list[str]
+
+
+class NewWebhookOut(WebhookOut):
+    """A webhook just made; `secret` is shown this once."""
+
+    secret: str
+
+
+class DeliveryOut(StrictModel):
+    """A message to a receiver, and how far it got."""
+
+    model_config = ConfigDict(from_attributes=True, extra="ignore")
+
+    id: UUID
+    created_at: datetime
+    webhook_id: UUID | None
+    recipient: str | None = Field(description="mail address")
+    monitor_id: UUID | None
+    message_id: str = Field(description="the `webhook-id` that the receiver sees, the same in every attempt and replay")
+    event: str
+    body: str
+    state: Literal["waiting", "delivered", "failed"]
+    attempts: int
+    due_at: datetime = Field(description="when it is sent next, while it waits")
+    last_status: int | None
+    last_error: str | None
+    delivered_at: datetime | None
+
+
+delivery_for = Lookup(Delivery, "delivery", "project_id")
+"""The delivery, if the user has at least a role in its project."""
+
+_any_webhook_for = Lookup(Webhook, "webhook", "project_id")
+
+
+def webhook_for(session: Session, user: User, webhook_id: UUID, role: Role) -> Webhook:
+    """The webhook, if the user has at least this role in its project.
+
+    Raises:
+        NotFound: there is none, it is other people's, or it was deleted.
+        Forbidden: the user's role is too low.
+    """
+    row = _any_webhook_for(session, user, webhook_id, role)
+    if not row.active:
+        raise NotFound("webhook", webhook_id)
+    return row
+
+
+def deliveries(session: Session, wanted: ColumnElement[bool], cursor: Cursor, limit: Limit) -> Page[DeliveryOut]:
+    """A page of deliveries, newest first.
+
+    Args:
+        session: the request's transaction.
+        wanted: the condition, such as `Delivery.webhook_id == id`.
+        cursor: of the page before; None for the first.
+        limit: rows in a page.
+
+    Raises:
+        Invalid: the cursor is not one of this list.
+    """
+    rows, following = paged(session, select(Delivery).where(wanted), Delivery.id, cursor, limit, newest_first=True)
+    return Page(items=[DeliveryOut.model_validate(row) for row in rows], next_cursor=following)
+
+
+def deliveries_of_monitor(session: Session, monitor_id: UUID, cursor: Cursor, limit: Limit) -> Page[DeliveryOut]:
+    """A page of what was sent about a monitor, or waits to be sent, newest first; otherwise as `deliveries`."""
+    return deliveries(session, Delivery.monitor_id == monitor_id, cursor, limit)
 
 
 @router.post("/webhooks", status_code=201)

@@ -14,7 +14,7 @@ from fecore import __version__
 from service.errors import NotFound
 from service.show.figures.look import Figure, Theme, themed
 from service.show.figures.printing import MEDIA_TYPES, Format, render
-from service.web.conditional import not_modified
+from service.web.parameters import not_modified
 
 FigureName = Annotated[str, Path(max_length=60, description="name of the figure, as the text above has it")]
 RESPONSES: dict[int | str, dict[str, Any]] = {

@@ -11,7 +11,7 @@ from pathlib import Path
 from fastapi import Request, Response
 
 from service.errors import NotFound
-from service.web.conditional import not_modified
+from service.web.parameters import not_modified
 from service.web.routing import page_router
 
 FOLDER = Path(__file__).parent / "static"

@@ -13,12 +13,11 @@ from starlette.responses import Response
 from service.access import routes as access
 from service.jobs.state import ENDED
 from service.show.pages.look import Visit, VisitDep
-from service.show.results import joint_figure_routes
+from service.show.results import routes as shown
 from service.store.campaigns.operations import campaigns_of
-from service.store.updating import joint_routes
 from service.store.updating import routes as updating
-from service.store.updating.joint_operations import joint_document, joint_update_for
-from service.store.updating.joint_schemas import JointUpdateOut
+from service.store.updating.operations import joint_document, joint_update_for
+from service.store.updating.schemas import JointUpdateOut
 from service.web.routing import page_router
 
 router = page_router()
@@ -31,7 +30,7 @@ def get_joint(joint_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = 
 
     `part` is the piece with the progress alone, as of a single update.
     """
-    job = joint_routes.get_joint_update(joint_id, visit.session, visit.user)
+    job = updating.get_joint_update(joint_id, visit.session, visit.user)
     ended = job.status in ENDED
     if part:
         answer = visit.show("job_progress.html", job=job, ended=ended, kind="joint-updates")
@@ -48,7 +47,7 @@ def get_joint(joint_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = 
         "joint_result.html",
         **common,
         result=joint_document(visit.session, joint_update_for(visit.session, visit.user, joint_id)),
-        figures=joint_figure_routes.list_joint_figures(joint_id, visit.session, visit.user).items,
+        figures=shown.list_joint_figures(joint_id, visit.session, visit.user).items,
         alone=_newest_alone(visit, names),
     )
 
@@ -65,5 +64,5 @@ def _newest_alone(visit: Visit, names: Mapping[str, str]) -> dict[str, UUID]:
 
 def joint_updates_of(visit: Visit, project_id: UUID, campaign_id: UUID | None = None) -> Sequence[JointUpdateOut]:
     """The newest joint updates of a project, or those of them that a campaign takes part in."""
-    listed = joint_routes.list_joint_updates(project_id, visit.session, visit.user, limit=MOST).items
+    listed = updating.list_joint_updates(project_id, visit.session, visit.user, limit=MOST).items
     return [job for job in listed if campaign_id is None or campaign_id in {each.campaign_id for each in job.campaigns}]

@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 
 from fecore import __version__
 from service.access import CurrentUser, SessionDep, User
-from service.access.sessions import COOKIE, request_token
+from service.access.keys import COOKIE, request_token
 from service.show.pages import numbers
 from service.show.pages.assets import address
 from service.web.templates import templates_in

@@ -9,8 +9,8 @@ from fastapi import Query, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 from starlette.responses import Response
 
-from service.access import member_routes as members
 from service.access import routes as access
+from service.access import routes as members
 from service.monitoring import routes as monitoring
 from service.show.pages.joint import joint_updates_of
 from service.show.pages.look import VisitDep, page

@@ -15,7 +15,7 @@ from service.show.pages.forms import fields_of
 from service.show.pages.look import Visit, VisitDep
 from service.show.pages.measurements import campaign_context
 from service.show.pages.names import name_jobs, over_time
-from service.show.results import figure_routes
+from service.show.results import routes as shown
 from service.store.campaigns.operations import campaigns_of
 from service.store.coupons import routes as coupons
 from service.store.frfs import routes as frfs
@@ -24,7 +24,7 @@ from service.store.modes import routes as modes
 from service.store.updating import routes as updating
 from service.store.updating.operations import result_document, update_job_for
 from service.store.updating.schemas import RecipeIn
-from service.web.paging import Cursor
+from service.web.parameters import Cursor
 from service.web.routing import page_router
 
 router = page_router()
@@ -103,7 +103,7 @@ def get_job(job_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = Fals
     if job.status != "succeeded":
         return visit.show("job.html", **common, ended=job.status in ENDED, kind="update-jobs")
     result = result_document(visit.session, update_job_for(visit.session, visit.user, job_id))
-    figures = figure_routes.list_figures(job_id, visit.session, visit.user).items
+    figures = shown.list_figures(job_id, visit.session, visit.user).items
     points = [] if campaign.deleted_at is not None else _points(visit, job.campaign_id, result)
     return visit.show("result.html", **common, result=result, points=points, figures=figures)
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 from uuid import UUID
 
 import numpy as np
@@ -22,7 +23,7 @@ from service.store.updating.stored_arrays import StoredArrays
 
 if TYPE_CHECKING:
     from service.store.frfs.operations import Frf
-    from service.store.updating.tables import UpdateJob
+    from service.store.updating.tables import JointUpdate, UpdateJob
 
 
 @dataclass(frozen=True)
@@ -114,3 +115,17 @@ class UpdateFigures:
         geometry = describe_version(version_of(self.session, self.job.structure_version_id), "").geometry
         assert geometry is not None, "a structure that was updated has a geometry"
         return geometry.length_m, geometry.width_m
+
+
+@dataclass(frozen=True)
+class JointFigures:
+    """A joint update whose figures are drawn, with its result document; it keeps no arrays."""
+
+    job: JointUpdate
+    document: dict[str, Any]
+    arrays: ClassVar[Mapping[str, Any]] = {}
+
+
+AnyFigures = UpdateFigures | JointFigures
+Drawn = TypeVar("Drawn", UpdateFigures, JointFigures)
+"""What the figures of one kind of result are drawn from."""

@@ -32,6 +32,9 @@ class Wanted:
     model: int | None = None
 
 
+ANYTHING = Wanted()
+
+
 def update_frf_figure(data: UpdateFigures, wanted: Wanted) -> Figure:
     """The overlay of one FRF of an update that predicted some. `layout.meta` says which points there are.
 

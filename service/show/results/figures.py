@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from fecore.correlation import auto_mac
 from service.errors import Conflict, NotFound
 from service.show.figures.answers import require_figure
 from service.show.figures.budget import budget_figure
+from service.show.figures.campaigns import alone_figure, errors_figure
 from service.show.figures.convergence import convergence_figure
 from service.show.figures.correlation import PointValues, agreement_figure, points_figure
 from service.show.figures.damping import damping_figure
@@ -21,13 +22,13 @@ from service.show.figures.parameters import parameters_figure
 from service.show.figures.posterior import posterior_figure
 from service.show.figures.shapes import MOST_MODES, MOST_ROWS, ShapePair, shapes_figure
 from service.show.figures.stabilisation import stabilisation_figure
-from service.show.results.figure_data import UpdateFigures
-from service.show.results.figure_frf import Wanted, update_frf_figure
+from service.show.results.figure_data import AnyFigures, Drawn, JointFigures, UpdateFigures
+from service.show.results.figure_frf import ANYTHING, Wanted, update_frf_figure
 
 
 @dataclass(frozen=True)
-class NamedFigure:
-    """A figure of an update.
+class NamedFigure(Generic[Drawn]):
+    """A figure of an update, or of a joint update.
 
     Attributes:
         title: what it shows, in one line.
@@ -38,35 +39,41 @@ class NamedFigure:
     """
 
     title: str
-    draw: Callable[[UpdateFigures, Wanted], Figure]
-    check: Callable[[UpdateFigures], object]
+    draw: Callable[[Drawn, Wanted], Figure]
+    check: Callable[[Drawn], object]
     query: tuple[str, ...] = ()
-    sheets: Callable[[UpdateFigures], Sequence[Figure]] | None = None
+    sheets: Callable[[Drawn], Sequence[Figure]] | None = None
+
+    def lacks(self, data: Drawn) -> str | None:
+        """Why the result has nothing for the figure; None where it has."""
+        try:
+            self.check(data)
+        except Conflict as error:
+            return str(error)
+        return None
 
 
-def draw_figure(data: UpdateFigures, name: str, wanted: Wanted) -> Figure:
-    """A figure of an update.
+def draw_figure(figures: Mapping[str, NamedFigure[Drawn]], data: Drawn, name: str, wanted: Wanted = ANYTHING) -> Figure:
+    """One of the figures of a kind of result.
 
     Raises:
         NotFound: there is no figure of that name, or no FRF at the point.
         Conflict: the job has no result, or its result has nothing to draw; the message says why.
     """
-    require_figure(name, *FIGURES)
-    FIGURES[name].check(data)
-    return FIGURES[name].draw(data, wanted)
+    require_figure(name, *figures)
+    figures[name].check(data)
+    return figures[name].draw(data, wanted)
 
 
 def draw_sheets(data: UpdateFigures, name: str) -> Sequence[Figure]:
     """A figure for paper: as many figures as it needs pages, none where the result has nothing to draw."""
     figure = FIGURES[name]
-    try:
-        figure.check(data)
-    except Conflict:
+    if figure.lacks(data) is not None:
         return ()
-    return [figure.draw(data, Wanted())] if figure.sheets is None else figure.sheets(data)
+    return [figure.draw(data, ANYTHING)] if figure.sheets is None else figure.sheets(data)
 
 
-def _require_result(data: UpdateFigures) -> None:
+def _require_result(data: AnyFigures) -> None:
     assert data.document is not None, "asking for it raises where there is none"
 
 
@@ -137,12 +144,12 @@ def _shapes(data: UpdateFigures, wanted: Wanted) -> Figure:
 
 
 def _shape_sheets(data: UpdateFigures) -> list[Figure]:
-    found = _shape_pairs(data, Wanted())
+    found = _shape_pairs(data, ANYTHING)
     if len(found) <= MOST_ROWS:
-        return [_shapes(data, Wanted())]
+        return [_shapes(data, ANYTHING)]
     sheets = np.array_split(found[:MOST_MODES], -(-min(len(found), MOST_MODES) // MOST_ROWS))
     return [
-        _drawn_shapes(data, Wanted(), sheet.tolist(), f"modes {sheet[0, 0] + 1} to {sheet[-1, 0] + 1}")
+        _drawn_shapes(data, ANYTHING, sheet.tolist(), f"modes {sheet[0, 0] + 1} to {sheet[-1, 0] + 1}")
         for sheet in sheets
     ]
 
@@ -189,16 +196,16 @@ def _updated_title(mode: dict[str, Any]) -> str:
     return f"updated: {mode['updated_hz']:.4g} Hz, {mode['kind']}{mac}"
 
 
-def _parameters(data: UpdateFigures, _: Wanted) -> Figure:
-    return parameters_figure(data.document["parameters"], "Parameters: prior and updated, 95 % intervals")
+def _parameters(title: str) -> Callable[[AnyFigures, Wanted], Figure]:
+    return lambda data, _: parameters_figure(data.document["parameters"], f"{title}: prior and updated, 95 % intervals")
 
 
-def _require_posterior(data: UpdateFigures) -> None:
+def _require_posterior(data: AnyFigures) -> None:
     if data.document["posterior"].get("correlation") is None:
         raise Conflict(_OLDER)
 
 
-def _posterior(data: UpdateFigures, _: Wanted) -> Figure:
+def _posterior(data: AnyFigures, _: Wanted) -> Figure:
     described = data.document["posterior"]
     rows = {row["name"]: row for row in data.document["parameters"]}
     places = [i for i, name in enumerate(described["names"]) if name in rows]
@@ -208,13 +215,26 @@ def _posterior(data: UpdateFigures, _: Wanted) -> Figure:
     return posterior_figure(chosen, correlation, samples)
 
 
-def _require_budget(data: UpdateFigures) -> None:
+def _require_budget(data: AnyFigures) -> None:
     if not any(row["budget"] for row in data.document["parameters"]):
         raise Conflict("no parameter of this result has a budget of its variance")
 
 
-def _budget(data: UpdateFigures, _: Wanted) -> Figure:
+def _budget(data: AnyFigures, _: Wanted) -> Figure:
     return budget_figure(data.document["parameters"])
+
+
+def _require_alone(data: JointFigures) -> None:
+    if not any(part["alone"] for part in data.document["campaigns"]):
+        raise Conflict("no campaign has an estimate of its own")
+
+
+def _alone(data: JointFigures, _: Wanted) -> Figure:
+    return alone_figure(data.document["parameters"], data.document["campaigns"])
+
+
+def _errors(data: JointFigures, _: Wanted) -> Figure:
+    return errors_figure(data.document["campaigns"])
 
 
 def _agreement(name: str) -> Callable[[UpdateFigures, Wanted], Figure]:
@@ -287,11 +307,13 @@ def _stabilisation(data: UpdateFigures, _: Wanted) -> Figure:
 
 _LINES = ("fmin", "fmax")
 
-FIGURES: dict[str, NamedFigure] = {
+FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
     "frf": NamedFigure(
         "FRF: measured, initial and updated", update_frf_figure, _require_arrays(), ("point", "reference", *_LINES)
     ),
-    "parameters": NamedFigure("Parameters: prior and updated with 95 % intervals", _parameters, _require_result),
+    "parameters": NamedFigure(
+        "Parameters: prior and updated with 95 % intervals", _parameters("Parameters"), _require_result
+    ),
     "budget": NamedFigure("What the variance of each parameter is made of", _budget, _require_budget),
     "posterior": NamedFigure("Posterior: densities and correlations", _posterior, _require_posterior),
     "shapes": NamedFigure(
@@ -307,3 +329,14 @@ FIGURES: dict[str, NamedFigure] = {
     "stabilisation": NamedFigure("Stabilisation diagram", _stabilisation, _require_identification),
 }
 """Every figure of an update, in the order in which a report shows them."""
+
+JOINT_FIGURES: dict[str, NamedFigure[JointFigures]] = {
+    "parameters": NamedFigure(
+        "Parameters of the material: prior and updated", _parameters("One material from all campaigns"), _require_result
+    ),
+    "campaigns": NamedFigure("Each campaign alone, beside all together", _alone, _require_alone),
+    "frequencies": NamedFigure("Errors of the frequencies, campaign by campaign", _errors, _require_result),
+    "budget": NamedFigure("What the variance of each parameter is made of", _budget, _require_budget),
+    "posterior": NamedFigure("Posterior: densities and correlations", _posterior, _require_posterior),
+}
+"""Every figure of a joint update, in the order in which its page shows them."""

@@ -12,8 +12,15 @@ from sqlalchemy import CheckConstraint, ForeignKey, Index, UniqueConstraint, fun
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Mapped, Session, mapped_column, relationship
 
-from fecore.coupons.batch import FEWEST_SPECIMENS, CouponResult, Statistics, outlier_warnings, prior, statistics
-from fecore.coupons.failure import failed_at_grip
+from fecore.coupons.batch import (
+    FEWEST_SPECIMENS,
+    CouponResult,
+    Statistics,
+    failed_at_grip,
+    outlier_warnings,
+    prior,
+    statistics,
+)
 from fecore.errors import InputError
 from service.access import Lookup, User, audit
 from service.db.base import Base, Identified

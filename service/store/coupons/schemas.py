@@ -10,8 +10,8 @@ from uuid import UUID
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
+from fecore.coupons.batch import check_failure_code
 from fecore.coupons.curves import Ends
-from fecore.coupons.failure import check_failure_code
 from fecore.errors import InputError
 from modalbase.formats.machine_csv.units import factor
 from service.web import Name, StrictModel, Text, example

@@ -34,9 +34,9 @@ from service.store.frfs.data import Cut, FrfTable, make_tables, only_table
 from service.store.frfs.operations import Frf
 from service.store.frfs.schemas import UNITS, FrfOut
 from service.web import Cursor, Limit, Page, api_router, paged
-from service.web.conditional import not_modified
 from service.web.downloads import fits_memory, in_memory, spooled
 from service.web.negotiation import choose_format, one_of
+from service.web.parameters import not_modified
 
 
 def write_json(table: FrfTable, file: IO[bytes]) -> None:

@@ -17,7 +17,7 @@ from fecore.frf import Quantity
 from service.access import Lookup, User, audit
 from service.compute.reading import Kept, ReadingInputs, read_upload
 from service.db.base import Base
-from service.jobs.kinds import JobKind
+from service.jobs.kinds import REQUESTS, JobKind
 from service.jobs.queue import enqueue
 from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
@@ -100,8 +100,7 @@ class ImportRequest:
         format: where it is known.
         kind: what an npz, .mat or CSV holds.
         mapping: which of its variables is what.
-        urgent: a request waits for it: it is read before what the project has queued, also where the campaign has these
-            bytes already.
+        urgent: a request waits for it: it has a queue of its own, and is read also where the campaign has these bytes already.
     """
 
     file: Spooled
@@ -140,7 +139,7 @@ def start_import(session: Session, user: User, campaign_id: UUID, wanted: Import
     if not _has_file(session, campaign, wanted.file.sha256):
         book(session, StorageOwner(project_id, campaign.id), "files", wanted.file.size)
     keep_original(session, wanted.file)
-    job = enqueue(session, kind=IMPORT, project_id=project_id, priority=int(wanted.urgent))
+    job = enqueue(session, kind=IMPORT, project_id=project_id, queue=REQUESTS if wanted.urgent else None)
     row = Import(
         id=job.id,
         campaign_id=campaign.id,

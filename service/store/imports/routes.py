@@ -26,9 +26,9 @@ from service.store.imports.originals import Original, copy_original
 from service.store.records.operations import judged, records_of_import
 from service.store.records.schemas import Proposal, StoredRecords
 from service.web import Cursor, Limit, Name, Page, StrictModel, api_router, paged
-from service.web.conditional import not_modified
 from service.web.downloads import spooled
 from service.web.json_body import parse_parameter
+from service.web.parameters import not_modified
 from service.web.uploads import UPLOAD_CONTENT, Upload, UploadDep
 
 

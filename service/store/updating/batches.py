@@ -1,69 +1,29 @@
-"""Many updates in one call: a Friday evening's campaigns are queued together, or none of them is."""
+"""Many campaigns in one call: their updates are queued together or none of them is; or they are one joint update."""
 
 from __future__ import annotations
 
-from uuid import UUID
+from collections.abc import Iterator
+from contextlib import contextmanager
 
-from pydantic import Field
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from fecore.errors import FecoreError, InputError
+from fecore.updating.campaigns import check_material
+from fecore.updating.parameters import parametrise
 from service.access import User
 from service.errors import Fault, Invalid, NotFound, ServiceError, pointer
 from service.jobs.queue import one_at_a_time
-from service.store.updating.joint_schemas import JointUpdateOut
-from service.store.updating.operations import start_update
-from service.store.updating.schemas import RecipeIn, UpdateJobOut
-from service.store.updating.tables import UpdateJob
-from service.web import Name, StrictModel
+from service.store.campaigns.operations import campaign_for
+from service.store.coupons.operations import batch_for
+from service.store.structures.operations import present_structure
+from service.store.updating.bodies import nominal_specimen, of_its_material
+from service.store.updating.loading import parameters_of
+from service.store.updating.operations import check_mode_set, queue, repeated, start_update
+from service.store.updating.schemas import RecipeIn, UpdateBatchIn
+from service.store.updating.tables import JointUpdate, UpdateJob
 
 SEPARATOR = "\x1f"  # cannot stand in a header, so a batch's keys never meet those of single jobs
-
-
-class BatchJobIn(StrictModel):
-    """One update of a batch."""
-
-    campaign_id: UUID
-    recipe: RecipeIn | None = Field(None, description="default: the batch's recipe")
-    specimen: Name | None = Field(
-        None, description="of a joint update: campaigns of one specimen share its dimensions; default: the structure"
-    )
-    angle_deg: float | None = Field(
-        None,
-        ge=-360,
-        le=360,
-        description="of a joint update: of the material's x axis from the specimen's; default: that of a laminate whose plies "
-        "lie alike, else 0",
-    )
-
-
-class UpdateBatchIn(StrictModel):
-    """Updates to queue together, or one joint update of campaigns of one material."""
-
-    recipe: RecipeIn | None = Field(None, description="of the jobs that have none of their own; default: {}")
-    jobs: list[BatchJobIn] = Field(min_length=1, max_length=1000)
-    joint: bool = Field(
-        False,
-        description="one posterior of the material from all campaigns: its constants are shared; geometry, density and angle "
-        "are each specimen's own, the length and the clamp each campaign's",
-    )
-    scatter: float | None = Field(
-        None,
-        ge=0,
-        le=1,
-        description="of a joint update: scale of the moduli's scatter between specimens; default 0.02; 0: none",
-    )
-    coupon_batches: list[UUID] = Field(
-        default_factory=list, max_length=20, description="of a joint update: coupons of the same material, as data"
-    )
-
-
-class UpdateBatchOut(StrictModel):
-    """The jobs of a batch, in its order; or the joint update, and no items."""
-
-    items: list[UpdateJobOut]
-    joint: JointUpdateOut | None = None
 
 
 def start_batch(
@@ -133,3 +93,103 @@ def _placed(error: ServiceError | FecoreError, index: int) -> list[Fault]:
     if isinstance(error, InputError):
         return [Fault(f"{at}/recipe{pointer(error.field.split('.'))}", error.message)]
     return [Fault(at, str(error))]
+
+
+_SINGLE_ONLY = ("springs", "zones_m", "damping_models", "hold_out", "posterior", "prior_from_coupon_batch", "method")
+"""Members of a recipe that a joint update has no use for: they must be left at their defaults."""
+
+
+def start_joint(
+    session: Session, user: User, request: UpdateBatchIn, idempotency_key: str | None, priority: int
+) -> JointUpdate:
+    """Queue one update of several campaigns together, in the caller's transaction.
+
+    Raises:
+        Invalid: the request contradicts itself or names what is not the user's, each fault with its pointer; or the key came
+            with another request.
+        NotFound: there is no such campaign, or it is other people's.
+        Forbidden: the user's role is too low.
+    """
+    sent = request.model_dump(mode="json")
+    faults: list[Fault] = []
+    campaigns, projects = [], set()
+    for number, job in enumerate(request.jobs):
+        with pointing(faults, f"/jobs/{number}/campaign_id"):
+            campaign = campaign_for(session, user, job.campaign_id, "editor")
+            projects.add(campaign_for.project_of(session, campaign))
+            version, structure = present_structure(session, campaign.structure_id)
+            campaigns.append({"campaign_id": str(campaign.id), "structure_version_id": str(version.id)})
+            nominal_specimen(of_its_material(structure, number), campaign.boundary)
+    if faults:
+        raise Invalid(faults)
+    faults += _faults(session, user, request)
+    if len(projects) > 1:
+        faults.append(Fault("/jobs", "belong to several projects; a joint update takes campaigns of one"))
+    if faults:
+        raise Invalid(faults)
+    (project_id,) = projects
+    if (known := repeated(session, JointUpdate, project_id, idempotency_key)) is not None:
+        if UpdateBatchIn.model_validate(known.request).model_dump(mode="json") != sent:
+            raise Invalid("Idempotency-Key", "was used for another request; use a new key for a new job")
+        return known
+    row = JointUpdate(project_id=project_id, request=sent, campaigns=campaigns, idempotency_key=idempotency_key)
+    queue(session, user, row, priority)
+    return row
+
+
+def _faults(session: Session, user: User, request: UpdateBatchIn) -> list[Fault]:
+    """What is wrong with a request whose campaigns are the user's."""
+    faults: list[Fault] = []
+    if len(request.jobs) < 2:
+        faults.append(Fault("/jobs", "has one campaign; a joint update takes two at least"))
+    if len({job.campaign_id for job in request.jobs}) < len(request.jobs):
+        faults.append(Fault("/jobs", "names a campaign twice"))
+    for number, key in enumerate(request.coupon_batches):
+        with pointing(faults, f"/coupon_batches/{number}"):
+            batch_for.named(session, user, key, f"/coupon_batches/{number}")
+    recipes = [("/recipe", request.recipe)] + [(f"/jobs/{n}/recipe", job.recipe) for n, job in enumerate(request.jobs)]
+    default = RecipeIn.model_validate({})
+    for at, recipe in recipes:
+        if recipe is None:
+            continue
+        with pointing(faults, at):
+            recipe.inputs.to_core()
+        faults += [
+            Fault(f"{at}/{name}", "has no meaning in a joint update; leave it out")
+            for name in _SINGLE_ONLY
+            if getattr(recipe, name) != getattr(default, name)
+        ]
+        if at != "/recipe" and recipe.parameters is not None:
+            faults.append(Fault(f"{at}/parameters", "belong to the material: state them in the common `recipe`"))
+    for number, job in enumerate(request.jobs):
+        if job.recipe is not None and job.recipe.mode_set is not None:
+            at = f"/jobs/{number}/recipe/mode_set"
+            with pointing(faults, at):
+                check_mode_set(session, user, job.recipe.mode_set, job.campaign_id, at)
+    if request.recipe is not None and request.recipe.mode_set is not None:
+        faults.append(Fault("/recipe/mode_set", "belongs to one campaign: state it in that job's recipe"))
+    with pointing(faults, "/recipe"):
+        _check_parameters(session, user, request)
+    return faults
+
+
+def _check_parameters(session: Session, user: User, request: UpdateBatchIn) -> None:
+    parameters = parameters_of(request.recipe or RecipeIn.model_validate({}))
+    check_material(parameters)
+    first = campaign_for(session, user, request.jobs[0].campaign_id)
+    structure = of_its_material(present_structure(session, first.structure_id)[1], 0)
+    parametrise(nominal_specimen(structure, "free"), parameters)
+
+
+@contextmanager
+def pointing(faults: list[Fault], at: str) -> Iterator[None]:
+    """Collect what is wrong with one part of the request as faults at its pointer."""
+    try:
+        yield
+    except NotFound as error:
+        faults.append(Fault(at, str(error)))
+    except Invalid as error:
+        faults += error.faults
+    except InputError as error:
+        inside = "" if at.endswith("campaign_id") else pointer(error.field.split("."))
+        faults.append(Fault(f"{at}{inside}", error.message))

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from fecore.body.laminate import OrthotropicMaterial, homogenise, section
 from fecore.body.layered import PLY_CONSTANTS, LayeredSpecimen
 from fecore.body.model import PointMass
+from fecore.body.oriented import OrientedSpecimen
 from fecore.body.specimen import Specimen, kind_of
 from fecore.errors import InputError
-from service.store.structures.schemas import Geometry, Laminate, StructureIn
+from service.store.structures.schemas import Geometry, Laminate, Material, StructureIn
 from service.store.updating.schemas import RecipeIn
 
 
@@ -93,3 +95,55 @@ def _known(structure: StructureIn) -> tuple[Geometry, float]:
             f"states no {', no '.join(lacking)}: an update needs them for its model; an identification does not",
         )
     return g, density
+
+
+def material_of(structure: StructureIn, number: int) -> tuple[OrthotropicMaterial, float]:
+    """A structure's material in its own axes, and the angle in degrees at which the specimen was cut.
+
+    A laminate whose plies are alike in all but thickness is one material at the plies' angle. Any other section is
+    homogenised in the specimen's axes.
+
+    Raises:
+        InputError: the structure lacks what a model needs.
+    """
+    laminate = structure.laminate
+    if laminate is not None and _is_one_material(laminate):
+        ply = laminate.plies[0]
+        return ply.material(structure.density_kg_m3 or ply.density_kg_m3 or 0.0), ply.angle_deg
+    if laminate is not None and any(ply.angle_deg % 90 for ply in laminate.plies):
+        raise InputError(
+            f"jobs.{number}.campaign_id",
+            "has a laminate of plies at several angles; a joint update takes one material: plies that lie alike",
+        )
+    return nominal_specimen(structure, "free").material, 0.0
+
+
+def of_its_material(structure: StructureIn, number: int) -> StructureIn:
+    """The structure with its material in the material's own axes in place of its laminate.
+
+    Raises:
+        InputError: as of `material_of`.
+    """
+    m, _ = material_of(structure, number)
+    own = Material(Ex_Pa=m.Ex, Ey_Pa=m.Ey, Gxy_Pa=m.Gxy, Gxz_Pa=m.Gxz, Gyz_Pa=m.Gyz, nu_xy=m.nu_xy)
+    return structure.model_copy(update={"laminate": None, "material": own})
+
+
+def _is_one_material(laminate: Laminate) -> bool:
+    first = laminate.plies[0]
+    alike = {"thickness_m": first.thickness_m}
+    return all(ply.model_copy(update=alike) == first for ply in laminate.plies)
+
+
+def oriented(plain: Specimen, material: OrthotropicMaterial, angle_deg: float) -> OrientedSpecimen:
+    """The specimen with the material of several, in the material's own axes; its density is its own."""
+    return OrientedSpecimen(
+        plain.length,
+        plain.width,
+        plain.thickness,
+        replace(material, density=plain.material.density),
+        plain.boundary,
+        masses=plain.masses,
+        pieces=plain.pieces,
+        fibre_angle=math.radians(angle_deg),
+    )

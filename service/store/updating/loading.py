@@ -1,7 +1,8 @@
-"""From stored rows to what the core takes."""
+"""From stored rows to what the core takes: one campaign, or several of one material."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,24 +11,29 @@ from uuid import UUID
 
 from sqlalchemy.orm import Session
 
+from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.model import PointMass
 from fecore.body.specimen import Body, Specimen
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
+from fecore.updating.campaigns import MATERIAL_PARAMETERS, CampaignsRecipe, Coupon
 from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter
+from fecore.updating.posterior import SCATTER
 from service.compute.frame import Frame
 from service.compute.processing import ProcessingInputs
-from service.compute.updating import Hits, UpdateInputs
-from service.store.campaigns.operations import campaign_of, frame_of
+from service.compute.updating import Hits, JointCampaign, JointInputs, UpdateInputs
+from service.jobs.child import PURGED
+from service.jobs.process import ChildEnded
+from service.store.campaigns.operations import campaign_of, campaigns_of, frame_of
 from service.store.coupons.operations import batch_prior
 from service.store.frfs.measured_campaign import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
 from service.store.modes.operations import load_modes
 from service.store.records.processings import load_records
 from service.store.structures.operations import describe_version, version_of
-from service.store.updating.bodies import body_of, nominal_specimen
-from service.store.updating.schemas import RecipeIn
-from service.store.updating.tables import UpdateJob
+from service.store.updating.bodies import body_of, material_of, nominal_specimen, of_its_material, oriented
+from service.store.updating.schemas import BatchJobIn, InputsIn, RecipeIn, UpdateBatchIn
+from service.store.updating.tables import JointUpdate, UpdateJob
 
 
 def load_update(session: Session, job_id: UUID, workspace: Path) -> UpdateInputs:
@@ -38,7 +44,7 @@ def load_update(session: Session, job_id: UUID, workspace: Path) -> UpdateInputs
     """
     job = session.get_one(UpdateJob, job_id)
     recipe = RecipeIn.model_validate(job.recipe)
-    campaign = _as_of(session, job, load_measured_campaign(session, job.campaign_id))
+    campaign = _as_of(session, job.campaign_id, job.structure_version_id)
     records = None
     if not campaign.frf_sets and recipe.mode_set is None:
         records = load_records(session, job.campaign_id, workspace, recipe.processing)
@@ -48,37 +54,71 @@ def load_update(session: Session, job_id: UUID, workspace: Path) -> UpdateInputs
                 "has no FRFs and no time blocks; import a UFF file or POST records first, or name a mode set in the recipe",
             )
         campaign = _with_sensor_of(campaign, records)
-    frame = frame_of(campaign_of(session, job.campaign_id))
-    modes = None if recipe.mode_set is None else modes_in_frame(load_modes(session, recipe.mode_set), frame)
-    used = campaign.frf_sets[0] if campaign.frf_sets else None
-    frfs = None if used is None else used.frfs
+    used, modes, inputs = _measured(session, campaign, recipe)
     specimen = body_of(campaign.structure, campaign.boundary, recipe, carried_masses(campaign))
     parameters, prior_warnings = recipe_parameters(session, recipe, specimen)
-    window_rate = None if used is None else used.window_rate
-    inputs = recipe.inputs.or_as_stated(campaign.structure.inputs, campaign.inputs, window_rate)
     core = inputs.to_core()
     left_in = used.window_remark if used is not None and core.window_rate is None else []
+    frame = frame_of(campaign_of(session, job.campaign_id))
+    frfs = None if used is None else used.frfs
     measured = None if records else Measurement(frfs, campaign.points, modes, roving_mass(campaign), core)
     return UpdateInputs(
         measurement=measured,
         hits=None if records is None else Hits(records, campaign.points, frame, _roving_over(campaign), core),
         specimen=specimen,
         recipe=replace(recipe.to_core(), parameters=parameters),
-        warnings=(
-            *campaign.warnings,
-            *_left_out(campaign),
-            *left_in,
-            *prior_warnings,
-        ),
+        warnings=(*campaign.warnings, *_left_out(campaign), *left_in, *prior_warnings),
         provenance=_provenance(job, campaign, used) | {"inputs": inputs.model_dump(mode="json")},
     )
 
 
-def _as_of(session: Session, job: UpdateJob, campaign: MeasuredCampaign) -> MeasuredCampaign:
+def load_joint(session: Session, job_id: UUID, _workspace: Path) -> JointInputs:
+    """Everything that a queued joint update needs.
+
+    Raises:
+        InputError: a campaign has nothing to update with, or cannot be taken together with the others.
+        ChildEnded: a campaign was purged since.
+    """
+    row = session.get_one(JointUpdate, job_id)
+    request = UpdateBatchIn.model_validate(row.request)
+    if len(campaigns_of(session, {job.campaign_id for job in request.jobs})) < len(request.jobs):
+        raise ChildEnded(PURGED)
+    versions = [UUID(each["structure_version_id"]) for each in row.campaigns]
+    common = request.recipe or RecipeIn.model_validate({})
+    loaded = [_as_of(session, job.campaign_id, version) for job, version in zip(request.jobs, versions, strict=True)]
+    material, _ = material_of(loaded[0].structure, 0)
+    campaigns = tuple(
+        _campaign(session, number, job, campaign, names, material, job.recipe or common)
+        for number, (job, campaign, names) in enumerate(zip(request.jobs, loaded, _names(session, loaded), strict=True))
+    )
+    scatter = SCATTER if request.scatter is None else request.scatter
+    coupons, warnings = _coupons(session, request, scatter=scatter > 0)
+    return JointInputs(
+        campaigns=campaigns,
+        recipe=CampaignsRecipe(parameters_of(common), scatter),
+        coupons=coupons,
+        warnings=warnings,
+        provenance={"joint_update": str(row.id), "request": row.request},
+    )
+
+
+def _as_of(session: Session, campaign_id: UUID, version_id: UUID) -> MeasuredCampaign:
     """The campaign with the structure as it was when the job was queued, whatever became of it since."""
-    version = version_of(session, job.structure_version_id)
+    campaign, version = load_measured_campaign(session, campaign_id), version_of(session, version_id)
     described = describe_version(version, campaign.structure.name)
     return replace(campaign, structure=described, structure_version_id=version.id, structure_version=version.number)
+
+
+def _measured(
+    session: Session, campaign: MeasuredCampaign, recipe: RecipeIn
+) -> tuple[MeasuredFrfs | None, MeasuredModes | None, InputsIn]:
+    """The largest set of FRFs, the recipe's modes in the specimen's frame, and how well the inputs are known."""
+    used, modes = campaign.frf_sets[0] if campaign.frf_sets else None, None
+    if recipe.mode_set is not None:
+        frame = frame_of(campaign_of(session, campaign.campaign_id))
+        modes = modes_in_frame(load_modes(session, recipe.mode_set), frame)
+    window_rate = None if used is None else used.window_rate
+    return used, modes, recipe.inputs.or_as_stated(campaign.structure.inputs, campaign.inputs, window_rate)
 
 
 def _with_sensor_of(campaign: MeasuredCampaign, records: ProcessingInputs) -> MeasuredCampaign:
@@ -185,3 +225,82 @@ def _provenance(job: UpdateJob, campaign: MeasuredCampaign, used: MeasuredFrfs |
         "mode_set": job.recipe["mode_set"],
         "recipe": job.recipe,
     }
+
+
+def parameters_of(recipe: RecipeIn) -> tuple[Parameter, ...]:
+    """The recipe's parameters, or all constants of the material."""
+    return MATERIAL_PARAMETERS if recipe.parameters is None else recipe.to_core().parameters
+
+
+def _names(session: Session, campaigns: list[MeasuredCampaign]) -> list[tuple[str, str]]:
+    """Names that distinguish the campaigns, with a number where two have the same; and those of their specimens.
+
+    A specimen has its structure's name, with the structure's id where two structures share it.
+    """
+    rows = [campaign_of(session, each.campaign_id) for each in campaigns]
+    own = [f"{each.structure.name}, {row.name}" for each, row in zip(campaigns, rows, strict=True)]
+    numbered = [name if own.count(name) == 1 else f"{name} ({number})" for number, name in enumerate(own, start=1)]
+    named: dict[str, set[UUID]] = {}
+    for row, each in zip(rows, campaigns, strict=True):
+        named.setdefault(each.structure.name, set()).add(row.structure_id)
+    specimens = [
+        each.structure.name if len(named[each.structure.name]) == 1 else f"{each.structure.name} {row.structure_id}"
+        for row, each in zip(rows, campaigns, strict=True)
+    ]
+    return list(zip(numbered, specimens, strict=True))
+
+
+def _campaign(
+    session: Session,
+    number: int,
+    job: BatchJobIn,
+    campaign: MeasuredCampaign,
+    names: tuple[str, str],
+    material: OrthotropicMaterial,
+    recipe: RecipeIn,
+) -> JointCampaign:
+    """One campaign of a joint update; `names` are its own and its specimen's."""
+    at = f"jobs.{number}"
+    if not campaign.frf_sets and recipe.mode_set is None:
+        raise InputError(f"{at}.campaign_id", "has no FRFs; import some, or name a mode set in this job's recipe")
+    if roving_mass(campaign) and recipe.mode_set is None:
+        raise InputError(
+            f"{at}.campaign_id",
+            "had a sensor that moved, so its FRFs have no common modes; name a mode set in its recipe",
+        )
+    plain = specimen_of(replace(campaign, structure=of_its_material(campaign.structure, number)))
+    _, own_angle = material_of(campaign.structure, number)
+    angle = own_angle if job.angle_deg is None else job.angle_deg
+    used, modes, inputs = _measured(session, campaign, recipe)
+    frfs = None if used is None else used.frfs
+    return JointCampaign(
+        name=names[0],
+        specimen=job.specimen or names[1],
+        body=oriented(plain, material, angle),
+        measurement=Measurement(frfs, campaign.points, modes, 0.0, inputs.to_core()),
+        recipe=recipe.to_core(),
+        provenance={
+            "campaign_id": str(campaign.campaign_id),
+            "structure_version_id": str(campaign.structure_version_id),
+            "mode_set": None if recipe.mode_set is None else str(recipe.mode_set),
+            "angle_deg": angle,
+            "inputs": inputs.model_dump(mode="json"),
+        },
+        warnings=campaign.warnings,
+    )
+
+
+def _coupons(session: Session, request: UpdateBatchIn, *, scatter: bool) -> tuple[tuple[Coupon, ...], tuple[str, ...]]:
+    """Each batch's constants that are updated: the mean of its panel, or of one more piece where pieces are all alike."""
+    wanted = {
+        p.name for p in parameters_of(request.recipe or RecipeIn.model_validate({})) if not p.fixed and not p.tied_to
+    }
+    found, warnings = [], []
+    for key in request.coupon_batches:
+        summary: Any = batch_prior(session, key)
+        warnings += [f"coupons: {text}" for text in summary.warnings]
+        for name, prior in summary.priors.items():
+            if name in wanted:
+                pieces = (summary.constants[name].n or 1) if scatter else 0
+                found.append(Coupon(name, prior.mean, prior.standard_deviation / math.sqrt(pieces + 1)))
+    return tuple(found), tuple(warnings)

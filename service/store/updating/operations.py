@@ -1,10 +1,10 @@
-"""What can be done with update jobs: start, look at, cancel, read the result."""
+"""What can be done with update jobs and joint updates: start, look at, cancel, read the result."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 from uuid import UUID
 
 from sqlalchemy import func, select
@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 from fecore.errors import InputError
 from fecore.updating.parameters import parametrise
 from service.access import Lookup, User, audit, project_for
-from service.compute.updating import UpdateOutput, compute_update
+from service.compute.updating import JointOutput, UpdateOutput, compute_joint, compute_update
 from service.errors import Conflict, Invalid
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue, one_at_a_time, request_cancel, retry
@@ -28,15 +28,18 @@ from service.store.records.processings import keep_processing
 from service.store.storage import StorageOwner, book, require_room
 from service.store.structures.operations import present_structure
 from service.store.updating.bodies import body_of
+from service.store.updating.document import MARKS, up_to_date
 from service.store.updating.document import describe as describe_result
-from service.store.updating.loading import load_update
-from service.store.updating.schemas import RecipeIn, UpdateJobOut
+from service.store.updating.document import describe_joint as describe_joint_result
+from service.store.updating.loading import load_joint, load_update
+from service.store.updating.schemas import JointUpdateOut, RecipeIn, UpdateJobOut
 from service.store.updating.stored_arrays import StoredArrays
-from service.store.updating.tables import UpdateJob, UpdateResult
-from service.store.updating.versions import MARKS, up_to_date
+from service.store.updating.tables import JointUpdate, UpdateJob, UpdateResult
 
 if TYPE_CHECKING:
     from service.store.campaigns.operations import Campaign
+
+Row = TypeVar("Row", UpdateJob, JointUpdate)
 
 
 def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> None:
@@ -59,7 +62,18 @@ def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> Non
         session.add(UpdateResult(id=job_id, document=document, prediction=output.prediction))
 
 
+def _store_joint(session: Session, job_id: UUID, items: Iterator[JointOutput]) -> None:
+    row = session.get_one(JointUpdate, job_id)
+    for output in items:
+        document = describe_joint_result(output.result, output.warnings, output.sources, output.provenance)
+        book(session, StorageOwner(row.project_id), "results", len(json.dumps(document)))
+        row.document = document
+
+
 UPDATE = JobKind("update", load=load_update, compute=compute_update, store=_store, libraries=CORE_LIBRARIES)
+JOINT_UPDATE = JobKind(
+    "joint_update", load=load_joint, compute=compute_joint, store=_store_joint, libraries=CORE_LIBRARIES
+)
 
 
 def start_update(
@@ -91,44 +105,70 @@ def start_update(
     campaign = campaign_for(session, user, campaign_id, "editor")
     project_id = campaign_for.project_of(session, campaign)
     sent = recipe.model_dump(mode="json")
-    if idempotency_key is not None:
-        one_at_a_time(session, f"{project_id} {idempotency_key}")
-        known = session.scalars(
-            select(UpdateJob).where(UpdateJob.project_id == project_id, UpdateJob.idempotency_key == idempotency_key)
-        ).one_or_none()
-        if known is not None:
-            # An earlier version knew fewer fields.
-            before = RecipeIn.model_validate(known.recipe).model_dump(mode="json")
-            if before != sent or known.campaign_id != campaign.id:
-                raise Invalid("Idempotency-Key", "was used for another request; use a new key for a new job")
-            return known
+    if (known := repeated(session, UpdateJob, project_id, idempotency_key)) is not None:
+        # An earlier version knew fewer fields.
+        before = RecipeIn.model_validate(known.recipe).model_dump(mode="json")
+        if before != sent or known.campaign_id != campaign.id:
+            raise Invalid("Idempotency-Key", "was used for another request; use a new key for a new job")
+        return known
     version, structure = present_structure(session, campaign.structure_id)
     _check(session, user, campaign, recipe)
     _check_parameters(recipe, structure, campaign)
     _check_data(session, recipe, campaign)
-    require_room(session, project_id)
-    job = enqueue(session, kind=UPDATE, project_id=project_id, priority=priority)
     row = UpdateJob(
-        id=job.id,
         project_id=project_id,
         campaign_id=campaign.id,
         structure_version_id=version.id,
         recipe=sent,
         idempotency_key=idempotency_key,
     )
+    queue(session, user, row, priority)
+    return row
+
+
+def repeated(session: Session, table: type[Row], project_id: UUID, key: str | None) -> Row | None:
+    """The job that came with the same key before; other transactions with this key wait until this one ends."""
+    if key is None:
+        return None
+    one_at_a_time(session, f"{project_id} {table.__tablename__} {key}")
+    query = select(table).where(table.project_id == project_id, table.idempotency_key == key)
+    return session.scalars(query).one_or_none()
+
+
+def queue(session: Session, user: User, row: UpdateJob | JointUpdate, priority: int) -> None:
+    """Queue the job of a new row, which gets its key.
+
+    Raises:
+        QuotaExceeded: the project has no room for a result.
+    """
+    require_room(session, row.project_id)
+    kind = JOINT_UPDATE if isinstance(row, JointUpdate) else UPDATE
+    row.id = enqueue(session, kind=kind, project_id=row.project_id, priority=priority).id
     session.add(row)
     session.flush()
-    audit(session, user, "update_job.create", "update_job", row.id, project_id)
-    return row
+    _note(session, user, row, "create")
+
+
+def _note(session: Session, user: User, row: UpdateJob | JointUpdate, act: str) -> None:
+    kind = "joint_update" if isinstance(row, JointUpdate) else "update_job"
+    audit(session, user, f"{kind}.{act}", kind, row.id, row.project_id)
 
 
 def _check(session: Session, user: User, campaign: Campaign, recipe: RecipeIn) -> None:
     """What the recipe names must be the user's and this campaign's."""
     if recipe.mode_set is not None:
-        mode_set = mode_set_for.named(session, user, recipe.mode_set, "/mode_set")
-        if mode_set.campaign_id != campaign.id:
-            raise Invalid("/mode_set", f"{mode_set.id} belongs to another campaign")
+        check_mode_set(session, user, recipe.mode_set, campaign.id, "/mode_set")
     check_prior_batch(session, user, recipe, campaign.structure_id, "/prior_from_coupon_batch")
+
+
+def check_mode_set(session: Session, user: User, key: UUID, campaign_id: UUID, pointer: str) -> None:
+    """A mode set that a request names must be the user's and of the campaign.
+
+    Raises:
+        Invalid: it is not; the pointer says where it is named.
+    """
+    if mode_set_for.named(session, user, key, pointer).campaign_id != campaign_id:
+        raise Invalid(pointer, f"{key} belongs to another campaign")
 
 
 def check_prior_batch(session: Session, user: User, recipe: RecipeIn, structure_id: UUID, pointer: str) -> None:
@@ -186,7 +226,11 @@ update_job_for = Lookup(UpdateJob, "update job", "campaign_id", campaign_for, de
 """The update job, if the user has at least a role in its project; a job outlives its campaign's deletion."""
 
 
-def cancel_update(session: Session, user: User, row: UpdateJob) -> None:
+joint_update_for = Lookup(JointUpdate, "joint update", "project_id")
+"""The joint update, if the user has at least a role in its project."""
+
+
+def cancel_update(session: Session, user: User, row: UpdateJob | JointUpdate) -> None:
     """Ask for a job's end. A job that waits is cancelled at once; one that runs is killed by its worker; one that has
     ended stays as it is.
 
@@ -195,7 +239,7 @@ def cancel_update(session: Session, user: User, row: UpdateJob) -> None:
     """
     project_for(session, user, row.project_id, "editor")
     request_cancel(session, row.id)
-    audit(session, user, "update_job.cancel", "update_job", row.id, row.project_id)
+    _note(session, user, row, "cancel")
 
 
 def retry_update(session: Session, user: User, row: UpdateJob) -> None:
@@ -208,10 +252,10 @@ def retry_update(session: Session, user: User, row: UpdateJob) -> None:
     """
     project_for(session, user, row.project_id, "editor")
     retry(session, row.id)
-    audit(session, user, "update_job.retry", "update_job", row.id, row.project_id)
+    _note(session, user, row, "retry")
 
 
-def job_of(session: Session, row: UpdateJob) -> Job:
+def job_of(session: Session, row: UpdateJob | JointUpdate) -> Job:
     """The row of the job behind an update, read anew: its state, progress and error as they are now."""
     return session.get_one(Job, row.id, populate_existing=True)
 
@@ -239,6 +283,25 @@ def describe_all(session: Session, rows: Sequence[UpdateJob]) -> list[UpdateJobO
         )
         for row in rows
     ]
+
+
+def describe_joint(session: Session, row: JointUpdate) -> JointUpdateOut:
+    """A joint update as clients see it, with the state of its job as it is now."""
+    job = job_of(session, row)
+    return JointUpdateOut(
+        **job_state(job), priority=job.priority, project_id=row.project_id, campaigns=row.campaigns, request=row.request
+    )
+
+
+def joint_document(session: Session, row: JointUpdate) -> dict[str, Any]:
+    """The result of a joint update: the JSON document of `docs/campaigns-together.md`.
+
+    Raises:
+        Conflict: the job has none, yet or ever; the message says which.
+    """
+    if row.document is None:
+        raise Conflict(why_no_result("joint update", job_of(session, row)))
+    return row.document
 
 
 def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:

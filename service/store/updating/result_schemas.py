@@ -1,7 +1,7 @@
 """What a result is as JSON: one declaration for what is stored, for the OpenAPI document and for who reads it elsewhere.
 
 The worker makes a document of the core's dataclasses by these models (`fecore.updating.result`); their arrays become lists, and
-what is not finite null. A stored document is brought up to date when it is read (`service.store.updating.versions`).
+what is not finite null. A stored document is brought up to date when it is read (`service.store.updating.document`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Routes of update jobs."""
+"""Routes of update jobs, and of joint updates, which `POST /update-jobs` begins with `joint`."""
 
 from __future__ import annotations
 
@@ -16,12 +16,11 @@ from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for, campaigns_in
 from service.store.structures.operations import structure_for, structures_in
 from service.store.updating import operations
-from service.store.updating.batches import UpdateBatchIn, UpdateBatchOut, start_batch
+from service.store.updating.batches import start_batch, start_joint
 from service.store.updating.document import LARGE_PARTS, slim
-from service.store.updating.joint_operations import describe_joint, start_joint
-from service.store.updating.result_schemas import ResultOut
-from service.store.updating.schemas import RecipeIn, UpdateJobOut
-from service.store.updating.tables import UpdateJob
+from service.store.updating.result_schemas import JointResultOut, ResultOut
+from service.store.updating.schemas import JointUpdateOut, RecipeIn, UpdateBatchIn, UpdateBatchOut, UpdateJobOut
+from service.store.updating.tables import JointUpdate, UpdateJob
 from service.web import Confirm, Cursor, Limit, Page, Text, api_router, paged, require_usual
 
 router = api_router(tags=["update jobs"])
@@ -75,7 +74,7 @@ def start_updates(
     if batch.joint:
         row = start_joint(session, user, batch, idempotency_key, priority)
         response.headers["Location"] = f"/api/v1/joint-updates/{row.id}"
-        return UpdateBatchOut(items=[], joint=describe_joint(session, row))
+        return UpdateBatchOut(items=[], joint=operations.describe_joint(session, row))
     rows = start_batch(session, user, batch, idempotency_key, priority)
     return UpdateBatchOut(items=operations.describe_all(session, rows))
 
@@ -150,3 +149,42 @@ def get_result(job_id: UUID, session: SessionDep, user: CurrentUser, include: In
         raise Invalid("include", f"names {', '.join(sorted(unknown))}; there are {', '.join(LARGE_PARTS)}")
     document = operations.result_document(session, operations.update_job_for(session, user, job_id))
     return slim(document, leave_out=set(LARGE_PARTS) - named)
+
+
+@router.get("/projects/{project_id}/joint-updates")
+def list_joint_updates(
+    project_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+) -> Page[JointUpdateOut]:
+    """Joint updates of a project, newest first."""
+    query = select(JointUpdate).where(JointUpdate.project_id == project_for(session, user, project_id).id)
+    rows, following = paged(session, query, JointUpdate.id, cursor, limit, newest_first=True)
+    return Page(items=[operations.describe_joint(session, row) for row in rows], next_cursor=following)
+
+
+@router.get("/joint-updates/{joint_id}")
+def get_joint_update(joint_id: UUID, session: SessionDep, user: CurrentUser) -> JointUpdateOut:
+    """How far a joint update is, or what became of it."""
+    return operations.describe_joint(session, operations.joint_update_for(session, user, joint_id))
+
+
+@router.post("/joint-updates/{joint_id}/cancel", status_code=202)
+def cancel_joint_update(joint_id: UUID, session: SessionDep, user: CurrentUser) -> JointUpdateOut:
+    """Ask for a joint update's end; one that has ended already stays as it is."""
+    row = operations.joint_update_for(session, user, joint_id)
+    operations.cancel_update(session, user, row)
+    return operations.describe_joint(session, row)
+
+
+@router.get("/joint-updates/{joint_id}/events", response_class=Response, responses=STREAM)
+def watch_joint_update(
+    joint_id: UUID, session: SessionDep, user: CurrentUser, events: Annotated[Events, Depends()]
+) -> Response:
+    """The job's state now and whenever it changes, as server-sent events of the type `job`; ends when the job has."""
+    row = operations.joint_update_for(session, user, joint_id)
+    return events.of(operations.job_of(session, row))
+
+
+@router.get("/joint-updates/{joint_id}/result", response_model=None, responses={200: {"model": JointResultOut}})
+def get_joint_result(joint_id: UUID, session: SessionDep, user: CurrentUser) -> dict[str, Any]:
+    """The material's constants from all campaigns, each campaign's part, and whether they agree."""
+    return operations.joint_document(session, operations.joint_update_for(session, user, joint_id))

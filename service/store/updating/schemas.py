@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from pydantic import Field
@@ -249,3 +249,64 @@ class UpdateJobOut(JobOut):
     structure_version_id: UUID
     recipe: RecipeIn
     priority: int
+
+
+class BatchJobIn(StrictModel):
+    """One update of a batch."""
+
+    campaign_id: UUID
+    recipe: RecipeIn | None = Field(None, description="default: the batch's recipe")
+    specimen: Name | None = Field(
+        None, description="of a joint update: campaigns of one specimen share its dimensions; default: the structure"
+    )
+    angle_deg: float | None = Field(
+        None,
+        ge=-360,
+        le=360,
+        description="of a joint update: of the material's x axis from the specimen's; default: that of a laminate whose plies "
+        "lie alike, else 0",
+    )
+
+
+class UpdateBatchIn(StrictModel):
+    """Updates to queue together, or one joint update of campaigns of one material."""
+
+    recipe: RecipeIn | None = Field(None, description="of the jobs that have none of their own; default: {}")
+    jobs: list[BatchJobIn] = Field(min_length=1, max_length=1000)
+    joint: bool = Field(
+        False,
+        description="one posterior of the material from all campaigns: its constants are shared; geometry, density and angle "
+        "are each specimen's own, the length and the clamp each campaign's",
+    )
+    scatter: float | None = Field(
+        None,
+        ge=0,
+        le=1,
+        description="of a joint update: scale of the moduli's scatter between specimens; default 0.02; 0: none",
+    )
+    coupon_batches: list[UUID] = Field(
+        default_factory=list, max_length=20, description="of a joint update: coupons of the same material, as data"
+    )
+
+
+class JointCampaignOut(StrictModel):
+    """One campaign of a joint update, with the structure's version that it is computed with."""
+
+    campaign_id: UUID
+    structure_version_id: UUID
+
+
+class JointUpdateOut(JobOut):
+    """A joint update: how far it is, or what became of it. Its result is at `/joint-updates/{id}/result`."""
+
+    project_id: UUID
+    campaigns: list[JointCampaignOut]
+    request: dict[str, Any]
+    priority: int
+
+
+class UpdateBatchOut(StrictModel):
+    """The jobs of a batch, in its order; or the joint update, and no items."""
+
+    items: list[UpdateJobOut]
+    joint: JointUpdateOut | None = None

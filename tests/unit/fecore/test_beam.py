@@ -9,7 +9,6 @@ from fecore.body.mesh import rectangle
 from fecore.body.model import plate
 from fecore.body.supports import PointMass, Supports
 from fecore.dynamics.eigen import normal_modes
-from fecore.errors import InputError
 from tests.support.plates import PAPER, paper_section, solve
 
 STEEL_LIKE = OrthotropicMaterial(30e9, 30e9, 30e9 / 2.6, 30e9 / 2.6, 30e9 / 2.6, 0.3, 2012.0)
@@ -94,12 +93,3 @@ def test_beam_and_plate_agree_on_the_papers_strip() -> None:
     corner = np.array([[0.5, 0.02]])
     seen = np.abs(model.deflection(corner) @ ours.shapes[:, flat][:, :3])
     np.testing.assert_allclose(seen, np.abs(shell.deflection(corner) @ theirs.shapes[:, :3]), rtol=3e-2)
-
-
-def test_bad_input_names_the_field() -> None:
-    with pytest.raises(InputError, match=r"geometry.thickness_m"):
-        BeamSection(0.04, 0.0, PAPER)
-    with pytest.raises(InputError, match=r"geometry.length_m"):
-        beam(-1, 4, "free")
-    with pytest.raises(InputError, match=r"points\[0\]"):
-        beam(1, 4, "free").deflection(np.array([[1.2, 0.0]]))

@@ -85,19 +85,3 @@ def test_negative_damping_in_band_is_refused_and_outside_it_is_not() -> None:
     require_dissipation(RAYLEIGH, coefficients, 1.01 * crossing, 5000.0)
     with pytest.raises(InputError, match=r"damping\.rayleigh: is negative from 15\.9"):
         require_dissipation(RAYLEIGH, coefficients, 100.0, 5000.0)
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: CaugheySeries("none", ()),
-        lambda: CaugheySeries("twice", (1, 1)),
-        lambda: GeneralisedProportional(("cubic",), 100.0),
-        lambda: GeneralisedProportional(("root",), 0.0),
-        lambda: fit_ratios(RAYLEIGH, OMEGA[:1], np.array([0.1])),
-        lambda: fit_ratios(RAYLEIGH, OMEGA[:2], np.array([0.1, -0.1])),
-    ],
-)
-def test_bad_input_is_refused(make) -> None:
-    with pytest.raises(InputError, match="damping"):
-        make()

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fecore.body.laminate import OrthotropicMaterial, Ply, section
-from fecore.errors import InputError
 from tests.support.plates import PAPER
 
 PLY = OrthotropicMaterial(140e9, 10e9, 5e9, 5e9, 3e9, 0.3, 1600.0)
@@ -61,26 +60,3 @@ def test_ply_wise_shear_of_a_sandwich_is_the_cores() -> None:
     np.testing.assert_allclose(np.diag(laminate.S), expected, rtol=1e-3)
     # κ = 5/6 of the mean stiffness misses it by an order of magnitude.
     assert section([Ply(face, t), Ply(core, h), Ply(face, t)]).S[0, 0] > 20 * laminate.S[0, 0]
-
-
-@pytest.mark.parametrize(
-    ("change", "field"),
-    [
-        ({"Ex": 0.0}, "material.Ex"),
-        ({"Gyz": -1.0}, "material.Gyz"),
-        ({"density": float("nan")}, "material.density"),
-        ({"nu_xy": 1.2}, "material.nu_xy"),
-    ],
-)
-def test_impossible_materials_are_refused_by_field(change, field) -> None:
-    values = {"Ex": 1e9, "Ey": 1e9, "Gxy": 1e9, "Gxz": 1e9, "Gyz": 1e9, "nu_xy": 0.3, "density": 1.0}
-    with pytest.raises(InputError) as caught:
-        OrthotropicMaterial(**{**values, **change})
-    assert caught.value.field == field
-
-
-def test_impossible_plies_are_refused() -> None:
-    with pytest.raises(InputError, match=r"ply\.thickness"):
-        Ply(PAPER, 0.0)
-    with pytest.raises(InputError, match=r"laminate\.plies"):
-        section([])

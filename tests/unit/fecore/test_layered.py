@@ -12,10 +12,9 @@ from fecore.body.laminate import OrthotropicMaterial, Ply, section
 from fecore.body.layered import LayeredSpecimen
 from fecore.body.supports import Supports
 from fecore.dynamics.eigen import normal_modes
-from fecore.errors import InputError
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import Parameter
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 
@@ -126,12 +125,3 @@ def test_angles_are_inputs_with_a_stated_deviation() -> None:
     known = deviations(Inputs.exact())
     unsure = deviations(replace(Inputs.exact(), ply_angle_sd=float(np.radians(1.0))))
     assert all(unsure[p.name] > 1.5 * known[p.name] for p in free)
-
-
-def test_impossible_stacks_are_refused_by_field() -> None:
-    with pytest.raises(InputError, match=r"laminate\.plies"):
-        LayeredSpecimen(0.3, 0.2, 0.004, (), 1600.0)
-    with pytest.raises(InputError, match="density"):
-        replace(stack(0, 90), density=0.0)
-    with pytest.raises(InputError, match=r"parameters\.0\.name"):
-        parametrise(stack(0, 90), (Parameter("Ex"),))

@@ -14,39 +14,22 @@ from fecore.body.layered import LayeredSpecimen
 from fecore.body.profile import Piece
 from fecore.body.specimen import Specimen
 from fecore.body.supports import Supports
-from fecore.errors import IdentificationError, UpdatingError
-from fecore.frf import Dof, FrfSet
-from fecore.identification import outliers, screening, stabilisation
-from fecore.identification.arrangement import arrange
-from fecore.identification.compression import compress
-from fecore.identification.leakage import leakage
-from fecore.identification.lscf import Orders, lscf
-from fecore.modes import MeasuredModes
+from fecore.errors import UpdatingError
+from fecore.frf import Dof
 from fecore.processing import delay, judgement, points, pulse, shares
 from fecore.processing.comparison import Comparison, Offset
 from fecore.processing.judgement import Finding, Limits, Verdict
 from fecore.processing.traits import Before
 from fecore.processing.usual import Lines, Ordinary
-from fecore.updating import campaigns, mode_roles, window
+from fecore.updating import campaigns, damping_data, window
 from fecore.updating.excursions import excursions
 from fecore.updating.findings import MOST_WARNINGS, warnings
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.laws import FREQUENCY_LAWS
 from fecore.updating.measured_ratios import nearest_positive
-from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter, parametrise
-from fecore.updating.recipe import Recipe
 from fecore.updating.result import Finding as Remark
-
-
-def test_too_few_lines_for_leakage_and_nothing_to_estimate_from() -> None:
-    hz = np.arange(1.0, 21.0)
-    one = arrange(FrfSet(hz, (1 / (100 - hz**2 + 0.2j * hz))[None], (Dof(1, 3),), (Dof(1, 3),)))
-    assert leakage(one) == (one, [])
-    nothing = np.zeros((1, 1, 20), dtype=complex)
-    with pytest.raises(IdentificationError, match="the linear estimate is singular at every order"):
-        lscf(2 * np.pi * hz, nothing, np.ones(nothing.shape, dtype=bool), np.ones((1, 20)), (2, 4))
 
 
 def test_numbers_of_hits_that_have_little_to_say() -> None:
@@ -104,14 +87,14 @@ def test_modes_that_only_move_on_springs_tell_no_damping() -> None:
     elastic: Any = SimpleNamespace(updated=updated, pairing=SimpleNamespace(pairs=((0, 0),)))
     modes: Any = SimpleNamespace(frequency_hz=np.array([10.0]), damping_ratio=np.array([0.01]))
     with pytest.raises(UpdatingError, match="no measured mode strains the specimen: all move on the springs"):
-        mode_roles.assign_roles(frfs, elastic, modes)
+        damping_data.assign_roles(frfs, elastic, modes)
 
 
 def test_what_campaigns_say_of_one_another() -> None:
     parts: Any = [SimpleNamespace(name=name, contradicts=True, predictive_p=0.001, modes=(1, 2, 3)) for name in "ab"]
     (both,) = campaigns._contradictions(parts, None)
     assert both.text.startswith("the campaigns contradict each other: a (p = 0.001) and b (p = 0.001)")
-    layout = SimpleNamespace(sd=lambda _: np.ones(1), labels=["Ex"], shared=("Ex",))
+    layout = SimpleNamespace(labels=["Ex"], shared=("Ex",))
     problem = SimpleNamespace(residual=np.array([0.0, 0.0, 1.0]))
     pairings = [SimpleNamespace(unpaired_measured=unpaired) for unpaired in ((), (1, 2))]
     fitted: Any = SimpleNamespace(
@@ -119,8 +102,7 @@ def test_what_campaigns_say_of_one_another() -> None:
         rows=[slice(0, 2), slice(2, 3)],
         pairings=pairings,
         problem=problem,
-        x=np.zeros(1),
-        scatter=1.0,
+        away=np.zeros(1),
         standing=(),
         rivals=(),
         torn=(),
@@ -138,36 +120,6 @@ def test_a_window_that_would_change_nothing_is_not_asked_about() -> None:
     damping: Any = SimpleNamespace(fit=SimpleNamespace(coefficients=np.array([1.0, 1e-6]), law=law), window=np.zeros(2))
     given: Any = SimpleNamespace(window_rate=None)
     assert window.unstated_window(damping, given, 1.0) == []
-
-
-def smooth(rows: int) -> FrfSet:
-    """FRFs of one mode at 100 Hz with a little noise, on 360 lines."""
-    hz = np.arange(41.0, 401.0)
-    white = np.random.default_rng(5).standard_normal((2, rows, hz.size))
-    values = np.arange(1.0, rows + 1)[:, None] / (100**2 - hz**2 + 4j * hz) + 1e-8 * (white[0] + 1j * white[1])
-    return FrfSet(hz, values, tuple(Dof(n, 3) for n in range(1, rows + 1)), (Dof(1, 3),) * rows)
-
-
-def test_many_overloads_and_outliers_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    frfs = smooth(9)
-    frfs.values.setflags(write=True)
-    for line in range(90, 360, 30):
-        frfs.values[0, line] *= 100
-    _, said = screening._without_spikes(arrange(frfs))
-    assert (len(said), said[-1]) == (9, "1 more such lines were left out")
-    arrangement = arrange(smooth(9))
-    misfit = np.zeros(arrangement.values.shape, dtype=complex)
-    misfit[np.arange(9), 10 * np.arange(9) + 5] = 1e3
-    fits: list[Any] = [
-        SimpleNamespace(residual=one, variance=np.ones(misfit.shape), terms=SimpleNamespace(
-            frequency_hz=np.array([100.0]), damping_ratio=np.array([0.02])
-        )) for one in (misfit, 0 * misfit)
-    ]  # fmt: skip
-    monkeypatch.setattr(outliers, "noise_of", lambda *_: None)
-    monkeypatch.setattr(outliers, "refine_with_noise", lambda *_, **__: fits[1])
-    kept, _, notes = outliers.leave_out_outliers(arrangement, fits[0])
-    assert (len(notes), notes[-1]) == (9, "outlying values were left out of 1 more FRFs")
-    assert int(kept.measured.sum()) == kept.measured.size - 9
 
 
 FIBRE = OrthotropicMaterial(Ex=33e9, Ey=32e9, Gxy=6e9, Gxz=4.5e9, Gyz=4.5e9, nu_xy=0.15, density=2000.0)
@@ -196,39 +148,6 @@ def test_a_clamp_gives_way_by_the_stiffness_at_the_root() -> None:
     np.testing.assert_allclose(at_root, everywhere, rtol=0.01, atol=1e-12)
     held = replace(plain, supports=Supports(start="clamped"))
     assert clamp_shifts(held).size == 0
-
-
-def test_frfs_that_are_not_compressed() -> None:
-    """Too many gaps to bridge, or no combination that stands out: all of them are searched as they are."""
-    frfs = smooth(13)
-    whole = compress(arrange(frfs), np.full(frfs.values.shape, 1e-16))
-    assert len(whole.mixing) < 13
-    gaps = np.ones(frfs.values.shape, dtype=bool)
-    gaps[:, 100:200] = False
-    torn = arrange(replace(frfs, measured=gaps))
-    assert compress(torn, np.full(gaps.shape, 1e-16)).arrangement is torn
-
-
-def test_an_order_without_poles_is_no_step_of_the_diagram(monkeypatch: pytest.MonkeyPatch) -> None:
-    poles = Orders(np.array([2, 6]), np.array([10.0, 10.0]), np.array([0.01, 0.01]))
-    monkeypatch.setattr(stabilisation, "lscf", lambda *_: poles)
-    frfs = arrange(smooth(2))
-    found = stabilisation.stabilise(frfs, np.ones(frfs.values.shape), (2, 4, 6))
-    assert not found.frequency_stable.any()
-
-
-def test_typed_modes_take_their_shapes_where_the_frfs_support_no_mode_of_their_own() -> None:
-    hz = np.arange(41.0, 401.0)
-    white = np.random.default_rng(7).standard_normal((2, 4, hz.size))
-    noise = FrfSet(hz, white[0] + 1j * white[1], tuple(Dof(n, 3) for n in range(1, 5)), (Dof(1, 3),) * 4)
-    points = {n: (0.1 * n, 0.0, 0.0) for n in range(1, 5)}
-    typed = MeasuredModes(np.array([100.0]), np.array([0.02]))
-    body = Specimen(0.5, 0.04, 0.01, FIBRE, "cantilever", divisions=(20, 2))
-    prepared = prepare(Measurement(noise, points, typed), body, Recipe())
-    assert prepared.modes is not None
-    assert prepared.modes.frequency_hz.tolist() == [100.0]
-    assert prepared.modes.shapes is not None
-    assert prepared.modes.shapes.shape == (1, 4)
 
 
 def test_a_search_on_the_whole_model_needs_no_basis() -> None:

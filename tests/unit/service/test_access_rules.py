@@ -10,11 +10,10 @@ from uuid import uuid4
 
 import pytest
 
-from service.access import known_keys
-from service.access.cookie import SessionCookie, session_token
-from service.access.known_keys import KnownKeys
-from service.access.projects import Role, require_role
-from service.access.sessions import COOKIE, HEADER, request_token
+from service.access import door
+from service.access.door import KnownKeys, SessionCookie, session_token
+from service.access.keys import COOKIE, HEADER, request_token
+from service.access.lookup import Role, require_role
 from service.access.tables import Project
 from service.errors import Conflict, Forbidden, NotFound, TooManyRequests, Unauthorized
 
@@ -59,7 +58,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    monkeypatch.setattr(known_keys, "time", clock)
+    monkeypatch.setattr(door, "time", clock)
     return clock
 
 
@@ -77,7 +76,7 @@ def test_a_key_counts_for_itself_only_when_it_was_found_valid(clock: Clock) -> N
     known = keys.caller("Bearer mb_1_2", "elsewhere")
     assert (known.name, known.known, known.digest) == (f"key {new.digest.hex()}", True, new.digest)
     assert not keys.caller("Bearer mb_1_3", "home").known
-    clock.now += known_keys.SECONDS - 1
+    clock.now += door.SECONDS - 1
     assert keys.caller("Bearer mb_1_2", "home").known
     clock.now += 1
     assert not keys.caller("Bearer mb_1_2", "home").known  # the database is asked again
@@ -101,7 +100,7 @@ def test_a_wrong_key_is_refused_and_its_address_after_some() -> None:
 
 
 def test_only_so_many_keys_are_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(known_keys, "MOST_KEYS", 2)
+    monkeypatch.setattr(door, "MOST_KEYS", 2)
     keys = KnownKeys(5)
     first, second, third = (keys.caller(f"Bearer {name}", "home") for name in "abc")
     for one in (first, second, first, third):  # the second is the one that was found longest ago

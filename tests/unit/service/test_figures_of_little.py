@@ -22,7 +22,7 @@ from service.show.reports.as_pdf import as_pdf
 from service.show.reports.blocks import Picture, Report
 from service.show.results.figure_data import UpdateFigures
 from service.show.results.figure_frf import Wanted
-from service.show.results.figures import draw_figure, draw_sheets
+from service.show.results.figures import FIGURES, draw_figure, draw_sheets
 
 
 def names(figure: Mapping[str, Any]) -> list[str]:
@@ -220,6 +220,6 @@ def test_shapes_of_many_modes_go_over_pages(count: int, sheets: list[int]) -> No
 
 
 def test_a_figure_that_is_higher_than_a_page_is_drawn_smaller() -> None:
-    figure = draw_figure(many_modes(41), "shapes", Wanted())
+    figure = draw_figure(FIGURES, many_modes(41), "shapes", Wanted())
     assert figure["layout"]["title"]["text"].endswith("the first 40 of 41 pairs")
     assert as_pdf(Report("r", "", [Picture(figure, 1.0)])).count(b"/Type /Page\n") == 1

@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from service.errors import TooManyRequests, Unavailable
-from service.web.buckets import Buckets
-from service.web.gate import SLOT, Gate, Slot, without_slot
+from service.web.gate import SLOT, Buckets, Gate, Slot, without_slot
 
 
 def run(test: Callable[[], Awaitable[Any]]) -> None:
@@ -180,7 +179,7 @@ def test_buckets_fill_again() -> None:
 
 
 def test_the_callers_that_were_silent_longest_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("service.web.buckets.MOST_CALLERS", 2)
+    monkeypatch.setattr("service.web.gate.MOST_CALLERS", 2)
     buckets = Buckets(10, 5, clock=lambda: 0.0)
     for caller in "abac":
         assert buckets.take(caller, 2) == 0

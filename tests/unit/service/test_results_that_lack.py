@@ -25,17 +25,15 @@ from service.compute.updating import _measured, _within_force
 from service.errors import Conflict, Damaged, Invalid, NotFound
 from service.monitoring import judgements
 from service.monitoring.notifications.messages import as_mail
-from service.monitoring.runs import _held_otherwise
+from service.monitoring.runs import _held_otherwise, watched_values
 from service.monitoring.schemas import WatchedIn
-from service.monitoring.values import watched_values
 from service.show import hits as record_figures
 from service.show.pages.grid import draw_grid
 from service.show.reports import update_report
-from service.show.results import cards, figure_data, figure_frf, predictions
-from service.show.results.figure_data import UpdateFigures
+from service.show.results import figure_data, figure_frf, predictions
+from service.show.results.figure_data import JointFigures, UpdateFigures
 from service.show.results.figure_frf import Wanted, _row_at
-from service.show.results.figures import FIGURES, _shapes, draw_figure
-from service.show.results.joint_figures import draw_joint_figure
+from service.show.results.figures import FIGURES, JOINT_FIGURES, _shapes, draw_figure
 from service.store.frfs import measured_campaign
 from service.store.frfs.measured_campaign import MeasuredFrfs
 from service.store.imports.intake import Intake
@@ -43,8 +41,7 @@ from service.store.modes import identifications
 from service.store.records import operations as record_operations
 from service.store.records import processings
 from service.store.records.intake import RecordIntake
-from service.store.structures.schemas import StructureIn
-from service.store.updating import bodies, joint_loading, loading, operations
+from service.store.updating import bodies, loading, operations
 from service.store.updating.batches import _placed
 from service.store.updating.document import _agreement, _posterior
 from service.store.updating.loading import _with_sensor_of, carried_masses
@@ -106,7 +103,7 @@ MODES = [{"number": 1, "measured_hz": 10.0}, {"number": 2, "measured_hz": 20.0}]
 )
 def test_a_figure_says_why_there_is_nothing_to_draw(name: str, data: UpdateFigures, why: str) -> None:
     with pytest.raises(Conflict) as refused:
-        draw_figure(data, name, Wanted())
+        draw_figure(FIGURES, data, name, Wanted())
     assert str(refused.value) == why
 
 
@@ -115,8 +112,8 @@ def test_lines_modes_and_points_that_a_result_has_not() -> None:
     arrays = {"band_lines_hz": np.array([10.0, 20.0]), "csac": two, "frequency_hz": np.ones(2)}
     data = a_result(arrays, modes=MODES)
     with pytest.raises(NotFound, match="line of the fitted band, 10 to 20 Hz, between 12 and 13 Hz"):
-        draw_figure(data, "csac", Wanted(fmin=12, fmax=13))
-    assert draw_figure(data, "csac", Wanted(fmin=12))["data"][0]["x"] == [20.0]
+        draw_figure(FIGURES, data, "csac", Wanted(fmin=12, fmax=13))
+    assert draw_figure(FIGURES, data, "csac", Wanted(fmin=12))["data"][0]["x"] == [20.0]
     shapes = {"shapes_updated": np.ones((3, 1)), "shape_pairs": np.array([[0, 0]])}
     alone = _shapes(a_result(shapes, modes=MODES), Wanted(measured=2))
     assert "this mode has no partner" in alone["layout"]["annotations"][0]["text"]
@@ -167,84 +164,6 @@ def test_predictions_are_assigned_where_the_frame_is_still_theirs(monkeypatch: p
     assert predictions.used_frfs(job, job, rows[:2], some) == rows[:2]
     with pytest.raises(Conflict, match="the campaign's frame is not the one of this result; restore it"):
         predictions.used_frfs(job, job, rows, [(Dof(1, -3), Dof(9, 3))])
-
-
-def test_a_deck_that_cannot_be_written() -> None:
-    job: Any = None
-    with pytest.raises(Invalid, match="there is no nastran deck of solids; there is one of shells"):
-        cards.written_deck(job, job, "nastran", "solid")
-    spring = {"name": "k_clamp", "x_m": 0.0, "dof": "w"}
-    for recipe, why in (
-        ({"zones_m": [0.1]}, "the recipe has zones of other stiffness, which no deck is written with"),
-        ({"springs": [spring]}, r"the recipe has elastic supports \(k_clamp\), which no deck is written with"),
-    ):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(cards, "result_document", lambda *_: {})
-            patch.setattr(cards.RecipeIn, "model_validate", lambda given: SimpleNamespace(
-                springs=[SimpleNamespace(**one) for one in given.get("springs", ())], zones_m=given.get("zones_m")
-            ))  # fmt: skip
-            with pytest.raises(Conflict, match=why):
-                cards.updated_deck(job, SimpleNamespace(recipe=recipe))  # type: ignore[arg-type]
-    other, pair = {"name": "caughey", "coefficients": {}}, {"name": "rayleigh", "coefficients": {"a0": 1, "a1": 2}}
-    for laws, expected in (([], None), ([other], None), ([other, pair], (1.0, 2.0))):
-        assert cards._rayleigh({"damping_models": laws}) == expected
-
-
-def test_a_deck_says_what_it_leaves_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of masses their rotary inertia, of the damping all but Rayleigh's law; without elastic constants there is none."""
-    job: Any = SimpleNamespace(id=HERE, campaign_id=HERE, structure_version_id=HERE, recipe={})
-    document: dict[str, Any] = {"modes": [], "damping_models": [], "parameters": [], "verdict": None}
-    names = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy")
-    material = dict(zip((f"{name}_Pa" for name in names[:-1]), (33e9, 32e9, 6e9, 4e9, 4e9), strict=True))
-    structure = StructureIn.model_validate(
-        {
-            "name": "s",
-            "geometry": {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01},
-            "density_kg_m3": 2000.0,
-            "material": material | {"nu_xy": 0.15},
-        }
-    )
-    tip = {"x_m": 0.4, "y_m": 0.0, "mass_kg": 0.05, "rotary_inertia_kg_m2": 4e-6}
-    campaign = SimpleNamespace(boundary="free", instruments={"added_masses": [tip]})
-    monkeypatch.setattr(cards, "result_document", lambda *_: document)
-    monkeypatch.setattr(cards, "campaign_of", lambda *_: campaign)
-    monkeypatch.setattr(cards, "version_of", lambda *_: None)
-    monkeypatch.setattr(cards, "describe_version", lambda *_: structure)
-    with pytest.raises(Conflict, match=r"the result has no Ex, Ey, Gxy, .*: no elastic constants were estimated"):
-        cards.updated_deck(job, job)
-    document["parameters"] = [
-        {"name": name, "estimate": estimate}
-        for name, estimate in zip(names, (33e9, 32e9, 6e9, 4e9, 4e9, 0.15), strict=True)
-    ]
-    deck = cards.updated_deck(job, job)
-    assert [one.mass for one in deck.masses] == [0.05]
-    assert deck.remarks[-2:] == (
-        "the added masses are points here: the deck has no rotary inertia of them",
-        "no Rayleigh damping: the result has another law, or none",
-    )
-    campaign.instruments, document["damping_models"] = {}, [{"name": "rayleigh", "coefficients": {"a0": 1, "a1": 2}}]
-    said = " ".join(cards.updated_deck(job, job).remarks)
-    assert [words in said for words in ("the added masses", "no Rayleigh", "SI units")] == [False, False, True]
-
-
-@pytest.mark.parametrize(
-    ("instruments", "points", "masses", "remark"),
-    [
-        ({}, [1], [], None),
-        ({"sensor_mass_kg": 0.002, "sensor_point": 2}, [1, 3], [0.2], None),
-        ({"sensor_mass_kg": 0.002}, [1, 1], [0.1], None),
-        ({"sensor_mass_kg": 0.002}, [1, 2], [], "the sensor moved with the response: the deck has no mass of it"),
-    ],
-)
-def test_a_deck_has_the_sensor_where_it_stayed(
-    monkeypatch: pytest.MonkeyPatch, instruments: dict[str, Any], points: list[int], masses: list[float], remark: Any
-) -> None:
-    job: Any = SimpleNamespace(campaign_id=HERE)
-    monkeypatch.setattr(cards, "campaign_of", lambda *_: SimpleNamespace(instruments=instruments))
-    monkeypatch.setattr(cards, "frfs_of", lambda *_: [Row(point) for point in points])
-    monkeypatch.setattr(cards, "specimen_points", lambda *_: {n: (n / 10, 0.0, 0.0) for n in (1, 2, 3)})
-    found, said = cards._sensor(job, job, {"provenance": {"frfs": []}})
-    assert ([mass.x for mass in found], said) == (masses, remark)
 
 
 def test_arrays_and_document_of_a_result_without_prediction_shapes_and_samples() -> None:
@@ -483,7 +402,6 @@ def test_coupons_are_priors_of_what_is_updated(monkeypatch: pytest.MonkeyPatch) 
     session: Any = None
     batch = a_batch(Ex=(30e9, 2e9, 1e9), Ey=(20e9, 1e9, None))
     monkeypatch.setattr(loading, "batch_prior", lambda *_: batch)
-    monkeypatch.setattr(joint_loading, "batch_prior", lambda *_: batch)
     body: Any = None
 
     def filled(*names: str) -> Any:
@@ -498,7 +416,7 @@ def test_coupons_are_priors_of_what_is_updated(monkeypatch: pytest.MonkeyPatch) 
     recipe = RecipeIn.model_validate({"parameters": [{"name": "Ex"}]})
     request: Any = SimpleNamespace(recipe=recipe, coupon_batches=[HERE])
     for scatter, expected in ((True, 1e9), (False, 2e9)):
-        (coupon,), warned = joint_loading._coupons(session, request, scatter=scatter)
+        (coupon,), warned = loading._coupons(session, request, scatter=scatter)
         assert (coupon.name, coupon.mean, coupon.standard_deviation, warned) == (
             "Ex",
             30e9,
@@ -509,17 +427,16 @@ def test_coupons_are_priors_of_what_is_updated(monkeypatch: pytest.MonkeyPatch) 
 
 def test_what_a_joint_update_does_not_take(monkeypatch: pytest.MonkeyPatch) -> None:
     plies = SimpleNamespace(plies=[SimpleNamespace(angle_deg=angle) for angle in (0, 45)])
-    monkeypatch.setattr(joint_loading, "_is_one_material", lambda _: False)
-    monkeypatch.setattr(joint_loading, "nominal_specimen", lambda *_: SimpleNamespace(material="one"))
+    monkeypatch.setattr(bodies, "_is_one_material", lambda _: False)
+    monkeypatch.setattr(bodies, "nominal_specimen", lambda *_: SimpleNamespace(material="one"))
     with pytest.raises(InputError, match="plies at several angles; a joint update takes one material"):
-        joint_loading.material_of(SimpleNamespace(laminate=plies), 0)  # type: ignore[arg-type]
+        bodies.material_of(SimpleNamespace(laminate=plies), 0)  # type: ignore[arg-type]
     plies.plies[1].angle_deg = 90
-    assert joint_loading.material_of(SimpleNamespace(laminate=plies), 0) == ("one", 0.0)  # type: ignore[arg-type]
-    monkeypatch.setattr(joint_loading, "roving_mass", lambda _: 0.002)
-    job, campaign = SimpleNamespace(recipe=None), SimpleNamespace(frf_sets=(1,))
-    rest: Any = {"name": "a", "specimen": "b", "common": None, "material": None}
+    assert bodies.material_of(SimpleNamespace(laminate=plies), 0) == ("one", 0.0)  # type: ignore[arg-type]
+    monkeypatch.setattr(loading, "roving_mass", lambda _: 0.002)
+    job, campaign, material = SimpleNamespace(), SimpleNamespace(frf_sets=(1,)), SimpleNamespace()
     with pytest.raises(InputError, match="had a sensor that moved, so its FRFs have no common modes; name a mode set"):
-        joint_loading._campaign(None, 1, job, campaign, **rest)  # type: ignore[arg-type]
+        loading._campaign(None, 1, job, campaign, ("a", "b"), material, RecipeIn())  # type: ignore[arg-type]
 
 
 def test_a_hold_out_leaves_something_to_fit(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -572,7 +489,7 @@ def test_predictions_that_no_row_matches(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_a_joint_result_without_anything_to_draw_says_so() -> None:
     with pytest.raises(Conflict, match="no campaign has an estimate of its own"):
-        draw_joint_figure({"campaigns": [{"alone": {}}]}, "campaigns")
+        draw_figure(JOINT_FIGURES, JointFigures(SimpleNamespace(), {"campaigns": [{"alone": {}}]}), "campaigns")  # type: ignore[arg-type]
 
 
 def test_measured_data_that_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,25 +20,23 @@ from starlette.exceptions import HTTPException
 from fecore.errors import InputError, UpdatingError
 from modalbase.client.errors import ClientError, Exit
 from modalbase.formats import uff
-from service.app import doctor, parts, supervisor
-from service.app.cli import people_remote, running
-from service.app.parts import Part, how_it_ended
-from service.app.supervisor import LocalService, StartError
+from service.app import doctor, supervisor
+from service.app.cli import people, running
+from service.app.supervisor import LocalService, Part, StartError, how_it_ended
 from service.compute.reading import _why_unused
 from service.db import opening, schema
 from service.db.opening import DataFolderError
 from service.errors import UnsupportedMediaType
 from service.jobs.metrics import _open_metrics
 from service.jobs.process import LOST, SERVER_GONE, Child
-from service.jobs.worker import run_to_end, run_worker
-from service.jobs.workspaces import _clear_if_dead
+from service.jobs.worker import _clear_if_dead, run_to_end, run_worker
 from service.settings import Settings
 from service.show.guide.markdown import _lead
 from service.show.reports.blocks import Bullets, Heading, PageBreak, Paragraph, Table
 from service.show.reports.update_report import MOST_MODES, UpdateFacts, update_report
 from service.store.frfs.routes import _uff_axis
 from service.store.storage.operations import StorageOwner, _require_that_all_fits, book
-from service.web import pages
+from service.web import openapi
 from service.web.middleware import RequestMiddleware
 from service.web.problems import _core_error, _http_exception
 from service.web.routing import _require_json
@@ -55,10 +53,10 @@ class Clock:
 
 def test_a_part_that_ran_for_long_has_all_its_tries_again(monkeypatch: pytest.MonkeyPatch) -> None:
     clock, ended = Clock(), ["ended with status 1"]
-    monkeypatch.setattr(parts, "time", clock)
+    monkeypatch.setattr(supervisor, "time", clock)
     part = Part("worker", lambda: ended.clear(), lambda: ended[0] if ended else None, (1.0, 2.0))
     said = [part.tend()]
-    for seconds, dies in ((1.0, True), (2.0, True), (parts.STEADY_SECONDS + 1, False)):
+    for seconds, dies in ((1.0, True), (2.0, True), (supervisor.STEADY_SECONDS + 1, False)):
         clock.now += seconds
         said.append(part.tend())
         if dies:
@@ -177,9 +175,9 @@ def test_systems_and_installations_that_cannot_do_it(monkeypatch: pytest.MonkeyP
             raise AssertionError("it was opened")
         with pytest.raises(StartError, match="run it in WSL 2 or on a server"), LocalService(Settings()):
             raise AssertionError("it was started")
-    monkeypatch.setattr(pages, "find_spec", lambda _: None)
+    monkeypatch.setattr(openapi, "find_spec", lambda _: None)
     with pytest.raises(RuntimeError, match="fastapi-offline is not installed"):
-        pages._assets()
+        openapi._assets()
     monkeypatch.setattr(schema, "_parents", lambda: {"b": "a", "c": "a"})
     with pytest.raises(schema.SchemaError, match="migrations are not whole; install modalbase again"):
         schema.head_revision()
@@ -287,21 +285,21 @@ class Answers:
 
 def test_keys_by_rest() -> None:
     service: Any = Answers()
-    assert people_remote.new_key(service, "n", None, None) == "mb_1_2"
-    people_remote.new_key(service, "n", ["read"], datetime(2030, 1, 1, tzinfo=UTC))
+    assert people.new_key_at(service, "n", None, None) == "mb_1_2"
+    people.new_key_at(service, "n", ["read"], datetime(2030, 1, 1, tzinfo=UTC))
     assert service.sent == [
         ("api-keys", {"name": "n"}),
         ("api-keys", {"name": "n", "scopes": ["read"], "expires_at": "2030-01-01T00:00:00+00:00"}),
     ]
     key, user = {"id": 1}, {"id": 2}
-    assert list(people_remote.keys_of_all(Answers(users=[user], api_keys=[key]))) == [(key, user)]  # type: ignore[arg-type]
-    for status, outcome in ((people_remote.FORBIDDEN, [(key, None)]), (500, None)):
+    assert list(people.keys_at(Answers(users=[user], api_keys=[key]))) == [(key, user)]  # type: ignore[arg-type]
+    for status, outcome in ((people.FORBIDDEN, [(key, None)]), (500, None)):
         refused: Any = Answers(users=ClientError("no", Exit.REFUSED, status=status), api_keys=[key])
         if outcome is None:
             with pytest.raises(ClientError):
-                list(people_remote.keys_of_all(refused))
+                list(people.keys_at(refused))
         else:
-            assert list(people_remote.keys_of_all(refused)) == outcome
+            assert list(people.keys_at(refused)) == outcome
 
 
 @pytest.mark.parametrize("more", [True, False])

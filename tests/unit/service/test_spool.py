@@ -12,9 +12,9 @@ from starlette.requests import ClientDisconnect
 from starlette.types import Receive
 
 from service.errors import PayloadTooLarge, TooSlow
-from service.web import spool
+from service.web import uploads
 
-LIMIT = 4 * spool.MEMORY_BYTES
+LIMIT = 4 * uploads.MEMORY_BYTES
 
 
 def client(blocks: Iterable[bytes], *, ends: bool = True) -> Receive:
@@ -36,8 +36,8 @@ def received(receive: Receive) -> tuple[bytes, bytes, bool]:
 
     async def run() -> tuple[bytes, bytes, bool]:
         scope: dict[str, Any] = {}
-        async with spool.spooled_body(scope, receive, LIMIT) as body:
-            assert spool.body_of(scope) is body
+        async with uploads.spooled_body(scope, receive, LIMIT) as body:
+            assert uploads.body_of(scope) is body
             again, whole, more = body.replayed(receive), b"", True
             while more:
                 message = await again()
@@ -50,29 +50,29 @@ def received(receive: Receive) -> tuple[bytes, bytes, bool]:
     return asyncio.run(run())
 
 
-@pytest.mark.parametrize("size", [0, 1, spool.MEMORY_BYTES, spool.MEMORY_BYTES + 1, LIMIT])
+@pytest.mark.parametrize("size", [0, 1, uploads.MEMORY_BYTES, uploads.MEMORY_BYTES + 1, LIMIT])
 def test_a_body_comes_as_it_was_sent(size: int) -> None:
     whole = bytes(i % 251 for i in range(size))
     got, digest, on_disk = received(client([whole[i : i + 300_000] for i in range(0, size, 300_000)]))
     assert got == whole
     assert digest == hashlib.sha256(whole).digest()
-    assert on_disk == (size > spool.MEMORY_BYTES)
+    assert on_disk == (size > uploads.MEMORY_BYTES)
 
 
 def test_more_than_the_limit_is_refused() -> None:
     with pytest.raises(PayloadTooLarge):
-        received(client([b"x" * spool.MEMORY_BYTES] * 5))
+        received(client([b"x" * uploads.MEMORY_BYTES] * 5))
 
 
 def test_silence_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(spool, "IDLE_SECONDS", 0.05)
+    monkeypatch.setattr(uploads, "IDLE_SECONDS", 0.05)
     with pytest.raises(TooSlow, match="nothing of the body came"):
         received(client([b"x"], ends=False))
 
 
 def test_a_trickle_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(spool, "GRACE_SECONDS", 0.0)
-    monkeypatch.setattr(spool, "SLOWEST", 1e12)
+    monkeypatch.setattr(uploads, "GRACE_SECONDS", 0.0)
+    monkeypatch.setattr(uploads, "SLOWEST", 1e12)
     with pytest.raises(TooSlow, match="comes too slowly"):
         received(client([b"x"] * 1000))
 

@@ -21,8 +21,7 @@ from service.app import doctor, serving, supervisor
 from service.app.backup.archive import BackupError
 from service.app.cli import ending, running
 from service.app.demo import run as demo
-from service.app.parts import Part
-from service.app.supervisor import LocalService, StartError
+from service.app.supervisor import LocalService, Part, StartError
 from service.db import embedded, postgres
 from service.db.postgres import Cluster, PostgresError
 from service.settings import Settings

@@ -7,7 +7,6 @@ import pytest
 
 from fecore.coupons import d3518
 from fecore.coupons.curves import Curve
-from fecore.errors import InputError
 
 WIDTH, THICKNESS = (25e-3,), (2e-3,)  # A = 50 mm², so τ in MPa is P / 100 N
 
@@ -58,17 +57,3 @@ def test_a_gauge_that_is_lost_after_the_chord_leaves_the_modulus() -> None:
     assert result.modulus_pa == pytest.approx(4.5e9, rel=1e-12)
     assert result.maximum_stress_pa == pytest.approx(48e6)
     assert "a strain was lost before the maximum force; stresses after it are left out" in result.warnings
-
-
-@pytest.mark.parametrize(
-    ("spoil", "arguments", "message"),
-    [
-        (lambda c: Curve(c.force_n, c.strain), {}, "transverse_strain"),
-        (lambda c: c, {"chord_start": 0.001}, "1500 to 2500"),
-        (lambda c: c.part(0, 6), {}, "reaches 5000 µε only"),
-        (lambda c: c, {"chord_start": 2500e-6}, "too far|4000 ± 200"),
-    ],
-)
-def test_what_cannot_be_reduced_is_refused(spoil, arguments: dict[str, float], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        d3518.reduce(spoil(curve()), WIDTH, THICKNESS, **arguments)

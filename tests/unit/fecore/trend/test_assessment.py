@@ -157,13 +157,6 @@ def test_campaigns_out_of_order_give_the_same_and_a_note() -> None:
     assert in_time_order(series)[0] is series
 
 
-def test_two_campaigns_of_one_time_are_refused_by_name() -> None:
-    series = stiffness()
-    twice = replace(series, dates=[*series.dates[:13], series.dates[4]])
-    with pytest.raises(InputError, match="campaigns c4 and c13 are both of 2024-04-30"):
-        assess({"Ex": twice}, WATCH)
-
-
 def test_before_the_baseline_is_complete_there_is_no_data() -> None:
     trend = assess({"Ex": stiffness(5)}, WATCH).parameters["Ex"]
     assert (trend.state, trend.baseline) == (State.NO_DATA, None)
@@ -258,47 +251,6 @@ def test_the_false_alarm_rate_of_a_family_is_held() -> None:
     rate = 1 - (1 - called / 100) ** (1 / 12)
     # ten campaigns cannot exclude that they resemble their neighbours, so the limits are wider than need be
     assert 0.02 / 5 <= rate <= 0.02  # ± 0.003 of 100 families
-
-
-FAULTS = [
-    (lambda s: replace(s, estimate=np.where(np.arange(14) == 3, np.nan, s.estimate)), "estimate: of campaign c3"),
-    (lambda s: replace(s, standard_deviation=s.standard_deviation * 0), "of campaign c0 is not positive"),
-    (lambda s: replace(s, dates=[d.replace(tzinfo=None) if i else d for i, d in enumerate(s.dates)]), "time zone"),
-    (lambda s: replace(s, dates=[], estimate=np.zeros(0)), "is empty"),
-    (lambda s: replace(s, estimate=s.estimate[:3]), r"expected \(14,\)"),
-    (lambda s: replace(s, covariates={"T": np.ones(3)}), "covariates.T"),
-    (lambda s: replace(s, covariates={"T": np.full(14, np.inf)}), "infinite"),
-    (lambda s: replace(s, labels=("a",)), "1 labels for 14"),
-]
-
-
-@pytest.mark.parametrize(("spoil", "message"), FAULTS)
-def test_faulty_series_are_refused(spoil, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        spoil(stiffness())
-
-
-RECIPES = [
-    ({"directions": {}}, "directions"),
-    ({"directions": {"Ex": "down"}}, "expected fall, rise or both"),
-    ({"false_alarm_rate": 0.0}, "false_alarm_rate"),
-    ({"pending": 0}, "horizon"),
-    ({"expected_interval_days": -1.0}, "expected_interval_days"),
-    ({"baseline": 3}, "expected at least 4"),
-    ({"directions": {"Ey": "fall"}}, "series.Ey"),
-]
-
-
-@pytest.mark.parametrize(("change", "message"), RECIPES)
-def test_faulty_recipes_are_refused(change, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        assess({"Ex": stiffness()}, replace(WATCH, **change))
-
-
-def test_a_temperature_that_never_varied_in_the_baseline_is_refused() -> None:
-    series = stiffness(temperature_c=np.full(14, 20.0))
-    with pytest.raises(InputError, match="does not vary"):
-        assess({"Ex": series}, replace(WATCH, covariates=("temperature_c",)))
 
 
 def test_a_temperature_that_runs_with_time_leaves_the_rate_unknown_and_says_so() -> None:

@@ -9,8 +9,7 @@ import pytest
 
 from fecore.arrays import FloatArray
 from fecore.trend import Chart, Limits, Series, Watch, assess, control_limits
-from fecore.trend.autocorrelation import GRID, Autocorrelation, diagnose, widened
-from fecore.trend.deviates import normal_score, simulated_scores
+from fecore.trend.autocorrelation import GRID, Autocorrelation, diagnose, normal_score, simulated_scores, widened
 
 START = datetime(2024, 1, 15, tzinfo=UTC)
 N, HORIZON, CALLED = 12, 24, 0.2

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fecore.errors import InputError
 from fecore.trend import Chart, alarm_probability, average_run_length, control_limits
 from fecore.trend.baseline import normal_score
 from fecore.trend.charts import Limits
@@ -93,22 +92,6 @@ def test_limits_fall_with_the_rate_and_share_it() -> None:
     assert tight.score > wide.score
     assert alarm_probability(chart, wide, 24) == pytest.approx(0.3, rel=2e-3)
     assert alarm_probability(Chart("shewhart"), Limits(wide.score), 24) == pytest.approx(0.15, rel=2e-3)
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: control_limits(Chart(), 1.5, 24), "probability"),
-        (lambda: control_limits(Chart(), 0.1, 1, 2), "campaigns"),
-        (lambda: Chart("moving"), "chart.kind"),  # type: ignore[arg-type]
-        (lambda: Chart(weight=0.0), "chart.weight"),
-        (lambda: Chart("cusum", reference=-1.0), "chart.reference"),
-        (lambda: Chart(jump_share=1.0), "chart.jump_share"),
-    ],
-)
-def test_choices_out_of_range_are_refused(call, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        call()
 
 
 def is_called(chart: Chart, limits: Limits, scores: np.ndarray, pending: int) -> bool:

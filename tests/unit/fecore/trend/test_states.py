@@ -43,12 +43,6 @@ def test_a_pending_period_of_one_has_no_pending_state() -> None:
     assert walk([I, O], 1) == [NORMAL, ALARM]
 
 
-@pytest.mark.parametrize("events", [[], [I], [O], [O, O, A]])
-def test_only_an_alarm_can_be_acknowledged(events: list[Event]) -> None:
-    with pytest.raises(InputError, match="only an alarm"):
-        walk([*events, A])
-
-
 def test_an_alarm_needs_k_in_a_row_and_is_never_lost() -> None:
     for events in itertools.product((I, O, M), repeat=6):
         states = walk(list(events), 3)

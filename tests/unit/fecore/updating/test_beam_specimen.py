@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from fecore.body.beam import BeamSection
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import BEAM_CONSTANTS, BeamSpecimen, Specimen
-from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic import update_elastic
@@ -91,14 +89,3 @@ def test_points_of_the_axis_see_no_torsion() -> None:
     twisted = np.array(state.kinds) == "torsion"
     assert twisted.any()
     np.testing.assert_allclose(state.shapes[twisted], 0, atol=1e-8 * np.abs(state.shapes).max())
-
-
-def test_bad_beams_and_other_bodies_constants_are_refused() -> None:
-    with pytest.raises(InputError, match="expected one of E, nu, density, width, thickness"):
-        parametrise(BEAM, [Parameter("Ex")])
-    with pytest.raises(InputError, match="expected positive numbers"):
-        replace(BEAM, poisson=0.5)
-    with pytest.raises(InputError, match="Poisson"):
-        parametrise(BEAM, [Parameter("E"), Parameter("nu", prior_mean=0.7)])
-    with pytest.raises(InputError, match="prior_mean"):
-        parametrise(BEAM, [Parameter("E", prior_mean=-1.0)])

@@ -10,7 +10,6 @@ import pytest
 from examples.one_material import paper_bar
 from fecore.body.oriented import OrientedSpecimen
 from fecore.body.specimen import Specimen
-from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import (
     MATERIAL_PARAMETERS,
@@ -20,10 +19,10 @@ from fecore.updating.campaigns import (
     lay_out,
     update_campaigns,
 )
-from fecore.updating.common_damping import common_damping
 from fecore.updating.elastic import fit
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
+from fecore.updating.laws import common_damping
 from fecore.updating.layout import Coupon
 from fecore.updating.parameters import Parameter, parametrise
 from tests.support.strips import NOMINAL, STRIP, TRUTH, measured, panel
@@ -148,34 +147,6 @@ BODY = OrientedSpecimen(*STRIP, NOMINAL, "free", divisions=(16, 3))
 MODES = MeasuredModes(np.array([400.0, 1100.0]), np.full(2, np.nan))
 
 
-@pytest.mark.parametrize(
-    ("campaigns", "recipe", "coupons", "field"),
-    [
-        ([], CampaignsRecipe(), [], "campaigns"),
-        ([Campaign("a", "s", BODY, MODES)] * 2, CampaignsRecipe(), [], "same name"),
-        (
-            [Campaign("a", "s", BODY, MODES)],
-            CampaignsRecipe((Parameter("density"),)),
-            [],
-            "expected one of the material",
-        ),
-        (
-            [Campaign("a", "s", BODY, MODES)],
-            CampaignsRecipe((Parameter("Ex"),)),
-            [Coupon("Ey", 1e9, 1e8)],
-            "Ey is not updated",
-        ),
-    ],
-)
-def test_what_contradicts_itself_is_refused(
-    campaigns: list[Campaign], recipe: CampaignsRecipe, coupons: list[Coupon], field: str
-) -> None:
-    with pytest.raises(InputError, match=field):
-        update_campaigns(campaigns, recipe, coupons)
-    with pytest.raises(InputError, match="scatter"):
-        CampaignsRecipe(scatter=-1)
-
-
 def test_shapes_beyond_the_stated_width_are_told_of_their_campaign(campaigns: list[Campaign]) -> None:
     """The strips' shapes reach 0.9 of the width of 30 mm, so 0.1 mm beyond the edge where 26.8 mm are stated."""
     strip = campaigns[0]
@@ -185,13 +156,6 @@ def test_shapes_beyond_the_stated_width_are_told_of_their_campaign(campaigns: li
     assert warning.startswith(
         "campaign strip 0: points 1, 3, 4, 6 and 14 more lie beyond the width of 26.8 mm, by up to 0.1 mm: the width or"
     )
-
-
-def test_oriented_bodies_take_no_other_springs() -> None:
-    with pytest.raises(InputError, match="belongs to a clamp"):
-        OrientedSpecimen(*STRIP, NOMINAL, "free", clamp_compliance=0.01)
-    with pytest.raises(InputError, match="clamp_compliance"):
-        OrientedSpecimen(*STRIP, NOMINAL, clamp_compliance=-1.0)
 
 
 def test_inputs_known_exactly_are_no_unknowns() -> None:

@@ -63,7 +63,7 @@ def test_modes_are_followed_through_a_crossing(forward: ForwardModel) -> None:
     start = forward.solve(forward.parametrisation.prior_mean)
     assert start.frequency_hz[2] < start.frequency_hz[3]
     result = update_elastic(forward, measured)
-    assert dict(result.initial_pairing.pairs)[2] == 3  # measured mode 3 is bending: the model's fourth at first
+    assert dict(result.initial_pairings[0].pairs)[2] == 3  # measured mode 3 is bending: the model's fourth at first
     assert dict(result.pairing.pairs)[2] == 2
     assert result.theta[2] == pytest.approx(truth[2], rel=0.01)
 

@@ -210,9 +210,3 @@ def test_the_mesh_is_as_good_as_it_says(nominal: Specimen, size: tuple[float, fl
     nx, ny = found.divisions
     chosen, finer = (frequencies(replace(body, divisions=d), found.error.size) for d in ((nx, ny), (2 * nx, 2 * ny)))
     assert np.abs(chosen / finer - 1).max() < DISCRETISATION
-
-
-def test_a_body_whose_millimetres_were_taken_for_metres_is_refused_before_it_is_built(nominal: Specimen) -> None:
-    body = replace(nominal, length=500.0, width=40.0, thickness=10.0)
-    with pytest.raises(InputError, match=r"geometry: of 500 × 40 × 10 m takes \d+ × \d+ elements .* more than 13500"):
-        discretise(body, 1500.0)

@@ -9,7 +9,7 @@ import pytest
 
 from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries
 from fecore.dynamics.mechanism_laws import MechanismDamping
-from fecore.updating.law_ranking import LawRanking, RankedLaw, identifiable_laws, rank_laws
+from fecore.updating.laws import LawRanking, RankedLaw, identifiable_laws, rank_laws
 from fecore.updating.measured_ratios import MeasuredRatios
 
 OMEGA = 2 * np.pi * np.array([25.0, 160.0, 400.0, 445.0, 866.0])

@@ -13,7 +13,7 @@ from examples import mechanisms
 from examples.paper.published import TABLE_4_UPDATED, cantilever, simulated
 from fecore.arrays import FloatArray
 from fecore.body.mechanisms import SUPPORTS, mechanism_names, mechanism_weights
-from fecore.body.specimen import Body, Specimen
+from fecore.body.specimen import Body
 from fecore.body.supports import Spring
 from fecore.dynamics.damping_laws import RAYLEIGH, ModalDamping, beyond, damping_rate
 from fecore.errors import InputError
@@ -22,8 +22,7 @@ from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import Inputs
 from fecore.updating.law_fit import DampingFit, fit_law
 from fecore.updating.law_problem import Nuisance
-from fecore.updating.law_ranking import LawRanking, rank_laws
-from fecore.updating.laws import laws_of, mechanism_laws
+from fecore.updating.laws import LawRanking, laws_of, mechanism_laws, rank_laws
 from fecore.updating.measured_ratios import MeasuredRatios
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.misfit import FrfMisfit
@@ -182,18 +181,6 @@ def test_how_shares_move_loss_factors_agrees_with_a_refit() -> None:
     rate = law.by_strain(np.sqrt(fit.eigenvalue), fit.coefficients, state.strain.shape[1])
     analytic = fit.tie @ (np.sum(rate * moved, axis=1) / fit.law_rate)
     np.testing.assert_allclose((ahead - behind) / 2, analytic, rtol=0.05, atol=1e-6 * np.abs(LOSS).max())
-
-
-@pytest.mark.parametrize(
-    ("body", "name", "field"),
-    [
-        (cantilever(TABLE_4_UPDATED), "mechanism_support", "stands on no springs"),
-        (cantilever(TABLE_4_UPDATED), "structural", "expected one of"),
-    ],
-)
-def test_laws_that_a_body_cannot_have_are_refused(body: Specimen, name: str, field: str) -> None:
-    with pytest.raises(InputError, match=field):
-        laws_of(Recipe(damping_models=("rayleigh", name)), ModalDamping((100.0,)), body)
 
 
 @pytest.mark.parametrize(

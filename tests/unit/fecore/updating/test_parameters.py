@@ -80,25 +80,3 @@ def test_priors_signs_and_inputs_have_their_places(nominal: Specimen) -> None:
     assert wider.reported == ("Ex", "nu_xy")
     with pytest.raises(InputError, match="has the name of a constant"):
         parametrise(replace(nominal, springs=(Spring("Ex", 500.0, 3, point=(0.5, 0.0)),)), (Parameter("Ey"),))
-
-
-@pytest.mark.parametrize(
-    ("recipe", "field", "words"),
-    [
-        ([Parameter("E")], "parameters.0.name", "expected one of"),
-        ([Parameter("Ex"), Parameter("Ex")], "parameters.1.name", "twice"),
-        ([Parameter("Ex", prior_mean=-1.0)], "parameters.0.prior_mean", "positive"),
-        ([Parameter("Ex", prior_mean=0.0)], "parameters.0.prior_mean", "positive"),
-        ([Parameter("Ex", prior_sd=0.0)], "parameters.0.prior_sd", "positive"),
-        ([Parameter("Ex", prior_sd=1e9, fixed=True)], "parameters.0.prior_sd", "fixed"),
-        ([Parameter("Ex", tied_to="Ex")], "parameters.0.tied_to", "itself"),
-        ([Parameter("Ex", tied_to="Ey")], "parameters.0.tied_to", "not a free parameter"),
-        ([Parameter("Ex", fixed=True)], "parameters", "nothing to update"),
-        ([Parameter("Ex", fixed=True), Parameter("Ey", tied_to="Ex")], "parameters.1.tied_to", "not a free"),
-        ([Parameter("nu_xy", prior_mean=1.2), Parameter("Ex")], "parameters", "positive definite"),
-    ],
-)
-def test_contradictions_name_the_field(nominal: Specimen, recipe: list[Parameter], field: str, words: str) -> None:
-    with pytest.raises(InputError, match=words) as caught:
-        parametrise(nominal, recipe)
-    assert caught.value.field == field

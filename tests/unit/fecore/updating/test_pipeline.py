@@ -190,32 +190,6 @@ def test_progress_names_stages_and_a_raise_in_it_stops_the_job(few: Measurement)
     assert reported[0][0] == "identifying the modes"
 
 
-@pytest.mark.parametrize(
-    ("recipe", "field"),
-    [
-        (Recipe(damping_models=()), "damping_models"),
-        (Recipe(damping_models=("coulomb",)), "damping_models.0"),
-        (Recipe(band_hz=(600.0, 500.0)), "band_hz"),
-        (Recipe(hold_out=HoldOut(points=(99,))), "hold_out.points"),
-        (Recipe(hold_out=HoldOut(points=tuple(range(1, 34)))), "hold_out.points"),
-        (Recipe(hold_out=HoldOut(band_hz=(0.0, 1e4))), "hold_out.band_hz"),
-        (Recipe(parameters=(Parameter("Ex", fixed=True),)), "parameters"),
-    ],
-)
-def test_wrong_recipes_name_their_field(identified: Measurement, recipe: Recipe, field: str) -> None:
-    with pytest.raises(InputError) as caught:
-        update(identified, COARSE, recipe)
-    assert caught.value.field == field
-
-
-def test_a_point_without_coordinates_is_named(measured: tuple[Measurement, dict[str, float]]) -> None:
-    measurement, _ = measured
-    points = {label: place for label, place in measurement.points.items() if label != 12}
-    with pytest.raises(InputError, match="12") as caught:
-        update(replace(measurement, points=points), BEAM)
-    assert caught.value.field == "grid_points"
-
-
 class Kept:
     """Keeps every state of a chain."""
 

@@ -18,7 +18,7 @@ from scipy.io import savemat, wavfile
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records import TimeBlock, Variables, blocks_of, propose, read_mapping, read_variables
-from modalbase.formats.records.arrays import arrays_of
+from modalbase.formats.records.blocks import arrays_of
 
 RNG = np.random.default_rng(1)
 FORCE = RNG.standard_normal((3, 256)).astype(np.float32)
@@ -301,7 +301,7 @@ def test_numbers_that_no_analyser_writes_are_refused(variables: Variables, mappi
     [
         ("time\n1\n", "line 1: is not a heading with a name of its own for each column"),
         ("force,force\n1,2\n", "line 1: is not a heading"),
-        ("force,acc\n1,2\n1,2,3\n", "line 3: has 3 fields, the heading 2"),
+        ("force,acc\n1,2\n1,2,3\n", "line 3: has 3 cells, the header has 2"),
         ("force,acc\n1,2\n\n1,-\n", "line 4: could not convert string to float: '-'"),
         ("force,acc\n", "holds no numeric array"),
     ],

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from modalbase.formats.uff import Frf, Function, PowerSpectrum, TimeResponse, TraceLine, UffError, read_file
-from modalbase.formats.uff.spectra import Spectra
+from modalbase.formats.uff.channels import Spectra
 from tests.support.uff import Reading, axis, dataset, header_58, set_58, set_164
 
 POINTS = dataset("15", "         1         0         0         1  1.00000E+00  2.00000E+00  3.00000E+00")

@@ -1,0 +1,54 @@
+"""Files to the service and from it, with a bar while they travel; and the formats that their names say."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from modalbase.client.display import transfer
+from modalbase.client.errors import ClientError, Exit
+
+if TYPE_CHECKING:
+    from modalbase.client.connection import Connection
+
+FRF_FORMATS = {
+    ".json": "json", ".npz": "npz", ".csv": "csv", ".uff": "uff", ".unv": "uff", ".arrow": "arrow", ".arrows": "arrow",
+}  # fmt: skip
+FIGURES = {".svg": "svg", ".png": "png", ".pdf": "pdf", ".json": "plotly"}
+REPORTS = {".html": "html", ".htm": "html", ".pdf": "pdf"}
+SOLVERS = {".inp": "calculix", ".bdf": "nastran", ".dat": "nastran", ".nas": "nastran"}
+"""The program whose deck a file's name says."""
+
+
+def format_of(file: Path, formats: Mapping[str, str], advice: str = "") -> str:
+    """The format that a file's name says.
+
+    Args:
+        file: to be written.
+        formats: those that there are, by the name's end.
+        advice: begins the error.
+
+    Raises:
+        ClientError: it says none.
+    """
+    if (found := formats.get(file.suffix.lower())) is None:
+        raise ClientError(f"{advice}{file.name!r} does not end in one of {', '.join(formats)}", Exit.USAGE)
+    return found
+
+
+def send_file(
+    service: Connection, path: str, file: Path, *, mapping: Mapping[str, Any] | None = None, **query: Any
+) -> dict[str, Any]:
+    """Send a file, with a mapping that says which variable is what; returns the JSON that answers it."""
+    stated = None if mapping is None else json.dumps(mapping)
+    with transfer(file.name) as watch:
+        sent: dict[str, Any] = service.upload(path, file, watch, filename=file.name, mapping=stated, **query)
+    return sent
+
+
+def fetch_file(service: Connection, path: str, file: Path, **query: Any) -> int:
+    """Write what is at a path to a file, whole or not at all; returns its bytes."""
+    with transfer(file.name) as watch:
+        return service.download(path, file, watch, **query)

@@ -1,0 +1,195 @@
+"""Routes of what is shown of a result: predicted FRFs, the updated model's deck, figures and the report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from hashlib import sha256
+from typing import Annotated, Any, Literal
+from uuid import UUID
+
+from fastapi import Header, Path, Query, Request, Response
+from fastapi.responses import FileResponse, PlainTextResponse
+
+from service.access import CurrentUser, SessionDep
+from service.errors import Invalid
+from service.show.figures.answers import RESPONSES, Asked, FigureName, FigureOut, FiguresOut, require_figure
+from service.show.reports.as_html import POLICY, as_html
+from service.show.reports.as_pdf import as_pdf
+from service.show.results.cards import SUFFIXES, Element, Program, written_deck
+from service.show.results.figure_data import Drawn, JointFigures, UpdateFigures
+from service.show.results.figure_frf import Wanted
+from service.show.results.figures import FIGURES, JOINT_FIGURES, NamedFigure, draw_figure
+from service.show.results.predictions import Chosen, Model, predicted_table
+from service.show.results.reporting import report_of
+from service.store.frfs.data import Cut
+from service.store.frfs.routes import FORMATS
+from service.store.updating.operations import joint_document, joint_update_for, update_job_for
+from service.web import api_router
+from service.web.downloads import spooled
+from service.web.negotiation import choose_format, one_of
+from service.web.parameters import not_modified
+
+router = api_router(tags=["update jobs"])
+
+MEDIA_TYPES = {name: form.media_type for name, form in FORMATS.items()}
+FILES = {200: {"content": {kind: {} for kind in MEDIA_TYPES.values()}, "description": "The spectra."}}
+Hertz = Annotated[float | None, Query(ge=0, le=1e12, allow_inf_nan=False)]
+Point = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
+REPORTS: dict[int | str, dict[str, Any]] = {
+    200: {"description": "The report.", "content": {"text/html": {}, "application/pdf": {}}}
+}
+
+Mode = Annotated[int | None, Query(ge=1, le=10_000)]
+
+
+@router.get("/update-jobs/{job_id}/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
+def get_predicted_frfs(
+    job_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    request: Request,
+    model: Annotated[Model, Query(description="with the updated parameters, or with the initial ones")] = "updated",
+    point: Annotated[Point, Query(description="response point")] = None,
+    direction: Annotated[int | None, Query(ge=-6, le=6, description="signed response direction")] = None,
+    reference: Annotated[Point, Query(description="reference point")] = None,
+    fmin: Annotated[Hertz, Query(description="Hz")] = None,
+    fmax: Annotated[Hertz, Query(description="Hz")] = None,
+    stride: Annotated[int, Query(ge=1, le=1_000_000, description="every how many-th line")] = 1,
+    file_format: Annotated[
+        Annotated[str, one_of(MEDIA_TYPES)] | None,
+        Query(alias="format", description="as of measured FRFs; default: by Accept"),
+    ] = None,
+    accept: Annotated[str | None, Header(include_in_schema=False)] = None,
+) -> Response:
+    """FRFs that the model predicts where FRFs were measured, in the formats, coordinates and order of the measured ones.
+
+    `id` and `label` are those of the measured FRF. Values are in single precision.
+    """
+    _require_order(fmin, fmax)
+    job = update_job_for(session, user, job_id)
+    name = choose_format(file_format, accept, MEDIA_TYPES)
+    form = FORMATS[name]
+    table = predicted_table(session, job, model, Chosen(point, direction, reference), Cut(fmin, fmax, stride))
+    # A result never changes: the query says which part of it this is, and only UFF holds grid points, which may.
+    headers = {"Vary": "Accept"}
+    if form.one_table:
+        headers["ETag"] = f'"{job.id}-{name}-{sha256(request.url.query.encode()).hexdigest()[:16]}"'
+        if (unchanged := not_modified(request, headers)) is not None:
+            return unchanged
+    return spooled(lambda file: form.write([table], file), form.media_type, f"predicted.{form.suffix}", headers)
+
+
+@router.get("/update-jobs/{job_id}/cards", response_class=PlainTextResponse)
+def get_cards(
+    job_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    program: Annotated[Program, Query(alias="format", description="whose cards")] = "calculix",
+    element: Annotated[
+        Element | None, Query(description="by default `solid` for CalculiX, `shell` for Abaqus and Nastran")
+    ] = None,
+) -> PlainTextResponse:
+    """The updated model as a deck that CalculiX, Abaqus or Nastran runs: mesh, material, thickness, damping, supports."""
+    text = written_deck(session, update_job_for(session, user, job_id), program, element)
+    name = f"update-{job_id}.{SUFFIXES[program]}"
+    return PlainTextResponse(text, headers={"Content-Disposition": f'attachment; filename="{name}"'})
+
+
+@router.get("/update-jobs/{job_id}/figures")
+def list_figures(job_id: UUID, session: SessionDep, user: CurrentUser) -> FiguresOut:
+    """Names of the figures, and which of them this result can be drawn as."""
+    data = UpdateFigures(session, update_job_for(session, user, job_id))
+    return FiguresOut(items=_described(data, FIGURES, "update-jobs"))
+
+
+@router.get("/update-jobs/{job_id}/figures/{name}", response_class=Response, responses=RESPONSES)
+def get_figure(
+    job_id: UUID,
+    name: Annotated[str, Path(max_length=60, description=f"one of {', '.join(FIGURES)}", examples=["frf"])],
+    session: SessionDep,
+    user: CurrentUser,
+    asked: Asked,
+    point: Annotated[Point, Query(description="`frf`: grid point whose FRF is drawn; default: the first one")] = None,
+    reference: Annotated[Point, Query(description="`frf`: the other point, where one alone does not say which")] = None,
+    fmin: Annotated[Hertz, Query(description="`frf`, `csac`, `csf`: lines from here, Hz")] = None,
+    fmax: Annotated[Hertz, Query(description="`frf`, `csac`, `csf`: lines up to here, Hz")] = None,
+    measured: Annotated[
+        Mode, Query(description="`shapes`: number of a measured mode, as rows of the MAC count them")
+    ] = None,
+    model: Annotated[
+        Mode, Query(description="`shapes`: number of a mode of the updated model, as its columns do")
+    ] = None,
+) -> Response:
+    """A figure of the result: Plotly JSON, or the same figure as SVG, PNG or PDF.
+
+    Where the result has nothing to draw, such as the FRFs of a job whose damping failed, the answer is 409 and says why.
+    """
+    _require_order(fmin, fmax)
+    job = update_job_for(session, user, job_id)
+    data = UpdateFigures(session, job)
+    require_figure(name, *FIGURES)
+    wanted = Wanted(point, reference, fmin, fmax, measured, model)
+    return asked.answer(lambda: draw_figure(FIGURES, data, name, wanted), name, str(job.id))  # a result never changes
+
+
+@router.get("/update-jobs/{job_id}/report", response_class=Response, responses=REPORTS)
+def get_report(
+    job_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    file_format: Annotated[
+        Literal["html", "pdf"], Query(alias="format", description="a page that stands alone, or A4 for print")
+    ] = "html",
+) -> Response:
+    """The report of a result: two pages for who ordered the test, the rest as annex for who checks it."""
+    report = report_of(session, user, update_job_for(session, user, job_id))
+    write, kind = (as_html, "text/html; charset=utf-8") if file_format == "html" else (as_pdf, "application/pdf")
+    described = {"Content-Disposition": f'inline; filename="report-{job_id}.{file_format}"'}
+    if file_format == "html":  # it stands alone: no script, styles and pictures within
+        described["Content-Security-Policy"] = POLICY
+    return Response(write(report), media_type=kind, headers=described)
+
+
+@router.get("/joint-updates/{joint_id}/figures")
+def list_joint_figures(joint_id: UUID, session: SessionDep, user: CurrentUser) -> FiguresOut:
+    """Names of the figures of a joint update, and which of them its result can be drawn as."""
+    row = joint_update_for(session, user, joint_id)
+    return FiguresOut(items=_described(JointFigures(row, joint_document(session, row)), JOINT_FIGURES, "joint-updates"))
+
+
+@router.get("/joint-updates/{joint_id}/figures/{name}", response_class=Response, responses=RESPONSES)
+def get_joint_figure(
+    joint_id: UUID,
+    name: FigureName,
+    session: SessionDep,
+    user: CurrentUser,
+    asked: Asked,
+) -> Response:
+    """A figure of a joint update: `parameters`, `campaigns`, `frequencies`, `budget` or `posterior`.
+
+    `campaigns` shows what each campaign says alone of each constant, beside all of them together: where they contradict.
+    """
+    row = joint_update_for(session, user, joint_id)
+    require_figure(name, *JOINT_FIGURES)
+    data = JointFigures(row, joint_document(session, row))
+    return asked.answer(lambda: draw_figure(JOINT_FIGURES, data, name), name, str(row.id))  # a result never changes
+
+
+def _require_order(fmin: float | None, fmax: float | None) -> None:
+    if fmin is not None and fmax is not None and fmin > fmax:
+        raise Invalid("fmin", f"is {fmin:g} Hz and above fmax, {fmax:g} Hz")
+
+
+def _described(data: Drawn, figures: Mapping[str, NamedFigure[Drawn]], kind: str) -> list[FigureOut]:
+    """Every figure of a result, and why one of them has nothing to draw."""
+    return [
+        FigureOut(
+            name=name,
+            title=figure.title,
+            href=f"/api/v1/{kind}/{data.job.id}/figures/{name}",
+            available=(reason := figure.lacks(data)) is None,
+            reason=reason,
+            query=list(figure.query),
+        )
+        for name, figure in figures.items()
+    ]

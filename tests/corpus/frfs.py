@@ -1,0 +1,278 @@
+"""FRFs with the faults that measured ones have: no mode is lost, none is invented, and what may be either is doubtful."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyuff
+
+from benchmarks.real_identification import KINDS, Draw
+from fecore.frf import Dof, FrfSet
+from fecore.identification import Identification, identify
+from tests.corpus.outcomes import Case, Modes
+from tests.support.beams import PAPER_HZ, paper_frfs
+from tests.support.places import shared_file
+
+HZ, ZETA, LINES = np.array([101.3, 160.7]), np.array([0.01, 0.02]), 60 + np.arange(161.0)
+
+
+def made(
+    hz: np.ndarray = HZ,
+    zeta: np.ndarray = ZETA,
+    *,
+    lines: np.ndarray = LINES,
+    count: int = 12,
+    shapes: np.ndarray | None = None,
+    noise: float = 1e-3,
+    more: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
+) -> FrfSet:
+    """Receptances of modes with random real shapes.
+
+    Args:
+        hz, zeta: (n,) of the modes.
+        lines: (L,) in Hz.
+        count: of the FRFs.
+        shapes: (N, n), else drawn.
+        noise: standard deviation of white noise, of the root mean square of all values.
+        more: what is added, of the values and the lines.
+    """
+    rng = np.random.default_rng(3)
+    shapes = rng.standard_normal((count, hz.size)) if shapes is None else shapes
+    s, omega = 2j * np.pi * lines[:, None], 2 * np.pi * hz
+    values = shapes @ (omega**2 / (s**2 + 2 * zeta * omega * s + omega**2)).T
+    values = values if more is None else values + more(values, lines)
+    white = np.random.default_rng(7).standard_normal((2, *values.shape)) / np.sqrt(2)
+    values = values + noise * np.sqrt(np.mean(np.abs(values) ** 2)) * (white[0] + 1j * white[1])
+    return FrfSet(lines, values, tuple(Dof(i + 1, 3) for i in range(count)), (Dof(99, 3),) * count, "receptance")
+
+
+def resonance(hz: float, zeta: float, rows: Any, size: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """A resonance in some rows, its peak a share of the largest value."""
+
+    def add(values: np.ndarray, lines: np.ndarray) -> np.ndarray:
+        peak = 2 * zeta * hz**2 / (hz**2 - lines**2 + 2j * zeta * hz * lines)
+        return size * np.abs(values).max() * np.multiply.outer(np.broadcast_to(rows, len(values)), peak)
+
+    return add
+
+
+def tone(hz: float, size: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """A tone between the lines, of another phase in each FRF, as a window shows it."""
+
+    def add(values: np.ndarray, lines: np.ndarray) -> np.ndarray:
+        phase = np.exp(2j * np.pi * np.random.default_rng(11).random((len(values), 1)))
+        return size * np.abs(values).max() * phase / (lines - hz + 0.05j)
+
+    return add
+
+
+ONE_ROW = np.arange(12) == 4
+TURNING = np.exp(2j * np.pi * np.arange(12) / 12)  # a shape without a phase of its own
+PRODUCT = np.random.default_rng(3).standard_normal((12, 2))
+
+
+def with_coherence(path: Path, averages: int = 5) -> FrfSet:
+    """The FRFs of a UFF file, with the variance that their coherences state (Bendat and Piersol)."""
+    file = pyuff.UFF(str(path))
+    sets = [file.read_sets(int(i)) for i in np.flatnonzero(np.asarray(file.get_set_types()) == 58)]
+    frfs, coherences = ([s for s in sets if s["func_type"] == kind] for kind in (4, 6))
+    values = np.array([s["data"] for s in frfs], dtype=complex)
+    variance = None
+    if coherences:
+        gamma = np.clip(np.array([s["data"].real for s in coherences]), 1e-6, 1 - 1e-9)
+        variance = np.abs(values) ** 2 * (1 - gamma) / (gamma * averages)
+    dofs = [[Dof(int(s[f"{side}_node"]), int(s[f"{side}_dir"])) for s in frfs] for side in ("rsp", "ref")]
+    return FrfSet(np.asarray(frfs[0]["x"], float), values, tuple(dofs[0]), tuple(dofs[1]), "accelerance", variance)
+
+
+def open_set(kind: str) -> tuple[FrfSet, Draw]:
+    """An open set and its truth; of the aeroplane every other of its 74 hits, each at three sensors."""
+    path = shared_file("BLIND_OPEN", "blind-open", f"real-like-{kind}.uff")
+    modes = json.loads(path.with_suffix(".truth.json").read_text())["modes"]
+    frfs = with_coherence(path)
+    if kind == "aeroplane":
+        frfs = frfs.select([i for i in range(222) if i // 3 % 2 == 0])
+    return frfs, Draw(frfs, *(np.array([mode[key] for mode in modes]) for key in ("f_hz", "zeta_seen", "suspension")))
+
+
+def true_to(draw: Draw, found: Identification, *, says: str = "", doubts: str = "") -> None:
+    """Every mode that must be there is a mode, f within 0.2 %, ζ within 10 % or its 95 % interval; and there is no other."""
+    f, zeta, sd = found.modes.frequency_hz, found.modes.damping_ratio, found.modes.damping_sd
+    assert sd is not None
+    for true, ratio in zip(draw.frequency_hz[~draw.optional], draw.zeta[~draw.optional], strict=True):
+        near = np.flatnonzero(np.abs(f / true - 1) < 0.002)
+        assert near.size, f"{true:.2f} Hz is lost; found {f}"
+        assert np.any(np.abs(zeta[near] - ratio) < np.maximum(0.1 * ratio, 1.96 * sd[near])), (
+            f"damping at {true:.2f} Hz"
+        )
+    first = draw.frequency_hz[~draw.optional][0]
+    assert all(np.min(np.abs(each / draw.frequency_hz - 1)) < 0.05 for each in f[f < first])
+    assert np.sum(f > 0.98 * first) == np.sum(~draw.optional), f"invented among {f}"
+    assert says in "\n".join(found.warnings)
+    assert doubts in " ".join(why or "" for why in found.found.doubt)
+
+
+@functools.cache
+def drawn(kind: str, seed: int) -> Draw:
+    return KINDS[kind](seed)
+
+
+def of_draw(kind: str, seed: int, *, conjugated: bool = False, **expected: str) -> Case:
+    def run() -> Identification:
+        frfs = drawn(kind, seed).frfs
+        return identify(frfs.conjugated() if conjugated else frfs)
+
+    return run, lambda found: true_to(drawn(kind, seed), found, **expected)
+
+
+def of_open_set(kind: str) -> Case:
+    return lambda: (open_set(kind)[1], identify(open_set(kind)[0])), lambda both: true_to(*both)
+
+
+def half_of_the_numbers(part: str) -> Callable[[], Identification]:
+    frfs = paper_frfs(0.01, 3)
+    only = getattr(frfs.values, part) * (1 if part == "real" else 1j)
+    return lambda: identify(replace(frfs, values=only.astype(complex)))
+
+
+def bridge_that_somebody_measured(found: Identification) -> None:
+    f = found.modes.frequency_hz
+    assert f.size == 6  # over the whole band: small resonances above 7 Hz come back, but nobody knows what they are
+    for true in (2.482, 2.958, 3.497, 4.081, 4.166, 4.632):
+        assert np.sum(np.abs(f / true - 1) < 0.002) == 1
+    assert found.doubtful is not None
+    assert np.sum(np.abs(found.doubtful.modes.frequency_hz - 7.15) < 0.15) == 1
+    assert any("leakage below" in warning for warning in found.warnings)
+
+
+def drifting() -> Identification:
+    """Seventy-four draws of one sensor, between which the frequencies drift."""
+    rows = [i for i in range(222) if i % 3 == 0]
+    return identify(drawn("aeroplane", 3).frfs.select(rows).band(40.0, 130.0))
+
+
+def without_drift(found: Identification) -> None:
+    assert abs(found.drift / 3e-4 - 1) < 0.25  # 74 draws: ± 8 %, and drift beside the errors of the chain
+    assert any("drift" in warning for warning in found.warnings)
+    draw, modes = drawn("aeroplane", 3), found.modes
+    assert modes.frequency_sd_hz is not None
+    assert modes.damping_sd is not None
+    inside = np.flatnonzero((draw.frequency_hz > 40) & (draw.frequency_hz < 130))
+    at = [int(np.argmin(np.abs(modes.frequency_hz - draw.frequency_hz[k]))) for k in inside]
+    ratio = draw.zeta[inside]
+    assert np.all(np.abs(modes.damping_ratio[at] / ratio - 1) < 0.02)  # a drift left in makes it 2 to 10 % too large
+    z = (modes.frequency_hz[at] - draw.frequency_hz[inside]) / modes.frequency_sd_hz[at]
+    z = np.append(z, (modes.damping_ratio[at] - ratio) / modes.damping_sd[at])
+    assert np.mean(np.abs(z) < 1.96) >= 0.85  # of 95 % intervals, few of them
+
+
+def doubtful_too(found: Identification) -> None:
+    """At the root the first mode, of 16 % damping, is within the errors of its lines: it is doubtful, and can be had."""
+    assert np.allclose(found.found.modes.frequency_hz, PAPER_HZ, rtol=0.01)
+    assert (len(found.modes), len(found.chosen(include_doubtful=True).modes)) == (4, 5)
+
+
+def stopped() -> None:
+    """A run ends with what its report raises, and reports a share that grows."""
+    shares: list[float] = []
+
+    def report(stage: str, share: float) -> None:
+        assert stage
+        assert share >= max(shares, default=0.0)
+        shares.append(share)
+        if share > 0.3:
+            raise InterruptedError
+
+    try:
+        identify(drawn("bridge", 5).frfs, report=report)
+    except InterruptedError:
+        assert len(shares) > 4
+        return
+    raise AssertionError("it went on")
+
+
+def beside_the_mains(stretch: float = 1.0) -> Callable[[], Identification]:
+    """Lines 1.25 Hz apart: a hum of 100 Hz lies on one of them and has no tails, so what has tails is a mode."""
+    rng = np.random.default_rng(2)
+    hz, f = np.arange(1.25, 400.0, 1.25), np.array([100.5, 180.0, 290.0])
+    s, w = 2j * np.pi * hz, 2 * np.pi * f[:, None]
+    values = rng.standard_normal((10, 3)) @ (s**2 / (s**2 + 0.003 * w * s + w**2))
+    values = values + 0.02 * (rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape))
+    frfs = FrfSet(hz * stretch, values, tuple(Dof(i + 1, 3) for i in range(10)), (Dof(99, 3),) * 10)
+    return lambda: identify(frfs)
+
+
+THREE, NARROW, BETWEEN = np.array([70.0, 90.0, 160.0]), np.array([0.01, 0.0015]), 60.3 + np.arange(161.0)
+OWN = np.column_stack([PRODUCT, 0.02 * np.random.default_rng(9).standard_normal(12)])
+SUM = np.column_stack([PRODUCT, 0.02 * PRODUCT[:, 0] * PRODUCT[:, 1]])
+
+
+def overloads(values: np.ndarray, _: np.ndarray) -> np.ndarray:
+    """Nine lines of one record, a hundred times as high as their neighbours."""
+    high = np.zeros(values.shape, dtype=complex)
+    high[0, 10:145:16] = 100 * values[0, 10:145:16]
+    return high
+
+
+def leak(values: np.ndarray, lines: np.ndarray) -> np.ndarray:
+    """Drift of each record, as its leakage shows it."""
+    return 2 * np.abs(values).max() / lines**2 * np.random.default_rng(1).standard_normal((len(values), 1))
+
+
+# fmt: off
+FRFS: dict[str, Case] = {
+    "two modes": (lambda: identify(made()), Modes(HZ, zeta=ZETA)),
+    "without noise": (lambda: identify(made(noise=0.0)), Modes(HZ, zeta=ZETA, rel=1e-6)),
+    "noise alone": (lambda: identify(made(noise=1e5)), "no mode is supported by the 12 FRFs from 60 to 220 Hz"),
+    "a resonance of one record": (lambda: identify(made(more=resonance(125.3, 0.01, ONE_ROW, 0.3))), Modes(HZ, says=[
+        "no mode at 125.30 Hz: only 5Z/99Z shows it"])),
+    "a resonance in one of two": (
+        lambda: identify(made(count=2, more=resonance(125.3, 0.01, [0, 1], 0.3))), Modes([101.3, 125.3, 160.7])),
+    "a shape without a phase": (lambda: identify(made(more=resonance(125.3, 0.01, TURNING, 0.02))), Modes(
+        [101.3, 125.3, 160.7], says=["125.30 Hz): complex shape"])),
+    "a weak mode": (lambda: identify(made(more=resonance(125.3, 0.01, PRODUCT[:, 0], 0.003))), Modes(
+        [101.3, 125.3, 160.7], says=["125.31 Hz): weak"])),
+    "a mode in the noise": (lambda: identify(made(more=resonance(125.3, 0.01, PRODUCT[:, 0], 0.0015))), Modes(HZ, says=[
+        "the residual stands above the noise near 126 Hz"])),
+    "a tone between lines": (lambda: identify(made(lines=BETWEEN, more=tone(150.0, 0.02))), Modes(HZ, doubtful=[(150.0, "")])),
+    "as narrow as a tone": (lambda: identify(made(np.array([101.3, 150.1]), NARROW, lines=BETWEEN)), Modes(
+        [101.3], doubtful=[(150.1, "mains")])),
+    "narrow, off the mains": (
+        lambda: identify(made(np.array([101.3, 150.5]), NARROW, lines=BETWEEN)), Modes([101.3, 150.5], silent=["mains"])),
+    "narrow, and the mains on a line": (beside_the_mains(), Modes([100.5, 180.0, 290.0], rel=1e-3)),
+    "narrow, and the mains beside a line": (beside_the_mains(300.2 / 290.0), Modes(
+        [100.5 * 300.2 / 290.0, 180.0 * 300.2 / 290.0], rel=1e-3, doubtful=[(300.2, "mains")])),
+    "beyond the band": (lambda: identify(made(np.array([101.3, 220.2]), np.full(2, 0.01))), Modes([101.3])),
+    "at the band's end": (lambda: identify(made(np.array([101.3, 219.6]), np.full(2, 0.01))), Modes([101.3, 219.6])),
+    "many overloads": (lambda: identify(made(more=overloads)), Modes(HZ, zeta=ZETA, says=["1 more such lines were left out"])),
+    "drift of the records": (lambda: identify(made(lines=1 + np.arange(220.0), more=leak)), Modes(HZ, zeta=ZETA)),
+    "a weak distortion": (lambda: identify(made(THREE, np.full(3, 0.01), shapes=SUM)), Modes(
+        THREE[:2], doubtful=[(160.0, "the product of their shapes")])),
+    "a mode at the sum of two": (lambda: identify(made(THREE, np.full(3, 0.01), shapes=OWN)), Modes(THREE)),
+    "a trend": (lambda: identify(made(zeta=np.array([0.01, 0.65]))), Modes([101.3], says=["damping of 65 % is a trend"])),
+    "a heavily damped mode": (lambda: identify(made(zeta=np.array([0.01, 0.4]))), Modes(HZ, zeta=[0.01, 0.4])),
+    "a close pair": (lambda: identify(made(np.array([101.3, 102.0, 160.7]), np.array([0.01, 0.01, 0.02]))), Modes(
+        [101.3, 102.0, 160.7], rel=2e-4, says=["overlap: a close pair"])),
+    "no imaginary part": (half_of_the_numbers("real"), "no FRF is usable: 33Z/1Z has no imaginary part"),
+    "no real part": (half_of_the_numbers("imag"), "no FRF is usable: 33Z/1Z has no real part"),
+    "one FRF": (lambda: identify(paper_frfs(0.01, 6).select([0])), doubtful_too),
+    "one FRF, one doubtful mode": (
+        lambda: identify(paper_frfs(0.01, 6).select([0]).band(5.0, 100.0)).chosen(),
+        "all modes that the FRFs show are doubtful (25."),
+    "stopped on the way": (stopped, lambda _: None),
+    "records that drift": (drifting, without_drift),
+    "bridge": of_draw("bridge", 7),
+    "plate": of_draw("plate", 7),
+    "bridge, conjugated": of_draw("bridge", 7, conjugated=True, says="the FRFs are conjugates"),
+    "plate, conjugated": of_draw("plate", 7, conjugated=True, says="the FRFs are conjugates"),
+    "bridge with joints": of_draw("jointed", 1002, doubts="the product of their shapes"),
+    **{f"open {kind}": of_open_set(kind) for kind in ("bridge", "plate", "aeroplane")},
+    "a measured bridge": (lambda: identify(with_coherence(shared_file("MEASURED", "measured", "dam0.unv"))),
+                          bridge_that_somebody_measured),
+}

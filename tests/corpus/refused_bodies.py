@@ -1,0 +1,185 @@
+"""Bodies, laws, parameters and recipes that the core refuses: each a call, and how the `InputError` begins that ends it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from fecore.body.beam import BeamSection, beam
+from fecore.body.laminate import OrthotropicMaterial, Ply, section
+from fecore.body.layered import LayeredSpecimen
+from fecore.body.mesh import rectangle
+from fecore.body.model import plate
+from fecore.body.oriented import OrientedSpecimen
+from fecore.body.profile import Piece
+from fecore.body.specimen import BeamSpecimen, Specimen
+from fecore.body.supports import PointMass, Spring, Supports
+from fecore.correlation import comac, csac, csf, damping_error, frac, frequency_error, mac, pair_modes, sac
+from fecore.dynamics.damping_laws import (
+    RAYLEIGH,
+    CaugheySeries,
+    GeneralisedProportional,
+    ModalDamping,
+    fit_ratios,
+)
+from fecore.modes import MeasuredModes
+from fecore.updating.campaigns import Campaign, CampaignsRecipe, update_campaigns
+from fecore.updating.discretisation import discretise
+from fecore.updating.laws import laws_of
+from fecore.updating.layout import Coupon
+from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.pipeline import update
+from fecore.updating.plans import PlannedTest, plan_tests
+from fecore.updating.recipe import HoldOut, Recipe
+from tests.corpus.updates import BEAM, identified, measured
+from tests.support.plates import PAPER, solve
+from tests.support.strips import NOMINAL, STRIP
+
+SIZE, MESH = (0.5, 0.04, 0.01), rectangle(0.5, 0.04, 4, 2)
+BODY, BAR = Specimen(*SIZE, PAPER), BeamSpecimen(*SIZE, modulus=30e9, poisson=0.3, density=2012.0)
+STACK = LayeredSpecimen(0.3, 0.2, 0.004, (Ply(PAPER, 0.002), Ply(PAPER, 0.002, 90)), 1600.0)
+ONE, TWO = np.ones((1, 3)), np.ones((2, 3))
+FREE = OrientedSpecimen(*STRIP, NOMINAL, "free", divisions=(16, 3))
+CAMPAIGN = Campaign("a", "s", FREE, MeasuredModes(np.array([400.0, 1100.0]), np.full(2, np.nan)))
+TEST = PlannedTest("s", FREE, 4300.0, ((0.1, 0.0), (0.2, 0.01)), 1, specimen="s")
+
+
+def material(**wrong: Any) -> OrthotropicMaterial:
+    right = {"Ex": 1e9, "Ey": 1e9, "Gxy": 1e9, "Gxz": 1e9, "Gyz": 1e9, "nu_xy": 0.3, "density": 1.0}
+    return OrthotropicMaterial(**{**right, **wrong})
+
+
+def unplaced() -> object:
+    points = {label: place for label, place in measured().points.items() if label != 12}
+    return update(replace(measured(), points=points), BEAM)
+
+
+def recipe(**wrong: Any) -> object:
+    return update(identified(), BEAM, Recipe(**wrong))
+
+
+def laws(name: str) -> object:
+    return laws_of(Recipe(damping_models=("rayleigh", name)), ModalDamping((100.0,)), BODY)
+
+
+def parameters(*given: Parameter) -> object:
+    return parametrise(BODY, given)
+
+
+# fmt: off
+BODIES: list[tuple[Callable[[], object], str]] = [
+    (lambda: material(Ex=0.0), "material.Ex: is 0, expected a positive number"),
+    (lambda: material(Gyz=-1.0), "material.Gyz: is -1, expected a positive number"),
+    (lambda: material(density=np.nan), "material.density: is nan, expected a finite number"),
+    (lambda: material(nu_xy=1.2), "material.nu_xy: nu_xy² Ey/Ex is 1.44, expected below 1: the material would"),
+    (lambda: Ply(PAPER, 0.0), "ply.thickness: is 0.0, expected a positive number of metres"),
+    (lambda: section([]), "laminate.plies: is empty, expected at least one ply"),
+    (lambda: LayeredSpecimen(0.3, 0.2, 0.004, (), 1600.0), "laminate.plies: is empty, expected at least one ply"),
+    (lambda: replace(STACK, density=0.0), "density: is 0.0, expected a positive number of kg/m³"),
+    (lambda: parametrise(STACK, [Parameter("Ex")]), "parameters.0.name: is 'Ex', expected one of E1, E2, G12, G13, G23,"),
+    (lambda: BeamSection(0.04, 0.0, PAPER), "geometry.thickness_m: is 0.0, expected a positive number of metres"),
+    (lambda: beam(-1, 4, "free"), "geometry.length_m: is -1, expected a positive number of metres"),
+    (lambda: beam(1, 4, "free").deflection(np.array([[1.2, 0.0]])), "points[0]: (1.2, 0) m lies off the beam, which spans x"),
+    (lambda: replace(BAR, poisson=0.5), "beam: has E = 3e+10, nu = 0.5, density = 2012, width = 0.04, thickness ="),
+    (lambda: parametrise(BAR, [Parameter("Ex")]), "parameters.0.name: is 'Ex', expected one of E, nu, density, width,"),
+    (lambda: parametrise(BAR, [Parameter("E"), Parameter("nu", prior_mean=0.7)]),
+     "parameters: the prior means are not those of a positive definite material; look at"),
+    (lambda: parametrise(BAR, [Parameter("E", prior_mean=-1.0)]), "parameters.0.prior_mean: is -1.0, expected a positive"),
+    (lambda: Specimen(0.5, 0.04, 0.0, PAPER), "geometry.thickness_m: is 0.0, expected a positive number of metres"),
+    (lambda: Specimen(0.5, -1.0, 0.01, PAPER).model, "geometry.width_m: is -1.0, expected a positive number of metres"),
+    (lambda: rectangle(1, 1, 0, 2), "mesh.nx: is 0, expected at least one element"),
+    (lambda: plate(MESH, Supports(), membrane=True).observation(np.zeros((1, 2)), np.array([6])),
+     "directions[0]: is 6; this model has u, v, w, rx, ry alone"),
+    (lambda: plate(MESH, Supports()).observation(np.zeros((1, 2)), np.array([1])),
+     "directions[0]: is 1; this model has w, rx, ry alone"),
+    (lambda: Supports.of("hanging"), "boundary: is 'hanging', expected one of cantilever, free, simply_supported"),
+    (lambda: Supports(end="glued"), "supports.end: is 'glued', expected free, clamped, simply_supported,"),
+    (lambda: PointMass(np.nan, 0.0, 0.004), "point_mass: a mass of 0.004 kg has no place; expected finite x and y in m"),
+    (lambda: PointMass(0.1, 0.0, -0.004), "point_mass.mass: is -0.004, expected a mass in kg that is not negative"),
+    (lambda: plate(MESH, Supports(), [PointMass(0.7, 0.0, 0.004)]), "points[0]: (0.7, 0) m lies off the specimen, which"),
+    (lambda: Spring("k", 0.0, 3, edge="end"), "spring.stiffness: of k is 0.0, expected positive; leave out a spring of"),
+    (lambda: Spring("k", 1.0, 3), "spring: k needs a place: either an edge or a point"),
+    (lambda: plate(MESH, Supports.of("cantilever"), springs=[Spring("k", 1.0, 3, edge="start")]),
+     "spring: k acts on a support that is already held"),
+    (lambda: plate(MESH, Supports(), springs=[Spring("k", 1.0, 1, edge="start")]),
+     "spring.direction: of k: the model has w, rx, ry"),
+    (lambda: plate(MESH, Supports(), springs=[Spring("D11", 1.0, 3, edge="start")]),
+     "springs: two are named D11, or it is the name of a section coefficient"),
+    (lambda: solve(plate(MESH, Supports()), section([Ply(PAPER, 1e-3), Ply(PAPER, 1e-3, 30)]), 5),
+     "laminate: couples bending and membrane forces (B ≠ 0); the model needs membrane dofs"),
+    (lambda: replace(BODY, pieces=(Piece(0.0, 0.2, 0.01, 0.01), Piece(0.1, 0.3, 0.01, 0.01))).model,
+     "pieces: overlap, or are not in the order of x: 0.2 m is beyond 0.1 m"),
+    (lambda: replace(BODY, pieces=(Piece(0.0, 0.6, 0.01, 0.01),)).model, "pieces: end at 0.6 m, beyond the length of 0.5 m"),
+    (lambda: Piece(0.0, 0.1, 0.0, 0.01), "piece.thickness: is 0.0, expected a positive number of metres"),
+    (lambda: replace(BODY, zones=(0.3, 0.2)), "zones_m: are at [0.3, 0.2], expected rising places between 0 and 0.5 m"),
+    (lambda: replace(BODY, zones=(0.0,)), "zones_m: are at [0.0], expected rising places between 0 and 0.5 m"),
+    (lambda: replace(BODY, zones=(0.6,)), "zones_m: are at [0.6], expected rising places between 0 and 0.5 m"),
+    (lambda: OrientedSpecimen(*STRIP, NOMINAL, "free", clamp_compliance=0.01), "clamp_compliance: belongs to a clamp; the"),
+    (lambda: OrientedSpecimen(*STRIP, NOMINAL, clamp_compliance=-1.0), "clamp_compliance: is -1.0, expected EI/kL, not"),
+    (lambda: discretise(replace(BODY, length=500.0, width=40.0, thickness=10.0), 1500.0),
+     "geometry: of 500 × 40 × 10 m takes "),
+    (lambda: mac([[1, 2]], [[1, 2, 3]]), "shapes: have 2 and 3 dofs, expected the same dofs"),
+    (lambda: mac([[1, np.nan]], [[1, 2]]), "a: holds NaN or infinite values"),
+    (lambda: mac([[1]], [[np.nan]]), "b: holds NaN or infinite values"),
+    (lambda: mac(ONE, np.ones((1, 2))), "shapes: have 3 and 2 dofs, expected the same dofs"),
+    (lambda: mac(np.ones((1, 2, 3)), ONE), "a: has shape (1, 2, 3), expected rows of vectors"),
+    (lambda: frac(ONE, TWO), "frfs: have shapes (1, 3) and (2, 3), expected the same"),
+    (lambda: sac(ONE, TWO), "frfs: have shapes (1, 3) and (2, 3), expected the same"),
+    (lambda: csac(ONE, TWO), "frfs: have shapes (1, 3) and (2, 3), expected the same"),
+    (lambda: csf(ONE, TWO), "frfs: have shapes (1, 3) and (2, 3), expected the same"),
+    (lambda: comac(ONE, TWO), "shapes: have shapes (1, 3) and (2, 3), expected the same"),
+    (lambda: frequency_error([0.0], [1.0]), "measured_hz: must be positive"),
+    (lambda: frequency_error([1.0], [1.0, 2.0]), "predicted_hz: has shape (2,), expected (1,)"),
+    (lambda: damping_error([0.1], [0.1, 0.2]), "predicted_ratio: has shape (2,), expected (1,)"),
+    (lambda: pair_modes(None, None, [], [1.0]), "measured_hz: and model_hz have shapes (0,) and (1,), expected two lists"),
+    (lambda: pair_modes(None, None, [0.0], [1.0]), "measured_hz: must be positive and finite, model_hz finite"),
+    (lambda: pair_modes(None, None, [-1.0], [1.0]), "measured_hz: must be positive and finite, model_hz finite"),
+    (lambda: pair_modes(None, None, [np.nan], [1.0]), "measured_hz: must be positive and finite, model_hz finite"),
+    (lambda: pair_modes(None, None, [1.0], [np.inf]), "measured_hz: must be positive and finite, model_hz finite"),
+    (lambda: pair_modes(None, None, [[1.0]], [1.0]), "measured_hz: and model_hz have shapes (1, 1) and (1,), expected two"),
+    (lambda: pair_modes(None, None, [1.0], [[1.0]]), "measured_hz: and model_hz have shapes (1,) and (1, 1), expected two"),
+    (lambda: pair_modes(ONE, TWO, [1, 2], [1]), "measured_shapes: and model_shapes give (1, 2) pairs, frequencies (2, 1)"),
+    (lambda: pair_modes(TWO, TWO, [1.0], [1.0, 2.0]), "measured_shapes: and model_shapes give (2, 2) pairs, frequencies (1,"),
+    (lambda: CaugheySeries("none", ()), "damping.exponents: are (), expected one or more different integers"),
+    (lambda: CaugheySeries("twice", (1, 1)), "damping.exponents: are (1, 1), expected one or more different integers"),
+    (lambda: GeneralisedProportional(("cubic",), 100.0), "damping.functions: are ('cubic',), expected one or more different"),
+    (lambda: GeneralisedProportional(("root",), 0.0), "damping.reference: is 0.0, expected a positive circular frequency"),
+    (lambda: fit_ratios(RAYLEIGH, np.array([160.0]), np.array([0.1])), "damping_ratio: 1 modes cannot fix the rayleigh law's"),
+    (lambda: fit_ratios(RAYLEIGH, np.array([160.0, 1000.0]), np.array([0.1, -0.1])), "damping_ratio: must be positive"),
+    (lambda: laws("mechanism_support"), "damping_models.1: is 'mechanism_support', but the specimen stands on no"),
+    (lambda: laws("structural"), "damping_models.1: is 'structural', expected one of rayleigh, caughey3,"),
+    (lambda: parameters(Parameter("E")), "parameters.0.name: is 'E', expected one of Ex, Ey, Gxy, Gxz, Gyz, nu_xy,"),
+    (lambda: parameters(Parameter("Ex"), Parameter("Ex")), "parameters.1.name: Ex is named twice"),
+    (lambda: parameters(Parameter("Ex", prior_mean=-1.0)), "parameters.0.prior_mean: is -1.0, expected a positive number"),
+    (lambda: parameters(Parameter("Ex", prior_mean=0.0)), "parameters.0.prior_mean: is 0.0, expected a positive number"),
+    (lambda: parameters(Parameter("Ex", prior_sd=0.0)), "parameters.0.prior_sd: is 0.0, expected a positive number; to fix"),
+    (lambda: parameters(Parameter("Ex", prior_sd=1e9, fixed=True)), "parameters.0.prior_sd: Ex is fixed or tied, so it"),
+    (lambda: parameters(Parameter("Ex", tied_to="Ex")), "parameters.0.tied_to: Ex is tied to itself"),
+    (lambda: parameters(Parameter("Ex", tied_to="Ey")), "parameters.0.tied_to: 'Ey' is not a free parameter of this recipe"),
+    (lambda: parameters(Parameter("Ex", fixed=True)), "parameters: leaves nothing to update; expected at least one that is"),
+    (lambda: parameters(Parameter("Ex", fixed=True), Parameter("Ey", tied_to="Ex")),
+     "parameters.1.tied_to: 'Ex' is not a free parameter of this recipe"),
+    (lambda: parameters(Parameter("nu_xy", prior_mean=1.2), Parameter("Ex")), "parameters: the prior means are not those of"),
+    (lambda: recipe(damping_models=()), "damping_models: is empty, expected at least one"),
+    (lambda: recipe(damping_models=("coulomb",)), "damping_models.0: is 'coulomb', expected one of rayleigh, caughey3,"),
+    (lambda: recipe(band_hz=(600.0, 500.0)), "band_hz: is (600, 500), expected 0 ≤ low < high"),
+    (lambda: recipe(hold_out=HoldOut(points=(99,))), "hold_out.points: [99] have no FRF of their own in this campaign"),
+    (lambda: recipe(hold_out=HoldOut(points=tuple(range(1, 34)))), "hold_out.points: holds out every FRF, so nothing is left"),
+    (lambda: recipe(hold_out=HoldOut(band_hz=(0.0, 1e4))), "hold_out.band_hz: holds out every line of the fitted band"),
+    (lambda: recipe(parameters=(Parameter("Ex", fixed=True),)), "parameters: leaves nothing to update; expected at least one"),
+    (lambda: unplaced(), "grid_points: points 12 have FRFs but no coordinates; add them"),
+    (lambda: update_campaigns([]), "campaigns: is empty, expected at least one"),
+    (lambda: update_campaigns([CAMPAIGN, CAMPAIGN]), "campaigns: two have the same name; the result needs names that differ"),
+    (lambda: update_campaigns([CAMPAIGN], CampaignsRecipe((Parameter("density"),))),
+     "parameters.0.name: is 'density', expected one of the material's: Ex, Ey, Gxy, Gxz, Gyz,"),
+    (lambda: update_campaigns([CAMPAIGN], CampaignsRecipe(scatter=-1)), "scatter: is -1, expected a share from 0 to 1"),
+    (lambda: update_campaigns([CAMPAIGN], CampaignsRecipe((Parameter("Ex"),)), [Coupon("Ey", 1e9, 1e8)]),
+     "coupons.0: Ey is not updated; expected one of Ex"),
+    (lambda: plan_tests([replace(TEST, sensor=33)]), "sensor: is point 33, expected one of the 2 points"),
+    (lambda: plan_tests([replace(TEST, noise=0.0)]), "noise: is 0.0, expected a positive number"),
+    (lambda: plan_tests([replace(TEST, highest_hz=1.0)]), "highest_hz: of s is 1, below the first mode of its model"),
+]
+# fmt: on

@@ -1,0 +1,254 @@
+"""Results are what they were: updates, joint updates, identifications, processed hits, plans, coupons, monitors, failures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import httpx
+import numpy as np
+import pytest
+
+import modalbase
+from examples.joint_update import paper_bar_together
+from examples.monitoring import State, measured_frfs, post_campaign, structure_body
+from examples.plies import plate, simulated
+from service.app.demo.paper import MODES, STRUCTURE, uff_file
+from service.app.demo.run import Laboratory
+from service.app.supervisor import LocalService
+from tests.acceptance import test_sensor_mass as sensor_tests
+from tests.golden import inputs
+from tests.golden.inputs import hits_campaign, imported, job, modes_of, new_campaign, open_campaign, updated
+from tests.integration import test_coupon_curves as curves
+from tests.integration.test_joint_updates import stored
+from tests.integration.test_plies import ANGLES, EXACT, PLY
+from tests.support.golden import check
+from tests.support.rest import mode_rows, ok, posted
+from tests.support.strips import STRIP, measured
+from tests.support.waiting import until
+
+TWO = [{"name": "Ex"}, {"name": "Gxy"}]
+RAYLEIGH = ["rayleigh"]
+EVERY_LAW = [
+    "mechanism", "rayleigh", "caughey3", "caughey4", "generalised", "mechanism_viscous", "mechanism_constants", "loss_factor",
+    "modal",
+]  # fmt: skip
+TIP = {"name": "tip", "stiffness": 2000.0, "direction": 3, "edge": "end"}
+OF_PAPER: dict[str, dict[str, Any]] = {
+    "default": {},
+    "joint-method": {"method": "joint", "damping_models": RAYLEIGH},
+    "sampled": {"posterior": "mcmc", "seed": 3, "parameters": TWO, "damping_models": RAYLEIGH},
+    "shapes": {"use_shapes": True, "parameters": TWO, "damping_models": RAYLEIGH},
+    "spring": {
+        "springs": [TIP],
+        "parameters": [*TWO, {"name": "tip", "prior_sd": 2000.0}],
+        "damping_models": ["mechanism_support", "rayleigh"],
+    },
+    "zones": {"zones_m": [0.2], "parameters": TWO, "damping_models": RAYLEIGH},
+    "laws": {"damping_models": EVERY_LAW, "parameters": TWO},
+    "linear": {"weighting": "linear", "damping_models": RAYLEIGH, "band_hz": [10, 500]},
+    "held-out": {"hold_out": {"points": [2, 7], "band_hz": [200, 300]}, "weighting": "log", "damping_models": RAYLEIGH},
+    "no-damping": {"identification": {"band_hz": [2, 60]}, "damping_models": RAYLEIGH},
+    "no-mode": {"identification": {"band_hz": [200, 300]}},
+}
+"""Recipes, each for the FRFs of the paper's beam."""
+
+
+@pytest.mark.parametrize("name", OF_PAPER)
+def test_updates_of_the_papers_beam(api: httpx.Client, tmp_path: Path, name: str) -> None:
+    campaign = new_campaign(api, STRUCTURE)
+    (file := tmp_path / "paper_beam.uff").write_bytes(uff_file())
+    assert imported(api, campaign, file)["status"] == "succeeded"
+    check(f"update-paper-{name}", updated(api, campaign, OF_PAPER[name]))
+
+
+@pytest.mark.parametrize("name", ["cantilever-1pct", "cantilever-5pct-sensor-mass", "free-1pct", "paper-like"])
+def test_updates_of_open_sets(api: httpx.Client, name: str) -> None:
+    check(f"update-{name}", updated(api, open_campaign(api, name), {}))
+
+
+@pytest.mark.parametrize("name", ["hits-cantilever", "hits-free-window"])
+def test_updates_of_open_sets_of_hits(api: httpx.Client, name: str) -> None:
+    found = updated(api, hits_campaign(api, name), {})
+    processing = found["result"]["provenance"]["processing"]
+    check(f"update-{name}", {**found, "processing": ok(api.get(f"processings/{processing}"))})
+
+
+def test_hits_of_one_point(api: httpx.Client) -> None:
+    campaign = hits_campaign(api, "hits-plate-one-point")
+    _, refused = job(api, f"campaigns/{campaign}/processings", {})  # each is an overload
+    wanted = [{"point": 6, "hit": hit, "use": True} for hit in (1, 2, 4)]
+    _, overruled = job(api, f"campaigns/{campaign}/processings", {"overrules": wanted})
+    check("processing-hits-plate-one-point", {"refused": refused, "overruled": overruled})
+
+
+@pytest.mark.parametrize("name", ["bridge", "plate", "aeroplane"])
+def test_identifications_of_open_sets_with_faults(api: httpx.Client, name: str) -> None:
+    campaign = new_campaign(api)
+    read = imported(api, campaign, inputs.open_file(f"real-like-{name}.uff"))
+    body = {"name": "first", **({"band_hz": [5, 40]} if name == "aeroplane" else {})}
+    _, state = job(api, f"campaigns/{campaign}/identifications", body)
+    check(f"identification-{name}", {"import": read, "identification": state})
+
+
+@pytest.mark.parametrize(
+    ("name", "band"),
+    [("angle", (20, 330)), ("box", (50, 500)), ("channel", (20, 320)), ("i", (10, 260)), ("panel", (5, 140))],
+)
+def test_identifications_of_open_structures(api: httpx.Client, name: str, band: tuple[float, float]) -> None:
+    """Their first modes: all of them take ten times as long."""
+    campaign = new_campaign(api, boundary="free")
+    read = imported(api, campaign, inputs.open_file(f"structures/{name}-1.uff"))
+    _, state = job(api, f"campaigns/{campaign}/identifications", {"name": "first", "band_hz": band})
+    check(f"identification-{name}", {"import": read, "identification": state})
+
+
+def test_the_papers_test(service: LocalService) -> None:
+    """The main job as the demonstration does it: typed modes, priors of coupons."""
+    headers = {"Authorization": f"Bearer {service.new_key(f'golden {uuid4()}')}"}
+    with httpx.Client(base_url=service.url, headers=headers, timeout=60, trust_env=False) as client:
+        check("update-paper-test", Laboratory(client).update_beam())
+
+
+@pytest.mark.parametrize("name", ["moved", "standing"])
+def test_updates_with_a_sensor_of_some_mass(api: httpx.Client, name: str) -> None:
+    taken = getattr(sensor_tests, name)()
+    campaign = sensor_tests.campaign_with(api, name, taken)
+    recipe = {"damping_models": RAYLEIGH, "parameters": TWO}
+    check(f"update-sensor-{name}", updated(api, campaign, recipe))
+
+
+def test_an_update_of_an_unsymmetric_stack(api: httpx.Client) -> None:
+    body = plate(*ANGLES)
+    modes, points = simulated(body, np.random.default_rng(4))
+    described = {
+        "name": "plate",
+        "geometry": {"length_m": body.length, "width_m": body.width, "thickness_m": body.thickness},
+        "density_kg_m3": body.density,
+        "laminate": {"plies": [{**PLY, "angle_deg": angle} for angle in ANGLES]},
+        "inputs": EXACT,
+    }
+    campaign = new_campaign(api, described, boundary="free")
+    inputs.put_points(api, campaign, points)
+    check("update-plies", updated(api, campaign, {"mode_set": modes_of(api, campaign, mode_rows(modes, 1e-4))}))
+
+
+def test_a_joint_update_of_strips(api: httpx.Client, project: str) -> None:
+    random = np.random.default_rng(3)
+    cuts = [("strip 0", 0.0), ("strip 90", 90.0), ("strip 45", 45.0)]
+    jobs = [stored(api, project, measured(random, name, STRIP, angle)) for name, angle in cuts]
+    address, state = job(api, "update-jobs", {"joint": True, "jobs": jobs})
+    figures = {
+        item["name"]: ok(api.get(api.base_url.join(item["href"])))
+        for item in ok(api.get(f"{address}/figures"))["items"]
+    }
+    check("joint-strips", {"job": state, "result": ok(api.get(f"{address}/result")), "figures": figures})
+
+
+def test_a_joint_update_of_the_papers_bar(api: httpx.Client) -> None:
+    key = api.headers["Authorization"].removeprefix("Bearer ")
+    with modalbase.connect(str(api.base_url).removesuffix("/api/v1/"), key) as lab:
+        check("joint-paper", paper_bar_together(lab))
+
+
+def test_a_joint_update_from_frfs(api: httpx.Client, project: str) -> None:
+    campaigns = [open_campaign(api, name, project) for name in ("cantilever-1pct", "cantilever-5pct-sensor-mass")]
+    jobs = [{"campaign_id": each, "specimen": "one"} for each in campaigns]
+    address, state = job(api, "update-jobs", {"joint": True, "jobs": jobs})
+    check("joint-frfs", {"job": state, "result": ok(api.get(f"{address}/result"))})
+
+
+def test_plans(api: httpx.Client, structure: str, new_campaign: Callable[..., str]) -> None:
+    path = f"structures/{structure}/plans"
+    campaign = new_campaign(boundary="free")
+    typed = modes_of(api, campaign, [{"frequency_hz": hz} for hz in (165.87, 453.39, 800.44, 886.53)])
+    heavy = {"boundary": "cantilever", "highest_hz": 2000, "sensor": 2, "sensor_mass_kg": 0.002}
+    body = {"tests": [{"boundary": "free"}, heavy], "points_to_hit": 8}
+    made = [{"campaign_id": campaign, "mode_set": typed}]
+    check("plans", {"default": ok(api.post(path, json={})), "after": ok(api.post(path, json={**body, "made": made}))})
+
+
+def test_coupons(api: httpx.Client, structure: str) -> None:
+    batches = f"structures/{structure}/coupon-batches"
+    found = {}
+    shear = [(0.6 * g, 100 * t, -0.4 * g) for g, t in zip(curves.SHEAR_GAMMA, curves.SHEAR_TAU, strict=True)]
+    for name, constants, rows in (("D3039", ["Ex", "nu_xy"], curves.CURVE), ("D3518", ["Gxy"], shear)):
+        batch = posted(api, batches, {"name": name, "constants": constants})["id"]
+        coupon = json.dumps({**curves.COUPON, "standard": name})
+        files = {"file": ("A1.csv", curves.machine_file(rows))}
+        sent = ok(api.post(f"coupon-batches/{batch}/coupons", files=files, data={"coupon": coupon}), 201)
+        for number, modulus in enumerate([38.2, 39.1, 39.9, 61.0]):
+            value = {"standard": name, "E_Pa" if name == "D3039" else "G_Pa": 1e9 * modulus}
+            posted(api, f"coupon-batches/{batch}/coupons", {"specimen": f"B{number}", **value})
+        path = f"coupons/{sent['items'][0]['id']}"
+        found[name] = {
+            "coupon": sent,
+            "curve": ok(api.get(f"{path}/curve")),
+            "figure": ok(api.get(f"{path}/figures/curve")),
+            "summary": ok(api.get(f"coupon-batches/{batch}/summary")),
+        }
+    published = {"Ex": {"mean": 33e9}, "Ey": {"mean": 31.8e9, "standard_deviation": 1e9}}
+    batch = posted(api, batches, {"name": "Table 4", "constants": ["Ex", "Ey"], "published": published})["id"]
+    check("coupons", {**found, "published": ok(api.get(f"coupon-batches/{batch}/summary"))})
+
+
+def test_a_monitors_series(api: httpx.Client, project: str) -> None:
+    """Nine months of which the last two have lost stiffness, with their temperatures."""
+    structure = posted(api, f"projects/{project}/structures", structure_body())["id"]
+    recipe = {
+        "identification": {"band_hz": [5, 500], "highest_order": 10},
+        "damping_models": RAYLEIGH,
+        "parameters": TWO,
+    }
+    watch = {
+        "name": "m",
+        "recipe": recipe,
+        "parameters": [{"name": "Ex"}, {"name": "a0"}, {"name": "frequency_1"}],
+        "baseline": {"campaigns": 6},
+        "covariates": ["temperature_c"],
+    }
+    monitor = posted(api, f"structures/{structure}/monitors", watch)["id"]
+    path = f"monitors/{monitor}"
+
+    def judged(count: int) -> Any:
+        series = ok(api.get(f"{path}/series"))
+        return series if [len(row["points"]) for row in series["parameters"]] == [count] * 3 else None
+
+    for month in range(9):
+        state = State(
+            stiffness=0.97 if month > 6 else 1.0, climate=1 - 0.001 * (month * 5 % 7), damping=1 + 0.01 * (month % 3)
+        )
+        at = datetime(2024, 1, 15, 10, tzinfo=UTC) + timedelta(days=30 * month)
+        body = {"name": f"month {month}", "performed_at": at.isoformat(), "temperature_c": 15.0 + month * 5 % 7}
+        post_campaign(api, structure, body, measured_frfs(state, month))
+        if month > 6:  # an alarm has a history, which is of what was known when
+            series = until(lambda count=month + 1: judged(count), "the series of all campaigns")
+    documents = {
+        "series": series,
+        "monitor": ok(api.get(path)),
+        "alarms": ok(api.get("alarms")),
+        "figure": ok(api.get(f"{path}/series/figure", params={"parameter": "Ex"})),
+    }
+    check("monitor", documents)
+
+
+TIP_MASS = {"x_m": 0.5, "y_m": 0.0, "mass_kg": 0.05, "rotary_inertia_kg_m2": 4e-6}
+FROM_MODES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "no-frfs": ({}, {}),
+    "no-mode-in-band": ({}, {"modes": MODES, "band_hz": [60, 90]}),
+    "added-mass": ({"added_masses": [TIP_MASS]}, {"modes": MODES[:2], "damping_models": ["modal"], "parameters": TWO}),
+}
+"""Instruments and recipes for the paper's beam without FRFs, some of which fail."""
+
+
+@pytest.mark.parametrize("name", FROM_MODES)
+def test_updates_without_frfs(api: httpx.Client, name: str) -> None:
+    instruments, recipe = FROM_MODES[name]
+    campaign, recipe = new_campaign(api, STRUCTURE, instruments=instruments), dict(recipe)
+    if modes := recipe.pop("modes", None):
+        recipe["mode_set"] = modes_of(api, campaign, modes)
+    check(f"update-{name}", updated(api, campaign, recipe))

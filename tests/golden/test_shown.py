@@ -1,0 +1,189 @@
+"""What is shown and handed out is what it was: figures, reports, pages, exports, the OpenAPI document, the commands."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator
+from typing import Any
+from uuid import uuid4
+
+import httpx
+import numpy as np
+import pytest
+import typer
+from pypdf import PdfReader
+
+from service.app.cli.command import app
+from service.app.demo.run import Laboratory
+from service.app.supervisor import LocalService
+from tests.golden.inputs import hits_campaign, job
+from tests.support.golden import answered, beginning, check, exact, lines, numeric, page_lines
+from tests.support.rest import client_at, ok, session_client
+from tools.routes import document
+
+
+@pytest.fixture(scope="module")
+def api(service: LocalService) -> Iterator[httpx.Client]:
+    """A client of one user for all of them."""
+    with client_at(service.url, service.new_key(f"golden {uuid4()}")) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def done(api: httpx.Client, service: LocalService) -> dict[str, Any]:
+    """Where the result of the demonstration's job is from."""
+    with httpx.Client(base_url=service.url, headers=api.headers, timeout=60, trust_env=False) as client:
+        found: dict[str, Any] = Laboratory(client).update_beam()["provenance"]
+    return found
+
+
+@pytest.fixture(scope="module")
+def identified(api: httpx.Client, done: dict[str, Any]) -> str:
+    """The address of an identification of the same FRFs."""
+    return job(api, f"campaigns/{done['campaign']}/identifications", {"name": "found"})[0]
+
+
+def test_figures(api: httpx.Client, done: dict[str, Any], identified: str) -> None:
+    listed = ok(api.get(f"update-jobs/{done['update_job']}/figures"))["items"]
+    drawn = {each["name"]: ok(api.get(api.base_url.join(each["href"]))) for each in listed if each["available"]}
+    more = {
+        "identification": ok(api.get(f"{identified}/figures/stabilisation")),
+        "dark": ok(api.get(f"update-jobs/{done['update_job']}/figures/mac", params={"theme": "dark"})),
+        "files": {
+            kind: answered(api.get(f"update-jobs/{done['update_job']}/figures/damping", params={"format": kind}), None)
+            for kind in ("svg", "png", "pdf")
+        },
+    }
+    check("figures", {"listed": listed, **drawn, **more, "shapes": without_numbers(drawn["shapes"])})
+
+
+def without_numbers(value: Any) -> Any:
+    """A figure of shapes, which have no sign of their own."""
+    if isinstance(value, dict):
+        return {name: without_numbers(each) for name, each in value.items()}
+    if isinstance(value, list):
+        return [without_numbers(each) for each in value]
+    return value.lstrip("+-") if isinstance(value, str) else 0.0 if isinstance(value, float) else value
+
+
+def test_figures_of_hits(api: httpx.Client) -> None:
+    campaign = hits_campaign(api, "hits-plate-one-point")
+    check("figures-hits", ok(api.get(f"campaigns/{campaign}/figures/hits")))
+
+
+def test_reports(api: httpx.Client, done: dict[str, Any]) -> None:
+    path = f"update-jobs/{done['update_job']}/report"
+    page, printed = api.get(path), api.get(path, params={"format": "pdf"})
+    words = [lines(sheet.extract_text()) for sheet in PdfReader(io.BytesIO(printed.content)).pages]
+    check("report", {"html": answered(page, page_lines(page.text)), "pdf": answered(printed, words)})
+
+
+def arrays(content: bytes) -> dict[str, Any]:
+    """An npz file."""
+    with np.load(io.BytesIO(content)) as file:
+        return {name: file[name] if file[name].dtype.kind in "fciub" else file[name].tolist() for name in file}
+
+
+def test_exports_of_what_was_measured(api: httpx.Client, done: dict[str, Any]) -> None:
+    """To the byte, but for ids and times in them."""
+    campaign = f"campaigns/{done['campaign']}"
+    (sent,) = ok(api.get(f"{campaign}/imports"))["items"]
+    first = ok(api.get(f"{campaign}/frfs", params={"reference": 7}))["items"][0]["id"]
+    part = {"fmin": 100, "fmax": 200, "stride": 2}
+    wanted: dict[str, tuple[str, dict[str, Any], Callable[[bytes], Any]]] = {
+        "points csv": (f"{campaign}/grid-points", {"format": "csv"}, exact),
+        "points json": (f"{campaign}/grid-points", {"format": "json"}, numeric),
+        "original": (f"imports/{sent['id']}/original", {}, exact),
+    }
+    for kind, read in {"json": numeric, "npz": arrays, "csv": exact, "arrow": exact, "uff": exact}.items():
+        wanted[f"frfs {kind}"] = f"{campaign}/frfs/data", {"format": kind}, read
+        wanted[f"frf {kind}"] = f"frfs/{first}/data", {"format": kind, **part}, read
+    found = {}
+    for name, (path, params, read) in wanted.items():
+        answer = api.get(path, params=params)
+        found[name] = answered(answer, read(answer.content))
+    answer = api.get(f"{campaign}/frfs/data", headers={"Accept": "text/csv"})
+    found["accepted"] = answered(answer, exact(answer.content))
+    check("exports-measured", found)
+
+
+def test_exports_of_time_blocks(api: httpx.Client) -> None:
+    campaign = hits_campaign(api, "hits-plate-one-point")
+    row = ok(api.get(f"campaigns/{campaign}/records"))["items"][0]["id"]
+    answers = {kind: api.get(f"records/{row}/data", params={"format": kind}) for kind in ("npz", "csv")}
+    check("exports-records", {kind: answered(each, exact(each.content)) for kind, each in answers.items()})
+
+
+def test_exports_of_what_was_computed(api: httpx.Client, done: dict[str, Any], identified: str) -> None:
+    """By their numbers."""
+    path = f"update-jobs/{done['update_job']}"
+    found = {}
+    for model in ("initial", "updated"):
+        answer = api.get(f"{path}/frfs/data", params={"format": "npz", "model": model})
+        found[model] = answered(answer, arrays(answer.content))
+    for kind, read in (("csv", numeric), ("uff", beginning)):
+        answer = api.get(f"{path}/frfs/data", params={"format": kind, "reference": 7, "stride": 10})
+        found[kind] = answered(answer, read(answer.content))
+    answer = api.get(f"mode-sets/{ok(api.get(identified))['mode_set']}", params={"format": "uff"})
+    found["modes uff"] = answered(answer, numeric(answer.content))
+    for kind, element in (("calculix", "shell"), ("calculix", "solid"), ("abaqus", "shell"), ("nastran", "shell")):
+        answer = api.get(f"{path}/cards", params={"format": kind, "element": element})
+        found[f"{kind} {element}"] = answered(answer, numeric(answer.content))
+    check("exports-computed", found)
+
+
+def test_pages(api: httpx.Client, service: LocalService, done: dict[str, Any]) -> None:
+    campaign, result = done["campaign"], done["update_job"]
+    (read,) = ok(api.get(f"campaigns/{campaign}/imports"))["items"]
+    structure = ok(api.get(f"campaigns/{campaign}"))["structure_id"]
+    project = ok(api.get(f"structures/{structure}"))["project_id"]
+    paths = {
+        "start": "", "projects": "projects", "project": f"projects/{project}", "structure": f"structures/{structure}",
+        "campaign": f"campaigns/{campaign}", "points": f"campaigns/{campaign}/grid-points", "import": f"imports/{read['id']}",
+        "form": f"campaigns/{campaign}/update", "jobs": "update-jobs", "result": f"update-jobs/{result}", "new": "new",
+        "compare": f"compare?job={result}", "monitors": "monitors", "keys": "keys",
+    }  # fmt: skip
+    found = {}
+    with session_client(api, base=service.url) as browser:
+        for name, path in paths.items():
+            answer = browser.get(f"/ui/{path}")
+            found[name] = {"status": answer.status_code, "text": page_lines(answer.text)}
+    check("pages", found)
+
+
+WORDS = {"description", "summary", "title"}
+
+
+def without_words(value: Any) -> Any:
+    """An OpenAPI document without what is said in it for people; `docs/reference-rest.md` has that."""
+    if isinstance(value, dict):
+        said = {name for name in WORDS & value.keys() if isinstance(value[name], str)}
+        return {
+            name: "<words>" if name in said else without_words(each)
+            for name, each in value.items()
+            if name != "examples"
+        }
+    return [without_words(each) for each in value] if isinstance(value, list) else value
+
+
+def test_the_openapi_document() -> None:
+    check("openapi", without_words(document()))
+
+
+def test_the_commands() -> None:
+    check("commands", dict(commands(typer.main.get_command(app), "modalbase")))
+
+
+def commands(command: Any, words: str) -> Iterator[tuple[str, Any]]:
+    """Each command with what it takes, as `--help` lists it."""
+    for name, one in getattr(command, "commands", {}).items():
+        yield from commands(one, f"{words} {name}")
+    yield words, {one.name: parameter(one) for one in command.params}
+
+
+def parameter(one: Any) -> dict[str, Any]:
+    """An argument or option of a command."""
+    names = [*one.opts, *one.secondary_opts]
+    kind = {"names": names, "type": one.type.name, "required": one.required, "many": one.multiple or one.nargs != 1}
+    default = None if callable(one.default) else str(one.default)
+    return {**kind, "default": default, "help": lines(getattr(one, "help", "") or "")}
