@@ -139,7 +139,7 @@ def _parameter(
         interval_days=watch.expected_interval_days,
         as_of=as_of,
     )
-    change, speed, unknown = _change_and_rate(ordered, watch, baseline, begin, watched, scores, outside)
+    change, speed, unknown = _change_and_rate(ordered, watch, baseline, begin, watched, scores=scores, outside=outside)
     return ParameterTrend(
         name=series.name,
         direction=direction,

@@ -16,7 +16,6 @@ from psycopg import sql
 from service.db.engine import psycopg_url
 
 AGAIN_SECONDS = 1.0
-
 WAKE_SECONDS = 0.5
 
 log = structlog.stdlib.get_logger("modalbase.notices")

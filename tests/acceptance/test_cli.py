@@ -54,7 +54,9 @@ def test_what_cannot_start_says_why(short_folder: Path, empty_database: str) -> 
         f"modalbase: cannot listen on 127.0.0.1 port {port}: Address already in use; choose another with --port\n"
     )
     assert (queue.returncode, queue.stdout) == (2, "")
-    assert queue.stderr == "modalbase: --queues jobs,imports: there is jobs, separated by commas where several\n"
+    assert (
+        queue.stderr == "modalbase: --queues jobs,imports: there is jobs, requests, separated by commas where several\n"
+    )
     assert setting.returncode == 1
     assert setting.stderr.startswith("modalbase: settings: job_wall_seconds: ")
 

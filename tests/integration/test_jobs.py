@@ -191,7 +191,9 @@ def test_worker_comes_back_when_the_database_cut_it_off(works: Works) -> None:
 
 def test_workspace_is_gone_afterwards(worked: Sessions) -> None:
     where = items(worked, run(worked, "echo").id)[1]
-    assert not Path(where["file"]).parent.exists()
+    folder = Path(where["file"]).parent
+    until(lambda: not folder.exists(), "the end of the workspace")  # it goes after the job's end
+    assert not folder.exists()
 
 
 def test_a_killed_fork_server_costs_an_attempt_and_no_job(works: Works) -> None:

@@ -29,6 +29,13 @@ from service.db.schema import require_known
 MANIFEST = "manifest.json"
 FORMAT = 1
 BLOCK_BYTES = 1024 * 1024
+COMPRESSION = 1  # spectra hardly shrink, files of text do
+UNREADABLE = (BadZipFile, EOFError, KeyError, NotImplementedError, RuntimeError, ValueError, struct.error, zlib.error)
+"""What `zipfile` raises at files that are damaged in one place or another."""
+
+_PREFIX = struct.Struct("!11sii")  # of PostgreSQL's binary COPY: its signature, flags, and the length of an extension
+_SIGNATURE = b"PGCOPY\n\xff\r\n\0"
+_END = -1  # in place of a row's number of fields
 
 
 class BackupError(Exception):
@@ -97,9 +104,6 @@ def read_manifest(file: Path, archive: ZipFile) -> Manifest:
         raise BackupError(f"{file} is no backup of modalbase, or is damaged: {error}") from error
 
 
-COMPRESSION = 1  # spectra hardly shrink, files of text do
-
-
 def write_backup(engine: Engine, file: Path) -> Manifest:
     """Write everything to a file that must not exist yet, and read it back; it is there whole, or not at all.
 
@@ -159,7 +163,7 @@ def _copy_out(connection: Connection, table: Table, archive: ZipFile) -> TableEn
     cursor: Any = connection.connection.cursor()
     query = sql.SQL("COPY {} ({}) TO STDOUT (FORMAT binary)")
     with cursor, archive.open(f"tables/{table.name}", "w", force_zip64=True) as member:
-        with cursor.copy(query.format(sql.Identifier(table.name), _list(columns))) as copy:
+        with cursor.copy(query.format(sql.Identifier(table.name), names(columns))) as copy:
             for block in copy:
                 digest.update(block)
                 member.write(block)
@@ -167,16 +171,9 @@ def _copy_out(connection: Connection, table: Table, archive: ZipFile) -> TableEn
     return TableEntry(table.name, columns, rows, digest.hexdigest())
 
 
-def _list(columns: list[str]) -> sql.Composed:
+def names(columns: list[str]) -> sql.Composed:
+    """Names of columns, quoted, as COPY lists them."""
     return sql.SQL(", ").join(map(sql.Identifier, columns))
-
-
-UNREADABLE = (BadZipFile, EOFError, KeyError, NotImplementedError, RuntimeError, ValueError, struct.error, zlib.error)
-"""What `zipfile` raises at files that are damaged in one place or another."""
-
-_PREFIX = struct.Struct("!11sii")  # of PostgreSQL's binary COPY: its signature, flags, and the length of an extension
-_SIGNATURE = b"PGCOPY\n\xff\r\n\0"
-_END = -1  # in place of a row's number of fields
 
 
 def read_back(file: Path, manifest: Manifest) -> None:

@@ -19,6 +19,7 @@ from service.app.backup.archive import (
     BackupError,
     Manifest,
     TableEntry,
+    names,
     our_tables,
     read_manifest,
 )
@@ -108,8 +109,7 @@ SELECT format('DROP TYPE IF EXISTS %s CASCADE', oid::regtype) FROM pg_type
 def _copy_in(connection: Connection, entry: TableEntry, archive: ZipFile) -> None:
     digest = hashlib.sha256()
     cursor: Any = connection.connection.cursor()
-    columns = sql.SQL(", ").join(map(sql.Identifier, entry.columns))
-    query = sql.SQL("COPY {} ({}) FROM STDIN (FORMAT binary)").format(sql.Identifier(entry.name), columns)
+    query = sql.SQL("COPY {} ({}) FROM STDIN (FORMAT binary)").format(sql.Identifier(entry.name), names(entry.columns))
     with cursor, archive.open(entry.member) as member:
         try:
             with cursor.copy(query) as copy:

@@ -88,7 +88,7 @@ def load_joint(session: Session, job_id: UUID, _workspace: Path) -> JointInputs:
     loaded = [_as_of(session, job.campaign_id, version) for job, version in zip(request.jobs, versions, strict=True)]
     material, _ = material_of(loaded[0].structure, 0)
     campaigns = tuple(
-        _campaign(session, number, job, campaign, names, material, job.recipe or common)
+        _campaign(session, number, job, campaign, names, material=material, recipe=job.recipe or common)
         for number, (job, campaign, names) in enumerate(zip(request.jobs, loaded, _names(session, loaded), strict=True))
     )
     scatter = SCATTER if request.scatter is None else request.scatter
