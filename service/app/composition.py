@@ -26,7 +26,7 @@ from service.store.frfs.routes import router as frfs
 from service.store.imports.purging import router as purging
 from service.store.imports.routes import router as imports
 from service.store.imports.script_routes import router as scripts
-from service.store.modes.identification_routes import router as identifications
+from service.store.modes.routes import identifications
 from service.store.modes.routes import router as mode_sets
 from service.store.plans.routes import router as plans
 from service.store.records.routes import router as records

@@ -32,12 +32,6 @@ class JobOut(StrictModel):
     finished_at: datetime | None
 
 
-def why_no_result(what: str, job: Job) -> str:
-    """Why a job has no result; `what` names it."""
-    more = "; it is not done yet" if job.state not in ENDED else f": {job.message or 'see its error'}"
-    return f"{what} {job.id} has no result: it is {job.state}{more}"
-
-
 def job_state(job: Job) -> dict[str, Any]:
     """A job as the API shows it, the fields of `JobOut`."""
     return {name: job.state if name == "status" else getattr(job, name) for name in JobOut.model_fields}

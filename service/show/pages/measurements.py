@@ -29,7 +29,6 @@ from service.store.frfs.measured_campaign import specimen_points
 from service.store.frfs.operations import FrfFilter
 from service.store.frfs.schemas import FrfOut
 from service.store.imports import routes as imports
-from service.store.modes import identification_routes as identifications
 from service.store.modes import routes as modes
 from service.store.records import routes as records
 from service.store.records.schemas import RecordOut
@@ -114,7 +113,7 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
     points = specimen_points(visit.session, campaign_for(visit.session, visit.user, campaign_id))
     jobs = updating.list_update_jobs(visit.session, visit.user, campaign=campaign_id, limit=50).items
     blocks = records.list_records(campaign_id, visit.session, visit.user, limit=MOST).items
-    processings = records.list_processings(campaign_id, visit.session, visit.user, limit=10).items
+    processings = records.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items
     done = next((row.result for row in processings if row.result is not None), None)
     return visit.show(
         "campaign.html",
@@ -125,9 +124,9 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         more_frfs=listed.next_cursor is not None,
         grid=draw_grid(points, structure.geometry, _measured_points(listed.items)),
         point_count=len(points),
-        imports=list(reversed(imports.list_imports(campaign_id, visit.session, visit.user, limit=50).items)),
+        imports=list(reversed(imports.of_jobs.page(visit.session, visit.user, campaign_id, limit=50).items)),
         mode_sets=modes.list_mode_sets(campaign_id, visit.session, visit.user, limit=50).items,
-        identifications=identifications.list_identifications(campaign_id, visit.session, visit.user, limit=10).items,
+        identifications=modes.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items,
         records=blocks,
         hit_places=_hit_places(blocks),
         processings=processings,
@@ -186,7 +185,7 @@ def get_points(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
 @router.get("/imports/{import_id}")
 def get_import(import_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> HTMLResponse:
     """What became of a file, dataset by dataset; `part` is the piece that replaces itself until the import has ended."""
-    shown = imports.get_import(import_id, visit.session, visit.user)
+    shown = imports.of_jobs.one(visit.session, visit.user, import_id)
     if part:
         return visit.show("import_report.html", item=shown)
     campaign, structure, project = campaign_context(visit, shown.campaign_id)

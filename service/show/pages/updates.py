@@ -51,7 +51,7 @@ def get_new_update(
     first = sorted((f for f in fields if f.name in PRINCIPAL), key=lambda f: PRINCIPAL.index(f.name))
     start: dict[str, Any] = {}
     if like is not None:
-        recipe = updating.get_update_job(like, visit.session, visit.user).recipe
+        recipe = updating.single.one(visit.session, visit.user, like).recipe
         start = recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
     return visit.show(
         "new_update.html",
@@ -92,7 +92,7 @@ def get_job(job_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = Fals
 
     `part` is the piece with the progress alone, which replaces itself; when the job has ended, it has the page loaded anew.
     """
-    job = updating.get_update_job(job_id, visit.session, visit.user)
+    job = updating.single.one(visit.session, visit.user, job_id)
     if part:
         answer = visit.show("job_progress.html", job=job, ended=job.status in ENDED, kind="update-jobs")
         if job.status in ENDED:
@@ -121,7 +121,7 @@ def get_comparison(visit: VisitDep, job: Annotated[list[UUID] | None, Query()] =
     wanted = list(dict.fromkeys(job or []))
     if len(wanted) > MOST_COMPARED:
         raise Invalid("job", f"names {len(wanted)} results, at most {MOST_COMPARED} are compared at a time")
-    jobs = [updating.get_update_job(key, visit.session, visit.user) for key in wanted]
+    jobs = [updating.single.one(visit.session, visit.user, key) for key in wanted]
     named = [row for row in name_jobs(visit, jobs, COMPARED) if row.result is not None]
     rows = campaigns_of(visit.session, [row.job.campaign_id for row in named])
     performed = {campaign.id: campaign.performed_at for campaign in rows}

@@ -14,11 +14,11 @@ from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.frf import Quantity
-from service.access import Lookup, User, audit
+from service.access import Lookup, User
 from service.compute.reading import Kept, ReadingInputs, read_upload
 from service.db.base import Base
 from service.jobs.kinds import REQUESTS, JobKind
-from service.jobs.queue import enqueue
+from service.jobs.resource import JobNoun
 from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
 from service.store.frfs.operations import writing_frfs
@@ -87,6 +87,10 @@ def _store(session: Session, job_id: UUID, items: Iterator[Kept]) -> None:
 
 IMPORT = JobKind("import", load=_load, compute=read_upload, store=_store)
 
+import_for = Lookup(Import, "import", "campaign_id", campaign_for)
+"""The import, if the user has at least a role in its project."""
+IMPORTS = JobNoun(IMPORT, import_for, "imports")
+
 
 @dataclass(frozen=True)
 class ImportRequest:
@@ -139,9 +143,7 @@ def start_import(session: Session, user: User, campaign_id: UUID, wanted: Import
     if not _has_file(session, campaign, wanted.file.sha256):
         book(session, StorageOwner(project_id, campaign.id), "files", wanted.file.size)
     keep_original(session, wanted.file)
-    job = enqueue(session, kind=IMPORT, project_id=project_id, queue=REQUESTS if wanted.urgent else None)
     row = Import(
-        id=job.id,
         campaign_id=campaign.id,
         filename=wanted.filename,
         sha256=wanted.file.sha256,
@@ -151,14 +153,8 @@ def start_import(session: Session, user: User, campaign_id: UUID, wanted: Import
         kind=wanted.kind,
         mapping=wanted.mapping,
     )
-    session.add(row)
-    session.flush()
-    audit(session, user, "import.create", "import", row.id, project_id, sha256=wanted.file.sha256.hex())
-    return row, True
-
-
-import_for = Lookup(Import, "import", "campaign_id", campaign_for)
-"""The import, if the user has at least a role in its project."""
+    queue = REQUESTS if wanted.urgent else None
+    return IMPORTS.start(session, user, row, queue=queue, sha256=wanted.file.sha256.hex()), True
 
 
 def _has_file(session: Session, campaign: Campaign, sha256: bytes) -> bool:

@@ -17,15 +17,15 @@ from modalbase.formats.recognise import Format
 from service.access import CurrentUser, SessionDep
 from service.compute.arrays_of_files import Kind
 from service.errors import Invalid
+from service.jobs.routes import JobRoutes
 from service.jobs.state import JobOut, job_state
 from service.jobs.tables import Job
-from service.store.campaigns.operations import campaign_for
 from service.store.imports import operations
 from service.store.imports.operations import Import
 from service.store.imports.originals import Original, copy_original
 from service.store.records.operations import judged, records_of_import
 from service.store.records.schemas import Proposal, StoredRecords
-from service.web import Cursor, Limit, Name, Page, StrictModel, api_router, paged
+from service.web import Name, StrictModel, api_router
 from service.web.downloads import spooled
 from service.web.json_body import parse_parameter
 from service.web.parameters import not_modified
@@ -81,33 +81,13 @@ QuantityQuery = Annotated[Quantity | None, Query(description="what an FRF is who
 MappingQuery = Annotated[str | None, Query(description="which variable is what, as JSON", max_length=20_000)]
 
 
-def describe(session: Session, row: Import, *, already_imported: bool = False) -> ImportOut:
-    """An import as clients see it: the state of its job, counts, and a report on every dataset.
-
-    Args:
-        session: the request's transaction.
-        row: the import.
-        already_imported: the file was sent again, and this is the import that has it.
-    """
-    return describe_all(session, [row])[0].model_copy(update={"already_imported": already_imported})
+def _described(session: Session, rows: Sequence[tuple[Import, Job]]) -> list[ImportOut]:
+    keys = [row.sha256 for row, _ in rows]
+    sizes = dict(session.execute(select(Original.sha256, Original.size).where(Original.sha256.in_(keys))).all())
+    return [_shown(row, job, sizes[row.sha256]) for row, job in rows]
 
 
-def describe_all(session: Session, rows: Sequence[Import]) -> list[ImportOut]:
-    """Imports as clients see them: their own rows and their jobs', read at one moment, so that a job that has succeeded
-    never stands beside an import that has no counts yet.
-    """
-    query = (
-        select(Import, Job, Original.size)
-        .join(Job, Job.id == Import.id)
-        .join(Original, Original.sha256 == Import.sha256)
-        .where(Import.id.in_([row.id for row in rows]))
-        .order_by(Import.id)
-        .execution_options(populate_existing=True)
-    )
-    return [_described(row, job, size) for row, job, size in session.execute(query)]
-
-
-def _described(row: Import, job: Job, size: int) -> ImportOut:
+def _shown(row: Import, job: Job, size: int) -> ImportOut:
     return ImportOut(
         **job_state(job),
         campaign_id=row.campaign_id,
@@ -124,6 +104,17 @@ def _described(row: Import, job: Job, size: int) -> ImportOut:
         datasets=[DatasetOutcome.model_validate(d) for d in row.datasets or []],
         warnings=row.warnings or [],
     )
+
+
+of_jobs = JobRoutes(
+    router,
+    operations.IMPORTS,
+    ImportOut,
+    _described,
+    "import_id",
+    newest_first=False,
+    weight=func.pg_column_size(Import.datasets),
+)
 
 
 def read_mapping(stated: str | None, upload: Upload) -> Any:
@@ -172,24 +163,14 @@ def start_import(
     row, new = operations.start_import(session, user, campaign_id, wanted)
     response.status_code = 202 if new else 200
     response.headers["Location"] = f"/api/v1/imports/{row.id}"
-    return describe(session, row, already_imported=not new)
+    return of_jobs.shown(session, row).model_copy(update={"already_imported": not new})
 
 
-@router.get("/campaigns/{campaign_id}/imports")
-def list_imports(
-    campaign_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
-) -> Page[ImportOut]:
-    """Imports into a campaign, oldest first. A page is shorter where reports on many datasets would make it heavy."""
-    campaign = campaign_for(session, user, campaign_id)
-    query = select(Import).where(Import.campaign_id == campaign.id)
-    rows, following = paged(session, query, Import.id, cursor, limit, weight=func.pg_column_size(Import.datasets))
-    return Page(items=describe_all(session, rows), next_cursor=following)
-
-
-@router.get("/imports/{import_id}")
-def get_import(import_id: UUID, session: SessionDep, user: CurrentUser) -> ImportOut:
-    """How far an import is, what it brought in, and what became of each dataset."""
-    return describe(session, operations.import_for(session, user, import_id))
+of_jobs.listing(
+    "list_imports",
+    "Imports into a campaign, oldest first. A page is shorter where reports on many datasets would make it heavy.",
+)
+of_jobs.getting("get_import", "How far an import is, what it brought in, and what became of each dataset.")
 
 
 @router.get("/imports/{import_id}/records")

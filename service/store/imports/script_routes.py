@@ -27,7 +27,7 @@ from service.store.campaigns.operations import campaign_for
 from service.store.frfs import operations as frfs
 from service.store.frfs.schemas import FrfOut, FrfsIn, write_rows
 from service.store.imports import operations
-from service.store.imports.routes import ImportOut, MappingQuery, QuantityQuery, describe, read_mapping
+from service.store.imports.routes import ImportOut, MappingQuery, QuantityQuery, of_jobs, read_mapping
 from service.store.records import operations as records
 from service.store.records.schemas import Proposal, Sent, StoredRecords, from_json
 from service.web import Name, Page, api_router
@@ -251,7 +251,7 @@ def _ended(session: SessionDep, user: CurrentUser, import_id: UUID, response: Re
     Raises:
         ServiceError: it failed; as if the file had been read in the request.
     """
-    state = describe(session, operations.import_for(session, user, import_id))
+    state = of_jobs.one(session, user, import_id)
     if state.error is not None:
         raise _error_of(state.error)
     if state.status != "succeeded":

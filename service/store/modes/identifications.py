@@ -9,19 +9,15 @@ from typing import Annotated, Any
 from uuid import UUID
 
 from pydantic import Field
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
 from fecore.identification import Options
 from fecore.modes import MeasuredModes
-from service.access import Lookup, User, audit
-from service.compute.identification_document import up_to_date
+from service.access import Lookup, User
 from service.compute.identifying import IdentificationInputs, IdentificationOutput, find_modes
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
-from service.jobs.queue import enqueue, request_cancel
-from service.jobs.state import JobOut, job_state
-from service.jobs.tables import Job
+from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of, frame_of
 from service.store.frfs.measured_campaign import load_measured_campaign
 from service.store.modes.operations import store_identified
@@ -54,15 +50,6 @@ class IdentificationIn(StrictModel):
         return Options(self.band_hz, self.highest_order, self.most_modes)
 
 
-class IdentificationOut(JobOut):
-    """An identification: how far it is, and what it found."""
-
-    campaign_id: UUID
-    options: IdentificationIn
-    mode_set: UUID | None = Field(description="the modes that it found")
-    result: dict[str, Any] | None = Field(description="quality of the modes, what was left out, stabilisation diagram")
-
-
 def _load(session: Session, job_id: UUID, _workspace: Path) -> IdentificationInputs:
     row = session.get_one(Identification, job_id)
     campaign = load_measured_campaign(session, row.campaign_id)
@@ -85,6 +72,10 @@ def _store(session: Session, job_id: UUID, items: Iterator[IdentificationOutput]
 
 
 IDENTIFY = JobKind("identification", load=_load, compute=find_modes, store=_store, libraries=CORE_LIBRARIES)
+
+identification_for = Lookup(Identification, "identification", "campaign_id", campaign_for)
+"""The identification, if the user has at least a role in its project."""
+IDENTIFICATIONS = JobNoun(IDENTIFY, identification_for, "identifications")
 
 
 DETAILS = ("warnings", "doubtful", "refused", "refused_poles")
@@ -128,38 +119,6 @@ def start_identification(session: Session, user: User, campaign_id: UUID, body: 
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
     body.options()  # a wrong band is refused before it is queued
-    project_id = campaign_for.project_of(session, campaign)
-    require_room(session, project_id)
-    job = enqueue(session, kind=IDENTIFY, project_id=project_id)
-    row = Identification(id=job.id, campaign_id=campaign.id, options=body.model_dump(mode="json"))
-    session.add(row)
-    session.flush()
-    audit(session, user, "identification.create", "identification", row.id, project_id)
-    return row
-
-
-identification_for = Lookup(Identification, "identification", "campaign_id", campaign_for)
-"""The identification, if the user has at least a role in its project."""
-
-
-def cancel_identification(session: Session, user: User, row: Identification) -> None:
-    """Ask for an identification's end, in the caller's transaction."""
-    campaign = campaign_for(session, user, row.campaign_id, "editor")
-    project_id = campaign_for.project_of(session, campaign)
-    request_cancel(session, row.id)
-    audit(session, user, "identification.cancel", "identification", row.id, project_id)
-
-
-def describe(session: Session, row: Identification) -> IdentificationOut:
-    """An identification as clients see it: the state of its job as it is now, and its mode set and result when it has
-    succeeded.
-    """
-    job = session.get_one(Job, row.id, populate_existing=True)
-    session.refresh(row)
-    return IdentificationOut(
-        **job_state(job),
-        campaign_id=row.campaign_id,
-        options=IdentificationIn.model_validate(row.options),
-        mode_set=session.scalars(select(ModeSet.id).where(ModeSet.job_id == row.id)).one_or_none(),
-        result=row.document and up_to_date(row.document),
-    )
+    require_room(session, campaign_for.project_of(session, campaign))
+    row = Identification(campaign_id=campaign.id, options=body.model_dump(mode="json"))
+    return IDENTIFICATIONS.start(session, user, row)

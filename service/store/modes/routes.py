@@ -1,19 +1,28 @@
-"""Routes of mode sets."""
+"""Routes of mode sets and of identifications."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Any
 from uuid import UUID
 
 from fastapi import Header, Query, Response
+from pydantic import Field
 from sqlalchemy import select
+from sqlalchemy.orm import Session
 
 from service.access import CurrentUser, SessionDep
+from service.compute.identification_document import up_to_date
+from service.jobs.routes import JobRoutes
+from service.jobs.state import JobOut, job_state
+from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
 from service.store.modes import operations
 from service.store.modes.formats import write_uff
+from service.store.modes.identifications import IDENTIFICATIONS, IdentificationIn
+from service.store.modes.identifications import start_identification as queue_identification
 from service.store.modes.schemas import ModeSetIn, ModeSetOut
-from service.store.modes.tables import ModeSet
+from service.store.modes.tables import Identification, ModeSet
 from service.web import Cursor, Limit, Page, api_router, paged
 from service.web.downloads import spooled
 from service.web.negotiation import choose_format, one_of
@@ -63,3 +72,53 @@ def get_mode_set(
         media_type = MEDIA_TYPES["uff"]
         return spooled(lambda file: write_uff(session, mode_set, file), media_type, "modes.uff", {"Vary": "Accept"})
     return operations.describe_all(session, [mode_set])[0]
+
+
+identifications = api_router(tags=["identifications"])
+
+
+class IdentificationOut(JobOut):
+    """An identification: how far it is, and what it found."""
+
+    campaign_id: UUID
+    options: IdentificationIn
+    mode_set: UUID | None = Field(description="the modes that it found")
+    result: dict[str, Any] | None = Field(description="quality of the modes, what was left out, stabilisation diagram")
+
+
+def _described(session: Session, rows: Sequence[tuple[Identification, Job]]) -> list[IdentificationOut]:
+    """Identifications with their mode sets and results, where they have succeeded."""
+    keys = [row.id for row, _ in rows]
+    found = dict(session.execute(select(ModeSet.job_id, ModeSet.id).where(ModeSet.job_id.in_(keys))).all())
+    return [
+        IdentificationOut(
+            **job_state(job),
+            campaign_id=row.campaign_id,
+            options=IdentificationIn.model_validate(row.options),
+            mode_set=found.get(row.id),
+            result=row.document and up_to_date(row.document),
+        )
+        for row, job in rows
+    ]
+
+
+of_jobs = JobRoutes(identifications, IDENTIFICATIONS, IdentificationOut, _described, "identification_id")
+
+
+@identifications.post("/campaigns/{campaign_id}/identifications", status_code=202)
+def start_identification(
+    campaign_id: UUID, body: IdentificationIn, session: SessionDep, user: CurrentUser, response: Response
+) -> IdentificationOut:
+    """Queue an identification of modes from the campaign's FRFs; a mode set comes of it. `{}` is a body."""
+    row = queue_identification(session, user, campaign_id, body)
+    response.headers["Location"] = f"/api/v1/identifications/{row.id}"
+    return of_jobs.shown(session, row)
+
+
+of_jobs.cancelling(
+    "cancel_identification", "Ask for an identification's end; one that has ended already stays as it is."
+)
+of_jobs.listing("list_identifications", "Identifications of a campaign, newest first.", 20)
+of_jobs.getting(
+    "get_identification", "How far an identification is, which modes it found, and how well the data support them."
+)

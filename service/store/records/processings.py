@@ -10,26 +10,24 @@ from pathlib import Path
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import JSON, ForeignKey, Index, Select, select
+from sqlalchemy import JSON, ForeignKey, Index, select
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.body.laminate import section
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.processing import Averages, Strip
-from service.access import Lookup, User, audit
+from service.access import Lookup, User
 from service.compute.hits import BlockRow, Place, by_sensors, whole
 from service.compute.processing import PointFile, ProcessingInputs, ProcessingOutput, process_records
 from service.db.base import Base
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
-from service.jobs.queue import enqueue
-from service.jobs.state import job_state
-from service.jobs.tables import Job
+from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.frfs.measured_campaign import specimen_points
 from service.store.frfs.operations import ProcessedFrfs, store_processed
 from service.store.records.operations import block_rows, sample_bytes
-from service.store.records.schemas import OverruleIn, ProcessingIn, ProcessingOut
+from service.store.records.schemas import OverruleIn, ProcessingIn
 from service.store.storage import require_room
 from service.store.structures.operations import present_structure
 
@@ -150,6 +148,10 @@ def keep_processing(
 
 PROCESS = JobKind("processing", load=_load, compute=process_records, store=_store, libraries=CORE_LIBRARIES)
 
+processing_for = Lookup(Processing, "processing", "campaign_id", campaign_for)
+"""The processing, if the user has at least a role in its project."""
+PROCESSINGS = JobNoun(PROCESS, processing_for, "processings")
+
 
 def start_processing(session: Session, user: User, campaign_id: UUID, body: ProcessingIn) -> Processing:
     """Queue a processing of a campaign's records, in the caller's transaction.
@@ -170,41 +172,15 @@ def start_processing(session: Session, user: User, campaign_id: UUID, body: Proc
     body.processing()  # a wrong choice is refused before it is queued
     if body.overrules:
         decisions(body.overrules, _hits(block_rows(session, campaign.id).values()))
-    project_id = campaign_for.project_of(session, campaign)
-    require_room(session, project_id)
-    job = enqueue(session, kind=PROCESS, project_id=project_id)
-    row = Processing(id=job.id, campaign_id=campaign.id, options=body.model_dump(mode="json"))
-    session.add(row)
-    session.flush()
-    audit(session, user, "processing.create", "processing", row.id, project_id)
-    return row
-
-
-def query_of(campaign_id: UUID) -> Select[Processing]:
-    """The query of a campaign's processings."""
-    return select(Processing).where(Processing.campaign_id == campaign_id)
-
-
-processing_for = Lookup(Processing, "processing", "campaign_id", campaign_for)
-"""The processing, if the user has at least a role in its project."""
+    require_room(session, campaign_for.project_of(session, campaign))
+    row = Processing(campaign_id=campaign.id, options=body.model_dump(mode="json"))
+    return PROCESSINGS.start(session, user, row)
 
 
 def newest_document(session: Session, campaign_id: UUID) -> Processing | None:
     """The newest processing of a campaign that has judged its hits."""
     query = select(Processing).where(Processing.campaign_id == campaign_id, Processing.document.is_not(None))
     return session.scalars(query.order_by(Processing.id.desc()).limit(1)).one_or_none()
-
-
-def describe(session: Session, row: Processing) -> ProcessingOut:
-    """A processing as clients see it: the state of its job as it is now, and what it did when it has succeeded."""
-    job = session.get_one(Job, row.id, populate_existing=True)
-    session.refresh(row)
-    return ProcessingOut(
-        **job_state(job),
-        campaign_id=row.campaign_id,
-        options=ProcessingIn.model_validate(row.options),
-        result=row.document,
-    )
 
 
 _MOST_PLACES = 8  # that a message names
