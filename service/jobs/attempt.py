@@ -24,6 +24,11 @@ from service.jobs.tables import Job
 from service.settings import Settings
 
 KEPT_BYTES = 32 * 1024 * 1024
+PROGRESS_SECONDS = 0.1
+AGAIN_SECONDS = 1.0  # between two tries to reach the database
+RECORD_SECONDS = 120.0  # for which the end of an attempt is kept in hand while the database is away
+
+log = structlog.stdlib.get_logger("modalbase.jobs")
 
 PASSING = ("08", "40", "53", "57P", "55P03")
 """SQLSTATEs of lost connections, rollbacks that ask for another try, exhausted resources, shutdowns, lock time-outs."""
@@ -71,16 +76,6 @@ class Replay:
         self._kept.append(item)
 
 
-PROGRESS_SECONDS = 0.1
-AGAIN_SECONDS = 1.0  # between two tries to reach the database
-RECORD_SECONDS = 120.0  # for which the end of an attempt is kept in hand while the database is away
-
-CANCELLED = Failure("cancelled", "Cancelled", "cancelled on request")
-DRAINED = Failure("drained", "Drained", "the worker ended; queued again")
-
-log = structlog.stdlib.get_logger("modalbase.jobs")
-
-
 class Attempt:
     """One attempt. `run` in one thread; `stop` from any other."""
 
@@ -119,7 +114,7 @@ class Attempt:
             workspace: a folder of this attempt alone.
 
         Returns:
-            The outcome: `succeeded`, `failed`, `cancelled`, `drained`, `lost`, `superseded` or `abandoned`.
+            The outcome: `succeeded`, `failed`, `cancelled`, `queued again`, `superseded` or `abandoned`.
         """
         try:
             self._store(self._start(*self._load(workspace)))
@@ -165,7 +160,7 @@ class Attempt:
                         pass
                     if self._last is not None:
                         self._write(self._last)
-                    ledger.succeed(session, self.job)
+                    ledger.succeed(session, ledger.locked(session, self.job))
             except DBAPIError as error:
                 if not (passes(error) and items.complete):
                     raise
@@ -185,9 +180,7 @@ class Attempt:
                 case Item():
                     yield message
                 case Checkpoint(data):
-                    self._aside(
-                        lambda session, data=data: ledger.save_checkpoint(session, self.job.id, self.job.attempt, data)
-                    )
+                    self._aside(lambda session, data=data: ledger.save_checkpoint(session, self.job, data))
                 case Progress():
                     self._progress(message)
 
@@ -223,7 +216,8 @@ class Attempt:
         end = time.monotonic() + RECORD_SECONDS
         while True:
             try:
-                return self._write_end(failure)
+                with self.sessions.begin() as session:
+                    return ledger.end(session, ledger.locked(session, self.job), failure)
             except ledger.SupersededError:
                 return "superseded"
             except NotFinite as error:
@@ -236,18 +230,3 @@ class Attempt:
                     )
                     return "abandoned"
                 time.sleep(AGAIN_SECONDS)
-
-    def _write_end(self, failure: Failure) -> str:
-        with self.sessions.begin() as session:
-            job = ledger.locked(session, self.job)
-            match failure.reason:
-                case "cancelled":
-                    ledger.cancelled(session, job, failure.detail)
-                case "drained":
-                    ledger.give_back(session, job, failure.detail)
-                case "lost":
-                    ledger.lose(session, job, failure.detail)
-                case _:
-                    ledger.fail(session, job, failure)
-                    return "failed"
-        return failure.reason

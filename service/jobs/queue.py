@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from service.db.base import Base
 from service.errors import Conflict
 from service.jobs import tickets
-from service.jobs.child import PURGED
+from service.jobs.child import CANCELLED, PURGED
 from service.jobs.kinds import JobKind
 from service.jobs.ledger import forget_checkpoint
 from service.jobs.tables import Job
@@ -55,7 +55,7 @@ def request_cancel(session: Session, job_id: UUID) -> Job:
     if job.state in ("queued", "running"):
         tickets.cancel(session, job)
     if job.state == "queued":
-        job.state, job.message, job.finished_at = "cancelled", "cancelled on request", datetime.now(UTC)
+        job.state, job.message, job.finished_at = "cancelled", CANCELLED.detail, datetime.now(UTC)
         forget_checkpoint(session, job_id)
     if job.state == "running":
         job.cancel_requested = True

@@ -1,7 +1,7 @@
 """A noun of the contract whose rows are jobs: started, looked at, cancelled and tried again by the same operations.
 
-A kind of job brings `load`, `compute` and `store` (`service.jobs.kinds`), its noun a table whose key is the job's. The routes on
-top are in `service.jobs.routes`, which a worker does not load.
+A kind of job brings `load`, `compute` and `store` (`service.jobs.kinds`), its noun a table whose key is the job's. A worker
+does not load the routes, which are in `service.jobs.routes`.
 """
 
 from __future__ import annotations

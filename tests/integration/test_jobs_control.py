@@ -206,13 +206,13 @@ def saved_step(sessions: Sessions, job_id: UUID) -> int | None:
 
 def test_checkpoint_of_an_attempt_that_is_no_longer_the_present_one_is_not_kept(sessions: Sessions) -> None:
     queued(sessions, one=1)
-    job_id = take(sessions)
-    assert job_id is not None
     with sessions.begin() as session:
-        ledger.save_checkpoint(session, job_id, 1, b"first")
-        ledger.save_checkpoint(session, job_id, 7, b"of another time line")
-        ledger.save_checkpoint(session, job_id, 1, b"second")
-        assert ledger.load_checkpoint(session, job_id) == b"second"
+        job = begin_next(session, ["jobs"], "a worker", None)
+        assert job is not None
+        ledger.save_checkpoint(session, job, b"first")
+        ledger.save_checkpoint(session, Job(id=job.id, attempt=7), b"of another time line")
+        ledger.save_checkpoint(session, job, b"second")
+        assert ledger.load_checkpoint(session, job.id) == b"second"
 
 
 def test_metrics_by_kind_and_outcome(sessions: Sessions) -> None:
