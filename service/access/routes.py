@@ -6,6 +6,7 @@ Those of users are for administrators. None of them makes a key, so nobody acts 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Annotated
 from uuid import UUID
 
@@ -54,7 +55,7 @@ from service.access.users import (
 )
 from service.db.clock import transaction_time
 from service.errors import Conflict, Invalid, NotFound, not_found_as
-from service.web import IF_MATCH, Page, api_router, etag_of, require_match
+from service.web import IF_MATCH, Page, api_router, etag_of, require_match, shown_as
 from service.web.bodies import Name
 from service.web.parameters import Cursor, Limit, paged
 
@@ -85,8 +86,7 @@ def list_projects(
     """Projects that one is a member of, archived ones included."""
     hidden = Project.deleted_at.is_not(None) if deleted else Project.deleted_at.is_(None)
     mine = select(Project).join(Member, Member.project_id == Project.id).where(Member.user_id == user.id, hidden)
-    rows, following = paged(session, mine, Project.id, cursor, limit)
-    return Page(items=[ProjectOut.model_validate(row) for row in rows], next_cursor=following)
+    return paged(session, mine, cursor, limit, partial(map, ProjectOut.model_validate))
 
 
 @router.get("/projects/{project_id}")
@@ -195,10 +195,12 @@ def list_audit_events(
     query = select(AuditEvent).where(or_(AuditEvent.user_id == user.id, AuditEvent.project_id.in_(projects_of(user))))
     if project is not None:
         query = query.where(AuditEvent.project_id == project_for(session, user, project).id)
-    rows, following = paged(session, query, AuditEvent.id, cursor, limit, newest_first=True)
-    names = names_of(session, {row.user_id for row in rows})
-    items = [AuditEventOut(**row.__dict__, user=names.get(row.user_id)) for row in rows]
-    return Page(items=items, next_cursor=following)
+
+    def shown(rows: Sequence[AuditEvent]) -> list[AuditEventOut]:
+        names = names_of(session, {row.user_id for row in rows})
+        return [AuditEventOut(**row.__dict__, user=names.get(row.user_id)) for row in rows]
+
+    return paged(session, query, cursor, limit, shown, newest_first=True)
 
 
 MOST_MEMBERS = 1000  # of one project
@@ -212,13 +214,12 @@ def list_members(
     """Who is in a project, and in which role."""
     project = project_for(session, user, project_id)
     query = select(Member).where(Member.project_id == project.id)
-    rows, following = paged(session, query, Member.user_id, cursor, limit)
-    names = names_of(session, {row.user_id for row in rows})
-    items = [
-        MemberOut(project_id=project.id, user_id=row.user_id, user=names[row.user_id], role=row.role)  # type: ignore[arg-type]  # the column holds roles
-        for row in rows
-    ]
-    return Page(items=items, next_cursor=following)
+
+    def shown(rows: Sequence[Member]) -> list[MemberOut]:
+        names = names_of(session, {row.user_id for row in rows})
+        return [shown_as(MemberOut, row, user=names[row.user_id]) for row in rows]
+
+    return paged(session, query, cursor, limit, shown, key=Member.user_id)
 
 
 @router.put("/projects/{project_id}/members/{member}")
@@ -331,8 +332,7 @@ def list_users(
 ) -> Page[UserOut]:
     """All users; for administrators, with a key of the scope `admin`."""
     query = select(User) if name is None else select(User).where(User.name == name.replace("\0", ""))
-    rows, following = paged(session, query, User.id, cursor, limit)
-    return Page(items=_described(session, rows), next_cursor=following)
+    return paged(session, query, cursor, limit, partial(_described, session))
 
 
 @router.get("/users/{user_id}", dependencies=ADMINISTRATORS)
@@ -385,8 +385,9 @@ def revoke_key_of_user(user_id: UUID, key_id: UUID, session: SessionDep, user: C
 
 
 def _keys_of(session: Session, user_id: UUID, cursor: str | None, limit: int) -> Page[KeyOut]:
-    rows, following = paged(session, select(ApiKey).where(ApiKey.user_id == user_id), ApiKey.id, cursor, limit)
-    return Page(items=[KeyOut.model_validate(row) for row in rows], next_cursor=following)
+    return paged(
+        session, select(ApiKey).where(ApiKey.user_id == user_id), cursor, limit, partial(map, KeyOut.model_validate)
+    )
 
 
 def _described(session: Session, users: Sequence[User]) -> list[UserOut]:

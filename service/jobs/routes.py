@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Annotated, Any, Generic, TypeVar
 from uuid import UUID
 
@@ -71,11 +72,8 @@ class JobRoutes(Generic[Row, Out]):
         find, table = self._noun.find, self._noun.find.table
         owner = (find.owner or project_for)(session, user, owner_id)
         query = select(table).where(getattr(table, find.owner_key) == owner.id)
-        key: Any = table
-        rows, following = paged(
-            session, query, key.id, cursor, limit, newest_first=self._newest_first, weight=self._weight
-        )
-        return Page(items=self.all_shown(session, rows), next_cursor=following)
+        shown = partial(self.all_shown, session)
+        return paged(session, query, cursor, limit, shown, newest_first=self._newest_first, weight=self._weight)
 
     def listing(self, name: str, text: str, rows: int = 100) -> None:
         """Add `GET /campaigns/{campaign_id}/…`, with so many rows in a page by default."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
@@ -71,8 +72,7 @@ def list_monitors_of_structure(
     """Monitors of a structure."""
     structure = structure_for(session, user, structure_id)
     query = select(Monitor).where(Monitor.structure_id == structure.id, monitors.hidden(deleted))
-    rows, following = paged(session, query, Monitor.id, cursor, limit)
-    return Page(items=monitors.describe_all(session, rows), next_cursor=following)
+    return paged(session, query, cursor, limit, partial(monitors.describe_all, session))
 
 
 @router.get("/monitors")
@@ -167,8 +167,7 @@ def list_runs(
     query = select(MonitorRun).join(MonitorSeries).where(MonitorSeries.monitor_id == monitor.id)
     if series is not None:
         query = query.where(MonitorSeries.number == series)
-    rows, following = paged(session, query, MonitorRun.id, cursor, limit, newest_first=True)
-    return Page(items=describe_runs(session, rows), next_cursor=following)
+    return paged(session, query, cursor, limit, partial(describe_runs, session), newest_first=True)
 
 
 @router.get("/monitors/{monitor_id}/series", response_model=None, responses={200: {"model": SeriesOut}})
@@ -209,8 +208,7 @@ def list_alarms(
         query = query.where(Alarm.monitor_id == monitor_for(session, user, monitor).id)
     if project is not None:
         query = query.where(Monitor.structure_id.in_(structures_in([project_for(session, user, project).id])))
-    rows, following = paged(session, query, Alarm.id, cursor, limit, newest_first=True)
-    return Page(items=describe_alarms(session, rows), next_cursor=following)
+    return paged(session, query, cursor, limit, partial(describe_alarms, session), newest_first=True)
 
 
 @router.get("/alarms/{alarm_id}")

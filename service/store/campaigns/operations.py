@@ -18,6 +18,7 @@ from service.db.base import Base, Identified
 from service.db.clock import transaction_time
 from service.store.campaigns.schemas import CampaignIn, CampaignInputs, CampaignOut, CampaignPatch, FrameIn, Instruments
 from service.store.structures.operations import structure_for
+from service.web import shown_as
 
 
 class Campaign(Identified, Base):
@@ -70,18 +71,8 @@ def create_campaign(session: Session, user: User, structure_id: UUID, body: Camp
         Forbidden: the user's role is too low.
     """
     structure = structure_for(session, user, structure_id, "editor")
-    campaign = Campaign(
-        structure_id=structure.id,
-        name=body.name,
-        boundary=body.boundary,
-        performed_at=body.performed_at,
-        temperature_c=body.temperature_c,
-        humidity_percent=body.humidity_percent,
-        instruments=body.instruments.model_dump(mode="json"),
-        frame=body.frame and body.frame.model_dump(mode="json"),
-        inputs=body.inputs and body.inputs.model_dump(mode="json"),
-        notes=body.notes,
-    )
+    described = body.model_dump(mode="json") | {"performed_at": body.performed_at}
+    campaign = Campaign(structure_id=structure.id, **described)
     session.add(campaign)
     session.flush()
     session.refresh(campaign)
@@ -111,21 +102,12 @@ def change_campaign(session: Session, user: User, campaign: Campaign, patch: Cam
 
 def describe(campaign: Campaign) -> CampaignOut:
     """A campaign as clients see it; instruments, frame and inputs are filled up with their defaults. No query."""
-    return CampaignOut(
-        id=campaign.id,
-        structure_id=campaign.structure_id,
-        name=campaign.name,
-        boundary=campaign.boundary,  # type: ignore[arg-type]  # the column holds what CampaignIn let in
-        performed_at=campaign.performed_at,
-        temperature_c=campaign.temperature_c,
-        humidity_percent=campaign.humidity_percent,
+    return shown_as(
+        CampaignOut,
+        campaign,
         instruments=Instruments.model_validate(campaign.instruments),
         frame=FrameIn.model_validate(campaign.frame or {}),
         inputs=CampaignInputs.model_validate(campaign.inputs or {}),
-        notes=campaign.notes,
-        created_at=campaign.created_at,
-        updated_at=campaign.updated_at,
-        deleted_at=campaign.deleted_at,
     )
 
 

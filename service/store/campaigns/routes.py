@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, Any
 from uuid import UUID
 
@@ -53,8 +54,7 @@ def list_campaigns(
     structure = structure_for(session, user, structure_id)
     hidden = Campaign.deleted_at.is_not(None) if deleted else Campaign.deleted_at.is_(None)
     query = select(Campaign).where(Campaign.structure_id == structure.id, hidden)
-    rows, following = paged(session, query, Campaign.id, cursor, limit)
-    return Page(items=[operations.describe(row) for row in rows], next_cursor=following)
+    return paged(session, query, cursor, limit, partial(map, operations.describe))
 
 
 @router.get("/campaigns/{campaign_id}")

@@ -42,6 +42,7 @@ from service.store.coupons.schemas import (
 )
 from service.store.storage import StorageOwner, book
 from service.store.structures.operations import structure_for
+from service.web import shown_as
 
 if TYPE_CHECKING:
     from service.store.coupons.routes import RawCurve
@@ -305,27 +306,15 @@ def describe_all(session: Session, batches: Sequence[CouponBatch]) -> list[Batch
         .where(Coupon.batch_id.in_([b.id for b in batches]))
         .group_by(Coupon.batch_id)
     )
-    number = {row[0]: row[1] for row in counts}
-    return [
-        BatchOut(
-            id=batch.id,
-            structure_id=batch.structure_id,
-            name=batch.name,
-            constants=batch.constants,
-            published={name: PublishedMean.model_validate(v) for name, v in batch.published.items()},  # type: ignore[misc]
-            conditions=batch.conditions,
-            coupons=number.get(batch.id, 0),
-            created_at=batch.created_at,
-        )
-        for batch in batches
-    ]
+    number = dict(counts.all())
+    return [shown_as(BatchOut, batch, coupons=number.get(batch.id, 0)) for batch in batches]
 
 
 def describe_coupon(coupon: Coupon) -> CouponOut:
     """A specimen as clients see it, with the warnings of the reduction where it came as a raw curve."""
     curve = coupon.curve
-    own = {name: getattr(coupon, name) for name in CouponOut.model_fields if name not in ("has_curve", "warnings")}
-    return CouponOut(**own, has_curve=curve is not None, warnings=[] if curve is None else curve.reduction["warnings"])
+    warnings = [] if curve is None else curve.reduction["warnings"]
+    return shown_as(CouponOut, coupon, has_curve=curve is not None, warnings=warnings)
 
 
 def _values(coupon: Coupon) -> dict[str, float]:

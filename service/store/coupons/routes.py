@@ -8,6 +8,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 from urllib.parse import quote
@@ -148,8 +149,7 @@ def list_batches(
     """Coupon batches of a structure."""
     structure = structure_for(session, user, structure_id)
     query = select(CouponBatch).where(CouponBatch.structure_id == structure.id)
-    rows, following = paged(session, query, CouponBatch.id, cursor, limit)
-    return Page(items=operations.describe_all(session, rows), next_cursor=following)
+    return paged(session, query, cursor, limit, partial(operations.describe_all, session))
 
 
 @router.get("/coupon-batches/{batch_id}")
@@ -184,8 +184,13 @@ def list_coupons(
 ) -> Page[CouponOut]:
     """Specimens of a batch, excluded ones included."""
     batch = operations.batch_for(session, user, batch_id)
-    rows, following = paged(session, select(Coupon).where(Coupon.batch_id == batch.id), Coupon.id, cursor, limit)
-    return Page(items=[operations.describe_coupon(row) for row in rows], next_cursor=following)
+    return paged(
+        session,
+        select(Coupon).where(Coupon.batch_id == batch.id),
+        cursor,
+        limit,
+        partial(map, operations.describe_coupon),
+    )
 
 
 @router.get("/coupon-batches/{batch_id}/summary")

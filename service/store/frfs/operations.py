@@ -27,6 +27,7 @@ from service.db.bytea import copy_rows, new_keys
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.frfs.schemas import UNITS, FrfOut
 from service.store.storage import StorageOwner, book
+from service.web import shown_as
 
 if TYPE_CHECKING:
     from service.store.campaigns.operations import Campaign
@@ -238,29 +239,13 @@ def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, ne
 
 def describe(frf: Frf) -> FrfOut:
     """An FRF as clients see it: degrees of freedom, quantity, unit, axis and SHA-256. The values are not read."""
-    return FrfOut(
-        id=frf.id,
-        campaign_id=frf.campaign_id,
-        import_id=frf.import_id,
-        dataset=frf.dataset,
-        label=frf.label,
-        response_point=frf.response_point,
-        response_direction=frf.response_direction,
-        reference_point=frf.reference_point,
-        reference_direction=frf.reference_direction,
-        quantity=frf.quantity,  # type: ignore[arg-type]  # the column holds what was checked on the way in
-        unit=UNITS[frf.quantity],  # type: ignore[index]
-        averages=frf.averages,
-        lines=frf.lines,
-        start_hz=frf.start_hz,
-        end_hz=frf.end_hz,
-        step_hz=frf.step_hz,
+    return shown_as(
+        FrfOut,
+        frf,
+        unit=UNITS[frf.quantity],  # type: ignore[index]  # the column holds what was checked on the way in
         dtype=str(np.dtype(frf.dtype)),
         sha256=frf.sha256.hex(),
         has_coherence=frf.coherence_sha256 is not None,
-        processing_id=frf.processing_id,
-        window_rate_per_s=frf.window_rate_per_s,
-        created_at=frf.created_at,
     )
 
 

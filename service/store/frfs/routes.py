@@ -194,8 +194,7 @@ def list_frfs(
 ) -> Page[FrfOut]:
     """FRFs of a campaign, without their spectra."""
     campaign = campaign_for(session, user, campaign_id)
-    rows, following = paged(session, wanted.query(campaign.id), Frf.id, cursor, limit)
-    return Page(items=[operations.describe(row) for row in rows], next_cursor=following)
+    return paged(session, wanted.query(campaign.id), cursor, limit, partial(map, operations.describe))
 
 
 @router.get("/campaigns/{campaign_id}/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]

@@ -25,7 +25,7 @@ from service.store.imports.operations import Import
 from service.store.imports.originals import Original, copy_original
 from service.store.records.operations import judged, records_of_import
 from service.store.records.schemas import Proposal, StoredRecords
-from service.web import Name, StrictModel, api_router
+from service.web import Name, StrictModel, api_router, shown_as
 from service.web.downloads import spooled
 from service.web.json_body import parse_parameter
 from service.web.parameters import not_modified
@@ -84,26 +84,18 @@ MappingQuery = Annotated[str | None, Query(description="which variable is what, 
 def _described(session: Session, rows: Sequence[tuple[Import, Job]]) -> list[ImportOut]:
     keys = [row.sha256 for row, _ in rows]
     sizes = dict(session.execute(select(Original.sha256, Original.size).where(Original.sha256.in_(keys))).all())
-    return [_shown(row, job, sizes[row.sha256]) for row, job in rows]
-
-
-def _shown(row: Import, job: Job, size: int) -> ImportOut:
-    return ImportOut(
-        **job_state(job),
-        campaign_id=row.campaign_id,
-        filename=row.filename,
-        size=size,
-        sha256=row.sha256.hex(),
-        dry_run=row.dry_run,
-        quantity=row.quantity,  # type: ignore[arg-type]  # the columns hold what was checked on the way in
-        format=row.format,  # type: ignore[arg-type]
-        kind=row.kind,  # type: ignore[arg-type]
-        mapping=row.mapping,
-        found=None if row.found is None else Proposal.model_validate(row.found),
-        counts=None if row.counts is None else Counts.model_validate(row.counts),
-        datasets=[DatasetOutcome.model_validate(d) for d in row.datasets or []],
-        warnings=row.warnings or [],
-    )
+    return [
+        shown_as(
+            ImportOut,
+            row,
+            **job_state(job),
+            size=sizes[row.sha256],
+            sha256=row.sha256.hex(),
+            datasets=row.datasets or [],
+            warnings=row.warnings or [],
+        )
+        for row, job in rows
+    ]
 
 
 of_jobs = JobRoutes(

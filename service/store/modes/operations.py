@@ -22,6 +22,7 @@ from service.store.campaigns.operations import campaign_for
 from service.store.modes.schemas import ModeIn, ModeOut, ModeSetIn, ModeSetOut, ShapeValue
 from service.store.modes.tables import Mode, ModeSet
 from service.store.storage import StorageOwner, book
+from service.web import shown_as
 
 if TYPE_CHECKING:
     from service.store.campaigns.operations import Campaign
@@ -125,20 +126,7 @@ def load_modes(session: Session, mode_set_id: UUID) -> MeasuredModes:
 def describe_all(session: Session, mode_sets: Sequence[ModeSet]) -> list[ModeSetOut]:
     """Mode sets as clients see them, in the order given, with all modes and shapes; one query for all modes."""
     modes = modes_of(session, [mode_set.id for mode_set in mode_sets])
-    return [
-        ModeSetOut(
-            id=s.id,
-            campaign_id=s.campaign_id,
-            name=s.name,
-            origin=s.origin,  # type: ignore[arg-type]  # written by this module and by intake alone
-            import_id=s.import_id,
-            job_id=s.job_id,
-            modes=[_mode(row) for row in modes[s.id]],
-            details=s.details,
-            created_at=s.created_at,
-        )
-        for s in mode_sets
-    ]
+    return [shown_as(ModeSetOut, s, modes=[_mode(row) for row in modes[s.id]]) for s in mode_sets]
 
 
 def _file_shape(points: NDArray[np.integer], values: ComplexArray) -> dict[str, Any]:
@@ -180,14 +168,7 @@ def _mode(row: Mode) -> ModeOut:
             row.shape["point"], row.shape["direction"], row.shape["real"], row.shape["imag"], strict=True
         )
     ]
-    return ModeOut(
-        number=row.number,
-        frequency_hz=row.frequency_hz,
-        damping_ratio=row.damping_ratio,
-        frequency_sd_hz=row.frequency_sd_hz,
-        damping_sd=row.damping_sd,
-        shape=shape or None,
-    )
+    return shown_as(ModeOut, row, shape=shape or None)
 
 
 def modes_of(session: Session, ids: Sequence[UUID]) -> dict[UUID, list[Mode]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Annotated, Any
 from uuid import UUID
 
@@ -23,7 +24,7 @@ from service.store.modes.identifications import IDENTIFICATIONS, IdentificationI
 from service.store.modes.identifications import start_identification as queue_identification
 from service.store.modes.schemas import ModeSetIn, ModeSetOut
 from service.store.modes.tables import Identification, ModeSet
-from service.web import Cursor, Limit, Page, api_router, paged
+from service.web import Cursor, Limit, Page, api_router, paged, shown_as
 from service.web.downloads import spooled
 from service.web.negotiation import choose_format, one_of
 
@@ -51,8 +52,7 @@ def list_mode_sets(
     """Mode sets of a campaign."""
     campaign = campaign_for(session, user, campaign_id)
     query = select(ModeSet).where(ModeSet.campaign_id == campaign.id)
-    rows, following = paged(session, query, ModeSet.id, cursor, limit)
-    return Page(items=operations.describe_all(session, rows), next_cursor=following)
+    return paged(session, query, cursor, limit, partial(operations.describe_all, session))
 
 
 @router.get("/mode-sets/{mode_set_id}", response_model=ModeSetOut, responses=UFF)
@@ -91,10 +91,10 @@ def _described(session: Session, rows: Sequence[tuple[Identification, Job]]) -> 
     keys = [row.id for row, _ in rows]
     found = dict(session.execute(select(ModeSet.job_id, ModeSet.id).where(ModeSet.job_id.in_(keys))).all())
     return [
-        IdentificationOut(
+        shown_as(
+            IdentificationOut,
+            row,
             **job_state(job),
-            campaign_id=row.campaign_id,
-            options=IdentificationIn.model_validate(row.options),
             mode_set=found.get(row.id),
             result=row.document and up_to_date(row.document),
         )

@@ -23,6 +23,7 @@ from service.errors import Conflict, Damaged, verified
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.records.schemas import UNITS, HitOut, RecordOut, StoredRecords
 from service.store.storage import StorageOwner, book
+from service.web import shown_as
 
 
 class Record(Identified, Base):
@@ -81,7 +82,6 @@ COLUMNS = {
 """What is stated of a time block, and its type in the database."""
 
 _STATED = tuple(name for name in COLUMNS if name in TimeBlock.__dataclass_fields__ and name not in ("hit", "samples"))
-_SHOWN = tuple(name for name in RecordOut.model_fields if name not in ("unit", "sha256", "dtype"))
 _TYPES = {name: str(np.dtype(name)) for name in ("<f4", "<f8")}
 
 record_for = Lookup(Record, "record", "campaign_id", campaign_for)
@@ -290,5 +290,4 @@ def judged(session: Session, campaign_id: UUID, stored: Sequence[Record]) -> Sto
 
 def describe(row: Record) -> RecordOut:
     """A time block as clients see it. The samples are not read."""
-    shown = {name: getattr(row, name) for name in _SHOWN}
-    return RecordOut(**shown, unit=UNITS[row.quantity], sha256=row.sha256.hex(), dtype=_TYPES[row.dtype])
+    return shown_as(RecordOut, row, unit=UNITS[row.quantity], sha256=row.sha256.hex(), dtype=_TYPES[row.dtype])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from functools import partial
 from typing import Annotated, Literal
 from uuid import UUID
 
@@ -18,25 +19,16 @@ from service.jobs.state import job_state
 from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
 from service.store.records import operations
-from service.store.records.operations import Record
 from service.store.records.processings import PROCESSINGS, Processing
 from service.store.records.processings import start_processing as queue_processing
 from service.store.records.schemas import UNITS, ProcessingIn, ProcessingOut, RecordOut
-from service.web import Cursor, Limit, Page, api_router, paged
+from service.web import Cursor, Limit, Page, api_router, paged, shown_as
 
 router = api_router(tags=["records"])
 
 
 def _described(_: Session, rows: Sequence[tuple[Processing, Job]]) -> list[ProcessingOut]:
-    return [
-        ProcessingOut(
-            **job_state(job),
-            campaign_id=row.campaign_id,
-            options=ProcessingIn.model_validate(row.options),
-            result=row.document,
-        )
-        for row, job in rows
-    ]
+    return [shown_as(ProcessingOut, row, **job_state(job), result=row.document) for row, job in rows]
 
 
 of_jobs = JobRoutes(router, PROCESSINGS, ProcessingOut, _described, "processing_id")
@@ -57,8 +49,9 @@ def list_records(
 ) -> Page[RecordOut]:
     """Time blocks of a campaign, without their samples."""
     campaign = campaign_for(session, user, campaign_id)
-    rows, following = paged(session, operations.query_of(campaign.id, point, hit), Record.id, cursor, limit)
-    return Page(items=[operations.describe(row) for row in rows], next_cursor=following)
+    return paged(
+        session, operations.query_of(campaign.id, point, hit), cursor, limit, partial(map, operations.describe)
+    )
 
 
 @router.get("/records/{record_id}")

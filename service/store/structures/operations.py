@@ -28,6 +28,7 @@ from service.store.structures.schemas import (
     StructureOut,
     StructurePatch,
 )
+from service.web import shown_as
 from service.web.json_body import checked
 
 
@@ -155,15 +156,7 @@ def describe_all(session: Session, structures: Sequence[Structure]) -> list[Stru
 
 
 def _described(structure: Structure, version: StructureVersion) -> StructureOut:
-    return StructureOut(
-        id=structure.id,
-        project_id=structure.project_id,
-        name=structure.name,
-        version=version.number,
-        created_at=structure.created_at,
-        updated_at=structure.updated_at,
-        **_physical(version),
-    )
+    return shown_as(StructureOut, structure, **_physical(version))
 
 
 def describe_version(version: StructureVersion, name: str) -> StructureIn:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated
 from uuid import UUID
 
@@ -47,8 +48,7 @@ def list_structures(
     project = project_for(session, user, project_id)
     hidden = Structure.deleted_at.is_not(None) if deleted else Structure.deleted_at.is_(None)
     query = select(Structure).where(Structure.project_id == project.id, hidden)
-    rows, following = paged(session, query, Structure.id, cursor, limit)
-    return Page(items=operations.describe_all(session, rows), next_cursor=following)
+    return paged(session, query, cursor, limit, partial(operations.describe_all, session))
 
 
 @router.get("/structures/{structure_id}")

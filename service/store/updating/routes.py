@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Annotated, Any
 from uuid import UUID
 
@@ -23,7 +24,7 @@ from service.store.updating.document import LARGE_PARTS, slim
 from service.store.updating.result_schemas import JointResultOut, ResultOut
 from service.store.updating.schemas import JointUpdateOut, RecipeIn, UpdateBatchIn, UpdateBatchOut, UpdateJobOut
 from service.store.updating.tables import JointUpdate, UpdateJob
-from service.web import Confirm, Cursor, Limit, Page, Text, api_router, paged, require_usual
+from service.web import Confirm, Cursor, Limit, Page, Text, api_router, paged, require_usual, shown_as
 
 router = api_router(tags=["update jobs"])
 
@@ -31,29 +32,13 @@ router = api_router(tags=["update jobs"])
 def _described(session: Session, rows: Sequence[tuple[UpdateJob, Job]]) -> list[UpdateJobOut]:
     names = {campaign.id: campaign.name for campaign in campaigns_of(session, {row.campaign_id for row, _ in rows})}
     return [
-        UpdateJobOut(
-            **job_state(job),
-            priority=job.priority,
-            campaign_id=row.campaign_id,
-            campaign_name=names[row.campaign_id],
-            structure_version_id=row.structure_version_id,
-            recipe=RecipeIn.model_validate(row.recipe),
-        )
+        shown_as(UpdateJobOut, row, **job_state(job), priority=job.priority, campaign_name=names[row.campaign_id])
         for row, job in rows
     ]
 
 
 def _described_joint(_: Session, rows: Sequence[tuple[JointUpdate, Job]]) -> list[JointUpdateOut]:
-    return [
-        JointUpdateOut(
-            **job_state(job),
-            priority=job.priority,
-            project_id=row.project_id,
-            campaigns=row.campaigns,
-            request=row.request,
-        )
-        for row, job in rows
-    ]
+    return [shown_as(JointUpdateOut, row, **job_state(job), priority=job.priority) for row, job in rows]
 
 
 single = JobRoutes(router, operations.UPDATES, UpdateJobOut, _described, "job_id")
@@ -134,8 +119,7 @@ def list_update_jobs(
         query = query.where(UpdateJob.campaign_id == campaign_for(session, user, campaign, deleted=True).id)
     if status is not None:
         query = query.join(Job, Job.id == UpdateJob.id).where(Job.state.in_(status))
-    rows, following = paged(session, query, UpdateJob.id, cursor, limit, newest_first=True)
-    return Page(items=single.all_shown(session, rows), next_cursor=following)
+    return paged(session, query, cursor, limit, partial(single.all_shown, session), newest_first=True)
 
 
 single.getting("get_update_job", "How far an update is, or what became of it.")
