@@ -61,13 +61,7 @@ def list_points(session: Session, campaign_id: UUID) -> GridPoints:
 
 
 def replace_points(session: Session, campaign_id: UUID, points: GridPoints) -> None:
-    """Store these points in place of all that the campaign has.
-
-    Args:
-        session: the request's transaction; it holds the campaign.
-        campaign_id: whose points.
-        points: labels are unique; coordinates in m, in the file's frame.
-    """
+    """Store these points, in the file's frame, in place of all that the campaign has, which the transaction holds."""
     session.execute(delete(GridPointRow).where(GridPointRow.campaign_id == campaign_id))
     if points.items:
         session.execute(

@@ -58,18 +58,7 @@ def frame_of(campaign: Campaign) -> Frame:
 
 
 def create_campaign(session: Session, user: User, structure_id: UUID, body: CampaignIn) -> Campaign:
-    """Store a new campaign of a structure and note it in the audit trail.
-
-    Args:
-        session: the request's transaction.
-        user: who asks; an editor of the project at least.
-        structure_id: the structure that is tested.
-        body: name, boundary, date, climate, instruments, frame.
-
-    Raises:
-        NotFound: there is no such structure, or it is other people's.
-        Forbidden: the user's role is too low.
-    """
+    """Store a new campaign of a structure and note it in the audit trail."""
     structure = structure_for(session, user, structure_id, "editor")
     described = body.model_dump(mode="json") | {"performed_at": body.performed_at}
     campaign = Campaign(structure_id=structure.id, **described)
@@ -81,14 +70,7 @@ def create_campaign(session: Session, user: User, structure_id: UUID, body: Camp
 
 
 def change_campaign(session: Session, user: User, campaign: Campaign, patch: CampaignPatch) -> None:
-    """Apply a patch to a campaign; the audit trail keeps the fields as they were and as they are now.
-
-    Args:
-        session: the request's transaction.
-        user: who asks, for the audit trail.
-        campaign: the campaign, locked with `lock_campaign` so that two edits do not mix.
-        patch: the fields that were sent; the others stay.
-    """
+    """Apply a patch to a locked campaign; the audit trail keeps the fields as they were and as they are now."""
     now = patch.model_dump(mode="json", exclude_unset=True)
     was = describe(campaign).model_dump(mode="json", include=set(now))
     for field in patch.model_fields_set:

@@ -98,18 +98,7 @@ batch_for = Lookup(CouponBatch, "coupon batch", "structure_id", structure_for)
 
 
 def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn) -> CouponBatch:
-    """Store a new batch of coupons of a structure's material and note it in the audit trail.
-
-    Args:
-        session: the request's transaction.
-        user: who asks; an editor of the project at least.
-        structure_id: the structure whose material is tested.
-        body: name, the constants that the batch gives, published means, conditions.
-
-    Raises:
-        NotFound: there is no such structure, or it is other people's.
-        Forbidden: the user's role is too low.
-    """
+    """Store a new batch of coupons of a structure's material and note it in the audit trail."""
     structure = structure_for(session, user, structure_id, "editor")
     batch = CouponBatch(
         structure_id=structure.id,
@@ -127,12 +116,6 @@ def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn
 
 def add_coupons(session: Session, user: User, batch: CouponBatch, bodies: Sequence[CouponIn]) -> list[Coupon]:
     """Record specimens with their results, all or none.
-
-    Args:
-        session: the request's transaction.
-        user: who asks, for the audit trail.
-        batch: which batch they belong to.
-        bodies: the specimens; names are unique in the batch.
 
     Returns:
         The rows, in the order given.
@@ -173,12 +156,6 @@ def add_measured_coupon(session: Session, user: User, batch: CouponBatch, sent: 
     """Record the specimen of a raw curve with file, curve and what came of them by its standard (ASTM D3039 or D3518),
     or nothing. One that is sent again as it was is there already.
 
-    Args:
-        session: the request's transaction.
-        user: who asks, for the audit trail.
-        batch: which batch the specimen belongs to.
-        sent: the machine's file, what is said of it, and what came of it.
-
     Raises:
         Conflict: the batch has this run of this file already.
         QuotaExceeded: the project has no room for the curve.
@@ -203,14 +180,8 @@ coupon_for = Lookup(Coupon, "coupon", "batch_id", batch_for)
 
 
 def exclude(session: Session, user: User, coupon: Coupon, body: ExclusionIn) -> None:
-    """Decide whether a specimen counts in the batch's statistics. It stays recorded; the audit trail keeps what was
+    """Decide whether a locked specimen counts in the batch's statistics. It stays recorded; the audit trail keeps what was
     before.
-
-    Args:
-        session: the request's transaction.
-        user: who decides.
-        coupon: the specimen, locked.
-        body: whether it is excluded, and why.
     """
     was = {"excluded": coupon.excluded, "exclusion_reason": coupon.exclusion_reason}
     coupon.excluded, coupon.exclusion_reason = body.excluded, body.exclusion_reason
@@ -268,12 +239,6 @@ def same_curve(session: Session, batch: CouponBatch, sent: RawCurve) -> Coupon |
 
 def unlike_the_batch(session: Session, batch: CouponBatch, data: bytes, reduced: Reduced) -> list[str]:
     """What is odd about a specimen beside those that the batch has already.
-
-    Args:
-        session: the request's transaction.
-        batch: where the specimen is about to go.
-        data: its machine's file.
-        reduced: the results, and how they came about.
 
     Raises:
         Conflict: the batch has this run of this file already, under another name.

@@ -151,12 +151,6 @@ frf_for = Lookup(Frf, "FRF", "campaign_id", campaign_for)
 def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -> Sequence[Frf]:
     """Store FRFs that a script hands in, all or none, each with the SHA-256 of its spectrum.
 
-    Args:
-        session: the request's transaction.
-        user: who asks, for the audit trail.
-        campaign: whose FRFs.
-        new: FRFs that were read and checked.
-
     Returns:
         The rows, in the order given.
 
@@ -193,12 +187,6 @@ class ProcessedFrfs:
 
 def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, new: ProcessedFrfs) -> list[UUID]:
     """Store FRFs of a processing in the job's transaction; those that come in parts are stored part by part.
-
-    Args:
-        session: the job's transaction.
-        campaign_id: whose FRFs.
-        processing_id: the processing, whose row is there already.
-        new: the FRFs.
 
     Returns:
         Their keys, in order.

@@ -122,18 +122,10 @@ def start_import(session: Session, user: User, campaign_id: UUID, wanted: Import
 
     The same bytes are not read into a campaign twice: the import that has them, or is about to, is returned instead.
 
-    Args:
-        session: the request's transaction.
-        user: who asks; an editor of the project at least.
-        campaign_id: the campaign that takes the file.
-        wanted: the file, and what to do with it.
-
     Returns:
         The import, and whether it is a new one.
 
     Raises:
-        NotFound: there is no such campaign, or it is other people's.
-        Forbidden: the user's role is too low.
         QuotaExceeded: the project has no room for the file.
     """
     campaign = campaign_for(session, user, campaign_id, "editor", lock=True)

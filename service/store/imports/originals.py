@@ -64,9 +64,6 @@ def keep_original(session: Session, file: Spooled) -> None:
 
     A second upload of the same bytes at the same moment waits for the first one's commit here.
 
-    Args:
-        session: the request's transaction.
-        file: where the upload lies on disk, with its size and SHA-256.
     """
     new = session.execute(
         insert(Original).values(sha256=file.sha256, size=file.size).on_conflict_do_nothing().returning(Original.sha256)

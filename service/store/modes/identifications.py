@@ -87,14 +87,6 @@ def keep_identified(
 ) -> ModeSet:
     """Store modes that a job found in the specimen's frame, with their directions in the file's coordinates, as all
     stored shapes are.
-
-    Args:
-        session: the job's transaction.
-        campaign_id: whose modes; its frame is used.
-        name: of the mode set.
-        modes: in the specimen's frame.
-        document: about their identification, as `describe_identification` gives it.
-        job_id: the job that found them.
     """
     frame = frame_of(campaign_of(session, campaign_id))
     in_file = replace(modes, dofs=tuple(frame.file_dof(dof) for dof in modes.dofs))
@@ -105,16 +97,8 @@ def keep_identified(
 def start_identification(session: Session, user: User, campaign_id: UUID, body: IdentificationIn) -> Identification:
     """Queue an identification of a campaign's modes, in the caller's transaction.
 
-    Args:
-        session: the request's transaction.
-        user: who asks; an editor of the project at least.
-        campaign_id: whose FRFs.
-        body: name of the mode set and options; `{}` will do.
-
     Raises:
         InputError: the band is empty.
-        NotFound: there is no such campaign, or it is other people's.
-        Forbidden: the user's role is too low.
         QuotaExceeded: the project has no room for modes.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")

@@ -34,12 +34,6 @@ mode_set_for = Lookup(ModeSet, "mode set", "campaign_id", campaign_for)
 def create_mode_set(session: Session, user: User, campaign: Campaign, body: ModeSetIn) -> ModeSet:
     """Store modes that a person or a script knows, sorted by frequency and numbered from 1.
 
-    Args:
-        session: the request's transaction.
-        user: who asks, for the audit trail.
-        campaign: whose modes.
-        body: name, and for each mode frequency in Hz, damping ratio, perhaps standard deviations and a shape.
-
     Raises:
         QuotaExceeded: the project has no room for them.
     """
@@ -66,16 +60,7 @@ def create_mode_set(session: Session, user: User, campaign: Campaign, body: Mode
 def store_identified(
     session: Session, campaign_id: UUID, name: str, modes: MeasuredModes, *, job_id: UUID, details: dict[str, Any]
 ) -> ModeSet:
-    """Store modes that a job has identified, with their covariance.
-
-    Args:
-        session: the job's transaction.
-        campaign_id: whose modes.
-        name: of the mode set.
-        modes: with directions in the file's coordinates.
-        job_id: the job that found them.
-        details: how they were found.
-    """
+    """Store modes that a job has identified, directions in the file's coordinates, with covariance and how they were found."""
     mode_set = ModeSet(
         campaign_id=campaign_id,
         job_id=job_id,

@@ -103,8 +103,6 @@ def store_records(
 
     Raises:
         Conflict: the campaign has a hit of that number there already.
-        NotFound: there is no such campaign, or it is other people's.
-        Forbidden: the user's role is too low.
         QuotaExceeded: the project has no room for them.
     """
     campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
@@ -209,7 +207,6 @@ def remove_record(session: Session, user: User, record_id: UUID) -> None:
 
     Raises:
         NotFound: there is none, or it is other people's.
-        Forbidden: the user's role is too low.
     """
     row = record_for(session, user, record_id, "editor", lock=True)  # of two at once, one deletes
     campaign = campaign_for(session, user, row.campaign_id, "editor")

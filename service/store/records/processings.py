@@ -156,16 +156,8 @@ PROCESSINGS = JobNoun(PROCESS, processing_for, "processings")
 def start_processing(session: Session, user: User, campaign_id: UUID, body: ProcessingIn) -> Processing:
     """Queue a processing of a campaign's records, in the caller's transaction.
 
-    Args:
-        session: the request's transaction.
-        user: who asks; an editor of the project at least.
-        campaign_id: whose records.
-        body: the choices; `{}` will do.
-
     Raises:
         InputError: the band is empty, or an overrule means no hit.
-        NotFound: there is no such campaign, or it is other people's.
-        Forbidden: the user's role is too low.
         QuotaExceeded: the project has no room for FRFs.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")

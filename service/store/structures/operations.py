@@ -74,12 +74,7 @@ structure_for = Lookup(Structure, "structure", "project_id")
 
 
 def current_version(session: Session, structure: Structure) -> StructureVersion:
-    """The version of a structure that is valid now, which new campaigns and new updates refer to.
-
-    Args:
-        session: the request's transaction.
-        structure: whose version.
-    """
+    """The version of a structure that is valid now, which new campaigns and new updates refer to."""
     return session.scalars(
         select(StructureVersion).where(
             StructureVersion.structure_id == structure.id, StructureVersion.number == structure.version
@@ -88,18 +83,7 @@ def current_version(session: Session, structure: Structure) -> StructureVersion:
 
 
 def create_structure(session: Session, user: User, project_id: UUID, body: StructureIn) -> Structure:
-    """Store a new structure in version 1 and note it in the audit trail.
-
-    Args:
-        session: the request's transaction.
-        user: who asks; an editor of the project at least.
-        project_id: the project that the structure belongs to.
-        body: name, geometry in m, density in kg/m³, and a laminate or a material in Pa.
-
-    Raises:
-        NotFound: there is no such project, or it is other people's.
-        Forbidden: the user's role is too low.
-    """
+    """Store a new structure in version 1 and note it in the audit trail."""
     project = project_for(session, user, project_id, "editor")
     structure = Structure(project_id=project.id, name=body.name, version=1)
     session.add(structure)
@@ -111,16 +95,10 @@ def create_structure(session: Session, user: User, project_id: UUID, body: Struc
 
 
 def change_structure(session: Session, user: User, structure: Structure, patch: StructurePatch) -> None:
-    """Apply a patch. A new name stays in the version; a change of geometry, density, laminate, material or
-    inputs makes the next one.
+    """Apply a patch to a locked structure. A new name stays in the version; a change of geometry, density, laminate,
+    material or inputs makes the next one.
 
     Results that were computed keep the version that they were computed with.
-
-    Args:
-        session: the request's transaction.
-        user: who asks, for the audit trail.
-        structure: the structure, locked.
-        patch: the fields that were sent; a laminate takes the place of a material, and the other way round.
 
     Raises:
         Invalid: the patch, or the structure it would lead to, makes no sense.

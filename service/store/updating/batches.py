@@ -108,8 +108,6 @@ def start_joint(
     Raises:
         Invalid: the request contradicts itself or names what is not the user's, each fault with its pointer; or the key came
             with another request.
-        NotFound: there is no such campaign, or it is other people's.
-        Forbidden: the user's role is too low.
     """
     sent = request.model_dump(mode="json")
     faults: list[Fault] = []

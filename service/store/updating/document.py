@@ -141,11 +141,7 @@ _NO_VERDICT = (
 
 
 def up_to_date(document: Document) -> dict[str, Any]:
-    """A stored document, or some of its members and its `MARKS`, as the present version writes them.
-
-    Args:
-        document: of any version; it stays as it is.
-    """
+    """A stored document, or some of its members and its `MARKS`, as the present version writes them."""
     for step in _STEPS[_version(document) - 1 :]:
         document = step(document)
     return {**document, "version": VERSION}

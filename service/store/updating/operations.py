@@ -107,8 +107,6 @@ def start_update(
         Invalid: the recipe contradicts itself or names what is not this campaign's, or the key came with another
             recipe.
         InputError: the core does not take the recipe's parameters or band.
-        NotFound: there is no such campaign, or it is other people's.
-        Forbidden: the user's role is too low.
         QuotaExceeded: the project has no room for a result.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
