@@ -23,7 +23,7 @@ from service.store.campaigns.routes import router as campaigns
 from service.store.coupons.operations import batch_for, coupon_for
 from service.store.coupons.routes import router as coupons
 from service.store.frfs.routes import router as frfs
-from service.store.imports.purging import router as purging
+from service.store.imports.routes import purging
 from service.store.imports.routes import router as imports
 from service.store.imports.script_routes import router as scripts
 from service.store.modes.routes import identifications

@@ -4,7 +4,7 @@ What a feature needs of it::
 
     from service.jobs.kinds import JobKind
     from service.jobs.queue import enqueue
-    from service.jobs.state import job_state
+    from service.jobs.resource import job_state
 
     IMPORT = JobKind("import", load=load, compute=parse_file, store=store)     # listed in service.app.kinds.KINDS
 

@@ -16,7 +16,7 @@ from sqlalchemy.exc import DBAPIError
 
 from service.db.engine import Sessions
 from service.errors import NotFinite
-from service.jobs import ledger
+from service.jobs import queue
 from service.jobs.child import Checkpoint, Failure, Item, Order, Progress, failure_of
 from service.jobs.kinds import JobKind
 from service.jobs.process import Child, ChildEnded
@@ -118,7 +118,7 @@ class Attempt:
         """
         try:
             self._store(self._start(*self._load(workspace)))
-        except ledger.SupersededError:
+        except queue.SupersededError:
             return "superseded"
         except DBAPIError as error:
             if not passes(error):
@@ -136,7 +136,7 @@ class Attempt:
 
     def _load(self, workspace: Path) -> tuple[Any, bytes | None]:
         with self.sessions.begin() as session:
-            return self.kind.load(session, self.job.id, workspace), ledger.load_checkpoint(session, self.job.id)
+            return self.kind.load(session, self.job.id, workspace), queue.load_checkpoint(session, self.job.id)
 
     def _start(self, inputs: Any, restored: bytes | None) -> Child:
         order = Order(self.kind.compute, inputs, restored, self.kind.memory_bytes or self.settings.job_memory_bytes)
@@ -160,7 +160,7 @@ class Attempt:
                         pass
                     if self._last is not None:
                         self._write(self._last)
-                    ledger.succeed(session, ledger.locked(session, self.job))
+                    queue.succeed(session, queue.locked(session, self.job))
             except DBAPIError as error:
                 if not (passes(error) and items.complete):
                     raise
@@ -180,7 +180,7 @@ class Attempt:
                 case Item():
                     yield message
                 case Checkpoint(data):
-                    self._aside(lambda session, data=data: ledger.save_checkpoint(session, self.job, data))
+                    self._aside(lambda session, data=data: queue.save_checkpoint(session, self.job, data))
                 case Progress():
                     self._progress(message)
 
@@ -191,7 +191,7 @@ class Attempt:
 
     def _write(self, progress: Progress) -> None:
         self._write_at = time.monotonic() + PROGRESS_SECONDS
-        self._aside(lambda session: ledger.advance(session, self.job, progress.stage, progress.share))
+        self._aside(lambda session: queue.advance(session, self.job, progress.stage, progress.share))
 
     def _aside(self, write: Any) -> None:
         """Write in a transaction of its own what the work can do without, should the database be away."""
@@ -217,8 +217,8 @@ class Attempt:
         while True:
             try:
                 with self.sessions.begin() as session:
-                    return ledger.end(session, ledger.locked(session, self.job), failure)
-            except ledger.SupersededError:
+                    return queue.end(session, queue.locked(session, self.job), failure)
+            except queue.SupersededError:
                 return "superseded"
             except NotFinite as error:
                 log.warning("an error's details are left out", error=str(error))

@@ -31,7 +31,7 @@ from service.access.dependencies import CurrentKey
 from service.db.engine import Sessions
 from service.errors import TooManyRequests
 from service.jobs.background import Listener
-from service.jobs.state import ENDED, job_state
+from service.jobs.resource import ENDED, job_state
 from service.jobs.tables import CHANGED, Job
 
 LOOK_SECONDS = 2.0  # between two looks at all jobs, while notices come through

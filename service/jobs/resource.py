@@ -1,16 +1,14 @@
-"""A noun of the contract whose rows are jobs: started, looked at, cancelled and tried again by the same operations.
-
-A kind of job brings `load`, `compute` and `store` (`service.jobs.kinds`), its noun a table whose key is the job's. A worker
-does not load the routes, which are in `service.jobs.routes`.
-"""
+"""A noun of the contract whose rows are jobs: how a job is shown; started, cancelled and tried again by the same operations."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from datetime import datetime
+from typing import Any, Generic, Literal, TypeVar
 from uuid import UUID
 
+from pydantic import Field
 from sqlalchemy.orm import Session
 
 from service.access import Lookup, User, audit
@@ -18,8 +16,8 @@ from service.db.base import Base
 from service.errors import Conflict
 from service.jobs.kinds import JobKind
 from service.jobs.queue import enqueue, request_cancel, retry
-from service.jobs.state import ENDED
 from service.jobs.tables import Job
+from service.web import StrictModel
 
 Row = TypeVar("Row", bound=Base)
 
@@ -91,3 +89,29 @@ class JobNoun(Generic[Row]):
     def _note(self, session: Session, user: User, job: Job, act: str, **noted: Any) -> None:
         name = self.find.kind.replace(" ", "_")
         audit(session, user, f"{name}.{act}", name, job.id, job.project_id, **noted)
+
+
+JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+
+ENDED = ("succeeded", "failed", "cancelled")
+"""States that a job does not leave by itself."""
+
+
+class JobOut(StrictModel):
+    """How far a job is: what the answers of all features that run one begin with."""
+
+    id: UUID
+    status: JobState
+    stage: str | None
+    progress: float = Field(description="0 to 1")
+    attempt: int
+    message: str | None
+    error: dict[str, Any] | None
+    created_at: datetime
+    started_at: datetime | None
+    finished_at: datetime | None
+
+
+def job_state(job: Job) -> dict[str, Any]:
+    """A job as the API shows it, the fields of `JobOut`."""
+    return {name: job.state if name == "status" else getattr(job, name) for name in JobOut.model_fields}

@@ -11,7 +11,7 @@ from fastapi.responses import HTMLResponse
 from starlette.responses import Response
 
 from service.access import routes as access
-from service.jobs.state import ENDED
+from service.jobs.resource import ENDED
 from service.show.pages.look import Visit, VisitDep
 from service.show.results import routes as shown
 from service.store.campaigns.operations import campaigns_of

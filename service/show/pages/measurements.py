@@ -20,12 +20,11 @@ from service.show.pages.joint import joint_updates_of
 from service.show.pages.look import Visit, VisitDep
 from service.show.pages.names import NamedJob, name_jobs, over_time
 from service.store.campaigns import routes as campaigns
-from service.store.campaigns.grid_points import stored_points
-from service.store.campaigns.operations import campaign_for, describe
+from service.store.campaigns.operations import campaign_for, describe, stored_points
 from service.store.campaigns.schemas import Boundary, CampaignOut
 from service.store.coupons import routes as coupons
 from service.store.frfs import routes as frfs
-from service.store.frfs.measured_campaign import specimen_points
+from service.store.frfs.data import specimen_points
 from service.store.frfs.operations import FrfFilter
 from service.store.frfs.schemas import FrfOut
 from service.store.imports import routes as imports

@@ -10,7 +10,7 @@ from fastapi.responses import HTMLResponse
 
 from service.access import routes as access
 from service.errors import Invalid
-from service.jobs.state import ENDED, JobState
+from service.jobs.resource import ENDED, JobState
 from service.show.pages.forms import fields_of
 from service.show.pages.look import Visit, VisitDep
 from service.show.pages.measurements import campaign_context

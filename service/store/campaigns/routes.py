@@ -11,7 +11,7 @@ from sqlalchemy import select
 
 from service.access import CurrentUser, SessionDep, SettingsDep, audit
 from service.errors import Invalid, PayloadTooLarge, UnsupportedMediaType
-from service.store.campaigns import grid_points, operations
+from service.store.campaigns import operations
 from service.store.campaigns.operations import Campaign
 from service.store.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch, GridPoints
 from service.store.structures.operations import structure_for
@@ -138,10 +138,10 @@ def get_grid_points(
 ) -> GridPoints | Response:
     """All grid points of a campaign, in the file's coordinates, as JSON or CSV."""
     campaign = operations.campaign_for(session, user, campaign_id)
-    points = grid_points.list_points(session, campaign.id)
+    points = operations.list_points(session, campaign.id)
     headers = {"ETag": etag_of(points), "Vary": "Accept"}
     if choose_format(file_format, accept, MEDIA_TYPES) == "csv":
-        return Response(grid_points.to_csv(points), media_type="text/csv", headers=headers)
+        return Response(operations.to_csv(points), media_type="text/csv", headers=headers)
     response.headers.update(headers)
     return points
 
@@ -164,30 +164,30 @@ def put_grid_points(
         raise PayloadTooLarge(f"the body has {upload.file.size} bytes, the operator allows {settings.json_limit_bytes}")
     points = _points_of(upload.file.path.read_bytes(), upload.content_type)
     campaign = operations.campaign_for(session, user, campaign_id, "editor", lock=True)
-    before = grid_points.list_points(session, campaign.id)
+    before = operations.list_points(session, campaign.id)
     if before.items or "if-match" in request.headers:
         after = GridPoints(items=sorted(points.items, key=lambda point: point.label))
         if "if-match" in request.headers or before != after:
             require_match(request, etag_of(before))
-    grid_points.replace_points(session, campaign.id, points)
+    operations.replace_points(session, campaign.id, points)
     count = len(points.items)
     audit(
         session,
         user,
-        "grid_points.put",
+        "operations.put",
         "campaign",
         campaign.id,
         operations.campaign_for.project_of(session, campaign),
         count=count,
     )
-    stored = grid_points.list_points(session, campaign.id)
+    stored = operations.list_points(session, campaign.id)
     response.headers["ETag"] = etag_of(stored)
     return stored
 
 
 def _points_of(body: bytes, content_type: str) -> GridPoints:
     if content_type == "text/csv":
-        return grid_points.from_csv(body)
+        return operations.from_csv(body)
     if content_type not in ("application/json", ""):
         raise UnsupportedMediaType(f"the body is {content_type}, expected application/json or text/csv")
     return checked(GridPoints, parse_json(body, most_values=BULK_VALUES))

@@ -27,8 +27,7 @@ from modalbase.formats.frfs.table import DOFS
 from modalbase.formats.uff.write import encode
 from service.access import CurrentUser, SessionDep
 from service.errors import Invalid, NotFound
-from service.store.campaigns.grid_points import stored_points
-from service.store.campaigns.operations import campaign_for
+from service.store.campaigns.operations import campaign_for, stored_points
 from service.store.frfs import operations
 from service.store.frfs.data import Cut, FrfTable, make_tables, only_table
 from service.store.frfs.operations import Frf

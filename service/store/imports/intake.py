@@ -20,12 +20,10 @@ from service.compute.arrays_of_files import Found
 from service.compute.frf_rows import EncodedFrf
 from service.compute.reading import Kept
 from service.errors import Conflict, Invalid, PayloadTooLarge
-from service.store.campaigns.grid_points import add_points, stored_points
-from service.store.campaigns.operations import campaign_for, campaign_of, frame_of
+from service.store.campaigns.operations import add_points, campaign_for, campaign_of, frame_of, stored_points
 from service.store.frfs.operations import add_coherence
 from service.store.modes.operations import store_read_modes
-from service.store.records.intake import RecordIntake
-from service.store.records.operations import NewRecords
+from service.store.records.operations import NewRecords, RecordIntake
 from service.store.storage import StorageOwner, book
 from service.store.structures.operations import present_structure
 

@@ -24,7 +24,7 @@ from service.store.campaigns.operations import campaign_for
 from service.store.frfs.operations import writing_frfs
 from service.store.imports.intake import Intake
 from service.store.imports.originals import Original, keep_original, write_original
-from service.store.records.intake import RecordIntake
+from service.store.records.operations import RecordIntake
 from service.store.storage import StorageOwner, book
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""What a client gets about imports; the routes of imports and of the original files."""
+"""What a client gets about imports; the routes of imports, of the original files, and of purging for good."""
 
 from __future__ import annotations
 
@@ -9,22 +9,26 @@ from uuid import UUID
 from fastapi import Query, Request, Response
 from fastapi.responses import FileResponse
 from pydantic import Field
-from sqlalchemy import func, select
+from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
 from fecore.frf import Quantity
 from modalbase.formats.recognise import Format
-from service.access import CurrentUser, SessionDep
+from service.access import CurrentUser, SessionDep, project_for
+from service.access.lookup import purge
 from service.compute.arrays_of_files import Kind
 from service.errors import Invalid
+from service.jobs.queue import cancel_purged
+from service.jobs.resource import JobOut, job_state
 from service.jobs.routes import JobRoutes
-from service.jobs.state import JobOut, job_state
 from service.jobs.tables import Job
+from service.store.campaigns.operations import campaign_for
 from service.store.imports import operations
 from service.store.imports.operations import Import
 from service.store.imports.originals import Original, copy_original
 from service.store.records.operations import judged, records_of_import
 from service.store.records.schemas import Proposal, StoredRecords
+from service.store.structures.operations import structure_for
 from service.web import Name, StrictModel, api_router, shown_as
 from service.web.downloads import spooled
 from service.web.json_body import parse_parameter
@@ -183,3 +187,39 @@ def get_original(import_id: UUID, session: SessionDep, user: CurrentUser, reques
 
 
 router.head("/imports/{import_id}/original", include_in_schema=False)(get_original)
+
+
+purging = api_router(tags=["purge"])
+
+
+@purging.post("/projects/{project_id}/purge", status_code=204)
+def purge_project(project_id: UUID, session: SessionDep, user: CurrentUser) -> None:
+    """Remove a deleted project and all that is in it for good. Nothing brings it back."""
+    project = project_for(session, user, project_id, "owner", resting=True)
+    purge(session, user, project, "project", project.id)
+    _forget_more(session, project_id)
+
+
+@purging.post("/structures/{structure_id}/purge", status_code=204)
+def purge_structure(structure_id: UUID, session: SessionDep, user: CurrentUser) -> None:
+    """Remove a deleted structure with its campaigns, results and monitors for good. Nothing brings it back."""
+    structure = structure_for(session, user, structure_id, "owner", deleted=True, lock=True)
+    project_id = structure_for.project_of(session, structure)
+    structure_for.purge(session, user, structure)
+    _forget_more(session, project_id)
+
+
+@purging.post("/campaigns/{campaign_id}/purge", status_code=204)
+def purge_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser) -> None:
+    """Remove a deleted campaign with its FRFs, original files and results for good. Nothing brings it back."""
+    campaign = campaign_for(session, user, campaign_id, "owner", deleted=True, lock=True)
+    project_id = campaign_for.project_of(session, campaign)
+    campaign_for.purge(session, user, campaign)
+    _forget_more(session, project_id)
+
+
+def _forget_more(session: Session, project_id: UUID) -> None:
+    """End the jobs that were for what is gone, and remove the original files that no import has any more."""
+    session.flush()
+    cancel_purged(session, project_id)
+    session.execute(delete(Original).where(Original.sha256.not_in(select(Import.sha256))))

@@ -19,9 +19,8 @@ from service.compute.identifying import IdentificationInputs, IdentificationOutp
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of, frame_of
-from service.store.frfs.measured_campaign import load_measured_campaign
-from service.store.modes.operations import store_identified
-from service.store.modes.tables import Identification, ModeSet
+from service.store.frfs.data import load_measured_campaign
+from service.store.modes.operations import Identification, ModeSet, store_identified
 from service.store.storage import require_room
 from service.web import Name, StrictModel, example
 

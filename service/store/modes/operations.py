@@ -1,4 +1,4 @@
-"""Mode sets: typed in, from a file or identified; stored by ascending frequency."""
+"""Mode sets, their modes and identifications: the tables, and what can be done with mode sets: type in, store, read."""
 
 from __future__ import annotations
 
@@ -9,23 +9,65 @@ from uuid import UUID
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import insert, select
-from sqlalchemy.dialects.postgresql import distinct_on
-from sqlalchemy.orm import Session
+from sqlalchemy import JSON, ForeignKey, Index, insert, select, text
+from sqlalchemy.dialects.postgresql import JSONB, distinct_on
+from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import ComplexArray
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from modalbase.formats.uff import ModeShape
 from service.access import Lookup, User, audit
+from service.db.base import Base, Identified
 from service.store.campaigns.operations import campaign_for
 from service.store.modes.schemas import ModeIn, ModeOut, ModeSetIn, ModeSetOut, ShapeValue
-from service.store.modes.tables import Mode, ModeSet
 from service.store.storage import StorageOwner, book
 from service.web import shown_as
 
 if TYPE_CHECKING:
     from service.store.campaigns.operations import Campaign
+
+
+class ModeSet(Identified, Base):
+    """Modes of a campaign: typed in, from a file, or identified."""
+
+    __tablename__ = "mode_sets"
+    __table_args__ = (Index(None, "campaign_id", "id"),)
+
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    import_id: Mapped[UUID | None] = mapped_column(ForeignKey("imports.id", deferrable=True))
+    job_id: Mapped[UUID | None] = mapped_column(ForeignKey("jobs.id", ondelete="SET NULL"))
+    name: Mapped[str]
+    origin: Mapped[str]
+    covariance: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True))
+    details: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
+
+
+class Identification(Base):
+    """One identification of modes from a campaign's FRFs; its key is its job's. Its mode set names it as `job_id`."""
+
+    __tablename__ = "identifications"
+    __table_args__ = (Index(None, "campaign_id", "id"),)
+
+    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    options: Mapped[dict[str, Any]]
+    document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+
+
+class Mode(Base):
+    """One mode of a set."""
+
+    __tablename__ = "modes"
+
+    mode_set_id: Mapped[UUID] = mapped_column(ForeignKey("mode_sets.id", ondelete="CASCADE"), primary_key=True)
+    number: Mapped[int] = mapped_column(primary_key=True)
+    frequency_hz: Mapped[float]
+    damping_ratio: Mapped[float | None]
+    frequency_sd_hz: Mapped[float | None]
+    damping_sd: Mapped[float | None]
+    shape: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+
 
 mode_set_for = Lookup(ModeSet, "mode set", "campaign_id", campaign_for)
 """The mode set, if the user has at least a role in its project."""

@@ -1,29 +1,33 @@
-"""Routes of mode sets and of identifications."""
+"""Routes of mode sets and of identifications; a mode set as a UFF file."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import Annotated, Any
+from typing import IO, Annotated, Any
 from uuid import UUID
 
+import numpy as np
 from fastapi import Header, Query, Response
 from pydantic import Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from modalbase.formats import uff
+from modalbase.formats.uff.write import encode
 from service.access import CurrentUser, SessionDep
 from service.compute.identification_document import up_to_date
+from service.errors import Conflict
+from service.jobs.resource import JobOut, job_state
 from service.jobs.routes import JobRoutes
-from service.jobs.state import JobOut, job_state
 from service.jobs.tables import Job
-from service.store.campaigns.operations import campaign_for
+from service.store.campaigns.operations import campaign_for, stored_points
 from service.store.modes import operations
-from service.store.modes.formats import write_uff
 from service.store.modes.identifications import IDENTIFICATIONS, IdentificationIn
 from service.store.modes.identifications import start_identification as queue_identification
+from service.store.modes.operations import Identification, Mode, ModeSet, modes_of, shape_of
 from service.store.modes.schemas import ModeSetIn, ModeSetOut
-from service.store.modes.tables import Identification, ModeSet
 from service.web import Cursor, Limit, Page, api_router, paged, shown_as
 from service.web.downloads import spooled
 from service.web.negotiation import choose_format, one_of
@@ -122,3 +126,37 @@ of_jobs.listing("list_identifications", "Identifications of a campaign, newest f
 of_jobs.getting(
     "get_identification", "How far an identification is, which modes it found, and how well the data support them."
 )
+
+
+def write_uff(session: Session, mode_set: ModeSet, file: IO[bytes]) -> None:
+    """Write the file, SI; shapes with 6 digits or more, 0 along axes that were not measured.
+
+    Raises:
+        Conflict: a mode has no shape, which set 55 cannot say.
+    """
+    rows = modes_of(session, [mode_set.id])[mode_set.id]
+    bare = [str(row.number) for row in rows if not shape_of(row)]
+    if bare:
+        raise Conflict(f"mode {', '.join(bare)} has no shape, and set 55 holds nothing else; use ?format=json")
+    points: Iterator[uff.Content] = (
+        uff.GridPoint(label, xyz) for label, xyz in stored_points(session, mode_set.campaign_id).items()
+    )
+    for block in encode(itertools.chain(points, (_shape(mode_set, row) for row in rows))):
+        file.write(block)
+
+
+def _shape(mode_set: ModeSet, row: Mode) -> uff.ModeShape:
+    stored = shape_of(row)
+    labels = sorted({point for point, _ in stored})
+    axes = 6 if any(axis > 3 for _, axis in stored) else 3
+    values = np.array([[stored.get((point, axis), 0.0) for axis in range(1, axes + 1)] for point in labels], complex)
+    return uff.ModeShape(
+        dataset=0,
+        label=f"{mode_set.name}, mode {row.number}",
+        mode=row.number,
+        frequency_hz=row.frequency_hz,
+        damping_ratio=float("nan") if row.damping_ratio is None else row.damping_ratio,
+        points=np.array(labels),
+        values=values,
+        kind="complex" if np.any(values.imag) else "normal",
+    )

@@ -24,7 +24,7 @@ from service.db.base import Base
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of
-from service.store.frfs.measured_campaign import specimen_points
+from service.store.frfs.data import specimen_points
 from service.store.frfs.operations import ProcessedFrfs, store_processed
 from service.store.records.operations import block_rows, sample_bytes
 from service.store.records.schemas import OverruleIn, ProcessingIn

@@ -14,8 +14,8 @@ from fastapi.responses import JSONResponse
 from sqlalchemy.orm import Session
 
 from service.access import CurrentUser, SessionDep
+from service.jobs.resource import job_state
 from service.jobs.routes import JobRoutes
-from service.jobs.state import job_state
 from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
 from service.store.records import operations

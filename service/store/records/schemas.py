@@ -13,7 +13,7 @@ from fecore.processing import Estimator, Processing, Windows
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records import Mapping, TimeBlock, Variables, blocks_of, propose, read_mapping
 from service.errors import Fault, Invalid, pointer
-from service.jobs.state import JobOut
+from service.jobs.resource import JobOut
 from service.store.campaigns.schemas import Point
 from service.store.frfs.schemas import Direction
 from service.web import StrictModel, example

@@ -27,12 +27,11 @@ from service.store.records.processings import keep_processing
 from service.store.storage import StorageOwner, book, require_room
 from service.store.structures.operations import present_structure
 from service.store.updating.bodies import body_of
-from service.store.updating.document import MARKS, up_to_date
+from service.store.updating.document import MARKS, StoredArrays, up_to_date
 from service.store.updating.document import describe as describe_result
 from service.store.updating.document import describe_joint as describe_joint_result
 from service.store.updating.loading import load_joint, load_update
 from service.store.updating.schemas import RecipeIn
-from service.store.updating.stored_arrays import StoredArrays
 from service.store.updating.tables import JointUpdate, UpdateJob, UpdateResult
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from sqlalchemy.orm import Session
 
 from service.access import CurrentUser, SessionDep, project_for, projects_of
 from service.errors import Invalid
+from service.jobs.resource import JobState, job_state
 from service.jobs.routes import JobRoutes
-from service.jobs.state import JobState, job_state
 from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for, campaigns_in, campaigns_of
 from service.store.structures.operations import structure_for, structures_in
