@@ -16,7 +16,7 @@ from fecore.arrays import FloatArray
 from service.db.base import Base
 from service.errors import NotFound, verified
 from service.store.coupons.reduction import Reduced
-from service.store.coupons.schemas import CurveCouponIn, CurveFile, CurveOut
+from service.store.coupons.schemas import CouponCurveOut, CurveCouponIn, CurveFile
 
 if TYPE_CHECKING:
     from service.store.coupons.operations import Coupon
@@ -99,9 +99,9 @@ def file_of(curve: CouponCurve) -> bytes:
     return verified(curve.file, curve.file_sha256, "file")
 
 
-def describe_curve(curve: CouponCurve) -> CurveOut:
+def describe_curve(curve: CouponCurve) -> CouponCurveOut:
     """A curve as clients see it: its file, how it was read, units, number of points, and what the standard reports."""
-    return CurveOut(
+    return CouponCurveOut(
         file=CurveFile(filename=curve.filename, size=curve.file_size, sha256=curve.file_sha256.hex(), **curve.reading),
         series=curve.series,
         points=curve.points,

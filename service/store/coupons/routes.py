@@ -28,10 +28,10 @@ from service.store.coupons.reduction import Reduced, reduce_curve
 from service.store.coupons.schemas import (
     BatchIn,
     BatchOut,
+    CouponCurveOut,
     CouponIn,
     CouponOut,
     CurveCouponIn,
-    CurveOut,
     ExclusionIn,
     Summary,
 )
@@ -217,7 +217,7 @@ def change_coupon(
 
 
 @router.get("/coupons/{coupon_id}/curve")
-def get_curve(coupon_id: UUID, session: SessionDep, user: CurrentUser) -> CurveOut:
+def get_curve(coupon_id: UUID, session: SessionDep, user: CurrentUser) -> CouponCurveOut:
     """Where a specimen's raw curve came from, how it was read, and all that its standard reports of it."""
     return curves.describe_curve(curves.curve_of(session, operations.coupon_for(session, user, coupon_id)))
 

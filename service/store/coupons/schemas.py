@@ -303,7 +303,7 @@ class CurveFile(StrictModel):
     notes: list[str]
 
 
-class CurveOut(StrictModel):
+class CouponCurveOut(StrictModel):
     """The raw curve of a specimen: where it came from, what was made of it, and how."""
 
     file: CurveFile

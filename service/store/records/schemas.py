@@ -47,7 +47,7 @@ class RecordOut(StrictModel):
     created_at: datetime
 
 
-class FindingOut(StrictModel):
+class HitFindingOut(StrictModel):
     """One criterion of one hit."""
 
     criterion: Literal["double", "overload", "quiet", "late", "early", "place", "polarity", "height", "swapped"]
@@ -67,7 +67,7 @@ class HitOut(StrictModel):
     hit: int
     accepted: bool
     overruled: bool | None = Field(description="what a user decided against the findings")
-    findings: list[FindingOut]
+    findings: list[HitFindingOut]
 
 
 class StoredRecords(StrictModel):
