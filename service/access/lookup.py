@@ -202,6 +202,11 @@ class Lookup(Generic[Row]):
             return key
         return self.owner.project_of(session, session.get_one(self.owner.table, key))
 
+    def note(self, session: Session, user: User, row: Any, act: str, **detail: Any) -> None:
+        """Record in the audit trail what was done with a row, such as `change` or `create`."""
+        name = self.kind.replace(" ", "_")
+        audit(session, user, f"{name}.{act}", name, row.id, self.project_of(session, row), **detail)
+
     def hide(self, session: Session, user: User, row: Row) -> None:
         """Delete a locked row so that nothing is lost: it is hidden with the moment, and can be brought back."""
         self._set_deleted(session, user, row, "delete", transaction_time(session))
@@ -222,7 +227,7 @@ class Lookup(Generic[Row]):
 
     def _set_deleted(self, session: Session, user: User, row: Any, act: str, deleted_at: datetime | None) -> None:
         row.deleted_at, row.updated_at = deleted_at, transaction_time(session)
-        audit(session, user, f"{self.kind}.{act}", self.kind, row.id, self.project_of(session, row))
+        self.note(session, user, row, act)
 
 
 def _key(table: Any) -> Any:

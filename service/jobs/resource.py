@@ -11,7 +11,7 @@ from uuid import UUID
 from pydantic import Field
 from sqlalchemy.orm import Session
 
-from service.access import Lookup, User, audit
+from service.access import Lookup, User
 from service.db.base import Base
 from service.errors import Conflict
 from service.jobs.kinds import JobKind
@@ -54,7 +54,7 @@ class JobNoun(Generic[Row]):
         row.id = job.id  # type: ignore[attr-defined]  # every table of a job has its key
         session.add(row)
         session.flush()
-        self._note(session, user, job, "create", **noted)
+        self.find.note(session, user, row, "create", **noted)
         return row
 
     def cancel(self, session: Session, user: User, key: UUID) -> Row:
@@ -83,12 +83,9 @@ class JobNoun(Generic[Row]):
 
     def _act(self, session: Session, user: User, key: UUID, act: str, do: Callable[[Session, UUID], Job]) -> Row:
         row = self.find(session, user, key, "editor")
-        self._note(session, user, do(session, key), act)
+        do(session, key)
+        self.find.note(session, user, row, act)
         return row
-
-    def _note(self, session: Session, user: User, job: Job, act: str, **noted: Any) -> None:
-        name = self.find.kind.replace(" ", "_")
-        audit(session, user, f"{name}.{act}", name, job.id, job.project_id, **noted)
 
 
 JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]

@@ -14,7 +14,7 @@ from sqlalchemy import ForeignKey, Index, Select, delete, func, insert, literal,
 from sqlalchemy.dialects.postgresql import JSONB, aggregate_order_by
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from service.access import Lookup, User, audit
+from service.access import Lookup, User
 from service.compute.frame import SPECIMEN, Frame, make_frame
 from service.db.base import Base, Big, Identified
 from service.db.bytea import copy_rows
@@ -90,7 +90,7 @@ def create_campaign(session: Session, user: User, structure_id: UUID, body: Camp
     session.add(campaign)
     session.flush()
     session.refresh(campaign)
-    audit(session, user, "campaign.create", "campaign", campaign.id, structure.project_id, name=body.name)
+    campaign_for.note(session, user, campaign, "create", name=body.name)
     return campaign
 
 
@@ -103,8 +103,7 @@ def change_campaign(session: Session, user: User, campaign: Campaign, patch: Cam
         setattr(campaign, field, value.model_dump(mode="json") if isinstance(value, BaseModel) else value)
     campaign.updated_at = transaction_time(session)
     session.flush()
-    project_id = campaign_for.project_of(session, campaign)
-    audit(session, user, "campaign.change", "campaign", campaign.id, project_id, was=was, now=now)
+    campaign_for.note(session, user, campaign, "change", was=was, now=now)
 
 
 def describe(campaign: Campaign) -> CampaignOut:

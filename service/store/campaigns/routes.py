@@ -170,16 +170,8 @@ def put_grid_points(
         if "if-match" in request.headers or before != after:
             require_match(request, etag_of(before))
     operations.replace_points(session, campaign.id, points)
-    count = len(points.items)
-    audit(
-        session,
-        user,
-        "operations.put",
-        "campaign",
-        campaign.id,
-        operations.campaign_for.project_of(session, campaign),
-        count=count,
-    )
+    project_id = operations.campaign_for.project_of(session, campaign)
+    audit(session, user, "grid_points.put", "campaign", campaign.id, project_id, count=len(points.items))
     stored = operations.list_points(session, campaign.id)
     response.headers["ETag"] = etag_of(stored)
     return stored

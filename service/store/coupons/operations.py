@@ -40,7 +40,7 @@ from service.store.coupons.schemas import (
     Statistic,
     Summary,
 )
-from service.store.storage import StorageOwner, book
+from service.store.storage import book
 from service.store.structures.operations import structure_for
 from service.web import shown_as
 
@@ -110,7 +110,7 @@ def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn
     session.add(batch)
     session.flush()
     session.refresh(batch)
-    audit(session, user, "coupon_batch.create", "coupon_batch", batch.id, structure.project_id, name=body.name)
+    batch_for.note(session, user, batch, "create", name=body.name)
     return batch
 
 
@@ -167,8 +167,8 @@ def add_measured_coupon(session: Session, user: User, batch: CouponBatch, sent: 
     reduced.reduction["warnings"] += unlike_the_batch(session, batch, sent.data, reduced)
     (row,) = add_coupons(session, user, batch, [reduced.coupon])
     curve = new_curve(row, sent, reduced)
-    owner = StorageOwner(batch_for.project_of(session, batch), structure_id=batch.structure_id)
-    book(session, owner, "curves", len(curve.file) + len(curve.data))
+    size = len(curve.file) + len(curve.data)
+    book(session, batch_for.project_of(session, batch), "curves", size, structure_id=batch.structure_id)
     session.add(curve)
     session.flush()
     session.refresh(row)
@@ -186,8 +186,7 @@ def exclude(session: Session, user: User, coupon: Coupon, body: ExclusionIn) -> 
     was = {"excluded": coupon.excluded, "exclusion_reason": coupon.exclusion_reason}
     coupon.excluded, coupon.exclusion_reason = body.excluded, body.exclusion_reason
     session.flush()
-    project_id = coupon_for.project_of(session, coupon)
-    audit(session, user, "coupon.exclude", "coupon", coupon.id, project_id, was=was, now=body.model_dump())
+    coupon_for.note(session, user, coupon, "exclude", was=was, now=body.model_dump())
 
 
 def summarise(session: Session, batch: CouponBatch) -> Summary:

@@ -26,7 +26,7 @@ from service.db.base import Base, Big, Identified
 from service.db.bytea import copy_rows, new_keys
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.frfs.schemas import UNITS, FrfOut
-from service.store.storage import StorageOwner, book
+from service.store.storage import book
 from service.web import shown_as
 
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -
         QuotaExceeded: the project has no room for them.
     """
     project_id = campaign_for.project_of(session, campaign)
-    book(session, StorageOwner(project_id, campaign.id), "frfs", new.path.stat().st_size)
+    book(session, project_id, "frfs", new.path.stat().st_size, campaign_id=campaign.id)
     keys = new_keys(session, new.count)
     columns = {"id": "uuid", "campaign_id": "uuid", **COLUMNS}
     with new.path.open("rb") as file, copy_rows(session, Frf.__tablename__, columns) as write:
@@ -197,7 +197,7 @@ def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, ne
     campaign = campaign_of(session, campaign_id)
     kept = (new.frfs.values, new.coherence, new.frfs.variance)
     size = sum(values.nbytes for values in kept if values is not None)
-    book(session, StorageOwner(campaign_for.project_of(session, campaign), campaign.id), "frfs", size)
+    book(session, campaign_for.project_of(session, campaign), "frfs", size, campaign_id=campaign.id)
     common = {
         "campaign_id": campaign_id,
         "processing_id": processing_id,

@@ -24,7 +24,7 @@ from service.store.campaigns.operations import add_points, campaign_for, campaig
 from service.store.frfs.operations import add_coherence
 from service.store.modes.operations import store_read_modes
 from service.store.records.operations import NewRecords, RecordIntake
-from service.store.storage import StorageOwner, book
+from service.store.storage import book
 from service.store.structures.operations import present_structure
 
 SAME_POINT_M = 1e-6
@@ -112,8 +112,8 @@ class Intake:
             self._refuse_nothing()
         if self.frf_bytes and not self.row.dry_run:
             campaign = campaign_of(self.session, self.row.campaign_id)
-            owner = StorageOwner(campaign_for.project_of(self.session, campaign), campaign.id)
-            book(self.session, owner, "frfs", self.frf_bytes)
+            project_id = campaign_for.project_of(self.session, campaign)
+            book(self.session, project_id, "frfs", self.frf_bytes, campaign_id=campaign.id)
         self.row.counts = self.counts
         self.row.format, self.row.kind = self.found.format, self.found.kind
         if self.found.kind is not None:

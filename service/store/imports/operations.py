@@ -25,7 +25,7 @@ from service.store.frfs.operations import writing_frfs
 from service.store.imports.intake import Intake
 from service.store.imports.originals import Original, keep_original, write_original
 from service.store.records.operations import RecordIntake
-from service.store.storage import StorageOwner, book
+from service.store.storage import book
 
 if TYPE_CHECKING:
     from modalbase.formats.recognise import Format
@@ -131,9 +131,9 @@ def start_import(session: Session, user: User, campaign_id: UUID, wanted: Import
     campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
     if not (wanted.dry_run or wanted.urgent) and (known := _same_bytes(session, campaign, wanted)) is not None:
         return known, False
-    project_id = campaign_for.project_of(session, campaign)
     if not _has_file(session, campaign, wanted.file.sha256):
-        book(session, StorageOwner(project_id, campaign.id), "files", wanted.file.size)
+        project_id = campaign_for.project_of(session, campaign)
+        book(session, project_id, "files", wanted.file.size, campaign_id=campaign.id)
     keep_original(session, wanted.file)
     row = Import(
         campaign_id=campaign.id,

@@ -17,11 +17,11 @@ from fecore.arrays import ComplexArray
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from modalbase.formats.uff import ModeShape
-from service.access import Lookup, User, audit
+from service.access import Lookup, User
 from service.db.base import Base, Identified
 from service.store.campaigns.operations import campaign_for
 from service.store.modes.schemas import ModeIn, ModeOut, ModeSetIn, ModeSetOut, ShapeValue
-from service.store.storage import StorageOwner, book
+from service.store.storage import book
 from service.web import shown_as
 
 if TYPE_CHECKING:
@@ -80,22 +80,14 @@ def create_mode_set(session: Session, user: User, campaign: Campaign, body: Mode
         QuotaExceeded: the project has no room for them.
     """
     project_id = campaign_for.project_of(session, campaign)
-    book(session, StorageOwner(project_id, campaign.id), "modes", len(body.model_dump_json()))
+    book(session, project_id, "modes", len(body.model_dump_json()), campaign_id=campaign.id)
     mode_set = ModeSet(campaign_id=campaign.id, name=body.name, origin="typed", details={})
     session.add(mode_set)
     session.flush()
     modes = sorted(body.modes, key=lambda mode: mode.frequency_hz)
     session.execute(insert(Mode), [_row(mode_set.id, number, mode) for number, mode in enumerate(modes, 1)])
     session.refresh(mode_set)
-    audit(
-        session,
-        user,
-        "mode_set.create",
-        "mode_set",
-        mode_set.id,
-        project_id,
-        name=body.name,
-    )
+    mode_set_for.note(session, user, mode_set, "create", name=body.name)
     return mode_set
 
 

@@ -25,7 +25,7 @@ from service.db.bytea import copy_rows, new_keys, stream_rows
 from service.errors import Conflict, Damaged, verified
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.records.schemas import UNITS, HitOut, RecordOut, StoredRecords
-from service.store.storage import StorageOwner, book
+from service.store.storage import book
 from service.web import shown_as
 
 
@@ -167,7 +167,7 @@ def write_records(session: Session, new: NewRecords) -> list[UUID]:
             }
             write([row[name] for name in COLUMNS])
     project = campaign_for.project_of(session, campaign_of(session, new.campaign_id))
-    book(session, StorageOwner(project, new.campaign_id), "records", size)
+    book(session, project, "records", size, campaign_id=new.campaign_id)
     return keys
 
 
@@ -214,9 +214,9 @@ def remove_record(session: Session, user: User, record_id: UUID) -> None:
     row = record_for(session, user, record_id, "editor", lock=True)  # of two at once, one deletes
     campaign = campaign_for(session, user, row.campaign_id, "editor")
     project = campaign_for.project_of(session, campaign)
-    audit(session, user, "record.delete", "record", row.id, project, sha256=row.sha256.hex(), hit=row.hit)
+    record_for.note(session, user, row, "delete", sha256=row.sha256.hex(), hit=row.hit)
     (size,) = session.execute(delete(Record).where(Record.id == row.id).returning(func.octet_length(Record.data))).one()
-    book(session, StorageOwner(project, campaign.id), "records", -size)
+    book(session, project, "records", -size, campaign_id=campaign.id)
 
 
 def query_of(campaign_id: UUID, point: int | None = None, hit: int | None = None) -> Select[Record]:

@@ -11,7 +11,6 @@ within a project: what does not fit by then is rolled back. A project's account 
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from typing import Literal
 from uuid import UUID
 
@@ -46,21 +45,6 @@ BOOKED = "booked_bytes"
 Kind = Literal["files", "frfs", "records", "curves", "modes", "results"]
 
 
-@dataclass(frozen=True)
-class StorageOwner:
-    """What bytes are stored for; they go when it is purged.
-
-    Attributes:
-        project_id: whose limit counts.
-        campaign_id: the campaign that they belong to.
-        structure_id: the structure, of what belongs to no campaign.
-    """
-
-    project_id: UUID
-    campaign_id: UUID | None = None
-    structure_id: UUID | None = None
-
-
 def used_bytes(session: Session, project_id: UUID) -> dict[str, int]:
     """Bytes that a project stores, by kind; what is deleted counts until it is purged."""
     query = (
@@ -90,25 +74,36 @@ def require_room(session: Session, project_id: UUID, size: int = 1) -> None:
         raise QuotaExceeded(used, allowed, size)
 
 
-def book(session: Session, owner: StorageOwner, kind: Kind, size: int) -> None:
+def book(
+    session: Session,
+    project_id: UUID,
+    kind: Kind,
+    size: int,
+    *,
+    campaign_id: UUID | None = None,
+    structure_id: UUID | None = None,
+) -> None:
     """Enter bytes into a project's account, in the transaction that stores them and before it does where they are known.
 
     Args:
         session: the transaction.
-        owner: what they are stored for.
+        project_id: whose limit counts.
         kind: what they are.
         size: how many; negative where they are removed.
+        campaign_id: the campaign that they belong to, with which they go when it is purged.
+        structure_id: the structure, of what belongs to no campaign.
 
     Raises:
         QuotaExceeded: the project would have more bytes than it may. At the transaction's commit too.
     """
-    if size > 0:
-        require_room(session, owner.project_id, size)
     if size:
-        session.execute(insert(StoredBytes).values(**vars(owner), kind=kind, size=size))
+        entry = {"project_id": project_id, "campaign_id": campaign_id, "structure_id": structure_id}
+        if size > 0:
+            require_room(session, project_id, size)
+        session.execute(insert(StoredBytes).values(**entry, kind=kind, size=size))
     if size > 0:
         booked: Counter[UUID] = session.info.setdefault(BOOKED, Counter())
-        booked[owner.project_id] += size
+        booked[project_id] += size
         event.listen(session, "before_commit", _require_that_all_fits)
 
 

@@ -14,7 +14,7 @@ from sqlalchemy import ForeignKey, Index, Select, UniqueConstraint, func, select
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, Session, mapped_column, relationship
 
-from service.access import Lookup, User, audit, project_for
+from service.access import Lookup, User, project_for
 from service.db.base import Base, Identified
 from service.db.clock import transaction_time
 from service.errors import Fault, Invalid
@@ -90,7 +90,7 @@ def create_structure(session: Session, user: User, project_id: UUID, body: Struc
     session.flush()
     _add_version(session, structure, body)
     session.refresh(structure)
-    audit(session, user, "structure.create", "structure", structure.id, project.id, name=body.name)
+    structure_for.note(session, user, structure, "create", name=body.name)
     return structure
 
 
@@ -112,7 +112,7 @@ def change_structure(session: Session, user: User, structure: Structure, patch: 
         _add_version(session, structure, after)
     structure.updated_at = transaction_time(session)
     session.flush()
-    audit(session, user, "structure.change", "structure", structure.id, structure.project_id, version=structure.version)
+    structure_for.note(session, user, structure, "change", version=structure.version)
 
 
 def describe(session: Session, structure: Structure) -> StructureOut:

@@ -24,7 +24,7 @@ from service.store.frfs.operations import frf_extents
 from service.store.modes.identifications import keep_identified
 from service.store.modes.operations import mode_set_for
 from service.store.records.processings import keep_processing
-from service.store.storage import StorageOwner, book, require_room
+from service.store.storage import book, require_room
 from service.store.structures.operations import present_structure
 from service.store.updating.bodies import body_of
 from service.store.updating.document import MARKS, StoredArrays, up_to_date
@@ -56,7 +56,7 @@ def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> Non
             )
             document["provenance"]["mode_set"] = str(kept.id)
         size = len(output.prediction) + len(json.dumps(document))
-        book(session, StorageOwner(row.project_id, row.campaign_id), "results", size)
+        book(session, row.project_id, "results", size, campaign_id=row.campaign_id)
         session.add(UpdateResult(id=job_id, document=document, prediction=output.prediction))
 
 
@@ -64,7 +64,7 @@ def _store_joint(session: Session, job_id: UUID, items: Iterator[JointOutput]) -
     row = session.get_one(JointUpdate, job_id)
     for output in items:
         document = describe_joint_result(output.result, output.warnings, output.sources, output.provenance)
-        book(session, StorageOwner(row.project_id), "results", len(json.dumps(document)))
+        book(session, row.project_id, "results", len(json.dumps(document)))
         row.document = document
 
 
