@@ -17,7 +17,8 @@ from sqlalchemy.dialects.postgresql import aggregate_order_by
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import FloatArray
-from fecore.frf import FrfSet, Quantity
+from fecore.frf import Quantity
+from fecore.processing import Averages
 from modalbase.formats.frfs.table import DOFS
 from service.access import Lookup, User, audit
 from service.compute.frf_rows import COLUMNS, coherence_columns
@@ -168,24 +169,7 @@ def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -
     return frfs_of(session, keys)
 
 
-@dataclass(frozen=True)
-class ProcessedFrfs:
-    """FRFs that a processing made of time blocks, all or some of them.
-
-    Attributes:
-        frfs: the FRFs with their variance.
-        coherence: (N, L) γ².
-        hits: (N,) how many hits each is the mean of.
-        window_rate_per_s: rate of the exponential window that all of them carry.
-    """
-
-    frfs: FrfSet
-    coherence: FloatArray
-    hits: tuple[int, ...]
-    window_rate_per_s: float
-
-
-def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, new: ProcessedFrfs) -> list[UUID]:
+def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, new: Averages) -> list[UUID]:
     """Store FRFs of a processing in the job's transaction; those that come in parts are stored part by part.
 
     Returns:
@@ -202,19 +186,20 @@ def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, ne
         "campaign_id": campaign_id,
         "processing_id": processing_id,
         "quantity": new.frfs.quantity,
-        "window_rate_per_s": new.window_rate_per_s,
+        "window_rate_per_s": new.rate_per_s,
         **encode_axis(new.frfs.frequency_hz).columns(),
     }
-    keys = new_keys(session, len(new.hits))
+    hits = new.hits.tolist()
+    keys = new_keys(session, len(hits))
     with copy_rows(session, Frf.__tablename__, PROCESSED_COLUMNS) as write:
         for i, (key, response, force) in enumerate(zip(keys, new.frfs.responses, new.frfs.references, strict=True)):
             variance = None if new.frfs.variance is None else new.frfs.variance[i]
             known = None if variance is None or np.isnan(variance).any() else encode(variance)
             row = {
                 "id": key,
-                "label": f"{new.hits[i]} hits at point {force.point}",
+                "label": f"{hits[i]} hits at point {force.point}",
                 **dict(zip(DOFS, (response.point, response.direction, force.point, force.direction), strict=True)),
-                "averages": new.hits[i],
+                "averages": hits[i],
                 **common,
                 **encode(new.frfs.values[i]).columns(),
                 **coherence_columns(new.coherence[i]),

@@ -23,7 +23,7 @@ from service.errors import Conflict, Invalid, PayloadTooLarge
 from service.store.campaigns.operations import add_points, campaign_for, campaign_of, frame_of, stored_points
 from service.store.frfs.operations import add_coherence
 from service.store.modes.operations import store_read_modes
-from service.store.records.operations import NewRecords, RecordIntake
+from service.store.records.operations import RecordIntake
 from service.store.storage import book
 from service.store.structures.operations import present_structure
 
@@ -99,8 +99,8 @@ class Intake:
         self.counts["records"] += len(self.blocks - self.unused.keys())
         if self.counts["records"] and not self.row.dry_run:
             counted = bool(self.blocks) or self.found.counted
-            new = NewRecords(self.row.campaign_id, (), 0, counted, self.row.filename, self.row.id)
-            self.records.store(self.session, new, self.unused.keys())
+            source = {"filename": self.row.filename, "import_id": self.row.id}
+            self.records.store(self.session, self.row.campaign_id, self.unused.keys(), counted=counted, **source)
         self._write_points()
         self._write_coherences()
         self._write_modes()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,6 @@ from sqlalchemy import ForeignKey, Index, Select, func, select
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from fecore.frf import Quantity
 from service.access import Lookup, User
 from service.compute.reading import Kept, ReadingInputs, read_upload
 from service.db.base import Base
@@ -28,8 +26,6 @@ from service.store.records.operations import RecordIntake
 from service.store.storage import book
 
 if TYPE_CHECKING:
-    from modalbase.formats.recognise import Format
-    from service.compute.arrays_of_files import Kind
     from service.store.campaigns.operations import Campaign
     from service.web.uploads import Spooled
 
@@ -92,35 +88,20 @@ import_for = Lookup(Import, "import", "campaign_id", campaign_for)
 IMPORTS = JobNoun(IMPORT, import_for, "imports")
 
 
-@dataclass(frozen=True)
-class ImportRequest:
-    """What to do with an uploaded file.
-
-    Attributes:
-        file: where it lies, with its SHA-256.
-        filename: what the client calls it.
-        dry_run: only report.
-        quantity: what an FRF is whose file states neither data type nor unit.
-        format: where it is known.
-        kind: what an npz, .mat or CSV holds.
-        mapping: which of its variables is what.
-        urgent: a request waits for it: it has a queue of its own, and is read also where the campaign has these bytes already.
-    """
-
-    file: Spooled
-    filename: str
-    dry_run: bool
-    quantity: Quantity | None
-    format: Format | None = None
-    kind: Kind | None = None
-    mapping: Any = None
-    urgent: bool = False
-
-
-def start_import(session: Session, user: User, campaign_id: UUID, wanted: ImportRequest) -> tuple[Import, bool]:
+def start_import(
+    session: Session, user: User, campaign_id: UUID, file: Spooled, wanted: Import, *, urgent: bool = False
+) -> tuple[Import, bool]:
     """Store the file and queue its reading, in one transaction.
 
     The same bytes are not read into a campaign twice: the import that has them, or is about to, is returned instead.
+
+    Args:
+        session: the request's transaction.
+        user: who asks; an editor of the project at least.
+        campaign_id: the campaign that takes the file.
+        file: where it lies, with its SHA-256.
+        wanted: the row to be: what the client calls the file, and what to do with it.
+        urgent: a request waits for it: it has a queue of its own, and is read also where the campaign has these bytes already.
 
     Returns:
         The import, and whether it is a new one.
@@ -129,24 +110,15 @@ def start_import(session: Session, user: User, campaign_id: UUID, wanted: Import
         QuotaExceeded: the project has no room for the file.
     """
     campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
-    if not (wanted.dry_run or wanted.urgent) and (known := _same_bytes(session, campaign, wanted)) is not None:
+    wanted.campaign_id, wanted.sha256 = campaign.id, file.sha256
+    if not (wanted.dry_run or urgent) and (known := _same_bytes(session, wanted)) is not None:
         return known, False
-    if not _has_file(session, campaign, wanted.file.sha256):
+    if not _has_file(session, campaign, file.sha256):
         project_id = campaign_for.project_of(session, campaign)
-        book(session, project_id, "files", wanted.file.size, campaign_id=campaign.id)
-    keep_original(session, wanted.file)
-    row = Import(
-        campaign_id=campaign.id,
-        filename=wanted.filename,
-        sha256=wanted.file.sha256,
-        dry_run=wanted.dry_run,
-        quantity=wanted.quantity,
-        format=wanted.format,
-        kind=wanted.kind,
-        mapping=wanted.mapping,
-    )
-    queue = REQUESTS if wanted.urgent else None
-    return IMPORTS.start(session, user, row, queue=queue, sha256=wanted.file.sha256.hex()), True
+        book(session, project_id, "files", file.size, campaign_id=campaign.id)
+    keep_original(session, file)
+    queue = REQUESTS if urgent else None
+    return IMPORTS.start(session, user, wanted, queue=queue, sha256=file.sha256.hex()), True
 
 
 def _has_file(session: Session, campaign: Campaign, sha256: bytes) -> bool:
@@ -155,15 +127,15 @@ def _has_file(session: Session, campaign: Campaign, sha256: bytes) -> bool:
     return session.scalars(query.limit(1)).first() is not None
 
 
-def _same_bytes(session: Session, campaign: Campaign, wanted: ImportRequest) -> Import | None:
+def _same_bytes(session: Session, wanted: Import) -> Import | None:
     """The import that has these bytes, read by the same mapping, or is about to."""
     same_mapping = Import.mapping.is_(None) if wanted.mapping is None else Import.mapping == wanted.mapping
     return session.scalars(
         select(Import)
         .join(Job, Job.id == Import.id)
         .where(
-            Import.campaign_id == campaign.id,
-            Import.sha256 == wanted.file.sha256,
+            Import.campaign_id == wanted.campaign_id,
+            Import.sha256 == wanted.sha256,
             same_mapping,
             ~Import.dry_run,
             Job.state.in_(("queued", "running", "succeeded")),

@@ -148,15 +148,14 @@ def start_import(
     """
     if upload.file.size == 0:
         raise Invalid("", "the body is empty, expected a file: UFF, npz, .mat, CSV or wav")
-    wanted = operations.ImportRequest(
-        upload.file,
-        filename or upload.filename or "upload",
-        dry_run,
-        quantity,
+    wanted = Import(
+        filename=filename or upload.filename or "upload",
+        dry_run=dry_run,
+        quantity=quantity,
         kind=kind,
         mapping=read_mapping(mapping, upload),
     )
-    row, new = operations.start_import(session, user, campaign_id, wanted)
+    row, new = operations.start_import(session, user, campaign_id, upload.file, wanted)
     response.status_code = 202 if new else 200
     response.headers["Location"] = f"/api/v1/imports/{row.id}"
     return of_jobs.shown(session, row).model_copy(update={"already_imported": not new})

@@ -6,7 +6,7 @@ import pickle
 import tempfile
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 from uuid import UUID
 
@@ -94,15 +94,7 @@ record_for = Lookup(Record, "record", "campaign_id", campaign_for)
 def store_records(
     session: Session, user: User, campaign_id: UUID, filename: str, blocks: Sequence[TimeBlock], *, counted: bool
 ) -> list[Record]:
-    """Store time blocks of a script, all or none, each with the SHA-256 of its samples.
-
-    Args:
-        session: the request's transaction.
-        user: who asks; an editor of the project at least.
-        campaign_id: the campaign that takes them.
-        filename: where they come from.
-        blocks: of whole hits.
-        counted: hit numbers were only counted, so they go on behind those that a place has already.
+    """Store time blocks of a script, all or none, each with the SHA-256 of its samples; see `write_records`.
 
     Raises:
         Conflict: the campaign has a hit of that number there already.
@@ -111,7 +103,7 @@ def store_records(
     campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
     if not counted:
         require_new(session, campaign.id, blocks)
-    keys = write_records(session, NewRecords(campaign.id, blocks, len(blocks), counted, filename))
+    keys = write_records(session, campaign.id, blocks, len(blocks), counted=counted, filename=filename)
     written = Record.id == any_(literal(keys, ARRAY(Uuid)))  # one parameter, however many blocks there are
     stored = list(session.scalars(select(Record).where(written).order_by(Record.id)))
     project = campaign_for.project_of(session, campaign)
@@ -119,45 +111,42 @@ def store_records(
     return stored
 
 
-@dataclass(frozen=True)
-class NewRecords:
-    """Time blocks on their way to the database.
+def write_records(
+    session: Session,
+    campaign_id: UUID,
+    blocks: Iterable[TimeBlock],
+    count: int,
+    *,
+    counted: bool,
+    filename: str,
+    import_id: UUID | None = None,
+) -> list[UUID]:
+    """Write time blocks, one at a time, and return their keys.
 
-    Attributes:
+    Args:
+        session: the transaction.
         campaign_id: the campaign that takes them.
-        blocks: one at a time.
+        blocks: of whole hits.
         count: how many.
-        counted: hit numbers go on behind those that a place has already.
+        counted: hit numbers were only counted, so they go on behind those that a place has already.
         filename: where they come from.
         import_id: the import that brings them.
-    """
-
-    campaign_id: UUID
-    blocks: Iterable[TimeBlock]
-    count: int
-    counted: bool
-    filename: str = ""
-    import_id: UUID | None = None
-
-
-def write_records(session: Session, new: NewRecords) -> list[UUID]:
-    """Write time blocks, one at a time, and return their keys.
 
     Raises:
         QuotaExceeded: the project has no room for them.
     """
-    last = _last_hits(session, new.campaign_id) if new.counted else {}
-    keys, size = new_keys(session, new.count), 0
+    last = _last_hits(session, campaign_id) if counted else {}
+    keys, size = new_keys(session, count), 0
     with copy_rows(session, Record.__tablename__, COLUMNS) as write:
         # The server stores one while the next is hashed.
-        for key, block in zip(keys, new.blocks, strict=True):
+        for key, block in zip(keys, blocks, strict=True):
             samples = encode(block.samples)
             size += len(samples.data)
             row = {
                 "id": key,
-                "campaign_id": new.campaign_id,
-                "import_id": new.import_id,
-                "filename": new.filename,
+                "campaign_id": campaign_id,
+                "import_id": import_id,
+                "filename": filename,
                 **{name: getattr(block, name) for name in _STATED},
                 "hit": block.hit + last.get((block.force_point, block.force_direction), 0),
                 "samples": samples.count,
@@ -166,8 +155,8 @@ def write_records(session: Session, new: NewRecords) -> list[UUID]:
                 "data": samples.data,
             }
             write([row[name] for name in COLUMNS])
-    project = campaign_for.project_of(session, campaign_of(session, new.campaign_id))
-    book(session, project, "records", size, campaign_id=new.campaign_id)
+    project = campaign_for.project_of(session, campaign_of(session, campaign_id))
+    book(session, project, "records", size, campaign_id=campaign_id)
     return keys
 
 
@@ -369,19 +358,22 @@ class RecordIntake:
         pickle.dump((len(self._mapped), block), self._spool)
         self._mapped.append(replace(block, samples=_NONE))
 
-    def store(self, session: Session, new: NewRecords, refused: Collection[int] = ()) -> None:
-        """Write the blocks that were not refused, one at a time; `new` says the rest of them.
+    def store(
+        self, session: Session, campaign_id: UUID, refused: Collection[int] = (), *, counted: bool, **source: Any
+    ) -> None:
+        """Write the blocks that were not refused, one at a time; `source` is what `write_records` takes besides.
 
         Raises:
             Conflict: the campaign has a hit of a stated number there already.
             QuotaExceeded: the project has no room for them.
         """
-        campaign_of(session, new.campaign_id, lock=True)  # against a script that sends the same hits
-        if not new.counted:
-            require_new(session, new.campaign_id, self._mapped)
+        campaign_of(session, campaign_id, lock=True)  # against a script that sends the same hits
+        if not counted:
+            require_new(session, campaign_id, self._mapped)
         held = [*(dataset for dataset, _ in self._forces.values()), *self._others, *range(len(self._mapped))]
         kept = (block for number, block in self._read(len(held)) if number not in refused)
-        write_records(session, replace(new, blocks=kept, count=sum(number not in refused for number in held)))
+        count = sum(number not in refused for number in held)
+        write_records(session, campaign_id, kept, count, counted=counted, **source)
 
     def _read(self, count: int) -> Iterator[tuple[int, TimeBlock]]:
         self._spool.seek(0)

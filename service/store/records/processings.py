@@ -25,7 +25,7 @@ from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.frfs.data import specimen_points
-from service.store.frfs.operations import ProcessedFrfs, store_processed
+from service.store.frfs.operations import store_processed
 from service.store.records.operations import block_rows, sample_bytes
 from service.store.records.schemas import OverruleIn, ProcessingIn
 from service.store.storage import require_room
@@ -114,15 +114,9 @@ def _store(session: Session, job_id: UUID, items: Iterator[Averages | str]) -> N
     keys: list[UUID] = []
     for item in items:
         if isinstance(item, Averages):
-            keys += _store_frfs(session, row, item)
+            keys += store_processed(session, row.campaign_id, row.id, item)
         else:
             row.document = _with_keys(json.loads(item), keys)
-
-
-def _store_frfs(session: Session, row: Processing, found: Averages) -> list[UUID]:
-    hits = tuple(int(n) for n in found.hits)
-    new = ProcessedFrfs(found.frfs, found.coherence, hits, found.rate_per_s)
-    return store_processed(session, row.campaign_id, row.id, new)
 
 
 def _with_keys(document: dict[str, Any], keys: Sequence[UUID]) -> dict[str, Any]:
@@ -142,7 +136,7 @@ def keep_processing(
     row = Processing(id=job_id, campaign_id=campaign_id, options=options.model_dump(mode="json"))
     session.add(row)
     session.flush()
-    row.document = _with_keys(output.document, _store_frfs(session, row, output.processed))
+    row.document = _with_keys(output.document, store_processed(session, campaign_id, job_id, output.processed))
     return row.document
 
 
