@@ -221,9 +221,22 @@ class Lookup(Generic[Row]):
             raise Conflict(f"the {self.kind} is not deleted")
         self._set_deleted(session, user, row, "restore", None)
 
-    def purge(self, session: Session, user: User, row: Row) -> None:
-        """Remove a deleted row for good; see `purge`."""
-        purge(session, user, row, self.kind, self.project_of(session, row))
+    def purge(self, session: Session, user: User, row: Any) -> None:
+        """Remove a deleted row with all that belongs to it for good. The audit trail keeps who did it, and its name.
+
+        Raises:
+            Conflict: it is not deleted.
+        """
+        if row.deleted_at is None:
+            raise Conflict(f"the {self.kind} is not deleted; delete it first, and purge it when nobody misses it")
+        self.note(session, user, row, "purge", name=row.name)
+        session.flush()
+        session.expunge(row)
+        session.execute(text("SET CONSTRAINTS ALL DEFERRED"))  # what belongs to it goes in whatever order
+        session.execute(
+            delete(self.table).where(_key(self.table) == row.id), execution_options={"synchronize_session": False}
+        )
+        session.execute(text("SET CONSTRAINTS ALL IMMEDIATE"))
 
     def _set_deleted(self, session: Session, user: User, row: Any, act: str, deleted_at: datetime | None) -> None:
         row.deleted_at, row.updated_at = deleted_at, transaction_time(session)
@@ -234,17 +247,5 @@ def _key(table: Any) -> Any:
     return table.id
 
 
-def purge(session: Session, user: User, row: Any, kind: str, project_id: UUID) -> None:
-    """Remove a deleted row with all that belongs to it for good. The audit trail keeps who did it, and its name.
-
-    Raises:
-        Conflict: it is not deleted.
-    """
-    if row.deleted_at is None:
-        raise Conflict(f"the {kind} is not deleted; delete it first, and purge it when nobody misses it")
-    key, name, table = row.id, row.name, type(row)
-    session.expunge(row)
-    session.execute(text("SET CONSTRAINTS ALL DEFERRED"))  # what belongs to it goes in whatever order
-    session.execute(delete(table).where(table.id == key), execution_options={"synchronize_session": False})
-    session.execute(text("SET CONSTRAINTS ALL IMMEDIATE"))
-    audit(session, user, f"{kind}.purge", kind, key, project_id, name=name)
+projects = Lookup(Project, "project", "id")
+"""What is done with the rows of projects themselves; `project_for` finds one."""

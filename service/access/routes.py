@@ -27,7 +27,7 @@ from service.access.keys import (
     request_token,
     revoke_key,
 )
-from service.access.lookup import project_for, projects_of
+from service.access.lookup import project_for, projects, projects_of
 from service.access.schemas import (
     AuditEventOut,
     KeyEnd,
@@ -70,7 +70,7 @@ def create_project(body: ProjectIn, session: SessionDep, user: CurrentUser, resp
     session.flush()
     session.refresh(project)
     session.add(Member(project_id=project.id, user_id=user.id, role="owner"))
-    audit(session, user, "project.create", "project", project.id, project.id, name=body.name)
+    projects.note(session, user, project, "create", name=body.name)
     response.headers["Location"] = f"/api/v1/projects/{project.id}"
     return ProjectOut.model_validate(project)
 
@@ -114,7 +114,7 @@ def change_project(
         else:
             setattr(project, name, value)
     project.updated_at = transaction_time(session)
-    audit(session, user, "project.change", "project", project.id, project.id, was=was, now=now)
+    projects.note(session, user, project, "change", was=was, now=now)
     return _shown(project, response)
 
 
@@ -124,18 +124,14 @@ def delete_project(project_id: UUID, session: SessionDep, user: CurrentUser) -> 
     project = _locked(session, user, project_id)
     if project.deleted_at is not None:
         raise NotFound("project", project_id)
-    project.deleted_at = project.updated_at = transaction_time(session)
-    audit(session, user, "project.delete", "project", project.id, project.id)
+    projects.hide(session, user, project)
 
 
 @router.post("/projects/{project_id}/restore")
 def restore_project(project_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> ProjectOut:
     """Bring a deleted project back."""
     project = _locked(session, user, project_id)
-    if project.deleted_at is None:
-        raise Conflict("the project is not deleted")
-    project.deleted_at, project.updated_at = None, transaction_time(session)
-    audit(session, user, "project.restore", "project", project.id, project.id)
+    projects.bring_back(session, user, project)
     return _shown(project, response)
 
 

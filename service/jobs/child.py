@@ -82,8 +82,8 @@ class Failure:
 
     def shown(self) -> dict[str, Any]:
         """What clients read of it."""
-        told = {"reason": self.reason, "type": self.type, "detail": self.detail}
-        return told | ({} if self.field is None else {"field": self.field}) | (self.extra or {})
+        shown = {"reason": self.reason, "type": self.type, "detail": self.detail}
+        return shown | ({} if self.field is None else {"field": self.field}) | (self.extra or {})
 
 
 CANCELLED = Failure("cancelled", "Cancelled", "cancelled on request")

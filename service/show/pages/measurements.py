@@ -50,7 +50,7 @@ def get_structure(
     cursor: Cursor = None,
 ) -> HTMLResponse:
     """A structure: its tests side by side with what they gave, coupon batches, monitors."""
-    structure = structures.get_structure(structure_id, visit.session, visit.user, Response())
+    structure = structures.nouns.one(visit.session, visit.user, structure_id)
     project = access.get_project(structure.project_id, visit.session, visit.user, Response())
     listed = campaigns.list_campaigns(structure_id, visit.session, visit.user, cursor=cursor, limit=MOST)
     shown = [c for c in listed.items if _wanted(c, boundary, name)]
@@ -68,7 +68,7 @@ def get_structure(
         newest=newest,
         over_time=over_time(list(newest.values()), {c.id: c.performed_at for c in listed.items}),
         parameters=_parameter_names(newest.values()),
-        batches=coupons.list_batches(structure_id, visit.session, visit.user, limit=MOST).items,
+        batches=coupons.batches.page(visit.session, visit.user, structure_id, limit=MOST).items,
         monitors=monitoring.list_monitors_of_structure(structure_id, visit.session, visit.user, limit=MOST).items,
         boundary=boundary,
         name=name,
@@ -99,7 +99,7 @@ def campaign_context(
 ) -> tuple[CampaignOut, StructureOut, ProjectOut]:
     """A campaign with its structure and project, for pages that stand below it; results outlive their campaign."""
     campaign = describe(campaign_for(visit.session, visit.user, campaign_id, deleted=deleted))
-    structure = structures.get_structure(campaign.structure_id, visit.session, visit.user, Response())
+    structure = structures.nouns.one(visit.session, visit.user, campaign.structure_id)
     project = access.get_project(structure.project_id, visit.session, visit.user, Response())
     return campaign, structure, project
 
@@ -124,7 +124,7 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         grid=draw_grid(points, structure.geometry, _measured_points(listed.items)),
         point_count=len(points),
         imports=list(reversed(imports.of_jobs.page(visit.session, visit.user, campaign_id, limit=50).items)),
-        mode_sets=modes.list_mode_sets(campaign_id, visit.session, visit.user, limit=50).items,
+        mode_sets=modes.nouns.page(visit.session, visit.user, campaign_id, limit=50).items,
         identifications=modes.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items,
         records=blocks,
         hit_places=_hit_places(blocks),

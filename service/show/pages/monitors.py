@@ -39,7 +39,7 @@ def get_monitor(
 ) -> HTMLResponse:
     """A monitor: a figure of each watched parameter with its limits, what they say, alarms, runs."""
     monitor = monitoring.get_monitor(monitor_id, visit.session, visit.user, Response())
-    structure = structures.get_structure(monitor.structure_id, visit.session, visit.user, Response())
+    structure = structures.nouns.one(visit.session, visit.user, monitor.structure_id)
     return visit.show(
         "monitor.html",
         project=access.get_project(structure.project_id, visit.session, visit.user, Response()),

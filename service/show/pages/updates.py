@@ -41,8 +41,8 @@ def get_new_update(
 ) -> HTMLResponse:
     """The form of a recipe, made from its schema; filled in as another job's where one is named."""
     campaign, structure, project = campaign_context(visit, campaign_id)
-    sets = modes.list_mode_sets(campaign_id, visit.session, visit.user, limit=MOST).items
-    batches = coupons.list_batches(campaign.structure_id, visit.session, visit.user, limit=MOST).items
+    sets = modes.nouns.page(visit.session, visit.user, campaign_id, limit=MOST).items
+    batches = coupons.batches.page(visit.session, visit.user, campaign.structure_id, limit=MOST).items
     choices = {
         "mode_set": [(str(s.id), f"{s.name} ({s.origin}, {len(s.modes)} modes)") for s in reversed(sets)],
         "prior_from_coupon_batch": [(str(b.id), f"{b.name} ({', '.join(b.constants)})") for b in reversed(batches)],

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Annotated, Any
 from uuid import UUID
 
 from fastapi import Header, Query, Request, Response
-from sqlalchemy import select
 
 from service.access import CurrentUser, SessionDep, SettingsDep, audit
-from service.errors import Invalid, PayloadTooLarge, UnsupportedMediaType
+from service.access.nouns import NounRoutes
+from service.errors import PayloadTooLarge, UnsupportedMediaType
 from service.store.campaigns import operations
-from service.store.campaigns.operations import Campaign
 from service.store.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch, GridPoints
-from service.store.structures.operations import structure_for
-from service.web import IF_MATCH, Confirm, Cursor, Limit, Page, api_router, etag_of, paged, require_match, require_usual
+from service.web import IF_MATCH, Confirm, Cursor, Limit, Page, api_router, etag_of, require_match, require_usual
 from service.web.json_body import BULK_VALUES, checked, parse_json
 from service.web.negotiation import choose_format, one_of
 from service.web.openapi import schema_of
@@ -23,6 +20,14 @@ from service.web.routing import Later
 from service.web.uploads import UploadDep
 
 router = api_router(tags=["campaigns"])
+nouns = NounRoutes(
+    router,
+    operations.campaign_for,
+    CampaignOut,
+    lambda _, rows: map(operations.describe, rows),
+    "campaigns",
+    "campaign_id",
+)
 
 
 @router.post("/structures/{structure_id}/campaigns", status_code=201)
@@ -38,7 +43,7 @@ def create_campaign(
     require_usual(body, confirm)
     campaign = operations.create_campaign(session, user, structure_id, body)
     response.headers["Location"] = f"/api/v1/campaigns/{campaign.id}"
-    return _shown(campaign, response)
+    return nouns.tagged(session, campaign, response)
 
 
 @router.get("/structures/{structure_id}/campaigns")
@@ -51,59 +56,18 @@ def list_campaigns(
     deleted: Annotated[bool, Query(description="list deleted campaigns, which can be restored, instead")] = False,
 ) -> Page[CampaignOut]:
     """Campaigns of a structure."""
-    structure = structure_for(session, user, structure_id)
-    hidden = Campaign.deleted_at.is_not(None) if deleted else Campaign.deleted_at.is_(None)
-    query = select(Campaign).where(Campaign.structure_id == structure.id, hidden)
-    return paged(session, query, cursor, limit, partial(map, operations.describe))
+    return nouns.page(session, user, structure_id, cursor, limit, deleted=deleted)
 
 
-@router.get("/campaigns/{campaign_id}")
-def get_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> CampaignOut:
-    """A campaign."""
-    return _shown(operations.campaign_for(session, user, campaign_id), response)
-
-
-@router.patch("/campaigns/{campaign_id}", openapi_extra=IF_MATCH)
-def change_campaign(
-    campaign_id: UUID,
-    body: CampaignPatch,
-    session: SessionDep,
-    user: CurrentUser,
-    request: Request,
-    response: Response,
-    confirm: Confirm = False,
-) -> CampaignOut:
-    """Change what is known of a campaign; results that exist keep what they used."""
-    campaign = operations.campaign_for(session, user, campaign_id, "editor", lock=True)
-    require_match(request, etag_of(operations.describe(campaign)))
-    if not body.model_fields_set:
-        raise Invalid("", "names nothing to change")
-    require_usual(body, confirm)
-    operations.change_campaign(session, user, campaign, body)
-    return _shown(campaign, response)
-
-
-@router.delete("/campaigns/{campaign_id}", status_code=204, openapi_extra=IF_MATCH)
-def delete_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser, request: Request) -> None:
-    """Hide a campaign and what is in it. It stays stored and can be restored."""
-    campaign = operations.campaign_for(session, user, campaign_id, "editor", lock=True)
-    if "if-match" in request.headers:
-        require_match(request, etag_of(operations.describe(campaign)))
-    operations.campaign_for.hide(session, user, campaign)
-
-
-@router.post("/campaigns/{campaign_id}/restore")
-def restore_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> CampaignOut:
-    """Bring a deleted campaign back."""
-    campaign = operations.campaign_for(session, user, campaign_id, "editor", deleted=True, lock=True)
-    operations.campaign_for.bring_back(session, user, campaign)
-    return _shown(campaign, response)
-
-
-def _shown(campaign: Campaign, response: Response) -> CampaignOut:
-    shown = operations.describe(campaign)
-    response.headers["ETag"] = etag_of(shown)
-    return shown
+nouns.getting("get_campaign", "A campaign.", tagged=True)
+nouns.changing(
+    "change_campaign",
+    "Change what is known of a campaign; results that exist keep what they used.",
+    CampaignPatch,
+    operations.change_campaign,
+)
+nouns.deleting("delete_campaign", "Hide a campaign and what is in it. It stays stored and can be restored.")
+nouns.restoring("restore_campaign", "Bring a deleted campaign back.")
 
 
 points_router = api_router(tags=["grid points"])

@@ -8,7 +8,6 @@ from __future__ import annotations
 import shutil
 import tempfile
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 from urllib.parse import quote
@@ -17,13 +16,12 @@ from uuid import UUID
 from fastapi import Depends, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import JSONResponse
-from sqlalchemy import select
 
 from service.access import CurrentUser, SessionDep, SettingsDep
+from service.access.nouns import NounRoutes
 from service.errors import Invalid, PayloadTooLarge, UnsupportedMediaType
 from service.jobs.aside import read_aside
 from service.store.coupons import curves, operations
-from service.store.coupons.operations import Coupon, CouponBatch
 from service.store.coupons.reduction import Reduced, reduce_curve
 from service.store.coupons.schemas import (
     BatchIn,
@@ -35,8 +33,7 @@ from service.store.coupons.schemas import (
     ExclusionIn,
     Summary,
 )
-from service.store.structures.operations import structure_for
-from service.web import IF_MATCH, Confirm, Cursor, Limit, Page, api_router, etag_of, paged, require_match, require_usual
+from service.web import IF_MATCH, Confirm, Page, api_router, etag_of, require_match, require_usual
 from service.web.gate import without_slot
 from service.web.json_body import checked, parse_json
 from service.web.negotiation import content_type, is_json
@@ -119,6 +116,15 @@ def documented() -> dict[str, Any]:
 
 
 router = api_router(tags=["coupons"])
+batches = NounRoutes(router, operations.batch_for, BatchOut, operations.describe_all, "coupon-batches", "batch_id")
+coupons = NounRoutes(
+    router,
+    operations.coupon_for,
+    CouponOut,
+    lambda _, rows: map(operations.describe_coupon, rows),
+    "coupons",
+    "coupon_id",
+)
 
 CURVES: dict[int | str, dict[str, Any]] = {
     200: {"content": {kind: {} for kind in ("application/json", "text/csv", "application/x-npz")}}
@@ -138,24 +144,11 @@ def create_batch(
     """Open a batch: which constants it gives, and published means of those that have no specimens here."""
     require_usual(body, confirm)
     batch = operations.create_batch(session, user, structure_id, body)
-    response.headers["Location"] = f"/api/v1/coupon-batches/{batch.id}"
-    return operations.describe_all(session, [batch])[0]
+    return batches.made(session, batch, response)
 
 
-@router.get("/structures/{structure_id}/coupon-batches")
-def list_batches(
-    structure_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
-) -> Page[BatchOut]:
-    """Coupon batches of a structure."""
-    structure = structure_for(session, user, structure_id)
-    query = select(CouponBatch).where(CouponBatch.structure_id == structure.id)
-    return paged(session, query, cursor, limit, partial(operations.describe_all, session))
-
-
-@router.get("/coupon-batches/{batch_id}")
-def get_batch(batch_id: UUID, session: SessionDep, user: CurrentUser) -> BatchOut:
-    """A coupon batch."""
-    return operations.describe_all(session, [operations.batch_for(session, user, batch_id)])[0]
+batches.listing("list_batches", "Coupon batches of a structure.")
+batches.getting("get_batch", "A coupon batch.")
 
 
 @router.post("/coupon-batches/{batch_id}/coupons", status_code=201, openapi_extra=Later(documented))
@@ -178,19 +171,7 @@ def create_coupons(
     return Page(items=[operations.describe_coupon(row) for row in rows])
 
 
-@router.get("/coupon-batches/{batch_id}/coupons")
-def list_coupons(
-    batch_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
-) -> Page[CouponOut]:
-    """Specimens of a batch, excluded ones included."""
-    batch = operations.batch_for(session, user, batch_id)
-    return paged(
-        session,
-        select(Coupon).where(Coupon.batch_id == batch.id),
-        cursor,
-        limit,
-        partial(map, operations.describe_coupon),
-    )
+coupons.listing("list_coupons", "Specimens of a batch, excluded ones included.", owners="coupon-batches")
 
 
 @router.get("/coupon-batches/{batch_id}/summary")
@@ -199,10 +180,7 @@ def get_summary(batch_id: UUID, session: SessionDep, user: CurrentUser) -> Summa
     return operations.summarise(session, operations.batch_for(session, user, batch_id))
 
 
-@router.get("/coupons/{coupon_id}")
-def get_coupon(coupon_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> CouponOut:
-    """A specimen."""
-    return _shown(operations.describe_coupon(operations.coupon_for(session, user, coupon_id)), response)
+coupons.getting("get_coupon", "A specimen.", tagged=True)
 
 
 @router.patch("/coupons/{coupon_id}", openapi_extra=IF_MATCH)
@@ -211,9 +189,9 @@ def change_coupon(
 ) -> CouponOut:
     """Exclude a specimen from its batch with a reason, or take it back in. It stays recorded either way."""
     coupon = operations.coupon_for(session, user, coupon_id, "editor", lock=True)
-    require_match(request, etag_of(operations.describe_coupon(coupon)))
+    require_match(request, etag_of(coupons.shown(session, coupon)))
     operations.exclude(session, user, coupon, body)
-    return _shown(operations.describe_coupon(coupon), response)
+    return coupons.tagged(session, coupon, response)
 
 
 @router.get("/coupons/{coupon_id}/curve")
@@ -248,8 +226,3 @@ def get_original(coupon_id: UUID, session: SessionDep, user: CurrentUser) -> Res
         "Content-Disposition": f"attachment; filename*=UTF-8''{quote(curve.filename, safe='')}",
     }
     return Response(curves.file_of(curve), media_type="application/octet-stream", headers=headers)
-
-
-def _shown(coupon: CouponOut, response: Response) -> CouponOut:
-    response.headers["ETag"] = etag_of(coupon)
-    return coupon

@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 from fecore.frf import Quantity
 from modalbase.formats.recognise import Format
 from service.access import CurrentUser, SessionDep, project_for
-from service.access.lookup import purge
+from service.access.lookup import projects
 from service.compute.arrays_of_files import Kind
 from service.errors import Invalid
 from service.jobs.queue import cancel_purged
@@ -157,8 +157,7 @@ def start_import(
     )
     row, new = operations.start_import(session, user, campaign_id, upload.file, wanted)
     response.status_code = 202 if new else 200
-    response.headers["Location"] = f"/api/v1/imports/{row.id}"
-    return of_jobs.shown(session, row).model_copy(update={"already_imported": not new})
+    return of_jobs.made(session, row, response).model_copy(update={"already_imported": not new})
 
 
 of_jobs.listing(
@@ -195,7 +194,7 @@ purging = api_router(tags=["purge"])
 def purge_project(project_id: UUID, session: SessionDep, user: CurrentUser) -> None:
     """Remove a deleted project and all that is in it for good. Nothing brings it back."""
     project = project_for(session, user, project_id, "owner", resting=True)
-    purge(session, user, project, "project", project.id)
+    projects.purge(session, user, project)
     _forget_more(session, project_id)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from functools import partial
 from typing import IO, Annotated, Any
 from uuid import UUID
 
@@ -17,6 +16,7 @@ from sqlalchemy.orm import Session
 from modalbase.formats import uff
 from modalbase.formats.uff.write import encode
 from service.access import CurrentUser, SessionDep
+from service.access.nouns import NounRoutes
 from service.compute.identification_document import up_to_date
 from service.errors import Conflict
 from service.jobs.resource import JobOut, job_state
@@ -28,7 +28,7 @@ from service.store.modes.identifications import IDENTIFICATIONS, IdentificationI
 from service.store.modes.identifications import start_identification as queue_identification
 from service.store.modes.operations import Identification, Mode, ModeSet, modes_of, shape_of
 from service.store.modes.schemas import ModeSetIn, ModeSetOut
-from service.web import Cursor, Limit, Page, api_router, paged, shown_as
+from service.web import api_router, shown_as
 from service.web.downloads import spooled
 from service.web.negotiation import choose_format, one_of
 
@@ -38,6 +38,9 @@ MEDIA_TYPES = {"json": "application/json", "uff": "text/x-uff"}
 UFF: dict[int | str, dict[str, Any]] = {200: {"content": {MEDIA_TYPES["uff"]: {}}}}
 
 
+nouns = NounRoutes(router, operations.mode_set_for, ModeSetOut, operations.describe_all, "mode-sets", "mode_set_id")
+
+
 @router.post("/campaigns/{campaign_id}/mode-sets", status_code=201)
 def create_mode_set(
     campaign_id: UUID, body: ModeSetIn, session: SessionDep, user: CurrentUser, response: Response
@@ -45,18 +48,10 @@ def create_mode_set(
     """Type in modes that were identified elsewhere: frequencies, and where known damping ratios and shapes."""
     campaign = campaign_for(session, user, campaign_id, "editor")
     mode_set = operations.create_mode_set(session, user, campaign, body)
-    response.headers["Location"] = f"/api/v1/mode-sets/{mode_set.id}"
-    return operations.describe_all(session, [mode_set])[0]
+    return nouns.made(session, mode_set, response)
 
 
-@router.get("/campaigns/{campaign_id}/mode-sets")
-def list_mode_sets(
-    campaign_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
-) -> Page[ModeSetOut]:
-    """Mode sets of a campaign."""
-    campaign = campaign_for(session, user, campaign_id)
-    query = select(ModeSet).where(ModeSet.campaign_id == campaign.id)
-    return paged(session, query, cursor, limit, partial(operations.describe_all, session))
+nouns.listing("list_mode_sets", "Mode sets of a campaign.")
 
 
 @router.get("/mode-sets/{mode_set_id}", response_model=ModeSetOut, responses=UFF)
@@ -75,7 +70,7 @@ def get_mode_set(
     if choose_format(file_format, accept, MEDIA_TYPES) == "uff":
         media_type = MEDIA_TYPES["uff"]
         return spooled(lambda file: write_uff(session, mode_set, file), media_type, "modes.uff", {"Vary": "Accept"})
-    return operations.describe_all(session, [mode_set])[0]
+    return nouns.shown(session, mode_set)
 
 
 identifications = api_router(tags=["identifications"])
@@ -115,8 +110,7 @@ def start_identification(
 ) -> IdentificationOut:
     """Queue an identification of modes from the campaign's FRFs; a mode set comes of it. `{}` is a body."""
     row = queue_identification(session, user, campaign_id, body)
-    response.headers["Location"] = f"/api/v1/identifications/{row.id}"
-    return of_jobs.shown(session, row)
+    return of_jobs.made(session, row, response)
 
 
 of_jobs.cancelling(

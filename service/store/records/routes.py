@@ -96,8 +96,7 @@ def start_processing(
 ) -> ProcessingOut:
     """Queue a processing of the campaign's records: hits are judged, the good ones become FRFs. `{}` is a body."""
     row = queue_processing(session, user, campaign_id, body)
-    response.headers["Location"] = f"/api/v1/processings/{row.id}"
-    return of_jobs.shown(session, row)
+    return of_jobs.made(session, row, response)
 
 
 of_jobs.listing("list_processings", "Processings of a campaign, newest first.", 20)

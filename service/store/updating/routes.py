@@ -71,8 +71,7 @@ def start_update(
     """
     require_usual(recipe, confirm)
     row = operations.start_update(session, user, campaign_id, recipe, idempotency_key, priority)
-    response.headers["Location"] = f"/api/v1/update-jobs/{row.id}"
-    return single.shown(session, row)
+    return single.made(session, row, response)
 
 
 @router.post("/update-jobs", status_code=202)
@@ -92,8 +91,7 @@ def start_updates(
     require_usual(batch, confirm)
     if batch.joint:
         row = start_joint(session, user, batch, idempotency_key, priority)
-        response.headers["Location"] = f"/api/v1/joint-updates/{row.id}"
-        return UpdateBatchOut(items=[], joint=joint.shown(session, row))
+        return UpdateBatchOut(items=[], joint=joint.made(session, row, response))
     rows = start_batch(session, user, batch, idempotency_key, priority)
     return UpdateBatchOut(items=single.all_shown(session, rows))
 
