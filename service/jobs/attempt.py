@@ -59,21 +59,14 @@ class Replay:
         """What the items hold, from the first one on. Only the last iterator may be used."""
         if not self.complete:
             raise RuntimeError("the first items are gone")
-        for item in list(self._kept):
-            yield item.value
+        yield from [item.value for item in self._kept]
         for item in self._source:
-            self._keep(item)
+            self._bytes += item.size
+            self.complete = self._bytes <= KEPT_BYTES
+            self._kept.append(item)
+            if not self.complete:
+                self._kept.clear()
             yield item.value
-
-    def _keep(self, item: Item) -> None:
-        if not self.complete:
-            return
-        self._bytes += item.size
-        if self._bytes > KEPT_BYTES:
-            self.complete = False
-            self._kept.clear()
-            return
-        self._kept.append(item)
 
 
 class Attempt:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -118,7 +118,7 @@ class Intake:
         self.row.format, self.row.kind = self.found.format, self.found.kind
         if self.found.kind is not None:
             self.row.found = {name: getattr(self.found, name) for name in ("variables", "mapping", "blocks")}
-        self.row.datasets = [_report(report) for report in self.reports[:LISTED]]
+        self.row.datasets = [asdict(report) for report in self.reports[:LISTED]]
         self.row.warnings = self._warnings()
         self.session.flush()
 
@@ -179,17 +179,13 @@ class Intake:
 
     def _write_coherences(self) -> None:
         """Each coherence goes to the FRF between the same points; one that has none is reported as ignored."""
-        orphans: dict[int, str] = {}
         for dataset, pair, function in self.coherences:
             frf = self.pairs.get(pair)
             if frf is None:
-                orphans[dataset] = "is a coherence of two points between which the file has no FRF on as many lines"
+                self.unused[dataset] = "is a coherence of two points between which the file has no FRF on as many lines"
             elif not self.row.dry_run:
                 self.frf_bytes += function.values.real.nbytes
                 add_coherence(self.session, self.row.id, frf, function.values.real)
-        self.reports = [
-            replace(r, outcome="ignored", reason=orphans[r.number]) if r.number in orphans else r for r in self.reports
-        ]
 
     def _write_modes(self) -> None:
         if self.modes and not self.row.dry_run:
@@ -250,17 +246,6 @@ def _pair(item: EncodedFrf | Function) -> Pair:
         abs(item.reference_direction),
         lines,
     )
-
-
-def _report(report: DatasetReport) -> dict[str, Any]:
-    return {
-        "number": report.number,
-        "type": report.type,
-        "offset": report.offset,
-        "outcome": report.outcome,
-        "reason": report.reason,
-        "notes": list(report.notes),
-    }
 
 
 def _metres(xyz: tuple[float, float, float]) -> str:
