@@ -148,7 +148,7 @@ def locked(session: Session, job: Job) -> Job:
     Raises:
         SupersededError: it is no longer this attempt's; roll back.
     """
-    its = select(Job).where(*_present(job)).with_for_update()
+    its = select(Job).where(*_present(job)).with_for_update(key_share=True)
     present = session.scalars(its, execution_options={"populate_existing": True}).one_or_none()
     if present is None:
         raise SupersededError
