@@ -24,7 +24,7 @@ from service.access.keys import (
     open_session,
     user_named,
 )
-from service.access.lookup import Lookup, Role, purge
+from service.access.lookup import Lookup, Role, projects
 from service.access.tables import ApiKey, AuditEvent, BrowserSession, Member, Project, User
 from service.access.users import (
     expected_user,
@@ -313,13 +313,13 @@ def test_a_project_has_so_many_members_and_no_more(house: House, monkeypatch: py
 
 def test_a_project_goes_with_all_that_is_in_it_in_whatever_order(house: House) -> None:
     session, ada, project, _, campaign = house
-    job, key = Job(project_id=project.id, kind="import", queue="imports"), project.id
+    job = Job(project_id=project.id, kind="import", queue="imports")
     session.add_all([job, Original(sha256=b"1", size=1)])
     session.flush()
     session.add(Import(id=job.id, campaign_id=campaign.id, filename="a.uff", sha256=b"1", dry_run=False))
     project.deleted_at = datetime.now(UTC)
     session.flush()
-    purge(session, ada, project, "project", key)
+    projects.purge(session, ada, project)
     left = [session.execute(select(table.id)).all() for table in (Project, Structure, Campaign, Job, Import)]
     assert left == [[], [], [], [], []]
 
