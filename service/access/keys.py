@@ -23,7 +23,7 @@ from sqlalchemy.orm import Session
 
 from service.access.tables import ApiKey, BrowserSession, User
 from service.access.users import audit
-from service.db.clock import transaction_time
+from service.db.base import transaction_time
 from service.errors import Forbidden, NotFound, Unauthorized
 
 if TYPE_CHECKING:

@@ -16,8 +16,7 @@ from sqlalchemy.orm import Session
 
 from service.access.tables import Member, Project, User
 from service.access.users import audit
-from service.db.base import Base
-from service.db.clock import transaction_time
+from service.db.base import Base, transaction_time
 from service.errors import Conflict, Forbidden, Invalid, NotFound, not_found_as
 
 Role = Literal["viewer", "editor", "owner"]

@@ -53,7 +53,7 @@ from service.access.users import (
     user_of_id,
     valid_key_counts,
 )
-from service.db.clock import transaction_time
+from service.db.base import transaction_time
 from service.errors import Conflict, Invalid, NotFound, not_found_as
 from service.web import IF_MATCH, Page, api_router, etag_of, require_match, shown_as
 from service.web.bodies import Name

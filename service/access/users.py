@@ -12,7 +12,7 @@ from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Session
 
 from service.access.tables import ApiKey, AuditEvent, User
-from service.db.clock import transaction_time
+from service.db.base import transaction_time
 from service.errors import Conflict, Forbidden, NotFound
 from service.logs import current_request_id
 

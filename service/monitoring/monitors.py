@@ -16,7 +16,7 @@ from sqlalchemy.orm import Session, undefer
 from fecore import __version__
 from fecore.updating.parameters import parametrise
 from service.access import User, audit, projects_of
-from service.db.clock import transaction_time
+from service.db.base import transaction_time
 from service.errors import Conflict, Invalid, NotFound
 from service.monitoring import runs
 from service.monitoring.judgements import rank

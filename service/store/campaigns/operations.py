@@ -16,9 +16,8 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from service.access import Lookup, User
 from service.compute.frame import SPECIMEN, Frame, make_frame
-from service.db.base import Base, Big, Identified
+from service.db.base import Base, Big, Identified, transaction_time
 from service.db.bytea import copy_rows
-from service.db.clock import transaction_time
 from service.errors import MOST_FAULTS, Fault, Invalid
 from service.store.campaigns.schemas import (
     CampaignIn,

