@@ -20,6 +20,30 @@ from service.jobs.tables import Job
 from service.web import StrictModel
 
 Row = TypeVar("Row", bound=Base)
+JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+
+ENDED = ("succeeded", "failed", "cancelled")
+"""States that a job does not leave by itself."""
+
+
+class JobOut(StrictModel):
+    """How far a job is: what the answers of all features that run one begin with."""
+
+    id: UUID
+    status: JobState
+    stage: str | None
+    progress: float = Field(description="0 to 1")
+    attempt: int
+    message: str | None
+    error: dict[str, Any] | None
+    created_at: datetime
+    started_at: datetime | None
+    finished_at: datetime | None
+
+
+def job_state(job: Job) -> dict[str, Any]:
+    """A job as the API shows it, the fields of `JobOut`."""
+    return {name: job.state if name == "status" else getattr(job, name) for name in JobOut.model_fields}
 
 
 @dataclass(frozen=True)
@@ -86,29 +110,3 @@ class JobNoun(Generic[Row]):
         do(session, key)
         self.find.note(session, user, row, act)
         return row
-
-
-JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
-
-ENDED = ("succeeded", "failed", "cancelled")
-"""States that a job does not leave by itself."""
-
-
-class JobOut(StrictModel):
-    """How far a job is: what the answers of all features that run one begin with."""
-
-    id: UUID
-    status: JobState
-    stage: str | None
-    progress: float = Field(description="0 to 1")
-    attempt: int
-    message: str | None
-    error: dict[str, Any] | None
-    created_at: datetime
-    started_at: datetime | None
-    finished_at: datetime | None
-
-
-def job_state(job: Job) -> dict[str, Any]:
-    """A job as the API shows it, the fields of `JobOut`."""
-    return {name: job.state if name == "status" else getattr(job, name) for name in JobOut.model_fields}
