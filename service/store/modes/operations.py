@@ -82,10 +82,7 @@ def create_mode_set(session: Session, user: User, campaign: Campaign, body: Mode
     project_id = campaign_for.project_of(session, campaign)
     book(session, project_id, "modes", len(body.model_dump_json()), campaign_id=campaign.id)
     mode_set = ModeSet(campaign_id=campaign.id, name=body.name, origin="typed", details={})
-    session.add(mode_set)
-    session.flush()
-    modes = sorted(body.modes, key=lambda mode: mode.frequency_hz)
-    session.execute(insert(Mode), [_row(mode_set.id, number, mode) for number, mode in enumerate(modes, 1)])
+    _store(session, mode_set, map(_stated, sorted(body.modes, key=lambda mode: mode.frequency_hz)))
     session.refresh(mode_set)
     mode_set_for.note(session, user, mode_set, "create", name=body.name)
     return mode_set
@@ -95,33 +92,60 @@ def store_identified(
     session: Session, campaign_id: UUID, name: str, modes: MeasuredModes, *, job_id: UUID, details: dict[str, Any]
 ) -> ModeSet:
     """Store modes that a job has identified, directions in the file's coordinates, with covariance and how they were found."""
-    mode_set = ModeSet(
-        campaign_id=campaign_id,
-        job_id=job_id,
-        name=name,
-        origin="identified",
-        covariance=None if modes.covariance is None else modes.covariance.tolist(),
-        details=details,
+    covariance = None if modes.covariance is None else modes.covariance.tolist()
+    found = {"job_id": job_id, "origin": "identified", "covariance": covariance, "details": details}
+    mode_set = ModeSet(campaign_id=campaign_id, name=name, **found)
+    sd_f, sd_z = modes.frequency_sd_hz, modes.damping_sd
+    points, directions = [dof.point for dof in modes.dofs], [dof.direction for dof in modes.dofs]
+    rows = (
+        {
+            "frequency_hz": float(modes.frequency_hz[k]),
+            "damping_ratio": _finite(modes.damping_ratio[k]),
+            "frequency_sd_hz": None if sd_f is None else _finite(sd_f[k]),
+            "damping_sd": None if sd_z is None else _finite(sd_z[k]),
+            "shape": None if modes.shapes is None else _shape(points, directions, modes.shapes[k]),
+        }
+        for k in range(len(modes))
     )
+    _store(session, mode_set, rows)
+    return mode_set
+
+
+def store_read_modes(
+    session: Session, campaign_id: UUID, import_id: UUID, name: str, modes: Iterable[ModeShape]
+) -> None:
+    """Store the mode shapes of a file as a set."""
+    mode_set = ModeSet(campaign_id=campaign_id, import_id=import_id, name=name, origin="file", details={})
+    _store(session, mode_set, map(_read, sorted(modes, key=lambda mode: mode.frequency_hz)))
+
+
+def _store(session: Session, mode_set: ModeSet, modes: Iterable[dict[str, Any]]) -> None:
+    """Store a set with its modes, numbered from 1."""
     session.add(mode_set)
     session.flush()
-    sd_f, sd_z = modes.frequency_sd_hz, modes.damping_sd
-    session.execute(
-        insert(Mode),
-        [
-            {
-                "mode_set_id": mode_set.id,
-                "number": k + 1,
-                "frequency_hz": float(modes.frequency_hz[k]),
-                "damping_ratio": _finite(modes.damping_ratio[k]),
-                "frequency_sd_hz": None if sd_f is None else _finite(sd_f[k]),
-                "damping_sd": None if sd_z is None else _finite(sd_z[k]),
-                "shape": None if modes.shapes is None else _columns(modes.dofs, modes.shapes[k]),
-            }
-            for k in range(len(modes))
-        ],
-    )
-    return mode_set
+    rows = [{"mode_set_id": mode_set.id, "number": number, **mode} for number, mode in enumerate(modes, 1)]
+    session.execute(insert(Mode), rows)
+
+
+def _stated(mode: ModeIn) -> dict[str, Any]:
+    shape = mode.shape and {part: [getattr(value, part) for value in mode.shape] for part in _PARTS}
+    return {**mode.model_dump(exclude={"shape"}), "shape": shape}
+
+
+def _read(mode: ModeShape) -> dict[str, Any]:
+    """A mode of a file; its values are along x, y, z of each point, and about them where it has rotations."""
+    count, axes = mode.values.shape
+    points, directions = np.repeat(mode.points, axes).tolist(), np.tile(np.arange(1, axes + 1), count).tolist()
+    shape = _shape(points, directions, mode.values.ravel())
+    return {"frequency_hz": mode.frequency_hz, "damping_ratio": _finite(mode.damping_ratio), "shape": shape}
+
+
+_PARTS = ("point", "direction", "real", "imag")
+
+
+def _shape(points: list[int], directions: list[int], values: ComplexArray) -> dict[str, Any]:
+    """A shape as it is stored, a list each."""
+    return dict(zip(_PARTS, (points, directions, values.real.tolist(), values.imag.tolist()), strict=True))
 
 
 def load_modes(session: Session, mode_set_id: UUID) -> MeasuredModes:
@@ -148,45 +172,9 @@ def describe_all(session: Session, mode_sets: Sequence[ModeSet]) -> list[ModeSet
     return [shown_as(ModeSetOut, s, modes=[_mode(row) for row in modes[s.id]]) for s in mode_sets]
 
 
-def _file_shape(points: NDArray[np.integer], values: ComplexArray) -> dict[str, Any]:
-    """The shape of a mode in a file, as it is stored: point, direction, real and imaginary part, a list each.
-
-    Args:
-        points: (p,) labels.
-        values: (p, 3) along x, y, z, or (p, 6) with the rotations about them.
-    """
-    count, axes = values.shape
-    return {
-        "point": np.repeat(points, axes).tolist(),
-        "direction": np.tile(np.arange(1, axes + 1), count).tolist(),
-        "real": values.real.ravel().tolist(),
-        "imag": values.imag.ravel().tolist(),
-    }
-
-
-def _columns(dofs: Sequence[Dof], values: ComplexArray) -> dict[str, Any]:
-    return {
-        "point": [dof.point for dof in dofs],
-        "direction": [dof.direction for dof in dofs],
-        "real": values.real.tolist(),
-        "imag": values.imag.tolist(),
-    }
-
-
-def _row(mode_set_id: UUID, number: int, mode: ModeIn) -> dict[str, Any]:
-    shape = mode.shape and {
-        column: [getattr(value, column) for value in mode.shape] for column in ("point", "direction", "real", "imag")
-    }
-    return {"mode_set_id": mode_set_id, "number": number, **mode.model_dump(exclude={"shape"}), "shape": shape}
-
-
 def _mode(row: Mode) -> ModeOut:
-    shape = row.shape and [
-        ShapeValue(point=p, direction=d, real=re, imag=im)
-        for p, d, re, im in zip(
-            row.shape["point"], row.shape["direction"], row.shape["real"], row.shape["imag"], strict=True
-        )
-    ]
+    values = zip(*(row.shape[part] for part in _PARTS), strict=True) if row.shape else ()
+    shape = [ShapeValue(**dict(zip(_PARTS, value, strict=True))) for value in values]
     return shown_as(ModeOut, row, shape=shape or None)
 
 
@@ -235,26 +223,6 @@ def _covariance(mode_set: ModeSet, rows: Sequence[Mode]) -> NDArray[np.float64] 
 
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
-def store_read_modes(
-    session: Session, campaign_id: UUID, import_id: UUID, name: str, modes: Iterable[ModeShape]
-) -> None:
-    """Store the mode shapes of a file as a set."""
-    mode_set = ModeSet(campaign_id=campaign_id, import_id=import_id, name=name, origin="file", details={})
-    session.add(mode_set)
-    session.flush()
-    rows = [
-        {
-            "mode_set_id": mode_set.id,
-            "number": number,
-            "frequency_hz": mode.frequency_hz,
-            "damping_ratio": _finite(mode.damping_ratio),
-            "shape": _file_shape(mode.points, mode.values),
-        }
-        for number, mode in enumerate(sorted(modes, key=lambda m: m.frequency_hz), 1)
-    ]
-    session.execute(insert(Mode), rows)
 
 
 def newest_stated(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, tuple[UUID, datetime]]:
