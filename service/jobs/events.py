@@ -150,13 +150,7 @@ class Changes:
 
     @contextmanager
     def of(self, job_id: UUID, state: Shown, caller: str) -> Iterator[_Watched]:
-        """Watch a job, whose state is kept up to date.
-
-        Args:
-            job_id: which one.
-            state: as it was seen a moment ago.
-            caller: under which the stream is counted.
-        """
+        """Watch a job, whose last state is given and kept up to date; the caller has one stream more."""
         self._open[caller] += 1
         watched = self._watched.setdefault(job_id, _Watched(state))
         watched.streams += 1
@@ -177,12 +171,6 @@ class Changes:
         """Wait until a job has ended, for so many seconds at most, and say whether it has.
 
         A wait counts as a stream: where there is no room for another, the answer comes at once.
-
-        Args:
-            job: its state as it was seen a moment ago.
-            job_id: which one.
-            caller: under which the wait is counted.
-            seconds: for which to wait.
         """
         try:
             self.admit(caller)

@@ -130,10 +130,6 @@ def require_match(request: Request, etag: str) -> None:
 def not_modified(request: Request, headers: Mapping[str, str]) -> Response | None:
     """The answer 304 where the client has this version already.
 
-    Args:
-        request: whose If-None-Match is compared.
-        headers: of the full answer; `ETag` is among them.
-
     Returns:
         The answer, with these headers; None where the client needs the full one.
     """
