@@ -11,6 +11,7 @@ import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import psycopg
 from fasteners import InterProcessLock, InterProcessReaderWriterLock
@@ -18,6 +19,9 @@ from fasteners import InterProcessLock, InterProcessReaderWriterLock
 from service.db.postgres import Cluster, PostgresError
 from service.db.schema import head_revision, revision_at, upgrade
 from service.settings import Settings
+
+if TYPE_CHECKING:
+    from sqlalchemy import Engine
 
 
 class DataFolderError(Exception):
@@ -57,6 +61,19 @@ def open_database(
         if (migrate_embedded and current != head_revision()) or (migrate_new and current is None):
             _upgrade(url)
         yield settings.model_copy(update={"database_url": url})
+
+
+@contextmanager
+def opened_engine(settings: Settings, *, migrate_new: bool = True) -> Iterator[Engine]:
+    """An engine on the database that the settings mean, while the block runs; see `open_database`."""
+    from service.db.engine import make_engine
+
+    with open_database(settings, migrate_new=migrate_new) as opened:
+        engine = make_engine(opened.database_url or "")
+        try:
+            yield engine
+        finally:
+            engine.dispose()
 
 
 def _upgrade(url: str) -> None:
