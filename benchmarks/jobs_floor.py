@@ -27,8 +27,8 @@ from benchmarks.jobs_floor_work import compute, empty, wait
 from service.access.tables import AuditEvent, Project
 from service.app.demo import paper
 from service.app.supervisor import environment
-from service.db.embedded import embedded_server
 from service.db.engine import make_engine, make_sessions
+from service.db.opening import embedded_server
 from service.db.schema import upgrade
 from service.jobs.kinds import JobKind
 from service.jobs.queue import enqueue

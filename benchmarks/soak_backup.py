@@ -30,7 +30,7 @@ from service.access.keys import create_key, user_named
 from service.app.demo import paper
 from service.app.kinds import KINDS
 from service.app.supervisor import listening_socket
-from service.db.embedded import embedded_server
+from service.db.opening import embedded_server
 from service.jobs.tables import Job
 from service.monitoring.scheduler import check
 

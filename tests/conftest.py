@@ -24,8 +24,8 @@ from sqlalchemy import Engine, make_url
 
 from service.access.keys import create_key, user_named
 from service.app.supervisor import LocalService
-from service.db.embedded import embedded_server
 from service.db.engine import Sessions, make_engine, make_sessions
+from service.db.opening import embedded_server
 from service.db.schema import upgrade
 from service.settings import Settings
 from tests.support.emptying import empty_tables, schema_print

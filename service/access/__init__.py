@@ -8,7 +8,7 @@ What a feature needs of it::
     def create(project_id: UUID, body: StructureIn, session: SessionDep, user: CurrentUser) -> StructureOut:
         project = project_for(session, user, project_id, "editor")   # NotFound or Forbidden
         ...
-        audit(session, user, "structure.create", "structure", row.id, project.id)
+        structure_for.note(session, user, row, "create")            # the audit trail; `structure_for` is a `Lookup`
 """
 
 from typing import TYPE_CHECKING, Any

@@ -23,7 +23,7 @@ from sqlalchemy.orm import Session
 
 from service.access.tables import ApiKey, BrowserSession, User
 from service.access.users import audit
-from service.db.clock import transaction_time
+from service.db.base import transaction_time
 from service.errors import Forbidden, NotFound, Unauthorized
 
 if TYPE_CHECKING:
@@ -49,10 +49,6 @@ def request_token(token: str) -> str:
 
 def open_session(session: Session, key: ApiKey) -> tuple[BrowserSession, str]:
     """Begin a session of a key; sessions of the key that are over are cleared away.
-
-    Args:
-        session: the request's transaction.
-        key: a valid one.
 
     Returns:
         Its row and its token, which is shown once.
@@ -140,13 +136,6 @@ def create_key(
     expires_at: datetime | None = None,
 ) -> tuple[ApiKey, str]:
     """Make a new API key of a user.
-
-    Args:
-        session: the request's transaction.
-        user: whose key.
-        name: what the user calls it.
-        scopes: what it may be used for.
-        expires_at: when it stops being valid.
 
     Returns:
         Its row and the key itself, which is shown once: of its secret only the SHA-256 is stored.

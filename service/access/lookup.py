@@ -16,8 +16,7 @@ from sqlalchemy.orm import Session
 
 from service.access.tables import Member, Project, User
 from service.access.users import audit
-from service.db.base import Base
-from service.db.clock import transaction_time
+from service.db.base import Base, transaction_time
 from service.errors import Conflict, Forbidden, Invalid, NotFound, not_found_as
 
 Role = Literal["viewer", "editor", "owner"]
@@ -93,7 +92,12 @@ Row = TypeVar("Row", bound=Base)
 
 
 class Lookup(Generic[Row]):
-    """Finds rows of one kind; what is not there, deleted, or other people's is equally not found."""
+    """Finds rows of one kind; what is not there, deleted, or other people's is equally not found.
+
+    Attributes:
+        table: its rows.
+        kind: what a person calls one.
+    """
 
     def __init__(
         self,
@@ -113,7 +117,7 @@ class Lookup(Generic[Row]):
             owner: how that is found; None where it is a project.
             deleted_owner: whether it is found though its owner is deleted.
         """
-        self._table, self._kind, self._owner_key, self._owner = table, kind, owner_key, owner
+        self.table, self.kind, self.owner_key, self.owner = table, kind, owner_key, owner
         self._deleted_owner = deleted_owner
 
     def __call__(
@@ -144,38 +148,38 @@ class Lookup(Generic[Row]):
         chain = self._chain()
         found = session.execute(self._query(), {"key": key, "user_id": user.id}).one_or_none()
         if found is None:
-            raise NotFound(self._kind, key)
+            raise NotFound(self.kind, key)
         *rows, project, held = found  # the row, what it belongs to, and so on
         row: Any = rows[0]
-        with not_found_as(self._kind, key):
+        with not_found_as(self.kind, key):
             require_role(project, held, role)
             for child, owner, owner_row in zip(chain, chain[1:], rows[1:], strict=False):
                 if not child._deleted_owner and getattr(owner_row, "deleted_at", None) is not None:
-                    raise NotFound(owner._kind, owner_row.id)
+                    raise NotFound(owner.kind, owner_row.id)
         if lock:
             try:
-                session.refresh(row, with_for_update={"key_share": True, "of": self._table})
+                session.refresh(row, with_for_update={"key_share": True, "of": self.table})
             except InvalidRequestError:  # it was removed since it was found
-                raise NotFound(self._kind, key) from None
+                raise NotFound(self.kind, key) from None
         if not deleted and getattr(row, "deleted_at", None) is not None:
-            raise NotFound(self._kind, key)
+            raise NotFound(self.kind, key)
         shown: Row = row
         return shown
 
     def _chain(self) -> list[Lookup[Any]]:
         """This kind, the one that it belongs to, and so on."""
-        return [self, *(self._owner._chain() if self._owner is not None else ())]
+        return [self, *(self.owner._chain() if self.owner is not None else ())]
 
     @cache  # noqa: B019 - there are few kinds, and they stay
     def _query(self) -> Select[Any]:
         """A row with all that it belongs to and the user's role in their project, in one way to the database."""
         chain = self._chain()
-        query = select(*(link._table for link in chain), Project, Member.role).where(
-            _key(self._table) == bindparam("key")
+        query = select(*(link.table for link in chain), Project, Member.role).where(
+            _key(self.table) == bindparam("key")
         )
         for child, owner in pairwise(chain):
-            query = query.join(owner._table, _key(owner._table) == getattr(child._table, child._owner_key))
-        query = query.join(Project, Project.id == getattr(chain[-1]._table, chain[-1]._owner_key))
+            query = query.join(owner.table, _key(owner.table) == getattr(child.table, child.owner_key))
+        query = query.join(Project, Project.id == getattr(chain[-1].table, chain[-1].owner_key))
         mine = (Member.project_id == Project.id) & (Member.user_id == bindparam("user_id"))
         return query.outerjoin(Member, mine)
 
@@ -192,10 +196,15 @@ class Lookup(Generic[Row]):
 
     def project_of(self, session: Session, row: Row) -> UUID:
         """The project that a row belongs to."""
-        key: UUID = getattr(row, self._owner_key)
-        if self._owner is None:
+        key: UUID = getattr(row, self.owner_key)
+        if self.owner is None:
             return key
-        return self._owner.project_of(session, session.get_one(self._owner._table, key))
+        return self.owner.project_of(session, session.get_one(self.owner.table, key))
+
+    def note(self, session: Session, user: User, row: Any, act: str, **detail: Any) -> None:
+        """Record in the audit trail what was done with a row, such as `change` or `create`."""
+        name = self.kind.replace(" ", "_")
+        audit(session, user, f"{name}.{act}", name, row.id, self.project_of(session, row), **detail)
 
     def hide(self, session: Session, user: User, row: Row) -> None:
         """Delete a locked row so that nothing is lost: it is hidden with the moment, and can be brought back."""
@@ -208,33 +217,34 @@ class Lookup(Generic[Row]):
             Conflict: the row is not deleted.
         """
         if getattr(row, "deleted_at", None) is None:
-            raise Conflict(f"the {self._kind} is not deleted")
+            raise Conflict(f"the {self.kind} is not deleted")
         self._set_deleted(session, user, row, "restore", None)
 
-    def purge(self, session: Session, user: User, row: Row) -> None:
-        """Remove a deleted row for good; see `purge`."""
-        purge(session, user, row, self._kind, self.project_of(session, row))
+    def purge(self, session: Session, user: User, row: Any) -> None:
+        """Remove a deleted row with all that belongs to it for good. The audit trail keeps who did it, and its name.
+
+        Raises:
+            Conflict: it is not deleted.
+        """
+        if row.deleted_at is None:
+            raise Conflict(f"the {self.kind} is not deleted; delete it first, and purge it when nobody misses it")
+        self.note(session, user, row, "purge", name=row.name)
+        session.flush()
+        session.expunge(row)
+        session.execute(text("SET CONSTRAINTS ALL DEFERRED"))  # what belongs to it goes in whatever order
+        session.execute(
+            delete(self.table).where(_key(self.table) == row.id), execution_options={"synchronize_session": False}
+        )
+        session.execute(text("SET CONSTRAINTS ALL IMMEDIATE"))
 
     def _set_deleted(self, session: Session, user: User, row: Any, act: str, deleted_at: datetime | None) -> None:
         row.deleted_at, row.updated_at = deleted_at, transaction_time(session)
-        audit(session, user, f"{self._kind}.{act}", self._kind, row.id, self.project_of(session, row))
+        self.note(session, user, row, act)
 
 
 def _key(table: Any) -> Any:
     return table.id
 
 
-def purge(session: Session, user: User, row: Any, kind: str, project_id: UUID) -> None:
-    """Remove a deleted row with all that belongs to it for good. The audit trail keeps who did it, and its name.
-
-    Raises:
-        Conflict: it is not deleted.
-    """
-    if row.deleted_at is None:
-        raise Conflict(f"the {kind} is not deleted; delete it first, and purge it when nobody misses it")
-    key, name, table = row.id, row.name, type(row)
-    session.expunge(row)
-    session.execute(text("SET CONSTRAINTS ALL DEFERRED"))  # what belongs to it goes in whatever order
-    session.execute(delete(table).where(table.id == key), execution_options={"synchronize_session": False})
-    session.execute(text("SET CONSTRAINTS ALL IMMEDIATE"))
-    audit(session, user, f"{kind}.purge", kind, key, project_id, name=name)
+projects = Lookup(Project, "project", "id")
+"""What is done with the rows of projects themselves; `project_for` finds one."""

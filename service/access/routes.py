@@ -6,6 +6,7 @@ Those of users are for administrators. None of them makes a key, so nobody acts 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Annotated
 from uuid import UUID
 
@@ -26,7 +27,7 @@ from service.access.keys import (
     request_token,
     revoke_key,
 )
-from service.access.lookup import project_for, projects_of
+from service.access.lookup import project_for, projects, projects_of
 from service.access.schemas import (
     AuditEventOut,
     KeyEnd,
@@ -52,9 +53,9 @@ from service.access.users import (
     user_of_id,
     valid_key_counts,
 )
-from service.db.clock import transaction_time
+from service.db.base import transaction_time
 from service.errors import Conflict, Invalid, NotFound, not_found_as
-from service.web import IF_MATCH, Page, api_router, etag_of, require_match
+from service.web import IF_MATCH, Page, api_router, etag_of, require_match, shown_as
 from service.web.bodies import Name
 from service.web.parameters import Cursor, Limit, paged
 
@@ -69,7 +70,7 @@ def create_project(body: ProjectIn, session: SessionDep, user: CurrentUser, resp
     session.flush()
     session.refresh(project)
     session.add(Member(project_id=project.id, user_id=user.id, role="owner"))
-    audit(session, user, "project.create", "project", project.id, project.id, name=body.name)
+    projects.note(session, user, project, "create", name=body.name)
     response.headers["Location"] = f"/api/v1/projects/{project.id}"
     return ProjectOut.model_validate(project)
 
@@ -85,8 +86,7 @@ def list_projects(
     """Projects that one is a member of, archived ones included."""
     hidden = Project.deleted_at.is_not(None) if deleted else Project.deleted_at.is_(None)
     mine = select(Project).join(Member, Member.project_id == Project.id).where(Member.user_id == user.id, hidden)
-    rows, following = paged(session, mine, Project.id, cursor, limit)
-    return Page(items=[ProjectOut.model_validate(row) for row in rows], next_cursor=following)
+    return paged(session, mine, cursor, limit, partial(map, ProjectOut.model_validate))
 
 
 @router.get("/projects/{project_id}")
@@ -114,7 +114,7 @@ def change_project(
         else:
             setattr(project, name, value)
     project.updated_at = transaction_time(session)
-    audit(session, user, "project.change", "project", project.id, project.id, was=was, now=now)
+    projects.note(session, user, project, "change", was=was, now=now)
     return _shown(project, response)
 
 
@@ -124,18 +124,14 @@ def delete_project(project_id: UUID, session: SessionDep, user: CurrentUser) -> 
     project = _locked(session, user, project_id)
     if project.deleted_at is not None:
         raise NotFound("project", project_id)
-    project.deleted_at = project.updated_at = transaction_time(session)
-    audit(session, user, "project.delete", "project", project.id, project.id)
+    projects.hide(session, user, project)
 
 
 @router.post("/projects/{project_id}/restore")
 def restore_project(project_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> ProjectOut:
     """Bring a deleted project back."""
     project = _locked(session, user, project_id)
-    if project.deleted_at is None:
-        raise Conflict("the project is not deleted")
-    project.deleted_at, project.updated_at = None, transaction_time(session)
-    audit(session, user, "project.restore", "project", project.id, project.id)
+    projects.bring_back(session, user, project)
     return _shown(project, response)
 
 
@@ -195,10 +191,12 @@ def list_audit_events(
     query = select(AuditEvent).where(or_(AuditEvent.user_id == user.id, AuditEvent.project_id.in_(projects_of(user))))
     if project is not None:
         query = query.where(AuditEvent.project_id == project_for(session, user, project).id)
-    rows, following = paged(session, query, AuditEvent.id, cursor, limit, newest_first=True)
-    names = names_of(session, {row.user_id for row in rows})
-    items = [AuditEventOut(**row.__dict__, user=names.get(row.user_id)) for row in rows]
-    return Page(items=items, next_cursor=following)
+
+    def shown(rows: Sequence[AuditEvent]) -> list[AuditEventOut]:
+        names = names_of(session, {row.user_id for row in rows})
+        return [AuditEventOut(**row.__dict__, user=names.get(row.user_id)) for row in rows]
+
+    return paged(session, query, cursor, limit, shown, newest_first=True)
 
 
 MOST_MEMBERS = 1000  # of one project
@@ -212,13 +210,12 @@ def list_members(
     """Who is in a project, and in which role."""
     project = project_for(session, user, project_id)
     query = select(Member).where(Member.project_id == project.id)
-    rows, following = paged(session, query, Member.user_id, cursor, limit)
-    names = names_of(session, {row.user_id for row in rows})
-    items = [
-        MemberOut(project_id=project.id, user_id=row.user_id, user=names[row.user_id], role=row.role)  # type: ignore[arg-type]  # the column holds roles
-        for row in rows
-    ]
-    return Page(items=items, next_cursor=following)
+
+    def shown(rows: Sequence[Member]) -> list[MemberOut]:
+        names = names_of(session, {row.user_id for row in rows})
+        return [shown_as(MemberOut, row, user=names[row.user_id]) for row in rows]
+
+    return paged(session, query, cursor, limit, shown, key=Member.user_id)
 
 
 @router.put("/projects/{project_id}/members/{member}")
@@ -331,8 +328,7 @@ def list_users(
 ) -> Page[UserOut]:
     """All users; for administrators, with a key of the scope `admin`."""
     query = select(User) if name is None else select(User).where(User.name == name.replace("\0", ""))
-    rows, following = paged(session, query, User.id, cursor, limit)
-    return Page(items=_described(session, rows), next_cursor=following)
+    return paged(session, query, cursor, limit, partial(_described, session))
 
 
 @router.get("/users/{user_id}", dependencies=ADMINISTRATORS)
@@ -385,8 +381,9 @@ def revoke_key_of_user(user_id: UUID, key_id: UUID, session: SessionDep, user: C
 
 
 def _keys_of(session: Session, user_id: UUID, cursor: str | None, limit: int) -> Page[KeyOut]:
-    rows, following = paged(session, select(ApiKey).where(ApiKey.user_id == user_id), ApiKey.id, cursor, limit)
-    return Page(items=[KeyOut.model_validate(row) for row in rows], next_cursor=following)
+    return paged(
+        session, select(ApiKey).where(ApiKey.user_id == user_id), cursor, limit, partial(map, KeyOut.model_validate)
+    )
 
 
 def _described(session: Session, users: Sequence[User]) -> list[UserOut]:

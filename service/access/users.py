@@ -12,7 +12,7 @@ from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Session
 
 from service.access.tables import ApiKey, AuditEvent, User
-from service.db.clock import transaction_time
+from service.db.base import transaction_time
 from service.errors import Conflict, Forbidden, NotFound
 from service.logs import current_request_id
 
@@ -101,13 +101,7 @@ def require_administrator(user: User) -> None:
 
 
 def set_disabled(session: Session, by: User, user: User, *, disabled: bool) -> None:
-    """Disable a user, whose keys then open nothing, or enable them again.
-
-    Args:
-        session: the request's transaction.
-        by: the administrator.
-        user: whom, locked.
-        disabled: which of the two.
+    """Have an administrator disable a locked user, whose keys then open nothing, or enable them again.
 
     Raises:
         Conflict: administrators would disable themselves.

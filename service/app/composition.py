@@ -17,16 +17,16 @@ from service.monitoring.notifications.routes import router as webhooks
 from service.monitoring.routes import router as monitoring
 from service.show.results.routes import router as results
 from service.show.routes import router as measured_figures
-from service.store.campaigns.grid_point_routes import router as grid_points
 from service.store.campaigns.operations import campaign_for
+from service.store.campaigns.routes import points_router as grid_points
 from service.store.campaigns.routes import router as campaigns
 from service.store.coupons.operations import batch_for, coupon_for
 from service.store.coupons.routes import router as coupons
 from service.store.frfs.routes import router as frfs
-from service.store.imports.purging import router as purging
+from service.store.imports.routes import purging
 from service.store.imports.routes import router as imports
 from service.store.imports.script_routes import router as scripts
-from service.store.modes.identification_routes import router as identifications
+from service.store.modes.routes import identifications
 from service.store.modes.routes import router as mode_sets
 from service.store.plans.routes import router as plans
 from service.store.records.routes import router as records

@@ -13,8 +13,7 @@ from typing import Literal
 from sqlalchemy import Connection, Engine, text
 
 from service.app.backup.verification import find_damage
-from service.db.engine import make_engine
-from service.db.opening import open_database
+from service.db.opening import opened_engine
 from service.db.schema import SchemaError, require_head, require_version
 from service.settings import Settings
 
@@ -57,12 +56,8 @@ def examine(settings: Settings, *, stored: bool = True) -> Iterator[Finding]:
             return
         yield _disk(folder)
     try:
-        with open_database(settings, migrate_new=False) as opened:
-            engine = make_engine(opened.database_url or "")
-            try:
-                yield from _database(engine, settings, stored=stored)
-            finally:
-                engine.dispose()
+        with opened_engine(settings, migrate_new=False) as engine:
+            yield from _database(engine, settings, stored=stored)
     except Exception as error:  # noqa: BLE001  whatever it is, it is what is wrong
         yield Finding("fault", "database", _first_line(error))
 

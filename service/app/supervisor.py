@@ -253,7 +253,7 @@ class LocalService:
         return lines
 
     def _start_postgresql(self) -> None:
-        from service.db.embedded import keep_running
+        from service.db.opening import keep_running
         from service.db.postgres import PostgresError
 
         try:
@@ -262,7 +262,7 @@ class LocalService:
             raise NotStartedError(str(error)) from error
 
     def _postgresql_ended(self) -> str | None:
-        from service.db.embedded import runs
+        from service.db.opening import runs
 
         return None if runs(self.given.data) else "ended by itself"
 

@@ -1,4 +1,4 @@
-"""Base of all tables: names of constraints, UUIDv7 keys, creation times in UTC."""
+"""Base of all tables: names of constraints, UUIDv7 keys, creation times in UTC; and the database's clock."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from datetime import datetime
 from typing import Annotated, Any, ClassVar
 from uuid import UUID
 
-from sqlalchemy import BigInteger, DateTime, MetaData, func, text
+from sqlalchemy import BigInteger, DateTime, MetaData, func, select, text
 from sqlalchemy.dialects.postgresql import JSONB
-from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
 
 NAMES = {
     "ix": "ix_%(table_name)s_%(column_0_N_name)s",
@@ -42,3 +42,10 @@ class Identified:
 
     id: Mapped[UUID] = mapped_column(primary_key=True, server_default=text("uuidv7()"), sort_order=-2)
     created_at: Mapped[datetime] = mapped_column(server_default=func.now(), sort_order=-1)
+
+
+def transaction_time(session: Session) -> datetime:
+    """When the session's transaction began, by the database's clock: all rows that one transaction changes get the same
+    time.
+    """
+    return session.execute(select(func.now())).scalar_one()

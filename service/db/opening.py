@@ -1,15 +1,27 @@
-"""The database that the settings mean: a server of one's own, or the embedded one."""
+"""The database that the settings mean: a server of one's own, or the embedded PostgreSQL, a real server in a folder that every
+process which opens the folder shares.
+
+The first process that opens a folder starts the server, the last one that leaves stops it. Who is in is known by shared locks
+on a file, which the operating system drops when a process dies, however it dies.
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from service.db.embedded import embedded_server
-from service.db.postgres import PostgresError
+import psycopg
+from fasteners import InterProcessLock, InterProcessReaderWriterLock
+
+from service.db.postgres import Cluster, PostgresError
 from service.db.schema import head_revision, revision_at, upgrade
 from service.settings import Settings
+
+if TYPE_CHECKING:
+    from sqlalchemy import Engine
 
 
 class DataFolderError(Exception):
@@ -51,6 +63,19 @@ def open_database(
         yield settings.model_copy(update={"database_url": url})
 
 
+@contextmanager
+def opened_engine(settings: Settings, *, migrate_new: bool = True) -> Iterator[Engine]:
+    """An engine on the database that the settings mean, while the block runs; see `open_database`."""
+    from service.db.engine import make_engine
+
+    with open_database(settings, migrate_new=migrate_new) as opened:
+        engine = make_engine(opened.database_url or "")
+        try:
+            yield engine
+        finally:
+            engine.dispose()
+
+
 def _upgrade(url: str) -> None:
     from service.db.engine import make_engine  # takes longer to load than to ask whether it is needed
 
@@ -59,3 +84,77 @@ def _upgrade(url: str) -> None:
         upgrade(engine)
     finally:
         engine.dispose()
+
+
+DATABASE = "modalbase"
+
+
+@contextmanager
+def embedded_server(folder: Path) -> Iterator[str]:
+    """Be in on the server of a data folder while the block runs.
+
+    Args:
+        folder: the data folder; made when absent, for its user alone. The server's files are in `postgres` below it.
+
+    Yields:
+        URL of the database `modalbase`, which is made when absent.
+
+    Raises:
+        PostgresError: the server cannot be set up or started.
+    """
+    folder = folder.expanduser().resolve()
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    gate = InterProcessLock(folder / ".starting")  # held while the server is started or stopped
+    inside = InterProcessReaderWriterLock(folder / ".in-use")
+    cluster = Cluster(folder / "postgres")
+    with gate:
+        inside.acquire_read_lock()
+    try:
+        with gate:
+            cluster.initialise()
+            if not cluster.runs():
+                cluster.start()
+            url = _database(cluster)
+        yield url
+    finally:
+        with gate:
+            inside.release_read_lock()
+            if inside.acquire_write_lock(blocking=False):  # nobody else is in
+                cluster.stop()
+                inside.release_write_lock()
+            else:
+                inside.lockfile.close()  # the library leaves it open where it did not get the lock
+
+
+def runs(folder: Path) -> bool:
+    """Whether the server of a folder runs."""
+    return Cluster(folder.expanduser().resolve() / "postgres").runs()
+
+
+def keep_running(folder: Path) -> bool:
+    """Start the server of a folder that one is in on again, where it died by itself. Whether it had.
+
+    Raises:
+        PostgresError: it does not start, for one because the last of its processes are still dying.
+    """
+    folder = folder.expanduser().resolve()
+    cluster = Cluster(folder / "postgres")
+    if cluster.runs():
+        return False
+    with InterProcessLock(folder / ".starting"):
+        if cluster.runs():  # another who is in was first
+            return False
+        cluster.start()
+    return True
+
+
+def _database(cluster: Cluster) -> str:
+    """URL of our database on the server, made when absent; text sorts alike on every machine."""
+    with psycopg.connect(cluster.url("postgres"), autocommit=True) as connection:
+        there = connection.execute("SELECT 1 FROM pg_database WHERE datname = %s", [DATABASE]).fetchone()
+        if there is None:
+            connection.execute(
+                "CREATE DATABASE modalbase TEMPLATE template0 ENCODING 'UTF8'"
+                " LOCALE_PROVIDER builtin BUILTIN_LOCALE 'C.UTF-8'"
+            )
+    return cluster.url(DATABASE)

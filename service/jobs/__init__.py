@@ -3,14 +3,16 @@
 What a feature needs of it::
 
     from service.jobs.kinds import JobKind
-    from service.jobs.queue import enqueue
-    from service.jobs.state import job_state
+    from service.jobs.resource import JobNoun
+    from service.jobs.routes import JobRoutes
 
-    IMPORT = JobKind("import", load=load, compute=parse_file, store=store)     # listed in service.app.kinds.KINDS
+    IDENTIFY = JobKind("identification", load=load, compute=find_modes, store=store)    # listed in service.app.kinds.KINDS
+    IDENTIFICATIONS = JobNoun(IDENTIFY, identification_for, "identifications")          # its table: key = jobs.id
 
-    job = enqueue(session, kind=IMPORT, project_id=project.id)                 # in the request's transaction
-    session.add(Import(id=job.id, ...))                                        # its own table: key = jobs.id
-    return {**job_state(job), ...}                                             # what GET answers
+    row = IDENTIFICATIONS.start(session, user, Identification(campaign_id=campaign.id)) # in the request's transaction
+
+    routes = JobRoutes(router, IDENTIFICATIONS, IdentificationOut, describe, "identification_id")
+    routes.cancelling("cancel_identification", "Ask for an identification's end.")      # POST …/{id}/cancel
 
 Nothing is imported here: the process that computations are forked from loads `child` and `kinds` without the database.
 """

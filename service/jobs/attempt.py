@@ -16,7 +16,7 @@ from sqlalchemy.exc import DBAPIError
 
 from service.db.engine import Sessions
 from service.errors import NotFinite
-from service.jobs import ledger
+from service.jobs import queue
 from service.jobs.child import Checkpoint, Failure, Item, Order, Progress, failure_of
 from service.jobs.kinds import JobKind
 from service.jobs.process import Child, ChildEnded
@@ -24,6 +24,11 @@ from service.jobs.tables import Job
 from service.settings import Settings
 
 KEPT_BYTES = 32 * 1024 * 1024
+PROGRESS_SECONDS = 0.1
+AGAIN_SECONDS = 1.0  # between two tries to reach the database
+RECORD_SECONDS = 120.0  # for which the end of an attempt is kept in hand while the database is away
+
+log = structlog.stdlib.get_logger("modalbase.jobs")
 
 PASSING = ("08", "40", "53", "57P", "55P03")
 """SQLSTATEs of lost connections, rollbacks that ask for another try, exhausted resources, shutdowns, lock time-outs."""
@@ -54,31 +59,14 @@ class Replay:
         """What the items hold, from the first one on. Only the last iterator may be used."""
         if not self.complete:
             raise RuntimeError("the first items are gone")
-        for item in list(self._kept):
-            yield item.value
+        yield from [item.value for item in self._kept]
         for item in self._source:
-            self._keep(item)
+            self._bytes += item.size
+            self.complete = self._bytes <= KEPT_BYTES
+            self._kept.append(item)
+            if not self.complete:
+                self._kept.clear()
             yield item.value
-
-    def _keep(self, item: Item) -> None:
-        if not self.complete:
-            return
-        self._bytes += item.size
-        if self._bytes > KEPT_BYTES:
-            self.complete = False
-            self._kept.clear()
-            return
-        self._kept.append(item)
-
-
-PROGRESS_SECONDS = 0.1
-AGAIN_SECONDS = 1.0  # between two tries to reach the database
-RECORD_SECONDS = 120.0  # for which the end of an attempt is kept in hand while the database is away
-
-CANCELLED = Failure("cancelled", "Cancelled", "cancelled on request")
-DRAINED = Failure("drained", "Drained", "the worker ended; queued again")
-
-log = structlog.stdlib.get_logger("modalbase.jobs")
 
 
 class Attempt:
@@ -119,11 +107,11 @@ class Attempt:
             workspace: a folder of this attempt alone.
 
         Returns:
-            The outcome: `succeeded`, `failed`, `cancelled`, `drained`, `lost`, `superseded` or `abandoned`.
+            The outcome: `succeeded`, `failed`, `cancelled`, `queued again`, `superseded` or `abandoned`.
         """
         try:
             self._store(self._start(*self._load(workspace)))
-        except ledger.SupersededError:
+        except queue.SupersededError:
             return "superseded"
         except DBAPIError as error:
             if not passes(error):
@@ -141,7 +129,7 @@ class Attempt:
 
     def _load(self, workspace: Path) -> tuple[Any, bytes | None]:
         with self.sessions.begin() as session:
-            return self.kind.load(session, self.job.id, workspace), ledger.load_checkpoint(session, self.job.id)
+            return self.kind.load(session, self.job.id, workspace), queue.load_checkpoint(session, self.job.id)
 
     def _start(self, inputs: Any, restored: bytes | None) -> Child:
         order = Order(self.kind.compute, inputs, restored, self.kind.memory_bytes or self.settings.job_memory_bytes)
@@ -165,7 +153,7 @@ class Attempt:
                         pass
                     if self._last is not None:
                         self._write(self._last)
-                    ledger.succeed(session, self.job)
+                    queue.succeed(session, queue.locked(session, self.job))
             except DBAPIError as error:
                 if not (passes(error) and items.complete):
                     raise
@@ -185,9 +173,7 @@ class Attempt:
                 case Item():
                     yield message
                 case Checkpoint(data):
-                    self._aside(
-                        lambda session, data=data: ledger.save_checkpoint(session, self.job.id, self.job.attempt, data)
-                    )
+                    self._aside(lambda session, data=data: queue.save_checkpoint(session, self.job, data))
                 case Progress():
                     self._progress(message)
 
@@ -198,7 +184,7 @@ class Attempt:
 
     def _write(self, progress: Progress) -> None:
         self._write_at = time.monotonic() + PROGRESS_SECONDS
-        self._aside(lambda session: ledger.advance(session, self.job, progress.stage, progress.share))
+        self._aside(lambda session: queue.advance(session, self.job, progress.stage, progress.share))
 
     def _aside(self, write: Any) -> None:
         """Write in a transaction of its own what the work can do without, should the database be away."""
@@ -223,8 +209,9 @@ class Attempt:
         end = time.monotonic() + RECORD_SECONDS
         while True:
             try:
-                return self._write_end(failure)
-            except ledger.SupersededError:
+                with self.sessions.begin() as session:
+                    return queue.end(session, queue.locked(session, self.job), failure)
+            except queue.SupersededError:
                 return "superseded"
             except NotFinite as error:
                 log.warning("an error's details are left out", error=str(error))
@@ -236,18 +223,3 @@ class Attempt:
                     )
                     return "abandoned"
                 time.sleep(AGAIN_SECONDS)
-
-    def _write_end(self, failure: Failure) -> str:
-        with self.sessions.begin() as session:
-            job = ledger.locked(session, self.job)
-            match failure.reason:
-                case "cancelled":
-                    ledger.cancelled(session, job, failure.detail)
-                case "drained":
-                    ledger.give_back(session, job, failure.detail)
-                case "lost":
-                    ledger.lose(session, job, failure.detail)
-                case _:
-                    ledger.fail(session, job, failure)
-                    return "failed"
-        return failure.reason

@@ -80,7 +80,14 @@ class Failure:
     extra: dict[str, Any] | None = None
     trace: str | None = None
 
+    def shown(self) -> dict[str, Any]:
+        """What clients read of it."""
+        shown = {"reason": self.reason, "type": self.type, "detail": self.detail}
+        return shown | ({} if self.field is None else {"field": self.field}) | (self.extra or {})
 
+
+CANCELLED = Failure("cancelled", "Cancelled", "cancelled on request")
+DRAINED = Failure("drained", "Drained", "the worker ended; queued again")
 PURGED = Failure("cancelled", "Purged", "cancelled, as what it was for was purged")
 
 

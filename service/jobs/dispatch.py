@@ -19,7 +19,7 @@ from procrastinate import jobs
 from sqlalchemy import func, select, text, update
 from sqlalchemy.orm import Session
 
-from service.jobs import ledger, tickets
+from service.jobs import queue, tickets
 from service.jobs.tables import Job
 
 log = structlog.stdlib.get_logger("modalbase.worker")
@@ -112,5 +112,5 @@ def _recover(session: Session, found: Iterable[jobs.Job], why: str) -> None:
         )
         job = session.scalars(running.with_for_update(skip_locked=True)).one_or_none()
         if job is not None:  # else its end is being written at this moment
-            done = ledger.lose(session, job, why.format(worker=job.worker))
+            done = queue.lose(session, job, why.format(worker=job.worker))
             log.warning("job without a worker", job_id=str(job.id), action=done)

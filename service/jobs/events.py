@@ -13,7 +13,7 @@ import asyncio
 import json
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Iterable, Iterator, Mapping
+from collections.abc import AsyncIterator, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Self
@@ -31,7 +31,7 @@ from service.access.dependencies import CurrentKey
 from service.db.engine import Sessions
 from service.errors import TooManyRequests
 from service.jobs.background import Listener
-from service.jobs.state import ENDED, job_state
+from service.jobs.resource import ENDED, job_state
 from service.jobs.tables import CHANGED, Job
 
 LOOK_SECONDS = 2.0  # between two looks at all jobs, while notices come through
@@ -66,15 +66,22 @@ def shown(job: Job) -> Shown:
 
 @dataclass
 class _Watched:
-    """A job that streams watch: its last state that was seen, and what wakes them.
+    """A job that streams watch.
 
     Attributes:
-        state: None where the job is gone.
-        streams: one event for each.
+        state: the last one that was seen; None where the job is gone.
+        changed: set when that has changed, and then replaced.
+        streams: how many watch it.
     """
 
     state: Shown | None
-    streams: set[asyncio.Event] = field(default_factory=set)
+    changed: asyncio.Event = field(default_factory=asyncio.Event)
+    streams: int = 0
+
+    def wake(self) -> None:
+        """Have the streams look at the state."""
+        self.changed.set()
+        self.changed = asyncio.Event()
 
 
 class Changes:
@@ -122,7 +129,7 @@ class Changes:
         self.closed = True
         self._wake.set()
         for watched in self._watched.values():
-            _wake(watched)
+            watched.wake()
 
     def admit(self, caller: str) -> None:
         """Is there room for another stream?
@@ -134,37 +141,29 @@ class Changes:
             TooManyRequests: as many as the operator allows are open, or this caller has its share.
         """
         if self._open[caller] >= (share := max(1, self._limit // 2)):
-            raise TooManyRequests(
-                f"{share} streams of events of this key are open; poll the job instead", retry_after=10
-            )
-        if self._open.total() >= self._limit:
-            raise TooManyRequests(
-                f"{self._limit} streams of events are open here; poll the job instead", retry_after=10
-            )
+            full = f"{share} streams of events of this key are open"
+        elif self._open.total() >= self._limit:
+            full = f"{self._limit} streams of events are open here"
+        else:
+            return
+        raise TooManyRequests(f"{full}; poll the job instead", retry_after=10)
 
     @contextmanager
-    def of(self, job_id: UUID, state: Shown, caller: str) -> Iterator[tuple[_Watched, asyncio.Event]]:
-        """Watch a job: its state, kept up to date, and an event that is set whenever that has changed.
-
-        Args:
-            job_id: which one.
-            state: as it was seen a moment ago.
-            caller: under which the stream is counted.
-        """
-        event = asyncio.Event()
+    def of(self, job_id: UUID, state: Shown, caller: str) -> Iterator[_Watched]:
+        """Watch a job, whose last state is given and kept up to date; the caller has one stream more."""
         self._open[caller] += 1
         watched = self._watched.setdefault(job_id, _Watched(state))
-        watched.streams.add(event)
+        watched.streams += 1
         self._due.add(job_id)  # it may have changed since
         self._wake.set()
         if self._looking is None or self._looking.done():
             self._looking = asyncio.get_running_loop().create_task(self._look())
         try:
-            yield watched, event
+            yield watched
         finally:
             self._open[caller] -= 1
             self._open += Counter()  # forgets who has none
-            watched.streams.discard(event)
+            watched.streams -= 1
             if not watched.streams:
                 self._watched.pop(job_id, None)
 
@@ -172,22 +171,15 @@ class Changes:
         """Wait until a job has ended, for so many seconds at most, and say whether it has.
 
         A wait counts as a stream: where there is no room for another, the answer comes at once.
-
-        Args:
-            job: its state as it was seen a moment ago.
-            job_id: which one.
-            caller: under which the wait is counted.
-            seconds: for which to wait.
         """
         try:
             self.admit(caller)
         except TooManyRequests:
             return job.ended
-        with self.of(job_id, job, caller) as (watched, changed), suppress(TimeoutError):
+        with self.of(job_id, job, caller) as watched, suppress(TimeoutError):
             async with asyncio.timeout(seconds):
                 while not self.closed and watched.state is not None and not watched.state.ended:
-                    changed.clear()
-                    await changed.wait()
+                    await watched.changed.wait()
         return watched.state is None or watched.state.ended
 
     def _heard(self, job_id: str) -> None:
@@ -211,39 +203,24 @@ class Changes:
             if everything := time.monotonic() >= all_at:
                 all_at = time.monotonic() + self.patience
             due, self._due = set(self._watched if everything else self._due), set()
-            if due:
-                known = {job_id: watched.state for job_id in due if (watched := self._watched.get(job_id))}
-                states = await anyio.to_thread.run_sync(self._read, known, limiter=self._thread)
-                self._publish(due, states)
+            for job_id, state in (await anyio.to_thread.run_sync(self._read, due, limiter=self._thread)).items():
+                watched = self._watched.get(job_id)
+                if watched is not None and watched.state != state:
+                    watched.state = state
+                    watched.wake()
             await asyncio.sleep(PAUSE_SECONDS)
 
-    def _publish(self, due: Iterable[UUID], states: dict[UUID, Shown] | None) -> None:
-        if states is None:
-            return
-        for job_id in due:
-            watched, state = self._watched.get(job_id), states.get(job_id)
-            if watched is not None and watched.state != state:
-                watched.state = state
-                _wake(watched)
-
-    def _read(self, known: Mapping[UUID, Shown | None]) -> dict[UUID, Shown] | None:
-        """States of jobs; nothing while the database is away, for which streams wait."""
+    def _read(self, due: set[UUID]) -> dict[UUID, Shown | None]:
+        """States of jobs, None of one that is gone; nothing while the database is away, for which streams wait."""
+        if not due:
+            return {}
         try:
             with self._sessions() as session:
-                jobs = session.scalars(select(Job).where(Job.id.in_(known)))
-                return {job.id: _unless_known(job, known[job.id]) for job in jobs}
+                jobs = session.scalars(select(Job).where(Job.id.in_(due)))
+                return dict.fromkeys(due) | {job.id: shown(job) for job in jobs}
         except SQLAlchemyError as error:
             log.warning("the database does not answer; streams wait", error=str(error).split("\n", 1)[0])
-            return None
-
-
-def _unless_known(job: Job, known: Shown | None) -> Shown:
-    return known if known is not None and known.version == job.version else shown(job)
-
-
-def _wake(watched: _Watched) -> None:
-    for event in watched.streams:
-        event.set()
+            return {}
 
 
 def _changes(request: Request) -> Changes:
@@ -262,11 +239,8 @@ class Events:
 
     def __init__(self, changes: ChangesDep, key: CurrentKey, last_event_id: LastEventId = None) -> None:
         self._changes, self._caller = changes, str(key.id)
-        self._last = (
-            int(last_event_id)
-            if last_event_id is not None and last_event_id.isascii() and last_event_id.isdecimal()
-            else None
-        )
+        known = last_event_id is not None and last_event_id.isascii() and last_event_id.isdecimal()
+        self._last = int(last_event_id or 0) if known else None
 
     def of(self, job: Job) -> Response:
         """The stream of a job's states: the present one at once, the last one when it has ended.
@@ -284,9 +258,9 @@ class Events:
 
     async def _stream(self, job_id: UUID, first: Shown) -> AsyncIterator[bytes]:
         sent = self._last
-        with self._changes.of(job_id, first, self._caller) as (watched, changed):
+        with self._changes.of(job_id, first, self._caller) as watched:
             while not self._changes.closed and (state := watched.state) is not None:  # else deleted with its project
-                changed.clear()
+                changed = watched.changed
                 if state.version != sent:
                     sent = state.version
                     yield state.event

@@ -58,11 +58,6 @@ class Manager(JobManager):
         self.running: dict[int, Job] = {}
         self.draining = self.unsure = False
 
-    async def register_worker(self) -> int:
-        """Enter this worker in the engine's list, whose heartbeats everybody watches."""
-        self._worker_id = await super().register_worker()
-        return self._worker_id
-
     async def unregister_worker(self, worker_id: int) -> None:
         """Leave the engine's list, where the database answers."""
         try:
@@ -72,6 +67,7 @@ class Manager(JobManager):
 
     async def fetch_job(self, queues: Iterable[str] | None, worker_id: int) -> jobs.Job | None:
         """Begin the job whose turn it is, and fetch its ticket."""
+        self._worker_id = worker_id
         try:
             return None if self.draining else await asyncio.to_thread(self._fetch, queues, worker_id)
         except DBAPIError as error:

@@ -40,6 +40,17 @@ _ENDED = text(f"""
 """)
 
 
+_COUNTERS = (
+    ("jobs_ended", "Jobs that have ended", "jobs"),
+    ("job_attempts", "Attempts at jobs that have ended", "attempts"),
+    ("job_losses", "Attempts lost with a worker that died", "losses"),
+)
+_TIMES = (
+    ("wait", "From the queue to the start of the last attempt", WAIT_BUCKETS, "wait_counts", "waited"),
+    ("run", "From the start of the last attempt to its end", RUN_BUCKETS, "run_counts", "ran"),
+)
+
+
 class JobMetrics(Collector):
     """Collector for a registry of prometheus_client."""
 
@@ -69,11 +80,11 @@ class JobMetrics(Collector):
 
 
 def _open_metrics(rows: Sequence[Row[Any]]) -> Iterable[Any]:
-    depth = GaugeMetricFamily("modalbase_jobs_queued", "Jobs that wait", labels=["kind", "queue"])
-    oldest = GaugeMetricFamily(
-        "modalbase_jobs_oldest_wait_seconds", "Wait of the oldest job that waits", labels=["kind", "queue"]
-    )
-    running = GaugeMetricFamily("modalbase_jobs_running", "Jobs that run", labels=["kind", "queue"])
+    def gauge(name: str, words: str) -> GaugeMetricFamily:
+        return GaugeMetricFamily(f"modalbase_jobs_{name}", words, labels=["kind", "queue"])
+
+    depth, running = gauge("queued", "Jobs that wait"), gauge("running", "Jobs that run")
+    oldest = gauge("oldest_wait_seconds", "Wait of the oldest job that waits")
     for row in rows:
         labels = [row.kind, row.queue]
         if row.state == "queued":
@@ -86,23 +97,17 @@ def _open_metrics(rows: Sequence[Row[Any]]) -> Iterable[Any]:
 
 def _ended_metrics(rows: Sequence[Row[Any]]) -> Iterable[Any]:
     labels = ["kind", "outcome"]
-    ended = CounterMetricFamily("modalbase_jobs_ended", "Jobs that have ended", labels=labels)
-    attempts = CounterMetricFamily("modalbase_job_attempts", "Attempts at jobs that have ended", labels=labels)
-    losses = CounterMetricFamily("modalbase_job_losses", "Attempts lost with a worker that died", labels=labels)
-    wait = HistogramMetricFamily(
-        "modalbase_job_wait_seconds", "From the queue to the start of the last attempt", labels=labels
-    )
-    run = HistogramMetricFamily(
-        "modalbase_job_run_seconds", "From the start of the last attempt to its end", labels=labels
-    )
-    for row in rows:
-        names = [row.kind, row.state]
-        ended.add_metric(names, row.jobs)
-        attempts.add_metric(names, row.attempts)
-        losses.add_metric(names, row.losses)
-        wait.add_metric(names, _buckets(WAIT_BUCKETS, row.wait_counts, row.started), float(row.waited))
-        run.add_metric(names, _buckets(RUN_BUCKETS, row.run_counts, row.started), float(row.ran))
-    return ended, attempts, losses, wait, run
+    for name, words, column in _COUNTERS:
+        counter = CounterMetricFamily(f"modalbase_{name}", words, labels=labels)
+        for row in rows:
+            counter.add_metric([row.kind, row.state], getattr(row, column))
+        yield counter
+    for name, words, edges, counts, total in _TIMES:
+        times = HistogramMetricFamily(f"modalbase_job_{name}_seconds", words, labels=labels)
+        for row in rows:
+            buckets = _buckets(edges, getattr(row, counts), row.started)
+            times.add_metric([row.kind, row.state], buckets, float(getattr(row, total)))
+        yield times
 
 
 def _buckets(edges: Sequence[float], counts: Sequence[int], total: int) -> list[tuple[str, float]]:

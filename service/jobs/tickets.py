@@ -55,10 +55,10 @@ def cancel(session: Session, job: Job) -> None:
     _ask(session, "cancel_job", job_id=job.ticket, abort=job.state == "running", delete_job=True)
 
 
-def end(session: Session, ticket: int, queue: str) -> None:
+def end(session: Session, job: Job) -> None:
     """Remove the ticket of a job that ends: one that its project's limit held back may start now."""
-    _ask(session, "finish_job", job_id=ticket, status="succeeded", delete_job=True)
-    _wake(session, queue)
+    _ask(session, "finish_job", job_id=job.ticket, status="succeeded", delete_job=True)
+    _wake(session, job.queue)
 
 
 def drop_left(session: Session) -> None:

@@ -30,10 +30,9 @@ from procrastinate.job_context import AbortReason, JobContext
 
 from service.db.engine import Sessions, make_engine, make_sessions
 from service.db.schema import require_head
-from service.jobs import attempt as ends
 from service.jobs import tickets
 from service.jobs.attempt import Attempt
-from service.jobs.child import Failure
+from service.jobs.child import CANCELLED, DRAINED, Failure
 from service.jobs.kinds import JobKind
 from service.jobs.manager import Manager
 from service.jobs.process import ChildEnded, dismiss_children, prepare_children
@@ -209,7 +208,7 @@ class _Worker:
                     attempt.out_of_time()
             except asyncio.CancelledError:
                 drained = ticket.abort_reason() is AbortReason.SHUTDOWN
-                attempt.stop(ends.DRAINED if drained else ends.CANCELLED)
+                attempt.stop(DRAINED if drained else CANCELLED)
         self.work.discard(work)
         del self.manager.running[ticket.job.id]
         if (error := work.exception()) is not None:

@@ -19,7 +19,7 @@ from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorSeries
 from service.store.structures.operations import structure_of
 
 if TYPE_CHECKING:
-    from service.store.structures.tables import Structure
+    from service.store.structures.operations import Structure
 
 alarm_for = Lookup(Alarm, "alarm", "monitor_id", monitor_for)
 """The alarm, if the user has at least a role in its project; none of a deleted monitor."""

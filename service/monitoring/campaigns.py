@@ -18,14 +18,13 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.monitoring.tables import CampaignCompletion, Monitor
-from service.store.campaigns.grid_points import point_digests
-from service.store.campaigns.operations import dated_campaigns
+from service.store.campaigns.operations import dated_campaigns, point_digests
 from service.store.frfs.operations import frf_digests
 from service.store.imports.operations import import_progress
 from service.store.modes.operations import newest_stated
 
 if TYPE_CHECKING:
-    from service.store.campaigns.tables import Campaign
+    from service.store.campaigns.operations import Campaign
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from sqlalchemy.orm import Session, undefer
 from fecore import __version__
 from fecore.updating.parameters import parametrise
 from service.access import User, audit, projects_of
-from service.db.clock import transaction_time
+from service.db.base import transaction_time
 from service.errors import Conflict, Invalid, NotFound
 from service.monitoring import runs
 from service.monitoring.judgements import rank
@@ -37,8 +37,8 @@ from service.store.updating.bodies import body_of
 from service.store.updating.operations import check_prior_batch
 
 if TYPE_CHECKING:
-    from service.store.campaigns.tables import Campaign
-    from service.store.structures.tables import Structure
+    from service.store.campaigns.operations import Campaign
+    from service.store.structures.operations import Structure
 
 NOW = timedelta(0)
 

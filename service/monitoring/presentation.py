@@ -18,7 +18,7 @@ from service.store.campaigns.operations import campaigns_of
 from service.store.structures.operations import structure_of, structures_of
 
 if TYPE_CHECKING:
-    from service.store.structures.tables import Structure
+    from service.store.structures.operations import Structure
 
 
 def series_document(session: Session, monitor: Monitor, series: MonitorSeries) -> dict[str, Any]:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from fastapi import Query, Request, Response
 from sqlalchemy import select
-from sqlalchemy.orm import Session
 
 from service.access import CurrentUser, SessionDep, SettingsDep, project_for, projects_of
+from service.access.nouns import NounRoutes
 from service.errors import Invalid
 from service.monitoring import alarms as steps
 from service.monitoring import monitors
@@ -32,10 +33,11 @@ from service.monitoring.schemas import (
 )
 from service.monitoring.tables import Alarm, Monitor, MonitorRun, MonitorSeries
 from service.store.campaigns.operations import campaign_for
-from service.store.structures.operations import structure_for, structures_in
+from service.store.structures.operations import structures_in
 from service.web import IF_MATCH, Confirm, Cursor, Limit, Page, api_router, etag_of, paged, require_match, require_usual
 
 router = api_router(tags=["monitoring"])
+nouns = NounRoutes(router, monitor_for, MonitorOut, monitors.describe_all, "monitors", "monitor_id")
 
 Deleted = Annotated[bool, Query(description="list deleted monitors, which can be restored, instead")]
 
@@ -56,7 +58,7 @@ def create_monitor(
     require_usual(body, confirm)
     monitor = monitors.create_monitor(session, user, structure_id, body, settings)
     response.headers["Location"] = f"/api/v1/monitors/{monitor.id}"
-    return _shown(session, monitor, response)
+    return nouns.tagged(session, monitor, response)
 
 
 @router.get("/structures/{structure_id}/monitors")
@@ -69,10 +71,7 @@ def list_monitors_of_structure(
     deleted: Deleted = False,
 ) -> Page[MonitorOut]:
     """Monitors of a structure."""
-    structure = structure_for(session, user, structure_id)
-    query = select(Monitor).where(Monitor.structure_id == structure.id, monitors.hidden(deleted))
-    rows, following = paged(session, query, Monitor.id, cursor, limit)
-    return Page(items=monitors.describe_all(session, rows), next_cursor=following)
+    return nouns.page(session, user, structure_id, cursor, limit, deleted=deleted)
 
 
 @router.get("/monitors")
@@ -89,10 +88,7 @@ def list_monitors(
     return Page(items=monitors.describe_all(session, rows), next_cursor=following)
 
 
-@router.get("/monitors/{monitor_id}")
-def get_monitor(monitor_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> MonitorOut:
-    """A monitor and its state."""
-    return _shown(session, monitor_for(session, user, monitor_id), response)
+nouns.getting("get_monitor", "A monitor and its state.", tagged=True)
 
 
 @router.patch("/monitors/{monitor_id}", openapi_extra=IF_MATCH)
@@ -107,20 +103,18 @@ def change_monitor(
 ) -> MonitorOut:
     """Change a name, a receiver, the expected interval, or put a monitor at rest. What decides is frozen."""
     monitor = monitor_for(session, user, monitor_id, "editor", lock=True)
-    require_match(request, etag_of(monitors.describe_all(session, [monitor])[0]))
+    require_match(request, etag_of(nouns.shown(session, monitor)))
     if not body.model_fields_set:
         raise Invalid("", "names nothing to change")
     monitors.change_monitor(session, user, monitor, body, settings)
-    return _shown(session, monitor, response)
+    return nouns.tagged(session, monitor, response)
 
 
-@router.delete("/monitors/{monitor_id}", status_code=204, openapi_extra=IF_MATCH)
-def delete_monitor(monitor_id: UUID, session: SessionDep, user: CurrentUser, request: Request) -> None:
-    """Hide a monitor with its series and alarms, and end its work. It stays stored and can be restored."""
-    monitor = monitor_for(session, user, monitor_id, "editor", lock=True)
-    if "if-match" in request.headers:
-        require_match(request, etag_of(monitors.describe_all(session, [monitor])[0]))
-    monitor_for.hide(session, user, monitor)  # its updates that run end as results of their own
+# The updates of a monitor that run end as results of their own.
+nouns.deleting(
+    "delete_monitor",
+    "Hide a monitor with its series and alarms, and end its work. It stays stored and can be restored.",
+)
 
 
 @router.post("/monitors/{monitor_id}/restore")
@@ -129,7 +123,7 @@ def restore_monitor(monitor_id: UUID, session: SessionDep, user: CurrentUser, re
     monitor = monitor_for(session, user, monitor_id, "editor", lock=True, deleted=True)
     monitor_for.bring_back(session, user, monitor)
     request_check(session, monitor.id)
-    return _shown(session, monitor, response)
+    return nouns.tagged(session, monitor, response)
 
 
 @router.post(
@@ -167,8 +161,7 @@ def list_runs(
     query = select(MonitorRun).join(MonitorSeries).where(MonitorSeries.monitor_id == monitor.id)
     if series is not None:
         query = query.where(MonitorSeries.number == series)
-    rows, following = paged(session, query, MonitorRun.id, cursor, limit, newest_first=True)
-    return Page(items=describe_runs(session, rows), next_cursor=following)
+    return paged(session, query, cursor, limit, partial(describe_runs, session), newest_first=True)
 
 
 @router.get("/monitors/{monitor_id}/series", response_model=None, responses={200: {"model": SeriesOut}})
@@ -209,8 +202,7 @@ def list_alarms(
         query = query.where(Alarm.monitor_id == monitor_for(session, user, monitor).id)
     if project is not None:
         query = query.where(Monitor.structure_id.in_(structures_in([project_for(session, user, project).id])))
-    rows, following = paged(session, query, Alarm.id, cursor, limit, newest_first=True)
-    return Page(items=describe_alarms(session, rows), next_cursor=following)
+    return paged(session, query, cursor, limit, partial(describe_alarms, session), newest_first=True)
 
 
 @router.get("/alarms/{alarm_id}")
@@ -235,9 +227,3 @@ def list_deliveries_of_monitor(
     """The messages of a monitor, by webhook and mail, newest first."""
     monitor = monitor_for(session, user, monitor_id)
     return deliveries_of_monitor(session, monitor.id, cursor, limit)
-
-
-def _shown(session: Session, monitor: Monitor, response: Response) -> MonitorOut:
-    (shown,) = monitors.describe_all(session, [monitor])
-    response.headers["ETag"] = etag_of(shown)
-    return shown

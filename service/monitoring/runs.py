@@ -39,7 +39,7 @@ from service.store.updating.operations import result_documents, start_update
 from service.store.updating.schemas import ParameterIn, RecipeIn
 
 if TYPE_CHECKING:
-    from service.store.modes.tables import Mode
+    from service.store.modes.operations import Mode
 
 monitor_for = Lookup(Monitor, "monitor", "structure_id", structure_for)
 """The monitor, if the user has at least a role in its project."""

@@ -20,7 +20,7 @@ from service.store.records.processings import newest_document
 from service.store.records.schemas import HitOut
 
 if TYPE_CHECKING:
-    from service.store.records.tables import Processing
+    from service.store.records.processings import Processing
 
 MOST_HITS = 40
 """Hits that one figure draws; of more, the latest."""

@@ -12,9 +12,7 @@ from fastapi import Query, Response
 
 from service.access import CurrentUser, SessionDep
 from service.compute.identification_document import up_to_date
-from service.errors import Conflict, Invalid
-from service.jobs.state import why_no_result
-from service.jobs.tables import Job
+from service.errors import Invalid
 from service.monitoring.monitors import series_for
 from service.monitoring.presentation import series_document
 from service.monitoring.routes import Version
@@ -29,12 +27,13 @@ from service.show.hits import Chosen, point_blocks, point_shown
 from service.store.campaigns.operations import campaign_for
 from service.store.coupons.curves import curve_of, series_of
 from service.store.coupons.operations import coupon_for
-from service.store.modes.identifications import identification_for
+from service.store.modes.identifications import IDENTIFICATIONS, identification_for
 from service.store.records.routes import Whole
 from service.web import api_router
 
 if TYPE_CHECKING:
-    from service.store.coupons.tables import Coupon, CouponCurve
+    from service.store.coupons.curves import CouponCurve
+    from service.store.coupons.operations import Coupon
 
 router = api_router(tags=[])  # each figure stands beside what it shows
 
@@ -77,7 +76,7 @@ def get_identification_figure(
     row = identification_for(session, user, identification_id)
     require_figure(name, "stabilisation")
     if row.document is None:
-        raise Conflict(why_no_result("identification", session.get_one(Job, row.id, populate_existing=True)))
+        raise IDENTIFICATIONS.no_result(session, row)
     found = up_to_date(row.document)
 
     def draw() -> Figure:

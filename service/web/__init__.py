@@ -8,7 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from service.web.bodies import Int64, Name, Page, StrictModel, Text, Time, example, not_null
+from service.web.bodies import Int64, Name, Page, StrictModel, Text, Time, example, not_null, shown_as
 
 if TYPE_CHECKING:
     from service.web.parameters import IF_MATCH, Confirm, Cursor, Limit, etag_of, paged, require_match, require_usual
@@ -32,6 +32,7 @@ __all__ = [
     "paged",
     "require_match",
     "require_usual",
+    "shown_as",
 ]
 
 _LATER = {

@@ -21,6 +21,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from service.web.json_body import refuse_unstorable_text
 
 Item = TypeVar("Item")
+Shown = TypeVar("Shown", bound=BaseModel)
 INT64_MAX = 2**63 - 1
 LONG = 1000  # items of a list beyond which its faults are not listed one by one
 
@@ -113,6 +114,12 @@ def example(**fields: Any) -> ConfigDict:
     its ids are one's own; an acceptance test sends each.
     """
     return ConfigDict(json_schema_extra={"examples": [fields]})
+
+
+def shown_as(model: type[Shown], row: object, **own: Any) -> Shown:
+    """A row as clients see it: what the model has in common with the row, and these members."""
+    same = {name: getattr(row, name) for name in model.model_fields if name not in own and hasattr(row, name)}
+    return model(**same, **own)
 
 
 class Page(BaseModel, Generic[Item]):

@@ -29,14 +29,7 @@ def fits_memory(request: Request, size: int) -> bool:
 def in_memory(
     write: Callable[[IO[bytes]], None], media_type: str, filename: str, headers: Mapping[str, str]
 ) -> Response:
-    """A small file that `write` fills, sent as a whole.
-
-    Args:
-        write: writes the file; what it raises is answered as a problem.
-        media_type: of the file.
-        filename: proposed to the client.
-        headers: such as the ETag.
-    """
+    """A small file that `write` fills, sent as a whole; what it raises is answered as a problem."""
     buffer = io.BytesIO()
     write(buffer)
     described = {"Content-Disposition": f'attachment; filename="{filename}"', "Accept-Ranges": "bytes"}

@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import binascii
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import accumulate
 from typing import Annotated, Any, TypeVar
@@ -21,12 +21,14 @@ from sqlalchemy import ColumnElement, Select, func
 from sqlalchemy.orm import Session
 
 from service.errors import Invalid, PreconditionFailed, PreconditionRequired, Unusual
+from service.web.bodies import Page
 from service.web.quantities import unusual
 
 Cursor = Annotated[str | None, Query(max_length=100, description="`next_cursor` of the page before")]
 Limit = Annotated[int, Query(ge=1, le=1000, description="rows in a page")]
 
 Row = TypeVar("Row")
+Item = TypeVar("Item")
 
 
 HEAVIEST_BYTES = 1024 * 1024
@@ -36,21 +38,23 @@ HEAVIEST_BYTES = 1024 * 1024
 def paged(
     session: Session,
     query: Select[Row],
-    key: Any,
     cursor: Cursor,
     limit: Limit,
+    shown: Callable[[Sequence[Row]], Iterable[Item]],
     *,
+    key: Any = None,
     newest_first: bool = False,
     weight: ColumnElement[int] | None = None,
-) -> tuple[Sequence[Row], str | None]:
-    """One page of a query's rows and the cursor of the next one.
+) -> Page[Item]:
+    """One page of a query's rows, with the cursor of the next one.
 
     Args:
         session: where to ask.
-        query: selects one entity; without order and limit.
-        key: the entity's UUIDv7 column, such as `Campaign.id`.
+        query: selects one entity, without order and limit.
         cursor: what the client sent.
         limit: rows in a page.
+        shown: rows -> what clients see of them.
+        key: the UUIDv7 column that orders them; default: the entity's `id`.
         newest_first: order of creation, reversed.
         weight: bytes of a row, where rows may be heavy: the page ends early, after a row at least, where it would become
             too heavy.
@@ -58,6 +62,7 @@ def paged(
     Raises:
         Invalid: the cursor is not one of ours.
     """
+    key = query.column_descriptions[0]["entity"].id if key is None else key
     if cursor is not None:
         after = _decode(cursor)
         query = query.where(key < after if newest_first else key > after)
@@ -65,8 +70,8 @@ def paged(
     if weight is not None:
         limit = _light(session.scalars(query.with_only_columns(func.coalesce(weight, 0)).limit(limit)), limit)
     rows = session.scalars(query.limit(limit + 1)).all()
-    page = rows[:limit]
-    return page, _encode(getattr(page[-1], key.key)) if len(rows) > limit else None
+    following = _encode(getattr(rows[limit - 1], key.key)) if len(rows) > limit else None
+    return Page(items=list(shown(rows[:limit])), next_cursor=following)
 
 
 def _light(weights: Iterable[int], limit: int) -> int:
@@ -124,10 +129,6 @@ def require_match(request: Request, etag: str) -> None:
 
 def not_modified(request: Request, headers: Mapping[str, str]) -> Response | None:
     """The answer 304 where the client has this version already.
-
-    Args:
-        request: whose If-None-Match is compared.
-        headers: of the full answer; `ETag` is among them.
 
     Returns:
         The answer, with these headers; None where the client needs the full one.

@@ -212,7 +212,7 @@ TERMS: dict[str, str] = {
     "first_line": "first line of the run's values in the file",
     "last_line": "last line of the run's values in the file",
     "points": "number of points of the curve",
-    "CurveOut.series": "columns of the curve",
+    "CouponCurveOut.series": "columns of the curve",
     "width": "measured widths, in `unit`",
     "thickness": "measured thicknesses, in `unit`",
     # monitoring

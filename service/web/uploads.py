@@ -12,9 +12,9 @@ from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import IO
+from typing import IO, Annotated, Generic, TypeVar
 
-from fastapi import Request
+from fastapi import Depends, Request
 from fastapi.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 from starlette.formparsers import MultiPartException, MultiPartParser
@@ -173,42 +173,31 @@ class Spooled:
     sha256: bytes
 
 
+File = TypeVar("File", Spooled, UploadFile)
+
+
 @dataclass(frozen=True)
-class Upload:
-    """A received file.
+class Form(Generic[File]):
+    """A file that came with a request, raw or in a multipart form.
 
     Attributes:
-        file: where it lies, for as long as the request is handled.
-        filename: what the multipart field calls it, without folders; empty for a raw body.
-        content_type: of the body, without parameters.
-        fields: the other fields of a multipart form, as text.
+        file: the body, or the form's field `file`, for as long as the request is handled.
+        filename: what the form calls it, without folders; empty for a raw body.
+        content_type: of the file, without parameters.
+        fields: the other fields of the form, as text.
     """
 
-    file: Spooled
+    file: File
     filename: str
     content_type: str
     fields: Mapping[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Form:
-    """A multipart form with a file.
-
-    Attributes:
-        file: the field `file`.
-        filename: what it is called, without folders.
-        content_type: of the file, without parameters.
-        fields: the other fields, as text.
-    """
-
-    file: UploadFile
-    filename: str
-    content_type: str
-    fields: dict[str, str]
+Upload = Form[Spooled]
 
 
 @asynccontextmanager
-async def multipart(request: Request, field_bytes: int = BLOCK_BYTES) -> AsyncIterator[Form]:
+async def multipart(request: Request, field_bytes: int = BLOCK_BYTES) -> AsyncIterator[Form[UploadFile]]:
     """The multipart body of a request; its parts are gone at the end of the block.
 
     Args:
@@ -236,15 +225,15 @@ async def multipart(request: Request, field_bytes: int = BLOCK_BYTES) -> AsyncIt
         await form.close()
 
 
-@asynccontextmanager
-async def received(request: Request) -> AsyncIterator[Upload]:
+async def _received(request: Request) -> AsyncIterator[Upload]:
     """The body as a file, raw or as multipart field `file`, which is removed at the end of the block."""
     kind = content_type(request.headers.get("content-type"))
     body = body_of(request.scope)
     if kind != "multipart/form-data" and body is not None and (path := body.on_disk()):
         yield Upload(Spooled(path, body.size, body.sha256), "", kind)
         return
-    filename, fields = "", dict[str, str]()
+    filename: str = ""
+    fields: Mapping[str, str] = {}
     with tempfile.NamedTemporaryFile(prefix="modalbase-upload-") as spool:
         if kind == "multipart/form-data":
             async with multipart(request) as form:
@@ -272,3 +261,22 @@ def _copy(source: IO[bytes], spool: IO[bytes]) -> tuple[int, bytes]:
         size += len(block)
         spool.write(block)
     return size, digest.digest()
+
+
+UploadDep = Annotated[Upload, Depends(_received)]
+"""The body as a file. No transaction is open while it is received."""
+
+UPLOAD_CONTENT = {
+    "multipart/form-data": {  # first, since the documentation page sends the first, and this one keeps the file's name
+        "schema": {
+            "type": "object",
+            "required": ["file"],
+            "properties": {
+                "file": {"type": "string", "format": "binary", "description": "the file, with its name"},
+                "mapping": {"type": "string", "description": "which variable is what, as JSON"},
+            },
+        }
+    },
+    "application/octet-stream": {"schema": {"type": "string", "format": "binary"}},
+}
+"""Both forms in which a file may be uploaded, for the API's description."""

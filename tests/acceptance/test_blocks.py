@@ -27,7 +27,7 @@ from modalbase.formats.frfs.mat import frfs_of
 from service.app.demo.paper import uff_file
 from service.app.supervisor import LocalService
 from service.store.campaigns.schemas import CampaignIn
-from service.store.coupons.curve_schemas import CurveCouponIn
+from service.store.coupons.schemas import CurveCouponIn
 from service.store.structures.schemas import StructureIn
 from service.store.updating.schemas import RecipeIn
 from tests.support.blocks import AT_HAND, PAGES, Block, blocks

@@ -11,8 +11,8 @@ from pathlib import Path
 import psycopg
 import pytest
 
-from service.db.embedded import embedded_server
 from service.db.engine import psycopg_url
+from service.db.opening import embedded_server
 from service.db.postgres import ACCOUNT
 from tests.support.command import modalbase, modalbase_here
 

@@ -24,7 +24,7 @@ from service.access.keys import (
     open_session,
     user_named,
 )
-from service.access.lookup import Lookup, Role, purge
+from service.access.lookup import Lookup, Role, projects
 from service.access.tables import ApiKey, AuditEvent, BrowserSession, Member, Project, User
 from service.access.users import (
     expected_user,
@@ -38,10 +38,10 @@ from service.access.users import (
 from service.db.engine import Sessions
 from service.errors import Conflict, Forbidden, Invalid, NotFound, Unauthorized
 from service.jobs.tables import Job
-from service.store.campaigns.tables import Campaign
-from service.store.imports.tables import Import, Original
-from service.store.structures.operations import structure_for
-from service.store.structures.tables import Structure
+from service.store.campaigns.operations import Campaign
+from service.store.imports.operations import Import
+from service.store.imports.originals import Original
+from service.store.structures.operations import Structure, structure_for
 
 ALL = ["read", "write", "jobs", "admin"]
 
@@ -313,13 +313,13 @@ def test_a_project_has_so_many_members_and_no_more(house: House, monkeypatch: py
 
 def test_a_project_goes_with_all_that_is_in_it_in_whatever_order(house: House) -> None:
     session, ada, project, _, campaign = house
-    job, key = Job(project_id=project.id, kind="import", queue="imports"), project.id
+    job = Job(project_id=project.id, kind="import", queue="imports")
     session.add_all([job, Original(sha256=b"1", size=1)])
     session.flush()
     session.add(Import(id=job.id, campaign_id=campaign.id, filename="a.uff", sha256=b"1", dry_run=False))
     project.deleted_at = datetime.now(UTC)
     session.flush()
-    purge(session, ada, project, "project", key)
+    projects.purge(session, ada, project)
     left = [session.execute(select(table.id)).all() for table in (Project, Structure, Campaign, Job, Import)]
     assert left == [[], [], [], [], []]
 

@@ -20,8 +20,8 @@ from structlog.testing import capture_logs
 from service.db.engine import Sessions, make_engine, make_sessions
 from service.jobs import attempt as attempts
 from service.jobs import tickets
-from service.jobs.attempt import CANCELLED, DRAINED, Attempt
-from service.jobs.child import Checkpoint, Failure, Item, Message, Order, Progress
+from service.jobs.attempt import Attempt
+from service.jobs.child import CANCELLED, DRAINED, Checkpoint, Failure, Item, Message, Order, Progress
 from service.jobs.dispatch import begin_next
 from service.jobs.kinds import JobKind
 from service.jobs.manager import Manager
@@ -125,8 +125,8 @@ def test_ends_of_attempts(trial: Trial) -> None:
     assert trial.run(stop=CANCELLED) == ("cancelled", "cancelled")
     assert trial.run(Item(1), Item(2), store=first_alone) == ("succeeded", "succeeded")  # it leaves the second
     assert trial.run(Progress("half", 0.5), Checkpoint(b"x"), Item(1)) == ("succeeded", "succeeded")
-    assert trial.run(LOST) == ("lost", "queued")
-    assert trial.run(LOST, lose_ticket=True) == ("lost", "queued")
+    assert trial.run(LOST) == ("queued again", "queued")
+    assert trial.run(LOST, lose_ticket=True) == ("queued again", "queued")
     assert trial.run(BUG) == ("failed", "failed")
 
 

@@ -15,8 +15,7 @@ import psycopg
 import pytest
 from sqlalchemy import make_url
 
-from service.db.embedded import embedded_server, keep_running
-from service.db.opening import DataFolderError, open_database
+from service.db.opening import DataFolderError, embedded_server, keep_running, open_database
 from service.db.postgres import Cluster, PostgresError, programs
 from service.settings import Settings
 from tests.support.waiting import until
@@ -190,7 +189,7 @@ def running(folder: Path) -> bool:
 HOLD = """
 import sys
 from pathlib import Path
-from service.db.embedded import embedded_server
+from service.db.opening import embedded_server
 with embedded_server(Path(sys.argv[1])) as url:
     print("in", flush=True)
     sys.stdin.read()

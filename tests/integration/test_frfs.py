@@ -21,8 +21,8 @@ from scipy.io import savemat
 from fecore.frf import Dof
 from service.app.supervisor import LocalService
 from service.db.engine import make_engine, make_sessions, psycopg_url
-from service.store.frfs.formats import FORMATS
-from service.store.frfs.measured_campaign import load_measured_campaign
+from service.store.frfs.data import load_measured_campaign
+from service.store.frfs.routes import FORMATS
 from service.web.downloads import MEMORY_BYTES
 
 Checked = Callable[[httpx.Response, int], Any]

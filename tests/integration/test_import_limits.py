@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 from uuid import UUID
 
@@ -17,7 +17,8 @@ from service.compute.spectra import Axis, encode
 from service.db.engine import Sessions
 from service.errors import PayloadTooLarge
 from service.store.imports import intake
-from service.store.imports.tables import Import, Original
+from service.store.imports.operations import IMPORT, Import
+from service.store.imports.originals import Original
 from service.web.parameters import HEAVIEST_BYTES, paged
 from tests.integration.test_migrations import fill
 
@@ -31,7 +32,7 @@ def stored(engine: Engine, sessions: Sessions) -> Iterator[Callable[[list[Kept]]
         session.execute(update(Original).values(size=1000))
 
         def store(items: list[Kept]) -> Import:
-            intake.store_import(session, key, iter(items))
+            IMPORT.store(session, key, iter(items))
             return session.get_one(Import, key)
 
         yield store
@@ -84,14 +85,20 @@ def test_reports_on_very_many_datasets_are_counted(stored: Callable[[list[Kept]]
 
 
 def test_a_page_of_heavy_rows_is_shorter(sessions: Sessions) -> None:
+    def names(rows: Sequence[User]) -> list[str]:
+        return [row.name for row in rows]
+
     with sessions.begin() as session:
         session.add_all(User(name=str(n)) for n in range(9))
         session.flush()
         weight = func.length(User.name) * (HEAVIEST_BYTES // 4)
-        pages, cursor = [], None
+        pages: list[str] = []
+        cursor: str | None = None
         while cursor is not None or not pages:
-            rows, cursor = paged(session, select(User), User.id, cursor, 6, weight=weight)
-            pages.append("".join(row.name for row in rows))
+            page = paged(session, select(User), cursor, 6, names, weight=weight)
+            pages.append("".join(page.items))
+            cursor = page.next_cursor
         assert pages == ["0123", "4567", "8"]
-        alone, _ = paged(session, select(User), User.id, None, 6, weight=weight * 5)
-        assert [row.name for row in alone] == ["0"]  # one at least, else there would be no way on
+        assert paged(session, select(User), None, 6, names, weight=weight * 5).items == [
+            "0"
+        ]  # one at least, else there would be no way on

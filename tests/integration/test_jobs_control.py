@@ -18,7 +18,7 @@ from sqlalchemy import func, select, text, update
 from service.access.tables import Project
 from service.db.engine import Sessions
 from service.errors import Conflict
-from service.jobs import ledger
+from service.jobs import queue
 from service.jobs.dispatch import begin_next
 from service.jobs.metrics import JobMetrics
 from service.jobs.queue import enqueue, request_cancel, retry
@@ -200,19 +200,19 @@ def test_killed_workers_job_goes_on_where_it_was_and_nothing_else_of_it_stays(
 
 def saved_step(sessions: Sessions, job_id: UUID) -> int | None:
     with sessions() as session:
-        saved = ledger.load_checkpoint(session, job_id)
+        saved = queue.load_checkpoint(session, job_id)
     return None if saved is None else int.from_bytes(saved[:2])
 
 
 def test_checkpoint_of_an_attempt_that_is_no_longer_the_present_one_is_not_kept(sessions: Sessions) -> None:
     queued(sessions, one=1)
-    job_id = take(sessions)
-    assert job_id is not None
     with sessions.begin() as session:
-        ledger.save_checkpoint(session, job_id, 1, b"first")
-        ledger.save_checkpoint(session, job_id, 7, b"of another time line")
-        ledger.save_checkpoint(session, job_id, 1, b"second")
-        assert ledger.load_checkpoint(session, job_id) == b"second"
+        job = begin_next(session, ["jobs"], "a worker", None)
+        assert job is not None
+        queue.save_checkpoint(session, job, b"first")
+        queue.save_checkpoint(session, Job(id=job.id, attempt=7), b"of another time line")
+        queue.save_checkpoint(session, job, b"second")
+        assert queue.load_checkpoint(session, job.id) == b"second"
 
 
 def test_metrics_by_kind_and_outcome(sessions: Sessions) -> None:

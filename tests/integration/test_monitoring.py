@@ -30,15 +30,13 @@ from service.monitoring.scheduler import check
 from service.monitoring.schemas import MonitorIn
 from service.monitoring.tables import Monitor, MonitorRun
 from service.settings import Settings
-from service.store.campaigns.operations import create_campaign
+from service.store.campaigns.operations import Campaign, create_campaign
 from service.store.campaigns.schemas import CampaignIn
-from service.store.campaigns.tables import Campaign
-from service.store.frfs.tables import Frf
-from service.store.imports.operations import IMPORT
-from service.store.imports.tables import Import, Original
-from service.store.structures.operations import create_structure
+from service.store.frfs.operations import Frf
+from service.store.imports.operations import IMPORT, Import
+from service.store.imports.originals import Original
+from service.store.structures.operations import Structure, create_structure
 from service.store.structures.schemas import StructureIn
-from service.store.structures.tables import Structure
 from tests.support.rest import client_of, ok
 from tests.support.waiting import until
 

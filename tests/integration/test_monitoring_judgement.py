@@ -35,10 +35,9 @@ from service.show.figures.printing import draw, render
 from service.show.figures.series import series_figure
 from service.store.campaigns.operations import create_campaign
 from service.store.campaigns.schemas import CampaignIn
-from service.store.frfs.tables import Frf
-from service.store.structures.operations import create_structure
+from service.store.frfs.operations import Frf
+from service.store.structures.operations import Structure, create_structure
 from service.store.structures.schemas import StructureIn
-from service.store.structures.tables import Structure
 
 START = datetime(2025, 1, 1, tzinfo=UTC)
 MODES = [[25.0, 0.01, 0.02, None], [160.0, 0.02, 0.01, None], [400.0, 0.05, 0.01, None]]

@@ -14,8 +14,7 @@ from service.access import Member, Project, User
 from service.app.supervisor import LocalService
 from service.db.engine import Sessions, psycopg_url
 from service.errors import NotFound
-from service.store.structures.operations import structure_for
-from service.store.structures.tables import Structure
+from service.store.structures.operations import Structure, structure_for
 from tests.support.rest import pointers
 
 Checked = Callable[[httpx.Response, int], Any]

@@ -19,7 +19,7 @@ from service.access.tables import AuditEvent, Project
 from service.app.supervisor import environment
 from service.db.engine import Sessions, make_engine, make_sessions
 from service.jobs.queue import enqueue
-from service.jobs.state import job_state
+from service.jobs.resource import job_state
 from service.jobs.tables import Job
 from service.settings import Settings
 from tests.support import job_kinds

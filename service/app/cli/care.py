@@ -4,8 +4,6 @@ is wrong.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,8 +13,6 @@ from service.app.cli.ending import stop_with
 from service.app.cli.options import Data, settings_of_running
 
 if TYPE_CHECKING:
-    from sqlalchemy import Engine
-
     from service.settings import Settings
 
 commands = typer.Typer()
@@ -27,8 +23,9 @@ db = typer.Typer(help="The database's schema.", no_args_is_help=True)
 def backup(file: Annotated[Path, typer.Argument(help="File to write; it must not exist")], data: Data = None) -> None:
     """Write everything that is stored to one file, as it is at this moment. The service may run meanwhile."""
     from service.app.backup.archive import write_backup
+    from service.db.opening import opened_engine
 
-    with _engine(_existing(data)) as engine:
+    with opened_engine(_existing(data), migrate_new=False) as engine:
         manifest = write_backup(engine, file)
     rows = sum(table.rows for table in manifest.tables)
     typer.echo(f"{file}: {rows} rows of {len(manifest.tables)} tables, schema {manifest.revision}; read back whole")
@@ -40,8 +37,9 @@ def backup(file: Annotated[Path, typer.Argument(help="File to write; it must not
 def restore(file: Annotated[Path, typer.Argument(help="What `modalbase backup` wrote")], data: Data = None) -> None:
     """Fill an empty database from a backup, also an earlier version's. What fails leaves nothing."""
     from service.app.backup.restoring import restore_backup
+    from service.db.opening import opened_engine
 
-    with _engine(settings_of_running(data)) as engine:
+    with opened_engine(settings_of_running(data), migrate_new=False) as engine:
         manifest = restore_backup(engine, file)
     rows = sum(table.rows for table in manifest.tables)
     typer.echo(f"restored {rows} rows of {manifest.created_at}; every spectrum, curve and file has its SHA-256")
@@ -53,9 +51,10 @@ def restore(file: Annotated[Path, typer.Argument(help="What `modalbase backup` w
 def verify(data: Data = None) -> None:
     """Compare every stored spectrum, curve and original file with its SHA-256; exit 1 where one is damaged."""
     from service.app.backup.verification import find_damage
+    from service.db.opening import opened_engine
     from service.db.schema import require_known
 
-    with _engine(_existing(data)) as engine, engine.connect() as connection:
+    with opened_engine(_existing(data), migrate_new=False) as engine, engine.connect() as connection:
         require_known(connection)
         damaged = find_damage(connection)
     if damaged:
@@ -90,9 +89,10 @@ def _existing(data: Path | None) -> Settings:
 @db.command("upgrade")
 def db_upgrade(data: Data = None) -> None:
     """Bring the database's schema to this version's."""
+    from service.db.opening import opened_engine
     from service.db.schema import current_revision, upgrade
 
-    with _engine(settings_of_running(data), migrate_new=True) as engine:
+    with opened_engine(settings_of_running(data)) as engine:
         upgrade(engine)
         typer.echo(f"the schema is at {current_revision(engine)}")
 
@@ -100,22 +100,9 @@ def db_upgrade(data: Data = None) -> None:
 @db.command("current")
 def db_current(data: Data = None) -> None:
     """Print the revision that the database is at; exit 1 where it is not this version's."""
+    from service.db.opening import opened_engine
     from service.db.schema import current_revision, require_head
 
-    with _engine(settings_of_running(data), migrate_new=True) as engine:
+    with opened_engine(settings_of_running(data)) as engine:
         typer.echo(current_revision(engine) or "empty")
         require_head(engine)
-
-
-@contextmanager
-def _engine(settings: Settings, *, migrate_new: bool = False) -> Iterator[Engine]:
-    """An engine on the database, whose schema is left as it is; `migrate_new`, a new one gets this version's."""
-    from service.db.engine import make_engine
-    from service.db.opening import open_database
-
-    with open_database(settings, migrate_new=migrate_new) as opened:
-        engine = make_engine(opened.database_url or "")
-        try:
-            yield engine
-        finally:
-            engine.dispose()

@@ -98,18 +98,14 @@ users = typer.Typer(help="Users.", no_args_is_help=True)
 @contextmanager
 def _transaction(data: Path | None) -> Iterator[Session]:
     """A transaction on the database that the settings mean, or that of the service which runs."""
-    from service.db.engine import make_engine, make_sessions
-    from service.db.opening import open_database
+    from service.db.engine import make_sessions
+    from service.db.opening import opened_engine
     from service.db.schema import require_head
 
-    with open_database(settings_of_running(data)) as opened:
-        engine = make_engine(opened.database_url or "")
-        try:
-            require_head(engine)
-            with make_sessions(engine).begin() as session:
-                yield session
-        finally:
-            engine.dispose()
+    with opened_engine(settings_of_running(data)) as engine:
+        require_head(engine)
+        with make_sessions(engine).begin() as session:
+            yield session
 
 
 def _name(text: str) -> str:

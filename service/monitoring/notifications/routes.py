@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime
+from functools import partial
 from typing import Annotated, Literal
 from uuid import UUID
 
@@ -110,8 +111,14 @@ def deliveries(session: Session, wanted: ColumnElement[bool], cursor: Cursor, li
     Raises:
         Invalid: the cursor is not one of this list.
     """
-    rows, following = paged(session, select(Delivery).where(wanted), Delivery.id, cursor, limit, newest_first=True)
-    return Page(items=[DeliveryOut.model_validate(row) for row in rows], next_cursor=following)
+    return paged(
+        session,
+        select(Delivery).where(wanted),
+        cursor,
+        limit,
+        partial(map, DeliveryOut.model_validate),
+        newest_first=True,
+    )
 
 
 def deliveries_of_monitor(session: Session, monitor_id: UUID, cursor: Cursor, limit: Limit) -> Page[DeliveryOut]:
@@ -150,8 +157,7 @@ def list_webhooks(
     query = select(Webhook).where(Webhook.project_id.in_(projects_of(user)), Webhook.active)
     if project is not None:
         query = query.where(Webhook.project_id == project_for(session, user, project).id)
-    rows, following = paged(session, query, Webhook.id, cursor, limit)
-    return Page(items=[WebhookOut.model_validate(row) for row in rows], next_cursor=following)
+    return paged(session, query, cursor, limit, partial(map, WebhookOut.model_validate))
 
 
 @router.delete("/webhooks/{webhook_id}", status_code=204)

@@ -20,13 +20,13 @@ MOST = 500  # specimens on a page
 @router.get("/coupon-batches/{batch_id}")
 def get_batch(batch_id: UUID, visit: VisitDep) -> HTMLResponse:
     """A batch: its specimens, their statistics, the priors that follow."""
-    batch = coupons.get_batch(batch_id, visit.session, visit.user)
-    structure = structures.get_structure(batch.structure_id, visit.session, visit.user, Response())
+    batch = coupons.batches.one(visit.session, visit.user, batch_id)
+    structure = structures.nouns.one(visit.session, visit.user, batch.structure_id)
     return visit.show(
         "batch.html",
         project=access.get_project(structure.project_id, visit.session, visit.user, Response()),
         structure=structure,
         batch=batch,
-        coupons=coupons.list_coupons(batch_id, visit.session, visit.user, limit=MOST).items,
+        coupons=coupons.coupons.page(visit.session, visit.user, batch_id, limit=MOST).items,
         summary=coupons.get_summary(batch_id, visit.session, visit.user),
     )

@@ -11,7 +11,7 @@ from fastapi.responses import HTMLResponse
 from starlette.responses import Response
 
 from service.access import routes as access
-from service.jobs.state import ENDED
+from service.jobs.resource import ENDED
 from service.show.pages.look import Visit, VisitDep
 from service.show.results import routes as shown
 from service.store.campaigns.operations import campaigns_of
@@ -30,7 +30,7 @@ def get_joint(joint_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = 
 
     `part` is the piece with the progress alone, as of a single update.
     """
-    job = updating.get_joint_update(joint_id, visit.session, visit.user)
+    job = updating.joint.one(visit.session, visit.user, joint_id)
     ended = job.status in ENDED
     if part:
         answer = visit.show("job_progress.html", job=job, ended=ended, kind="joint-updates")
@@ -64,5 +64,5 @@ def _newest_alone(visit: Visit, names: Mapping[str, str]) -> dict[str, UUID]:
 
 def joint_updates_of(visit: Visit, project_id: UUID, campaign_id: UUID | None = None) -> Sequence[JointUpdateOut]:
     """The newest joint updates of a project, or those of them that a campaign takes part in."""
-    listed = updating.list_joint_updates(project_id, visit.session, visit.user, limit=MOST).items
+    listed = updating.joint.page(visit.session, visit.user, project_id, limit=MOST).items
     return [job for job in listed if campaign_id is None or campaign_id in {each.campaign_id for each in job.campaigns}]

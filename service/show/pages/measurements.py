@@ -20,16 +20,14 @@ from service.show.pages.joint import joint_updates_of
 from service.show.pages.look import Visit, VisitDep
 from service.show.pages.names import NamedJob, name_jobs, over_time
 from service.store.campaigns import routes as campaigns
-from service.store.campaigns.grid_points import stored_points
-from service.store.campaigns.operations import campaign_for, describe
+from service.store.campaigns.operations import campaign_for, describe, stored_points
 from service.store.campaigns.schemas import Boundary, CampaignOut
 from service.store.coupons import routes as coupons
 from service.store.frfs import routes as frfs
-from service.store.frfs.measured_campaign import specimen_points
+from service.store.frfs.data import specimen_points
 from service.store.frfs.operations import FrfFilter
 from service.store.frfs.schemas import FrfOut
 from service.store.imports import routes as imports
-from service.store.modes import identification_routes as identifications
 from service.store.modes import routes as modes
 from service.store.records import routes as records
 from service.store.records.schemas import RecordOut
@@ -52,7 +50,7 @@ def get_structure(
     cursor: Cursor = None,
 ) -> HTMLResponse:
     """A structure: its tests side by side with what they gave, coupon batches, monitors."""
-    structure = structures.get_structure(structure_id, visit.session, visit.user, Response())
+    structure = structures.nouns.one(visit.session, visit.user, structure_id)
     project = access.get_project(structure.project_id, visit.session, visit.user, Response())
     listed = campaigns.list_campaigns(structure_id, visit.session, visit.user, cursor=cursor, limit=MOST)
     shown = [c for c in listed.items if _wanted(c, boundary, name)]
@@ -70,7 +68,7 @@ def get_structure(
         newest=newest,
         over_time=over_time(list(newest.values()), {c.id: c.performed_at for c in listed.items}),
         parameters=_parameter_names(newest.values()),
-        batches=coupons.list_batches(structure_id, visit.session, visit.user, limit=MOST).items,
+        batches=coupons.batches.page(visit.session, visit.user, structure_id, limit=MOST).items,
         monitors=monitoring.list_monitors_of_structure(structure_id, visit.session, visit.user, limit=MOST).items,
         boundary=boundary,
         name=name,
@@ -101,7 +99,7 @@ def campaign_context(
 ) -> tuple[CampaignOut, StructureOut, ProjectOut]:
     """A campaign with its structure and project, for pages that stand below it; results outlive their campaign."""
     campaign = describe(campaign_for(visit.session, visit.user, campaign_id, deleted=deleted))
-    structure = structures.get_structure(campaign.structure_id, visit.session, visit.user, Response())
+    structure = structures.nouns.one(visit.session, visit.user, campaign.structure_id)
     project = access.get_project(structure.project_id, visit.session, visit.user, Response())
     return campaign, structure, project
 
@@ -114,7 +112,7 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
     points = specimen_points(visit.session, campaign_for(visit.session, visit.user, campaign_id))
     jobs = updating.list_update_jobs(visit.session, visit.user, campaign=campaign_id, limit=50).items
     blocks = records.list_records(campaign_id, visit.session, visit.user, limit=MOST).items
-    processings = records.list_processings(campaign_id, visit.session, visit.user, limit=10).items
+    processings = records.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items
     done = next((row.result for row in processings if row.result is not None), None)
     return visit.show(
         "campaign.html",
@@ -125,9 +123,9 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         more_frfs=listed.next_cursor is not None,
         grid=draw_grid(points, structure.geometry, _measured_points(listed.items)),
         point_count=len(points),
-        imports=list(reversed(imports.list_imports(campaign_id, visit.session, visit.user, limit=50).items)),
-        mode_sets=modes.list_mode_sets(campaign_id, visit.session, visit.user, limit=50).items,
-        identifications=identifications.list_identifications(campaign_id, visit.session, visit.user, limit=10).items,
+        imports=list(reversed(imports.of_jobs.page(visit.session, visit.user, campaign_id, limit=50).items)),
+        mode_sets=modes.nouns.page(visit.session, visit.user, campaign_id, limit=50).items,
+        identifications=modes.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items,
         records=blocks,
         hit_places=_hit_places(blocks),
         processings=processings,
@@ -186,7 +184,7 @@ def get_points(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
 @router.get("/imports/{import_id}")
 def get_import(import_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> HTMLResponse:
     """What became of a file, dataset by dataset; `part` is the piece that replaces itself until the import has ended."""
-    shown = imports.get_import(import_id, visit.session, visit.user)
+    shown = imports.of_jobs.one(visit.session, visit.user, import_id)
     if part:
         return visit.show("import_report.html", item=shown)
     campaign, structure, project = campaign_context(visit, shown.campaign_id)

@@ -38,8 +38,8 @@ def get_monitor(
     monitor_id: UUID, visit: VisitDep, series: Annotated[int | None, Query(ge=1, le=1_000_000)] = None
 ) -> HTMLResponse:
     """A monitor: a figure of each watched parameter with its limits, what they say, alarms, runs."""
-    monitor = monitoring.get_monitor(monitor_id, visit.session, visit.user, Response())
-    structure = structures.get_structure(monitor.structure_id, visit.session, visit.user, Response())
+    monitor = monitoring.nouns.one(visit.session, visit.user, monitor_id)
+    structure = structures.nouns.one(visit.session, visit.user, monitor.structure_id)
     return visit.show(
         "monitor.html",
         project=access.get_project(structure.project_id, visit.session, visit.user, Response()),

@@ -10,7 +10,7 @@ from fastapi.responses import HTMLResponse
 
 from service.access import routes as access
 from service.errors import Invalid
-from service.jobs.state import ENDED, JobState
+from service.jobs.resource import ENDED, JobState
 from service.show.pages.forms import fields_of
 from service.show.pages.look import Visit, VisitDep
 from service.show.pages.measurements import campaign_context
@@ -41,8 +41,8 @@ def get_new_update(
 ) -> HTMLResponse:
     """The form of a recipe, made from its schema; filled in as another job's where one is named."""
     campaign, structure, project = campaign_context(visit, campaign_id)
-    sets = modes.list_mode_sets(campaign_id, visit.session, visit.user, limit=MOST).items
-    batches = coupons.list_batches(campaign.structure_id, visit.session, visit.user, limit=MOST).items
+    sets = modes.nouns.page(visit.session, visit.user, campaign_id, limit=MOST).items
+    batches = coupons.batches.page(visit.session, visit.user, campaign.structure_id, limit=MOST).items
     choices = {
         "mode_set": [(str(s.id), f"{s.name} ({s.origin}, {len(s.modes)} modes)") for s in reversed(sets)],
         "prior_from_coupon_batch": [(str(b.id), f"{b.name} ({', '.join(b.constants)})") for b in reversed(batches)],
@@ -51,7 +51,7 @@ def get_new_update(
     first = sorted((f for f in fields if f.name in PRINCIPAL), key=lambda f: PRINCIPAL.index(f.name))
     start: dict[str, Any] = {}
     if like is not None:
-        recipe = updating.get_update_job(like, visit.session, visit.user).recipe
+        recipe = updating.single.one(visit.session, visit.user, like).recipe
         start = recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
     return visit.show(
         "new_update.html",
@@ -92,7 +92,7 @@ def get_job(job_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = Fals
 
     `part` is the piece with the progress alone, which replaces itself; when the job has ended, it has the page loaded anew.
     """
-    job = updating.get_update_job(job_id, visit.session, visit.user)
+    job = updating.single.one(visit.session, visit.user, job_id)
     if part:
         answer = visit.show("job_progress.html", job=job, ended=job.status in ENDED, kind="update-jobs")
         if job.status in ENDED:
@@ -121,7 +121,7 @@ def get_comparison(visit: VisitDep, job: Annotated[list[UUID] | None, Query()] =
     wanted = list(dict.fromkeys(job or []))
     if len(wanted) > MOST_COMPARED:
         raise Invalid("job", f"names {len(wanted)} results, at most {MOST_COMPARED} are compared at a time")
-    jobs = [updating.get_update_job(key, visit.session, visit.user) for key in wanted]
+    jobs = [updating.single.one(visit.session, visit.user, key) for key in wanted]
     named = [row for row in name_jobs(visit, jobs, COMPARED) if row.result is not None]
     rows = campaigns_of(visit.session, [row.job.campaign_id for row in named])
     performed = {campaign.id: campaign.performed_at for campaign in rows}

@@ -18,7 +18,7 @@ from modalbase.formats.decks import Deck, Mass, write_nastran, write_shells, wri
 from service.errors import Conflict, Invalid
 from service.store.campaigns.operations import campaign_of
 from service.store.campaigns.schemas import Instruments
-from service.store.frfs.measured_campaign import specimen_points
+from service.store.frfs.data import specimen_points
 from service.store.frfs.operations import frfs_of
 from service.store.structures.operations import describe_version, version_of
 from service.store.updating.bodies import body_of

@@ -18,11 +18,11 @@ from service.show.results.predictions import used_frfs
 from service.store.frfs.data import FrfTable, frequency_axis
 from service.store.frfs.operations import frfs_of
 from service.store.structures.operations import describe_version, version_of
+from service.store.updating.document import StoredArrays
 from service.store.updating.operations import result_arrays, result_document, result_parts
-from service.store.updating.stored_arrays import StoredArrays
 
 if TYPE_CHECKING:
-    from service.store.frfs.tables import Frf
+    from service.store.frfs.operations import Frf
     from service.store.updating.tables import JointUpdate, UpdateJob
 
 

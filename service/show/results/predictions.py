@@ -23,7 +23,7 @@ from service.store.frfs.operations import frfs_of, row_of_prediction
 from service.store.updating.operations import result_arrays, result_document
 
 if TYPE_CHECKING:
-    from service.store.frfs.tables import Frf
+    from service.store.frfs.operations import Frf
     from service.store.updating.tables import UpdateJob
 
 Model = Literal["updated", "initial"]

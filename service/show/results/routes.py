@@ -22,7 +22,7 @@ from service.show.results.figures import FIGURES, JOINT_FIGURES, NamedFigure, dr
 from service.show.results.predictions import Chosen, Model, predicted_table
 from service.show.results.reporting import report_of
 from service.store.frfs.data import Cut
-from service.store.frfs.formats import FORMATS
+from service.store.frfs.routes import FORMATS
 from service.store.updating.operations import joint_document, joint_update_for, update_job_for
 from service.web import api_router
 from service.web.downloads import spooled

@@ -1,21 +1,69 @@
-"""What can be done with campaigns themselves: describe, change, delete, restore."""
+"""Campaigns and their grid points: the tables, and what can be done with them."""
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Iterable, Sequence
 from datetime import datetime
+from typing import Any
 from uuid import UUID
 
-from pydantic import BaseModel
-from sqlalchemy import Select, select
-from sqlalchemy.orm import Session
+from pydantic import BaseModel, ValidationError
+from sqlalchemy import ForeignKey, Index, Select, delete, func, insert, literal, select
+from sqlalchemy.dialects.postgresql import JSONB, aggregate_order_by
+from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from service.access import Lookup, User, audit
+from service.access import Lookup, User
 from service.compute.frame import SPECIMEN, Frame, make_frame
-from service.db.clock import transaction_time
-from service.store.campaigns.schemas import CampaignIn, CampaignInputs, CampaignOut, CampaignPatch, FrameIn, Instruments
-from service.store.campaigns.tables import Campaign
+from service.db.base import Base, Big, Identified, transaction_time
+from service.db.bytea import copy_rows
+from service.errors import MOST_FAULTS, Fault, Invalid
+from service.store.campaigns.schemas import (
+    CampaignIn,
+    CampaignInputs,
+    CampaignOut,
+    CampaignPatch,
+    FrameIn,
+    GridPoint,
+    GridPoints,
+    Instruments,
+)
 from service.store.structures.operations import structure_for
+from service.web import shown_as
+
+
+class Campaign(Identified, Base):
+    """One measurement of a structure. A deleted campaign keeps its row, so that results keep their lineage."""
+
+    __tablename__ = "campaigns"
+    __table_args__ = (Index(None, "structure_id", "id"),)
+
+    structure_id: Mapped[UUID] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
+    name: Mapped[str]
+    boundary: Mapped[str]
+    performed_at: Mapped[datetime | None]
+    temperature_c: Mapped[float | None]
+    humidity_percent: Mapped[float | None]
+    instruments: Mapped[dict[str, Any]]
+    frame: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+    inputs: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+    notes: Mapped[str] = mapped_column(default="")
+    updated_at: Mapped[datetime] = mapped_column(server_default=func.now(), onupdate=func.now())
+    deleted_at: Mapped[datetime | None]
+
+
+class GridPointRow(Base):
+    """A measurement point, in the file's coordinates."""
+
+    __tablename__ = "grid_points"
+
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"), primary_key=True)
+    label: Mapped[Big] = mapped_column(primary_key=True)
+    x_m: Mapped[float]
+    y_m: Mapped[float]
+    z_m: Mapped[float]
+
 
 campaign_for = Lookup(Campaign, "campaign", "structure_id", structure_for)
 """The campaign, if the user has at least a role in its project."""
@@ -34,47 +82,19 @@ def frame_of(campaign: Campaign) -> Frame:
 
 
 def create_campaign(session: Session, user: User, structure_id: UUID, body: CampaignIn) -> Campaign:
-    """Store a new campaign of a structure and note it in the audit trail.
-
-    Args:
-        session: the request's transaction.
-        user: who asks; an editor of the project at least.
-        structure_id: the structure that is tested.
-        body: name, boundary, date, climate, instruments, frame.
-
-    Raises:
-        NotFound: there is no such structure, or it is other people's.
-        Forbidden: the user's role is too low.
-    """
+    """Store a new campaign of a structure and note it in the audit trail."""
     structure = structure_for(session, user, structure_id, "editor")
-    campaign = Campaign(
-        structure_id=structure.id,
-        name=body.name,
-        boundary=body.boundary,
-        performed_at=body.performed_at,
-        temperature_c=body.temperature_c,
-        humidity_percent=body.humidity_percent,
-        instruments=body.instruments.model_dump(mode="json"),
-        frame=body.frame and body.frame.model_dump(mode="json"),
-        inputs=body.inputs and body.inputs.model_dump(mode="json"),
-        notes=body.notes,
-    )
+    described = body.model_dump(mode="json") | {"performed_at": body.performed_at}
+    campaign = Campaign(structure_id=structure.id, **described)
     session.add(campaign)
     session.flush()
     session.refresh(campaign)
-    audit(session, user, "campaign.create", "campaign", campaign.id, structure.project_id, name=body.name)
+    campaign_for.note(session, user, campaign, "create", name=body.name)
     return campaign
 
 
 def change_campaign(session: Session, user: User, campaign: Campaign, patch: CampaignPatch) -> None:
-    """Apply a patch to a campaign; the audit trail keeps the fields as they were and as they are now.
-
-    Args:
-        session: the request's transaction.
-        user: who asks, for the audit trail.
-        campaign: the campaign, locked with `lock_campaign` so that two edits do not mix.
-        patch: the fields that were sent; the others stay.
-    """
+    """Apply a patch to a locked campaign; the audit trail keeps the fields as they were and as they are now."""
     now = patch.model_dump(mode="json", exclude_unset=True)
     was = describe(campaign).model_dump(mode="json", include=set(now))
     for field in patch.model_fields_set:
@@ -82,27 +102,17 @@ def change_campaign(session: Session, user: User, campaign: Campaign, patch: Cam
         setattr(campaign, field, value.model_dump(mode="json") if isinstance(value, BaseModel) else value)
     campaign.updated_at = transaction_time(session)
     session.flush()
-    project_id = campaign_for.project_of(session, campaign)
-    audit(session, user, "campaign.change", "campaign", campaign.id, project_id, was=was, now=now)
+    campaign_for.note(session, user, campaign, "change", was=was, now=now)
 
 
 def describe(campaign: Campaign) -> CampaignOut:
     """A campaign as clients see it; instruments, frame and inputs are filled up with their defaults. No query."""
-    return CampaignOut(
-        id=campaign.id,
-        structure_id=campaign.structure_id,
-        name=campaign.name,
-        boundary=campaign.boundary,  # type: ignore[arg-type]  # the column holds what CampaignIn let in
-        performed_at=campaign.performed_at,
-        temperature_c=campaign.temperature_c,
-        humidity_percent=campaign.humidity_percent,
+    return shown_as(
+        CampaignOut,
+        campaign,
         instruments=Instruments.model_validate(campaign.instruments),
         frame=FrameIn.model_validate(campaign.frame or {}),
         inputs=CampaignInputs.model_validate(campaign.inputs or {}),
-        notes=campaign.notes,
-        created_at=campaign.created_at,
-        updated_at=campaign.updated_at,
-        deleted_at=campaign.deleted_at,
     )
 
 
@@ -135,3 +145,111 @@ def campaigns_in(structures: Select[UUID] | Sequence[UUID]) -> Select[UUID]:
 def structures_with(campaigns: Select[UUID]) -> Select[UUID]:
     """Keys of the structures that some campaigns are of, as part of a query."""
     return select(Campaign.structure_id).where(Campaign.id.in_(campaigns))
+
+
+COLUMNS = ("label", "x_m", "y_m", "z_m")
+
+Coordinates = tuple[float, float, float]
+
+
+def stored_points(session: Session, campaign_id: UUID) -> dict[int, Coordinates]:
+    """The grid points of a campaign: label to coordinates in m, in the file's frame, ordered by label.
+
+    `service.store.frfs.data.specimen_points` gives them in the specimen's frame.
+    """
+    rows = session.execute(
+        select(GridPointRow.label, GridPointRow.x_m, GridPointRow.y_m, GridPointRow.z_m)
+        .where(GridPointRow.campaign_id == campaign_id)
+        .order_by(GridPointRow.label)
+    )
+    return {label: (x, y, z) for label, x, y, z in rows}
+
+
+def list_points(session: Session, campaign_id: UUID) -> GridPoints:
+    """All grid points of a campaign as clients see them, ordered by label, in the file's frame; empty where it has
+    none.
+    """
+    return GridPoints(
+        items=[
+            GridPoint(label=label, x_m=x, y_m=y, z_m=z)
+            for label, (x, y, z) in stored_points(session, campaign_id).items()
+        ]
+    )
+
+
+def replace_points(session: Session, campaign_id: UUID, points: GridPoints) -> None:
+    """Store these points, in the file's frame, in place of all that the campaign has, which the transaction holds."""
+    session.execute(delete(GridPointRow).where(GridPointRow.campaign_id == campaign_id))
+    if points.items:
+        session.execute(
+            insert(GridPointRow), [{"campaign_id": campaign_id, **point.model_dump()} for point in points.items]
+        )
+
+
+def to_csv(points: GridPoints) -> str:
+    """Points as CSV: the header `label,x_m,y_m,z_m`, one line for each point, numbers in the shortest form that is
+    exact.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\r\n")
+    writer.writerow(COLUMNS)
+    writer.writerows((p.label, p.x_m, p.y_m, p.z_m) for p in points.items)
+    return text.getvalue()
+
+
+def from_csv(body: bytes) -> GridPoints:
+    """Points of a CSV text with the header `label,x_m,y_m,z_m` in any order; `z_m` may be missing and is then 0.
+
+    Raises:
+        Invalid: the text is not such a table; names the line and the column.
+    """
+    try:
+        text = body.decode("utf-8-sig")
+        rows = list(csv.reader(io.StringIO(text), strict=True))
+    except UnicodeDecodeError as error:
+        raise Invalid("", f"the CSV is not UTF-8: {error.reason} at byte {error.start}") from None
+    except csv.Error as error:
+        raise Invalid("", f"the CSV cannot be read: {error}") from None
+    header = [cell.strip() for cell in rows[0]] if rows else []
+    if set(header) - set(COLUMNS) or len(set(header)) != len(header) or not {"label", "x_m", "y_m"} <= set(header):
+        raise Invalid("", f"line 1 is {','.join(header)[:200]!r}, expected the header {','.join(COLUMNS)}")
+    faults: list[Fault] = []
+    points: list[GridPoint] = []
+    for line, row in enumerate(rows[1:], 2):
+        if len(faults) > MOST_FAULTS:
+            break
+        if not any(cell.strip() for cell in row):
+            continue
+        if len(row) != len(header):
+            faults.append(Fault(f"line {line}", f"has {len(row)} cells, the header has {len(header)}"))
+            continue
+        try:
+            points.append(GridPoint.model_validate_strings(dict(zip(header, map(str.strip, row), strict=True))))
+        except ValidationError as error:
+            faults += [Fault(f"line {line}, {e['loc'][-1]}", e["msg"]) for e in error.errors()]
+    if faults:
+        raise Invalid(faults)
+    try:
+        return GridPoints(items=points)
+    except ValidationError as error:
+        raise Invalid("", error.errors()[0]["msg"]) from None
+
+
+def add_points(session: Session, campaign_id: UUID, points: Iterable[tuple[int, Coordinates]]) -> None:
+    """Store more points, by label; none of them is there already."""
+    columns = {"campaign_id": "uuid", "label": "int8", "x_m": "float8", "y_m": "float8", "z_m": "float8"}
+    with copy_rows(session, GridPointRow.__tablename__, columns) as write:
+        for label, xyz in points:
+            write((campaign_id, label, *xyz))
+
+
+def point_digests(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, str]:
+    """Digest of each campaign's points; those without any are left out."""
+    one = func.concat_ws(" ", GridPointRow.label, GridPointRow.x_m, GridPointRow.y_m, GridPointRow.z_m)
+    digest = func.md5(func.string_agg(one, aggregate_order_by(literal(","), one)))
+    query = (
+        select(GridPointRow.campaign_id, digest)
+        .where(GridPointRow.campaign_id.in_(campaign_ids))
+        .group_by(GridPointRow.campaign_id)
+    )
+    return dict(session.execute(query).all())

@@ -5,24 +5,43 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-import statistics
 from typing import TYPE_CHECKING, Any
+from uuid import UUID
 
 import numpy as np
-from sqlalchemy import select
-from sqlalchemy.orm import Session
+from sqlalchemy import ForeignKey, LargeBinary
+from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import FloatArray
-from service.errors import Conflict, NotFound, verified
-from service.store.coupons.curve_schemas import CurveCouponIn, CurveFile, CurveOut
+from service.db.base import Base
+from service.errors import NotFound, verified
 from service.store.coupons.reduction import Reduced
-from service.store.coupons.tables import Coupon, CouponBatch, CouponCurve
+from service.store.coupons.schemas import CouponCurveOut, CurveCouponIn, CurveFile
 
 if TYPE_CHECKING:
-    from service.store.coupons.bodies import RawCurve
+    from service.store.coupons.operations import Coupon
+    from service.store.coupons.routes import RawCurve
 
-UNLIKE_DIMENSION = 3.0
-"""Ratio of a dimension to that of the batch's other specimens from which on it is thought to be a mistake."""
+
+class CouponCurve(Base):
+    """The raw curve that a specimen's results were reduced from: the machine's file, and its series in SI."""
+
+    __tablename__ = "coupon_curves"
+
+    coupon_id: Mapped[UUID] = mapped_column(ForeignKey("coupons.id", ondelete="CASCADE"), primary_key=True)
+    filename: Mapped[str]
+    file_sha256: Mapped[bytes]
+    file_size: Mapped[int]
+    request: Mapped[dict[str, Any]]
+    reading: Mapped[dict[str, Any]]
+    reduction: Mapped[dict[str, Any]]
+    software: Mapped[str]
+    series: Mapped[list[Any]]
+    points: Mapped[int]
+    sha256: Mapped[bytes]
+    file: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+    data: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+
 
 UNITS = {"force": "N", "strain": "m/m", "strain_back": "m/m", "transverse_strain": "m/m", "time": "s"}
 
@@ -47,48 +66,6 @@ def new_curve(coupon: Coupon, sent: RawCurve, reduced: Reduced) -> CouponCurve:
         file=sent.data,
         data=data,
     )
-
-
-def same_curve(session: Session, batch: CouponBatch, sent: RawCurve) -> Coupon | None:
-    """The specimen of the batch that came of the same file and the same request; None where there is none."""
-    query = select(Coupon).join(CouponCurve, CouponCurve.coupon_id == Coupon.id)
-    own = Coupon.batch_id == batch.id, Coupon.specimen == sent.request.specimen
-    found = session.scalars(query.where(*own, CouponCurve.file_sha256 == hashlib.sha256(sent.data).digest())).first()
-    same = found is not None and found.curve is not None and found.curve.request == sent.request.model_dump(mode="json")
-    return found if same else None
-
-
-def unlike_the_batch(session: Session, batch: CouponBatch, data: bytes, reduced: Reduced) -> list[str]:
-    """What is odd about a specimen beside those that the batch has already.
-
-    Args:
-        session: the request's transaction.
-        batch: where the specimen is about to go.
-        data: its machine's file.
-        reduced: the results, and how they came about.
-
-    Raises:
-        Conflict: the batch has this run of this file already, under another name.
-    """
-    others = session.execute(
-        select(Coupon.specimen, CouponCurve.file_sha256, CouponCurve.reading, CouponCurve.reduction)
-        .join(CouponCurve, CouponCurve.coupon_id == Coupon.id)
-        .where(Coupon.batch_id == batch.id, Coupon.excluded.is_(False))
-        .order_by(Coupon.id)
-    ).all()
-    digest = hashlib.sha256(data).digest()
-    for specimen, sha256, reading, _ in others:
-        if sha256 == digest and reading["run"] == reduced.reading["run"]:
-            raise Conflict(f"the batch has run {reading['run']} of this file already, as specimen {specimen}")
-    found = []
-    for name in ("width_m", "thickness_m") if others else ():
-        usual, own = statistics.median(reduction[name] for *_, reduction in others), reduced.reduction[name]
-        if not 1 / UNLIKE_DIMENSION < own / usual < UNLIKE_DIMENSION:
-            found.append(
-                f"the {name.removesuffix('_m')} is {1e3 * own:.4g} mm, {own / usual:.3g} times that of the batch's other "
-                f"specimens ({1e3 * usual:.4g} mm): is it in another unit?"
-            )
-    return found
 
 
 def curve_of(session: Session, coupon: Coupon) -> CouponCurve:
@@ -122,9 +99,9 @@ def file_of(curve: CouponCurve) -> bytes:
     return verified(curve.file, curve.file_sha256, "file")
 
 
-def describe_curve(curve: CouponCurve) -> CurveOut:
+def describe_curve(curve: CouponCurve) -> CouponCurveOut:
     """A curve as clients see it: its file, how it was read, units, number of points, and what the standard reports."""
-    return CurveOut(
+    return CouponCurveOut(
         file=CurveFile(filename=curve.filename, size=curve.file_size, sha256=curve.file_sha256.hex(), **curve.reading),
         series=curve.series,
         points=curve.points,

@@ -1,14 +1,16 @@
-"""What can be done with coupon batches: record, summarise, use as a prior."""
+"""Coupon batches and their specimens: their tables, and what can be done with them: record, summarise, use as a prior."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from statistics import median
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
-from sqlalchemy import func, select
+from sqlalchemy import CheckConstraint, ForeignKey, Index, UniqueConstraint, func, select
 from sqlalchemy.exc import IntegrityError
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Mapped, Session, mapped_column, relationship
 
 from fecore.coupons.batch import (
     FEWEST_SPECIMENS,
@@ -21,8 +23,10 @@ from fecore.coupons.batch import (
 )
 from fecore.errors import InputError
 from service.access import Lookup, User, audit
+from service.db.base import Base, Identified
 from service.errors import Conflict, Fault, Invalid
-from service.store.coupons.curves import new_curve, same_curve, unlike_the_batch
+from service.store.coupons.curves import CouponCurve, new_curve
+from service.store.coupons.reduction import Reduced
 from service.store.coupons.schemas import (
     BatchIn,
     BatchOut,
@@ -36,15 +40,55 @@ from service.store.coupons.schemas import (
     Statistic,
     Summary,
 )
-from service.store.coupons.tables import Coupon, CouponBatch
-from service.store.storage import StorageOwner, book
+from service.store.storage import book
 from service.store.structures.operations import structure_for
+from service.web import shown_as
 
 if TYPE_CHECKING:
-    from service.store.coupons.bodies import RawCurve
+    from service.store.coupons.routes import RawCurve
+
+
+class CouponBatch(Identified, Base):
+    """A batch of coupons of a structure's material."""
+
+    __tablename__ = "coupon_batches"
+    __table_args__ = (Index(None, "structure_id", "id"),)
+
+    structure_id: Mapped[UUID] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
+    name: Mapped[str]
+    constants: Mapped[list[Any]]
+    published: Mapped[dict[str, Any]]
+    conditions: Mapped[dict[str, Any]]
+
+
+class Coupon(Identified, Base):
+    """Results of one specimen."""
+
+    __tablename__ = "coupons"
+    __table_args__ = (
+        UniqueConstraint("batch_id", "specimen"),
+        CheckConstraint("excluded = (exclusion_reason IS NOT NULL)", name="exclusion_reason"),
+    )
+
+    batch_id: Mapped[UUID] = mapped_column(ForeignKey("coupon_batches.id", ondelete="CASCADE"))
+    specimen: Mapped[str]
+    standard: Mapped[str]
+    E_Pa: Mapped[float | None] = mapped_column("e_pa")
+    G_Pa: Mapped[float | None] = mapped_column("g_pa")
+    nu: Mapped[float | None]
+    strength_Pa: Mapped[float | None] = mapped_column("strength_pa")
+    ultimate_strain: Mapped[float | None]
+    failure_code: Mapped[str | None]
+    excluded: Mapped[bool]
+    exclusion_reason: Mapped[str | None]
+    curve: Mapped[CouponCurve | None] = relationship(lazy="joined", viewonly=True)
+
 
 PROPERTY_OF: dict[Constant, str] = {"Ex": "E_Pa", "Ey": "E_Pa", "Gxy": "G_Pa", "nu_xy": "nu"}
 """Which measured property of a specimen a constant of the structure is."""
+
+UNLIKE_DIMENSION = 3.0
+"""Ratio of a dimension to that of the batch's other specimens from which on it is thought to be a mistake."""
 
 UNITS = {"E_Pa": "Pa", "G_Pa": "Pa", "nu": "1", "strength_Pa": "Pa", "ultimate_strain": "1"}
 
@@ -54,18 +98,7 @@ batch_for = Lookup(CouponBatch, "coupon batch", "structure_id", structure_for)
 
 
 def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn) -> CouponBatch:
-    """Store a new batch of coupons of a structure's material and note it in the audit trail.
-
-    Args:
-        session: the request's transaction.
-        user: who asks; an editor of the project at least.
-        structure_id: the structure whose material is tested.
-        body: name, the constants that the batch gives, published means, conditions.
-
-    Raises:
-        NotFound: there is no such structure, or it is other people's.
-        Forbidden: the user's role is too low.
-    """
+    """Store a new batch of coupons of a structure's material and note it in the audit trail."""
     structure = structure_for(session, user, structure_id, "editor")
     batch = CouponBatch(
         structure_id=structure.id,
@@ -77,18 +110,12 @@ def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn
     session.add(batch)
     session.flush()
     session.refresh(batch)
-    audit(session, user, "coupon_batch.create", "coupon_batch", batch.id, structure.project_id, name=body.name)
+    batch_for.note(session, user, batch, "create", name=body.name)
     return batch
 
 
 def add_coupons(session: Session, user: User, batch: CouponBatch, bodies: Sequence[CouponIn]) -> list[Coupon]:
     """Record specimens with their results, all or none.
-
-    Args:
-        session: the request's transaction.
-        user: who asks, for the audit trail.
-        batch: which batch they belong to.
-        bodies: the specimens; names are unique in the batch.
 
     Returns:
         The rows, in the order given.
@@ -129,12 +156,6 @@ def add_measured_coupon(session: Session, user: User, batch: CouponBatch, sent: 
     """Record the specimen of a raw curve with file, curve and what came of them by its standard (ASTM D3039 or D3518),
     or nothing. One that is sent again as it was is there already.
 
-    Args:
-        session: the request's transaction.
-        user: who asks, for the audit trail.
-        batch: which batch the specimen belongs to.
-        sent: the machine's file, what is said of it, and what came of it.
-
     Raises:
         Conflict: the batch has this run of this file already.
         QuotaExceeded: the project has no room for the curve.
@@ -146,8 +167,8 @@ def add_measured_coupon(session: Session, user: User, batch: CouponBatch, sent: 
     reduced.reduction["warnings"] += unlike_the_batch(session, batch, sent.data, reduced)
     (row,) = add_coupons(session, user, batch, [reduced.coupon])
     curve = new_curve(row, sent, reduced)
-    owner = StorageOwner(batch_for.project_of(session, batch), structure_id=batch.structure_id)
-    book(session, owner, "curves", len(curve.file) + len(curve.data))
+    size = len(curve.file) + len(curve.data)
+    book(session, batch_for.project_of(session, batch), "curves", size, structure_id=batch.structure_id)
     session.add(curve)
     session.flush()
     session.refresh(row)
@@ -159,20 +180,13 @@ coupon_for = Lookup(Coupon, "coupon", "batch_id", batch_for)
 
 
 def exclude(session: Session, user: User, coupon: Coupon, body: ExclusionIn) -> None:
-    """Decide whether a specimen counts in the batch's statistics. It stays recorded; the audit trail keeps what was
+    """Decide whether a locked specimen counts in the batch's statistics. It stays recorded; the audit trail keeps what was
     before.
-
-    Args:
-        session: the request's transaction.
-        user: who decides.
-        coupon: the specimen, locked.
-        body: whether it is excluded, and why.
     """
     was = {"excluded": coupon.excluded, "exclusion_reason": coupon.exclusion_reason}
     coupon.excluded, coupon.exclusion_reason = body.excluded, body.exclusion_reason
     session.flush()
-    project_id = coupon_for.project_of(session, coupon)
-    audit(session, user, "coupon.exclude", "coupon", coupon.id, project_id, was=was, now=body.model_dump())
+    coupon_for.note(session, user, coupon, "exclude", was=was, now=body.model_dump())
 
 
 def summarise(session: Session, batch: CouponBatch) -> Summary:
@@ -213,6 +227,42 @@ def batch_prior(session: Session, batch_id: UUID) -> Summary:
     return summarise(session, session.get_one(CouponBatch, batch_id))
 
 
+def same_curve(session: Session, batch: CouponBatch, sent: RawCurve) -> Coupon | None:
+    """The specimen of the batch that came of the same file and the same request; None where there is none."""
+    query = select(Coupon).join(CouponCurve, CouponCurve.coupon_id == Coupon.id)
+    own = Coupon.batch_id == batch.id, Coupon.specimen == sent.request.specimen
+    found = session.scalars(query.where(*own, CouponCurve.file_sha256 == hashlib.sha256(sent.data).digest())).first()
+    same = found is not None and found.curve is not None and found.curve.request == sent.request.model_dump(mode="json")
+    return found if same else None
+
+
+def unlike_the_batch(session: Session, batch: CouponBatch, data: bytes, reduced: Reduced) -> list[str]:
+    """What is odd about a specimen beside those that the batch has already.
+
+    Raises:
+        Conflict: the batch has this run of this file already, under another name.
+    """
+    others = session.execute(
+        select(Coupon.specimen, CouponCurve.file_sha256, CouponCurve.reading, CouponCurve.reduction)
+        .join(CouponCurve, CouponCurve.coupon_id == Coupon.id)
+        .where(Coupon.batch_id == batch.id, Coupon.excluded.is_(False))
+        .order_by(Coupon.id)
+    ).all()
+    digest = hashlib.sha256(data).digest()
+    for specimen, sha256, reading, _ in others:
+        if sha256 == digest and reading["run"] == reduced.reading["run"]:
+            raise Conflict(f"the batch has run {reading['run']} of this file already, as specimen {specimen}")
+    found = []
+    for name in ("width_m", "thickness_m") if others else ():
+        usual, own = median(reduction[name] for *_, reduction in others), reduced.reduction[name]
+        if not 1 / UNLIKE_DIMENSION < own / usual < UNLIKE_DIMENSION:
+            found.append(
+                f"the {name.removesuffix('_m')} is {1e3 * own:.4g} mm, {own / usual:.3g} times that of the batch's other "
+                f"specimens ({1e3 * usual:.4g} mm): is it in another unit?"
+            )
+    return found
+
+
 def describe_all(session: Session, batches: Sequence[CouponBatch]) -> list[BatchOut]:
     """Batches as clients see them, in the order given, each with the number of its specimens; one query for all counts."""
     counts = session.execute(
@@ -220,27 +270,15 @@ def describe_all(session: Session, batches: Sequence[CouponBatch]) -> list[Batch
         .where(Coupon.batch_id.in_([b.id for b in batches]))
         .group_by(Coupon.batch_id)
     )
-    number = {row[0]: row[1] for row in counts}
-    return [
-        BatchOut(
-            id=batch.id,
-            structure_id=batch.structure_id,
-            name=batch.name,
-            constants=batch.constants,
-            published={name: PublishedMean.model_validate(v) for name, v in batch.published.items()},  # type: ignore[misc]
-            conditions=batch.conditions,
-            coupons=number.get(batch.id, 0),
-            created_at=batch.created_at,
-        )
-        for batch in batches
-    ]
+    number = dict(counts.all())
+    return [shown_as(BatchOut, batch, coupons=number.get(batch.id, 0)) for batch in batches]
 
 
 def describe_coupon(coupon: Coupon) -> CouponOut:
     """A specimen as clients see it, with the warnings of the reduction where it came as a raw curve."""
     curve = coupon.curve
-    own = {name: getattr(coupon, name) for name in CouponOut.model_fields if name not in ("has_curve", "warnings")}
-    return CouponOut(**own, has_curve=curve is not None, warnings=[] if curve is None else curve.reduction["warnings"])
+    warnings = [] if curve is None else curve.reduction["warnings"]
+    return shown_as(CouponOut, coupon, has_curve=curve is not None, warnings=warnings)
 
 
 def _values(coupon: Coupon) -> dict[str, float]:

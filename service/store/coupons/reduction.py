@@ -16,8 +16,7 @@ from fecore.errors import InputError
 from modalbase.formats.errors import FormatError
 from modalbase.formats.machine_csv import Column, MachineFile, Run, read_machine_csv
 from modalbase.formats.machine_csv.units import Quantity, factor
-from service.store.coupons.curve_schemas import CurveCouponIn
-from service.store.coupons.schemas import CouponIn
+from service.store.coupons.schemas import CouponIn, CurveCouponIn
 
 GAUGE = {"strain": "gauge_length", "strain_back": "gauge_length", "transverse_strain": "transverse_gauge_length"}
 """Which gauge length turns the elongation of a series into its strain."""

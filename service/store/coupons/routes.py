@@ -1,26 +1,130 @@
-"""Routes of coupon batches and coupons."""
+"""Routes of coupon batches and coupons.
+
+`POST …/coupons` takes results as JSON, or a raw curve as multipart with fields `coupon` (JSON) and `file`.
+"""
 
 from __future__ import annotations
 
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, Literal
 from urllib.parse import quote
 from uuid import UUID
 
-from fastapi import Query, Request, Response
+from fastapi import Depends, Query, Request, Response
+from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import JSONResponse
-from sqlalchemy import select
 
-from service.access import CurrentUser, SessionDep
+from service.access import CurrentUser, SessionDep, SettingsDep
+from service.access.nouns import NounRoutes
+from service.errors import Invalid, PayloadTooLarge, UnsupportedMediaType
+from service.jobs.aside import read_aside
 from service.store.coupons import curves, operations
-from service.store.coupons.bodies import CouponBody, RawCurve, documented
-from service.store.coupons.curve_schemas import CurveOut
-from service.store.coupons.schemas import BatchIn, BatchOut, CouponOut, ExclusionIn, Summary
-from service.store.coupons.tables import Coupon, CouponBatch
-from service.store.structures.operations import structure_for
-from service.web import IF_MATCH, Confirm, Cursor, Limit, Page, api_router, etag_of, paged, require_match, require_usual
+from service.store.coupons.reduction import Reduced, reduce_curve
+from service.store.coupons.schemas import (
+    BatchIn,
+    BatchOut,
+    CouponCurveOut,
+    CouponIn,
+    CouponOut,
+    CurveCouponIn,
+    ExclusionIn,
+    Summary,
+)
+from service.web import IF_MATCH, Confirm, Page, api_router, etag_of, require_match, require_usual
+from service.web.gate import without_slot
+from service.web.json_body import checked, parse_json
+from service.web.negotiation import content_type, is_json
+from service.web.openapi import schema_of
 from service.web.routing import Later
+from service.web.uploads import multipart
+
+MOST_COUPONS = 1000
+
+
+@dataclass(frozen=True)
+class RawCurve:
+    """A machine's file, what is said of it, and what came of it by its standard."""
+
+    request: CurveCouponIn
+    filename: str
+    data: bytes
+    reduced: Reduced
+
+
+async def _received(request: Request, settings: SettingsDep) -> list[CouponIn] | RawCurve:
+    """The body. No transaction is open while it is read."""
+    kind = content_type(request.headers.get("content-type"))
+    if kind == "multipart/form-data":
+        return await _curve(request, settings.json_limit_bytes)
+    if kind and not is_json(kind):
+        raise UnsupportedMediaType(f"the body is {kind}, expected application/json or multipart/form-data")
+    body = await run_in_threadpool(parse_json, await request.body())
+    if not isinstance(body, list):
+        return [checked(CouponIn, body)]
+    if not 0 < len(body) <= MOST_COUPONS:
+        raise Invalid("", f"the list has {len(body)} specimens, expected 1 to {MOST_COUPONS}")
+    return checked(list[CouponIn], body)
+
+
+CouponBody = Annotated[list[CouponIn] | RawCurve, Depends(_received)]
+
+
+async def _curve(request: Request, limit: int) -> RawCurve:
+    async with multipart(request, limit) as form:
+        stated = form.fields.get("coupon")
+        if stated is None:
+            raise Invalid(
+                "/coupon", "is missing: send what is known of the specimen as JSON in multipart field `coupon`"
+            )
+        if form.file.size is None or form.file.size > limit:
+            raise PayloadTooLarge(f"the file has {form.file.size} bytes, the operator allows {limit}")
+        sent = checked(CurveCouponIn, parse_json(stated.encode("utf-8", "surrogatepass")))
+        with tempfile.NamedTemporaryFile(prefix="modalbase-curve-") as file:  # not in memory while others are read
+            await run_in_threadpool(shutil.copyfileobj, form.file.file, file)
+            file.flush()
+            async with without_slot(request.scope):
+                reduced = await read_aside(reduce_curve, Path(file.name), sent)
+            data = await run_in_threadpool(Path(file.name).read_bytes)
+        return RawCurve(sent, form.filename or "curve.csv", data, reduced)
+
+
+def documented() -> dict[str, Any]:
+    """The bodies for the OpenAPI document."""
+    return {
+        "requestBody": {
+            "required": True,
+            "content": {
+                "application/json": {
+                    "schema": {"anyOf": [schema_of(CouponIn), {"type": "array", "items": schema_of(CouponIn)}]}
+                },
+                "multipart/form-data": {
+                    "schema": {
+                        "type": "object",
+                        "required": ["file", "coupon"],
+                        "properties": {
+                            "file": {"type": "string", "format": "binary"},
+                            "coupon": schema_of(CurveCouponIn),
+                        },
+                    }
+                },
+            },
+        }
+    }
+
 
 router = api_router(tags=["coupons"])
+batches = NounRoutes(router, operations.batch_for, BatchOut, operations.describe_all, "coupon-batches", "batch_id")
+coupons = NounRoutes(
+    router,
+    operations.coupon_for,
+    CouponOut,
+    lambda _, rows: map(operations.describe_coupon, rows),
+    "coupons",
+    "coupon_id",
+)
 
 CURVES: dict[int | str, dict[str, Any]] = {
     200: {"content": {kind: {} for kind in ("application/json", "text/csv", "application/x-npz")}}
@@ -40,25 +144,11 @@ def create_batch(
     """Open a batch: which constants it gives, and published means of those that have no specimens here."""
     require_usual(body, confirm)
     batch = operations.create_batch(session, user, structure_id, body)
-    response.headers["Location"] = f"/api/v1/coupon-batches/{batch.id}"
-    return operations.describe_all(session, [batch])[0]
+    return batches.made(session, batch, response)
 
 
-@router.get("/structures/{structure_id}/coupon-batches")
-def list_batches(
-    structure_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
-) -> Page[BatchOut]:
-    """Coupon batches of a structure."""
-    structure = structure_for(session, user, structure_id)
-    query = select(CouponBatch).where(CouponBatch.structure_id == structure.id)
-    rows, following = paged(session, query, CouponBatch.id, cursor, limit)
-    return Page(items=operations.describe_all(session, rows), next_cursor=following)
-
-
-@router.get("/coupon-batches/{batch_id}")
-def get_batch(batch_id: UUID, session: SessionDep, user: CurrentUser) -> BatchOut:
-    """A coupon batch."""
-    return operations.describe_all(session, [operations.batch_for(session, user, batch_id)])[0]
+batches.listing("list_batches", "Coupon batches of a structure.")
+batches.getting("get_batch", "A coupon batch.")
 
 
 @router.post("/coupon-batches/{batch_id}/coupons", status_code=201, openapi_extra=Later(documented))
@@ -81,14 +171,7 @@ def create_coupons(
     return Page(items=[operations.describe_coupon(row) for row in rows])
 
 
-@router.get("/coupon-batches/{batch_id}/coupons")
-def list_coupons(
-    batch_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
-) -> Page[CouponOut]:
-    """Specimens of a batch, excluded ones included."""
-    batch = operations.batch_for(session, user, batch_id)
-    rows, following = paged(session, select(Coupon).where(Coupon.batch_id == batch.id), Coupon.id, cursor, limit)
-    return Page(items=[operations.describe_coupon(row) for row in rows], next_cursor=following)
+coupons.listing("list_coupons", "Specimens of a batch, excluded ones included.", owners="coupon-batches")
 
 
 @router.get("/coupon-batches/{batch_id}/summary")
@@ -97,10 +180,7 @@ def get_summary(batch_id: UUID, session: SessionDep, user: CurrentUser) -> Summa
     return operations.summarise(session, operations.batch_for(session, user, batch_id))
 
 
-@router.get("/coupons/{coupon_id}")
-def get_coupon(coupon_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> CouponOut:
-    """A specimen."""
-    return _shown(operations.describe_coupon(operations.coupon_for(session, user, coupon_id)), response)
+coupons.getting("get_coupon", "A specimen.", tagged=True)
 
 
 @router.patch("/coupons/{coupon_id}", openapi_extra=IF_MATCH)
@@ -109,13 +189,13 @@ def change_coupon(
 ) -> CouponOut:
     """Exclude a specimen from its batch with a reason, or take it back in. It stays recorded either way."""
     coupon = operations.coupon_for(session, user, coupon_id, "editor", lock=True)
-    require_match(request, etag_of(operations.describe_coupon(coupon)))
+    require_match(request, etag_of(coupons.shown(session, coupon)))
     operations.exclude(session, user, coupon, body)
-    return _shown(operations.describe_coupon(coupon), response)
+    return coupons.tagged(session, coupon, response)
 
 
 @router.get("/coupons/{coupon_id}/curve")
-def get_curve(coupon_id: UUID, session: SessionDep, user: CurrentUser) -> CurveOut:
+def get_curve(coupon_id: UUID, session: SessionDep, user: CurrentUser) -> CouponCurveOut:
     """Where a specimen's raw curve came from, how it was read, and all that its standard reports of it."""
     return curves.describe_curve(curves.curve_of(session, operations.coupon_for(session, user, coupon_id)))
 
@@ -146,8 +226,3 @@ def get_original(coupon_id: UUID, session: SessionDep, user: CurrentUser) -> Res
         "Content-Disposition": f"attachment; filename*=UTF-8''{quote(curve.filename, safe='')}",
     }
     return Response(curves.file_of(curve), media_type="application/octet-stream", headers=headers)
-
-
-def _shown(coupon: CouponOut, response: Response) -> CouponOut:
-    response.headers["ETag"] = etag_of(coupon)
-    return coupon

@@ -1,4 +1,4 @@
-"""FRFs in the database: list, find, store. No spectrum is loaded here."""
+"""FRFs in the database: their table; list, find, store. No spectrum is loaded here."""
 
 from __future__ import annotations
 
@@ -12,24 +12,65 @@ from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 import numpy as np
-from sqlalchemy import Row, Select, func, literal, select, update
+from sqlalchemy import CheckConstraint, ForeignKey, Index, LargeBinary, Row, Select, func, literal, select, update
 from sqlalchemy.dialects.postgresql import aggregate_order_by
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import FloatArray
-from fecore.frf import FrfSet, Quantity
+from fecore.frf import Quantity
+from fecore.processing import Averages
 from modalbase.formats.frfs.table import DOFS
 from service.access import Lookup, User, audit
 from service.compute.frf_rows import COLUMNS, coherence_columns
 from service.compute.spectra import encode, encode_axis
+from service.db.base import Base, Big, Identified
 from service.db.bytea import copy_rows, new_keys
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.frfs.schemas import UNITS, FrfOut
-from service.store.frfs.tables import Frf
-from service.store.storage import StorageOwner, book
+from service.store.storage import book
+from service.web import shown_as
 
 if TYPE_CHECKING:
-    from service.store.campaigns.tables import Campaign
+    from service.store.campaigns.operations import Campaign
+
+
+class Frf(Identified, Base):
+    """One FRF. Spectra lie in their own columns, out of line and uncompressed, and are loaded only when asked for."""
+
+    __tablename__ = "frfs"
+    __table_args__ = (
+        Index(None, "campaign_id", "id"),
+        Index(None, "campaign_id", "response_point", "id"),
+        Index(None, "import_id", "dataset", unique=True),
+        Index(None, "processing_id"),
+        CheckConstraint("(step_hz IS NULL) = (axis IS NOT NULL)", name="axis"),
+    )
+
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    import_id: Mapped[UUID | None] = mapped_column(ForeignKey("imports.id", deferrable=True))
+    dataset: Mapped[int | None]
+    label: Mapped[str]
+    response_point: Mapped[Big]
+    response_direction: Mapped[int]
+    reference_point: Mapped[Big]
+    reference_direction: Mapped[int]
+    quantity: Mapped[str]
+    averages: Mapped[int | None]
+    start_hz: Mapped[float]
+    end_hz: Mapped[float]
+    step_hz: Mapped[float | None]
+    lines: Mapped[int]
+    dtype: Mapped[str]
+    sha256: Mapped[bytes]
+    coherence_dtype: Mapped[str | None]
+    coherence_sha256: Mapped[bytes | None]
+    axis: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
+    data: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+    coherence: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
+    processing_id: Mapped[UUID | None] = mapped_column(ForeignKey("processings.id"))
+    window_rate_per_s: Mapped[float | None]
+    variance_sha256: Mapped[bytes | None]
+    variance: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
 
 
 READ_COLUMNS = {"campaign_id": "uuid", "import_id": "uuid", "dataset": "int4", **COLUMNS}
@@ -96,7 +137,7 @@ class NewFrfs:
     """FRFs that were read and checked, on their way to the database.
 
     Attributes:
-        path: rows, as `service.store.frfs.bodies.write_rows` left them.
+        path: rows, as `service.store.frfs.schemas.write_rows` left them.
         count: how many.
     """
 
@@ -111,12 +152,6 @@ frf_for = Lookup(Frf, "FRF", "campaign_id", campaign_for)
 def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -> Sequence[Frf]:
     """Store FRFs that a script hands in, all or none, each with the SHA-256 of its spectrum.
 
-    Args:
-        session: the request's transaction.
-        user: who asks, for the audit trail.
-        campaign: whose FRFs.
-        new: FRFs that were read and checked.
-
     Returns:
         The rows, in the order given.
 
@@ -124,7 +159,7 @@ def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -
         QuotaExceeded: the project has no room for them.
     """
     project_id = campaign_for.project_of(session, campaign)
-    book(session, StorageOwner(project_id, campaign.id), "frfs", new.path.stat().st_size)
+    book(session, project_id, "frfs", new.path.stat().st_size, campaign_id=campaign.id)
     keys = new_keys(session, new.count)
     columns = {"id": "uuid", "campaign_id": "uuid", **COLUMNS}
     with new.path.open("rb") as file, copy_rows(session, Frf.__tablename__, columns) as write:
@@ -134,31 +169,8 @@ def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -
     return frfs_of(session, keys)
 
 
-@dataclass(frozen=True)
-class ProcessedFrfs:
-    """FRFs that a processing made of time blocks, all or some of them.
-
-    Attributes:
-        frfs: the FRFs with their variance.
-        coherence: (N, L) γ².
-        hits: (N,) how many hits each is the mean of.
-        window_rate_per_s: rate of the exponential window that all of them carry.
-    """
-
-    frfs: FrfSet
-    coherence: FloatArray
-    hits: tuple[int, ...]
-    window_rate_per_s: float
-
-
-def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, new: ProcessedFrfs) -> list[UUID]:
+def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, new: Averages) -> list[UUID]:
     """Store FRFs of a processing in the job's transaction; those that come in parts are stored part by part.
-
-    Args:
-        session: the job's transaction.
-        campaign_id: whose FRFs.
-        processing_id: the processing, whose row is there already.
-        new: the FRFs.
 
     Returns:
         Their keys, in order.
@@ -169,24 +181,25 @@ def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, ne
     campaign = campaign_of(session, campaign_id)
     kept = (new.frfs.values, new.coherence, new.frfs.variance)
     size = sum(values.nbytes for values in kept if values is not None)
-    book(session, StorageOwner(campaign_for.project_of(session, campaign), campaign.id), "frfs", size)
+    book(session, campaign_for.project_of(session, campaign), "frfs", size, campaign_id=campaign.id)
     common = {
         "campaign_id": campaign_id,
         "processing_id": processing_id,
         "quantity": new.frfs.quantity,
-        "window_rate_per_s": new.window_rate_per_s,
+        "window_rate_per_s": new.rate_per_s,
         **encode_axis(new.frfs.frequency_hz).columns(),
     }
-    keys = new_keys(session, len(new.hits))
+    hits = new.hits.tolist()
+    keys = new_keys(session, len(hits))
     with copy_rows(session, Frf.__tablename__, PROCESSED_COLUMNS) as write:
         for i, (key, response, force) in enumerate(zip(keys, new.frfs.responses, new.frfs.references, strict=True)):
             variance = None if new.frfs.variance is None else new.frfs.variance[i]
             known = None if variance is None or np.isnan(variance).any() else encode(variance)
             row = {
                 "id": key,
-                "label": f"{new.hits[i]} hits at point {force.point}",
+                "label": f"{hits[i]} hits at point {force.point}",
                 **dict(zip(DOFS, (response.point, response.direction, force.point, force.direction), strict=True)),
-                "averages": new.hits[i],
+                "averages": hits[i],
                 **common,
                 **encode(new.frfs.values[i]).columns(),
                 **coherence_columns(new.coherence[i]),
@@ -199,29 +212,13 @@ def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, ne
 
 def describe(frf: Frf) -> FrfOut:
     """An FRF as clients see it: degrees of freedom, quantity, unit, axis and SHA-256. The values are not read."""
-    return FrfOut(
-        id=frf.id,
-        campaign_id=frf.campaign_id,
-        import_id=frf.import_id,
-        dataset=frf.dataset,
-        label=frf.label,
-        response_point=frf.response_point,
-        response_direction=frf.response_direction,
-        reference_point=frf.reference_point,
-        reference_direction=frf.reference_direction,
-        quantity=frf.quantity,  # type: ignore[arg-type]  # the column holds what was checked on the way in
-        unit=UNITS[frf.quantity],  # type: ignore[index]
-        averages=frf.averages,
-        lines=frf.lines,
-        start_hz=frf.start_hz,
-        end_hz=frf.end_hz,
-        step_hz=frf.step_hz,
+    return shown_as(
+        FrfOut,
+        frf,
+        unit=UNITS[frf.quantity],  # type: ignore[index]  # the column holds what was checked on the way in
         dtype=str(np.dtype(frf.dtype)),
         sha256=frf.sha256.hex(),
         has_coherence=frf.coherence_sha256 is not None,
-        processing_id=frf.processing_id,
-        window_rate_per_s=frf.window_rate_per_s,
-        created_at=frf.created_at,
     )
 
 

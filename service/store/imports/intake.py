@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import replace
-from typing import Any
-from uuid import UUID
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from sqlalchemy import func, select
 from sqlalchemy.orm import Session
+
+if TYPE_CHECKING:
+    from service.store.imports.operations import Import
 
 from fecore.body.mesh import off_specimen
 from modalbase.formats.records import TimeBlock
@@ -19,14 +20,11 @@ from service.compute.arrays_of_files import Found
 from service.compute.frf_rows import EncodedFrf
 from service.compute.reading import Kept
 from service.errors import Conflict, Invalid, PayloadTooLarge
-from service.store.campaigns.grid_points import add_points, stored_points
-from service.store.campaigns.operations import campaign_for, campaign_of, frame_of
-from service.store.frfs.operations import add_coherence, writing_frfs
-from service.store.imports.tables import Import, Original
+from service.store.campaigns.operations import add_points, campaign_for, campaign_of, frame_of, stored_points
+from service.store.frfs.operations import add_coherence
 from service.store.modes.operations import store_read_modes
-from service.store.records.intake import RecordIntake
-from service.store.records.operations import NewRecords
-from service.store.storage import StorageOwner, book
+from service.store.records.operations import RecordIntake
+from service.store.storage import book
 from service.store.structures.operations import present_structure
 
 SAME_POINT_M = 1e-6
@@ -43,30 +41,10 @@ LISTED = 20_000
 Pair = tuple[int, int, int, int, int]
 
 
-def store_import(session: Session, job_id: UUID, items: Iterator[Kept]) -> None:
-    """Take in a file. A dry run goes the same way and writes the report alone.
-
-    Raises:
-        Conflict: a grid point of the file lies elsewhere than the campaign has it.
-        QuotaExceeded: the project has no room for what is in the file.
-        PayloadTooLarge: more is in the file than one import may bring.
-        Invalid: nothing at all of the file could be read.
-    """
-    row = session.get_one(Import, job_id)
-    # Imports into one campaign are stored one after the other, so that each sees the points of the one before.
-    session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(str(row.campaign_id), 0))))
-    with RecordIntake() as records:
-        intake = _Intake(session, row, records)
-        with writing_frfs(session) as write_frf:
-            for item in items:
-                intake.take(item, write_frf)
-        intake.finish()
-
-
-class _Intake:
+class Intake:
     """One import's way into the tables: FRFs stream in as they come, the rest follows when the whole file was seen."""
 
-    def __init__(self, session: Session, row: Import, records: RecordIntake) -> None:
+    def __init__(self, session: Session, row: Import, file_bytes: int, records: RecordIntake) -> None:
         self.session = session
         self.row = row
         self.found = Found("uff")
@@ -80,7 +58,7 @@ class _Intake:
         self.records = records
         self.blocks: set[int] = set()
         self.unused: dict[int, str] = {}
-        self.file_bytes = session.scalars(select(Original.size).where(Original.sha256 == row.sha256)).one()
+        self.file_bytes = file_bytes
         self.frf_bytes = self.held_bytes = 0
         self.named: set[int] = set()
         self.seen: set[int] = set()
@@ -121,8 +99,8 @@ class _Intake:
         self.counts["records"] += len(self.blocks - self.unused.keys())
         if self.counts["records"] and not self.row.dry_run:
             counted = bool(self.blocks) or self.found.counted
-            new = NewRecords(self.row.campaign_id, (), 0, counted, self.row.filename, self.row.id)
-            self.records.store(self.session, new, self.unused.keys())
+            source = {"filename": self.row.filename, "import_id": self.row.id}
+            self.records.store(self.session, self.row.campaign_id, self.unused.keys(), counted=counted, **source)
         self._write_points()
         self._write_coherences()
         self._write_modes()
@@ -134,13 +112,13 @@ class _Intake:
             self._refuse_nothing()
         if self.frf_bytes and not self.row.dry_run:
             campaign = campaign_of(self.session, self.row.campaign_id)
-            owner = StorageOwner(campaign_for.project_of(self.session, campaign), campaign.id)
-            book(self.session, owner, "frfs", self.frf_bytes)
+            project_id = campaign_for.project_of(self.session, campaign)
+            book(self.session, project_id, "frfs", self.frf_bytes, campaign_id=campaign.id)
         self.row.counts = self.counts
         self.row.format, self.row.kind = self.found.format, self.found.kind
         if self.found.kind is not None:
             self.row.found = {name: getattr(self.found, name) for name in ("variables", "mapping", "blocks")}
-        self.row.datasets = [_report(report) for report in self.reports[:LISTED]]
+        self.row.datasets = [asdict(report) for report in self.reports[:LISTED]]
         self.row.warnings = self._warnings()
         self.session.flush()
 
@@ -201,17 +179,13 @@ class _Intake:
 
     def _write_coherences(self) -> None:
         """Each coherence goes to the FRF between the same points; one that has none is reported as ignored."""
-        orphans: dict[int, str] = {}
         for dataset, pair, function in self.coherences:
             frf = self.pairs.get(pair)
             if frf is None:
-                orphans[dataset] = "is a coherence of two points between which the file has no FRF on as many lines"
+                self.unused[dataset] = "is a coherence of two points between which the file has no FRF on as many lines"
             elif not self.row.dry_run:
                 self.frf_bytes += function.values.real.nbytes
                 add_coherence(self.session, self.row.id, frf, function.values.real)
-        self.reports = [
-            replace(r, outcome="ignored", reason=orphans[r.number]) if r.number in orphans else r for r in self.reports
-        ]
 
     def _write_modes(self) -> None:
         if self.modes and not self.row.dry_run:
@@ -272,17 +246,6 @@ def _pair(item: EncodedFrf | Function) -> Pair:
         abs(item.reference_direction),
         lines,
     )
-
-
-def _report(report: DatasetReport) -> dict[str, Any]:
-    return {
-        "number": report.number,
-        "type": report.type,
-        "offset": report.offset,
-        "outcome": report.outcome,
-        "reason": report.reason,
-        "notes": list(report.notes),
-    }
 
 
 def _metres(xyz: tuple[float, float, float]) -> str:

@@ -2,36 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
-from sqlalchemy import Select, func, select
-from sqlalchemy.orm import Session
+from sqlalchemy import ForeignKey, Index, Select, func, select
+from sqlalchemy.dialects.postgresql import JSONB
+from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from fecore.frf import Quantity
-from service.access import Lookup, User, audit
-from service.compute.reading import ReadingInputs, read_upload
+from service.access import Lookup, User
+from service.compute.reading import Kept, ReadingInputs, read_upload
+from service.db.base import Base
 from service.jobs.kinds import REQUESTS, JobKind
-from service.jobs.queue import enqueue
-from service.jobs.state import job_state
+from service.jobs.resource import JobNoun
 from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
-from service.store.imports.intake import store_import
-from service.store.imports.originals import keep_original, write_original
-from service.store.imports.schemas import Counts, DatasetOutcome, ImportOut
-from service.store.imports.tables import Import, Original
-from service.store.records.schemas import Proposal
-from service.store.storage import StorageOwner, book
+from service.store.frfs.operations import writing_frfs
+from service.store.imports.intake import Intake
+from service.store.imports.originals import Original, keep_original, write_original
+from service.store.records.operations import RecordIntake
+from service.store.storage import book
 
 if TYPE_CHECKING:
-    from modalbase.formats.recognise import Format
-    from service.compute.arrays_of_files import Kind
-    from service.store.campaigns.tables import Campaign
+    from service.store.campaigns.operations import Campaign
     from service.web.uploads import Spooled
+
+
+class Import(Base):
+    """One reading of an uploaded file into a campaign; its key is its job's, and so is its status."""
+
+    __tablename__ = "imports"
+    __table_args__ = (Index(None, "campaign_id", "sha256"),)
+
+    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    filename: Mapped[str]
+    sha256: Mapped[bytes] = mapped_column(ForeignKey("originals.sha256"))
+    dry_run: Mapped[bool]
+    quantity: Mapped[str | None]
+    format: Mapped[str | None]
+    kind: Mapped[str | None]
+    mapping: Mapped[Any | None] = mapped_column(JSONB(none_as_null=True))
+    found: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+    counts: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+    datasets: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True))
+    warnings: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True))
 
 
 def _load(session: Session, job_id: UUID, workspace: Path) -> ReadingInputs:
@@ -43,35 +60,37 @@ def _load(session: Session, job_id: UUID, workspace: Path) -> ReadingInputs:
     return ReadingInputs(path, *stated)  # type: ignore[arg-type]  # the columns hold what the route let in
 
 
-IMPORT = JobKind("import", load=_load, compute=read_upload, store=store_import)
+def _store(session: Session, job_id: UUID, items: Iterator[Kept]) -> None:
+    """Take in a file. A dry run goes the same way and writes the report alone.
 
-
-@dataclass(frozen=True)
-class ImportRequest:
-    """What to do with an uploaded file.
-
-    Attributes:
-        file: where it lies, with its SHA-256.
-        filename: what the client calls it.
-        dry_run: only report.
-        quantity: what an FRF is whose file states neither data type nor unit.
-        format: where it is known.
-        kind: what an npz, .mat or CSV holds.
-        mapping: which of its variables is what.
-        urgent: a request waits for it: it has a queue of its own, and is read also where the campaign has these bytes already.
+    Raises:
+        Conflict: a grid point of the file lies elsewhere than the campaign has it.
+        QuotaExceeded: the project has no room for what is in the file.
+        PayloadTooLarge: more is in the file than one import may bring.
+        Invalid: nothing at all of the file could be read.
     """
+    row = session.get_one(Import, job_id)
+    # Imports into one campaign are stored one after the other, so that each sees the points of the one before.
+    session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(str(row.campaign_id), 0))))
+    size = session.scalars(select(Original.size).where(Original.sha256 == row.sha256)).one()
+    with RecordIntake() as records:
+        intake = Intake(session, row, size, records)
+        with writing_frfs(session) as write_frf:
+            for item in items:
+                intake.take(item, write_frf)
+        intake.finish()
 
-    file: Spooled
-    filename: str
-    dry_run: bool
-    quantity: Quantity | None
-    format: Format | None = None
-    kind: Kind | None = None
-    mapping: Any = None
-    urgent: bool = False
+
+IMPORT = JobKind("import", load=_load, compute=read_upload, store=_store)
+
+import_for = Lookup(Import, "import", "campaign_id", campaign_for)
+"""The import, if the user has at least a role in its project."""
+IMPORTS = JobNoun(IMPORT, import_for, "imports")
 
 
-def start_import(session: Session, user: User, campaign_id: UUID, wanted: ImportRequest) -> tuple[Import, bool]:
+def start_import(
+    session: Session, user: User, campaign_id: UUID, file: Spooled, wanted: Import, *, urgent: bool = False
+) -> tuple[Import, bool]:
     """Store the file and queue its reading, in one transaction.
 
     The same bytes are not read into a campaign twice: the import that has them, or is about to, is returned instead.
@@ -80,88 +99,26 @@ def start_import(session: Session, user: User, campaign_id: UUID, wanted: Import
         session: the request's transaction.
         user: who asks; an editor of the project at least.
         campaign_id: the campaign that takes the file.
-        wanted: the file, and what to do with it.
+        file: where it lies, with its SHA-256.
+        wanted: the row to be: what the client calls the file, and what to do with it.
+        urgent: a request waits for it: it has a queue of its own, and is read also where the campaign has these bytes already.
 
     Returns:
         The import, and whether it is a new one.
 
     Raises:
-        NotFound: there is no such campaign, or it is other people's.
-        Forbidden: the user's role is too low.
         QuotaExceeded: the project has no room for the file.
     """
     campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
-    if not (wanted.dry_run or wanted.urgent) and (known := _same_bytes(session, campaign, wanted)) is not None:
+    wanted.campaign_id, wanted.sha256 = campaign.id, file.sha256
+    if not (wanted.dry_run or urgent) and (known := _same_bytes(session, wanted)) is not None:
         return known, False
-    project_id = campaign_for.project_of(session, campaign)
-    if not _has_file(session, campaign, wanted.file.sha256):
-        book(session, StorageOwner(project_id, campaign.id), "files", wanted.file.size)
-    keep_original(session, wanted.file)
-    job = enqueue(session, kind=IMPORT, project_id=project_id, queue=REQUESTS if wanted.urgent else None)
-    row = Import(
-        id=job.id,
-        campaign_id=campaign.id,
-        filename=wanted.filename,
-        sha256=wanted.file.sha256,
-        dry_run=wanted.dry_run,
-        quantity=wanted.quantity,
-        format=wanted.format,
-        kind=wanted.kind,
-        mapping=wanted.mapping,
-    )
-    session.add(row)
-    session.flush()
-    audit(session, user, "import.create", "import", row.id, project_id, sha256=wanted.file.sha256.hex())
-    return row, True
-
-
-import_for = Lookup(Import, "import", "campaign_id", campaign_for)
-"""The import, if the user has at least a role in its project."""
-
-
-def describe(session: Session, row: Import, *, already_imported: bool = False) -> ImportOut:
-    """An import as clients see it: the state of its job, counts, and a report on every dataset.
-
-    Args:
-        session: the request's transaction.
-        row: the import.
-        already_imported: the file was sent again, and this is the import that has it.
-    """
-    return describe_all(session, [row])[0].model_copy(update={"already_imported": already_imported})
-
-
-def describe_all(session: Session, rows: Sequence[Import]) -> list[ImportOut]:
-    """Imports as clients see them: their own rows and their jobs', read at one moment, so that a job that has succeeded
-    never stands beside an import that has no counts yet.
-    """
-    query = (
-        select(Import, Job, Original.size)
-        .join(Job, Job.id == Import.id)
-        .join(Original, Original.sha256 == Import.sha256)
-        .where(Import.id.in_([row.id for row in rows]))
-        .order_by(Import.id)
-        .execution_options(populate_existing=True)
-    )
-    return [_described(row, job, size) for row, job, size in session.execute(query)]
-
-
-def _described(row: Import, job: Job, size: int) -> ImportOut:
-    return ImportOut(
-        **job_state(job),
-        campaign_id=row.campaign_id,
-        filename=row.filename,
-        size=size,
-        sha256=row.sha256.hex(),
-        dry_run=row.dry_run,
-        quantity=row.quantity,  # type: ignore[arg-type]  # the columns hold what was checked on the way in
-        format=row.format,  # type: ignore[arg-type]
-        kind=row.kind,  # type: ignore[arg-type]
-        mapping=row.mapping,
-        found=None if row.found is None else Proposal.model_validate(row.found),
-        counts=None if row.counts is None else Counts.model_validate(row.counts),
-        datasets=[DatasetOutcome.model_validate(d) for d in row.datasets or []],
-        warnings=row.warnings or [],
-    )
+    if not _has_file(session, campaign, file.sha256):
+        project_id = campaign_for.project_of(session, campaign)
+        book(session, project_id, "files", file.size, campaign_id=campaign.id)
+    keep_original(session, file)
+    queue = REQUESTS if urgent else None
+    return IMPORTS.start(session, user, wanted, queue=queue, sha256=file.sha256.hex()), True
 
 
 def _has_file(session: Session, campaign: Campaign, sha256: bytes) -> bool:
@@ -170,15 +127,15 @@ def _has_file(session: Session, campaign: Campaign, sha256: bytes) -> bool:
     return session.scalars(query.limit(1)).first() is not None
 
 
-def _same_bytes(session: Session, campaign: Campaign, wanted: ImportRequest) -> Import | None:
+def _same_bytes(session: Session, wanted: Import) -> Import | None:
     """The import that has these bytes, read by the same mapping, or is about to."""
     same_mapping = Import.mapping.is_(None) if wanted.mapping is None else Import.mapping == wanted.mapping
     return session.scalars(
         select(Import)
         .join(Job, Job.id == Import.id)
         .where(
-            Import.campaign_id == campaign.id,
-            Import.sha256 == wanted.file.sha256,
+            Import.campaign_id == wanted.campaign_id,
+            Import.sha256 == wanted.sha256,
             same_mapping,
             ~Import.dry_run,
             Job.state.in_(("queued", "running", "succeeded")),

@@ -4,18 +4,41 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
+from datetime import datetime
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
+from sqlalchemy import ForeignKey, LargeBinary, func
 from sqlalchemy.dialects.postgresql import insert
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Mapped, Session, mapped_column
 
+from service.db.base import Base, Big
 from service.db.bytea import copy_rows, stream_rows
 from service.errors import Damaged
-from service.store.imports.tables import Original
 
 if TYPE_CHECKING:
     from service.web.uploads import Spooled
+
+
+class Original(Base):
+    """An uploaded file under its SHA-256; its bytes are in `original_chunks`."""
+
+    __tablename__ = "originals"
+
+    sha256: Mapped[bytes] = mapped_column(primary_key=True)
+    size: Mapped[Big]
+    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
+
+
+class OriginalChunk(Base):
+    """A stretch of an uploaded file, of a size that fills a page: the table's `toast_tuple_target` keeps it there."""
+
+    __tablename__ = "original_chunks"
+
+    sha256: Mapped[bytes] = mapped_column(ForeignKey("originals.sha256", ondelete="CASCADE"), primary_key=True)
+    number: Mapped[int] = mapped_column(primary_key=True)
+    data: Mapped[bytes] = mapped_column(LargeBinary)
+
 
 CHUNK_BYTES = 8092
 """A row with a chunk of this size just fills a page, so that it is stored there at once; PostgreSQL would cut a larger one
@@ -41,9 +64,6 @@ def keep_original(session: Session, file: Spooled) -> None:
 
     A second upload of the same bytes at the same moment waits for the first one's commit here.
 
-    Args:
-        session: the request's transaction.
-        file: where the upload lies on disk, with its size and SHA-256.
     """
     new = session.execute(
         insert(Original).values(sha256=file.sha256, size=file.size).on_conflict_do_nothing().returning(Original.sha256)

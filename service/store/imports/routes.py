@@ -1,31 +1,81 @@
-"""Routes of imports and of the original files."""
+"""What a client gets about imports; the routes of imports, of the original files, and of purging for good."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from fastapi import Query, Request, Response
 from fastapi.responses import FileResponse
-from sqlalchemy import func, select
+from pydantic import Field
+from sqlalchemy import delete, func, select
+from sqlalchemy.orm import Session
 
 from fecore.frf import Quantity
-from service.access import CurrentUser, SessionDep
+from modalbase.formats.recognise import Format
+from service.access import CurrentUser, SessionDep, project_for
+from service.access.lookup import projects
 from service.compute.arrays_of_files import Kind
 from service.errors import Invalid
+from service.jobs.queue import cancel_purged
+from service.jobs.resource import JobOut, job_state
+from service.jobs.routes import JobRoutes
+from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
-from service.store.campaigns.uploads import UPLOAD_CONTENT, UploadDep
 from service.store.imports import operations
-from service.store.imports.originals import copy_original
-from service.store.imports.schemas import ImportOut
-from service.store.imports.tables import Import
+from service.store.imports.operations import Import
+from service.store.imports.originals import Original, copy_original
 from service.store.records.operations import judged, records_of_import
-from service.store.records.schemas import StoredRecords
-from service.web import Cursor, Limit, Name, Page, api_router, paged
+from service.store.records.schemas import Proposal, StoredRecords
+from service.store.structures.operations import structure_for
+from service.web import Name, StrictModel, api_router, shown_as
 from service.web.downloads import spooled
 from service.web.json_body import parse_parameter
 from service.web.parameters import not_modified
-from service.web.uploads import Upload
+from service.web.uploads import UPLOAD_CONTENT, Upload, UploadDep
+
+
+class DatasetOutcome(StrictModel):
+    """What became of one dataset of the file."""
+
+    number: int = Field(description="1 for the first dataset of the file")
+    type: str = Field(description='dataset type: "15", "58", "58b" ...')
+    offset: int = Field(description="byte at which the dataset begins")
+    outcome: Literal["read", "ignored", "refused"]
+    reason: str | None
+    notes: list[str] = Field(description="conversions and assumptions made while reading")
+
+
+class Counts(StrictModel):
+    """What an import brought in."""
+
+    frfs: int
+    grid_points: int
+    modes: int
+    records: int = Field(0, description="time blocks of hammer hits")
+
+
+class ImportOut(JobOut):
+    """A file's way into a campaign, whatever its format."""
+
+    campaign_id: UUID
+    filename: str
+    size: int = Field(description="bytes")
+    sha256: str
+    dry_run: bool
+    quantity: Quantity | None
+    format: Format | None = Field(description="by what is in the file; null until that was read")
+    kind: Kind | None = Field(
+        description="what an npz, .mat, CSV or wav holds, as stated or found; null of UFF, which may hold both"
+    )
+    mapping: Any = Field(description="which variable is what, as it was stated")
+    found: Proposal | None = Field(description="arrays of an npz, .mat, CSV or wav, and a mapping that suggests itself")
+    already_imported: bool = Field(False, description="these bytes are in the campaign already; nothing new was queued")
+    counts: Counts | None = Field(description="what was read; null until it succeeded")
+    datasets: list[DatasetOutcome]
+    warnings: list[str]
+
 
 router = api_router(tags=["imports"])
 
@@ -33,6 +83,34 @@ BODY = {"requestBody": {"required": True, "content": UPLOAD_CONTENT}}
 
 QuantityQuery = Annotated[Quantity | None, Query(description="what an FRF is whose file does not say so, in SI units")]
 MappingQuery = Annotated[str | None, Query(description="which variable is what, as JSON", max_length=20_000)]
+
+
+def _described(session: Session, rows: Sequence[tuple[Import, Job]]) -> list[ImportOut]:
+    keys = [row.sha256 for row, _ in rows]
+    sizes = dict(session.execute(select(Original.sha256, Original.size).where(Original.sha256.in_(keys))).all())
+    return [
+        shown_as(
+            ImportOut,
+            row,
+            **job_state(job),
+            size=sizes[row.sha256],
+            sha256=row.sha256.hex(),
+            datasets=row.datasets or [],
+            warnings=row.warnings or [],
+        )
+        for row, job in rows
+    ]
+
+
+of_jobs = JobRoutes(
+    router,
+    operations.IMPORTS,
+    ImportOut,
+    _described,
+    "import_id",
+    newest_first=False,
+    weight=func.pg_column_size(Import.datasets),
+)
 
 
 def read_mapping(stated: str | None, upload: Upload) -> Any:
@@ -70,35 +148,23 @@ def start_import(
     """
     if upload.file.size == 0:
         raise Invalid("", "the body is empty, expected a file: UFF, npz, .mat, CSV or wav")
-    wanted = operations.ImportRequest(
-        upload.file,
-        filename or upload.filename or "upload",
-        dry_run,
-        quantity,
+    wanted = Import(
+        filename=filename or upload.filename or "upload",
+        dry_run=dry_run,
+        quantity=quantity,
         kind=kind,
         mapping=read_mapping(mapping, upload),
     )
-    row, new = operations.start_import(session, user, campaign_id, wanted)
+    row, new = operations.start_import(session, user, campaign_id, upload.file, wanted)
     response.status_code = 202 if new else 200
-    response.headers["Location"] = f"/api/v1/imports/{row.id}"
-    return operations.describe(session, row, already_imported=not new)
+    return of_jobs.made(session, row, response).model_copy(update={"already_imported": not new})
 
 
-@router.get("/campaigns/{campaign_id}/imports")
-def list_imports(
-    campaign_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
-) -> Page[ImportOut]:
-    """Imports into a campaign, oldest first. A page is shorter where reports on many datasets would make it heavy."""
-    campaign = campaign_for(session, user, campaign_id)
-    query = select(Import).where(Import.campaign_id == campaign.id)
-    rows, following = paged(session, query, Import.id, cursor, limit, weight=func.pg_column_size(Import.datasets))
-    return Page(items=operations.describe_all(session, rows), next_cursor=following)
-
-
-@router.get("/imports/{import_id}")
-def get_import(import_id: UUID, session: SessionDep, user: CurrentUser) -> ImportOut:
-    """How far an import is, what it brought in, and what became of each dataset."""
-    return operations.describe(session, operations.import_for(session, user, import_id))
+of_jobs.listing(
+    "list_imports",
+    "Imports into a campaign, oldest first. A page is shorter where reports on many datasets would make it heavy.",
+)
+of_jobs.getting("get_import", "How far an import is, what it brought in, and what became of each dataset.")
 
 
 @router.get("/imports/{import_id}/records")
@@ -119,3 +185,39 @@ def get_original(import_id: UUID, session: SessionDep, user: CurrentUser, reques
 
 
 router.head("/imports/{import_id}/original", include_in_schema=False)(get_original)
+
+
+purging = api_router(tags=["purge"])
+
+
+@purging.post("/projects/{project_id}/purge", status_code=204)
+def purge_project(project_id: UUID, session: SessionDep, user: CurrentUser) -> None:
+    """Remove a deleted project and all that is in it for good. Nothing brings it back."""
+    project = project_for(session, user, project_id, "owner", resting=True)
+    projects.purge(session, user, project)
+    _forget_more(session, project_id)
+
+
+@purging.post("/structures/{structure_id}/purge", status_code=204)
+def purge_structure(structure_id: UUID, session: SessionDep, user: CurrentUser) -> None:
+    """Remove a deleted structure with its campaigns, results and monitors for good. Nothing brings it back."""
+    structure = structure_for(session, user, structure_id, "owner", deleted=True, lock=True)
+    project_id = structure_for.project_of(session, structure)
+    structure_for.purge(session, user, structure)
+    _forget_more(session, project_id)
+
+
+@purging.post("/campaigns/{campaign_id}/purge", status_code=204)
+def purge_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser) -> None:
+    """Remove a deleted campaign with its FRFs, original files and results for good. Nothing brings it back."""
+    campaign = campaign_for(session, user, campaign_id, "owner", deleted=True, lock=True)
+    project_id = campaign_for.project_of(session, campaign)
+    campaign_for.purge(session, user, campaign)
+    _forget_more(session, project_id)
+
+
+def _forget_more(session: Session, project_id: UUID) -> None:
+    """End the jobs that were for what is gone, and remove the original files that no import has any more."""
+    session.flush()
+    cancel_purged(session, project_id)
+    session.execute(delete(Original).where(Original.sha256.not_in(select(Import.sha256))))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import AsyncIterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any
 from uuid import UUID
@@ -24,20 +24,18 @@ from service.jobs.aside import read_aside
 from service.jobs.events import ChangesDep, shown
 from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
-from service.store.campaigns.uploads import UPLOAD_CONTENT, UploadDep
-from service.store.frfs import bodies as frf_bodies
 from service.store.frfs import operations as frfs
-from service.store.frfs.schemas import FrfOut, FrfsIn
+from service.store.frfs.schemas import FrfOut, FrfsIn, write_rows
 from service.store.imports import operations
-from service.store.imports.routes import MappingQuery, QuantityQuery, read_mapping
-from service.store.imports.schemas import ImportOut
-from service.store.records import bodies as record_bodies
+from service.store.imports.operations import Import
+from service.store.imports.routes import ImportOut, MappingQuery, QuantityQuery, of_jobs, read_mapping
 from service.store.records import operations as records
-from service.store.records.schemas import Proposal, StoredRecords
+from service.store.records.schemas import Proposal, Sent, StoredRecords, from_json
 from service.web import Name, Page, api_router
 from service.web.gate import without_slot
 from service.web.openapi import schema_of
 from service.web.routing import Later
+from service.web.uploads import UPLOAD_CONTENT, Spooled, UploadDep
 
 router = api_router(tags=[])
 
@@ -89,11 +87,11 @@ class Reading:
         self._request, self._changes, self._beforehand = request, changes, beforehand
         self._seconds = settings.import_wait_seconds
 
-    async def of(self, campaign_id: UUID, wanted: operations.ImportRequest) -> UUID:
+    async def of(self, campaign_id: UUID, file: Spooled, wanted: Import) -> UUID:
         """The key of the file's import, which has ended or has had its time."""
 
         def start(session: Any, key: Any, user: Any) -> tuple[UUID, Any, str]:
-            row, _ = operations.start_import(session, user, campaign_id, replace(wanted, urgent=True))
+            row, _ = operations.start_import(session, user, campaign_id, file, wanted, urgent=True)
             return row.id, shown(session.get_one(Job, row.id)), str(key.id)
 
         job_id, job, caller = await self._beforehand.do(start)
@@ -115,7 +113,7 @@ class _Came:
         dry_run: they shall only be looked at.
     """
 
-    sent: record_bodies.Sent | UUID
+    sent: Sent | UUID
     filename: str
     dry_run: bool
 
@@ -132,7 +130,7 @@ async def _records(
         raise Invalid("", "the body is empty, expected time blocks")
     name = filename or upload.filename
     if upload.content_type == "application/json":
-        sent = await to_thread.run_sync(lambda: record_bodies.from_json(upload.file.path.read_bytes()))
+        sent = await to_thread.run_sync(lambda: from_json(upload.file.path.read_bytes()))
         return _Came(sent, name, dry_run)
     suffix = (PurePosixPath(name).suffix or SUFFIX_OF.get(upload.content_type, "")).lower()
     if suffix not in RECORD_SUFFIXES:
@@ -140,16 +138,14 @@ async def _records(
     stated = read_mapping(mapping, upload)
     if stated is None and not dry_run:
         raise Invalid("mapping", "is missing; ?dry_run=true proposes one")
-    wanted = operations.ImportRequest(
-        upload.file,
-        name or f"upload{suffix}",
-        dry_run,
-        None,
+    wanted = Import(
+        filename=name or f"upload{suffix}",
+        dry_run=dry_run,
         format=RECORD_SUFFIXES[suffix],
         kind="hits",
         mapping=stated,
     )
-    return _Came(await reading.of(campaign_id, wanted), name, dry_run)
+    return _Came(await reading.of(campaign_id, upload.file, wanted), name, dry_run)
 
 
 @router.post(
@@ -201,7 +197,7 @@ async def _frfs(
         with tempfile.NamedTemporaryFile(prefix="modalbase-rows-") as rows:
             path = Path(rows.name)
             async with without_slot(request.scope):
-                count = await read_aside(frf_bodies.write_rows, upload.file.path, path)
+                count = await read_aside(write_rows, upload.file.path, path)
             yield frfs.NewFrfs(path, count)
         return
     form = FRF_FORMATS.get(upload.content_type)
@@ -213,16 +209,9 @@ async def _frfs(
     if form != "npz" and quantity is None:
         raise Invalid("quantity", f"is missing: a {form} does not say what it holds, so ?quantity= must")
     stated = read_mapping(mapping, upload) if form == "mat" else None
-    wanted = operations.ImportRequest(
-        upload.file,
-        upload.filename or f"frfs.{form}",
-        False,
-        quantity,
-        format=form,
-        kind="frfs",
-        mapping=stated,
-    )
-    yield await reading.of(campaign_id, wanted)
+    name = upload.filename or f"frfs.{form}"
+    wanted = Import(filename=name, dry_run=False, quantity=quantity, format=form, kind="frfs", mapping=stated)
+    yield await reading.of(campaign_id, upload.file, wanted)
 
 
 @router.post("/campaigns/{campaign_id}/frfs", status_code=201, openapi_extra=FRFS, responses=LATER, tags=["FRFs"])
@@ -254,7 +243,7 @@ def _ended(session: SessionDep, user: CurrentUser, import_id: UUID, response: Re
     Raises:
         ServiceError: it failed; as if the file had been read in the request.
     """
-    state = operations.describe(session, operations.import_for(session, user, import_id))
+    state = of_jobs.one(session, user, import_id)
     if state.error is not None:
         raise _error_of(state.error)
     if state.status != "succeeded":

@@ -7,16 +7,13 @@ from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
-from sqlalchemy import insert
 from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
-from service.access import User, audit
-from service.store.campaigns.operations import campaign_for, campaign_of
-from service.store.modes.operations import modes_of
+from service.access import User
+from service.store.modes.operations import ModeSet, mode_set_for, modes_of, store
 from service.store.modes.schemas import DecisionIn, EditIn
-from service.store.modes.tables import Mode, ModeSet
-from service.store.storage import StorageOwner, book
+from service.store.storage import book
 
 _SAME = 1e-3
 """Relative distance within which a frequency names a pole, as tables round it."""
@@ -107,14 +104,10 @@ def _stored(
     details: dict[str, Any],
     covariance: list[Any] | None,
 ) -> ModeSet:
-    project_id = campaign_for.project_of(session, campaign_of(session, source.campaign_id))
-    book(session, StorageOwner(project_id, source.campaign_id), "modes", len(str(rows)) + len(str(details)))
+    project_id = mode_set_for.project_of(session, source)
+    book(session, project_id, "modes", len(str(rows)) + len(str(details)), campaign_id=source.campaign_id)
     edited = ModeSet(campaign_id=source.campaign_id, name=name, origin="edited", covariance=covariance, details=details)
-    session.add(edited)
-    session.flush()
-    session.execute(
-        insert(Mode), [{"mode_set_id": edited.id, "number": number, **row} for number, row in enumerate(rows, 1)]
-    )
+    store(session, edited, rows)
     session.refresh(edited)
-    audit(session, user, "mode_set.edit", "mode_set", edited.id, project_id, name=name, edited_from=str(source.id))
+    mode_set_for.note(session, user, edited, "edit", name=name, edited_from=str(source.id))
     return edited

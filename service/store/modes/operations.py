@@ -1,4 +1,4 @@
-"""Mode sets: typed in, from a file or identified; stored by ascending frequency."""
+"""Mode sets, their modes and identifications: the tables, and what can be done with mode sets: type in, store, read."""
 
 from __future__ import annotations
 
@@ -9,22 +9,65 @@ from uuid import UUID
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import insert, select
-from sqlalchemy.dialects.postgresql import distinct_on
-from sqlalchemy.orm import Session
+from sqlalchemy import JSON, ForeignKey, Index, insert, select, text
+from sqlalchemy.dialects.postgresql import JSONB, distinct_on
+from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import ComplexArray
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from modalbase.formats.uff import ModeShape
-from service.access import Lookup, User, audit
+from service.access import Lookup, User
+from service.db.base import Base, Identified
 from service.store.campaigns.operations import campaign_for
 from service.store.modes.schemas import ModeIn, ModeOut, ModeSetIn, ModeSetOut, ShapeValue
-from service.store.modes.tables import Mode, ModeSet
-from service.store.storage import StorageOwner, book
+from service.store.storage import book
+from service.web import shown_as
 
 if TYPE_CHECKING:
-    from service.store.campaigns.tables import Campaign
+    from service.store.campaigns.operations import Campaign
+
+
+class ModeSet(Identified, Base):
+    """Modes of a campaign: typed in, from a file, or identified."""
+
+    __tablename__ = "mode_sets"
+    __table_args__ = (Index(None, "campaign_id", "id"),)
+
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    import_id: Mapped[UUID | None] = mapped_column(ForeignKey("imports.id", deferrable=True))
+    job_id: Mapped[UUID | None] = mapped_column(ForeignKey("jobs.id", ondelete="SET NULL"))
+    name: Mapped[str]
+    origin: Mapped[str]
+    covariance: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True))
+    details: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
+
+
+class Identification(Base):
+    """One identification of modes from a campaign's FRFs; its key is its job's. Its mode set names it as `job_id`."""
+
+    __tablename__ = "identifications"
+    __table_args__ = (Index(None, "campaign_id", "id"),)
+
+    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    options: Mapped[dict[str, Any]]
+    document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+
+
+class Mode(Base):
+    """One mode of a set."""
+
+    __tablename__ = "modes"
+
+    mode_set_id: Mapped[UUID] = mapped_column(ForeignKey("mode_sets.id", ondelete="CASCADE"), primary_key=True)
+    number: Mapped[int] = mapped_column(primary_key=True)
+    frequency_hz: Mapped[float]
+    damping_ratio: Mapped[float | None]
+    frequency_sd_hz: Mapped[float | None]
+    damping_sd: Mapped[float | None]
+    shape: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+
 
 EVIDENCE = ("probability", "features")
 """What the details of a mode set have for each of its modes, in their order, as `evidence`."""
@@ -36,75 +79,76 @@ mode_set_for = Lookup(ModeSet, "mode set", "campaign_id", campaign_for)
 def create_mode_set(session: Session, user: User, campaign: Campaign, body: ModeSetIn) -> ModeSet:
     """Store modes that a person or a script knows, sorted by frequency and numbered from 1.
 
-    Args:
-        session: the request's transaction.
-        user: who asks, for the audit trail.
-        campaign: whose modes.
-        body: name, and for each mode frequency in Hz, damping ratio, perhaps standard deviations and a shape.
-
     Raises:
         QuotaExceeded: the project has no room for them.
     """
     project_id = campaign_for.project_of(session, campaign)
-    book(session, StorageOwner(project_id, campaign.id), "modes", len(body.model_dump_json()))
+    book(session, project_id, "modes", len(body.model_dump_json()), campaign_id=campaign.id)
     mode_set = ModeSet(campaign_id=campaign.id, name=body.name, origin="typed", details={})
-    session.add(mode_set)
-    session.flush()
-    modes = sorted(body.modes, key=lambda mode: mode.frequency_hz)
-    session.execute(insert(Mode), [_row(mode_set.id, number, mode) for number, mode in enumerate(modes, 1)])
+    store(session, mode_set, map(_stated, sorted(body.modes, key=lambda mode: mode.frequency_hz)))
     session.refresh(mode_set)
-    audit(
-        session,
-        user,
-        "mode_set.create",
-        "mode_set",
-        mode_set.id,
-        project_id,
-        name=body.name,
-    )
+    mode_set_for.note(session, user, mode_set, "create", name=body.name)
     return mode_set
 
 
 def store_identified(
     session: Session, campaign_id: UUID, name: str, modes: MeasuredModes, *, job_id: UUID, details: dict[str, Any]
 ) -> ModeSet:
-    """Store modes that a job has identified, with their covariance.
-
-    Args:
-        session: the job's transaction.
-        campaign_id: whose modes.
-        name: of the mode set.
-        modes: with directions in the file's coordinates.
-        job_id: the job that found them.
-        details: how they were found.
-    """
-    mode_set = ModeSet(
-        campaign_id=campaign_id,
-        job_id=job_id,
-        name=name,
-        origin="identified",
-        covariance=None if modes.covariance is None else modes.covariance.tolist(),
-        details=details,
+    """Store modes that a job has identified, directions in the file's coordinates, with covariance and how they were found."""
+    covariance = None if modes.covariance is None else modes.covariance.tolist()
+    found = {"job_id": job_id, "origin": "identified", "covariance": covariance, "details": details}
+    mode_set = ModeSet(campaign_id=campaign_id, name=name, **found)
+    sd_f, sd_z = modes.frequency_sd_hz, modes.damping_sd
+    points, directions = [dof.point for dof in modes.dofs], [dof.direction for dof in modes.dofs]
+    rows = (
+        {
+            "frequency_hz": float(modes.frequency_hz[k]),
+            "damping_ratio": _finite(modes.damping_ratio[k]),
+            "frequency_sd_hz": None if sd_f is None else _finite(sd_f[k]),
+            "damping_sd": None if sd_z is None else _finite(sd_z[k]),
+            "shape": None if modes.shapes is None else _shape(points, directions, modes.shapes[k]),
+        }
+        for k in range(len(modes))
     )
+    store(session, mode_set, rows)
+    return mode_set
+
+
+def store_read_modes(
+    session: Session, campaign_id: UUID, import_id: UUID, name: str, modes: Iterable[ModeShape]
+) -> None:
+    """Store the mode shapes of a file as a set."""
+    mode_set = ModeSet(campaign_id=campaign_id, import_id=import_id, name=name, origin="file", details={})
+    store(session, mode_set, map(_read, sorted(modes, key=lambda mode: mode.frequency_hz)))
+
+
+def store(session: Session, mode_set: ModeSet, modes: Iterable[dict[str, Any]]) -> None:
+    """Store a set with its modes, numbered from 1."""
     session.add(mode_set)
     session.flush()
-    sd_f, sd_z = modes.frequency_sd_hz, modes.damping_sd
-    session.execute(
-        insert(Mode),
-        [
-            {
-                "mode_set_id": mode_set.id,
-                "number": k + 1,
-                "frequency_hz": float(modes.frequency_hz[k]),
-                "damping_ratio": _finite(modes.damping_ratio[k]),
-                "frequency_sd_hz": None if sd_f is None else _finite(sd_f[k]),
-                "damping_sd": None if sd_z is None else _finite(sd_z[k]),
-                "shape": None if modes.shapes is None else _columns(modes.dofs, modes.shapes[k]),
-            }
-            for k in range(len(modes))
-        ],
-    )
-    return mode_set
+    rows = [{"mode_set_id": mode_set.id, "number": number, **mode} for number, mode in enumerate(modes, 1)]
+    session.execute(insert(Mode), rows)
+
+
+def _stated(mode: ModeIn) -> dict[str, Any]:
+    shape = mode.shape and {part: [getattr(value, part) for value in mode.shape] for part in _PARTS}
+    return {**mode.model_dump(exclude={"shape"}), "shape": shape}
+
+
+def _read(mode: ModeShape) -> dict[str, Any]:
+    """A mode of a file; its values are along x, y, z of each point, and about them where it has rotations."""
+    count, axes = mode.values.shape
+    points, directions = np.repeat(mode.points, axes).tolist(), np.tile(np.arange(1, axes + 1), count).tolist()
+    shape = _shape(points, directions, mode.values.ravel())
+    return {"frequency_hz": mode.frequency_hz, "damping_ratio": _finite(mode.damping_ratio), "shape": shape}
+
+
+_PARTS = ("point", "direction", "real", "imag")
+
+
+def _shape(points: list[int], directions: list[int], values: ComplexArray) -> dict[str, Any]:
+    """A shape as it is stored, a list each."""
+    return dict(zip(_PARTS, (points, directions, values.real.tolist(), values.imag.tolist()), strict=True))
 
 
 def load_modes(session: Session, mode_set_id: UUID) -> MeasuredModes:
@@ -129,83 +173,26 @@ def load_modes(session: Session, mode_set_id: UUID) -> MeasuredModes:
 def describe_all(session: Session, mode_sets: Sequence[ModeSet]) -> list[ModeSetOut]:
     """Mode sets as clients see them, in the order given, with all modes and shapes; one query for all modes."""
     modes = modes_of(session, [mode_set.id for mode_set in mode_sets])
-    return [
-        ModeSetOut(
-            id=s.id,
-            campaign_id=s.campaign_id,
-            name=s.name,
-            origin=s.origin,  # type: ignore[arg-type]  # written by this module and by intake alone
-            import_id=s.import_id,
-            job_id=s.job_id,
-            modes=[_mode(row, _evidence(s, row.number)) for row in modes[s.id]],
-            details=s.details,
-            created_at=s.created_at,
-        )
-        for s in mode_sets
-    ]
+    return [shown_as(ModeSetOut, s, modes=[_mode(row, _evidence(s, row)) for row in modes[s.id]]) for s in mode_sets]
 
 
-def _file_shape(points: NDArray[np.integer], values: ComplexArray) -> dict[str, Any]:
-    """The shape of a mode in a file, as it is stored: point, direction, real and imaginary part, a list each.
-
-    Args:
-        points: (p,) labels.
-        values: (p, 3) along x, y, z, or (p, 6) with the rotations about them.
-    """
-    count, axes = values.shape
-    return {
-        "point": np.repeat(points, axes).tolist(),
-        "direction": np.tile(np.arange(1, axes + 1), count).tolist(),
-        "real": values.real.ravel().tolist(),
-        "imag": values.imag.ravel().tolist(),
-    }
-
-
-def _columns(dofs: Sequence[Dof], values: ComplexArray) -> dict[str, Any]:
-    return {
-        "point": [dof.point for dof in dofs],
-        "direction": [dof.direction for dof in dofs],
-        "real": values.real.tolist(),
-        "imag": values.imag.tolist(),
-    }
-
-
-def _row(mode_set_id: UUID, number: int, mode: ModeIn) -> dict[str, Any]:
-    shape = mode.shape and {
-        column: [getattr(value, column) for value in mode.shape] for column in ("point", "direction", "real", "imag")
-    }
-    return {"mode_set_id": mode_set_id, "number": number, **mode.model_dump(exclude={"shape"}), "shape": shape}
-
-
-def _evidence(mode_set: ModeSet, number: int) -> dict[str, Any]:
+def _evidence(mode_set: ModeSet, row: Mode) -> dict[str, Any]:
     """Probability and features of a mode; nothing of those that no job identified."""
     known = mode_set.details.get("evidence", [])
-    return dict(known[number - 1]) if number <= len(known) else {}
+    return dict(known[row.number - 1]) if row.number <= len(known) else {}
 
 
 def _probability(mode_set: ModeSet, rows: Sequence[Mode]) -> NDArray[np.float64] | None:
     if "evidence" not in mode_set.details:
         return None
-    return np.array([_evidence(mode_set, row.number).get("probability", 1.0) for row in rows], dtype=np.float64)
+    return np.array([_evidence(mode_set, row).get("probability", 1.0) for row in rows], dtype=np.float64)
 
 
 def _mode(row: Mode, evidence: dict[str, Any]) -> ModeOut:
-    shape = row.shape and [
-        ShapeValue(point=p, direction=d, real=re, imag=im)
-        for p, d, re, im in zip(
-            row.shape["point"], row.shape["direction"], row.shape["real"], row.shape["imag"], strict=True
-        )
-    ]
-    return ModeOut(
-        number=row.number,
-        frequency_hz=row.frequency_hz,
-        damping_ratio=row.damping_ratio,
-        frequency_sd_hz=row.frequency_sd_hz,
-        damping_sd=row.damping_sd,
-        shape=shape or None,
-        probability=evidence.get("probability"),
-        features=evidence.get("features", []),
-    )
+    values = zip(*(row.shape[part] for part in _PARTS), strict=True) if row.shape else ()
+    shape = [ShapeValue(**dict(zip(_PARTS, value, strict=True))) for value in values]
+    known = {"probability": evidence.get("probability"), "features": evidence.get("features", [])}
+    return shown_as(ModeOut, row, shape=shape or None, **known)
 
 
 def modes_of(session: Session, ids: Sequence[UUID]) -> dict[UUID, list[Mode]]:
@@ -255,31 +242,11 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def store_read_modes(
-    session: Session, campaign_id: UUID, import_id: UUID, name: str, modes: Iterable[ModeShape]
-) -> None:
-    """Store the mode shapes of a file as a set."""
-    mode_set = ModeSet(campaign_id=campaign_id, import_id=import_id, name=name, origin="file", details={})
-    session.add(mode_set)
-    session.flush()
-    rows = [
-        {
-            "mode_set_id": mode_set.id,
-            "number": number,
-            "frequency_hz": mode.frequency_hz,
-            "damping_ratio": _finite(mode.damping_ratio),
-            "shape": _file_shape(mode.points, mode.values),
-        }
-        for number, mode in enumerate(sorted(modes, key=lambda m: m.frequency_hz), 1)
-    ]
-    session.execute(insert(Mode), rows)
-
-
 def newest_stated(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, tuple[UUID, datetime]]:
     """Key and time of each campaign's newest mode set that no job has identified; those without one are left out."""
     query = (
         select(ModeSet.campaign_id, ModeSet.id, ModeSet.created_at)
-        .where(ModeSet.campaign_id.in_(campaign_ids), ModeSet.origin.in_(("typed", "file", "edited")))
+        .where(ModeSet.campaign_id.in_(campaign_ids), ModeSet.origin.in_(("typed", "file")))
         .ext(distinct_on(ModeSet.campaign_id))
         .order_by(ModeSet.campaign_id, ModeSet.id.desc())
     )

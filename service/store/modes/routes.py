@@ -1,20 +1,34 @@
-"""Routes of mode sets."""
+"""Routes of mode sets and of identifications; a mode set as a UFF file."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import IO, Annotated, Any
 from uuid import UUID
 
+import numpy as np
 from fastapi import Header, Query, Response
+from pydantic import Field
 from sqlalchemy import select
+from sqlalchemy.orm import Session
 
+from modalbase.formats import uff
+from modalbase.formats.uff.write import encode
 from service.access import CurrentUser, SessionDep
-from service.store.campaigns.operations import campaign_for
+from service.access.nouns import NounRoutes
+from service.compute.identification_document import up_to_date
+from service.errors import Conflict
+from service.jobs.resource import JobOut, job_state
+from service.jobs.routes import JobRoutes
+from service.jobs.tables import Job
+from service.store.campaigns.operations import campaign_for, stored_points
 from service.store.modes import editing, operations
-from service.store.modes.formats import write_uff
+from service.store.modes.identifications import IDENTIFICATIONS, IdentificationIn
+from service.store.modes.identifications import start_identification as queue_identification
+from service.store.modes.operations import Identification, Mode, ModeSet, modes_of, shape_of
 from service.store.modes.schemas import EditIn, ModeSetIn, ModeSetOut
-from service.store.modes.tables import ModeSet
-from service.web import Cursor, Limit, Page, api_router, paged
+from service.web import api_router, shown_as
 from service.web.downloads import spooled
 from service.web.negotiation import choose_format, one_of
 
@@ -24,6 +38,9 @@ MEDIA_TYPES = {"json": "application/json", "uff": "text/x-uff"}
 UFF: dict[int | str, dict[str, Any]] = {200: {"content": {MEDIA_TYPES["uff"]: {}}}}
 
 
+nouns = NounRoutes(router, operations.mode_set_for, ModeSetOut, operations.describe_all, "mode-sets", "mode_set_id")
+
+
 @router.post("/campaigns/{campaign_id}/mode-sets", status_code=201)
 def create_mode_set(
     campaign_id: UUID, body: ModeSetIn, session: SessionDep, user: CurrentUser, response: Response
@@ -31,8 +48,7 @@ def create_mode_set(
     """Type in modes that were identified elsewhere: frequencies, and where known damping ratios and shapes."""
     campaign = campaign_for(session, user, campaign_id, "editor")
     mode_set = operations.create_mode_set(session, user, campaign, body)
-    response.headers["Location"] = f"/api/v1/mode-sets/{mode_set.id}"
-    return operations.describe_all(session, [mode_set])[0]
+    return nouns.made(session, mode_set, response)
 
 
 @router.post("/mode-sets/{mode_set_id}/edits", status_code=201)
@@ -41,20 +57,10 @@ def edit_mode_set(
 ) -> ModeSetOut:
     """Keep or drop poles by hand: a new mode set that records who decided what and why; the old one stays as it is."""
     mode_set = operations.mode_set_for(session, user, mode_set_id, "editor")
-    edited = editing.edit_mode_set(session, user, mode_set, body)
-    response.headers["Location"] = f"/api/v1/mode-sets/{edited.id}"
-    return operations.describe_all(session, [edited])[0]
+    return nouns.made(session, editing.edit_mode_set(session, user, mode_set, body), response)
 
 
-@router.get("/campaigns/{campaign_id}/mode-sets")
-def list_mode_sets(
-    campaign_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
-) -> Page[ModeSetOut]:
-    """Mode sets of a campaign."""
-    campaign = campaign_for(session, user, campaign_id)
-    query = select(ModeSet).where(ModeSet.campaign_id == campaign.id)
-    rows, following = paged(session, query, ModeSet.id, cursor, limit)
-    return Page(items=operations.describe_all(session, rows), next_cursor=following)
+nouns.listing("list_mode_sets", "Mode sets of a campaign.")
 
 
 @router.get("/mode-sets/{mode_set_id}", response_model=ModeSetOut, responses=UFF)
@@ -73,4 +79,87 @@ def get_mode_set(
     if choose_format(file_format, accept, MEDIA_TYPES) == "uff":
         media_type = MEDIA_TYPES["uff"]
         return spooled(lambda file: write_uff(session, mode_set, file), media_type, "modes.uff", {"Vary": "Accept"})
-    return operations.describe_all(session, [mode_set])[0]
+    return nouns.shown(session, mode_set)
+
+
+identifications = api_router(tags=["identifications"])
+
+
+class IdentificationOut(JobOut):
+    """An identification: how far it is, and what it found."""
+
+    campaign_id: UUID
+    options: IdentificationIn
+    mode_set: UUID | None = Field(description="the modes that it found")
+    result: dict[str, Any] | None = Field(description="quality of the modes, what was left out, stabilisation diagram")
+
+
+def _described(session: Session, rows: Sequence[tuple[Identification, Job]]) -> list[IdentificationOut]:
+    """Identifications with their mode sets and results, where they have succeeded."""
+    keys = [row.id for row, _ in rows]
+    found = dict(session.execute(select(ModeSet.job_id, ModeSet.id).where(ModeSet.job_id.in_(keys))).all())
+    return [
+        shown_as(
+            IdentificationOut,
+            row,
+            **job_state(job),
+            mode_set=found.get(row.id),
+            result=row.document and up_to_date(row.document),
+        )
+        for row, job in rows
+    ]
+
+
+of_jobs = JobRoutes(identifications, IDENTIFICATIONS, IdentificationOut, _described, "identification_id")
+
+
+@identifications.post("/campaigns/{campaign_id}/identifications", status_code=202)
+def start_identification(
+    campaign_id: UUID, body: IdentificationIn, session: SessionDep, user: CurrentUser, response: Response
+) -> IdentificationOut:
+    """Queue an identification of modes from the campaign's FRFs; a mode set comes of it. `{}` is a body."""
+    row = queue_identification(session, user, campaign_id, body)
+    return of_jobs.made(session, row, response)
+
+
+of_jobs.cancelling(
+    "cancel_identification", "Ask for an identification's end; one that has ended already stays as it is."
+)
+of_jobs.listing("list_identifications", "Identifications of a campaign, newest first.", 20)
+of_jobs.getting(
+    "get_identification", "How far an identification is, which modes it found, and how well the data support them."
+)
+
+
+def write_uff(session: Session, mode_set: ModeSet, file: IO[bytes]) -> None:
+    """Write the file, SI; shapes with 6 digits or more, 0 along axes that were not measured.
+
+    Raises:
+        Conflict: a mode has no shape, which set 55 cannot say.
+    """
+    rows = modes_of(session, [mode_set.id])[mode_set.id]
+    bare = [str(row.number) for row in rows if not shape_of(row)]
+    if bare:
+        raise Conflict(f"mode {', '.join(bare)} has no shape, and set 55 holds nothing else; use ?format=json")
+    points: Iterator[uff.Content] = (
+        uff.GridPoint(label, xyz) for label, xyz in stored_points(session, mode_set.campaign_id).items()
+    )
+    for block in encode(itertools.chain(points, (_shape(mode_set, row) for row in rows))):
+        file.write(block)
+
+
+def _shape(mode_set: ModeSet, row: Mode) -> uff.ModeShape:
+    stored = shape_of(row)
+    labels = sorted({point for point, _ in stored})
+    axes = 6 if any(axis > 3 for _, axis in stored) else 3
+    values = np.array([[stored.get((point, axis), 0.0) for axis in range(1, axes + 1)] for point in labels], complex)
+    return uff.ModeShape(
+        dataset=0,
+        label=f"{mode_set.name}, mode {row.number}",
+        mode=row.number,
+        frequency_hz=row.frequency_hz,
+        damping_ratio=float("nan") if row.damping_ratio is None else row.damping_ratio,
+        points=np.array(labels),
+        values=values,
+        kind="complex" if np.any(values.imag) else "normal",
+    )

@@ -22,7 +22,7 @@ from service.compute.planning import PlanOrder, compute_plan
 from service.errors import Invalid
 from service.jobs.aside import read_aside
 from service.store.campaigns.operations import campaign_for, campaign_of, frame_of
-from service.store.frfs.measured_campaign import load_measured_campaign
+from service.store.frfs.data import load_measured_campaign
 from service.store.modes.operations import load_modes
 from service.store.structures.operations import present_structure, structure_for
 from service.store.structures.schemas import StructureIn

@@ -1,15 +1,18 @@
-"""Time blocks in the database: take in, list, delete; and the hits that they are."""
+"""Time blocks in the database: their table; list, find, store, delete; what a file brings of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+import pickle
+import tempfile
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 from uuid import UUID
 
 import numpy as np
-from sqlalchemy import ARRAY, Select, Uuid, any_, delete, func, literal, select
-from sqlalchemy.orm import Session
+from sqlalchemy import ARRAY, ForeignKey, Index, LargeBinary, Select, Uuid, any_, delete, func, literal, select
+from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import FloatArray
 from fecore.processing import look
@@ -17,12 +20,54 @@ from modalbase.formats.records import TimeBlock
 from service.access import Lookup, User, audit
 from service.compute.hits import BlockRow, Place, by_sensors, describe_verdict, hits_of, whole
 from service.compute.spectra import encode
+from service.db.base import Base, Big, Identified
 from service.db.bytea import copy_rows, new_keys, stream_rows
 from service.errors import Conflict, Damaged, verified
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.records.schemas import UNITS, HitOut, RecordOut, StoredRecords
-from service.store.records.tables import Record
-from service.store.storage import StorageOwner, book
+from service.store.storage import book
+from service.web import shown_as
+
+
+class Record(Identified, Base):
+    """One channel's time block of one hit, in SI; its samples lie out of line and are loaded only when asked for."""
+
+    __tablename__ = "records"
+    __table_args__ = (
+        Index(None, "campaign_id", "id"),
+        Index(
+            "ix_records_hit",
+            "campaign_id",
+            "force_point",
+            "force_direction",
+            "hit",
+            "quantity",
+            "point",
+            "direction",
+            unique=True,
+        ),
+        Index(None, "import_id"),
+    )
+
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    import_id: Mapped[UUID | None] = mapped_column(ForeignKey("imports.id", deferrable=True))
+    label: Mapped[str]
+    filename: Mapped[str]
+    quantity: Mapped[str]
+    point: Mapped[Big]
+    direction: Mapped[int]
+    force_point: Mapped[Big]
+    force_direction: Mapped[int]
+    hit: Mapped[Big]
+    sample_rate_hz: Mapped[float]
+    samples: Mapped[int]
+    sensitivity: Mapped[float]
+    window_rate_per_s: Mapped[float]
+    full_scale: Mapped[float | None]
+    dtype: Mapped[str]
+    sha256: Mapped[bytes]
+    data: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+
 
 MOST_LOOKED_AT = 64
 """Blocks of the points concerned above which an answer does not judge their hits; a processing does."""
@@ -40,7 +85,6 @@ COLUMNS = {
 """What is stated of a time block, and its type in the database."""
 
 _STATED = tuple(name for name in COLUMNS if name in TimeBlock.__dataclass_fields__ and name not in ("hit", "samples"))
-_SHOWN = tuple(name for name in RecordOut.model_fields if name not in ("unit", "sha256", "dtype"))
 _TYPES = {name: str(np.dtype(name)) for name in ("<f4", "<f8")}
 
 record_for = Lookup(Record, "record", "campaign_id", campaign_for)
@@ -50,26 +94,16 @@ record_for = Lookup(Record, "record", "campaign_id", campaign_for)
 def store_records(
     session: Session, user: User, campaign_id: UUID, filename: str, blocks: Sequence[TimeBlock], *, counted: bool
 ) -> list[Record]:
-    """Store time blocks of a script, all or none, each with the SHA-256 of its samples.
-
-    Args:
-        session: the request's transaction.
-        user: who asks; an editor of the project at least.
-        campaign_id: the campaign that takes them.
-        filename: where they come from.
-        blocks: of whole hits.
-        counted: hit numbers were only counted, so they go on behind those that a place has already.
+    """Store time blocks of a script, all or none, each with the SHA-256 of its samples; see `write_records`.
 
     Raises:
         Conflict: the campaign has a hit of that number there already.
-        NotFound: there is no such campaign, or it is other people's.
-        Forbidden: the user's role is too low.
         QuotaExceeded: the project has no room for them.
     """
     campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
     if not counted:
         require_new(session, campaign.id, blocks)
-    keys = write_records(session, NewRecords(campaign.id, blocks, len(blocks), counted, filename))
+    keys = write_records(session, campaign.id, blocks, len(blocks), counted=counted, filename=filename)
     written = Record.id == any_(literal(keys, ARRAY(Uuid)))  # one parameter, however many blocks there are
     stored = list(session.scalars(select(Record).where(written).order_by(Record.id)))
     project = campaign_for.project_of(session, campaign)
@@ -77,45 +111,42 @@ def store_records(
     return stored
 
 
-@dataclass(frozen=True)
-class NewRecords:
-    """Time blocks on their way to the database.
+def write_records(
+    session: Session,
+    campaign_id: UUID,
+    blocks: Iterable[TimeBlock],
+    count: int,
+    *,
+    counted: bool,
+    filename: str,
+    import_id: UUID | None = None,
+) -> list[UUID]:
+    """Write time blocks, one at a time, and return their keys.
 
-    Attributes:
+    Args:
+        session: the transaction.
         campaign_id: the campaign that takes them.
-        blocks: one at a time.
+        blocks: of whole hits.
         count: how many.
-        counted: hit numbers go on behind those that a place has already.
+        counted: hit numbers were only counted, so they go on behind those that a place has already.
         filename: where they come from.
         import_id: the import that brings them.
-    """
-
-    campaign_id: UUID
-    blocks: Iterable[TimeBlock]
-    count: int
-    counted: bool
-    filename: str = ""
-    import_id: UUID | None = None
-
-
-def write_records(session: Session, new: NewRecords) -> list[UUID]:
-    """Write time blocks, one at a time, and return their keys.
 
     Raises:
         QuotaExceeded: the project has no room for them.
     """
-    last = _last_hits(session, new.campaign_id) if new.counted else {}
-    keys, size = new_keys(session, new.count), 0
+    last = _last_hits(session, campaign_id) if counted else {}
+    keys, size = new_keys(session, count), 0
     with copy_rows(session, Record.__tablename__, COLUMNS) as write:
         # The server stores one while the next is hashed.
-        for key, block in zip(keys, new.blocks, strict=True):
+        for key, block in zip(keys, blocks, strict=True):
             samples = encode(block.samples)
             size += len(samples.data)
             row = {
                 "id": key,
-                "campaign_id": new.campaign_id,
-                "import_id": new.import_id,
-                "filename": new.filename,
+                "campaign_id": campaign_id,
+                "import_id": import_id,
+                "filename": filename,
                 **{name: getattr(block, name) for name in _STATED},
                 "hit": block.hit + last.get((block.force_point, block.force_direction), 0),
                 "samples": samples.count,
@@ -124,8 +155,8 @@ def write_records(session: Session, new: NewRecords) -> list[UUID]:
                 "data": samples.data,
             }
             write([row[name] for name in COLUMNS])
-    project = campaign_for.project_of(session, campaign_of(session, new.campaign_id))
-    book(session, StorageOwner(project, new.campaign_id), "records", size)
+    project = campaign_for.project_of(session, campaign_of(session, campaign_id))
+    book(session, project, "records", size, campaign_id=campaign_id)
     return keys
 
 
@@ -168,14 +199,13 @@ def remove_record(session: Session, user: User, record_id: UUID) -> None:
 
     Raises:
         NotFound: there is none, or it is other people's.
-        Forbidden: the user's role is too low.
     """
     row = record_for(session, user, record_id, "editor", lock=True)  # of two at once, one deletes
     campaign = campaign_for(session, user, row.campaign_id, "editor")
     project = campaign_for.project_of(session, campaign)
-    audit(session, user, "record.delete", "record", row.id, project, sha256=row.sha256.hex(), hit=row.hit)
+    record_for.note(session, user, row, "delete", sha256=row.sha256.hex(), hit=row.hit)
     (size,) = session.execute(delete(Record).where(Record.id == row.id).returning(func.octet_length(Record.data))).one()
-    book(session, StorageOwner(project, campaign.id), "records", -size)
+    book(session, project, "records", -size, campaign_id=campaign.id)
 
 
 def query_of(campaign_id: UUID, point: int | None = None, hit: int | None = None) -> Select[Record]:
@@ -249,5 +279,103 @@ def judged(session: Session, campaign_id: UUID, stored: Sequence[Record]) -> Sto
 
 def describe(row: Record) -> RecordOut:
     """A time block as clients see it. The samples are not read."""
-    shown = {name: getattr(row, name) for name in _SHOWN}
-    return RecordOut(**shown, unit=UNITS[row.quantity], sha256=row.sha256.hex(), dtype=_TYPES[row.dtype])
+    return shown_as(RecordOut, row, unit=UNITS[row.quantity], sha256=row.sha256.hex(), dtype=_TYPES[row.dtype])
+
+
+Channel = tuple[str, int, int, int, int]
+Form = tuple[float, int]
+"""Sampling rate and length."""
+_NONE = np.empty(0)
+_IN_MEMORY = 1 << 20  # bytes of blocks before a file is made: most imports hold none
+
+
+class RecordIntake:
+    """The way of a file's time blocks into a campaign.
+
+    The n-th force block of a place is its n-th hit, and the n-th block of each sensor belongs to it; a block that states no
+    place of the force belongs to the force block last seen. Hits go on behind those that the campaign has. A context manager,
+    which removes what lies on disk.
+    """
+
+    def __init__(self) -> None:
+        self._spool = tempfile.SpooledTemporaryFile(_IN_MEMORY, prefix="modalbase-records-")  # noqa: SIM115 - closed by `__exit__`
+        self._seen: Counter[Channel] = Counter()
+        self._place: Place | None = None
+        self._forces: dict[tuple[Place, int], tuple[int, Form]] = {}
+        self._others: dict[int, tuple[Place, int, Form]] = {}
+        self._mapped: list[TimeBlock] = []
+
+    def __enter__(self) -> RecordIntake:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._spool.close()
+
+    def take(self, dataset: int, block: TimeBlock) -> str | None:
+        """One block of a file; returns why it is of no use, or None."""
+        if not (block.point and block.direction):
+            return "is a time block without a point and direction"
+        if block.quantity == "force":
+            self._place = block.point, block.direction
+        if block.quantity == "force" or not (block.force_point and block.force_direction):
+            if self._place is None:
+                return "is a time block that names no force and comes before any force block"
+            block = replace(block, force_point=self._place[0], force_direction=self._place[1])
+        place = block.force_point, block.force_direction
+        channel = (block.quantity, block.point, block.direction, *place)
+        self._seen[channel] += 1
+        hit, form = self._seen[channel], (block.sample_rate_hz, block.samples.size)
+        if block.quantity == "force":
+            self._forces[place, hit] = dataset, form
+        else:
+            self._others[dataset] = place, hit, form
+        pickle.dump((dataset, replace(block, hit=hit)), self._spool)
+        return None
+
+    def finish(self) -> dict[int, str]:
+        """Why a block makes no whole hit, by dataset."""
+        refused: dict[int, str] = {}
+        answered: set[tuple[Place, int]] = set()
+        for dataset, (place, hit, form) in self._others.items():
+            _, force = self._forces.get((place, hit), (0, None))
+            if force is None:
+                refused[dataset] = (
+                    f"is a response to hit {hit} at point {place[0]}, of which the file has no force block"
+                )
+            elif force != form:
+                refused[dataset] = (
+                    f"has {form[1]} samples at {form[0]:g} Hz, the force of its hit {force[1]} at {force[0]:g} Hz"
+                )
+            else:
+                answered.add((place, hit))
+        for (place, hit), (dataset, _) in self._forces.items():
+            if (place, hit) not in answered:
+                refused[dataset] = f"is the force of hit {hit} at point {place[0]}, of which the file has no response"
+        return refused
+
+    def hold(self, block: TimeBlock) -> None:
+        """One block whose mapping says where it belongs."""
+        pickle.dump((len(self._mapped), block), self._spool)
+        self._mapped.append(replace(block, samples=_NONE))
+
+    def store(
+        self, session: Session, campaign_id: UUID, refused: Collection[int] = (), *, counted: bool, **source: Any
+    ) -> None:
+        """Write the blocks that were not refused, one at a time; `source` is what `write_records` takes besides.
+
+        Raises:
+            Conflict: the campaign has a hit of a stated number there already.
+            QuotaExceeded: the project has no room for them.
+        """
+        campaign_of(session, campaign_id, lock=True)  # against a script that sends the same hits
+        if not counted:
+            require_new(session, campaign_id, self._mapped)
+        held = [*(dataset for dataset, _ in self._forces.values()), *self._others, *range(len(self._mapped))]
+        kept = (block for number, block in self._read(len(held)) if number not in refused)
+        count = sum(number not in refused for number in held)
+        write_records(session, campaign_id, kept, count, counted=counted, **source)
+
+    def _read(self, count: int) -> Iterator[tuple[int, TimeBlock]]:
+        self._spool.seek(0)
+        for _ in range(count):
+            yield pickle.load(self._spool)

@@ -10,28 +10,39 @@ from pathlib import Path
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import Select, select
-from sqlalchemy.orm import Session
+from sqlalchemy import JSON, ForeignKey, Index, select
+from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.body.laminate import section
 from fecore.errors import InputError
+from fecore.frf import Dof
 from fecore.processing import Averages, Strip
-from service.access import Lookup, User, audit
+from service.access import Lookup, User
 from service.compute.hits import BlockRow, Place, by_sensors, whole
 from service.compute.processing import PointFile, ProcessingInputs, ProcessingOutput, process_records
+from service.db.base import Base
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
-from service.jobs.queue import enqueue
-from service.jobs.state import job_state
-from service.jobs.tables import Job
+from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of
-from service.store.frfs.measured_campaign import specimen_points
-from service.store.frfs.operations import ProcessedFrfs, store_processed
+from service.store.frfs.data import specimen_points
+from service.store.frfs.operations import store_processed
 from service.store.records.operations import block_rows, sample_bytes
-from service.store.records.overrules import decisions
-from service.store.records.schemas import ProcessingIn, ProcessingOut
-from service.store.records.tables import Processing
+from service.store.records.schemas import OverruleIn, ProcessingIn
 from service.store.storage import require_room
 from service.store.structures.operations import present_structure
+
+
+class Processing(Base):
+    """One processing of a campaign's records; its key is its job's."""
+
+    __tablename__ = "processings"
+    __table_args__ = (Index(None, "campaign_id", "id"),)
+
+    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    options: Mapped[dict[str, Any]]
+    document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+
 
 _STRIP = 1 / 3  # width over length up to which a body is a strip
 
@@ -103,15 +114,9 @@ def _store(session: Session, job_id: UUID, items: Iterator[Averages | str]) -> N
     keys: list[UUID] = []
     for item in items:
         if isinstance(item, Averages):
-            keys += _store_frfs(session, row, item)
+            keys += store_processed(session, row.campaign_id, row.id, item)
         else:
             row.document = _with_keys(json.loads(item), keys)
-
-
-def _store_frfs(session: Session, row: Processing, found: Averages) -> list[UUID]:
-    hits = tuple(int(n) for n in found.hits)
-    new = ProcessedFrfs(found.frfs, found.coherence, hits, found.rate_per_s)
-    return store_processed(session, row.campaign_id, row.id, new)
 
 
 def _with_keys(document: dict[str, Any], keys: Sequence[UUID]) -> dict[str, Any]:
@@ -131,49 +136,31 @@ def keep_processing(
     row = Processing(id=job_id, campaign_id=campaign_id, options=options.model_dump(mode="json"))
     session.add(row)
     session.flush()
-    row.document = _with_keys(output.document, _store_frfs(session, row, output.processed))
+    row.document = _with_keys(output.document, store_processed(session, campaign_id, job_id, output.processed))
     return row.document
 
 
 PROCESS = JobKind("processing", load=_load, compute=process_records, store=_store, libraries=CORE_LIBRARIES)
 
+processing_for = Lookup(Processing, "processing", "campaign_id", campaign_for)
+"""The processing, if the user has at least a role in its project."""
+PROCESSINGS = JobNoun(PROCESS, processing_for, "processings")
+
 
 def start_processing(session: Session, user: User, campaign_id: UUID, body: ProcessingIn) -> Processing:
     """Queue a processing of a campaign's records, in the caller's transaction.
 
-    Args:
-        session: the request's transaction.
-        user: who asks; an editor of the project at least.
-        campaign_id: whose records.
-        body: the choices; `{}` will do.
-
     Raises:
         InputError: the band is empty, or an overrule means no hit.
-        NotFound: there is no such campaign, or it is other people's.
-        Forbidden: the user's role is too low.
         QuotaExceeded: the project has no room for FRFs.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
     body.processing()  # a wrong choice is refused before it is queued
     if body.overrules:
         decisions(body.overrules, _hits(block_rows(session, campaign.id).values()))
-    project_id = campaign_for.project_of(session, campaign)
-    require_room(session, project_id)
-    job = enqueue(session, kind=PROCESS, project_id=project_id)
-    row = Processing(id=job.id, campaign_id=campaign.id, options=body.model_dump(mode="json"))
-    session.add(row)
-    session.flush()
-    audit(session, user, "processing.create", "processing", row.id, project_id)
-    return row
-
-
-def query_of(campaign_id: UUID) -> Select[Processing]:
-    """The query of a campaign's processings."""
-    return select(Processing).where(Processing.campaign_id == campaign_id)
-
-
-processing_for = Lookup(Processing, "processing", "campaign_id", campaign_for)
-"""The processing, if the user has at least a role in its project."""
+    require_room(session, campaign_for.project_of(session, campaign))
+    row = Processing(campaign_id=campaign.id, options=body.model_dump(mode="json"))
+    return PROCESSINGS.start(session, user, row)
 
 
 def newest_document(session: Session, campaign_id: UUID) -> Processing | None:
@@ -182,13 +169,55 @@ def newest_document(session: Session, campaign_id: UUID) -> Processing | None:
     return session.scalars(query.order_by(Processing.id.desc()).limit(1)).one_or_none()
 
 
-def describe(session: Session, row: Processing) -> ProcessingOut:
-    """A processing as clients see it: the state of its job as it is now, and what it did when it has succeeded."""
-    job = session.get_one(Job, row.id, populate_existing=True)
-    session.refresh(row)
-    return ProcessingOut(
-        **job_state(job),
-        campaign_id=row.campaign_id,
-        options=ProcessingIn.model_validate(row.options),
-        result=row.document,
-    )
+_MOST_PLACES = 8  # that a message names
+
+
+def decisions(overrules: Sequence[OverruleIn], hits: Iterable[tuple[Place, int]]) -> dict[tuple[Dof, int], bool]:
+    """Which hits are used, whatever the criteria say.
+
+    Args:
+        overrules: as the user stated them; without a direction, the one is meant in which the point was hit.
+        hits: place and number of each hit that there is.
+
+    Raises:
+        InputError: one means no hit, may mean several, or contradicts another.
+    """
+    if not overrules:
+        return {}
+    there = set(hits)
+    found: dict[tuple[Dof, int], bool] = {}
+    for number, one in enumerate(overrules):
+        field, key = f"overrules.{number}", (Dof(one.point, _direction(one, there, number)), one.hit)
+        if ((key[0].point, key[0].direction), one.hit) not in there:
+            raise InputError(field, f"means {_named(one)}, which there is not; there are {_listed(there)}")
+        if found.setdefault(key, one.use) != one.use:
+            raise InputError(field, f"contradicts another about {_named(one)}: use it, or leave it out")
+    return found
+
+
+def _direction(one: OverruleIn, there: set[tuple[Place, int]], number: int) -> int:
+    """That of the hit which is meant."""
+    if one.direction is not None:
+        return one.direction
+    own = sorted({direction for (point, direction), hit in there if (point, hit) == (one.point, one.hit)})
+    if len(own) > 1:
+        listed = ", ".join(map(str, own))
+        raise InputError(f"overrules.{number}.direction", f"is missing: there is {_named(one)} in directions {listed}")
+    return own[0] if own else 3
+
+
+def _named(one: OverruleIn) -> str:
+    way = "" if one.direction is None else f" in direction {one.direction}"
+    return f"hit {one.hit} of point {one.point}{way}"
+
+
+def _listed(there: set[tuple[Place, int]]) -> str:
+    numbers: dict[Place, list[int]] = {}
+    for place, hit in sorted(there):
+        numbers.setdefault(place, []).append(hit)
+    found = [
+        f"point {point}, direction {direction}: hits {min(own)} to {max(own)}"
+        for (point, direction), own in numbers.items()
+    ]
+    more = f"; and {len(found) - _MOST_PLACES} other places" if len(found) > _MOST_PLACES else ""
+    return ("; ".join(found[:_MOST_PLACES]) or "no hits at all") + more

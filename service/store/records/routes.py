@@ -3,21 +3,35 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
+from functools import partial
 from typing import Annotated, Literal
 from uuid import UUID
 
 import numpy as np
 from fastapi import Query, Response
 from fastapi.responses import JSONResponse
+from sqlalchemy.orm import Session
 
 from service.access import CurrentUser, SessionDep
+from service.jobs.resource import job_state
+from service.jobs.routes import JobRoutes
+from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
-from service.store.records import operations, processings
+from service.store.records import operations
+from service.store.records.processings import PROCESSINGS, Processing
+from service.store.records.processings import start_processing as queue_processing
 from service.store.records.schemas import UNITS, ProcessingIn, ProcessingOut, RecordOut
-from service.store.records.tables import Processing, Record
-from service.web import Cursor, Limit, Page, api_router, paged
+from service.web import Cursor, Limit, Page, api_router, paged, shown_as
 
 router = api_router(tags=["records"])
+
+
+def _described(_: Session, rows: Sequence[tuple[Processing, Job]]) -> list[ProcessingOut]:
+    return [shown_as(ProcessingOut, row, **job_state(job), result=row.document) for row, job in rows]
+
+
+of_jobs = JobRoutes(router, PROCESSINGS, ProcessingOut, _described, "processing_id")
 
 Whole = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
 MEDIA_TYPES = {"json": "application/json", "npz": "application/x-npz", "csv": "text/csv"}
@@ -35,8 +49,9 @@ def list_records(
 ) -> Page[RecordOut]:
     """Time blocks of a campaign, without their samples."""
     campaign = campaign_for(session, user, campaign_id)
-    rows, following = paged(session, operations.query_of(campaign.id, point, hit), Record.id, cursor, limit)
-    return Page(items=[operations.describe(row) for row in rows], next_cursor=following)
+    return paged(
+        session, operations.query_of(campaign.id, point, hit), cursor, limit, partial(map, operations.describe)
+    )
 
 
 @router.get("/records/{record_id}")
@@ -80,23 +95,11 @@ def start_processing(
     campaign_id: UUID, body: ProcessingIn, session: SessionDep, user: CurrentUser, response: Response
 ) -> ProcessingOut:
     """Queue a processing of the campaign's records: hits are judged, the good ones become FRFs. `{}` is a body."""
-    row = processings.start_processing(session, user, campaign_id, body)
-    response.headers["Location"] = f"/api/v1/processings/{row.id}"
-    return processings.describe(session, row)
+    row = queue_processing(session, user, campaign_id, body)
+    return of_jobs.made(session, row, response)
 
 
-@router.get("/campaigns/{campaign_id}/processings")
-def list_processings(
-    campaign_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 20
-) -> Page[ProcessingOut]:
-    """Processings of a campaign, newest first."""
-    campaign = campaign_for(session, user, campaign_id)
-    query = processings.query_of(campaign.id)
-    rows, following = paged(session, query, Processing.id, cursor, limit, newest_first=True)
-    return Page(items=[processings.describe(session, row) for row in rows], next_cursor=following)
-
-
-@router.get("/processings/{processing_id}")
-def get_processing(processing_id: UUID, session: SessionDep, user: CurrentUser) -> ProcessingOut:
-    """How far a processing is, how it judged every hit, and which FRFs rest on which records."""
-    return processings.describe(session, processings.processing_for(session, user, processing_id))
+of_jobs.listing("list_processings", "Processings of a campaign, newest first.", 20)
+of_jobs.getting(
+    "get_processing", "How far a processing is, how it judged every hit, and which FRFs rest on which records."
+)

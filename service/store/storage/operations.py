@@ -11,36 +11,38 @@ within a project: what does not fit by then is rolled back. A project's account 
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from typing import Literal
 from uuid import UUID
 
-from sqlalchemy import event, func, insert, select
-from sqlalchemy.orm import Session
+from sqlalchemy import ForeignKey, Index, event, func, insert, select
+from sqlalchemy.orm import Mapped, Session, mapped_column
 
+from service.db.base import Base, Big, Identified
 from service.db.engine import QUOTA
 from service.errors import QuotaExceeded
-from service.store.storage.tables import StoredBytes
+
+
+class StoredBytes(Identified, Base):
+    """Bytes that one request or job stored; negative where it removed some. It goes with what it was stored for."""
+
+    __tablename__ = "stored_bytes"
+    __table_args__ = (
+        Index(None, "project_id", "kind", "size"),  # sums are read from the index alone
+        Index(None, "structure_id"),
+        Index(None, "campaign_id"),
+    )
+
+    project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
+    structure_id: Mapped[UUID | None] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
+    campaign_id: Mapped[UUID | None] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    kind: Mapped[str]
+    size: Mapped[Big]
+
 
 BOOKED = "booked_bytes"
 """Name in `Session.info` of the bytes by project that the transaction has booked."""
 
 Kind = Literal["files", "frfs", "records", "curves", "modes", "results"]
-
-
-@dataclass(frozen=True)
-class StorageOwner:
-    """What bytes are stored for; they go when it is purged.
-
-    Attributes:
-        project_id: whose limit counts.
-        campaign_id: the campaign that they belong to.
-        structure_id: the structure, of what belongs to no campaign.
-    """
-
-    project_id: UUID
-    campaign_id: UUID | None = None
-    structure_id: UUID | None = None
 
 
 def used_bytes(session: Session, project_id: UUID) -> dict[str, int]:
@@ -72,25 +74,36 @@ def require_room(session: Session, project_id: UUID, size: int = 1) -> None:
         raise QuotaExceeded(used, allowed, size)
 
 
-def book(session: Session, owner: StorageOwner, kind: Kind, size: int) -> None:
+def book(
+    session: Session,
+    project_id: UUID,
+    kind: Kind,
+    size: int,
+    *,
+    campaign_id: UUID | None = None,
+    structure_id: UUID | None = None,
+) -> None:
     """Enter bytes into a project's account, in the transaction that stores them and before it does where they are known.
 
     Args:
         session: the transaction.
-        owner: what they are stored for.
+        project_id: whose limit counts.
         kind: what they are.
         size: how many; negative where they are removed.
+        campaign_id: the campaign that they belong to, with which they go when it is purged.
+        structure_id: the structure, of what belongs to no campaign.
 
     Raises:
         QuotaExceeded: the project would have more bytes than it may. At the transaction's commit too.
     """
-    if size > 0:
-        require_room(session, owner.project_id, size)
     if size:
-        session.execute(insert(StoredBytes).values(**vars(owner), kind=kind, size=size))
+        entry = {"project_id": project_id, "campaign_id": campaign_id, "structure_id": structure_id}
+        if size > 0:
+            require_room(session, project_id, size)
+        session.execute(insert(StoredBytes).values(**entry, kind=kind, size=size))
     if size > 0:
         booked: Counter[UUID] = session.info.setdefault(BOOKED, Counter())
-        booked[owner.project_id] += size
+        booked[project_id] += size
         event.listen(session, "before_commit", _require_that_all_fits)
 
 

@@ -1,13 +1,26 @@
-"""The route of a project's storage."""
+"""What a client gets about a project's storage, and its route."""
 
 from __future__ import annotations
 
 from uuid import UUID
 
+from pydantic import Field
+
 from service.access import CurrentUser, SessionDep, SettingsDep, project_for
 from service.store.storage.operations import used_bytes
-from service.store.storage.schemas import StorageOut
 from service.web import api_router
+from service.web.bodies import StrictModel
+
+
+class StorageOut(StrictModel):
+    """How much a project stores, and how much it may."""
+
+    used_bytes: int = Field(description="what is deleted counts until it is purged")
+    allowed_bytes: int = Field(description="the operator's `MODALBASE_PROJECT_QUOTA_BYTES`")
+    parts: dict[str, int] = Field(
+        description="bytes of `files` as they were uploaded, `frfs`, `records`, `curves` of coupons, `modes`, `results`"
+    )
+
 
 router = api_router(tags=["access"])
 

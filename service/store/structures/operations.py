@@ -1,16 +1,21 @@
-"""What can be done with structures. Every change of what a structure physically is makes a new version."""
+"""Structures: a row a structure and a row a version that never changes, and what can be done with them.
+
+Every change of what a structure physically is makes a new version.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import Select, select
-from sqlalchemy.orm import Session
+from sqlalchemy import ForeignKey, Index, Select, UniqueConstraint, func, select
+from sqlalchemy.dialects.postgresql import JSONB
+from sqlalchemy.orm import Mapped, Session, mapped_column, relationship
 
-from service.access import Lookup, User, audit, project_for
-from service.db.clock import transaction_time
+from service.access import Lookup, User, project_for
+from service.db.base import Base, Identified, transaction_time
 from service.errors import Fault, Invalid
 from service.store.structures.schemas import (
     Geometry,
@@ -22,20 +27,53 @@ from service.store.structures.schemas import (
     StructureOut,
     StructurePatch,
 )
-from service.store.structures.tables import Structure, StructureVersion
+from service.web import shown_as
 from service.web.json_body import checked
+
+
+class Structure(Identified, Base):
+    """A structure; what it physically is stands in its versions."""
+
+    __tablename__ = "structures"
+    __table_args__ = (Index(None, "project_id", "id"),)
+
+    project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
+    name: Mapped[str]
+    version: Mapped[int] = mapped_column(default=1)
+    updated_at: Mapped[datetime] = mapped_column(server_default=func.now(), onupdate=func.now())
+    deleted_at: Mapped[datetime | None]
+
+    versions: Mapped[list[StructureVersion]] = relationship(
+        back_populates="structure", order_by="StructureVersion.number", passive_deletes=True
+    )
+
+
+class StructureVersion(Identified, Base):
+    """One version of a structure: written once, referred to by results, never changed."""
+
+    __tablename__ = "structure_versions"
+    __table_args__ = (UniqueConstraint("structure_id", "number"),)
+
+    structure_id: Mapped[UUID] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
+    number: Mapped[int]
+    length_m: Mapped[float | None]
+    width_m: Mapped[float | None]
+    thickness_m: Mapped[float | None]
+    density_kg_m3: Mapped[float | None]
+    laminate: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+    material: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+    inputs: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+    pieces: Mapped[list[dict[str, Any]] | None] = mapped_column(JSONB(none_as_null=True))
+
+    structure: Mapped[Structure] = relationship(back_populates="versions")
+
 
 structure_for = Lookup(Structure, "structure", "project_id")
 """The structure, if the user has at least a role in its project."""
 
 
 def current_version(session: Session, structure: Structure) -> StructureVersion:
-    """The version of a structure that is valid now, which new campaigns and new updates refer to.
-
-    Args:
-        session: the request's transaction.
-        structure: whose version.
-    """
+    """The version of a structure that is valid now, which new campaigns and new updates refer to."""
     return session.scalars(
         select(StructureVersion).where(
             StructureVersion.structure_id == structure.id, StructureVersion.number == structure.version
@@ -44,39 +82,22 @@ def current_version(session: Session, structure: Structure) -> StructureVersion:
 
 
 def create_structure(session: Session, user: User, project_id: UUID, body: StructureIn) -> Structure:
-    """Store a new structure in version 1 and note it in the audit trail.
-
-    Args:
-        session: the request's transaction.
-        user: who asks; an editor of the project at least.
-        project_id: the project that the structure belongs to.
-        body: name, geometry in m, density in kg/m³, and a laminate or a material in Pa.
-
-    Raises:
-        NotFound: there is no such project, or it is other people's.
-        Forbidden: the user's role is too low.
-    """
+    """Store a new structure in version 1 and note it in the audit trail."""
     project = project_for(session, user, project_id, "editor")
     structure = Structure(project_id=project.id, name=body.name, version=1)
     session.add(structure)
     session.flush()
     _add_version(session, structure, body)
     session.refresh(structure)
-    audit(session, user, "structure.create", "structure", structure.id, project.id, name=body.name)
+    structure_for.note(session, user, structure, "create", name=body.name)
     return structure
 
 
 def change_structure(session: Session, user: User, structure: Structure, patch: StructurePatch) -> None:
-    """Apply a patch. A new name stays in the version; a change of geometry, density, laminate, material or
-    inputs makes the next one.
+    """Apply a patch to a locked structure. A new name stays in the version; a change of geometry, density, laminate,
+    material or inputs makes the next one.
 
     Results that were computed keep the version that they were computed with.
-
-    Args:
-        session: the request's transaction.
-        user: who asks, for the audit trail.
-        structure: the structure, locked.
-        patch: the fields that were sent; a laminate takes the place of a material, and the other way round.
 
     Raises:
         Invalid: the patch, or the structure it would lead to, makes no sense.
@@ -90,7 +111,7 @@ def change_structure(session: Session, user: User, structure: Structure, patch: 
         _add_version(session, structure, after)
     structure.updated_at = transaction_time(session)
     session.flush()
-    audit(session, user, "structure.change", "structure", structure.id, structure.project_id, version=structure.version)
+    structure_for.note(session, user, structure, "change", version=structure.version)
 
 
 def describe(session: Session, structure: Structure) -> StructureOut:
@@ -112,15 +133,7 @@ def describe_all(session: Session, structures: Sequence[Structure]) -> list[Stru
 
 
 def _described(structure: Structure, version: StructureVersion) -> StructureOut:
-    return StructureOut(
-        id=structure.id,
-        project_id=structure.project_id,
-        name=structure.name,
-        version=version.number,
-        created_at=structure.created_at,
-        updated_at=structure.updated_at,
-        **_physical(version),
-    )
+    return shown_as(StructureOut, structure, **_physical(version))
 
 
 def describe_version(version: StructureVersion, name: str) -> StructureIn:

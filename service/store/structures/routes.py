@@ -5,17 +5,21 @@ from __future__ import annotations
 from typing import Annotated
 from uuid import UUID
 
-from fastapi import Query, Request, Response
+from fastapi import Query, Response
 from sqlalchemy import select
 
-from service.access import CurrentUser, SessionDep, project_for
-from service.errors import Invalid, NotFound
+from service.access import CurrentUser, SessionDep
+from service.access.nouns import NounRoutes
+from service.errors import NotFound
 from service.store.structures import operations
+from service.store.structures.operations import StructureVersion
 from service.store.structures.schemas import StructureIn, StructureOut, StructurePatch
-from service.store.structures.tables import Structure, StructureVersion
-from service.web import IF_MATCH, Confirm, Cursor, Limit, Page, api_router, etag_of, paged, require_match, require_usual
+from service.web import Confirm, Cursor, Limit, Page, api_router, require_usual
 
 router = api_router(tags=["structures"])
+nouns = NounRoutes(
+    router, operations.structure_for, StructureOut, operations.describe_all, "structures", "structure_id"
+)
 
 
 @router.post("/projects/{project_id}/structures", status_code=201)
@@ -31,7 +35,7 @@ def create_structure(
     require_usual(body, confirm)
     structure = operations.create_structure(session, user, project_id, body)
     response.headers["Location"] = f"/api/v1/structures/{structure.id}"
-    return _shown(operations.describe(session, structure), response)
+    return nouns.tagged(session, structure, response)
 
 
 @router.get("/projects/{project_id}/structures")
@@ -44,18 +48,10 @@ def list_structures(
     deleted: Annotated[bool, Query(description="list deleted structures, which can be restored, instead")] = False,
 ) -> Page[StructureOut]:
     """Structures of a project."""
-    project = project_for(session, user, project_id)
-    hidden = Structure.deleted_at.is_not(None) if deleted else Structure.deleted_at.is_(None)
-    query = select(Structure).where(Structure.project_id == project.id, hidden)
-    rows, following = paged(session, query, Structure.id, cursor, limit)
-    return Page(items=operations.describe_all(session, rows), next_cursor=following)
+    return nouns.page(session, user, project_id, cursor, limit, deleted=deleted)
 
 
-@router.get("/structures/{structure_id}")
-def get_structure(structure_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> StructureOut:
-    """A structure in its current version."""
-    structure = operations.structure_for(session, user, structure_id)
-    return _shown(operations.describe(session, structure), response)
+nouns.getting("get_structure", "A structure in its current version.", tagged=True)
 
 
 @router.get("/structures/{structure_id}/versions/{number}")
@@ -70,43 +66,13 @@ def get_structure_version(structure_id: UUID, number: int, session: SessionDep, 
     return operations.describe_version(version, structure.name)
 
 
-@router.patch("/structures/{structure_id}", openapi_extra=IF_MATCH)
-def change_structure(
-    structure_id: UUID,
-    body: StructurePatch,
-    session: SessionDep,
-    user: CurrentUser,
-    request: Request,
-    response: Response,
-    confirm: Confirm = False,
-) -> StructureOut:
-    """Change a structure. Geometry, density or section make a new version; what a result used stays as it was."""
-    structure = operations.structure_for(session, user, structure_id, "editor", lock=True)
-    require_match(request, etag_of(operations.describe(session, structure)))
-    if not body.model_fields_set:
-        raise Invalid("", "names nothing to change")
-    require_usual(body, confirm)
-    operations.change_structure(session, user, structure, body)
-    return _shown(operations.describe(session, structure), response)
-
-
-@router.delete("/structures/{structure_id}", status_code=204, openapi_extra=IF_MATCH)
-def delete_structure(structure_id: UUID, session: SessionDep, user: CurrentUser, request: Request) -> None:
-    """Hide a structure with its campaigns and monitors. It stays stored and can be restored."""
-    structure = operations.structure_for(session, user, structure_id, "editor", lock=True)
-    if "if-match" in request.headers:
-        require_match(request, etag_of(operations.describe(session, structure)))
-    operations.structure_for.hide(session, user, structure)
-
-
-@router.post("/structures/{structure_id}/restore")
-def restore_structure(structure_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> StructureOut:
-    """Bring a deleted structure back."""
-    structure = operations.structure_for(session, user, structure_id, "editor", deleted=True, lock=True)
-    operations.structure_for.bring_back(session, user, structure)
-    return _shown(operations.describe(session, structure), response)
-
-
-def _shown(structure: StructureOut, response: Response) -> StructureOut:
-    response.headers["ETag"] = etag_of(structure)
-    return structure
+nouns.changing(
+    "change_structure",
+    "Change a structure. Geometry, density or section make a new version; what a result used stays as it was.",
+    StructurePatch,
+    operations.change_structure,
+)
+nouns.deleting(
+    "delete_structure", "Hide a structure with its campaigns and monitors. It stays stored and can be restored."
+)
+nouns.restoring("restore_structure", "Bring a deleted structure back.")

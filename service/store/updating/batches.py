@@ -16,10 +16,11 @@ from service.errors import Fault, Invalid, NotFound, ServiceError, pointer
 from service.jobs.queue import one_at_a_time
 from service.store.campaigns.operations import campaign_for
 from service.store.coupons.operations import batch_for
+from service.store.storage import require_room
 from service.store.structures.operations import present_structure
 from service.store.updating.bodies import nominal_specimen, of_its_material
 from service.store.updating.loading import parameters_of
-from service.store.updating.operations import check_mode_set, queue, repeated, start_update
+from service.store.updating.operations import JOINT_UPDATES, check_mode_set, repeated, start_update
 from service.store.updating.schemas import RecipeIn, UpdateBatchIn
 from service.store.updating.tables import JointUpdate, UpdateJob
 
@@ -107,8 +108,6 @@ def start_joint(
     Raises:
         Invalid: the request contradicts itself or names what is not the user's, each fault with its pointer; or the key came
             with another request.
-        NotFound: there is no such campaign, or it is other people's.
-        Forbidden: the user's role is too low.
     """
     sent = request.model_dump(mode="json")
     faults: list[Fault] = []
@@ -133,8 +132,8 @@ def start_joint(
             raise Invalid("Idempotency-Key", "was used for another request; use a new key for a new job")
         return known
     row = JointUpdate(project_id=project_id, request=sent, campaigns=campaigns, idempotency_key=idempotency_key)
-    queue(session, user, row, priority)
-    return row
+    require_room(session, project_id)
+    return JOINT_UPDATES.start(session, user, row, priority=priority)
 
 
 def _faults(session: Session, user: User, request: UpdateBatchIn) -> list[Fault]:

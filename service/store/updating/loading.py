@@ -27,7 +27,7 @@ from service.jobs.child import PURGED
 from service.jobs.process import ChildEnded
 from service.store.campaigns.operations import campaign_of, campaigns_of, frame_of
 from service.store.coupons.operations import batch_prior
-from service.store.frfs.measured_campaign import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
+from service.store.frfs.data import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
 from service.store.modes.operations import load_modes
 from service.store.records.processings import load_records
 from service.store.structures.operations import describe_version, version_of

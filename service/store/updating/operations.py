@@ -12,32 +12,30 @@ from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
 from fecore.updating.parameters import parametrise
-from service.access import Lookup, User, audit, project_for
+from service.access import Lookup, User
 from service.compute.updating import JointOutput, UpdateOutput, compute_joint, compute_update
-from service.errors import Conflict, Invalid
+from service.errors import Invalid
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
-from service.jobs.queue import enqueue, one_at_a_time, request_cancel, retry
-from service.jobs.state import job_state, why_no_result
-from service.jobs.tables import Job
-from service.store.campaigns.operations import campaign_for, campaigns_of
+from service.jobs.queue import one_at_a_time
+from service.jobs.resource import JobNoun
+from service.store.campaigns.operations import campaign_for
 from service.store.coupons.operations import batch_for
 from service.store.frfs.operations import frf_extents
 from service.store.modes.identifications import keep_identified
 from service.store.modes.operations import mode_set_for
 from service.store.records.processings import keep_processing
-from service.store.storage import StorageOwner, book, require_room
+from service.store.storage import book, require_room
 from service.store.structures.operations import present_structure
 from service.store.updating.bodies import body_of
-from service.store.updating.document import MARKS, up_to_date
+from service.store.updating.document import MARKS, StoredArrays, up_to_date
 from service.store.updating.document import describe as describe_result
 from service.store.updating.document import describe_joint as describe_joint_result
 from service.store.updating.loading import load_joint, load_update
-from service.store.updating.schemas import JointUpdateOut, RecipeIn, UpdateJobOut
-from service.store.updating.stored_arrays import StoredArrays
+from service.store.updating.schemas import RecipeIn
 from service.store.updating.tables import JointUpdate, UpdateJob, UpdateResult
 
 if TYPE_CHECKING:
-    from service.store.campaigns.tables import Campaign
+    from service.store.campaigns.operations import Campaign
 
 Row = TypeVar("Row", UpdateJob, JointUpdate)
 
@@ -58,7 +56,7 @@ def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> Non
             )
             document["provenance"]["mode_set"] = str(kept.id)
         size = len(output.prediction) + len(json.dumps(document))
-        book(session, StorageOwner(row.project_id, row.campaign_id), "results", size)
+        book(session, row.project_id, "results", size, campaign_id=row.campaign_id)
         session.add(UpdateResult(id=job_id, document=document, prediction=output.prediction))
 
 
@@ -66,7 +64,7 @@ def _store_joint(session: Session, job_id: UUID, items: Iterator[JointOutput]) -
     row = session.get_one(JointUpdate, job_id)
     for output in items:
         document = describe_joint_result(output.result, output.warnings, output.sources, output.provenance)
-        book(session, StorageOwner(row.project_id), "results", len(json.dumps(document)))
+        book(session, row.project_id, "results", len(json.dumps(document)))
         row.document = document
 
 
@@ -74,6 +72,16 @@ UPDATE = JobKind("update", load=load_update, compute=compute_update, store=_stor
 JOINT_UPDATE = JobKind(
     "joint_update", load=load_joint, compute=compute_joint, store=_store_joint, libraries=CORE_LIBRARIES
 )
+
+
+update_job_for = Lookup(UpdateJob, "update job", "campaign_id", campaign_for, deleted_owner=True)
+"""The update job, if the user has at least a role in its project; a job outlives its campaign's deletion."""
+
+
+joint_update_for = Lookup(JointUpdate, "joint update", "project_id")
+"""The joint update, if the user has at least a role in its project."""
+UPDATES = JobNoun(UPDATE, update_job_for, "update-jobs")
+JOINT_UPDATES = JobNoun(JOINT_UPDATE, joint_update_for, "joint-updates")
 
 
 def start_update(
@@ -98,8 +106,6 @@ def start_update(
         Invalid: the recipe contradicts itself or names what is not this campaign's, or the key came with another
             recipe.
         InputError: the core does not take the recipe's parameters or band.
-        NotFound: there is no such campaign, or it is other people's.
-        Forbidden: the user's role is too low.
         QuotaExceeded: the project has no room for a result.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
@@ -115,6 +121,7 @@ def start_update(
     _check(session, user, campaign, recipe)
     _check_parameters(recipe, structure, campaign)
     _check_data(session, recipe, campaign)
+    require_room(session, project_id)
     row = UpdateJob(
         project_id=project_id,
         campaign_id=campaign.id,
@@ -122,8 +129,7 @@ def start_update(
         recipe=sent,
         idempotency_key=idempotency_key,
     )
-    queue(session, user, row, priority)
-    return row
+    return UPDATES.start(session, user, row, priority=priority)
 
 
 def repeated(session: Session, table: type[Row], project_id: UUID, key: str | None) -> Row | None:
@@ -133,25 +139,6 @@ def repeated(session: Session, table: type[Row], project_id: UUID, key: str | No
     one_at_a_time(session, f"{project_id} {table.__tablename__} {key}")
     query = select(table).where(table.project_id == project_id, table.idempotency_key == key)
     return session.scalars(query).one_or_none()
-
-
-def queue(session: Session, user: User, row: UpdateJob | JointUpdate, priority: int) -> None:
-    """Queue the job of a new row, which gets its key.
-
-    Raises:
-        QuotaExceeded: the project has no room for a result.
-    """
-    require_room(session, row.project_id)
-    kind = JOINT_UPDATE if isinstance(row, JointUpdate) else UPDATE
-    row.id = enqueue(session, kind=kind, project_id=row.project_id, priority=priority).id
-    session.add(row)
-    session.flush()
-    _note(session, user, row, "create")
-
-
-def _note(session: Session, user: User, row: UpdateJob | JointUpdate, act: str) -> None:
-    kind = "joint_update" if isinstance(row, JointUpdate) else "update_job"
-    audit(session, user, f"{kind}.{act}", kind, row.id, row.project_id)
 
 
 def _check(session: Session, user: User, campaign: Campaign, recipe: RecipeIn) -> None:
@@ -222,77 +209,6 @@ def _check_data(session: Session, recipe: RecipeIn, campaign: Campaign) -> None:
                 raise Invalid("/hold_out/points", "holds out every FRF, so nothing is left to fit")
 
 
-update_job_for = Lookup(UpdateJob, "update job", "campaign_id", campaign_for, deleted_owner=True)
-"""The update job, if the user has at least a role in its project; a job outlives its campaign's deletion."""
-
-
-joint_update_for = Lookup(JointUpdate, "joint update", "project_id")
-"""The joint update, if the user has at least a role in its project."""
-
-
-def cancel_update(session: Session, user: User, row: UpdateJob | JointUpdate) -> None:
-    """Ask for a job's end. A job that waits is cancelled at once; one that runs is killed by its worker; one that has
-    ended stays as it is.
-
-    Raises:
-        Forbidden: the user's role is too low.
-    """
-    project_for(session, user, row.project_id, "editor")
-    request_cancel(session, row.id)
-    _note(session, user, row, "cancel")
-
-
-def retry_update(session: Session, user: User, row: UpdateJob) -> None:
-    """Queue a job again that failed or was cancelled, from its beginning, with the recipe and the structure's version
-    that it had.
-
-    Raises:
-        Conflict: it waits, runs or has succeeded.
-        Forbidden: the user's role is too low.
-    """
-    project_for(session, user, row.project_id, "editor")
-    retry(session, row.id)
-    _note(session, user, row, "retry")
-
-
-def job_of(session: Session, row: UpdateJob | JointUpdate) -> Job:
-    """The row of the job behind an update, read anew: its state, progress and error as they are now."""
-    return session.get_one(Job, row.id, populate_existing=True)
-
-
-def describe(session: Session, row: UpdateJob) -> UpdateJobOut:
-    """An update job as clients see it, with the state of its job as it is now."""
-    return describe_all(session, [row])[0]
-
-
-def describe_all(session: Session, rows: Sequence[UpdateJob]) -> list[UpdateJobOut]:
-    """Update jobs as clients see them, in the order given, with their recipes and the states of their jobs as they are
-    now.
-    """
-    query = select(Job).where(Job.id.in_([row.id for row in rows])).execution_options(populate_existing=True)
-    jobs = {job.id: job for job in session.scalars(query)}
-    names = {campaign.id: campaign.name for campaign in campaigns_of(session, {row.campaign_id for row in rows})}
-    return [
-        UpdateJobOut(
-            **job_state(jobs[row.id]),
-            priority=jobs[row.id].priority,
-            campaign_id=row.campaign_id,
-            campaign_name=names[row.campaign_id],
-            structure_version_id=row.structure_version_id,
-            recipe=RecipeIn.model_validate(row.recipe),
-        )
-        for row in rows
-    ]
-
-
-def describe_joint(session: Session, row: JointUpdate) -> JointUpdateOut:
-    """A joint update as clients see it, with the state of its job as it is now."""
-    job = job_of(session, row)
-    return JointUpdateOut(
-        **job_state(job), priority=job.priority, project_id=row.project_id, campaigns=row.campaigns, request=row.request
-    )
-
-
 def joint_document(session: Session, row: JointUpdate) -> dict[str, Any]:
     """The result of a joint update: the JSON document of `docs/campaigns-together.md`.
 
@@ -300,7 +216,7 @@ def joint_document(session: Session, row: JointUpdate) -> dict[str, Any]:
         Conflict: the job has none, yet or ever; the message says which.
     """
     if row.document is None:
-        raise Conflict(why_no_result("joint update", job_of(session, row)))
+        raise JOINT_UPDATES.no_result(session, row)
     return row.document
 
 
@@ -312,7 +228,7 @@ def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
     """
     result = session.get(UpdateResult, row.id)
     if result is None:
-        raise Conflict(why_no_result("update job", job_of(session, row)))
+        raise UPDATES.no_result(session, row)
     return up_to_date(result.document)
 
 
@@ -324,7 +240,7 @@ def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
     """
     size = session.scalars(select(func.length(UpdateResult.prediction)).filter_by(id=row.id)).one_or_none()
     if size is None:
-        raise Conflict(why_no_result("update job", job_of(session, row)))
+        raise UPDATES.no_result(session, row)
     return StoredArrays(session, row.id, size)
 
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
 from typing import Annotated, Any
 from uuid import UUID
 
-from fastapi import Depends, Header, Query, Response
+from fastapi import Header, Query, Response
 from sqlalchemy import select
+from sqlalchemy.orm import Session
 
 from service.access import CurrentUser, SessionDep, project_for, projects_of
 from service.errors import Invalid
-from service.jobs.events import STREAM, Events
-from service.jobs.state import JobState
+from service.jobs.resource import JobState, job_state
+from service.jobs.routes import JobRoutes
 from service.jobs.tables import Job
-from service.store.campaigns.operations import campaign_for, campaigns_in
+from service.store.campaigns.operations import campaign_for, campaigns_in, campaigns_of
 from service.store.structures.operations import structure_for, structures_in
 from service.store.updating import operations
 from service.store.updating.batches import start_batch, start_joint
@@ -21,9 +24,25 @@ from service.store.updating.document import LARGE_PARTS, slim
 from service.store.updating.result_schemas import JointResultOut, ResultOut
 from service.store.updating.schemas import JointUpdateOut, RecipeIn, UpdateBatchIn, UpdateBatchOut, UpdateJobOut
 from service.store.updating.tables import JointUpdate, UpdateJob
-from service.web import Confirm, Cursor, Limit, Page, Text, api_router, paged, require_usual
+from service.web import Confirm, Cursor, Limit, Page, Text, api_router, paged, require_usual, shown_as
 
 router = api_router(tags=["update jobs"])
+
+
+def _described(session: Session, rows: Sequence[tuple[UpdateJob, Job]]) -> list[UpdateJobOut]:
+    names = {campaign.id: campaign.name for campaign in campaigns_of(session, {row.campaign_id for row, _ in rows})}
+    return [
+        shown_as(UpdateJobOut, row, **job_state(job), priority=job.priority, campaign_name=names[row.campaign_id])
+        for row, job in rows
+    ]
+
+
+def _described_joint(_: Session, rows: Sequence[tuple[JointUpdate, Job]]) -> list[JointUpdateOut]:
+    return [shown_as(JointUpdateOut, row, **job_state(job), priority=job.priority) for row, job in rows]
+
+
+single = JobRoutes(router, operations.UPDATES, UpdateJobOut, _described, "job_id")
+joint = JobRoutes(router, operations.JOINT_UPDATES, JointUpdateOut, _described_joint, "joint_id")
 
 IdempotencyKey = Annotated[
     Text | None, Header(max_length=255, description="one of your own: the same again gives the same, no second one")
@@ -52,8 +71,7 @@ def start_update(
     """
     require_usual(recipe, confirm)
     row = operations.start_update(session, user, campaign_id, recipe, idempotency_key, priority)
-    response.headers["Location"] = f"/api/v1/update-jobs/{row.id}"
-    return operations.describe(session, row)
+    return single.made(session, row, response)
 
 
 @router.post("/update-jobs", status_code=202)
@@ -73,10 +91,9 @@ def start_updates(
     require_usual(batch, confirm)
     if batch.joint:
         row = start_joint(session, user, batch, idempotency_key, priority)
-        response.headers["Location"] = f"/api/v1/joint-updates/{row.id}"
-        return UpdateBatchOut(items=[], joint=operations.describe_joint(session, row))
+        return UpdateBatchOut(items=[], joint=joint.made(session, row, response))
     rows = start_batch(session, user, batch, idempotency_key, priority)
-    return UpdateBatchOut(items=operations.describe_all(session, rows))
+    return UpdateBatchOut(items=single.all_shown(session, rows))
 
 
 @router.get("/update-jobs")
@@ -100,42 +117,19 @@ def list_update_jobs(
         query = query.where(UpdateJob.campaign_id == campaign_for(session, user, campaign, deleted=True).id)
     if status is not None:
         query = query.join(Job, Job.id == UpdateJob.id).where(Job.state.in_(status))
-    rows, following = paged(session, query, UpdateJob.id, cursor, limit, newest_first=True)
-    return Page(items=operations.describe_all(session, rows), next_cursor=following)
+    return paged(session, query, cursor, limit, partial(single.all_shown, session), newest_first=True)
 
 
-@router.get("/update-jobs/{job_id}")
-def get_update_job(job_id: UUID, session: SessionDep, user: CurrentUser) -> UpdateJobOut:
-    """How far an update is, or what became of it."""
-    return operations.describe(session, operations.update_job_for(session, user, job_id))
-
-
-@router.post("/update-jobs/{job_id}/cancel", status_code=202)
-def cancel_update_job(job_id: UUID, session: SessionDep, user: CurrentUser) -> UpdateJobOut:
-    """Ask for an update's end; one that has ended already stays as it is."""
-    row = operations.update_job_for(session, user, job_id)
-    operations.cancel_update(session, user, row)
-    return operations.describe(session, row)
-
-
-@router.post("/update-jobs/{job_id}/retry", status_code=202)
-def retry_update_job(job_id: UUID, session: SessionDep, user: CurrentUser) -> UpdateJobOut:
-    """Queue an update again that failed or was cancelled."""
-    row = operations.update_job_for(session, user, job_id)
-    operations.retry_update(session, user, row)
-    return operations.describe(session, row)
-
-
-@router.get("/update-jobs/{job_id}/events", response_class=Response, responses=STREAM)
-def watch_update_job(
-    job_id: UUID, session: SessionDep, user: CurrentUser, events: Annotated[Events, Depends()]
-) -> Response:
+single.getting("get_update_job", "How far an update is, or what became of it.")
+single.cancelling("cancel_update_job", "Ask for an update's end; one that has ended already stays as it is.")
+single.retrying("retry_update_job", "Queue an update again that failed or was cancelled.")
+single.watching(
+    "watch_update_job",
     """The job's state now and whenever it changes, as server-sent events of the type `job`; ends when the job has.
 
     Each event has an id; with that of the last one in `Last-Event-ID` a client that comes back gets what is new.
-    """
-    row = operations.update_job_for(session, user, job_id)
-    return events.of(operations.job_of(session, row))
+    """,
+)
 
 
 @router.get("/update-jobs/{job_id}/result", response_model=None, responses={200: {"model": ResultOut}})
@@ -151,37 +145,13 @@ def get_result(job_id: UUID, session: SessionDep, user: CurrentUser, include: In
     return slim(document, leave_out=set(LARGE_PARTS) - named)
 
 
-@router.get("/projects/{project_id}/joint-updates")
-def list_joint_updates(
-    project_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
-) -> Page[JointUpdateOut]:
-    """Joint updates of a project, newest first."""
-    query = select(JointUpdate).where(JointUpdate.project_id == project_for(session, user, project_id).id)
-    rows, following = paged(session, query, JointUpdate.id, cursor, limit, newest_first=True)
-    return Page(items=[operations.describe_joint(session, row) for row in rows], next_cursor=following)
-
-
-@router.get("/joint-updates/{joint_id}")
-def get_joint_update(joint_id: UUID, session: SessionDep, user: CurrentUser) -> JointUpdateOut:
-    """How far a joint update is, or what became of it."""
-    return operations.describe_joint(session, operations.joint_update_for(session, user, joint_id))
-
-
-@router.post("/joint-updates/{joint_id}/cancel", status_code=202)
-def cancel_joint_update(joint_id: UUID, session: SessionDep, user: CurrentUser) -> JointUpdateOut:
-    """Ask for a joint update's end; one that has ended already stays as it is."""
-    row = operations.joint_update_for(session, user, joint_id)
-    operations.cancel_update(session, user, row)
-    return operations.describe_joint(session, row)
-
-
-@router.get("/joint-updates/{joint_id}/events", response_class=Response, responses=STREAM)
-def watch_joint_update(
-    joint_id: UUID, session: SessionDep, user: CurrentUser, events: Annotated[Events, Depends()]
-) -> Response:
-    """The job's state now and whenever it changes, as server-sent events of the type `job`; ends when the job has."""
-    row = operations.joint_update_for(session, user, joint_id)
-    return events.of(operations.job_of(session, row))
+joint.listing("list_joint_updates", "Joint updates of a project, newest first.")
+joint.getting("get_joint_update", "How far a joint update is, or what became of it.")
+joint.cancelling("cancel_joint_update", "Ask for a joint update's end; one that has ended already stays as it is.")
+joint.watching(
+    "watch_joint_update",
+    "The job's state now and whenever it changes, as server-sent events of the type `job`; ends when the job has.",
+)
 
 
 @router.get("/joint-updates/{joint_id}/result", response_model=None, responses={200: {"model": JointResultOut}})

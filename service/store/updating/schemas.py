@@ -17,7 +17,7 @@ from fecore.updating import recipe as core
 from fecore.updating.inputs import Inputs
 from fecore.updating.misfit import Weighting
 from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter, default_parameters
-from service.jobs.state import JobOut
+from service.jobs.resource import JobOut
 from service.store.campaigns.schemas import CampaignInputs
 from service.store.records.schemas import ProcessingIn
 from service.store.structures.schemas import StructureInputs

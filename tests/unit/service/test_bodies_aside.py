@@ -20,7 +20,7 @@ from service.errors import PayloadTooLarge
 from service.jobs import aside, process
 from service.jobs.child import Failure, Item
 from service.jobs.process import LOST, ChildEnded
-from service.store.coupons import bodies
+from service.store.coupons import routes as bodies
 from tests.support.uff import axis, dataset, set_58
 
 

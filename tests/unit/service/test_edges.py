@@ -24,7 +24,7 @@ from service.show.figures.print_traces import add_trace
 from service.show.figures.shapes import aligned
 from service.show.pages.grid import draw_grid
 from service.show.pages.numbers import in_unit, number, percent, seconds_between, size
-from service.store.campaigns.grid_points import from_csv
+from service.store.campaigns.operations import from_csv
 
 NOON = datetime(2026, 3, 2, 12, tzinfo=UTC)
 

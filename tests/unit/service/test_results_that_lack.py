@@ -34,13 +34,13 @@ from service.show.results import figure_data, figure_frf, predictions
 from service.show.results.figure_data import JointFigures, UpdateFigures
 from service.show.results.figure_frf import Wanted, _row_at
 from service.show.results.figures import FIGURES, JOINT_FIGURES, _shapes, draw_figure
-from service.store.frfs import measured_campaign
-from service.store.frfs.measured_campaign import MeasuredFrfs
-from service.store.imports.intake import _Intake
+from service.store.frfs import data
+from service.store.frfs.data import MeasuredFrfs
+from service.store.imports.intake import Intake
 from service.store.modes import identifications
 from service.store.records import operations as record_operations
 from service.store.records import processings
-from service.store.records.intake import RecordIntake
+from service.store.records.operations import RecordIntake
 from service.store.updating import bodies, loading, operations
 from service.store.updating.batches import _placed
 from service.store.updating.document import _agreement, _posterior
@@ -504,16 +504,16 @@ def test_measured_data_that_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> N
     placed, lost = Row(1), Row(0)
     vars(lost).update(id=7, label="FRF 7")
     used: list[Any] = []
-    monkeypatch.setattr(measured_campaign, "make_tables", lambda _session, rows, _cut: used.extend(rows) or [])
+    monkeypatch.setattr(data, "make_tables", lambda _session, rows, _cut: used.extend(rows) or [])
     warnings: list[str] = []
-    assert measured_campaign._frf_sets(session, SimpleNamespace(id=HERE), None, warnings) == []  # type: ignore[arg-type]
+    assert data._frf_sets(session, SimpleNamespace(id=HERE), None, warnings) == []  # type: ignore[arg-type]
     assert (used, warnings) == ([placed], ["FRF 7 (FRF 7) states no point or direction and is left out"])
     block: Any = SimpleNamespace(
         dataset=3, quantity="acceleration", response_point=0, response_direction=0, reference_point=0,
         reference_direction=0, sample_rate_hz=100.0, samples=np.zeros(4), label="",
     )  # fmt: skip
     with RecordIntake() as records:
-        taken = vars(intake := _Intake.__new__(_Intake))
+        taken = vars(intake := Intake.__new__(Intake))
         taken.update(records=records, blocks=set(), unused={})
         intake._take_block(block)
     assert (intake.blocks, intake.unused) == ({3}, {3: "is a time block without a point and direction"})

@@ -34,8 +34,8 @@ from service.settings import Settings
 from service.show.guide.markdown import _lead
 from service.show.reports.blocks import Bullets, Heading, PageBreak, Paragraph, Table
 from service.show.reports.update_report import MOST_MODES, UpdateFacts, update_report
-from service.store.frfs.formats import _uff_axis
-from service.store.storage.operations import StorageOwner, _require_that_all_fits, book
+from service.store.frfs.routes import _uff_axis
+from service.store.storage.operations import _require_that_all_fits, book
 from service.web import openapi
 from service.web.middleware import RequestMiddleware
 from service.web.problems import _core_error, _http_exception
@@ -234,7 +234,7 @@ def test_the_password_of_a_file_goes_into_the_url() -> None:
 
 def test_nothing_is_booked_for_nothing_and_no_quota_is_no_limit() -> None:
     session: Any = SimpleNamespace(info={})  # whatever else is asked of it fails
-    book(session, StorageOwner(None, None), "records", 0)  # type: ignore[arg-type]
+    book(session, None, "records", 0)  # type: ignore[arg-type]
     _require_that_all_fits(session)
     assert session.info == {}
 

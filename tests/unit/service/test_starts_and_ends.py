@@ -22,7 +22,7 @@ from service.app.backup.archive import BackupError
 from service.app.cli import ending, running
 from service.app.demo import run as demo
 from service.app.supervisor import LocalService, Part, StartError
-from service.db import embedded, postgres
+from service.db import opening, postgres
 from service.db.postgres import Cluster, PostgresError
 from service.settings import Settings
 
@@ -69,7 +69,7 @@ def test_of_two_that_start_a_dead_server_again_one_does(monkeypatch: pytest.Monk
     runs, started = [False, True, False, False], []
     monkeypatch.setattr(Cluster, "runs", lambda _: runs.pop(0))
     monkeypatch.setattr(Cluster, "start", lambda _: started.append(len(runs)))
-    assert [embedded.keep_running(tmp_path), embedded.keep_running(tmp_path)] == [False, True]
+    assert [opening.keep_running(tmp_path), opening.keep_running(tmp_path)] == [False, True]
     assert started == [0]
 
 

@@ -1,0 +1,195 @@
+"""Routes of a noun of the contract: list under what it belongs to, get, change, delete, restore. Each noun says which it has.
+
+What a noun does in a way of its own, such as its making, is a function in its room. A function here is given the name by
+which the client calls it, and a text for the documentation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from typing import Any, Generic, TypeVar
+from uuid import UUID
+
+from fastapi import APIRouter, Path, Request, Response
+from pydantic import BaseModel
+from sqlalchemy import ColumnElement, select
+from sqlalchemy.orm import Session
+
+from service.access.dependencies import CurrentUser, SessionDep
+from service.access.lookup import Lookup, project_for
+from service.access.tables import User
+from service.db.base import Base
+from service.errors import Invalid
+from service.web import IF_MATCH, Confirm, Cursor, Limit, Page, etag_of, paged, require_match, require_usual
+
+Row = TypeVar("Row", bound=Base)
+Out = TypeVar("Out", bound=BaseModel)
+
+
+class NounRoutes(Generic[Row, Out]):
+    """Adds routes of a noun to a router; what they answer is here for pages too."""
+
+    newest_first = False
+    """The order of a list."""
+
+    def __init__(
+        self,
+        router: APIRouter,
+        find: Lookup[Row],
+        model: type[Out],
+        describe: Callable[[Session, Sequence[Row]], Iterable[Out]],
+        address: str,
+        key: str,
+        *,
+        weight: ColumnElement[int] | None = None,
+    ) -> None:
+        """State a noun.
+
+        Args:
+            router: takes the routes.
+            find: finds a row.
+            model: of what clients see of a row.
+            describe: (session, rows) -> what clients see of them, in the same order.
+            address: such as `mode-sets`.
+            key: name of a row's id in paths, such as `mode_set_id`.
+            weight: bytes of a row, as `paged` takes it.
+        """
+        self._router, self._find, self._model, self._describe = router, find, model, describe
+        self._address, self._id, self._path, self._weight = address, key, f"/{address}/{{{key}}}", weight
+
+    def all_shown(self, session: Session, rows: Sequence[Row]) -> list[Out]:
+        """Rows as clients see them, in the order given."""
+        return list(self._describe(session, rows))
+
+    def shown(self, session: Session, row: Row) -> Out:
+        """A row as clients see it."""
+        return self.all_shown(session, [row])[0]
+
+    def tagged(self, session: Session, row: Row, response: Response) -> Out:
+        """The same, with its ETag in the answer."""
+        shown = self.shown(session, row)
+        response.headers["ETag"] = etag_of(shown)
+        return shown
+
+    def made(self, session: Session, row: Row, response: Response) -> Out:
+        """A new row as clients see it, with its address in the answer."""
+        shown = self.shown(session, row)
+        response.headers["Location"] = f"/api/v1/{self._address}/{shown.id}"  # type: ignore[attr-defined]
+        return shown
+
+    def one(self, session: Session, user: User, key: UUID) -> Out:
+        """A row as clients see it."""
+        return self.shown(session, self._find(session, user, key))
+
+    def page(
+        self,
+        session: Session,
+        user: User,
+        owner_id: UUID,
+        cursor: Cursor = None,
+        limit: Limit = 100,
+        *,
+        deleted: bool | None = None,
+    ) -> Page[Out]:
+        """Rows of one owner, such as a campaign, as clients see them.
+
+        Args:
+            session: where to ask.
+            user: who asks.
+            owner_id: of the owner.
+            cursor: of the page before.
+            limit: rows in a page.
+            deleted: those that are deleted, or those that are not; None where no row can be.
+        """
+        table: Any = self._find.table
+        owner = (self._find.owner or project_for)(session, user, owner_id)
+        query = select(table).where(getattr(table, self._find.owner_key) == owner.id)
+        if deleted is not None:
+            query = query.where(table.deleted_at.is_not(None) if deleted else table.deleted_at.is_(None))
+        shown = partial(self.all_shown, session)
+        return paged(session, query, cursor, limit, shown, newest_first=self.newest_first, weight=self._weight)
+
+    def listing(self, name: str, text: str, rows: int = 100, owners: str | None = None) -> None:
+        """Add `GET /{owners}/{owner_id}/{address}`, with so many rows in a page by default."""
+        owner_key = self._find.owner_key
+        owners, owner = owners or f"{owner_key.removesuffix('_id')}s", Path(alias=owner_key)
+
+        def get_page(
+            session: SessionDep, user: CurrentUser, owner_id: UUID = owner, cursor: Cursor = None, limit: Limit = rows
+        ) -> Any:
+            return self.page(session, user, owner_id, cursor, limit)
+
+        path = f"/{owners}/{{{owner_key}}}/{self._address}"
+        self._add(name, text, get_page, path, response_model=Page[self._model])  # type: ignore[name-defined]
+
+    def getting(self, name: str, text: str, *, tagged: bool = False) -> None:
+        """Add `GET …/{id}`; `tagged`, its answer has an ETag."""
+        row_id = Path(alias=self._id)
+
+        def get(session: SessionDep, user: CurrentUser, response: Response, key: UUID = row_id) -> Any:
+            row = self._find(session, user, key)
+            return self.tagged(session, row, response) if tagged else self.shown(session, row)
+
+        self._add(name, text, get)
+
+    def changing(
+        self, name: str, text: str, patch: type[BaseModel], change: Callable[[Session, User, Row, Any], None]
+    ) -> None:
+        """Add `PATCH …/{id}`, which needs the ETag of the version that it changes.
+
+        Args:
+            name: of the operation.
+            text: for the documentation.
+            patch: model of the body.
+            change: applies a patch to a locked row.
+        """
+        row_id = Path(alias=self._id)
+
+        def edit(
+            session: SessionDep,
+            user: CurrentUser,
+            request: Request,
+            response: Response,
+            body: Any,
+            key: UUID = row_id,
+            confirm: Confirm = False,
+        ) -> Any:
+            row = self._find(session, user, key, "editor", lock=True)
+            require_match(request, etag_of(self.shown(session, row)))
+            if not body.model_fields_set:
+                raise Invalid("", "names nothing to change")
+            require_usual(body, confirm)
+            change(session, user, row, body)
+            return self.tagged(session, row, response)
+
+        edit.__annotations__["body"] = patch
+        self._add(name, text, edit, methods=["PATCH"], openapi_extra=IF_MATCH)
+
+    def deleting(self, name: str, text: str) -> None:
+        """Add `DELETE …/{id}`, which hides a row."""
+        row_id = Path(alias=self._id)
+
+        def delete(session: SessionDep, user: CurrentUser, request: Request, key: UUID = row_id) -> None:
+            row = self._find(session, user, key, "editor", lock=True)
+            if "if-match" in request.headers:
+                require_match(request, etag_of(self.shown(session, row)))
+            self._find.hide(session, user, row)
+
+        given: dict[str, Any] = {"status_code": 204, "openapi_extra": IF_MATCH, "response_model": None}
+        self._add(name, text, delete, methods=["DELETE"], **given)
+
+    def restoring(self, name: str, text: str) -> None:
+        """Add `POST …/{id}/restore`, which brings a hidden row back."""
+        row_id = Path(alias=self._id)
+
+        def restore(session: SessionDep, user: CurrentUser, response: Response, key: UUID = row_id) -> Any:
+            row = self._find(session, user, key, "editor", deleted=True, lock=True)
+            self._find.bring_back(session, user, row)
+            return self.tagged(session, row, response)
+
+        self._add(name, text, restore, f"{self._path}/restore", methods=["POST"])
+
+    def _add(self, name: str, text: str, route: Callable[..., Any], path: str | None = None, **given: Any) -> None:
+        route.__name__, route.__doc__ = name, text
+        self._router.add_api_route(path or self._path, route, **({"response_model": self._model} | given))

@@ -1,0 +1,73 @@
+"""Routes of nouns whose rows are jobs: those of every noun, and cancel, retry, watch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Annotated, Any
+from uuid import UUID
+
+from fastapi import APIRouter, Depends, Path, Response
+from sqlalchemy import ColumnElement, select
+from sqlalchemy.orm import Session
+
+from service.access import CurrentUser, SessionDep
+from service.access.nouns import NounRoutes, Out, Row
+from service.jobs.events import STREAM, Events
+from service.jobs.resource import JobNoun
+from service.jobs.tables import Job
+
+
+class JobRoutes(NounRoutes[Row, Out]):
+    """Adds routes of a noun of jobs to a router."""
+
+    def __init__(
+        self,
+        router: APIRouter,
+        noun: JobNoun[Row],
+        model: type[Out],
+        describe: Callable[[Session, Sequence[tuple[Row, Job]]], Iterable[Out]],
+        key: str,
+        *,
+        newest_first: bool = True,
+        weight: ColumnElement[int] | None = None,
+    ) -> None:
+        """State a noun; as of `NounRoutes`, but that `describe` has the job of each row too."""
+        super().__init__(router, noun.find, model, self._with_jobs, noun.address, key, weight=weight)
+        self._noun, self._describe_both, self.newest_first = noun, describe, newest_first
+
+    def _with_jobs(self, session: Session, rows: Sequence[Any]) -> Iterable[Out]:
+        """Rows and their jobs are read at one moment, so that a job that has succeeded never stands beside a row without its
+        result.
+        """
+        table: Any = self._noun.find.table
+        query = select(table, Job).join(Job, Job.id == table.id).where(table.id.in_([row.id for row in rows]))
+        found = {job.id: (row, job) for row, job in session.execute(query.execution_options(populate_existing=True))}
+        return self._describe_both(session, [found[row.id] for row in rows])
+
+    def cancelling(self, name: str, text: str) -> None:
+        """Add `POST …/{id}/cancel`."""
+        self._act(name, text, "cancel", self._noun.cancel)
+
+    def retrying(self, name: str, text: str) -> None:
+        """Add `POST …/{id}/retry`."""
+        self._act(name, text, "retry", self._noun.retry)
+
+    def watching(self, name: str, text: str) -> None:
+        """Add `GET …/{id}/events`: the states of the job as server-sent events."""
+        row_id = Path(alias=self._id)
+
+        def watch(
+            session: SessionDep, user: CurrentUser, events: Annotated[Events, Depends()], key: UUID = row_id
+        ) -> Response:
+            return events.of(self._noun.job_of(session, self._noun.find(session, user, key)))
+
+        path = f"{self._path}/events"
+        self._add(name, text, watch, path, response_model=None, response_class=Response, responses=STREAM)
+
+    def _act(self, name: str, text: str, act: str, do: Callable[[Session, Any, UUID], Row]) -> None:
+        row_id = Path(alias=self._id)
+
+        def acted(session: SessionDep, user: CurrentUser, key: UUID = row_id) -> Any:
+            return self.shown(session, do(session, user, key))
+
+        self._add(name, text, acted, f"{self._path}/{act}", methods=["POST"], status_code=202)
