@@ -126,7 +126,7 @@ def test_what_is_not_stated_widens_and_what_is_known_does_not(
     assert sum(shares.values()) == pytest.approx(1, abs=1e-2)
     assert exact.verdict.level == "usable"
     assert default.verdict.level == "usable"
-    assert "nobody said whether the response had an exponential window" in default.warnings[-1]
+    assert "does not say whether the response had an exponential window" in default.warnings[-1]
     for name in ("Ex", "Gxy", "Gxz", "a0", "a1"):
         assert narrow[name].interval_95[0] < true[name] < narrow[name].interval_95[1]
 
