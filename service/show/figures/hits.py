@@ -3,27 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray
+from service.show.figures.colors import ALARM, INITIAL, MEASURED, PALETTE, UPDATED
 from service.show.figures.frf import UNITS, thinned
-from service.show.figures.look import (
-    ALARM,
-    INITIAL,
-    MEASURED,
-    UPDATED,
-    Figure,
-    Trace,
-    axis,
-    decades,
-    layout,
-    line,
-    numbers,
-    shown_name,
-)
-from service.show.figures.palette import PALETTE
+from service.show.figures.marks import Axis, Curve, Dash, Figure, Mark, Panel, decades, shortened
 
 MOST_SAMPLES = 1600
 """Samples or lines of a hit that a figure draws: of more, the least and the greatest of each stretch."""
@@ -85,36 +71,29 @@ def hits_figure(point: PointShown) -> Figure:
 
     Good hits are drawn solid and alike; each bad one dashed in a colour of its own, with what was found in the legend.
     """
-    domains = [(0.78, 1.0), (0.53, 0.71), (0.17, 0.46), (0.0, 0.11)]
-    if point.coherence is None:
-        domains = [(0.76, 1.0), (0.46, 0.68), (0.0, 0.38)]
-    styles = _styles(point.hits)
-    data = [trace for hit, style in zip(point.hits, styles, strict=True) for trace in _traces(point, hit, style)]
+    hz = Axis("frequency [Hz]")
+    size = f"|{point.frf_quantity}| [{UNITS[point.frf_quantity]}]"
+    axes = [
+        (Axis("time [ms]", range=_about_the_pulse(point)), Axis("force [N]")),
+        (Axis("time [s]"), Axis(f"{point.quantity} [{AFTER[point.quantity]}]")),
+        (hz, Axis(size, decades([] if point.mean is None else np.abs(point.mean)))),
+    ]
+    ups = [(0.76, 1.0), (0.46, 0.68), (0.0, 0.38)]
+    if point.coherence is not None:
+        axes.append((hz, Axis("coherence", range=(0, 1.05))))
+        ups = [(0.78, 1.0), (0.53, 0.71), (0.17, 0.46), (0.0, 0.11)]
+    panels = [Panel(x, y, up=up) for (x, y), up in zip(axes, ups, strict=True)]
+    styles = zip(point.hits, _styles(point.hits), strict=True)
+    marks = [mark for hit, style in styles for mark in _marks(point, hit, style, panels)]
     if point.mean is not None:
         kept = thinned(np.abs(point.mean), MOST_SAMPLES)
-        hz = numbers(point.frequency_hz[kept])
-        data.append(line(hz, _size(point.mean[kept]), "average of the good hits", UPDATED, xaxis="x3", yaxis="y3"))
+        place = point.frequency_hz[kept], _size(point.mean[kept])
+        marks.append(Curve(*place, "average of the good hits", UPDATED, digits=5, panel=panels[2]))
         if point.coherence is not None:
             kept = thinned(-point.coherence, MOST_SAMPLES)
-            hz = numbers(point.frequency_hz[kept])
-            data.append(line(hz, numbers(point.coherence[kept], 4), "", UPDATED, xaxis="x3", yaxis="y4"))
-    last = "y3" if point.coherence is None else "y4"
-    shown = layout(
-        shown_name(point.title),
-        xaxis=axis("time [ms]", anchor="y", range=_about_the_pulse(point)),
-        yaxis=axis("force [N]", domain=list(domains[0])),
-        xaxis2=axis("time [s]", anchor="y2"),
-        yaxis2=axis(f"{point.quantity} [{AFTER[point.quantity]}]", domain=list(domains[1]), anchor="x2"),
-        xaxis3=axis("frequency [Hz]", anchor=last),
-        yaxis3=axis(
-            f"|{point.frf_quantity}| [{UNITS[point.frf_quantity]}]", domain=list(domains[2]), anchor="x3",
-            **decades([] if point.mean is None else np.abs(point.mean)),
-        ),
-        height=900 if point.coherence is not None else 760,
-    )  # fmt: skip
-    if point.coherence is not None:
-        shown["yaxis4"] = axis("coherence", domain=list(domains[3]), anchor="x3", range=[0, 1.05])
-    return {"data": data, "layout": shown}
+            place = point.frequency_hz[kept], point.coherence[kept]
+            marks.append(Curve(*place, "", UPDATED, digits=4, panel=panels[3]))
+    return Figure(shortened(point.title), marks, panels, height=760 if point.coherence is None else 900)
 
 
 @dataclass(frozen=True)
@@ -122,7 +101,7 @@ class _Style:
     name: str  # in the legend; empty of a good hit that is not the first
     group: str
     color: str
-    dash: str
+    dash: Dash
 
 
 def _styles(hits: list[HitShown]) -> list[_Style]:
@@ -139,35 +118,33 @@ def _styles(hits: list[HitShown]) -> list[_Style]:
     return styles
 
 
-def _traces(point: PointShown, hit: HitShown, style: _Style) -> list[Trace]:
+def _marks(point: PointShown, hit: HitShown, style: _Style, panels: list[Panel]) -> list[Mark]:
     """Force, response and FRF of a hit."""
     said = f"hit {hit.number}" + (f", {hit.why}" if hit.why else "")
-    common: dict[str, Any] = {"legendgroup": style.group, "meta": hit.sentence}
     forced, answered = thinned(hit.force, MOST_SAMPLES), thinned(hit.response, MOST_SAMPLES)
     seen = thinned(np.abs(np.nan_to_num(hit.frf)), MOST_SAMPLES)
     seconds = 1 / point.sample_rate_hz
-    panels = (
-        (numbers(1e3 * seconds * forced), numbers(hit.force[forced], 5), "", "%{x:.5g} ms: %{y:.4g} N"),
-        (numbers(seconds * answered), numbers(hit.response[answered], 5), "2", "%{x:.5g} s: %{y:.4g}"),
-        (numbers(point.frequency_hz[seen]), _size(hit.frf[seen]), "3", "%{x:.5g} Hz: %{y:.4g}"),
+    series = (
+        (1e3 * seconds * forced, hit.force[forced], "%{x:.5g} ms: %{y:.4g} N"),
+        (seconds * answered, hit.response[answered], "%{x:.5g} s: %{y:.4g}"),
+        (point.frequency_hz[seen], _size(hit.frf[seen]), "%{x:.5g} Hz: %{y:.4g}"),
     )
-    drawn = [
-        line(
-            x, y, style.name if not panel else "", style.color, style.dash, xaxis=f"x{panel}", yaxis=f"y{panel}",
-            hovertemplate=f"{said}<br>{hover}<extra></extra>", **common,
+    return [
+        Curve(
+            x, y, style.name if panel is panels[0] else "", style.color, style.dash, 1, panel=panel, digits=5,
+            hover=f"{said}<br>{hover}", group=style.group, meta=hit.sentence,
         )
-        for x, y, panel, hover in panels
+        for (x, y, hover), panel in zip(series, panels, strict=False)
     ]  # fmt: skip
-    return [trace | {"line": trace["line"] | {"width": 1}} for trace in drawn]
 
 
-def _size(values: ComplexArray) -> list[float | None]:
+def _size(values: ComplexArray) -> FloatArray:
     size = np.abs(values)
-    return numbers(np.where(size > 0, size, np.nan), 5)
+    return np.where(size > 0, size, np.nan)
 
 
-def _about_the_pulse(point: PointShown) -> list[float]:
+def _about_the_pulse(point: PointShown) -> tuple[float, float]:
     """Where the force is drawn, ms: from before the pulses to behind the last second one; the rest can be zoomed to."""
     begin, end = point.pulse_s
     margin = 0.2 * (end - begin)
-    return [1e3 * max(begin - margin, 0.0), 1e3 * (end + margin)]
+    return 1e3 * max(begin - margin, 0.0), 1e3 * (end + margin)

@@ -12,8 +12,8 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from service.show.figures.look import Figure
-from service.show.figures.printing import pixels
+from service.show.figures.marks import Figure
+from service.show.figures.paper import pixels
 from service.show.reports.blocks import (
     Block,
     Bullets,

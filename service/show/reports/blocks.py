@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from service.show.figures.look import Figure
+from service.show.figures.marks import Figure
 
 Tone = Literal["plain", "good", "careful", "bad", "small", "code"]
 

@@ -41,7 +41,7 @@ FAULTS = (
     ("fecore/correlation.py", "import fecore.identification", "fecore: data flows one way"),
     ("service/db/engine.py", "import service.access.tables", "service: imports run downwards only"),
     ("service/store/structures/tables.py", "import service.store.campaigns.tables", "service.store: a noun needs only"),
-    ("service/show/figures/look.py", "import service.show.pages", "service.show: imports run downwards only"),
+    ("service/show/figures/marks.py", "import service.show.pages", "service.show: imports run downwards only"),
     ("service/app/doctor.py", "import service.app.supervisor", "service.app: imports run downwards only"),
     ("service/jobs/child.py", "import service.app.application", "service: imports run downwards only"),
     ("service/monitoring/runs.py", "import service.store.modes.tables", "tables of modes"),

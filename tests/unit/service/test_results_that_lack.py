@@ -28,6 +28,8 @@ from service.monitoring.notifications.messages import as_mail
 from service.monitoring.runs import _held_otherwise, watched_values
 from service.monitoring.schemas import WatchedIn
 from service.show import hits as record_figures
+from service.show.figures.marks import Figure
+from service.show.figures.screen import screen
 from service.show.pages.grid import draw_grid
 from service.show.reports import update_report
 from service.show.results import figure_data, figure_frf, predictions
@@ -113,10 +115,10 @@ def test_lines_modes_and_points_that_a_result_has_not() -> None:
     data = a_result(arrays, modes=MODES)
     with pytest.raises(NotFound, match="line of the fitted band, 10 to 20 Hz, between 12 and 13 Hz"):
         draw_figure(FIGURES, data, "csac", Wanted(fmin=12, fmax=13))
-    assert draw_figure(FIGURES, data, "csac", Wanted(fmin=12))["data"][0]["x"] == [20.0]
+    assert screen(draw_figure(FIGURES, data, "csac", Wanted(fmin=12)))["data"][0]["x"] == [20.0]
     shapes = {"shapes_updated": np.ones((3, 1)), "shape_pairs": np.array([[0, 0]])}
     alone = _shapes(a_result(shapes, modes=MODES), Wanted(measured=2))
-    assert "this mode has no partner" in alone["layout"]["annotations"][0]["text"]
+    assert "this mode has no partner" in alone.note
     pairs = a_result(
         {"responses": np.array([[1, 3], [2, 3], [2, 3]]), "references": np.array([[3, 3], [1, 3], [2, 3]])}
     )
@@ -141,7 +143,7 @@ def test_points_are_shown_without_held_out_ones() -> None:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(UpdateFigures, "plan", (1.0, 0.1))
             figure = FIGURES["sac"].draw(data, Wanted())
-        assert [trace["customdata"] for trace in figure["data"]] == shown
+        assert [trace["customdata"] for trace in screen(figure)["data"]] == shown
 
 
 @dataclass
@@ -465,7 +467,7 @@ def test_an_earlier_versions_prediction_has_no_interval(monkeypatch: pytest.Monk
     drawn: list[Any] = []
     monkeypatch.setattr(UpdateFigures, "measured_frf", lambda *_: SimpleNamespace(quantity="accelerance"))
     monkeypatch.setattr(UpdateFigures, "measured", lambda *_: (np.ones(2, dtype=complex), None))
-    monkeypatch.setattr(figure_frf, "frf_figure", lambda curves: drawn.append(curves) or {"layout": {}})
+    monkeypatch.setattr(figure_frf, "frf_figure", lambda curves: drawn.append(curves) or Figure("", [], []))
     FIGURES["frf"].draw(data, Wanted())
     assert drawn[0].spread is None
     asked: Any = a_result(provenance={"frfs": [{"id": str(HERE)}] * 2})

@@ -1,0 +1,252 @@
+"""What a figure is described with: marks on panels between axes. `screen` makes Plotly's JSON of a figure, `paper` a print.
+
+Texts are plain; a line break is a line break. `hover` alone is a template of Plotly's: empty where its own will do, None where
+nothing is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from service.show.figures.colors import BAND, MEASURED, OUTSIDE, QUIET
+
+Dash = Literal["solid", "dash", "dot"]
+Kind = Literal["linear", "log", "powers", "decades", "date"]
+
+Z_95 = 1.959964
+"""Half of the central 95 % of a normal distribution, in standard deviations."""
+LONGEST_NAME, MOST_NAMES = 50, 40
+MANY_NAMES = 16  # below an axis, beyond which they stand upright
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """An axis. Panels that have the same one are scaled together.
+
+    Attributes:
+        title: with the unit.
+        kind: how values go along it. `powers` is logarithmic with numbers as powers of ten, `decades` names these alone.
+        range: values at its ends; None for what the marks need.
+        ticks: names by value; None for numbers.
+        grid: whether lines go through its ticks.
+        few: whether it has room for four numbers only.
+        bare: whether it has neither numbers nor grid, as where the height alone says something.
+        hidden: whether it is not drawn.
+        down: whether values grow downwards.
+    """
+
+    title: str = ""
+    kind: Kind = "linear"
+    range: Sequence[float] | None = None
+    ticks: Mapping[float, str] | None = None
+    grid: bool = True
+    few: bool = False
+    bare: bool = False
+    hidden: bool = False
+    down: bool = False
+
+    @property
+    def log(self) -> bool:
+        """Whether it is logarithmic."""
+        return self.kind in ("log", "powers", "decades")
+
+
+def named_axis(title: str, names: Sequence[str], **more: Any) -> Axis:
+    """An axis whose places 0, 1, 2, … have names, every other one where there are many, and so on."""
+    step = -(-len(names) // MOST_NAMES) or 1
+    ticks: dict[float, str] = {place: names[place] for place in range(0, len(names), step)}
+    return Axis(title, ticks=ticks, grid=False, **more)
+
+
+def rows_axis(names: Sequence[str]) -> Axis:
+    """An axis of named rows, the first one on top."""
+    return named_axis("", names, range=(len(names) - 0.4, -0.6))
+
+
+def decades(values: ArrayLike) -> Kind:
+    """The kind of a logarithmic axis of these values: over more than two decades only powers of ten are named."""
+    found = np.asarray(values, dtype=float)
+    found = found[np.isfinite(found) & (found > 0)]
+    return "decades" if found.size > 0 and found.max() > 100 * found.min() else "powers"
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """A place for marks.
+
+    Attributes:
+        x, y: its axes.
+        across, up: where it begins and ends, as shares of the figure's width and height.
+        title: above its left corner.
+        over: whether it lies over the one before, with an axis of its own at the right.
+    """
+
+    x: Axis
+    y: Axis
+    across: tuple[float, float] = (0.0, 1.0)
+    up: tuple[float, float] = (0.0, 1.0)
+    title: str = ""
+    over: bool = False
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Common:
+    """What all marks may have.
+
+    Attributes:
+        panel: where; None for the figure's first.
+        hover: what is said of a point.
+        text: of each point, for `hover`.
+        ids: of each point, for a page that opens something.
+        group: marks that one entry of the legend switches.
+        meta: a sentence about the mark, for a page.
+        digits: significant ones of y.
+        listed: whether it stands in the legend, where it has a name.
+    """
+
+    panel: Panel | None = None
+    hover: str | None = ""
+    text: Sequence[str] = ()
+    ids: Sequence[Any] = ()
+    group: str = ""
+    meta: str = ""
+    digits: int = 7
+    listed: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Curve(Common):
+    """A line through points; with `symbol` the points are marked too, each in a colour of its own where `dots` has them."""
+
+    x: ArrayLike
+    y: ArrayLike
+    name: str = ""
+    color: str = MEASURED
+    dash: Dash = "solid"
+    width: float = 1.5
+    symbol: str = ""
+    size: float = 5
+    dots: Sequence[str] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Band(Common):
+    """The space between two curves."""
+
+    x: ArrayLike
+    low: ArrayLike
+    high: ArrayLike
+    name: str = ""
+    color: str = BAND
+
+
+@dataclass(frozen=True, eq=False)
+class Scale:
+    """What colours from Cividis stand for: values at both ends, and a bar with a title, its middle and length as shares of the
+    figure's height.
+    """
+
+    title: str
+    low: float
+    high: float
+    shown: bool = True
+    middle: float = 0.5
+    length: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Points(Common):
+    """Points with error bars: (n,) to both sides, or (2, n) below and above. Colours of numbers are those of the scale."""
+
+    x: ArrayLike
+    y: ArrayLike
+    name: str = ""
+    color: Any = MEASURED
+    symbol: str = "circle"
+    size: float = 8
+    error_x: ArrayLike | None = None
+    error_y: ArrayLike | None = None
+    scale: Scale | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Bars(Common):
+    """Lying bars at places up, from a base."""
+
+    length: ArrayLike
+    place: ArrayLike
+    base: ArrayLike
+    name: str = ""
+    color: str = QUIET
+    width: float = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class Matrix(Common):
+    """Cells in the colours of a scale, (n, m) values, NaN where there is none; each with a text where there is room."""
+
+    values: ArrayLike
+    cells: Sequence[Sequence[str]]
+    scale: Scale
+    name: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Rule(Common):
+    """A line over a whole panel: upright at a value of x, or level at one of y."""
+
+    at: float
+    color: str = QUIET
+    dash: Dash = "dot"
+    level: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Region(Common):
+    """A part of a panel below everything else, of its whole height where `up` is None; filled, or its outline alone."""
+
+    across: tuple[float, float]
+    color: str = OUTSIDE
+    up: tuple[float, float] | None = None
+    outline: bool = False
+
+
+Mark = Curve | Band | Points | Bars | Matrix | Rule | Region
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """A figure.
+
+    Attributes:
+        title: in one line.
+        marks: in the order in which they are drawn, and stand in the legend.
+        panels: at least one.
+        height: pixels; None for the usual one.
+        margins: pixels beside the panels, by `l`, `r`, `t` and `b`; the usual ones where nothing is said.
+        note: a sentence in the middle of the first panel, where there is nothing to draw.
+        meta: what a page needs to know of it, as JSON.
+    """
+
+    title: str
+    marks: Sequence[Mark]
+    panels: Sequence[Panel]
+    height: int | None = None
+    margins: Mapping[str, int] | None = None
+    note: str = ""
+    meta: Mapping[str, Any] | None = None
+
+
+def words(title: str, sentence: str) -> Figure:
+    """A figure that has nothing to draw and says why."""
+    return Figure(title, [], [Panel(Axis(hidden=True), Axis(hidden=True))], note=sentence)
+
+
+def shortened(name: str, longest: int = LONGEST_NAME) -> str:
+    """A name given by a person, cut where it is too long for a title."""
+    return name if len(name) <= longest else name[: longest - 1] + "…"
