@@ -309,7 +309,7 @@ def test_the_figure_shows_the_series() -> None:
     assert corrected["error_y"]["array"] == [pytest.approx(1.959964e-9 * p["standard_deviation"]) for p in points]
     assert traces["raw"]["y"] == [pytest.approx(1e-9 * p["raw"]) for p in points]
     assert traces["alarm"]["customdata"] == [["A", "8"]]
-    assert traces["chart, fall"]["y"][-1] == -points[-1]["judged"]["chart"]["fall"]
+    assert traces["chart, fall"]["y"][-1] == pytest.approx(-points[-1]["judged"]["chart"]["fall"])
     assert json.loads(render(figure, "plotly")) == shown
     outside = [p["judged"]["score"] < -given["parameters"][0]["limits"]["score"] for p in points if p["judged"]]
     beyond = [p["judged"]["residual"] < -p["judged"]["residual_limit"] for p in points if p["judged"]]

@@ -26,29 +26,17 @@ MANY_NAMES = 16  # below an axis, beyond which they stand upright
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """An axis. Panels that have the same one are scaled together.
+    """An axis. Panels that have the same one are scaled together."""
 
-    Attributes:
-        title: with the unit.
-        kind: how values go along it. `powers` is logarithmic with numbers as powers of ten, `decades` names these alone.
-        range: values at its ends; None for what the marks need.
-        ticks: names by value; None for numbers.
-        grid: whether lines go through its ticks.
-        few: whether it has room for four numbers only.
-        bare: whether it has neither numbers nor grid, as where the height alone says something.
-        hidden: whether it is not drawn.
-        down: whether values grow downwards.
-    """
-
-    title: str = ""
-    kind: Kind = "linear"
-    range: Sequence[float] | None = None
-    ticks: Mapping[float, str] | None = None
+    title: str = ""  # with the unit
+    kind: Kind = "linear"  # `powers` is logarithmic with numbers as powers of ten, `decades` names these alone
+    range: Sequence[float] | None = None  # values at its ends; None for what the marks need
+    ticks: Mapping[float, str] | None = None  # names by value; None for numbers
     grid: bool = True
-    few: bool = False
-    bare: bool = False
+    few: bool = False  # with room for four numbers only
+    bare: bool = False  # without numbers and grid, where the height alone says something
     hidden: bool = False
-    down: bool = False
+    down: bool = False  # values grow downwards
 
     @property
     def log(self) -> bool:
@@ -77,46 +65,28 @@ def decades(values: ArrayLike) -> Kind:
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """A place for marks.
-
-    Attributes:
-        x, y: its axes.
-        across, up: where it begins and ends, as shares of the figure's width and height.
-        title: above its left corner.
-        over: whether it lies over the one before, with an axis of its own at the right.
-    """
+    """A place for marks, between these shares of the figure's width and height."""
 
     x: Axis
     y: Axis
     across: tuple[float, float] = (0.0, 1.0)
     up: tuple[float, float] = (0.0, 1.0)
-    title: str = ""
-    over: bool = False
+    title: str = ""  # above its left corner
+    over: bool = False  # over the panel before, with an axis of its own at the right
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Common:
-    """What all marks may have.
+    """What all marks may have."""
 
-    Attributes:
-        panel: where; None for the figure's first.
-        hover: what is said of a point.
-        text: of each point, for `hover`.
-        ids: of each point, for a page that opens something.
-        group: marks that one entry of the legend switches.
-        meta: a sentence about the mark, for a page.
-        digits: significant ones of y.
-        listed: whether it stands in the legend, where it has a name.
-    """
-
-    panel: Panel | None = None
+    panel: Panel | None = None  # None for the figure's first
     hover: str | None = ""
-    text: Sequence[str] = ()
-    ids: Sequence[Any] = ()
-    group: str = ""
-    meta: str = ""
-    digits: int = 7
-    listed: bool = True
+    text: Sequence[str] = ()  # of each point, for `hover`
+    ids: Sequence[Any] = ()  # of each point, for a page that opens something
+    group: str = ""  # marks that one entry of the legend switches
+    meta: str = ""  # a sentence, for a page
+    digits: int = 7  # significant ones of y
+    listed: bool = True  # in the legend, where it has a name
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,25 +191,17 @@ Mark = Curve | Band | Points | Bars | Matrix | Rule | Region
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """A figure.
-
-    Attributes:
-        title: in one line.
-        marks: in the order in which they are drawn, and stand in the legend.
-        panels: at least one.
-        height: pixels; None for the usual one.
-        margins: pixels beside the panels, by `l`, `r`, `t` and `b`; the usual ones where nothing is said.
-        note: a sentence in the middle of the first panel, where there is nothing to draw.
-        meta: what a page needs to know of it, as JSON.
-    """
+    """A figure: at least one panel, and marks in the order in which they are drawn and stand in the legend."""
 
     title: str
     marks: Sequence[Mark]
     panels: Sequence[Panel]
-    height: int | None = None
-    margins: Mapping[str, int] | None = None
-    note: str = ""
-    meta: Mapping[str, Any] | None = None
+    height: int | None = None  # pixels; None for the usual one
+    margins: Mapping[str, int] | None = (
+        None  # pixels beside the panels by `l`, `r`, `t`, `b`, where they are not the usual ones
+    )
+    note: str = ""  # in the middle of the first panel, where there is nothing to draw
+    meta: Mapping[str, Any] | None = None  # what a page needs to know of it, as JSON
 
 
 def words(title: str, sentence: str) -> Figure:
