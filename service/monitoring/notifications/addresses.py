@@ -97,17 +97,11 @@ class AddressError(Exception):
 
 @dataclass(frozen=True)
 class Target:
-    """A URL with the address that its name stood for when it was checked.
+    """A URL with the address that its name stood for when it was checked."""
 
-    Attributes:
-        url: as connected to: the address in place of the name.
-        host: for the Host header.
-        name: for TLS: the certificate must be of this name.
-    """
-
-    url: httpx.URL
-    host: str
-    name: str
+    url: httpx.URL  # as connected to: the address in place of the name
+    host: str  # for the Host header
+    name: str  # for TLS: the certificate must be of this name
 
 
 def parse_url(url: str) -> httpx.URL:

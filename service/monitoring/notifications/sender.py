@@ -87,15 +87,10 @@ def sign(secret: str, message_id: str, timestamp: int, body: bytes) -> str:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of an attempt.
+    """What became of an attempt."""
 
-    Attributes:
-        status: HTTP status, where there was one.
-        error: why it failed; None where it was delivered.
-    """
-
-    status: int | None
-    error: str | None
+    status: int | None  # HTTP status, where there was one
+    error: str | None  # why it failed; None where it was delivered
 
 
 async def deliver(delivery: Delivery, hook: Webhook | None, settings: Settings) -> Outcome:

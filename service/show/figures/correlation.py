@@ -37,21 +37,14 @@ def agreement_figure(
 
 @dataclass(frozen=True)
 class PointValues:
-    """A criterion by FRF, at the point that distinguishes the FRF from others.
+    """A criterion by FRF, at the point that distinguishes the FRF from others."""
 
-    Attributes:
-        labels: of the points.
-        x, y: their places on the specimen, m.
-        sac, frac: from 0 to 1; NaN where there is none.
-        held_out: whether the FRF was held out of the fit.
-    """
-
-    labels: Sequence[int]
-    x: FloatArray
+    labels: Sequence[int]  # of the points
+    x: FloatArray  # their places on the specimen, m
     y: FloatArray
-    sac: FloatArray
+    sac: FloatArray  # from 0 to 1; NaN where there is none
     frac: FloatArray
-    held_out: Sequence[bool]
+    held_out: Sequence[bool]  # whether the FRF was held out of the fit
 
 
 def points_figure(values: PointValues, length: float, width: float) -> Figure:

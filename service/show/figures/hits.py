@@ -19,51 +19,30 @@ _BAD = (INITIAL, ALARM, PALETTE[3], PALETTE[6], PALETTE[8], PALETTE[9])
 
 @dataclass(frozen=True)
 class HitShown:
-    """One hit.
+    """One hit."""
 
-    Attributes:
-        number: of the point, from 1.
-        good: whether it is used.
-        why: what was found against it, in a few words; empty of a good one.
-        sentence: the same at length.
-        force, response: (n,) samples, SI.
-        frf: (L,) of this hit alone.
-    """
-
-    number: int
-    good: bool
-    why: str
-    sentence: str
-    force: FloatArray
+    number: int  # of the point, from 1
+    good: bool  # whether it is used
+    why: str  # what was found against it, in a few words; empty of a good one
+    sentence: str  # the same at length
+    force: FloatArray  # (n,) samples, SI
     response: FloatArray
-    frf: ComplexArray
+    frf: ComplexArray  # (L,) of this hit alone
 
 
 @dataclass(frozen=True)
 class PointShown:
-    """The hits of a point at one sensor.
+    """The hits of a point at one sensor."""
 
-    Attributes:
-        title: where was hit and measured.
-        quantity: acceleration, velocity or displacement.
-        frf_quantity: accelerance, mobility or receptance.
-        sample_rate_hz: of the blocks.
-        frequency_hz: (L,).
-        pulse_s: begin of the first pulse and end of the last, s.
-        hits: in their order.
-        mean: (L,) FRF of the good ones; None without any.
-        coherence: (L,) of two good ones or more, or None.
-    """
-
-    title: str
-    quantity: str
-    frf_quantity: str
-    sample_rate_hz: float
-    frequency_hz: FloatArray
-    pulse_s: tuple[float, float]
-    hits: list[HitShown]
-    mean: ComplexArray | None
-    coherence: FloatArray | None
+    title: str  # where was hit and measured
+    quantity: str  # acceleration, velocity or displacement
+    frf_quantity: str  # accelerance, mobility or receptance
+    sample_rate_hz: float  # of the blocks
+    frequency_hz: FloatArray  # (L,)
+    pulse_s: tuple[float, float]  # begin of the first pulse and end of the last, s
+    hits: list[HitShown]  # in their order
+    mean: ComplexArray | None  # (L,) FRF of the good ones; None without any
+    coherence: FloatArray | None  # (L,) of two good ones or more, or None
 
 
 def hits_figure(point: PointShown) -> Figure:

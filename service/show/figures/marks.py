@@ -212,3 +212,12 @@ def words(title: str, sentence: str) -> Figure:
 def shortened(name: str, longest: int = LONGEST_NAME) -> str:
     """A name given by a person, cut where it is too long for a title."""
     return name if len(name) <= longest else name[: longest - 1] + "…"
+
+
+def counted(count: int, noun: str, nouns: str = "") -> str:
+    """A number of things in words, with the plural where it is not the noun and an s.
+
+    >>> counted(1, "FRF"), counted(2, "ply", "plies")
+    ('1 FRF', '2 plies')
+    """
+    return f"{count} {noun if count == 1 else nouns or noun + 's'}"

@@ -28,21 +28,14 @@ class Marginal:
 
     Its posterior is Gaussian to either side of the estimate, in the logarithm where it must be positive; between the two sides
     the standard deviation changes smoothly.
-
-    Attributes:
-        title: name and unit.
-        estimate: value.
-        below, above: standard deviations to either side, in the coordinate.
-        log: whether the coordinate is the logarithm.
-        prior: mean and standard deviation, or None.
     """
 
-    title: str
-    estimate: float
-    below: float
+    title: str  # name and unit
+    estimate: float  # value
+    below: float  # standard deviations to either side, in the coordinate
     above: float
-    log: bool
-    prior: tuple[float, float] | None
+    log: bool  # whether the coordinate is the logarithm
+    prior: tuple[float, float] | None  # mean and standard deviation, or None
 
     def at(self, z: FloatArray) -> FloatArray:
         """Values so many standard deviations from the estimate."""

@@ -22,20 +22,13 @@ MOST_MODES, MOST_ROWS = 40, 8
 
 @dataclass(frozen=True)
 class ShapePair:
-    """A measured shape and that of its partner.
+    """A measured shape and that of its partner."""
 
-    Attributes:
-        number: of the measured mode.
-        measured_title, updated_title: such as `measured, 160.9 Hz`.
-        measured: (p,) complex, at the first p points; empty where it has no shape.
-        updated: (P,) real.
-    """
-
-    number: int
-    measured_title: str
+    number: int  # of the measured mode
+    measured_title: str  # such as `measured, 160.9 Hz`.
     updated_title: str
-    measured: ComplexArray
-    updated: FloatArray
+    measured: ComplexArray  # (p,) complex, at the first p points; empty where it has no shape
+    updated: FloatArray  # (P,) real
 
 
 def shapes_figure(pairs: Sequence[ShapePair], points: Sequence[int], places: FloatArray, which: str = "") -> Figure:

@@ -79,17 +79,11 @@ def page(request: Request, template: str, status_code: int = 200, **context: Any
 
 @dataclass(frozen=True)
 class Visit:
-    """Somebody who is signed in and looks at a page.
+    """Somebody who is signed in and looks at a page."""
 
-    Attributes:
-        request: theirs.
-        session: its transaction, in which the database stands still.
-        user: who.
-    """
-
-    request: Request
-    session: Session
-    user: User
+    request: Request  # theirs
+    session: Session  # its transaction, in which the database stands still
+    user: User  # who
 
     def show(self, template: str, **context: Any) -> HTMLResponse:
         """A page of theirs."""

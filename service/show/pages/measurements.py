@@ -128,17 +128,11 @@ def _measured_points(rows: Sequence[FrfOut]) -> dict[int, int]:
 
 @dataclass(frozen=True)
 class HitPlace:
-    """Where was hit and where the sensor stood, for a list to choose from.
+    """Where was hit and where the sensor stood, for a list to choose from."""
 
-    Attributes:
-        name: in the page's address.
-        words: for a person.
-        query: of the figure.
-    """
-
-    name: str
-    words: str
-    query: str
+    name: str  # in the page's address
+    words: str  # for a person
+    query: str  # of the figure
 
 
 def _hit_places(blocks: Sequence[RecordOut]) -> list[HitPlace]:

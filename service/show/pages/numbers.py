@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
+from service.show.figures.marks import counted
 from service.show.figures.parameters import SHOWN
 
 NOTHING = "–"
@@ -126,6 +127,7 @@ def _time(value: datetime | str) -> datetime:
 
 
 FILTERS: dict[str, Callable[..., Any]] = {
+    "counted": counted,
     "number": number,
     "unit_of": unit_of,
     "in_unit": in_unit,

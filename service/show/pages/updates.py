@@ -11,6 +11,7 @@ from fastapi.responses import HTMLResponse
 from service.access import routes as access
 from service.errors import Invalid
 from service.jobs.state import ENDED, JobState
+from service.show.figures.marks import counted
 from service.show.pages.forms import fields_of
 from service.show.pages.look import Visit, VisitDep
 from service.show.pages.names import name_jobs, over_time
@@ -43,7 +44,7 @@ def get_new_update(
     sets = modes.list_mode_sets(campaign_id, visit.session, visit.user, limit=MOST).items
     batches = coupons.list_batches(context["structure"].id, visit.session, visit.user, limit=MOST).items
     choices = {
-        "mode_set": [(str(s.id), f"{s.name} ({s.origin}, {len(s.modes)} modes)") for s in reversed(sets)],
+        "mode_set": [(str(s.id), f"{s.name} ({s.origin}, {counted(len(s.modes), 'mode')})") for s in reversed(sets)],
         "prior_from_coupon_batch": [(str(b.id), f"{b.name} ({', '.join(b.constants)})") for b in reversed(batches)],
     }
     fields = fields_of(RecipeIn, choices)

@@ -138,7 +138,9 @@ def _require_shapes(data: UpdateFigures) -> None:
 def _shapes(data: UpdateFigures, wanted: Wanted) -> Figure:
     found = _shape_pairs(data, wanted)
     if not found:
-        return words("Mode shapes, measured and updated", "this mode has no partner; choose one of the other side too")
+        return words(
+            "Mode shapes, measured and updated", "this mode has no partner; choose a mode of the other side too"
+        )
     which = f"the first {MOST_MODES} of {len(found)} pairs" if len(found) > MOST_MODES else ""
     return _drawn_shapes(data, wanted, found[:MOST_MODES], which)
 
@@ -217,7 +219,7 @@ def _posterior(data: AnyFigures, _: Wanted) -> Figure:
 
 def _require_budget(data: AnyFigures) -> None:
     if not any(row["budget"] for row in data.document["parameters"]):
-        raise Conflict("no parameter of this result has a budget of its variance")
+        raise Conflict("this result does not say what the variance of its parameters is made of")
 
 
 def _require_alone(data: JointFigures) -> None:

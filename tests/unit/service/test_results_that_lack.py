@@ -69,11 +69,15 @@ MODES = [{"number": 1, "measured_hz": 10.0}, {"number": 2, "measured_hz": 20.0}]
 @pytest.mark.parametrize(
     ("name", "data", "why"),
     [
-        ("frf", a_result(NO_LINES, outcomes=[]), "this update predicts no FRF, as its damping was not fitted to any"),
+        (
+            "frf",
+            a_result(NO_LINES, outcomes=[]),
+            "this update predicts no FRFs, because its damping was not fitted to any",
+        ),
         (
             "frf",
             a_result(NO_LINES, outcomes=[{"stage": "damping", "message": "no modes"}]),
-            "this update predicts no FRF, as its damping was not fitted to any: no modes",
+            "this update predicts no FRFs, because its damping was not fitted to any: no modes",
         ),
         ("csac", a_result({"frequency_hz": np.ones(3)}), OLDER),
         ("mac", a_result(correlation={"mac_matrix": None}), "the measured modes have no shapes, so there is no MAC"),
@@ -88,7 +92,7 @@ MODES = [{"number": 1, "measured_hz": 10.0}, {"number": 2, "measured_hz": 20.0}]
         (
             "budget",
             a_result(parameters=[{"budget": []}]),
-            "no parameter of this result has a budget of its variance",
+            "this result does not say what the variance of its parameters is made of",
         ),
         (
             "damping",
@@ -164,7 +168,7 @@ def test_predictions_are_assigned_where_the_frame_is_still_theirs(monkeypatch: p
     some = [(Dof(1, 3), Dof(9, 3)), (Dof(3, 3), Dof(9, 3))]
     assert predictions.used_frfs(job, job, rows, some) == [rows[0], rows[2]]
     assert predictions.used_frfs(job, job, rows[:2], some) == rows[:2]
-    with pytest.raises(Conflict, match="the campaign's frame is not the one of this result; restore it"):
+    with pytest.raises(Conflict, match="the campaign's frame was changed after this update: restore it"):
         predictions.used_frfs(job, job, rows, [(Dof(1, -3), Dof(9, 3))])
 
 
@@ -485,7 +489,7 @@ def test_predictions_that_no_row_matches(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(predictions, "frfs_of", lambda *_: [])
     monkeypatch.setattr(predictions, "used_frfs", lambda *_: [Row(1)])
     job: Any = None
-    with pytest.raises(NotFound, match="predicted FRF that matches in this result"):
+    with pytest.raises(NotFound, match="predicted FRF at these points and in this direction in this result"):
         predictions.predicted_table(job, job, "updated", predictions.Chosen(point=7), predictions.Cut())
 
 
@@ -521,7 +525,7 @@ def test_measured_data_that_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> N
     assert (intake.blocks, intake.unused) == ({3}, {3: "is a time block without a point and direction"})
     half = SimpleNamespace(hit=1, force_point=2, quantity="acceleration")
     monkeypatch.setattr(record_figures, "block_rows", lambda *_: {(2, 3): [half]})
-    with pytest.raises(NotFound, match=r"whole hit.* in this campaign: hit 1 of point 2 has no force"):
+    with pytest.raises(NotFound, match=r"complete hit.* in this campaign: hit 1 of point 2 has no force"):
         record_figures.point_blocks(session, HERE, record_figures.Chosen(point=2))
     monkeypatch.setattr(record_operations, "stream_rows", lambda *_: [(b"1234",)])
     short: Any = SimpleNamespace(id=HERE, samples=2, dtype="<f4", sha256=b"x")
