@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Literal, NamedTuple
 
+from fecore.body.specimen import UNITS, kind_of
 from fecore.updating.result import Finding, ParameterEstimate, Verdict
 
 Level = Literal["with_care", "do_not_use"]
@@ -23,6 +24,7 @@ SENTENCES = {
     "do_not_use": "Do not use the result: the model and the measurement do not belong together.",
 }
 _DECISIVE = 2  # reasons that a verdict names
+_WRITTEN = {"Pa": (1e-9, " GPa"), "m": (1e3, " mm"), "kg/m³": (1.0, " kg/m³")}  # of values in messages
 _NAMED = 4  # of alike warnings, how many are named one by one
 
 
@@ -127,7 +129,7 @@ FINDINGS = {
     "far_from_prior": Row(
         "with_care",
         20,
-        "{name} ended {away:.1f} prior standard deviations {side} its prior mean ({value:.3g} against {mean:.3g})",
+        "{name} ended {away:.1f} prior standard deviations {side} its prior mean ({value} against {mean})",
         "the prior or the model is wrong, and the interval allows for neither",
     ),
     "confounded": Row(
@@ -166,7 +168,7 @@ FINDINGS = {
     "frfs_scaled": Row(
         "with_care",
         30,
-        "the FRFs are {factor:.3g} times as large as the model's{unit}: check calibration (hammer, sensor, units), geometry, "
+        "the FRFs are {factor:.4g} times as large as the model's{unit}: check calibration (hammer, sensor, units), geometry, "
         "density, added masses and boundary",
         "the damping was fitted to the FRFs divided by this factor",
     ),
@@ -286,6 +288,16 @@ def warnings(findings: Sequence[Finding]) -> tuple[str, ...]:
         return tuple(folded)
     left = len(folded) - MOST_WARNINGS + 1
     return (*folded[: MOST_WARNINGS - 1], f"{left} less important warnings are not listed")
+
+
+def amount(name: str, value: float) -> str:
+    """A constant's value as a laboratory writes it, to three digits.
+
+    >>> amount("Ex", 33.05e9), amount("nu_xy", 0.16)
+    ('33.1 GPa', '0.16')
+    """
+    factor, unit = _WRITTEN.get(UNITS.get(kind_of(name), ""), (1.0, ""))
+    return f"{factor * value:.3g}{unit}"
 
 
 def listed(words: Sequence[object], most: int) -> str:
