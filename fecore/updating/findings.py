@@ -56,7 +56,7 @@ FINDINGS = {
         "with_care",
         9,
         "{where}points {points} lie beyond the {name} of {size:g} mm, by up to {out:.2g} mm",
-        "correct the {name} or the points' coordinates: a wrong one makes the constants wrong",
+        "the {name} or the points' coordinates are wrong, and so may be the constants; correct what is wrong",
     ),
     "joint_needs_frfs": Row(
         "with_care",

@@ -183,7 +183,8 @@ def test_modes_without_frfs_give_constants_and_a_law(nominal: Specimen) -> None:
     joint = update(Measurement(None, {}, MeasuredModes(MEASURED_HZ, ratio)), nominal, Recipe(method="joint"))
     assert joint.parameters == result.parameters
     assert set(joint.warnings) - set(result.warnings) == {
-        "the method joint needs FRFs and there are none: the constants come from the modes, as with two_stage"
+        "the method joint needs FRFs, and the campaign has none: the constants were estimated from the modes, as the method "
+        "two_stage does"
     }
     silent = update(Measurement(None, {}, MeasuredModes(MEASURED_HZ, np.full(5, np.nan))), nominal)
     assert silent.outcomes[1].status == "skipped"
