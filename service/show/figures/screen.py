@@ -99,16 +99,16 @@ class _Screen:
             found["range"] = _values(np.log10(axis.range) if axis.log else axis.range)
         if axis.ticks is not None:
             found |= {"tickvals": list(axis.ticks), "ticktext": [_text(each) for each in axis.ticks.values()]}
-        special: dict[str, tuple[Any, Json]] = {
-            "powers": (axis.kind in ("powers", "decades"), {"exponentformat": "power"}),
-            "decades": (axis.kind == "decades", {"dtick": 1}),
-            "bare": (axis.bare, {"showticklabels": False, "rangemode": "tozero"}),
-            "few": (axis.few, {"nticks": 4}),
-            "hidden": (axis.hidden, {"visible": False}),
-            "down": (axis.down, {"autorange": "reversed"}),
-            "over": (at.over and not across, {"overlaying": "y", "side": "right"}),
-        }
-        for applies, properties in special.values():
+        special: tuple[tuple[bool, Json], ...] = (
+            (axis.kind in ("powers", "decades"), {"exponentformat": "power"}),
+            (axis.kind == "decades", {"dtick": 1}),
+            (axis.bare, {"showticklabels": False, "rangemode": "tozero"}),
+            (axis.few, {"nticks": 4}),
+            (axis.hidden, {"visible": False}),
+            (axis.down, {"autorange": "reversed"}),
+            (at.over and not across, {"overlaying": "y", "side": "right"}),
+        )
+        for applies, properties in special:
             found |= properties if applies else {}
         return found
 

@@ -30,7 +30,8 @@ ANNEX = (
     "parameters", "budget", "posterior", "shapes", "mac", "automac", "csac", "csf", "sac", "damping", "convergence",
     "stabilisation",
 )  # fmt: skip
-_LOW = {"automac": 0.8, "mac": 0.8, "csac": 0.8, "csf": 0.8}
+_WIDTHS = {**dict.fromkeys(("budget", "automac", "mac", "csac", "csf"), 0.8), "posterior": 0.75, "convergence": 0.85}
+"""Of figures that are high, as shares of the text's width, so that two fit on a page; of others 0.9."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +157,7 @@ def _annex(document: Mapping[str, Any], draw: Callable[[str], Sequence[Figure]])
     if len(document["modes"]) > MOST_MODES:
         blocks += [Heading("All modes"), _table(*mode_cells(document["modes"]))]
     blocks.append(Heading("Figures"))
-    blocks += [Picture(figure, _LOW.get(name, 0.9)) for name in ANNEX for figure in draw(name)]
+    blocks += [Picture(figure, _WIDTHS.get(name, 0.9)) for name in ANNEX for figure in draw(name)]
     provenance = document["provenance"]
     recipe = json.dumps(provenance["recipe"], ensure_ascii=False, indent=1, sort_keys=True)
     blocks += [Heading("Recipe"), Paragraph(recipe, "code"), Heading("Origin"), _pairs(_origin(provenance))]
