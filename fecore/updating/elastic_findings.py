@@ -7,7 +7,7 @@ import numpy as np
 from fecore.body.mesh import EDGE_ROUNDING
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic_result import REFUTED, ElasticResult
-from fecore.updating.findings import Level, amount, found, listed, remarks
+from fecore.updating.findings import Level, amount, found, listed, modes_of, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.result import Finding
@@ -33,7 +33,7 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
         findings.append(found("no_like_mode", mac=np.nanmax(pairing.mac)))
     if alone:
         kind = "most_modes_alone" if 2 * alone > len(modes) else "modes_alone"
-        findings.append(found(kind, alone=alone, count=len(modes)))
+        findings.append(found(kind, alone=modes_of(alone, len(modes))))
     return [
         *findings,
         *pairing_findings(elastic),

@@ -90,11 +90,10 @@ FINDINGS = {
     "most_modes_alone": Row(
         "do_not_use",
         100,
-        "{alone} of {count} measured modes have no partner in the model: the model is not one of the structure that was "
-        "measured",
+        "{alone} no partner in the model: the model is not one of the structure that was measured",
         _ANOTHER_BODY,
     ),
-    "modes_alone": Row("with_care", 6, "{alone} of {count} measured modes have no partner in the model"),
+    "modes_alone": Row("with_care", 6, "{alone} no partner in the model"),
     "shapes_unlike": Row(
         "do_not_use", 80, "most measured mode shapes disagree with the model's (median MAC {mac:.2f})"
     ),
@@ -168,7 +167,7 @@ FINDINGS = {
     "frfs_scaled": Row(
         "with_care",
         30,
-        "the FRFs are {factor:.4g} times as large as the model's{unit}: check calibration (hammer, sensor, units), geometry, "
+        "the FRFs are {factor} times as large as the model's{unit}: check calibration (hammer, sensor, units), geometry, "
         "density, added masses and boundary",
         "the damping was fitted to the FRFs divided by this factor",
     ),
@@ -230,9 +229,7 @@ FINDINGS = {
         40,
         "campaign {name}: frequencies of the joint material differ from the measured ones by {percent:.1f} % (rms)",
     ),
-    "campaign_modes_alone": Row(
-        "with_care", 30, "campaign {name}: {alone} of {count} measured modes have no partner in the model"
-    ),
+    "campaign_modes_alone": Row("with_care", 30, "campaign {name}: {alone} no partner in the model"),
     "unknown_far_from_prior": Row(
         "with_care",
         20,
@@ -291,13 +288,18 @@ def warnings(findings: Sequence[Finding]) -> tuple[str, ...]:
 
 
 def amount(name: str, value: float) -> str:
-    """A constant's value as a laboratory writes it, to three digits.
+    """A constant's value as a laboratory writes it, or another number; to three digits.
 
-    >>> amount("Ex", 33.05e9), amount("nu_xy", 0.16)
-    ('33.1 GPa', '0.16')
+    >>> amount("Ex", 33.05e9), amount("density", 2012), amount("", 0.16)
+    ('33.1 GPa', '2010 kg/m³', '0.16')
     """
     factor, unit = _WRITTEN.get(UNITS.get(kind_of(name), ""), (1.0, ""))
-    return f"{factor * value:.3g}{unit}"
+    return f"{float(f'{factor * value:.3g}'):g}{unit}"  # without an exponent where there need be none
+
+
+def modes_of(alone: int, count: int) -> str:
+    """Some of the measured modes, as the subject of a sentence."""
+    return f"{alone} of {count} measured modes {'has' if alone == 1 else 'have'}"
 
 
 def listed(words: Sequence[object], most: int) -> str:

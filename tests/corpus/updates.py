@@ -307,11 +307,11 @@ UPDATES: dict[str, Case] = {
         lambda: update(replace(identified(), frfs=identified().frfs.band(2.0, 500.0)), replace(BEAM, boundary="free")),
         Updated([".*most FRFs disagree with the model's", ".*measured mode 2.*agrees poorly with its partner"])),
     "another free beam": (lambda: of_another_beam("free"), Updated(
-        level="do_not_use", more=partial(because, "no measured mode is like any mode of the model"))),
+        level="do_not_use", more=partial(because, "no measured mode shape agrees with one of the model"))),
     "another clamped beam": (lambda: of_another_beam("cantilever"), Updated(
         level="do_not_use", more=partial(because, "most measured mode shapes disagree with the model's"))),
     "a mode that moved": (lambda: update(moved_in_the_test(), BEAM), Updated(level="with_care", more=partial(
-        because, r"measured modes 2 and 3 \([\d.]+ and [\d.]+ Hz\) lie within"))),
+        because, r"measured modes 2 and 3 \([\d.]+ and [\d.]+ Hz\) lie closer together than"))),
     "a mistyped mode": (lambda: update(mistyped(), BEAM), Updated(
         level="do_not_use", more=partial(because, "most FRFs disagree with the model's"))),
     "above its prior": (lambda: from_modes(Parameter("Ex", prior_mean=25e9, prior_sd=3e9)), Updated(
