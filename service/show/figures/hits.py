@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import cycle
 
 import numpy as np
 
@@ -75,30 +77,23 @@ def hits_figure(point: PointShown) -> Figure:
     return Figure(shortened(point.title), marks, panels, height=760 if point.coherence is None else 900)
 
 
-@dataclass(frozen=True)
-class _Style:
-    name: str  # in the legend; empty of a good hit that is not the first
-    group: str
-    color: str
-    dash: Dash
+_Style = tuple[str, str, str, Dash]  # name in the legend, group, colour, dash
 
 
-def _styles(hits: list[HitShown]) -> list[_Style]:
-    good = sum(hit.good for hit in hits)
-    styles, bad, named = [], 0, False
+def _styles(hits: list[HitShown]) -> Iterator[_Style]:
+    """Good hits are alike, and the first of them has their name; each bad one has its own."""
+    name, colors = f"good hits ({sum(hit.good for hit in hits)})", cycle(_BAD)
     for hit in hits:
         if hit.good:
-            styles.append(_Style("" if named else f"good hits ({good})", "good", MEASURED, "solid"))
-            named = True
+            yield name, "good", MEASURED, "solid"
+            name = ""
         else:
-            color = _BAD[bad % len(_BAD)]
-            styles.append(_Style(f"hit {hit.number}: {hit.why}", f"hit {hit.number}", color, "dash"))
-            bad += 1
-    return styles
+            yield f"hit {hit.number}: {hit.why}", f"hit {hit.number}", next(colors), "dash"
 
 
 def _marks(point: PointShown, hit: HitShown, style: _Style, panels: list[Panel]) -> list[Mark]:
     """Force, response and FRF of a hit."""
+    name, group, color, dash = style
     said = f"hit {hit.number}" + (f", {hit.why}" if hit.why else "")
     forced, answered = thinned(hit.force, MOST_SAMPLES), thinned(hit.response, MOST_SAMPLES)
     seen = thinned(np.abs(np.nan_to_num(hit.frf)), MOST_SAMPLES)
@@ -110,8 +105,8 @@ def _marks(point: PointShown, hit: HitShown, style: _Style, panels: list[Panel])
     )
     return [
         Curve(
-            x, y, style.name if panel is panels[0] else "", style.color, style.dash, 1, panel=panel, digits=5,
-            hover=f"{said}<br>{hover}", group=style.group, meta=hit.sentence,
+            x, y, name if panel is panels[0] else "", color, dash, 1, panel=panel, digits=5,
+            hover=f"{said}<br>{hover}", group=group, meta=hit.sentence,
         )
         for (x, y, hover), panel in zip(series, panels, strict=False)
     ]  # fmt: skip
