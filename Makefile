@@ -10,7 +10,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Each process that starts would compile all of it anew, 0.7 s at a time: `__pycache__` is what that is for.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test unit integration acceptance check bench guide soak clean
+.PHONY: demo test unit integration acceptance check bench screens guide soak clean
 
 demo: $(SERVER)
 	$(BIN)/modalbase demo
@@ -33,6 +33,10 @@ check: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks accuracy speed
+
+# A picture of each page in build/screens; needs the system's Chromium.
+screens: $(READY)
+	$(BIN)/python -m tools.screens
 
 # The guide as files for a browser, in build/guide; a service has it at /guide.
 guide: $(SERVER)

@@ -19,7 +19,7 @@ from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts
 from fecore.updating.estimates import constant_estimates, own_estimates
 from fecore.updating.excursions import excursions
-from fecore.updating.findings import Level, found, judge, ordered, warnings
+from fecore.updating.findings import Level, found, judge, modes_of, ordered, warnings
 from fecore.updating.forward import EXTRA_MODES, ForwardModel, modes_to_cover
 from fecore.updating.inputs import Inputs
 from fecore.updating.laws import CommonLaw, common_damping
@@ -352,7 +352,7 @@ def _findings(elastic: ElasticResult, parts: Sequence[CampaignPart]) -> list[Fin
         alone, count = len(pairing.unpaired_measured), len(part.modes)
         if alone:
             level: Level | None = "do_not_use" if 2 * alone > count else None
-            findings.append(found("campaign_modes_alone", level=level, name=part.name, alone=alone, count=count))
+            findings.append(found("campaign_modes_alone", level=level, name=part.name, alone=modes_of(alone, count)))
         miss = float(np.sqrt(np.mean(elastic.problem.residual[at] ** 2)))
         if miss > USUAL_MISS:
             findings.append(found("campaign_missed", name=part.name, percent=100 * miss))

@@ -7,7 +7,7 @@ import numpy as np
 from fecore.body.mesh import EDGE_ROUNDING
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic_result import REFUTED, ElasticResult
-from fecore.updating.findings import Level, found, listed, remarks
+from fecore.updating.findings import Level, amount, found, listed, modes_of, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.result import Finding
@@ -33,7 +33,7 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
         findings.append(found("no_like_mode", mac=np.nanmax(pairing.mac)))
     if alone:
         kind = "most_modes_alone" if 2 * alone > len(modes) else "modes_alone"
-        findings.append(found(kind, alone=alone, count=len(modes)))
+        findings.append(found(kind, alone=modes_of(alone, len(modes))))
     return [
         *findings,
         *pairing_findings(elastic),
@@ -56,7 +56,9 @@ def _rival_pairing(elastic: ElasticResult) -> list[Finding]:
     for rival in elastic.standing or elastic.rivals[:1]:
         apart, theta = rival.other.x - elastic.x, elastic.layout.material(rival.other.x)
         sd = np.sqrt(np.minimum(np.diag(elastic.mixture.total), np.diag(rival.other.mixture.total)))
-        other = ", ".join(f"{name} {theta[i]:.3g}" for i, name in enumerate(names) if abs(apart[i]) > FAR * sd[i])
+        other = ", ".join(
+            f"{name} {amount(name, theta[i])}" for i, name in enumerate(names) if abs(apart[i]) > FAR * sd[i]
+        )
         if other and rival.evidence <= REFUTED:
             spanned = "; the intervals span both" if elastic.standing else ""
             return [found("rival_pairing", other=other, evidence=rival.evidence, spanned=spanned)]
@@ -116,8 +118,8 @@ def _far_from_prior(elastic: ElasticResult) -> list[Finding]:
             name=prior.names[i],
             away=abs(away[i]),
             side="above" if away[i] > 0 else "below",
-            value=theta[i],
-            mean=prior.prior_mean[i],
+            value=amount(prior.names[i], theta[i]),
+            mean=amount(prior.names[i], prior.prior_mean[i]),
         )
         for i in np.flatnonzero(np.abs(away) > FAR)
     ]

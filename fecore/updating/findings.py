@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Literal, NamedTuple
 
+from fecore.body.specimen import UNITS, kind_of
 from fecore.updating.result import Finding, ParameterEstimate, Verdict
 
 Level = Literal["with_care", "do_not_use"]
@@ -20,9 +21,10 @@ MOST_WARNINGS = 12
 SENTENCES = {
     "usable": "The result may be used: {numbers}.",
     "with_care": "Use the result with care: {numbers}.",
-    "do_not_use": "Do not use the result: model and measurement do not belong together.",
+    "do_not_use": "Do not use the result: the model and the measurement do not belong together.",
 }
 _DECISIVE = 2  # reasons that a verdict names
+_WRITTEN = {"Pa": (1e-9, " GPa"), "m": (1e3, " mm"), "kg/m³": (1.0, " kg/m³")}  # of values in messages
 _NAMED = 4  # of alike warnings, how many are named one by one
 
 
@@ -36,10 +38,10 @@ class Row(NamedTuple):
 
 
 _ANOTHER_BODY = "check that the file belongs to this structure, and boundary, points and frame"
-_DECIDE = "shapes at more points would decide"
+_DECIDE = "shapes measured at more points would decide"
 _OTHER_THAN_STATED = "another material, angle, thickness or boundary than stated, or specimens that scatter more"
 _WINDOW = "state the window's rate 1/τ with the campaign, 0 for none"
-_FRFS = "(in brackets the factor over that of all); mend or leave out"
+_FRFS = "(in brackets: its factor relative to all FRFs); correct or leave out"
 
 FINDINGS = {
     # of the measurement and the model
@@ -47,8 +49,8 @@ FINDINGS = {
     "mesh_misses": Row(
         "with_care",
         8,
-        "the mesh of {nx} × {ny} elements, the finest allowed, may miss frequencies by {percent:.2g} %",
-        "lower the band",
+        "the finest mesh allowed, {nx} × {ny} elements, may give frequencies that are wrong by {percent:.2g} %",
+        "choose a band that ends lower",
     ),
     "points_beyond": Row(
         "with_care",
@@ -59,147 +61,153 @@ FINDINGS = {
     "joint_needs_frfs": Row(
         "with_care",
         1,
-        "the method joint needs FRFs and there are none",
-        "the constants come from the modes, as with two_stage",
+        "the method joint needs FRFs, and the campaign has none",
+        "the constants were estimated from the modes, as the method two_stage does",
     ),
     "roving_sensor": Row(
         "with_care",
         1,
-        "the sensor of {grams:.3g} g moved with the response, so the FRFs have no common modes: constants and modes (those "
-        "without the sensor) come from the FRFs through the loaded model, as with the method joint{unused}",
+        "the sensor of {grams:.3g} g moved with the response, so its mass shifts the modes from FRF to FRF: the constants, "
+        "and the modes without the sensor, were estimated from the FRFs with a model that carries it, as the method joint "
+        "does{unused}",
     ),
     # of the modes
     "pairing": Row(None, 1, "{text}"),
     "no_like_mode": Row(
         "do_not_use",
         110,
-        "no measured mode is like any mode of the model (largest MAC {mac:.2f}): this is not the model of what was measured",
-        _ANOTHER_BODY + ". The likest modes are paired for a comparison alone",
+        "no measured mode shape agrees with one of the model (largest MAC {mac:.2f}): the model is not one of the structure "
+        "that was measured",
+        _ANOTHER_BODY + ". The modes that agree best are paired for comparison only",
     ),
     "halves_of_a_mode": Row(
         "with_care",
         105,
-        "measured modes {which} lie within their bandwidths, and the model does not have both: so looks one mode of a "
-        "structure that changed between the FRFs (temperature, supports, a sensor that moved)",
-        "measure it faster or at one temperature, or leave one of them out of the mode set",
+        "measured modes {which} lie closer together than their bandwidths, and the model has only one mode there: probably one "
+        "mode, of a structure that changed between the FRFs (temperature, supports, a sensor that was moved)",
+        "measure faster or at a constant temperature, or leave one of the two out of the mode set",
     ),
     "most_modes_alone": Row(
         "do_not_use",
         100,
-        "{alone} of {count} measured modes have no partner in the model: this is not the model of what was measured",
+        "{alone} no partner in the model: the model is not one of the structure that was measured",
         _ANOTHER_BODY,
     ),
-    "modes_alone": Row("with_care", 6, "{alone} of {count} measured modes have no partner in the model"),
-    "shapes_unlike": Row("do_not_use", 80, "most measured shapes are unlike the model's (median MAC {mac:.2f})"),
+    "modes_alone": Row("with_care", 6, "{alone} no partner in the model"),
+    "shapes_unlike": Row(
+        "do_not_use", 80, "most measured mode shapes disagree with the model's (median MAC {mac:.2f})"
+    ),
     "shape_unlike": Row(
         "with_care",
         7,
-        "measured mode {which} has only MAC {mac:.2f} with its partner, model mode {model} ({hz:.2f} Hz)",
+        "measured mode {which} agrees poorly with its partner, model mode {model} ({hz:.2f} Hz): MAC {mac:.2f}",
         "check boundary, points and directions",
     ),
     "rival_pairing": Row(
         "with_care",
         40,
-        "the modes may be others than those they were paired with: other partners, with {other}, are only {evidence:.1f} in "
-        "log evidence behind{spanned}",
+        "the measured modes may be paired with the wrong modes of the model: another pairing, which gives {other}, is nearly "
+        "as likely (its log evidence is lower by {evidence:.1f}){spanned}",
         _DECIDE,
     ),
     "partners_swing": Row(
         "with_care",
         30,
-        "the partner of measured mode {which} changed to and fro in the fit, as modes of the model cross there: each pairing "
-        "was fitted alone, and the likeliest is the result",
+        "the partner of measured mode {which} alternated during the fit, because modes of the model cross there: each pairing "
+        "was fitted separately, and the most likely one is reported",
         _DECIDE,
     ),
     # of the constants
     "frequencies_missed": Row(
         "with_care",
         60,
-        "the updated model misses the measured frequencies by {percent:.1f} % (rms), far more than plate theory does: a prior "
-        "that is too sure, a constant fixed at a wrong value, or wrong geometry, density or boundary",
-        "the estimates are only as right as these",
+        "the frequencies of the updated model differ from the measured ones by {percent:.1f} % (rms), far more than the error "
+        "of plate theory: a prior is too narrow, a constant fixed at a wrong value, or geometry, density or boundary wrong",
+        "find the cause before you use the estimates",
     ),
     "far_from_prior": Row(
         "with_care",
         20,
-        "{name} ended {away:.1f} prior standard deviations {side} its prior mean ({value:.3g} against {mean:.3g})",
-        "the prior or the model is wrong, and its interval supposes neither",
+        "{name} ended {away:.1f} prior standard deviations {side} its prior mean ({value} against {mean})",
+        "the prior or the model is wrong, and the interval allows for neither",
     ),
     "confounded": Row(
         "with_care",
         10,
-        "{name} cannot be distinguished from {others}: the data fix a combination of them alone",
-        "fix one, or state how well it is known",
+        "{name} cannot be distinguished from {others}: the data determine only a combination of them",
+        "fix one of them, or state how well it is known",
     ),
     "samples_differ": Row(
         "with_care",
         5,
         "the sampled posterior of {name} is {ratio:.2f} times as wide as its Laplace approximation",
-        "trust the samples",
+        "use the samples",
     ),
     # of the FRFs
     "frfs_unlike": Row(
         "do_not_use",
         90,
-        "most FRFs are unlike the model's (median likeness {likeness:.2f}): a wrong boundary, geometry, frame or numbering of "
-        "the points",
-        "do not use these estimates before that is found",
+        "most FRFs disagree with the model's (median agreement {likeness:.2f}, 1 would be perfect): a wrong boundary, "
+        "geometry, frame or numbering of the points",
+        "find the cause before you use the estimates",
     ),
     "modes_absent": Row(
         "with_care",
         85,
-        "the model has {modes} at {which} that would stand out of the FRFs, and nothing is there",
-        "a wrong boundary or geometry, or modes that were paired wrongly",
+        "the model has {modes} at {which} that the FRFs should show clearly, and they show none there",
+        "the boundary or the geometry is wrong, or modes were paired wrongly",
     ),
     "sign_opposite": Row(
         "with_care",
         30,
         "most FRFs have the opposite sign of the model's: the hammer or the sensor has another direction or polarity "
         "than stated",
-        "damping was sought in the FRFs of the other sign",
+        "the damping was fitted to the FRFs with their sign reversed",
     ),
     "frfs_scaled": Row(
         "with_care",
         30,
-        "the FRFs are {factor:.3g} times as large as the model's{unit}: check calibration (hammer, sensor, units), geometry, "
+        "the FRFs are {factor} times as large as the model's{unit}: check calibration (hammer, sensor, units), geometry, "
         "density, added masses and boundary",
-        "the estimates are only as right as these, and damping was sought in FRFs divided by this factor",
+        "the damping was fitted to the FRFs divided by this factor",
     ),
     "frf_turned": Row(
         "with_care", 30, f"{{who}} the opposite sign of the {{of}}'s: a wrong direction or polarity {_FRFS}"
     ),
-    "frf_scaled": Row("with_care", 30, f"{{who}} another height than the rest: a wrong sensitivity or range {_FRFS}"),
+    "frf_scaled": Row("with_care", 30, f"{{who}} another level than the rest: a wrong sensitivity or range {_FRFS}"),
     "frf_unlike": Row(
-        "with_care", 30, f"{{who}} little likeness with the model's: a wrong point, or a spoilt record {_FRFS}"
+        "with_care", 30, f"{{who}} little agreement with the model's: a wrong point, or a damaged record {_FRFS}"
     ),
     # of the damping
     "damping_failed": Row("with_care", 50, "the damping could not be updated: {text}"),
-    "optima": Row("with_care", 4, "the {law} fit has {count} optima, of which the first is reported: {points}"),
+    "optima": Row(
+        "with_care", 4, "the fit of the {law} law has {count} optima, of which the first is reported: {points}"
+    ),
     "law_negative": Row(
         "with_care",
         3,
-        "the {law} law as fitted is negative from {first:.4g} to {last:.4g} Hz, where it would feed energy in",
-        "use it at the measured modes alone, or another law",
+        "the fitted {law} law has negative damping from {first:.4g} to {last:.4g} Hz",
+        "use it at the measured modes only, or choose another law",
     ),
     "law_replaced": Row(
         None,
         3,
-        "{modes} fix the {count} coefficients of the {asked} law, so the damping is that of the {law} law",
-        "a wider band with more modes would decide",
+        "{modes} fix the {count} coefficients of the {asked} law, so the {law} law was used",
+        "measure a wider band with more modes",
     ),
     "law_inadequate": Row("with_care", 2, "the {law} law is inadequate for this damping{missed}{better}"),
     "looks_windowed": Row(
         "with_care",
         1.5,
-        "the FRFs look as if the response had had an exponential window: the slowest modes decay by {rate:.3g} 1/s on top of "
-        "all else, as with a window that ends a record of {record:.3g} s at {end:.2g} %",
+        "the response seems to have had an exponential window that is not stated: all modes share a decay of {rate:.3g} 1/s, "
+        "which a window that falls to {end:.2g} % over the record of {record:.3g} s would give",
         _WINDOW,
     ),
     "window_unstated": Row(
         None,
         0.2,
-        "nobody said whether the response had an exponential window; a usual one would raise {name} by {percent:.0f} %, and "
-        "the interval of {name} allows for that",
+        "the campaign does not say whether the response had an exponential window; a typical one would raise {name} by "
+        "{percent:.0f} %, and the interval of {name} allows for that",
         _WINDOW,
     ),
     # of several campaigns
@@ -207,28 +215,26 @@ FINDINGS = {
         "do_not_use",
         70,
         f"the campaigns contradict each other: {{which}}; {_OTHER_THAN_STATED}",
-        "a third campaign would show which one is odd",
+        "a third campaign would show which of them is wrong",
     ),
     "odd_campaign": Row(
         "do_not_use",
         70,
-        "campaign {name} is the odd one out: given the others its frequencies have p = {p:.2g} ({moved} from all together): "
-        + _OTHER_THAN_STATED,
+        "campaign {name} contradicts the others, which make its frequencies improbable (p = {p:.2g}; {moved} from the joint "
+        "estimate): " + _OTHER_THAN_STATED,
         "correct it or leave it out",
     ),
     "campaign_missed": Row(
         "with_care",
         40,
-        "campaign {name}: the material of all campaigns misses its frequencies by {percent:.1f} % (rms)",
+        "campaign {name}: frequencies of the joint material differ from the measured ones by {percent:.1f} % (rms)",
     ),
-    "campaign_modes_alone": Row(
-        "with_care", 30, "campaign {name}: {alone} of {count} measured modes have no partner in the model"
-    ),
+    "campaign_modes_alone": Row("with_care", 30, "campaign {name}: {alone} no partner in the model"),
     "unknown_far_from_prior": Row(
         "with_care",
         20,
         "{name} ended {away:.1f} prior standard deviations from its prior mean",
-        "the prior is wrong, or it has taken up something else",
+        "the prior is wrong, or another error of the model was attributed to it",
     ),
 }
 """All that can be found, by its id."""
@@ -278,7 +284,22 @@ def warnings(findings: Sequence[Finding]) -> tuple[str, ...]:
     if len(folded) <= MOST_WARNINGS:
         return tuple(folded)
     left = len(folded) - MOST_WARNINGS + 1
-    return (*folded[: MOST_WARNINGS - 1], f"{left} more remarks of less weight")
+    return (*folded[: MOST_WARNINGS - 1], f"{left} less important warnings are not listed")
+
+
+def amount(name: str, value: float) -> str:
+    """A constant's value as a laboratory writes it, or another number; to three digits.
+
+    >>> amount("Ex", 33.05e9), amount("density", 2012), amount("", 0.16)
+    ('33.1 GPa', '2010 kg/m³', '0.16')
+    """
+    factor, unit = _WRITTEN.get(UNITS.get(kind_of(name), ""), (1.0, ""))
+    return f"{float(f'{factor * value:.3g}'):g}{unit}"  # without an exponent where there need be none
+
+
+def modes_of(alone: int, count: int) -> str:
+    """Some of the measured modes, as the subject of a sentence."""
+    return f"{alone} of {count} measured modes {'has' if alone == 1 else 'have'}"
 
 
 def listed(words: Sequence[object], most: int) -> str:

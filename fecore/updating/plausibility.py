@@ -22,7 +22,7 @@ from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, Quantity
 from fecore.modal.arrangement import pair_label
 from fecore.updating.damping_data import DampingData
-from fecore.updating.findings import Level, found, listed
+from fecore.updating.findings import Level, amount, found, listed
 from fecore.updating.parameters import by_name
 from fecore.updating.result import Finding
 
@@ -130,7 +130,7 @@ class Likeness:
         if sign < 0:
             findings.append(found("sign_opposite"))
         if self.miscalibrated:
-            findings.append(found("frfs_scaled", factor=abs(self.common), unit=self._unit()))
+            findings.append(found("frfs_scaled", factor=amount("", abs(self.common)), unit=self._unit()))
         relative = self.height / self.common
         like: BoolArray = sign * self.likeness >= _LIKE
         turned: BoolArray = sign * self.likeness <= -_LIKE

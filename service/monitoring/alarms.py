@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 alarm_for = Lookup(Alarm, "alarm", "monitor_id", monitor_for)
 """The alarm, if the user has at least a role in its project; none of a deleted monitor."""
 
-EVENT_OF_STATE = {"alarm": "raised", "acknowledged": "acknowledged", "cleared": "cleared", "withdrawn": "withdrawn"}
-
 
 def update_alarms(session: Session, monitor: Monitor, series: MonitorSeries, episodes: Sequence[Episode]) -> None:
     """Bring a monitor's alarms to what its series now says.
@@ -86,7 +84,7 @@ def _raise(session: Session, monitor: Monitor, series: MonitorSeries, episode: E
 
 def _step(session: Session, monitor: Monitor, alarm: Alarm, state: str, note: str, user: User | None = None) -> None:
     alarm.state = state
-    _record(session, monitor, alarm, EVENT_OF_STATE[state], user, note)
+    _record(session, monitor, alarm, state, user, note)
 
 
 def _record(session: Session, monitor: Monitor, alarm: Alarm, event: str, user: User | None, note: str) -> None:

@@ -29,23 +29,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Seen:
-    """A campaign with a date.
+    """A campaign with a date."""
 
-    Attributes:
-        campaign: its row.
-        measured: digest of its FRFs and what they are between; None where there are none.
-        fingerprint: digest of everything that a run takes from it. Climate is not in it: a series reads that afresh.
-        mode_set: newest mode set that was typed in or came with a file.
-        complete: whether a run may begin by itself.
-        objection: why it cannot be run, whatever is done; None where nothing speaks against it.
-    """
-
-    campaign: Campaign
-    measured: str | None
-    fingerprint: str
-    mode_set: UUID | None
-    complete: bool
-    objection: str | None
+    campaign: Campaign  # its row
+    measured: str | None  # digest of its FRFs and what they are between; None where there are none
+    fingerprint: str  # digest of everything that a run takes from it. Climate is not in it: a series reads that afresh.
+    mode_set: UUID | None  # newest mode set that was typed in or came with a file
+    complete: bool  # whether a run may begin by itself
+    objection: str | None  # why it cannot be run, whatever is done; None where nothing speaks against it
 
 
 def seen_campaigns(session: Session, monitor: Monitor, now: datetime, settle: timedelta) -> list[Seen]:

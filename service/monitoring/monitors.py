@@ -44,14 +44,8 @@ NOW = timedelta(0)
 
 
 def create_monitor(session: Session, user: User, structure_id: UUID, body: MonitorIn, settings: Settings) -> Monitor:
-    """Make a monitor, frozen on the structure's present version. Campaigns that are there are run in time order.
-
-    Args:
-        session: the request's transaction.
-        user: who asks, and in whose name the updates run; an editor of the project at least.
-        structure_id: what is watched.
-        body: recipe, watched parameters, baseline, chart, when to run, addresses.
-        settings: whether mail can be sent.
+    """Make a monitor, frozen on the structure's present version. Campaigns that are there are run in time order; the updates
+    run in the name of who asks, an editor of the project at least.
 
     Raises:
         Invalid: the recipe names what no later campaign has, a parameter is watched that it does not update, or mail is
@@ -120,15 +114,8 @@ def _check_mail(addresses: Sequence[str], settings: Settings) -> None:
 
 
 def change_monitor(session: Session, user: User, monitor: Monitor, patch: MonitorPatch, settings: Settings) -> None:
-    """Apply a patch to a monitor; the audit trail keeps the fields as they were and as they are now. The recipe cannot
+    """Apply a patch to a locked monitor; the audit trail keeps the fields as they were and as they are now. The recipe cannot
     change.
-
-    Args:
-        session: the request's transaction.
-        user: who asks, for the audit trail.
-        monitor: the monitor, locked.
-        patch: the fields that were sent.
-        settings: whether mail can be sent.
 
     Raises:
         Invalid: mail is wanted and no SMTP server is set.
@@ -149,17 +136,11 @@ def change_monitor(session: Session, user: User, monitor: Monitor, patch: Monito
 def run_by_hand(session: Session, user: User, monitor: Monitor, campaign_id: UUID | None) -> list[MonitorRun]:
     """Run one campaign, or all that have not been run as they are now, whether they are complete or not.
 
-    Args:
-        session: the request's transaction.
-        user: who asks, for the audit trail.
-        monitor: the monitor, locked.
-        campaign_id: this campaign alone; None for all.
-
     Returns:
         The new runs; refused ones too.
 
     Raises:
-        Conflict: the monitor is at rest.
+        Conflict: the monitor, which the transaction holds, is at rest.
         Invalid: the campaign is none of this structure's, or has no date.
     """
     if not monitor.active:
@@ -187,20 +168,12 @@ def _check_campaign(session: Session, monitor: Monitor, campaign_id: UUID) -> No
 
 
 def rerun(session: Session, user: User, monitor: Monitor, reason: str) -> list[MonitorRun]:
-    """Run all campaigns anew, as the next version of the series. The one before stays, and is shown until this one is
-    judged.
-
-    Args:
-        session: the request's transaction.
-        user: who asks, for the audit trail.
-        monitor: the monitor, locked.
-        reason: shown with the version; by default the software's version.
+    """Run all campaigns anew, as the next version of the series, with the software's version as the default reason. The one
+    before stays, and is shown until this one is judged.
 
     Raises:
-        Conflict: the monitor is at rest.
+        Conflict: the monitor, which the transaction holds, is at rest.
     """
-    if not monitor.active:
-        raise Conflict("the monitor is at rest; set `active` first")
     before = runs.newest_series(session, monitor)
     runs.next_series(session, monitor, before.number + 1, reason or f"rerun with version {__version__}")
     return run_by_hand(session, user, monitor, None)
@@ -208,11 +181,6 @@ def rerun(session: Session, user: User, monitor: Monitor, reason: str) -> list[M
 
 def complete_campaign(session: Session, user: User, campaign: Campaign) -> tuple[CampaignCompletion, list[MonitorRun]]:
     """Note that everything of a campaign is in, and let the monitors of its structure run it.
-
-    Args:
-        session: the request's transaction.
-        user: who says so.
-        campaign: the campaign.
 
     Returns:
         The note, which the first call makes, and the runs that were started.
@@ -252,18 +220,8 @@ def hidden(deleted: bool) -> ColumnElement[bool]:
 def page_worst_first(
     session: Session, user: User, state: str | None, deleted: bool, cursor: str | None, limit: int
 ) -> tuple[list[Monitor], str | None]:
-    """A page of one's monitors, ordered by the attention that their state asks for, then by age.
-
-    Args:
-        session: the request's transaction.
-        user: whose projects.
-        state: only monitors in this state; None for all.
-        deleted: the deleted monitors instead of those that are there.
-        cursor: of the page before; None for the first page.
-        limit: the most monitors of a page.
-
-    Returns:
-        The monitors, and the cursor of the next page, None at the end.
+    """A page of one's monitors, in this state where one is given, ordered by the attention that it asks for, then by age; and
+    the cursor of the next page, None at the end. `deleted` lists the deleted ones instead of those that are there.
 
     Raises:
         Invalid: the cursor is not one of this list.

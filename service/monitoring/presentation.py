@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
@@ -32,17 +33,15 @@ def series_document(session: Session, monitor: Monitor, series: MonitorSeries) -
         "structure_id": str(structure.id),
         "structure_name": structure.name,
         "series": series.number,
-        "software": series.software,
-        "reason": series.reason,
+        **_members(series, "software", "reason", "assessed_at"),
         "current": series.number == monitor.series,
         "versions": _versions(session, monitor),
         "state": judged["state"],
-        "assessed_at": None if series.assessed_at is None else series.assessed_at.isoformat(),
         "judgement": _last_judgement(session, series),
         "notes": judged["notes"],
         "campaigns": _campaigns(session, series),
         "parameters": [{**row, "unit": unit_of(row["name"])} for row in judged["parameters"]],
-        "alarms": [describe_mark(alarm) for alarm in alarms],
+        "alarms": [_mark(alarm) for alarm in alarms],
     }
 
 
@@ -50,16 +49,15 @@ def _versions(session: Session, monitor: Monitor) -> list[dict[str, Any]]:
     rows = session.scalars(
         select(MonitorSeries).where(MonitorSeries.monitor_id == monitor.id).order_by(MonitorSeries.number)
     )
-    return [
-        {
-            "series": row.number,
-            "software": row.software,
-            "reason": row.reason,
-            "created_at": row.created_at.isoformat(),
-            "assessed_at": None if row.assessed_at is None else row.assessed_at.isoformat(),
-        }
-        for row in rows
-    ]
+    members = ("software", "reason", "created_at", "assessed_at")
+    return [{"series": row.number, **_members(row, *members)} for row in rows]
+
+
+def _members(row: object, *names: str) -> dict[str, Any]:
+    """Members of a row as JSON has them."""
+    found = {name: getattr(row, name) for name in names}
+    plain = {name: str(value) for name, value in found.items() if isinstance(value, UUID)}
+    return found | plain | {name: at.isoformat() for name, at in found.items() if isinstance(at, datetime)}
 
 
 def _last_judgement(session: Session, series: MonitorSeries) -> dict[str, Any] | None:
@@ -80,37 +78,22 @@ def _campaigns(session: Session, series: MonitorSeries) -> list[dict[str, Any]]:
     shown = []
     for row in sorted(rows, key=lambda r: (r.performed_at is None, r.performed_at or r.created_at, r.id)):
         run = runs[row.id]
-        shown.append(
-            {
-                "campaign_id": str(row.id),
-                "name": row.name,
-                "performed_at": None if row.performed_at is None else row.performed_at.isoformat(),
-                "temperature_c": row.temperature_c,
-                "humidity_percent": row.humidity_percent,
-                "deleted": row.deleted_at is not None,
-                "run_id": str(run.id),
-                "revision": run.revision,
-                "state": run.state,
-                "message": run.message,
-                "update_job_id": None if run.update_job_id is None else str(run.update_job_id),
-                "software": run.software,
-            }
-        )
+        of_run = _members(run, "revision", "state", "message", "update_job_id", "software")
+        of_campaign = _members(row, "name", "performed_at", "temperature_c", "humidity_percent")
+        keys = {"campaign_id": str(row.id), "run_id": str(run.id)}
+        shown.append({**keys, **of_campaign, "deleted": row.deleted_at is not None, **of_run})
     return shown
 
 
-def describe_mark(alarm: Alarm) -> dict[str, Any]:
+def _mark(alarm: Alarm) -> dict[str, Any]:
     """An alarm as a mark on a series."""
     return {
         "alarm_id": str(alarm.id),
-        "parameter": alarm.parameter,
+        **_members(alarm, "parameter", "campaign_id", "state", "note"),
         "unit": unit_of(alarm.parameter),
-        "campaign_id": str(alarm.campaign_id),
-        "state": alarm.state,
         "performed_at": alarm.details["performed_at"],
         "value": alarm.details["value"],
         "raised_at": alarm.created_at.isoformat(),
-        "note": alarm.note,
     }
 
 

@@ -91,12 +91,7 @@ class Moment:
 
 
 def newest_series(session: Session, monitor: Monitor) -> MonitorSeries:
-    """The version of the series that new runs go into. The first one is made here where the monitor has none.
-
-    Args:
-        session: a transaction that holds the monitor's row.
-        monitor: whose series.
-    """
+    """The version of the series that new runs go into; the first one is made here. The transaction holds the monitor's row."""
     found = session.scalars(
         select(MonitorSeries)
         .where(MonitorSeries.monitor_id == monitor.id)
@@ -107,13 +102,8 @@ def newest_series(session: Session, monitor: Monitor) -> MonitorSeries:
 
 
 def next_series(session: Session, monitor: Monitor, number: int, reason: str) -> MonitorSeries:
-    """Open a version of the series; those before it stay as they are.
-
-    Args:
-        session: a transaction that holds the monitor's row.
-        monitor: whose series.
-        number: one more than the newest.
-        reason: shown with the version.
+    """Open a version of the series, one more than the newest; those before it stay as they are. The transaction holds the
+    monitor's row.
     """
     row = MonitorSeries(monitor_id=monitor.id, number=number, software=__version__, reason=reason)
     session.add(row)
@@ -162,10 +152,10 @@ def collect(session: Session, series: MonitorSeries) -> None:
 def bring_up_to_date(
     session: Session, monitor: Monitor, moment: Moment, *, by_hand: bool = False, only: UUID | None = None
 ) -> list[MonitorRun]:
-    """Start what should be run and is not.
+    """Start what should be run and is not. The transaction holds the monitor's row.
 
     Args:
-        session: a transaction that holds the monitor's row.
+        session: the transaction.
         monitor: which.
         moment: now.
         by_hand: run campaigns whether they are complete or not, and try failed ones again.

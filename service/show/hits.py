@@ -29,17 +29,11 @@ AXES = ("", "x", "y", "z", "rx", "ry", "rz")
 
 @dataclass(frozen=True)
 class Chosen:
-    """Which hits are drawn; None takes the first there is.
+    """Which hits are drawn; None takes the first there is."""
 
-    Attributes:
-        point: where it was hit.
-        direction: of the hit, signed.
-        response: where the sensor stood.
-    """
-
-    point: int | None = None
-    direction: int | None = None
-    response: int | None = None
+    point: int | None = None  # where it was hit
+    direction: int | None = None  # of the hit, signed
+    response: int | None = None  # where the sensor stood
 
 
 @dataclass(frozen=True)
@@ -75,7 +69,7 @@ def point_blocks(session: Session, campaign_id: UUID, chosen: Chosen) -> PointBl
         raise NotFound(f"hit{_where(chosen)} in this campaign{there}")
     rows, lacking = whole(found[0][1])
     if not rows:
-        raise NotFound(f"whole hit{_where(chosen)} in this campaign: {'; '.join(lacking)}")
+        raise NotFound(f"complete hit{_where(chosen)} in this campaign: {'; '.join(lacking)}")
     return PointBlocks(rows, newest_document(session, campaign_id), chosen)
 
 

@@ -5,7 +5,7 @@ Those of results are in `service.show.results`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 from uuid import UUID
 
 from fastapi import Query, Response
@@ -18,9 +18,9 @@ from service.monitoring.presentation import series_document
 from service.monitoring.routes import Version
 from service.monitoring.runs import monitor_for
 from service.show.figures.answers import RESPONSES, Asked, FigureName, require_figure
-from service.show.figures.coupon import CurveShown, coupon_figure
+from service.show.figures.coupon import coupon_figure
 from service.show.figures.hits import hits_figure
-from service.show.figures.look import Figure
+from service.show.figures.marks import Figure
 from service.show.figures.series import series_figure
 from service.show.figures.stabilisation import stabilisation_figure
 from service.show.hits import Chosen, point_blocks, point_shown
@@ -30,10 +30,6 @@ from service.store.coupons.operations import coupon_for
 from service.store.modes.identifications import IDENTIFICATIONS, identification_for
 from service.store.records.routes import Whole
 from service.web import api_router
-
-if TYPE_CHECKING:
-    from service.store.coupons.curves import CouponCurve
-    from service.store.coupons.operations import Coupon
 
 router = api_router(tags=[])  # each figure stands beside what it shows
 
@@ -97,7 +93,12 @@ def get_coupon_figure(
     coupon = coupon_for(session, user, coupon_id)
     require_figure(name, "curve")
     curve = curve_of(session, coupon)
-    return asked.answer(lambda: coupon_figure(_curve_shown(coupon, curve)), name, curve.sha256.hex())
+
+    def draw() -> Figure:
+        title, shear = f"{coupon.specimen}, {coupon.standard}", coupon.standard == "D3518"
+        return coupon_figure(title, series_of(curve), curve.reduction, shear=shear)
+
+    return asked.answer(draw, name, curve.sha256.hex())
 
 
 @router.get("/monitors/{monitor_id}/series/figure", response_class=Response, responses=RESPONSES, tags=["monitoring"])
@@ -117,21 +118,3 @@ def get_series_figure(
     if wanted not in watched:
         raise Invalid("parameter", f"{wanted!r} is not watched; {', '.join(watched)} are")
     return asked.answer(lambda: series_figure(document, wanted), wanted)
-
-
-def _curve_shown(coupon: Coupon, curve: CouponCurve) -> CurveShown:
-    """A curve as its figure needs it.
-
-    Raises:
-        Damaged: the bytes are not the ones that were stored.
-    """
-    series = series_of(curve)
-    strain = series["strain"]
-    return CurveShown(
-        title=f"{coupon.specimen}, {coupon.standard}",
-        shear=coupon.standard == "D3518",
-        strain=(strain + series["strain_back"]) / 2 if "strain_back" in series else strain,
-        force=series["force"],
-        transverse=series.get("transverse_strain"),
-        reduction=curve.reduction,
-    )

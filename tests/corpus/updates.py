@@ -292,7 +292,7 @@ UPDATES: dict[str, Case] = {
     # a measurement that is not the model's
     "signs, factors and points": (lambda: update(mixed_up(), BEAM), Updated([
         HEIGHT.format("0.001"), r"FRF 33Z/4Z \(-(0.99|1.0\d)\) has the opposite sign of the model's",
-        r"FRF 33Z/8Z \(\+(1.99|2.0\d)\) has another height than the rest", r"FRFs? .*33Z/20Z.* a wrong point",
+        r"FRF 33Z/8Z \(\+(1.99|2.0\d)\) has another level than the rest", r"FRFs? .*33Z/20Z.* a wrong point",
     ], more=constants_stand)),
     "turned sensor": (lambda: update(faulty(factor=-1.0), BEAM), Updated(level="with_care", reasons=[OPPOSITE], close=clean)),
     "in g": (lambda: update(faulty(factor=1 / 9.80665), BEAM), Updated(level="with_care", reasons=[
@@ -305,20 +305,20 @@ UPDATES: dict[str, Case] = {
     "lighter than stated": (lambda: update(identified(), LIGHT), Updated([HEIGHT.format(r"0.9\d*")])),
     "stated as free": (
         lambda: update(replace(identified(), frfs=identified().frfs.band(2.0, 500.0)), replace(BEAM, boundary="free")),
-        Updated([".*most FRFs are unlike the model's", ".*measured mode 2.*has only MAC"])),
+        Updated([".*most FRFs disagree with the model's", ".*measured mode 2.*agrees poorly with its partner"])),
     "another free beam": (lambda: of_another_beam("free"), Updated(
-        level="do_not_use", more=partial(because, "no measured mode is like any mode of the model"))),
+        level="do_not_use", more=partial(because, "no measured mode shape agrees with one of the model"))),
     "another clamped beam": (lambda: of_another_beam("cantilever"), Updated(
-        level="do_not_use", more=partial(because, "most measured shapes are unlike the model's"))),
+        level="do_not_use", more=partial(because, "most measured mode shapes disagree with the model's"))),
     "a mode that moved": (lambda: update(moved_in_the_test(), BEAM), Updated(level="with_care", more=partial(
-        because, r"measured modes 2 and 3 \([\d.]+ and [\d.]+ Hz\) lie within"))),
+        because, r"measured modes 2 and 3 \([\d.]+ and [\d.]+ Hz\) lie closer together than"))),
     "a mistyped mode": (lambda: update(mistyped(), BEAM), Updated(
-        level="do_not_use", more=partial(because, "most FRFs are unlike the model's"))),
+        level="do_not_use", more=partial(because, "most FRFs disagree with the model's"))),
     "above its prior": (lambda: from_modes(Parameter("Ex", prior_mean=25e9, prior_sd=3e9)), Updated(
         [r"Ex ended [\d.]+ prior .*above"], silent=["below the prior"])),
     "below its prior": (lambda: from_modes(Parameter("Ex", prior_mean=45e9, prior_sd=3e9)), Updated(
         [r"Ex ended [\d.]+ prior .*below"], silent=["above the prior"])),
-    "a sure prior": (surely_wrong, Updated([r".*misses the measured frequencies by [12]\.\d* %"])),  # half of 5 %, or fewer
+    "a sure prior": (surely_wrong, Updated([r".*differ from the measured ones by [12]\.\d* %"])),  # half of 5 %, or fewer
     # damping
     "one mode, two coefficients": (lambda: update(low(measured(), 70), BEAM, RAYLEIGH_ALONE), Updated(no_damping=ONE)),
     "one mode, any law": (lambda: update(low(measured(), 70), BEAM), Updated(

@@ -22,7 +22,7 @@ import service.app.composition  # noqa: F401  imports every table
 from service.access import Project
 from service.db.engine import Sessions
 from service.monitoring.notifications import sender as attempts
-from service.monitoring.notifications.addresses import AddressError, destinations, parse_url, resolve
+from service.monitoring.notifications.addresses import AddressError, parse_url, resolve
 from service.monitoring.notifications.messages import EVENTS
 from service.monitoring.notifications.sender import ATTEMPTS, Sender, new_secret, post, sign
 from service.monitoring.notifications.tables import Delivery, Webhook
@@ -31,7 +31,7 @@ from tests.support.receivers import ACCOUNT, MailServer, Receiver, dripping, mai
 from tests.support.waiting import until
 
 LOOPBACK = Settings(webhook_networks="127.0.0.0/8", webhook_ports="1-65535", delivery_pause_seconds=0.05)
-ANYWHERE = destinations(Settings())
+ANYWHERE = Settings()
 REGISTERED = [
     "0.255.255.255", "10.255.255.255", "100.64.0.0", "100.127.255.255", "127.255.255.255", "169.254.255.255", "172.16.0.0",
     "172.31.255.255", "192.0.0.0", "192.0.0.8", "192.0.0.9", "192.0.0.10", "192.0.0.170", "192.0.0.192", "192.0.0.255",
@@ -247,7 +247,7 @@ def test_a_project_of_many_slow_receivers_delays_no_other(sessions: Sessions, ho
 def test_ports_are_the_operators() -> None:
     with pytest.raises(AddressError, match="port 22"):
         resolve("http://1.1.1.1:22/", ANYWHERE)
-    some = destinations(Settings(webhook_ports="443, 8000-8999"))
+    some = Settings(webhook_ports="443, 8000-8999")
     assert resolve("http://1.1.1.1:8123/", some).url.port == 8123
     with pytest.raises(AddressError, match="port 80"):
         resolve("http://1.1.1.1/", some)
@@ -320,11 +320,11 @@ def test_public_addresses_are_taken() -> None:
 
 
 def test_what_an_allowed_network_carries_must_be_allowed_too() -> None:
-    by_nat64 = destinations(Settings(webhook_networks="64:ff9b::/96"))
+    by_nat64 = Settings(webhook_networks="64:ff9b::/96")
     assert resolve("http://[64:ff9b::1.1.1.1]/", by_nat64).name == "64:ff9b::1.1.1.1"
     with pytest.raises(AddressError, match=r"leads to 10\.0\.0\.1 \(private\)"):
         resolve("http://[64:ff9b::10.0.0.1]/", by_nat64)
-    both = destinations(Settings(webhook_networks="64:ff9b::/96, 10.0.0.0/8"))
+    both = Settings(webhook_networks="64:ff9b::/96, 10.0.0.0/8")
     assert resolve("http://[64:ff9b::10.0.0.1]/", both).name == "64:ff9b::10.0.0.1"
 
 
@@ -343,7 +343,7 @@ def test_a_name_that_has_come_to_stand_for_a_special_address_gets_nothing(
 
 
 def test_an_operator_allows_networks() -> None:
-    assert resolve("http://127.0.0.9:8080/x?y=1", destinations(LOOPBACK)).url == "http://127.0.0.9:8080/x?y=1"
+    assert resolve("http://127.0.0.9:8080/x?y=1", LOOPBACK).url == "http://127.0.0.9:8080/x?y=1"
     assert resolve("https://1.1.1.1/", ANYWHERE).name == "1.1.1.1"
     with pytest.raises(ValueError, match=r"10\.0\.0\.1/8"):
         Settings(webhook_networks="10.0.0.1/8")

@@ -50,7 +50,7 @@ def test_pages_show_what_is_there(
         "/ui/compare": "Choose results",
         "/ui/monitors": "No monitor yet",
         "/ui/keys": "Begins with",
-        f"/ui/imports/{points['id']}": "0 FRFs, 1 grid points, 0 modes",
+        f"/ui/imports/{points['id']}": "0 FRFs, 1 grid point, 0 modes",
     }
     for path, words in places.items():
         answer = browser.get(path)

@@ -96,36 +96,12 @@ class AddressError(Exception):
 
 
 @dataclass(frozen=True)
-class Destinations:
-    """What an operator allows.
-
-    Attributes:
-        networks: beside public addresses.
-        ports: of any address.
-    """
-
-    networks: Sequence[IpNetwork]
-    ports: Sequence[range]
-
-
-def destinations(settings: Settings) -> Destinations:
-    """What the settings allow."""
-    return Destinations(settings.allowed_networks, settings.allowed_ports)
-
-
-@dataclass(frozen=True)
 class Target:
-    """A URL with the address that its name stood for when it was checked.
+    """A URL with the address that its name stood for when it was checked."""
 
-    Attributes:
-        url: as connected to: the address in place of the name.
-        host: for the Host header.
-        name: for TLS: the certificate must be of this name.
-    """
-
-    url: httpx.URL
-    host: str
-    name: str
+    url: httpx.URL  # as connected to: the address in place of the name
+    host: str  # for the Host header
+    name: str  # for TLS: the certificate must be of this name
 
 
 def parse_url(url: str) -> httpx.URL:
@@ -147,8 +123,8 @@ def parse_url(url: str) -> httpx.URL:
     return parsed
 
 
-def resolve(url: str, allowed: Destinations) -> Target:
-    """The URL with its name resolved.
+def resolve(url: str, settings: Settings) -> Target:
+    """The URL with its name resolved, where the operator allows it.
 
     Raises:
         AddressError: the port is not allowed, or the name stands for nothing, or for an address that is not public and not
@@ -156,7 +132,7 @@ def resolve(url: str, allowed: Destinations) -> Target:
     """
     parsed = parse_url(url)
     port = parsed.port or {"http": 80, "https": 443}[parsed.scheme]
-    if not any(port in ports for ports in allowed.ports):
+    if not any(port in ports for ports in settings.allowed_ports):
         raise AddressError(f"goes to port {port}, which the operator does not allow (MODALBASE_WEBHOOK_PORTS)")
     try:
         found = socket.getaddrinfo(parsed.host, port, type=socket.SOCK_STREAM)
@@ -164,7 +140,7 @@ def resolve(url: str, allowed: Destinations) -> Target:
         raise AddressError(f"{parsed.host} cannot be resolved: {error}") from None
     addresses = [ip_address(str(entry[4][0]).split("%")[0]) for entry in found]
     for address in addresses:
-        if special := _special(address, allowed.networks):
+        if special := _special(address, settings.allowed_networks):
             raise AddressError(
                 f"{parsed.host} leads to {special}, which is not a public address; an operator may allow its network "
                 "(MODALBASE_WEBHOOK_NETWORKS)"

@@ -38,31 +38,25 @@ def announce(
         monitor_id: the monitor that the deliveries are listed with.
         mail_to: mail addresses.
     """
-    message = {"type": event, "timestamp": datetime.now(UTC).isoformat(), "data": data}
     hooks = session.scalars(
         select(Webhook).where(Webhook.project_id == project_id, Webhook.active).order_by(Webhook.id)
     ).all()
     receivers: list[dict[str, Any]] = [{"webhook_id": hook.id} for hook in hooks if event in hook.events]
     receivers += [{"recipient": address} for address in mail_to]
-    common = {"project_id": project_id, "monitor_id": monitor_id, "event": event, "body": json.dumps(message)}
-    session.add_all(Delivery(**common, **receiver, message_id=new_message_id()) for receiver in receivers)
+    common = {"project_id": project_id, "monitor_id": monitor_id}
+    session.add_all(_message(event, data, **common, **receiver) for receiver in receivers)
 
 
 def trial_message(webhook: Webhook) -> Delivery:
     """A message without an event, which tries a webhook."""
-    body = {"type": TEST, "timestamp": datetime.now(UTC).isoformat(), "data": {"webhook_id": str(webhook.id)}}
-    return Delivery(
-        project_id=webhook.project_id,
-        webhook_id=webhook.id,
-        event=TEST,
-        body=json.dumps(body),
-        message_id=new_message_id(),
-    )
+    about = {"webhook_id": str(webhook.id)}
+    return _message(TEST, about, project_id=webhook.project_id, webhook_id=webhook.id)
 
 
-def new_message_id() -> str:
-    """A new id, by which a receiver recognises a message that it has already."""
-    return f"msg_{uuid4().hex}"
+def _message(event: str, data: dict[str, Any], **receiver: Any) -> Delivery:
+    """A message with a new id, by which a receiver recognises it when it comes again."""
+    body = {"type": event, "timestamp": datetime.now(UTC).isoformat(), "data": data}
+    return Delivery(**receiver, event=event, body=json.dumps(body), message_id=f"msg_{uuid4().hex}")
 
 
 def as_mail(delivery: Delivery, sender: str) -> EmailMessage:

@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from service.access import CurrentUser, Lookup, Role, SessionDep, SettingsDep, User, audit, project_for, projects_of
 from service.errors import Conflict, Invalid, NotFound
-from service.monitoring.notifications.addresses import AddressError, destinations, parse_url, resolve
+from service.monitoring.notifications.addresses import AddressError, parse_url, resolve
 from service.monitoring.notifications.messages import EVENTS, Event, trial_message
 from service.monitoring.notifications.sender import new_secret
 from service.monitoring.notifications.tables import Delivery, Webhook
@@ -100,13 +100,7 @@ def webhook_for(session: Session, user: User, webhook_id: UUID, role: Role) -> W
 
 
 def deliveries(session: Session, wanted: ColumnElement[bool], cursor: Cursor, limit: Limit) -> Page[DeliveryOut]:
-    """A page of deliveries, newest first.
-
-    Args:
-        session: the request's transaction.
-        wanted: the condition, such as `Delivery.webhook_id == id`.
-        cursor: of the page before; None for the first.
-        limit: rows in a page.
+    """A page of the deliveries that fulfil a condition, such as `Delivery.webhook_id == id`; newest first.
 
     Raises:
         Invalid: the cursor is not one of this list.
@@ -122,7 +116,7 @@ def deliveries(session: Session, wanted: ColumnElement[bool], cursor: Cursor, li
 
 
 def deliveries_of_monitor(session: Session, monitor_id: UUID, cursor: Cursor, limit: Limit) -> Page[DeliveryOut]:
-    """A page of what was sent about a monitor, or waits to be sent, newest first; otherwise as `deliveries`."""
+    """What was sent about a monitor, or waits to be, as `deliveries`."""
     return deliveries(session, Delivery.monitor_id == monitor_id, cursor, limit)
 
 
@@ -133,7 +127,7 @@ def create_webhook(
     """Have a project's events posted to a URL, signed as Standard Webhooks says. The answer alone shows the secret."""
     project = project_for(session, user, body.project, "owner")
     try:
-        resolve(body.url, destinations(settings))
+        resolve(body.url, settings)
     except AddressError as error:
         raise Invalid("/url", str(error)) from None
     row = Webhook(project_id=project.id, url=body.url, secret=new_secret(), events=body.events)

@@ -41,7 +41,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from fecore import __version__
 from service.db.engine import Sessions
-from service.monitoring.notifications.addresses import AddressError, destinations, resolve
+from service.monitoring.notifications.addresses import AddressError, resolve
 from service.monitoring.notifications.messages import as_mail
 from service.monitoring.notifications.tables import Delivery, Webhook
 from service.settings import Settings
@@ -87,15 +87,10 @@ def sign(secret: str, message_id: str, timestamp: int, body: bytes) -> str:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of an attempt.
+    """What became of an attempt."""
 
-    Attributes:
-        status: HTTP status, where there was one.
-        error: why it failed; None where it was delivered.
-    """
-
-    status: int | None
-    error: str | None
+    status: int | None  # HTTP status, where there was one
+    error: str | None  # why it failed; None where it was delivered
 
 
 async def deliver(delivery: Delivery, hook: Webhook | None, settings: Settings) -> Outcome:
@@ -123,7 +118,7 @@ async def post(delivery: Delivery, hook: Webhook, settings: Settings) -> Outcome
 
     body, now = delivery.body.encode(), int(time.time())
     try:
-        target = await to_thread.run_sync(resolve, hook.url, destinations(settings), abandon_on_cancel=True)
+        target = await to_thread.run_sync(resolve, hook.url, settings, abandon_on_cancel=True)
         headers = {
             "Host": target.host,
             "Content-Type": "application/json",

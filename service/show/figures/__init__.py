@@ -1,5 +1,5 @@
-"""Figures: a result in, a Plotly figure out as plain JSON; and the same figure drawn for print. No web, no database.
+"""Figures: a result in, a `Figure` of marks out. No web, no database.
 
-Each figure is built once. The browser, a notebook (`plotly.io.from_json`) and REST show that JSON; `printing` draws the
-same JSON with matplotlib as SVG, PNG or PDF.
+Each figure is described once, with the marks of `marks`. `screen` makes Plotly's JSON of it for the browser, a notebook
+(`plotly.io.from_json`) and REST; `paper` draws it with matplotlib as SVG, PNG or PDF.
 """

@@ -12,8 +12,9 @@ from pydantic import BaseModel, Field
 
 from fecore import __version__
 from service.errors import NotFound
-from service.show.figures.look import Figure, Theme, themed
-from service.show.figures.printing import MEDIA_TYPES, Format, render
+from service.show.figures.colors import Theme
+from service.show.figures.marks import Figure
+from service.show.figures.paper import MEDIA_TYPES, Format, render
 from service.web.parameters import not_modified
 
 FigureName = Annotated[str, Path(max_length=60, description="name of the figure, as the text above has it")]
@@ -67,7 +68,7 @@ class AskedFigure:
         """The figure, shown in place and not as an attachment.
 
         Args:
-            draw: makes the figure, for a light page; not called where the client has kept it as it is now.
+            draw: makes the figure; not called where the client has kept it as it is now.
             name: of the file, should someone save it; ASCII, without a suffix.
             version: changes whenever the data that are drawn change; None where nothing says so. A later release may draw
                 another figure, and the address names the rest.
@@ -81,7 +82,7 @@ class AskedFigure:
                 return unchanged
         if self.file_format != "plotly":
             headers["Content-Disposition"] = f'inline; filename="{name}.{self.file_format}"'
-        body = render(themed(draw(), self.theme), self.file_format)
+        body = render(draw(), self.file_format, self.theme)
         return Response(body, media_type=MEDIA_TYPES[self.file_format], headers=headers)
 
 

@@ -7,27 +7,26 @@ from typing import Any
 
 import numpy as np
 
-from service.show.figures.look import (
-    ALARM,
-    BAND,
-    INITIAL,
-    MEASURED,
-    QUIET,
-    UPDATED,
+from service.show.figures.colors import ALARM, BAND, INITIAL, MEASURED, UPDATED
+from service.show.figures.marks import (
     Z_95,
+    Axis,
+    Bars,
     Figure,
-    Trace,
-    axis,
-    layout,
-    marks,
-    named_ticks,
-    numbers,
-    shown_name,
+    Mark,
+    Panel,
+    Points,
+    Rule,
+    named_axis,
+    rows_axis,
+    shortened,
 )
 
 _LONGEST = 22  # letters of a campaign's name beside a row
 FAR_Z = 2.0
 """|z| from which on a campaign's own estimate is drawn as one that differs."""
+
+_Row = tuple[Mapping[str, Any], Mapping[str, Any]]
 
 
 def alone_figure(parameters: Sequence[Mapping[str, Any]], campaigns: Sequence[Mapping[str, Any]]) -> Figure:
@@ -43,74 +42,48 @@ def alone_figure(parameters: Sequence[Mapping[str, Any]], campaigns: Sequence[Ma
         for part in campaigns
         if part["alone"].get(parameter["name"]) is not None
     ]
-    names = [f"{parameter['name']}  {_short(part['name'])}" for parameter, part in rows]
-    data = [*_joint(rows), *_alone(rows)]
-    said = ", ".join(f"{shown_name(part['name'])}: p {_probability(part['predictive_p'])}" for part in campaigns)
-    shown = layout(
+    names = [f"{parameter['name']}  {shortened(part['name'], _LONGEST)}" for parameter, part in rows]
+    said = ", ".join(f"{shortened(part['name'])}: p {_probability(part['predictive_p'])}" for part in campaigns)
+    return Figure(
         f"Each campaign alone, beside all together ({said})",
-        xaxis=axis("share of the joint estimate [%]"),
-        yaxis=axis("", range=[len(rows) - 0.4, -0.6], **named_ticks(names)),
-        margin={"l": 40 + 7 * max((len(name) for name in names), default=0)},
+        [_joint(rows), *_alone(rows)],
+        [Panel(Axis("share of the joint estimate [%]"), rows_axis(names))],
         height=200 + 24 * max(len(rows), 6),
+        margins={"l": 40 + 7 * max((len(name) for name in names), default=0)},
     )
-    return {"data": data, "layout": shown}
-
-
-def _short(name: str) -> str:
-    """A campaign's name as the label of a row."""
-    return shown_name(name if len(name) <= _LONGEST else name[: _LONGEST - 1] + "…")
 
 
 def _probability(value: float | None) -> str:
     return "–" if value is None else f"{value:.2g}"
 
 
-_Row = tuple[Mapping[str, Any], Mapping[str, Any]]
-
-
-def _joint(rows: Sequence[_Row]) -> list[Trace]:
+def _joint(rows: Sequence[_Row]) -> Mark:
     """The joint estimate's 95 % interval behind each row."""
-    low = [100 * parameter["interval_95"][0] / parameter["estimate"] for parameter, _ in rows]
-    high = [100 * parameter["interval_95"][1] / parameter["estimate"] for parameter, _ in rows]
-    x: list[float | None] = []
-    y: list[float | None] = []
-    for place, (left, right) in enumerate(zip(low, high, strict=True)):
-        x += [left, right, right, left, left, None]
-        y += [place - 0.5, place - 0.5, place + 0.5, place + 0.5, place - 0.5, None]
-    return [
-        {
-            "type": "scatter", "mode": "lines", "fill": "toself", "fillcolor": BAND, "x": numbers(_gaps(x)),
-            "y": numbers(_gaps(y)), "line": {"color": BAND, "width": 0}, "name": "all together, 95 %", "hoverinfo": "skip",
-            "showlegend": True,
-        }
-    ]  # fmt: skip
+    low, high = (
+        np.array([100 * row["interval_95"][end] / row["estimate"] for row, _ in rows], dtype=float) for end in (0, 1)
+    )
+    return Bars(high - low, range(len(rows)), low, "all together, 95 %", BAND, width=1, hover=None)
 
 
-def _gaps(values: Sequence[float | None]) -> Any:
-    return np.array([np.nan if value is None else value for value in values], dtype=float)
-
-
-def _alone(rows: Sequence[_Row]) -> list[Trace]:
+def _alone(rows: Sequence[_Row]) -> list[Mark]:
     """Estimates of single campaigns with 95 % intervals; those far from the joint one stand out."""
-    traces = []
+    marks: list[Mark] = []
     for far, color, symbol, name in (
         (False, MEASURED, "circle", "one campaign alone, 95 %"),
         (True, ALARM, "diamond", f"differs, |z| above {FAR_Z:g}"),
     ):
         chosen = [
-            (place, parameter, part["alone"][parameter["name"]])
+            (place, parameter["estimate"], part["alone"][parameter["name"]])
             for place, (parameter, part) in enumerate(rows)
             if (abs(part["alone"][parameter["name"]]["z"]) > FAR_Z) is far
         ]
         if not chosen:
             continue
-        middle = [100 * found["estimate"] / parameter["estimate"] for _, parameter, found in chosen]
-        reach = [100 * Z_95 * found["standard_deviation"] / parameter["estimate"] for _, parameter, found in chosen]
-        error = {"type": "data", "array": numbers(reach), "color": color, "thickness": 1.2}
-        trace = marks(numbers(middle), [place for place, _, _ in chosen], name, color, symbol, error_x=error)
-        z = [f"z {found['z']:+.2f}" for _, _, found in chosen]
-        traces.append({**trace, "text": z, "hovertemplate": "%{x:.1f} %, %{text}<extra></extra>"})
-    return traces
+        middle = [100 * found["estimate"] / joint for _, joint, found in chosen]
+        reach = [100 * Z_95 * found["standard_deviation"] / joint for _, joint, found in chosen]
+        said: Any = {"text": [f"z {found['z']:+.2f}" for *_, found in chosen], "hover": "%{x:.1f} %, %{text}"}
+        marks.append(Points(middle, [place for place, *_ in chosen], name, color, symbol, error_x=reach, **said))
+    return marks
 
 
 def errors_figure(campaigns: Sequence[Mapping[str, Any]]) -> Figure:
@@ -119,45 +92,19 @@ def errors_figure(campaigns: Sequence[Mapping[str, Any]]) -> Figure:
     Args:
         campaigns: the parts of a joint result, each with `modes`.
     """
-    data: list[Trace] = []
-    axes: dict[str, Any] = {}
-    notes = []
-    count = len(campaigns)
+    marks: list[Mark] = []
+    panels = []
     for number, part in enumerate(campaigns):
-        place = "" if number == 0 else str(number + 1)
-        top = 1 - number / count
         modes = [mode for mode in part["modes"] if mode["updated_hz"] is not None]
-        labels = [f"{mode['number']}<br>{mode['measured_hz']:.4g} Hz" for mode in modes]
-        axes[f"xaxis{place}"] = axis(
-            "", anchor=f"y{place}", range=[-0.6, max(len(modes), 1) - 0.4], **named_ticks(labels)
-        )
-        domain = [top - 0.7 / count, top - 0.1 / count]
-        axes[f"yaxis{place}"] = axis("error [%]", domain=domain, anchor=f"x{place}")
+        labels = [f"{mode['number']}\n{mode['measured_hz']:.4g} Hz" for mode in modes]
+        x = named_axis("", labels, range=(-0.6, max(len(modes), 1) - 0.4))
+        up = 1 - (number + 0.7) / len(campaigns), 1 - (number + 0.1) / len(campaigns)
+        panel = Panel(x, Axis("error [%]"), up=up, title=shortened(part["name"]))
+        panels.append(panel)
         for key, color, symbol in (("initial_hz", INITIAL, "diamond-open"), ("updated_hz", UPDATED, "circle")):
             error = [np.nan if mode[key] is None else 100 * (mode[key] / mode["measured_hz"] - 1) for mode in modes]
             name = key.removesuffix("_hz") if number == 0 else ""
-            panel = {"xaxis": f"x{place}", "yaxis": f"y{place}"}
-            trace = marks(list(range(len(modes))), numbers(error), name, color, symbol, **panel)
-            data.append({**trace, "hovertemplate": "%{y:+.3f} %<extra></extra>"})
-        notes.append(
-            {
-                "text": shown_name(part["name"]), "x": 0.0, "y": 1.0, "xref": f"x{place} domain", "yref": f"y{place} domain",
-                "showarrow": False, "xanchor": "left", "yanchor": "bottom", "font": {"size": 13},
-            }
-        )  # fmt: skip
-    shown = layout(
-        "Errors of the frequencies of the initial and the updated model",
-        annotations=notes,
-        height=150 + 170 * count,
-        shapes=[_zero(number) for number in range(count)],
-        **axes,
-    )
-    return {"data": data, "layout": shown}
-
-
-def _zero(number: int) -> dict[str, Any]:
-    place = "" if number == 0 else str(number + 1)
-    line = {"color": QUIET, "width": 1, "dash": "dot"}
-    return {
-        "type": "line", "xref": f"x{place} domain", "yref": f"y{place}", "x0": 0, "x1": 1, "y0": 0, "y1": 0, "line": line,
-    }  # fmt: skip
+            marks.append(Points(range(len(modes)), error, name, color, symbol, panel=panel, hover="%{y:+.3f} %"))
+        marks.append(Rule(0, level=True, panel=panel))
+    title = "Errors of the frequencies of the initial and the updated model"
+    return Figure(title, marks, panels, height=150 + 170 * len(campaigns))

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
 from typing import Any
 
-from service.show.figures.look import QUIET, UPDATED, Figure, Trace, axis, decades, layout, numbers
-from service.show.figures.palette import PALETTE
+from service.show.figures.colors import PALETTE, QUIET, UPDATED
+from service.show.figures.marks import Axis, Curve, Figure, Panel, decades
 
 MOST_PARAMETERS = 8
+_GAP = 0.1
 
 
 def convergence_figure(
@@ -24,50 +25,32 @@ def convergence_figure(
         parameters: of the chosen start, by name and iteration; drawn as shares of their last values.
         coefficients: of the damping law, in the same way; empty where damping was not fitted.
     """
-    panels = 3 if coefficients else 2
-    gap, height = 0.1, (1 - 0.1 * (panels - 1)) / panels
-    domains = [[1 - (k + 1) * height - k * gap, 1 - k * (height + gap)] for k in range(panels)]
-    data = [_cost(number, start) for number, start in enumerate(starts, start=1) if len(start["cost"])]
-    names = list(parameters)[:MOST_PARAMETERS]
-    data += [_relative(name, parameters[name], PALETTE[1 + k], "y2") for k, name in enumerate(names)]
-    colors = cycle(reversed(PALETTE))
-    data += [
-        _relative(name, coefficients[name], color, "y3") for name, color in zip(coefficients, colors, strict=False)
+    axes = [
+        Axis("cost of stage 1", decades([cost for start in starts for cost in start["cost"]])),
+        Axis("constants, % of the last"),
+        *([Axis("damping, % of the last")] if coefficients else []),
     ]
-    axes: dict[str, Any] = {
-        "xaxis": axis("iteration", anchor=f"y{panels}"),
-        "yaxis": axis("cost of stage 1", domain=domains[0], **decades([c for start in starts for c in start["cost"]])),
-        "yaxis2": axis("constants, % of the last", domain=domains[1]),
-    }
-    if coefficients:
-        axes["yaxis3"] = axis("damping, % of the last", domain=domains[2])
-    return {"data": data, "layout": layout("Convergence of all starts", height=200 + 170 * panels, **axes)}
+    height = (1 - _GAP * (len(axes) - 1)) / len(axes)
+    tops = [1 - k * (height + _GAP) for k in range(len(axes))]
+    x = Axis("iteration")
+    panels = [Panel(x, y, up=(top - height, top)) for y, top in zip(axes, tops, strict=True)]
+    names = list(parameters)[:MOST_PARAMETERS]
+    curves = [_cost(number, start) for number, start in enumerate(starts, start=1) if len(start["cost"])]
+    curves += _shares({name: parameters[name] for name in names}, PALETTE[1:], panels[1])
+    curves += _shares(coefficients, cycle(reversed(PALETTE)), panels[-1])
+    return Figure("Convergence of all starts", curves, panels, height=200 + 170 * len(panels))
 
 
-def _cost(number: int, start: Mapping[str, Any]) -> Trace:
-    chosen = start["chosen"]
-    name = f"start {number}" + (", chosen" if chosen else ", failed" if start["failure"] else "")
-    color = UPDATED if chosen else QUIET
-    return {
-        "type": "scatter",
-        "mode": "lines+markers",
-        "name": name,
-        "x": list(range(len(start["cost"]))),
-        "y": numbers(start["cost"]),
-        "line": {"color": color, "width": 1.5, "dash": "solid" if chosen else "dot"},
-        "marker": {"symbol": "x" if start["failure"] else "circle", "size": 5, "color": color},
-    }
+def _cost(number: int, start: Mapping[str, Any]) -> Curve:
+    chosen, failed = start["chosen"], start["failure"]
+    name = f"start {number}" + (", chosen" if chosen else ", failed" if failed else "")
+    look: Any = {"color": UPDATED} if chosen else {"color": QUIET, "dash": "dot"}
+    return Curve(range(len(start["cost"])), start["cost"], name, symbol="x" if failed else "circle", **look)
 
 
-def _relative(name: str, values: Sequence[float], color: str, panel: str) -> Trace:
-    last = values[-1] or 1.0
-    return {
-        "type": "scatter",
-        "mode": "lines+markers",
-        "name": name,
-        "x": list(range(len(values))),
-        "y": numbers([100 * value / last for value in values]),
-        "line": {"color": color, "width": 1.5},
-        "marker": {"symbol": "circle", "size": 5, "color": color},
-        "yaxis": panel,
-    }
+def _shares(series: Mapping[str, Sequence[float]], colors: Iterable[str], panel: Panel) -> list[Curve]:
+    """Each series as shares of its last value."""
+    look: Any = {"symbol": "circle", "panel": panel}
+    per_cent = {name: [100 * value / (values[-1] or 1.0) for value in values] for name, values in series.items()}
+    pairs = zip(per_cent.items(), colors, strict=False)
+    return [Curve(range(len(values)), values, name, color, **look) for (name, values), color in pairs]

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from fecore.arrays import FloatArray
-from service.show.figures.look import MEASURED, UPDATED, Z_95, Figure, Trace, axis, layout, line, marks, numbers
-from service.show.figures.palette import PALETTE
+from service.show.figures.colors import MEASURED, PALETTE, UPDATED
+from service.show.figures.marks import Z_95, Axis, Curve, Dash, Figure, Mark, Panel, Points
 
-_ABOUT = 4.0  # how far the axis goes beyond the measured ratios
+_ABOUT = 4.0  # how far the axis goes beyond the measured ratios: a law may leave them far below and above
 
 
 def damping_figure(laws: Sequence[Mapping[str, Any]], modes: Sequence[Mapping[str, Any]]) -> Figure:
@@ -21,40 +20,26 @@ def damping_figure(laws: Sequence[Mapping[str, Any]], modes: Sequence[Mapping[st
         laws: as a result document has them, each with its `curve`.
         modes: of the result, with measured ratios and, where they are known, their standard deviations.
     """
-    data: list[Trace] = []
-    for k, law in enumerate(laws):
-        curve = law["curve"]
-        ratio = [100 * value if value is not None and value > 0 else None for value in curve["damping_ratio"]]
-        name = law["name"] + (" (reported)" if k == 0 else "") + (" (preferred)" if law["preferred"] else "")
-        color = UPDATED if k == 0 else PALETTE[1 + (k - 1) % (len(PALETTE) - 1)]
-        trace = line(curve["frequency_hz"], ratio, name, color, "solid" if law["preferred"] else "dash")
-        if law["by_mechanism"]:  # it has a ratio at modes alone
-            symbol = "square-open" if k == 0 else "triangle-up-open"
-            trace = marks(curve["frequency_hz"], ratio, name, color, symbol, size=7)
-        else:
-            trace["line"]["width"] = 2.0 if k == 0 or law["preferred"] else 1.0
-        data.append(trace)
+    marks: list[Mark] = [
+        _law(law, UPDATED if k == 0 else PALETTE[1 + (k - 1) % 9], k == 0) for k, law in enumerate(laws)
+    ]
     seen = [mode for mode in modes if mode["measured_damping"]]
     ratios = np.array([100 * mode["measured_damping"] for mode in seen])
     spread = np.array([100 * Z_95 * (mode["measured_damping_sd"] or 0.0) for mode in seen])
-    error = {
-        "type": "data", "symmetric": False, "array": numbers(spread), "color": MEASURED, "thickness": 1,
-        "arrayminus": numbers(np.minimum(spread, 0.95 * ratios)),
-    }  # fmt: skip
-    hz = [mode["measured_hz"] for mode in seen]
-    named = [f"mode {mode['number']}" for mode in seen]
-    data.append(
-        marks(numbers(hz), numbers(ratios), "measured, 95 %" if spread.any() else "measured", MEASURED, error_y=error)
-        | {"text": named, "hovertemplate": "%{text}: %{y:.3g} %<extra></extra>"}
-    )
-    shown = layout(
-        "Damping ratios: measured, and the laws",
-        xaxis=axis("frequency [Hz]", type="log"),
-        yaxis=axis("ζ [%]", type="log", **({"range": _range(ratios)} if seen else {})),
-    )
-    return {"data": data, "layout": shown}
+    name = "measured, 95 %" if spread.any() else "measured"
+    said: Any = {"text": [f"mode {mode['number']}" for mode in seen], "hover": "%{text}: %{y:.3g} %"}
+    error = np.array([np.minimum(spread, 0.95 * ratios), spread])
+    marks.append(Points([mode["measured_hz"] for mode in seen], ratios, name, MEASURED, error_y=error, **said))
+    ends = (ratios.min() / _ABOUT, ratios.max() * _ABOUT) if seen else None
+    panel = Panel(Axis("frequency [Hz]", "log"), Axis("ζ [%]", "log", ends))
+    return Figure("Damping ratios: measured, and the laws", marks, [panel])
 
 
-def _range(ratios: FloatArray) -> list[float]:
-    """Decades about the measured ratios: a law may leave them far below and above, between and beyond the modes."""
-    return [float(np.log10(ratios.min() / _ABOUT)), float(np.log10(ratios.max() * _ABOUT))]
+def _law(law: Mapping[str, Any], color: str, reported: bool) -> Mark:
+    hz, ratios = law["curve"]["frequency_hz"], np.array(law["curve"]["damping_ratio"], dtype=float)
+    ratios = np.where(ratios > 0, 100 * ratios, np.nan)
+    name = law["name"] + (" (reported)" if reported else "") + (" (preferred)" if law["preferred"] else "")
+    if law["by_mechanism"]:  # it has a ratio at modes alone
+        return Points(hz, ratios, name, color, "square-open" if reported else "triangle-up-open", 7)
+    dash: Dash = "solid" if law["preferred"] else "dash"
+    return Curve(hz, ratios, name, color, dash, 2.0 if reported or law["preferred"] else 1.0)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from service.show.figures.look import MANY_NAMES, Figure, axis, layout, named_ticks, numbers
+import numpy as np
+
+from service.show.figures.marks import MANY_NAMES, Figure, Matrix, Panel, Scale, named_axis
 
 _FEWEST_DIGITS = 12  # columns from which a value is printed with one digit
 _MOST_VALUES = 40  # columns beyond which there is no room for values
@@ -22,35 +24,17 @@ def mac_figure(
         title: of the figure.
         across: title of the axis across.
     """
-    crowded = len(columns) > _MOST_VALUES
-    digits = 2 if len(columns) <= _FEWEST_DIGITS else 1
-    shown = [numbers([float("nan") if value is None else value for value in row], 5) for row in matrix]
-    trace = {
-        "type": "heatmap",
-        "z": shown,
-        "x": list(range(len(columns))),
-        "y": list(range(len(rows))),
-        "text": [["" if value is None or crowded else f"{value:.{digits}f}" for value in row] for row in shown],
-        "texttemplate": "%{text}",
-        "colorscale": "Cividis",
-        "zmin": 0,
-        "zmax": 1,
-        "xgap": 1,
-        "ygap": 1,
-        "colorbar": {"title": {"text": "MAC"}},
-        "hovertemplate": "measured mode %{y}, mode %{x}: %{z:.4f}<extra></extra>",
-        "customdata": [[[i + 1, j + 1] for j in range(len(columns))] for i in range(len(rows))],
-    }
-    trace["hovertemplate"] = "%{customdata[0]} and %{customdata[1]}: %{z:.4f}<extra></extra>"
-    down = axis("measured mode", autorange="reversed", **named_ticks(rows))
-    height = 200 + 34 * max(len(rows), 4)
-    return {
-        "data": [trace],
-        "layout": layout(
-            title,
-            xaxis=axis(across, **named_ticks(columns)),
-            yaxis=down,
-            height=min(height, 900),
-            margin={"r": 90, "l": 120, "b": 130 if len(columns) > MANY_NAMES else 85},
-        ),
-    }
+    values, count = np.array(matrix, dtype=float), len(columns)
+    digits = 2 if count <= _FEWEST_DIGITS else 1
+    cells = [
+        ["" if np.isnan(value) or count > _MOST_VALUES else f"{value:.{digits}f}" for value in row] for row in values
+    ]
+    ids = [[[i + 1, j + 1] for j in range(count)] for i in range(len(rows))]
+    hover = "%{customdata[0]} and %{customdata[1]}: %{z:.4f}"
+    return Figure(
+        title,
+        [Matrix(values, cells, Scale("MAC", 0, 1), ids=ids, hover=hover)],
+        [Panel(named_axis(across, columns), named_axis("measured mode", rows, down=True))],
+        height=min(200 + 34 * max(len(rows), 4), 900),
+        margins={"r": 90, "l": 120, "b": 130 if count > MANY_NAMES else 85},
+    )

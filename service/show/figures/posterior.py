@@ -10,12 +10,16 @@ import numpy as np
 import scipy
 
 from fecore.arrays import FloatArray
-from service.show.figures.look import INITIAL, UPDATED, Z_95, Figure, Trace, axis, layout, line, marks, numbers
+from service.show.figures.colors import INITIAL, UPDATED
+from service.show.figures.marks import Z_95, Axis, Curve, Figure, Mark, Panel, Points
 from service.show.figures.parameters import SHOWN
 
 MOST_PARAMETERS = 8
 _RADII = (1.0, 2.4477)  # of what holds 39 % and 95 % of two Gaussian variables
 _SHOWN_SAMPLES = 600
+_CLOUD = "rgba(0,114,178,0.35)"
+_GAP = 0.12  # between panels, as a share of a panel with its gap
+_REACH = 3.2  # standard deviations that are drawn
 
 
 @dataclass(frozen=True)
@@ -24,21 +28,14 @@ class Marginal:
 
     Its posterior is Gaussian to either side of the estimate, in the logarithm where it must be positive; between the two sides
     the standard deviation changes smoothly.
-
-    Attributes:
-        title: name and unit.
-        estimate: value.
-        below, above: standard deviations to either side, in the coordinate.
-        log: whether the coordinate is the logarithm.
-        prior: mean and standard deviation, or None.
     """
 
-    title: str
-    estimate: float
-    below: float
+    title: str  # name and unit
+    estimate: float  # value
+    below: float  # standard deviations to either side, in the coordinate
     above: float
-    log: bool
-    prior: tuple[float, float] | None
+    log: bool  # whether the coordinate is the logarithm
+    prior: tuple[float, float] | None  # mean and standard deviation, or None
 
     def at(self, z: FloatArray) -> FloatArray:
         """Values so many standard deviations from the estimate."""
@@ -78,69 +75,47 @@ def posterior_figure(
     found = [marginal(row) for row in parameters[:count]]
     factors = [SHOWN.get(row["unit"], (1.0, ""))[0] for row in parameters[:count]]
     drawn = None if samples is None else samples[:: -(-len(samples) // _SHOWN_SAMPLES), :count] * factors
-    data: list[Trace] = []
-    axes: dict[str, Any] = {}
-    gap = 0.12 / count
-    size = (1 - gap * (count - 1)) / count
-    for i in range(count):
-        place = "" if i == 0 else str(i + 1)
-        left = i * (size + gap)
-        reach = found[i].at(np.array([-3.2, 3.2]))
-        limits = [float(value) for value in reach]
-        across = {"domain": [left, left + size], "anchor": _lowest(count, i), "range": limits, "nticks": 4}
-        axes[f"xaxis{place}"] = axis(found[i].title, **across)
-        up = 1 - i * (size + gap)
-        if i > 0:
-            axes[f"yaxis{place}"] = axis(found[i].title, domain=[up - size, up], anchor="x", range=limits, nticks=4)
-        axes[f"yaxis{_own(i)[1:]}"] = axis(
-            "", domain=[up - size, up], anchor=f"x{place}", showticklabels=False, showgrid=False, rangemode="tozero"
+    size = (1 - _GAP / count * (count - 1)) / count
+    starts = [i * (size + _GAP / count) for i in range(count)]
+    limits = [(float(of.at(np.array([-_REACH]))[0]), float(of.at(np.array([_REACH]))[0])) for of in found]
+    columns, rows = (
+        [Axis(of.title, range=ends, few=True) for of, ends in zip(found, limits, strict=True)] for _ in "xy"
+    )
+    marks: list[Mark] = []
+    panels: list[Panel] = []
+    for i, of in enumerate(found):
+        up = 1 - starts[i] - size, 1 - starts[i]
+        *beside, own = (
+            Panel(columns[j], rows[i] if j < i else Axis(bare=True), (starts[j], starts[j] + size), up)
+            for j in range(i + 1)
         )
-        data += _diagonal(found[i], f"x{place}", _own(i), limits, first=i == 0)
-        for j in range(i):
-            panel = {"xaxis": f"x{'' if j == 0 else j + 1}", "yaxis": f"y{place}"}
-            data += (
-                _pair(found[j], found[i], float(correlation[j, i]), panel)
-                if drawn is None
-                else [_cloud(drawn[:, j], drawn[:, i], panel)]
-            )
-    side = 150 + 115 * count
-    shown = layout("Posterior: densities and correlations", height=side, margin={"l": 95}, **axes)
-    return {"data": data, "layout": shown}
+        panels += [*beside, own]
+        marks += _diagonal(of, limits[i], own, first=i == 0)
+        for j, panel in enumerate(beside):
+            if drawn is None:
+                marks += _pair(found[j], of, float(correlation[j, i]), panel)
+            else:
+                marks.append(Points(drawn[:, j], drawn[:, i], "", _CLOUD, size=3, panel=panel, hover=None))
+    title = "Posterior: densities and correlations"
+    return Figure(title, marks, panels, height=150 + 115 * count, margins={"l": 95})
 
 
-def _own(i: int) -> str:
-    """The y axis of a density, which no other panel has."""
-    return f"y{21 + i}" if i else "y"
-
-
-def _lowest(count: int, i: int) -> str:
-    """The y axis of the lowest panel of a column."""
-    return f"y{count}" if i < count - 1 else _own(i)
-
-
-def _diagonal(of: Marginal, x: str, y: str, limits: list[float], *, first: bool) -> list[Trace]:
-    z = np.linspace(-3.2, 3.2, 65)
-    panel = {"xaxis": x, "yaxis": y, "hoverinfo": "skip"}
-    curve = line(numbers(of.at(z), 5), numbers(of.density(z), 5), "updated" if first else "", UPDATED, **panel)
+def _diagonal(of: Marginal, limits: tuple[float, float], panel: Panel, *, first: bool) -> list[Mark]:
+    z = np.linspace(-_REACH, _REACH, 65)
+    look: dict[str, Any] = {"panel": panel, "digits": 5, "hover": None}
+    curve = Curve(of.at(z), of.density(z), "updated" if first else "", UPDATED, **look)
     if of.prior is None:
         return [curve]
     mean, sd = of.prior
-    values = np.linspace(limits[0], limits[1], 41)
+    values = np.linspace(*limits, 41)
     density = np.exp(-(((values - mean) / sd) ** 2) / 2) / (sd * np.sqrt(2 * np.pi))
-    prior = line(numbers(values, 5), numbers(density, 5), "prior" if first else "", INITIAL, "dot", **panel)
-    return [prior, curve]
+    return [Curve(values, density, "prior" if first else "", INITIAL, "dot", **look), curve]
 
 
-def _pair(across: Marginal, up: Marginal, correlation: float, panel: dict[str, str]) -> list[Trace]:
+def _pair(across: Marginal, up: Marginal, correlation: float, panel: Panel) -> list[Mark]:
     """Contours that hold 39 % and 95 % of two Gaussian variables, drawn where they lie in values."""
     angle = np.linspace(0, 2 * np.pi, 61)
     first, second = np.cos(angle), correlation * np.cos(angle) + np.sqrt(max(1 - correlation**2, 0.0)) * np.sin(angle)
-    hover = {"hovertemplate": f"correlation {correlation:+.2f}<extra></extra>"}
-    return [
-        line(numbers(across.at(r * first), 5), numbers(up.at(r * second), 5), "", UPDATED, dash, **panel, **hover)
-        for r, dash in zip(_RADII, ("solid", "dash"), strict=True)
-    ]
-
-
-def _cloud(x: FloatArray, y: FloatArray, panel: dict[str, str]) -> Trace:
-    return marks(numbers(x, 5), numbers(y, 5), "", "rgba(0,114,178,0.35)", size=3, hoverinfo="skip", **panel)
+    inner, outer = ((across.at(radius * first), up.at(radius * second)) for radius in _RADII)
+    look: dict[str, Any] = {"panel": panel, "digits": 5, "hover": f"correlation {correlation:+.2f}"}
+    return [Curve(*inner, "", UPDATED, **look), Curve(*outer, "", UPDATED, "dash", **look)]

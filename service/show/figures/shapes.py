@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray
-from service.show.figures.look import MEASURED, QUIET, UPDATED, Figure, Trace, axis, layout, numbers
+from service.show.figures.colors import MEASURED, QUIET, UPDATED
+from service.show.figures.marks import Axis, Curve, Dash, Figure, Mark, Panel, Points
+from service.show.figures.screen import numbers
 
 # How far a row of points is set off to the right and up, as shares of length and deflection.
 _OBLIQUE, _DEPTH = 0.18, 0.9
@@ -20,20 +22,13 @@ MOST_MODES, MOST_ROWS = 40, 8
 
 @dataclass(frozen=True)
 class ShapePair:
-    """A measured shape and that of its partner.
+    """A measured shape and that of its partner."""
 
-    Attributes:
-        number: of the measured mode.
-        measured_title, updated_title: such as `measured, 160.9 Hz`.
-        measured: (p,) complex, at the first p points; empty where it has no shape.
-        updated: (P,) real.
-    """
-
-    number: int
-    measured_title: str
+    number: int  # of the measured mode
+    measured_title: str  # such as `measured, 160.9 Hz`.
     updated_title: str
-    measured: ComplexArray
-    updated: FloatArray
+    measured: ComplexArray  # (p,) complex, at the first p points; empty where it has no shape
+    updated: FloatArray  # (P,) real
 
 
 def shapes_figure(pairs: Sequence[ShapePair], points: Sequence[int], places: FloatArray, which: str = "") -> Figure:
@@ -48,49 +43,34 @@ def shapes_figure(pairs: Sequence[ShapePair], points: Sequence[int], places: Flo
         places: (P, 2) x and y, m.
         which: of all pairs these are, for the title; empty where they are all.
     """
-    data: list[Trace] = []
-    axes: dict[str, Any] = {}
-    notes, modes = [], []
+    marks: list[Mark] = []
+    panels, modes = [], []
     grid = _Grid(places)
-    count = len(pairs)
+    x, y = (Axis(range=ends, hidden=True) for ends in ((-0.05, 1.1 + _OBLIQUE), (-1.15, 1.15 + _DEPTH)))
     for row, pair in enumerate(pairs):
         measured, updated = aligned(pair.measured, pair.updated)
-        modes.append(
-            {
-                "number": pair.number,
-                "measured": numbers(_padded(measured, len(points)), 5),
-                "updated": numbers(updated, 5),
-            }
+        padded = np.concatenate([measured, np.full(len(points) - measured.size, np.nan)])
+        modes.append({"number": pair.number, "measured": numbers(padded, 5), "updated": numbers(updated, 5)})
+        up = 1 - (row + 0.8) / len(pairs), 1 - (row + 0.12) / len(pairs)
+        sides: tuple[tuple[FloatArray, str, str, Dash, tuple[float, float]], ...] = (
+            (measured, pair.measured_title, MEASURED, "solid", (0.0, 0.48)),
+            (updated, pair.updated_title, UPDATED, "dash", (0.52, 1.0)),
         )
-        top = 1 - row / count
-        domain = [top - 0.8 / count, top - 0.12 / count]
-        for side, (values, title, color, dash) in enumerate(
-            ((measured, pair.measured_title, MEASURED, "solid"), (updated, pair.updated_title, UPDATED, "dash"))
-        ):
-            place = 2 * row + side + 1
-            x, y = f"x{place}" if place > 1 else "x", f"y{place}" if place > 1 else "y"
-            across = [0.0, 0.48] if side == 0 else [0.52, 1.0]
-            axes[f"xaxis{x[1:]}"] = axis("", domain=across, anchor=y, visible=False, range=[-0.05, 1.1 + _OBLIQUE])
-            axes[f"yaxis{y[1:]}"] = axis("", domain=domain, anchor=x, visible=False, range=[-1.15, 1.15 + _DEPTH])
-            data += grid.traces(np.zeros(values.size), {"color": QUIET, "dash": "dot"}, "", (x, y))
-            name = ("measured", "updated")[side] if row == 0 else ""
-            data += grid.traces(values, {"color": color, "dash": dash}, name, (x, y), points)
-            notes.append(
-                {
-                    "text": title, "x": 0.0, "y": 1.0, "xref": f"{x} domain", "yref": f"{y} domain", "showarrow": False,
-                    "xanchor": "left", "yanchor": "bottom", "font": {"size": 13},
-                }
-            )  # fmt: skip
-    meta = {"points": list(points), "x_m": numbers(places[:, 0]), "y_m": numbers(places[:, 1]), "modes": modes}
-    shown = layout(
+        for values, title, color, dash, across in sides:
+            # Axes of its own, so that a page can zoom one shape.
+            panel = Panel(replace(x), replace(y), across, up, title)
+            panels.append(panel)
+            marks += grid.lines(np.zeros(values.size), QUIET, "dot", 0.7, panel)
+            marks += grid.lines(values, color, dash, 1.0, panel)
+            marks += grid.dots(values, color, points, panel)
+    return Figure(
         "Mode shapes, measured and updated" + (which and f": {which}"),
-        annotations=notes,
-        height=110 + max(130 * count, 260),
-        meta=meta,
-        margin={"l": 30},
-        **axes,
+        marks,
+        panels,
+        height=110 + max(130 * len(pairs), 260),
+        margins={"l": 30},
+        meta={"points": list(points), "x_m": numbers(places[:, 0]), "y_m": numbers(places[:, 1]), "modes": modes},
     )
-    return {"data": data, "layout": shown}
 
 
 def aligned(measured: ComplexArray, updated: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -107,12 +87,8 @@ def aligned(measured: ComplexArray, updated: FloatArray) -> tuple[FloatArray, Fl
     return real / max(float(np.abs(real).max()), 1e-300), updated
 
 
-def _padded(values: FloatArray, count: int) -> FloatArray:
-    return np.concatenate([values, np.full(count - values.size, np.nan)])
-
-
 class _Grid:
-    """Points of a specimen in rows along x and along y, in an oblique view."""
+    """Points of a specimen in rows along x and along y, in an oblique view; each is moved up by its value."""
 
     def __init__(self, places: FloatArray) -> None:
         low, size = places.min(axis=0), np.ptp(places, axis=0)
@@ -121,32 +97,23 @@ class _Grid:
         self._up = _DEPTH * share[:, 1]
         self._chains = [*_rows(share, 1, 0), *_rows(share, 0, 1)]
 
-    def traces(
-        self, values: FloatArray, style: dict[str, Any], name: str, panel: tuple[str, str], labels: Sequence[int] = ()
-    ) -> Iterator[Trace]:
-        """The points moved up by their values, joined along the rows; marks at them where they have labels."""
-        count = values.size
-        if count == 0:
-            return
-        up = self._up[:count] + values
-        line_x: list[float | None] = []
-        line_y: list[float | None] = []
-        for chain in self._chains:
-            seen = [i for i in chain if i < count]
-            if len(seen) > 1:
-                line_x += [*numbers(self._across[seen], 4), None]
-                line_y += [*numbers(up[seen], 4), None]
-        common = {"type": "scatter", "xaxis": panel[0], "yaxis": panel[1], "showlegend": False, "hoverinfo": "skip"}
-        if line_x:
-            drawn = style | {"width": 1.0 if labels else 0.7}
-            yield {**common, "mode": "lines", "name": name, "x": line_x, "y": line_y, "line": drawn}
-        if labels:
-            marker = {"color": style["color"], "size": 5, "symbol": "circle"}
-            yield {
-                **common, "mode": "markers", "name": name, "x": numbers(self._across[:count], 4), "y": numbers(up, 4),
-                "marker": marker, "customdata": list(labels[:count]), "text": [f"{value:+.3f}" for value in values],
-                "hoverinfo": "all", "hovertemplate": "point %{customdata}: %{text}<extra></extra>",
-            }  # fmt: skip
+    def lines(self, values: FloatArray, color: str, dash: Dash, width: float, panel: Panel) -> list[Mark]:
+        """The points joined along the rows."""
+        up = np.append(self._up[: values.size] + values, np.nan)
+        across = np.append(self._across[: values.size], np.nan)
+        inside = ([i for i in chain if i < values.size] for chain in self._chains)
+        joined = [i for chain in inside if len(chain) > 1 for i in (*chain, -1)]  # a gap behind each row
+        if not joined:
+            return []
+        return [Curve(across[joined], up[joined], "", color, dash, width, digits=4, panel=panel, hover=None)]
+
+    def dots(self, values: FloatArray, color: str, labels: Sequence[int], panel: Panel) -> list[Mark]:
+        """Marks at the points."""
+        if values.size == 0:
+            return []
+        place = self._across[: values.size], self._up[: values.size] + values
+        said: Any = {"text": [f"{value:+.3f}" for value in values], "hover": "point %{customdata}: %{text}"}
+        return [Points(*place, "", color, size=5, digits=4, panel=panel, ids=list(labels[: values.size]), **said)]
 
 
 def _rows(share: FloatArray, fixed: int, along: int) -> Iterator[list[int]]:

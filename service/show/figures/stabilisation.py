@@ -7,24 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from service.show.figures.look import (
-    INITIAL,
-    MEASURED,
-    QUIET,
-    UPDATED,
-    Figure,
-    Trace,
-    axis,
-    layout,
-    line,
-    marks,
-    numbers,
-)
+from service.show.figures.colors import INITIAL, MEASURED, QUIET, UPDATED
+from service.show.figures.marks import Axis, Curve, Figure, Mark, Panel, Points, Rule
 
 KINDS = (
-    ("stable in frequency and damping", "circle", UPDATED, 5),
-    ("stable in frequency", "diamond-open", INITIAL, 5),
-    ("new", "cross", QUIET, 4),
+    ("stable in frequency and damping", UPDATED, "circle", 5),
+    ("stable in frequency", INITIAL, "diamond-open", 5),
+    ("new", QUIET, "cross", 4),
 )
 
 
@@ -43,33 +32,15 @@ def stabilisation_figure(
     ratio = 100 * np.array(diagram["damping_ratio"], dtype=float)
     in_frequency = np.array(diagram["frequency_stable"], dtype=bool)
     in_both = in_frequency & np.array(diagram["damping_stable"], dtype=bool)
-    indicator = diagram["indicator"]
-    rms = np.array(indicator["rms"], dtype=float)
-    data: list[Trace] = [
-        line(
-            numbers(indicator["frequency_hz"]), numbers(np.where(rms > 0, rms, np.nan), 5), "rms of the FRFs", QUIET,
-            yaxis="y2", hoverinfo="skip",
-        )
-    ]  # fmt: skip
-    for (name, symbol, color, size), rows in zip(KINDS, (in_both, in_frequency & ~in_both, ~in_frequency), strict=True):
-        text = [f"{value:.3g} %" for value in ratio[rows]]
-        data.append(
-            marks(numbers(hz[rows]), order[rows].tolist(), name, color, symbol, size=size)
-            | {"text": text, "hovertemplate": "%{x:.5g} Hz, ζ %{text}, order %{y}<extra></extra>"}
-        )
-    lines = indicator["frequency_hz"]
-    shown = layout(
-        "Stabilisation diagram, with the identified modes as upright lines",
-        xaxis=axis("frequency [Hz]", range=[min(lines), max(lines)]),
-        yaxis=axis("order of the model"),
-        yaxis2=axis("", type="log", overlaying="y", side="right", showgrid=False, showticklabels=False),
-        shapes=[_upright(mode["frequency_hz"], MEASURED, "solid") for mode in modes]
-        + [_upright(mode["frequency_hz"], INITIAL, "dot") for mode in doubtful],
-        height=520,
-    )
-    return {"data": data, "layout": shown}
-
-
-def _upright(x: float, color: str, dash: str) -> dict[str, Any]:
-    line = {"color": color, "width": 1, "dash": dash}
-    return {"type": "line", "xref": "x", "yref": "y domain", "x0": x, "x1": x, "y0": 0, "y1": 1, "line": line}
+    lines, rms = diagram["indicator"]["frequency_hz"], np.array(diagram["indicator"]["rms"], dtype=float)
+    x = Axis("frequency [Hz]", range=(min(lines), max(lines)))
+    above = Panel(x, Axis("", "log", bare=True), over=True)
+    size = np.where(rms > 0, rms, np.nan)
+    marks: list[Mark] = [Curve(lines, size, "rms of the FRFs", QUIET, digits=5, panel=above, hover=None)]
+    for look, rows in zip(KINDS, (in_both, in_frequency & ~in_both, ~in_frequency), strict=True):
+        said: Any = {"text": [f"{value:.3g} %" for value in ratio[rows]], "hover": "%{x:.5g} Hz, ζ %{text}, order %{y}"}
+        marks.append(Points(hz[rows], order[rows], *look, **said))
+    marks += [Rule(mode["frequency_hz"], MEASURED, "solid") for mode in modes]
+    marks += [Rule(mode["frequency_hz"], INITIAL) for mode in doubtful]
+    title = "Stabilisation diagram, with the identified modes as upright lines"
+    return Figure(title, marks, [Panel(x, Axis("order of the model")), above], height=520)

@@ -21,15 +21,10 @@ _ENTRY = re.compile(r"^(?:## (?P<part>.+)|- \[(?P<title>[^\]]+)\]\((?P<page>[^)]
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the guide.
+    """A part of the guide."""
 
-    Attributes:
-        title: its name.
-        pages: title and address of each page, in order.
-    """
-
-    title: str
-    pages: tuple[tuple[str, str], ...]
+    title: str  # its name
+    pages: tuple[tuple[str, str], ...]  # title and address of each page, in order
 
 
 @cache

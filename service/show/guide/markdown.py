@@ -20,30 +20,19 @@ _WIDE = ("table", "fence", "code_block")  # a reader scrolls these, not the page
 
 @dataclass(frozen=True)
 class Heading:
-    """A title within a page.
+    """A title within a page."""
 
-    Attributes:
-        anchor: its `id`.
-        text: without marks.
-    """
-
-    anchor: str
-    text: str
+    anchor: str  # its `id`
+    text: str  # without marks
 
 
 @dataclass(frozen=True)
 class Rendered:
-    """A page.
+    """A page."""
 
-    Attributes:
-        title: its first heading.
-        body: HTML.
-        sections: the headings of the second level.
-    """
-
-    title: str
-    body: str
-    sections: tuple[Heading, ...]
+    title: str  # its first heading
+    body: str  # HTML
+    sections: tuple[Heading, ...]  # the headings of the second level
 
 
 def render(text: str, name: str, names: Set[str]) -> Rendered:

@@ -23,19 +23,12 @@ router = page_router()
 
 @dataclass(frozen=True)
 class Asset:
-    """A file.
+    """A file."""
 
-    Attributes:
-        content: as it is.
-        compressed: by gzip; None where that is not worth it.
-        digest: the first 16 digits of its SHA-256.
-        media_type: with the character set.
-    """
-
-    content: bytes
-    compressed: bytes | None
-    digest: str
-    media_type: str
+    content: bytes  # as it is
+    compressed: bytes | None  # by gzip; None where that is not worth it
+    digest: str  # the first 16 digits of its SHA-256
+    media_type: str  # with the character set
 
 
 @cache

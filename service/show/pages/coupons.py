@@ -5,12 +5,9 @@ from __future__ import annotations
 from uuid import UUID
 
 from fastapi.responses import HTMLResponse
-from starlette.responses import Response
 
-from service.access import routes as access
 from service.show.pages.look import VisitDep
 from service.store.coupons import routes as coupons
-from service.store.structures import routes as structures
 from service.web.routing import page_router
 
 router = page_router()
@@ -21,11 +18,9 @@ MOST = 500  # specimens on a page
 def get_batch(batch_id: UUID, visit: VisitDep) -> HTMLResponse:
     """A batch: its specimens, their statistics, the priors that follow."""
     batch = coupons.batches.one(visit.session, visit.user, batch_id)
-    structure = structures.nouns.one(visit.session, visit.user, batch.structure_id)
     return visit.show(
         "batch.html",
-        project=access.get_project(structure.project_id, visit.session, visit.user, Response()),
-        structure=structure,
+        **visit.in_structure(batch.structure_id),
         batch=batch,
         coupons=coupons.coupons.page(visit.session, visit.user, batch_id, limit=MOST).items,
         summary=coupons.get_summary(batch_id, visit.session, visit.user),

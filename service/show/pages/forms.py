@@ -18,27 +18,16 @@ SIMPLE = {"number": "number", "integer": "whole", "boolean": "switch"}
 
 @dataclass(frozen=True)
 class Field:
-    """One question of a form.
+    """One question of a form."""
 
-    Attributes:
-        name: JSON pointer of its value without the first slash.
-        label: in words.
-        kind: `number`, `whole`, `text`, `select`, `choices`, `pair`, `numbers`, `switch`, `group`, `table`.
-        help: what the contract says of it.
-        default: its value where nothing is said.
-        options: value and words of each choice.
-        fields: of a group, or of one row of a table.
-        nullable: whether nothing can be said.
-    """
-
-    name: str
-    label: str
-    kind: str
-    help: str = ""
-    default: Any = None
-    options: list[tuple[str, str]] = field(default_factory=list)
-    fields: list[Field] = field(default_factory=list)
-    nullable: bool = False
+    name: str  # JSON pointer of its value without the first slash
+    label: str  # in words
+    kind: str  # `number`, `whole`, `text`, `select`, `choices`, `pair`, `numbers`, `switch`, `group`, `table`
+    help: str = ""  # what the contract says of it
+    default: Any = None  # its value where nothing is said
+    options: list[tuple[str, str]] = field(default_factory=list)  # value and words of each choice
+    fields: list[Field] = field(default_factory=list)  # of a group, or of one row of a table
+    nullable: bool = False  # whether nothing can be said
 
 
 def fields_of(model: type[BaseModel], choices: Mapping[str, list[tuple[str, str]]]) -> list[Field]:

@@ -17,20 +17,13 @@ Point3 = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Mark:
-    """A grid point in the drawing.
+    """A grid point in the drawing."""
 
-    Attributes:
-        label: its number.
-        x, y: place in the drawing.
-        place: its coordinates in words.
-        frfs: how many FRFs it has.
-    """
-
-    label: int
-    x: float
+    label: int  # its number
+    x: float  # place in the drawing
     y: float
-    place: str
-    frfs: int
+    place: str  # its coordinates in words
+    frfs: int  # how many FRFs it has
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,7 @@ from uuid import UUID
 
 from fastapi import Query
 from fastapi.responses import HTMLResponse
-from starlette.responses import Response
 
-from service.access import routes as access
 from service.jobs.resource import ENDED
 from service.show.pages.look import Visit, VisitDep
 from service.show.results import routes as shown
@@ -31,18 +29,13 @@ def get_joint(joint_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = 
     `part` is the piece with the progress alone, as of a single update.
     """
     job = updating.joint.one(visit.session, visit.user, joint_id)
-    ended = job.status in ENDED
     if part:
-        answer = visit.show("job_progress.html", job=job, ended=ended, kind="joint-updates")
-        if ended:
-            answer.headers["HX-Refresh"] = "true"
-        return answer
-    project = access.get_project(job.project_id, visit.session, visit.user, Response())
+        return visit.show_progress(job, "joint-updates")
     rows = {row.id: row for row in campaigns_of(visit.session, [each.campaign_id for each in job.campaigns])}
     names = {str(key): row.name for key, row in rows.items()}
-    common = {"job": job, "project": project, "names": names, "kind": "joint-updates"}
+    common = {"job": job, **visit.in_project(job.project_id), "names": names, "kind": "joint-updates"}
     if job.status != "succeeded":
-        return visit.show("joint_job.html", **common, ended=ended)
+        return visit.show("joint_job.html", **common, ended=job.status in ENDED)
     return visit.show(
         "joint_result.html",
         **common,

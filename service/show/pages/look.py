@@ -7,16 +7,22 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
+from uuid import UUID
 
 from fastapi import Depends, Request
 from fastapi.responses import HTMLResponse
 from sqlalchemy.orm import Session
+from starlette.responses import Response
 
 from fecore import __version__
 from service.access import CurrentUser, SessionDep, User
+from service.access import routes as access
 from service.access.keys import COOKIE, request_token
+from service.jobs.resource import ENDED
 from service.show.pages import numbers
 from service.show.pages.assets import address
+from service.store.campaigns.operations import campaign_for, describe
+from service.store.structures import routes as structures
 from service.web.templates import templates_in
 
 if TYPE_CHECKING:
@@ -73,21 +79,36 @@ def page(request: Request, template: str, status_code: int = 200, **context: Any
 
 @dataclass(frozen=True)
 class Visit:
-    """Somebody who is signed in and looks at a page.
+    """Somebody who is signed in and looks at a page."""
 
-    Attributes:
-        request: theirs.
-        session: its transaction, in which the database stands still.
-        user: who.
-    """
-
-    request: Request
-    session: Session
-    user: User
+    request: Request  # theirs
+    session: Session  # its transaction, in which the database stands still
+    user: User  # who
 
     def show(self, template: str, **context: Any) -> HTMLResponse:
         """A page of theirs."""
         return page(self.request, template, user=self.user.name, **context)
+
+    def show_progress(self, job: Any, kind: str) -> HTMLResponse:
+        """The piece of a page that says how far a job is, and replaces itself; once it has ended, the page is loaded anew."""
+        answer = self.show("job_progress.html", job=job, ended=job.status in ENDED, kind=kind)
+        if job.status in ENDED:
+            answer.headers["HX-Refresh"] = "true"
+        return answer
+
+    def in_project(self, project_id: UUID) -> dict[str, Any]:
+        """The project of a page below it, as templates have it."""
+        return {"project": access.get_project(project_id, self.session, self.user, Response())}
+
+    def in_structure(self, structure_id: UUID) -> dict[str, Any]:
+        """The structure of a page below it, and what that is in."""
+        structure = structures.nouns.one(self.session, self.user, structure_id)
+        return {"structure": structure, **self.in_project(structure.project_id)}
+
+    def in_campaign(self, campaign_id: UUID, *, deleted: bool = True) -> dict[str, Any]:
+        """The campaign of a page below it, and what that is in; results outlive their campaign."""
+        campaign = describe(campaign_for(self.session, self.user, campaign_id, deleted=deleted))
+        return {"campaign": campaign, **self.in_structure(campaign.structure_id)}
 
 
 def _visit(request: Request, session: SessionDep, user: CurrentUser) -> Iterator[Visit]:

@@ -9,18 +9,15 @@ from uuid import UUID
 
 from fastapi import Query
 from fastapi.responses import HTMLResponse
-from starlette.responses import Response
 
-from service.access import routes as access
-from service.access.schemas import ProjectOut
 from service.monitoring import routes as monitoring
 from service.show.hits import AXES
 from service.show.pages.grid import draw_grid
 from service.show.pages.joint import joint_updates_of
-from service.show.pages.look import Visit, VisitDep
+from service.show.pages.look import VisitDep
 from service.show.pages.names import NamedJob, name_jobs, over_time
 from service.store.campaigns import routes as campaigns
-from service.store.campaigns.operations import campaign_for, describe, stored_points
+from service.store.campaigns.operations import campaign_for, stored_points
 from service.store.campaigns.schemas import Boundary, CampaignOut
 from service.store.coupons import routes as coupons
 from service.store.frfs import routes as frfs
@@ -31,8 +28,6 @@ from service.store.imports import routes as imports
 from service.store.modes import routes as modes
 from service.store.records import routes as records
 from service.store.records.schemas import RecordOut
-from service.store.structures import routes as structures
-from service.store.structures.schemas import StructureOut
 from service.store.updating import routes as updating
 from service.web.routing import page_router
 
@@ -50,8 +45,6 @@ def get_structure(
     cursor: Cursor = None,
 ) -> HTMLResponse:
     """A structure: its tests side by side with what they gave, coupon batches, monitors."""
-    structure = structures.nouns.one(visit.session, visit.user, structure_id)
-    project = access.get_project(structure.project_id, visit.session, visit.user, Response())
     listed = campaigns.list_campaigns(structure_id, visit.session, visit.user, cursor=cursor, limit=MOST)
     shown = [c for c in listed.items if _wanted(c, boundary, name)]
     jobs = updating.list_update_jobs(
@@ -60,8 +53,7 @@ def get_structure(
     newest = _newest(name_jobs(visit, jobs, ("verdict", "parameters", "modes")))
     return visit.show(
         "structure.html",
-        project=project,
-        structure=structure,
+        **visit.in_structure(structure_id),
         campaigns=sorted(shown, key=lambda c: c.performed_at or c.created_at),
         all_campaigns=len(listed.items),
         following=listed.next_cursor,
@@ -94,20 +86,10 @@ def _parameter_names(jobs: Iterable[NamedJob]) -> list[str]:
     return list(names)
 
 
-def campaign_context(
-    visit: Visit, campaign_id: UUID, *, deleted: bool = True
-) -> tuple[CampaignOut, StructureOut, ProjectOut]:
-    """A campaign with its structure and project, for pages that stand below it; results outlive their campaign."""
-    campaign = describe(campaign_for(visit.session, visit.user, campaign_id, deleted=deleted))
-    structure = structures.nouns.one(visit.session, visit.user, campaign.structure_id)
-    project = access.get_project(structure.project_id, visit.session, visit.user, Response())
-    return campaign, structure, project
-
-
 @router.get("/campaigns/{campaign_id}")
 def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
     """A campaign: upload, grid to scale, FRF viewer, files, mode sets, hits, updates."""
-    campaign, structure, project = campaign_context(visit, campaign_id, deleted=False)
+    context = visit.in_campaign(campaign_id, deleted=False)
     listed = frfs.list_frfs(campaign_id, FrfFilter(), visit.session, visit.user, limit=1000)
     points = specimen_points(visit.session, campaign_for(visit.session, visit.user, campaign_id))
     jobs = updating.list_update_jobs(visit.session, visit.user, campaign=campaign_id, limit=50).items
@@ -116,12 +98,10 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
     done = next((row.result for row in processings if row.result is not None), None)
     return visit.show(
         "campaign.html",
-        project=project,
-        structure=structure,
-        campaign=campaign,
+        **context,
         frfs=listed.items,
         more_frfs=listed.next_cursor is not None,
-        grid=draw_grid(points, structure.geometry, _measured_points(listed.items)),
+        grid=draw_grid(points, context["structure"].geometry, _measured_points(listed.items)),
         point_count=len(points),
         imports=list(reversed(imports.of_jobs.page(visit.session, visit.user, campaign_id, limit=50).items)),
         mode_sets=modes.nouns.page(visit.session, visit.user, campaign_id, limit=50).items,
@@ -131,7 +111,7 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         processings=processings,
         judged=[] if done is None else done["hits"],
         jobs=name_jobs(visit, jobs),
-        joint=joint_updates_of(visit, project.id, campaign_id),
+        joint=joint_updates_of(visit, context["project"].id, campaign_id),
     )
 
 
@@ -146,17 +126,11 @@ def _measured_points(rows: Sequence[FrfOut]) -> dict[int, int]:
 
 @dataclass(frozen=True)
 class HitPlace:
-    """Where was hit and where the sensor stood, for a list to choose from.
+    """Where was hit and where the sensor stood, for a list to choose from."""
 
-    Attributes:
-        name: in the page's address.
-        words: for a person.
-        query: of the figure.
-    """
-
-    name: str
-    words: str
-    query: str
+    name: str  # in the page's address
+    words: str  # for a person
+    query: str  # of the figure
 
 
 def _hit_places(blocks: Sequence[RecordOut]) -> list[HitPlace]:
@@ -176,9 +150,8 @@ def _hit_places(blocks: Sequence[RecordOut]) -> list[HitPlace]:
 @router.get("/campaigns/{campaign_id}/grid-points")
 def get_points(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
     """The table of a campaign's grid points, in the file's frame."""
-    campaign, structure, project = campaign_context(visit, campaign_id)
-    points = stored_points(visit.session, campaign_id)
-    return visit.show("grid_points.html", project=project, structure=structure, campaign=campaign, points=points)
+    context = visit.in_campaign(campaign_id)
+    return visit.show("grid_points.html", **context, points=stored_points(visit.session, campaign_id))
 
 
 @router.get("/imports/{import_id}")
@@ -187,5 +160,4 @@ def get_import(import_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] 
     shown = imports.of_jobs.one(visit.session, visit.user, import_id)
     if part:
         return visit.show("import_report.html", item=shown)
-    campaign, structure, project = campaign_context(visit, shown.campaign_id)
-    return visit.show("import.html", project=project, structure=structure, campaign=campaign, item=shown)
+    return visit.show("import.html", **visit.in_campaign(shown.campaign_id), item=shown)

@@ -7,12 +7,9 @@ from uuid import UUID
 
 from fastapi import Query
 from fastapi.responses import HTMLResponse
-from starlette.responses import Response
 
-from service.access import routes as access
 from service.monitoring import routes as monitoring
 from service.show.pages.look import VisitDep
-from service.store.structures import routes as structures
 from service.web.routing import page_router
 
 router = page_router()
@@ -39,11 +36,9 @@ def get_monitor(
 ) -> HTMLResponse:
     """A monitor: a figure of each watched parameter with its limits, what they say, alarms, runs."""
     monitor = monitoring.nouns.one(visit.session, visit.user, monitor_id)
-    structure = structures.nouns.one(visit.session, visit.user, monitor.structure_id)
     return visit.show(
         "monitor.html",
-        project=access.get_project(structure.project_id, visit.session, visit.user, Response()),
-        structure=structure,
+        **visit.in_structure(monitor.structure_id),
         monitor=monitor,
         series=monitoring.get_series(monitor_id, visit.session, visit.user, series),
         alarms=monitoring.list_alarms(visit.session, visit.user, monitor=monitor_id, limit=MOST).items,

@@ -17,21 +17,13 @@ from service.store.updating.schemas import UpdateJobOut
 
 @dataclass(frozen=True)
 class NamedJob:
-    """An update job in a list.
+    """An update job in a list."""
 
-    Attributes:
-        job: itself.
-        campaign: name of its campaign.
-        structure: name of its structure.
-        structure_id: key of that.
-        result: the parts of its document that were asked for; None where it has none.
-    """
-
-    job: UpdateJobOut
-    campaign: str
-    structure: str
-    structure_id: UUID
-    result: dict[str, Any] | None
+    job: UpdateJobOut  # itself
+    campaign: str  # name of its campaign
+    structure: str  # name of its structure
+    structure_id: UUID  # key of that
+    result: dict[str, Any] | None  # the parts of its document that were asked for; None where it has none
 
     @property
     def verdict(self) -> str | None:

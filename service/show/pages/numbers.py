@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
+from service.show.figures.marks import counted
+from service.show.figures.parameters import SHOWN
+
 NOTHING = "–"
-UNITS: dict[str, tuple[float, str]] = {"Pa": (1e-9, "GPa"), "m": (1e3, "mm"), "s": (1e6, "µs"), "1": (1.0, "")}
-"""Factor and unit in which values of an SI unit are shown; others as they are."""
 
 
 def number(value: float | None, digits: int = 4) -> str:
@@ -27,7 +28,7 @@ def number(value: float | None, digits: int = 4) -> str:
 
 def unit_of(unit: str) -> str:
     """The unit in which values of an SI unit are shown."""
-    return UNITS.get(unit, (1.0, unit))[1]
+    return "" if unit == "1" else SHOWN.get(unit, (1.0, unit))[1]
 
 
 def in_unit(value: float | None, unit: str, sd: float | None = None) -> str:
@@ -36,7 +37,7 @@ def in_unit(value: float | None, unit: str, sd: float | None = None) -> str:
     >>> in_unit(33.0512e9, "Pa", 0.21e9)
     '33.05'
     """
-    factor = UNITS.get(unit, (1.0, unit))[0]
+    factor = SHOWN.get(unit, (1.0, unit))[0]
     if value is None or not math.isfinite(value):
         return NOTHING
     shown = factor * value
@@ -64,7 +65,7 @@ def in_laboratory_units(text: str) -> str:
     """
 
     def shown(found: re.Match[str]) -> str:
-        factor, unit = UNITS[found[2]]
+        factor, unit = SHOWN[found[2]]
         return f"{factor * float(found[1]):.3g} {unit}"
 
     return _AMOUNT.sub(shown, text)
@@ -126,6 +127,7 @@ def _time(value: datetime | str) -> datetime:
 
 
 FILTERS: dict[str, Callable[..., Any]] = {
+    "counted": counted,
     "number": number,
     "unit_of": unit_of,
     "in_unit": in_unit,

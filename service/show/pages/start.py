@@ -7,10 +7,8 @@ from uuid import UUID
 
 from fastapi import Query, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
-from starlette.responses import Response
 
 from service.access import routes as access
-from service.access import routes as members
 from service.monitoring import routes as monitoring
 from service.show.pages.joint import joint_updates_of
 from service.show.pages.look import VisitDep, page
@@ -58,14 +56,13 @@ def get_projects(visit: VisitDep, cursor: Cursor = None) -> HTMLResponse:
 @router.get("/projects/{project_id}")
 def get_project(project_id: UUID, visit: VisitDep, cursor: Cursor = None) -> HTMLResponse:
     """A project: its structures, members and newest updates."""
-    project = access.get_project(project_id, visit.session, visit.user, Response())
     listed = structures.list_structures(project_id, visit.session, visit.user, cursor=cursor, limit=MOST)
     stored = storage.get_storage(project_id, visit.session, visit.user, visit.request.app.state.settings)
-    people = members.list_members(project_id, visit.session, visit.user, limit=MOST).items
+    people = access.list_members(project_id, visit.session, visit.user, limit=MOST).items
     jobs = updating.list_update_jobs(visit.session, visit.user, project=project_id, limit=10).items
     return visit.show(
         "project.html",
-        project=project,
+        **visit.in_project(project_id),
         structures=listed.items,
         following=listed.next_cursor,
         members=people,

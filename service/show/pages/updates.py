@@ -11,9 +11,9 @@ from fastapi.responses import HTMLResponse
 from service.access import routes as access
 from service.errors import Invalid
 from service.jobs.resource import ENDED, JobState
+from service.show.figures.marks import counted
 from service.show.pages.forms import fields_of
 from service.show.pages.look import Visit, VisitDep
-from service.show.pages.measurements import campaign_context
 from service.show.pages.names import name_jobs, over_time
 from service.show.results import routes as shown
 from service.store.campaigns.operations import campaigns_of
@@ -40,11 +40,11 @@ def get_new_update(
     campaign_id: UUID, visit: VisitDep, like: Annotated[UUID | None, Query(description="a job to repeat")] = None
 ) -> HTMLResponse:
     """The form of a recipe, made from its schema; filled in as another job's where one is named."""
-    campaign, structure, project = campaign_context(visit, campaign_id)
+    context = visit.in_campaign(campaign_id)
     sets = modes.nouns.page(visit.session, visit.user, campaign_id, limit=MOST).items
-    batches = coupons.batches.page(visit.session, visit.user, campaign.structure_id, limit=MOST).items
+    batches = coupons.batches.page(visit.session, visit.user, context["structure"].id, limit=MOST).items
     choices = {
-        "mode_set": [(str(s.id), f"{s.name} ({s.origin}, {len(s.modes)} modes)") for s in reversed(sets)],
+        "mode_set": [(str(s.id), f"{s.name} ({s.origin}, {counted(len(s.modes), 'mode')})") for s in reversed(sets)],
         "prior_from_coupon_batch": [(str(b.id), f"{b.name} ({', '.join(b.constants)})") for b in reversed(batches)],
     }
     fields = fields_of(RecipeIn, choices)
@@ -55,9 +55,7 @@ def get_new_update(
         start = recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
     return visit.show(
         "new_update.html",
-        project=project,
-        structure=structure,
-        campaign=campaign,
+        **context,
         first=first,
         more=[f for f in fields if f.name not in PRINCIPAL],
         start=start,
@@ -94,17 +92,13 @@ def get_job(job_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = Fals
     """
     job = updating.single.one(visit.session, visit.user, job_id)
     if part:
-        answer = visit.show("job_progress.html", job=job, ended=job.status in ENDED, kind="update-jobs")
-        if job.status in ENDED:
-            answer.headers["HX-Refresh"] = "true"
-        return answer
-    campaign, structure, project = campaign_context(visit, job.campaign_id)
-    common = {"job": job, "campaign": campaign, "structure": structure, "project": project}
+        return visit.show_progress(job, "update-jobs")
+    common = {"job": job, **visit.in_campaign(job.campaign_id)}
     if job.status != "succeeded":
         return visit.show("job.html", **common, ended=job.status in ENDED, kind="update-jobs")
     result = result_document(visit.session, update_job_for(visit.session, visit.user, job_id))
     figures = shown.list_figures(job_id, visit.session, visit.user).items
-    points = [] if campaign.deleted_at is not None else _points(visit, job.campaign_id, result)
+    points = [] if common["campaign"].deleted_at is not None else _points(visit, job.campaign_id, result)
     return visit.show("result.html", **common, result=result, points=points, figures=figures)
 
 

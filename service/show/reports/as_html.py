@@ -7,7 +7,7 @@ import hashlib
 from collections.abc import Sequence
 from html import escape
 
-from service.show.figures.printing import render
+from service.show.figures.paper import render
 from service.show.reports.blocks import (
     Block,
     Bullets,
@@ -81,7 +81,7 @@ def _block(block: Block) -> str:
         case Picture(figure, width):
             # As an image its ids and styles cannot meet those of another figure on the page.
             source = base64.b64encode(render(figure, "svg")).decode()
-            title = escape(figure["layout"]["title"]["text"], quote=True)
+            title = escape(figure.title, quote=True)
             return f'<img alt="{title}" width="{100 * width:.0f}%" src="data:image/svg+xml;base64,{source}">'
         case Signatures(roles):
             return '<div class="sign">' + "".join(f"<div>{escape(role)}, date</div>" for role in roles) + "</div>"

@@ -12,8 +12,8 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from service.show.figures.look import Figure
-from service.show.figures.printing import pixels
+from service.show.figures.marks import Figure
+from service.show.figures.paper import pixels
 from service.show.reports.blocks import (
     Block,
     Bullets,
@@ -177,11 +177,17 @@ def _table(table: Table) -> Any:
 
 
 def _widths(table: Table) -> list[float]:
-    """By the longest text of each column, within limits, so that one long cell does not squeeze the others."""
+    """By the longest text of each column, within limits, so that one long cell does not squeeze the others; a word is not
+    broken.
+    """
     rows = ([table.columns] if table.columns else []) + list(table.rows)
-    lengths = [min(max(max(len(row[k]) for row in rows), 6), 48) for k in range(len(table.numeric))]
+    lengths = [max(6, *(_length(row[k]) for row in rows)) for k in range(len(table.numeric))]
     total = sum(lengths)
     return [WIDTH * length / total for length in lengths]
+
+
+def _length(text: str) -> int:
+    return max(min(len(text), 48), *map(len, text.split()), 0)
 
 
 def _signatures(roles: Any) -> Any:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from service.show.figures.look import Figure
+from service.show.figures.marks import Figure
 
 Tone = Literal["plain", "good", "careful", "bad", "small", "code"]
 
@@ -36,30 +36,19 @@ class Bullets:
 
 @dataclass(frozen=True)
 class Table:
-    """Columns and rows of text.
+    """Columns and rows of text."""
 
-    Attributes:
-        columns: headings; empty for a list of names and values.
-        rows: of as many cells.
-        numeric: of each column, whether it stands to the right.
-    """
-
-    columns: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    numeric: Sequence[bool]
+    columns: Sequence[str]  # headings; empty for a list of names and values
+    rows: Sequence[Sequence[str]]  # of as many cells
+    numeric: Sequence[bool]  # of each column, whether it stands to the right
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure.
+    """A figure."""
 
-    Attributes:
-        figure: of `service.show.figures`.
-        width: as a share of the text's.
-    """
-
-    figure: Figure
-    width: float = 1.0
+    figure: Figure  # of `service.show.figures`.
+    width: float = 1.0  # as a share of the text's
 
 
 @dataclass(frozen=True)
@@ -79,14 +68,8 @@ Block = Heading | Paragraph | Bullets | Table | Picture | Signatures | PageBreak
 
 @dataclass(frozen=True)
 class Report:
-    """A report.
+    """A report."""
 
-    Attributes:
-        title: of the document.
-        footer: at the foot of every page, before its number.
-        blocks: in order.
-    """
-
-    title: str
-    footer: str
-    blocks: Sequence[Block]
+    title: str  # of the document
+    footer: str  # at the foot of every page, before its number
+    blocks: Sequence[Block]  # in order

@@ -9,7 +9,7 @@ from typing import Any
 
 from modalbase.client.display import Written, cell
 from modalbase.client.results import correlation_cells, mode_cells, parameter_cells
-from service.show.figures.look import Figure
+from service.show.figures.marks import Figure, counted
 from service.show.reports.blocks import (
     Block,
     Bullets,
@@ -30,24 +30,19 @@ ANNEX = (
     "parameters", "budget", "posterior", "shapes", "mac", "automac", "csac", "csf", "sac", "damping", "convergence",
     "stabilisation",
 )  # fmt: skip
-_LOW = {"automac": 0.8, "mac": 0.8, "csac": 0.8, "csf": 0.8}
+_WIDTHS = {**dict.fromkeys(("budget", "automac", "mac", "csac", "csf"), 0.8), "posterior": 0.75, "convergence": 0.85}
+"""Of figures that are high, as shares of the text's width, so that two fit on a page; of others 0.9."""
 
 
 @dataclass(frozen=True)
 class UpdateFacts:
-    """What the report of an update says.
+    """What the report of an update says."""
 
-    Attributes:
-        document: the result.
-        project, structure, campaign: as REST shows them; the structure in the version that was updated.
-        frfs: how many FRFs were used.
-    """
-
-    document: Mapping[str, Any]
-    project: str
+    document: Mapping[str, Any]  # the result
+    project: str  # as REST shows them; the structure in the version that was updated
     structure: Mapping[str, Any]
     campaign: Mapping[str, Any]
-    frfs: int
+    frfs: int  # how many FRFs were used
 
 
 def update_report(facts: UpdateFacts, draw: Callable[[str], Sequence[Figure]]) -> Report:
@@ -98,7 +93,10 @@ def _specimen(facts: UpdateFacts) -> list[tuple[str, str]]:
         ("support", str(campaign["boundary"]).replace("_", " ")),
         ("tested", ", ".join([str(campaign["performed_at"] or "date not stated")[:16].replace("T", " "), *place])),
         ("instruments", _instruments(campaign["instruments"])),
-        ("data", f"{facts.frfs} FRFs" + ("" if band is None else f", fitted from {band[0]:.4g} to {band[1]:.4g} Hz")),
+        (
+            "data",
+            counted(facts.frfs, "FRF") + ("" if band is None else f", fitted from {band[0]:.4g} to {band[1]:.4g} Hz"),
+        ),
         ("computed", str(document["provenance"]["computed_at"])[:16].replace("T", " ") + " UTC"),
     ]
     return [row for row in rows if row[1]]
@@ -108,7 +106,7 @@ def _section(structure: Mapping[str, Any]) -> str:
     if (laminate := structure["laminate"]) is not None:
         angles = [f"{ply['angle_deg']:g}" for ply in laminate["plies"]]
         shown = "/".join(angles[:16]) + ("/…" if len(angles) > 16 else "")
-        return f"laminate of {len(angles)} plies [{shown}]"
+        return f"laminate of {counted(len(angles), 'ply', 'plies')} [{shown}]"
     return "equivalent orthotropic plate"
 
 
@@ -139,7 +137,7 @@ def _second(facts: UpdateFacts, draw: Callable[[str], Sequence[Figure]]) -> list
     columns, rows = mode_cells(document["modes"])
     blocks: list[Block] = [PageBreak(), Heading("Modes"), _table(columns, rows[:MOST_MODES])]
     if len(rows) > MOST_MODES:
-        blocks.append(Paragraph(f"{len(rows) - MOST_MODES} more modes are in the annex.", "small"))
+        blocks.append(Paragraph(f"The annex lists all {len(rows)} modes.", "small"))
     columns, rows = correlation_cells(document["correlation"])
     if rows:
         blocks += [Heading("Correlation of measured and predicted FRFs, means"), _table(columns, rows)]
@@ -159,7 +157,7 @@ def _annex(document: Mapping[str, Any], draw: Callable[[str], Sequence[Figure]])
     if len(document["modes"]) > MOST_MODES:
         blocks += [Heading("All modes"), _table(*mode_cells(document["modes"]))]
     blocks.append(Heading("Figures"))
-    blocks += [Picture(figure, _LOW.get(name, 0.9)) for name in ANNEX for figure in draw(name)]
+    blocks += [Picture(figure, _WIDTHS.get(name, 0.9)) for name in ANNEX for figure in draw(name)]
     provenance = document["provenance"]
     recipe = json.dumps(provenance["recipe"], ensure_ascii=False, indent=1, sort_keys=True)
     blocks += [Heading("Recipe"), Paragraph(recipe, "code"), Heading("Origin"), _pairs(_origin(provenance))]

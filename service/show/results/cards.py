@@ -69,15 +69,17 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
     recipe = RecipeIn.model_validate(job.recipe)
     if recipe.springs:
         names = ", ".join(spring.name for spring in recipe.springs)
-        raise Conflict(f"the recipe has elastic supports ({names}), which no deck is written with; add them by hand")
+        raise Conflict(
+            f"a deck cannot hold the recipe's elastic supports ({names}); update without them, and add them by hand"
+        )
     if recipe.zones_m:
-        raise Conflict("the recipe has zones of other stiffness, which no deck is written with")
+        raise Conflict("a deck cannot hold the recipe's zones of other stiffness; update without them")
     campaign = campaign_of(session, job.campaign_id)
     structure = describe_version(version_of(session, job.structure_version_id), "")
     specimen = body_of(structure, campaign.boundary, recipe)
     if isinstance(specimen, LayeredSpecimen) or specimen.pieces:
         raise Conflict(
-            "a deck is written of one homogenised layer of one thickness; this has constants of plies, or pieces"
+            "a deck describes one homogenised layer of one thickness; this structure has constants of plies, or pieces"
         )
     estimates = {row["name"]: row["estimate"] for row in document["parameters"]}
     parametrisation = parametrise(specimen, recipe_parameters(session, recipe, specimen)[0])
@@ -91,7 +93,7 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
     rayleigh = _rayleigh(document)
     remarks = [*_origin(job, document), *([] if remark is None else [remark])]
     if any(each.rotary_inertia_kg_m2 for each in added):
-        remarks.append("the added masses are points here: the deck has no rotary inertia of them")
+        remarks.append("the added masses are points: their rotary inertia is not in the deck")
     if rayleigh is None:
         remarks.append("no Rayleigh damping: the result has another law, or none")
     return Deck(
@@ -139,7 +141,7 @@ def _sensor(session: Session, job: UpdateJob, document: dict[str, Any]) -> tuple
         used = frfs_of(session, [UUID(frf["id"]) for frf in document["provenance"]["frfs"]])
         points = {frf.response_point for frf in used}
         if len(points) != 1:
-            return (), "the sensor moved with the response: the deck has no mass of it"
+            return (), "the sensor moved with the response: its mass is not in the deck"
         point = points.pop()
     x, y, _ = specimen_points(session, campaign)[point]
     return (Mass(x, y, instruments.sensor_mass_kg),), None

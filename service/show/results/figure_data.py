@@ -28,15 +28,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class UpdateFigures:
-    """A job whose figures are drawn; everything is read when a figure asks for it.
+    """A job whose figures are drawn; everything is read when a figure asks for it."""
 
-    Attributes:
-        session: of the request.
-        job: the update.
-    """
-
-    session: Session
-    job: UpdateJob
+    session: Session  # of the request
+    job: UpdateJob  # the update
 
     @cached_property
     def document(self) -> dict[str, Any]:
@@ -75,7 +70,7 @@ class UpdateFigures:
         if self.arrays["frequency_hz"].size == 0:
             damping = next((o for o in self.document["outcomes"] if o["stage"] == "damping"), None)
             why = f": {damping['message']}" if damping and damping["message"] else ""
-            raise Conflict(f"this update predicts no FRF, as its damping was not fitted to any{why}")
+            raise Conflict(f"this update predicts no FRFs, because its damping was not fitted to any{why}")
 
     @cached_property
     def dofs(self) -> list[tuple[Dof, Dof]]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from fecore.frf import Dof
 from service.errors import NotFound
 from service.show.figures.frf import FrfCurves, Spread, frf_figure
-from service.show.figures.look import Figure
+from service.show.figures.marks import Figure
 from service.show.results.figure_data import UpdateFigures
 from service.store.frfs.data import Cut
 
@@ -36,7 +36,7 @@ ANYTHING = Wanted()
 
 
 def update_frf_figure(data: UpdateFigures, wanted: Wanted) -> Figure:
-    """The overlay of one FRF of an update that predicted some. `layout.meta` says which points there are.
+    """The overlay of one FRF of an update that predicted some. Its `meta` says which points there are.
 
     Raises:
         NotFound: there is no FRF at the points.
@@ -64,9 +64,8 @@ def update_frf_figure(data: UpdateFigures, wanted: Wanted) -> Figure:
         band_hz=_pair(data.light["band_hz"]),
         held_band_hz=_pair(data.light["provenance"]["recipe"]["hold_out"]["band_hz"]),
     )
-    figure = frf_figure(curves)
-    figure["layout"]["meta"] = {"response": response.point, "reference": reference.point, "points": _points(data)}
-    return figure
+    meta = {"response": response.point, "reference": reference.point, "points": _points(data)}
+    return replace(frf_figure(curves), meta=meta)
 
 
 def _row_at(data: UpdateFigures, wanted: Wanted) -> int:

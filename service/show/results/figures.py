@@ -16,7 +16,7 @@ from service.show.figures.campaigns import alone_figure, errors_figure
 from service.show.figures.convergence import convergence_figure
 from service.show.figures.correlation import PointValues, agreement_figure, points_figure
 from service.show.figures.damping import damping_figure
-from service.show.figures.look import Figure, words
+from service.show.figures.marks import Figure, words
 from service.show.figures.matrices import mac_figure
 from service.show.figures.parameters import parameters_figure
 from service.show.figures.posterior import posterior_figure
@@ -138,7 +138,9 @@ def _require_shapes(data: UpdateFigures) -> None:
 def _shapes(data: UpdateFigures, wanted: Wanted) -> Figure:
     found = _shape_pairs(data, wanted)
     if not found:
-        return words("Mode shapes, measured and updated", "this mode has no partner; choose one of the other side too")
+        return words(
+            "Mode shapes, measured and updated", "this mode has no partner; choose a mode of the other side too"
+        )
     which = f"the first {MOST_MODES} of {len(found)} pairs" if len(found) > MOST_MODES else ""
     return _drawn_shapes(data, wanted, found[:MOST_MODES], which)
 
@@ -217,24 +219,12 @@ def _posterior(data: AnyFigures, _: Wanted) -> Figure:
 
 def _require_budget(data: AnyFigures) -> None:
     if not any(row["budget"] for row in data.document["parameters"]):
-        raise Conflict("no parameter of this result has a budget of its variance")
-
-
-def _budget(data: AnyFigures, _: Wanted) -> Figure:
-    return budget_figure(data.document["parameters"])
+        raise Conflict("this result does not say what the variance of its parameters is made of")
 
 
 def _require_alone(data: JointFigures) -> None:
     if not any(part["alone"] for part in data.document["campaigns"]):
         raise Conflict("no campaign has an estimate of its own")
-
-
-def _alone(data: JointFigures, _: Wanted) -> Figure:
-    return alone_figure(data.document["parameters"], data.document["campaigns"])
-
-
-def _errors(data: JointFigures, _: Wanted) -> Figure:
-    return errors_figure(data.document["campaigns"])
 
 
 def _agreement(name: str) -> Callable[[UpdateFigures, Wanted], Figure]:
@@ -291,10 +281,6 @@ def _require_laws(data: UpdateFigures) -> None:
         raise Conflict(_OLDER)
 
 
-def _damping(data: UpdateFigures, _: Wanted) -> Figure:
-    return damping_figure(data.document["damping_models"], data.document["modes"])
-
-
 def _require_identification(data: UpdateFigures) -> None:
     if data.document["identification"] is None:
         raise Conflict("this update was given its modes and identified none, so there is no stabilisation diagram")
@@ -314,7 +300,11 @@ FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
     "parameters": NamedFigure(
         "Parameters: prior and updated with 95 % intervals", _parameters("Parameters"), _require_result
     ),
-    "budget": NamedFigure("What the variance of each parameter is made of", _budget, _require_budget),
+    "budget": NamedFigure(
+        "What the variance of each parameter is made of",
+        lambda data, _: budget_figure(data.document["parameters"]),
+        _require_budget,
+    ),
     "posterior": NamedFigure("Posterior: densities and correlations", _posterior, _require_posterior),
     "shapes": NamedFigure(
         "Mode shapes, measured beside updated", _shapes, _require_shapes, ("measured", "model"), _shape_sheets
@@ -324,7 +314,11 @@ FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
     "csac": NamedFigure("CSAC: agreement in shape by line", _agreement("csac"), _require_arrays("csac"), _LINES),
     "csf": NamedFigure("CSF: agreement in level by line", _agreement("csf"), _require_arrays("csf"), _LINES),
     "sac": NamedFigure("SAC and FRAC by point on the specimen", _sac, _require_arrays("fitted", "shape_points")),
-    "damping": NamedFigure("Damping ratios and the laws", _damping, _require_laws),
+    "damping": NamedFigure(
+        "Damping ratios and the laws",
+        lambda data, _: damping_figure(data.document["damping_models"], data.document["modes"]),
+        _require_laws,
+    ),
     "convergence": NamedFigure("Convergence of all starts", _convergence, _require_result),
     "stabilisation": NamedFigure("Stabilisation diagram", _stabilisation, _require_identification),
 }
@@ -334,9 +328,21 @@ JOINT_FIGURES: dict[str, NamedFigure[JointFigures]] = {
     "parameters": NamedFigure(
         "Parameters of the material: prior and updated", _parameters("One material from all campaigns"), _require_result
     ),
-    "campaigns": NamedFigure("Each campaign alone, beside all together", _alone, _require_alone),
-    "frequencies": NamedFigure("Errors of the frequencies, campaign by campaign", _errors, _require_result),
-    "budget": NamedFigure("What the variance of each parameter is made of", _budget, _require_budget),
+    "campaigns": NamedFigure(
+        "Each campaign alone, beside all together",
+        lambda data, _: alone_figure(data.document["parameters"], data.document["campaigns"]),
+        _require_alone,
+    ),
+    "frequencies": NamedFigure(
+        "Errors of the frequencies, campaign by campaign",
+        lambda data, _: errors_figure(data.document["campaigns"]),
+        _require_result,
+    ),
+    "budget": NamedFigure(
+        "What the variance of each parameter is made of",
+        lambda data, _: budget_figure(data.document["parameters"]),
+        _require_budget,
+    ),
     "posterior": NamedFigure("Posterior: densities and correlations", _posterior, _require_posterior),
 }
 """Every figure of a joint update, in the order in which its page shows them."""

@@ -31,15 +31,10 @@ Model = Literal["updated", "initial"]
 
 @dataclass(frozen=True)
 class PredictedTable(FrfTable):
-    """FRFs of a model on one frequency axis.
+    """FRFs of a model on one frequency axis."""
 
-    Attributes:
-        values: (N, L) on the lines that are wanted.
-        origin: whose they are, in words.
-    """
-
-    values: Values
-    origin: str
+    values: Values  # (N, L) on the lines that are wanted
+    origin: str  # whose they are, in words
 
     @property
     def description(self) -> str:
@@ -76,7 +71,7 @@ def predicted_table(session: Session, job: UpdateJob, model: Model, chosen: Chos
     measured = used_frfs(session, job, frfs_of(session, ids), dofs)
     wanted = [i for i, frf in enumerate(measured) if _is_chosen(frf, chosen)]
     if not wanted:
-        raise NotFound("predicted FRF that matches in this result")
+        raise NotFound("predicted FRF at these points and in this direction in this result")
     lines = cut.lines(frequency)
     return PredictedTable(
         session=session,
@@ -106,7 +101,7 @@ def used_frfs(session: Session, job: UpdateJob, measured: list[Frf], dofs: list[
         match = next((frf for frf in left if _dofs_in(frame, frf) == pair), None)
         if match is None:
             raise Conflict(
-                "the campaign's frame is not the one of this result; restore it, or the FRFs cannot be assigned"
+                "the campaign's frame was changed after this update: restore it, or no prediction finds its FRF"
             )
         used.append(match)
     return used

@@ -66,7 +66,7 @@ def test_of_few_hits_apart_nobody_can_say_which() -> None:
 def test_remarks_beyond_a_dozen_are_counted() -> None:
     many = [Remark(chr(97 + n) * 3, None, float(-n)) for n in range(MOST_WARNINGS + 2)]
     shown = warnings(many)
-    assert (len(shown), shown[-1]) == (MOST_WARNINGS, "3 more remarks of less weight")
+    assert (len(shown), shown[-1]) == (MOST_WARNINGS, "3 less important warnings are not listed")
 
 
 def test_a_law_starts_where_no_mode_is_damped_negatively() -> None:

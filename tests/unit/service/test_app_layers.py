@@ -45,7 +45,7 @@ FAULTS = (
         "import service.store.campaigns.schemas",
         "service.store: a noun needs only",
     ),
-    ("service/show/figures/look.py", "import service.show.pages", "service.show: imports run downwards only"),
+    ("service/show/figures/marks.py", "import service.show.pages", "service.show: imports run downwards only"),
     ("service/app/doctor.py", "import service.app.supervisor", "service.app: imports run downwards only"),
     ("service/jobs/child.py", "import service.app.application", "service: imports run downwards only"),
     ("service/monitoring/runs.py", "from service.store.modes.operations import ModeSet", "tables: only"),

@@ -20,7 +20,6 @@ from service.db.engine import DatabaseUrlError, sqlalchemy_url
 from service.errors import MOST_FAULTS, Damaged, Invalid
 from service.jobs.child import CHECKPOINT_BYTES, _Reporter
 from service.settings import Settings, SettingsFileError
-from service.show.figures.print_traces import add_trace
 from service.show.figures.shapes import aligned
 from service.show.pages.grid import draw_grid
 from service.show.pages.numbers import in_unit, number, percent, seconds_between, size
@@ -52,9 +51,6 @@ def test_numbers_that_are_missing_tiny_or_huge(shown: str, expected: str) -> Non
 
 
 WRONG: dict[str, tuple[type[Exception], str, Callable[[], object]]] = {
-    "a trace that no print has": (ValueError, "a trace of type 'pie' cannot be printed", lambda: _printed(type="pie")),
-    "a fill to zero": (ValueError, "a fill 'tozeroy' cannot be printed", lambda: _printed(fill="tozeroy")),
-    "a band over nothing": (ValueError, "a band has no trace below it", lambda: _printed(fill="tonexty")),
     "a direction across the frame": (
         InputError,
         "frame: direction 3 of point 7 is along none of the specimen's axes",
@@ -77,13 +73,6 @@ WRONG: dict[str, tuple[type[Exception], str, Callable[[], object]]] = {
     ),
     "a service without a database": (ValueError, "settings.database_url is not set", lambda: create_app(Settings())),
 }
-
-
-def _printed(**trace: object) -> object:
-    from matplotlib.figure import Figure as Sheet
-
-    given = {"type": "scatter", "mode": "lines", "x": [0, 1], "y": [0, 1], "fillcolor": "#123456", **trace}
-    return add_trace(Sheet().add_subplot(), given, None)
 
 
 @pytest.mark.parametrize("case", WRONG)

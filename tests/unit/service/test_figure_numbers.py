@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from service.show.figures.look import numbers
+from service.show.figures.screen import numbers
 
 
 def test_numbers_are_rounded_and_what_json_lacks_is_a_gap() -> None:

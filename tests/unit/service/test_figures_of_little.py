@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -11,11 +10,12 @@ import pytest
 
 from service.show.figures.budget import OTHERS, budget_figure
 from service.show.figures.correlation import PointValues, points_figure
-from service.show.figures.coupon import CurveShown, coupon_figure
+from service.show.figures.coupon import coupon_figure
 from service.show.figures.frf import FrfCurves, Spread, frf_figure
 from service.show.figures.hits import HitShown, PointShown, hits_figure
+from service.show.figures.marks import Figure, Region
 from service.show.figures.parameters import parameters_figure
-from service.show.figures.printing import draw
+from service.show.figures.screen import screen
 from service.show.figures.series import series_figure
 from service.show.figures.shapes import MOST_ROWS, ShapePair, shapes_figure
 from service.show.reports.as_pdf import as_pdf
@@ -25,8 +25,8 @@ from service.show.results.figure_frf import Wanted
 from service.show.results.figures import FIGURES, draw_figure, draw_sheets
 
 
-def names(figure: Mapping[str, Any]) -> list[str]:
-    return [trace["name"] for trace in figure["data"] if trace.get("name")]
+def names(figure: Figure) -> list[str]:
+    return [trace["name"] for trace in screen(figure)["data"] if trace["name"]]
 
 
 HZ = np.linspace(10, 100, 7)
@@ -54,10 +54,10 @@ def test_an_frf_alone_with_coherence_with_models(
     curves: FrfCurves, panels: int, shades: int, curves_named: list[str]
 ) -> None:
     figure = frf_figure(curves)
-    assert sum(name.startswith("yaxis") for name in figure["layout"]) == panels
-    assert len(figure["layout"]["shapes"]) == shades
+    assert len(figure.panels) == panels
+    assert sum(isinstance(mark, Region) for mark in figure.marks) == shades
     assert names(figure) == curves_named
-    assert ("range" in figure["layout"]["yaxis"]) == bool(curves.measured.any())
+    assert (figure.panels[0].y.range is not None) == bool(curves.measured.any())
 
 
 def a_point(mean: np.ndarray | None, coherence: np.ndarray | None) -> PointShown:
@@ -68,9 +68,10 @@ def a_point(mean: np.ndarray | None, coherence: np.ndarray | None) -> PointShown
 def test_hits_with_and_without_an_average_and_its_coherence() -> None:
     none, one, both = (hits_figure(a_point(*given)) for given in ((None, None), (HZ + 0j, None), (HZ + 0j, np.ones(7))))
     assert ["average of the good hits" in names(figure) for figure in (none, one, both)] == [False, True, True]
-    assert ["yaxis4" in figure["layout"] for figure in (none, one, both)] == [False, False, True]
-    assert [figure["data"][-1]["yaxis"] for figure in (none, one, both)] == ["y3", "y3", "y4"]
-    assert [figure["layout"]["xaxis3"]["anchor"] for figure in (one, both)] == ["y3", "y4"]
+    shown = [screen(figure) for figure in (none, one, both)]
+    assert ["yaxis4" in figure["layout"] for figure in shown] == [False, False, True]
+    assert [figure["data"][-1]["yaxis"] for figure in shown] == ["y3", "y3", "y4"]
+    assert [figure["layout"]["xaxis3"]["anchor"] for figure in shown] == ["y3", "y3", "y4"]
 
 
 TENSION = {
@@ -98,16 +99,16 @@ def test_a_coupon_s_curve_has_what_its_standard_could_read_off(
     shear: bool, found: dict[str, Any], more: list[str]
 ) -> None:
     strain = np.linspace(0, 0.005, 50)
-    curve = CurveShown("A1", shear, strain, 5e6 * strain, -0.2 * strain, (SHEAR if shear else TENSION) | found)
-    figure = coupon_figure(curve)
+    series = {"strain": strain, "force": 5e6 * strain, "transverse_strain": -0.2 * strain}
+    figure = coupon_figure("A1", series, (SHEAR if shear else TENSION) | found, shear=shear)
     assert names(figure)[3:] == more  # after the curve, its chord and the chord's bounds
-    assert ("yaxis2" in figure["layout"]) is not shear
+    assert len(figure.panels) == (1 if shear else 2)
 
 
 def test_points_of_which_none_was_held_out_have_one_symbol() -> None:
     one = np.array([0.9])
     for held, symbols in ((False, ["circle", "circle"]), (True, ["diamond", "diamond"])):
-        figure = points_figure(PointValues([3], one, one, one, one, [held]), 1.0, 0.1)
+        figure = screen(points_figure(PointValues([3], one, one, one, one, [held]), 1.0, 0.1))
         assert [trace["marker"]["symbol"] for trace in figure["data"]] == symbols
 
 
@@ -129,7 +130,9 @@ def test_a_prior_is_drawn_where_there_was_one_and_small_sources_are_added_up() -
         figure = budget_figure([a_row(budget=budget)])
         assert names(figure)[-1] == last
         whole = 100 * sum(entry["share"] for entry in budget)
-        assert sum(trace["x"][0] for trace in figure["data"]) == pytest.approx(whole, abs=0.01)  # of four digits each
+        assert sum(trace["x"][0] for trace in screen(figure)["data"]) == pytest.approx(
+            whole, abs=0.01
+        )  # of four digits each
 
 
 def a_series(baseline: Any, score: float | None, judged: Any) -> dict[str, Any]:
@@ -159,34 +162,9 @@ def test_a_series_is_drawn_before_its_baseline_and_before_it_is_judged() -> None
 def test_a_shape_without_measured_points_or_with_one_has_no_line() -> None:
     places = np.array([[0.0, 0.0], [1.0, 0.5]])  # no two in a row of the grid
     for measured in (np.zeros(0), np.array([1.0])):
-        figure = shapes_figure([ShapePair(1, "m", "u", measured + 0j, np.array([1.0, -1.0]))], [7, 8], places)
+        figure = screen(shapes_figure([ShapePair(1, "m", "u", measured + 0j, np.array([1.0, -1.0]))], [7, 8], places))
         assert {trace["mode"] for trace in figure["data"]} == {"markers"}
         assert [trace["customdata"] for trace in figure["data"]] == ([[7], [7, 8]] if measured.size else [[7, 8]])
-
-
-def a_print(*traces: dict[str, Any], shape: dict[str, Any] | None = None, **axes: Any) -> Any:
-    plain = {"title": {"text": ""}, "gridcolor": "#cccccc"}
-    layout = {
-        "title": {"text": "t"}, "font": {}, "plot_bgcolor": "#ffffff", "xaxis": plain, "yaxis": plain | axes,
-        "shapes": [] if shape is None else [shape],
-    }  # fmt: skip
-    return draw({"data": list(traces), "layout": layout}).axes[0]
-
-
-def test_a_print_has_words_standing_bars_and_equal_scales() -> None:
-    marker = {"color": "#123456"}
-    words = {"type": "scatter", "mode": "text", "x": [1, 2], "y": [1, 2], "text": ["one", "two &amp; more"]}
-    bars = {"type": "bar", "x": [1, 2], "y": [3, 4], "width": 0.7, "marker": marker}
-    axes = a_print(words, bars, scaleanchor="x", range=[0, 5])
-    assert [text.get_text() for text in axes.texts] == ["one", "two & more"]
-    assert [(bar.get_x() + bar.get_width() / 2, bar.get_height()) for bar in axes.patches] == [(1, 3), (2, 4)]
-    assert axes.get_aspect() == 1
-    matrix = {"type": "heatmap", "x": [0], "y": [0], "z": [[0.5]], "colorscale": "Cividis", "zmin": 0, "zmax": 1}
-    bar = {"title": {"text": "MAC"}}
-    for given, beside in (({"showscale": False}, 0), ({"colorbar": bar}, 1)):
-        assert len(a_print(matrix | given).child_axes) == beside
-    with pytest.raises(ValueError, match="a shape of type 'circle' cannot be printed"):
-        a_print(bars, shape={"type": "circle", "xref": "x", "yref": "y"})
 
 
 def many_modes(count: int) -> UpdateFigures:
@@ -211,7 +189,7 @@ def many_modes(count: int) -> UpdateFigures:
 )
 def test_shapes_of_many_modes_go_over_pages(count: int, sheets: list[int]) -> None:
     figures = draw_sheets(many_modes(count), "shapes")
-    numbers = [[mode["number"] for mode in figure["layout"]["meta"]["modes"]] for figure in figures]
+    numbers = [[mode["number"] for mode in (figure.meta or {})["modes"]] for figure in figures]
     assert [len(rows) for rows in numbers] == sheets
     assert [number for rows in numbers for number in rows] == list(range(1, min(count, 40) + 1))
     printed = as_pdf(Report("r", "", [Picture(figure, 0.9) for figure in figures]))
@@ -221,5 +199,5 @@ def test_shapes_of_many_modes_go_over_pages(count: int, sheets: list[int]) -> No
 
 def test_a_figure_that_is_higher_than_a_page_is_drawn_smaller() -> None:
     figure = draw_figure(FIGURES, many_modes(41), "shapes", Wanted())
-    assert figure["layout"]["title"]["text"].endswith("the first 40 of 41 pairs")
+    assert figure.title.endswith("the first 40 of 41 pairs")
     assert as_pdf(Report("r", "", [Picture(figure, 1.0)])).count(b"/Type /Page\n") == 1

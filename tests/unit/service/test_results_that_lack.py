@@ -28,6 +28,8 @@ from service.monitoring.notifications.messages import as_mail
 from service.monitoring.runs import _held_otherwise, watched_values
 from service.monitoring.schemas import WatchedIn
 from service.show import hits as record_figures
+from service.show.figures.marks import Figure
+from service.show.figures.screen import screen
 from service.show.pages.grid import draw_grid
 from service.show.reports import update_report
 from service.show.results import figure_data, figure_frf, predictions
@@ -67,11 +69,15 @@ MODES = [{"number": 1, "measured_hz": 10.0}, {"number": 2, "measured_hz": 20.0}]
 @pytest.mark.parametrize(
     ("name", "data", "why"),
     [
-        ("frf", a_result(NO_LINES, outcomes=[]), "this update predicts no FRF, as its damping was not fitted to any"),
+        (
+            "frf",
+            a_result(NO_LINES, outcomes=[]),
+            "this update predicts no FRFs, because its damping was not fitted to any",
+        ),
         (
             "frf",
             a_result(NO_LINES, outcomes=[{"stage": "damping", "message": "no modes"}]),
-            "this update predicts no FRF, as its damping was not fitted to any: no modes",
+            "this update predicts no FRFs, because its damping was not fitted to any: no modes",
         ),
         ("csac", a_result({"frequency_hz": np.ones(3)}), OLDER),
         ("mac", a_result(correlation={"mac_matrix": None}), "the measured modes have no shapes, so there is no MAC"),
@@ -86,7 +92,7 @@ MODES = [{"number": 1, "measured_hz": 10.0}, {"number": 2, "measured_hz": 20.0}]
         (
             "budget",
             a_result(parameters=[{"budget": []}]),
-            "no parameter of this result has a budget of its variance",
+            "this result does not say what the variance of its parameters is made of",
         ),
         (
             "damping",
@@ -113,10 +119,10 @@ def test_lines_modes_and_points_that_a_result_has_not() -> None:
     data = a_result(arrays, modes=MODES)
     with pytest.raises(NotFound, match="line of the fitted band, 10 to 20 Hz, between 12 and 13 Hz"):
         draw_figure(FIGURES, data, "csac", Wanted(fmin=12, fmax=13))
-    assert draw_figure(FIGURES, data, "csac", Wanted(fmin=12))["data"][0]["x"] == [20.0]
+    assert screen(draw_figure(FIGURES, data, "csac", Wanted(fmin=12)))["data"][0]["x"] == [20.0]
     shapes = {"shapes_updated": np.ones((3, 1)), "shape_pairs": np.array([[0, 0]])}
     alone = _shapes(a_result(shapes, modes=MODES), Wanted(measured=2))
-    assert "this mode has no partner" in alone["layout"]["annotations"][0]["text"]
+    assert "this mode has no partner" in alone.note
     pairs = a_result(
         {"responses": np.array([[1, 3], [2, 3], [2, 3]]), "references": np.array([[3, 3], [1, 3], [2, 3]])}
     )
@@ -141,7 +147,7 @@ def test_points_are_shown_without_held_out_ones() -> None:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(UpdateFigures, "plan", (1.0, 0.1))
             figure = FIGURES["sac"].draw(data, Wanted())
-        assert [trace["customdata"] for trace in figure["data"]] == shown
+        assert [trace["customdata"] for trace in screen(figure)["data"]] == shown
 
 
 @dataclass
@@ -162,7 +168,7 @@ def test_predictions_are_assigned_where_the_frame_is_still_theirs(monkeypatch: p
     some = [(Dof(1, 3), Dof(9, 3)), (Dof(3, 3), Dof(9, 3))]
     assert predictions.used_frfs(job, job, rows, some) == [rows[0], rows[2]]
     assert predictions.used_frfs(job, job, rows[:2], some) == rows[:2]
-    with pytest.raises(Conflict, match="the campaign's frame is not the one of this result; restore it"):
+    with pytest.raises(Conflict, match="the campaign's frame was changed after this update: restore it"):
         predictions.used_frfs(job, job, rows, [(Dof(1, -3), Dof(9, 3))])
 
 
@@ -465,7 +471,7 @@ def test_an_earlier_versions_prediction_has_no_interval(monkeypatch: pytest.Monk
     drawn: list[Any] = []
     monkeypatch.setattr(UpdateFigures, "measured_frf", lambda *_: SimpleNamespace(quantity="accelerance"))
     monkeypatch.setattr(UpdateFigures, "measured", lambda *_: (np.ones(2, dtype=complex), None))
-    monkeypatch.setattr(figure_frf, "frf_figure", lambda curves: drawn.append(curves) or {"layout": {}})
+    monkeypatch.setattr(figure_frf, "frf_figure", lambda curves: drawn.append(curves) or Figure("", [], []))
     FIGURES["frf"].draw(data, Wanted())
     assert drawn[0].spread is None
     asked: Any = a_result(provenance={"frfs": [{"id": str(HERE)}] * 2})
@@ -483,7 +489,7 @@ def test_predictions_that_no_row_matches(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(predictions, "frfs_of", lambda *_: [])
     monkeypatch.setattr(predictions, "used_frfs", lambda *_: [Row(1)])
     job: Any = None
-    with pytest.raises(NotFound, match="predicted FRF that matches in this result"):
+    with pytest.raises(NotFound, match="predicted FRF at these points and in this direction in this result"):
         predictions.predicted_table(job, job, "updated", predictions.Chosen(point=7), predictions.Cut())
 
 
@@ -519,7 +525,7 @@ def test_measured_data_that_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> N
     assert (intake.blocks, intake.unused) == ({3}, {3: "is a time block without a point and direction"})
     half = SimpleNamespace(hit=1, force_point=2, quantity="acceleration")
     monkeypatch.setattr(record_figures, "block_rows", lambda *_: {(2, 3): [half]})
-    with pytest.raises(NotFound, match=r"whole hit.* in this campaign: hit 1 of point 2 has no force"):
+    with pytest.raises(NotFound, match=r"complete hit.* in this campaign: hit 1 of point 2 has no force"):
         record_figures.point_blocks(session, HERE, record_figures.Chosen(point=2))
     monkeypatch.setattr(record_operations, "stream_rows", lambda *_: [(b"1234",)])
     short: Any = SimpleNamespace(id=HERE, samples=2, dtype="<f4", sha256=b"x")

@@ -364,7 +364,7 @@ def test_a_report_of_little_and_of_much() -> None:
         warnings=["Look."],
         outcomes=[{"stage": "damping", "message": "too short"}],
     )
-    assert "2 more modes are in the annex." in texts(much, Paragraph)
+    assert f"The annex lists all {MOST_MODES + 2} modes." in texts(much, Paragraph)
     assert {"Warnings", "All modes"} <= set(texts(much, Heading))
     assert "No FRF is predicted, as the damping was not fitted: too short." in texts(much, Paragraph)
     assert [list(block.items) for block in much if isinstance(block, Bullets)] == [["It fits."], ["Look."]]

@@ -17,7 +17,7 @@ def test_findings_alike_are_folded_and_the_same_is_said_once() -> None:
 
 def test_a_row_of_the_table_says_what_was_found_and_what_to_do() -> None:
     said = found("modes_absent", level="do_not_use", modes="a mode", which="12.00 Hz")
-    assert said.text.endswith("and nothing is there: a wrong boundary or geometry, or modes that were paired wrongly")
+    assert said.text.endswith("none there: the boundary or the geometry is wrong, or modes were paired wrongly")
     assert (said.kind, said.level, said.weight) == ("modes_absent", "do_not_use", 85)
     assert all(row.sentence and not row.sentence.endswith(".") for row in FINDINGS.values())
 

@@ -126,7 +126,7 @@ def test_what_is_not_stated_widens_and_what_is_known_does_not(
     assert sum(shares.values()) == pytest.approx(1, abs=1e-2)
     assert exact.verdict.level == "usable"
     assert default.verdict.level == "usable"
-    assert "nobody said whether the response had an exponential window" in default.warnings[-1]
+    assert "does not say whether the response had an exponential window" in default.warnings[-1]
     for name in ("Ex", "Gxy", "Gxz", "a0", "a1"):
         assert narrow[name].interval_95[0] < true[name] < narrow[name].interval_95[1]
 
@@ -183,7 +183,8 @@ def test_modes_without_frfs_give_constants_and_a_law(nominal: Specimen) -> None:
     joint = update(Measurement(None, {}, MeasuredModes(MEASURED_HZ, ratio)), nominal, Recipe(method="joint"))
     assert joint.parameters == result.parameters
     assert set(joint.warnings) - set(result.warnings) == {
-        "the method joint needs FRFs and there are none: the constants come from the modes, as with two_stage"
+        "the method joint needs FRFs, and the campaign has none: the constants were estimated from the modes, as the method "
+        "two_stage does"
     }
     silent = update(Measurement(None, {}, MeasuredModes(MEASURED_HZ, np.full(5, np.nan))), nominal)
     assert silent.outcomes[1].status == "skipped"

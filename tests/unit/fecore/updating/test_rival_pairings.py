@@ -60,7 +60,7 @@ def test_exact_beam_frequencies_come_to_an_end_between_two_pairings() -> None:
     result, found = updated(159.24468273, 438.96409467, 860.54508139, 1422.52459239)
     assert found["Ex"].interval_95[0] < 30e9 < found["Ex"].interval_95[1]
     assert not found["Gxy"].identifiable
-    assert any("measured mode 4 (1422.52 Hz) changed to and fro in the fit" in text for text in result.warnings)
+    assert any("measured mode 4 (1422.52 Hz) alternated during the fit" in text for text in result.warnings)
     assert any(start.failure and "changes to and fro" in start.failure for start in result.starts)
 
 

@@ -97,6 +97,6 @@ def test_a_law_that_is_negative_below_the_modes_is_said_to_be(hanging: Specimen)
     result = update(measured(state, rate), hanging)
     rows = {row.name: row.estimate for row in result.parameters}
     assert rows["a0"] == pytest.approx(law[0], rel=0.01)
-    warned = [re.search(r"rayleigh law as fitted is negative from 2 to ([\d.]+) Hz", text) for text in result.warnings]
+    warned = [re.search(r"rayleigh law has negative damping from 2 to ([\d.]+) Hz", text) for text in result.warnings]
     zero = [float(found[1]) for found in warned if found]
     assert zero == pytest.approx([np.sqrt(20 / 3e-5) / (2 * np.pi)], rel=0.01)

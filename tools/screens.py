@@ -1,0 +1,60 @@
+"""Pictures of the pages at two sizes, light and dark: `python -m tools.screens [FOLDER]`, `build/screens` by default."""
+
+import sys
+import tempfile
+from pathlib import Path
+
+import modalbase
+from examples.joint_update import paper_bar_together
+from examples.monitoring import State, measured_frfs, post_campaign, structure_body
+from service.app.demo.run import Laboratory, _settings
+from service.app.supervisor import LocalService
+from tests.acceptance.test_browser import more_pages, signed_in
+from tests.support.browser import browser, watched_page
+from tests.support.rest import client_at, ok, plain_client, posted
+from tests.support.waiting import until
+
+LOOKS = [(*size, dark) for size in (("desk", 1400, 900), ("phone", 390, 844)) for dark in (False, True)]
+LISTS = ("", "new", "projects", "update-jobs", "monitors", "keys", "nowhere")
+DRAWN = ".main-svg, .wait:not(:text('Drawing …'))"  # or says why not
+WATCH = {"name": "stringer", "recipe": {}, "parameters": [{"name": "Ex"}], "baseline": {"campaigns": 4}}
+
+
+def filled(url: str, key: str) -> list[str]:
+    """Fill a service with the demonstration's beam, a joint update, a monitor, coupons and hits; addresses of its pages."""
+    with client_at(url, key) as api, modalbase.connect(url, key) as lab:
+        done = Laboratory(plain_client(url, dict(api.headers))).update_beam()["provenance"]
+        campaign, job = done["campaign"], done["update_job"]
+        paper_bar_together(lab)
+        joint = ok(api.get(f"projects/{lab.project('one bar, two tests').id}/joint-updates"))["items"][0]["id"]
+        bridge = posted(api, f"projects/{lab.project('demonstration').id}/structures", structure_body())["id"]
+        monitor = posted(api, f"structures/{bridge}/monitors", WATCH)["id"]
+        for month in range(1, 8):
+            body = {"name": f"month {month}", "performed_at": f"2026-{month:02}-15T12:00:00Z"}
+            post_campaign(api, bridge, body, measured_frfs(State(stiffness=0.9 if month > 5 else 1.0), month))
+        until(lambda: ok(api.get(f"monitors/{monitor}"))["state"] == "alarm", "the alarm of the monitor")
+        own = [f"structures/{bridge}", f"monitors/{monitor}", f"update-jobs/{job}", f"joint-updates/{joint}"]
+        own += [f"campaigns/{campaign}{part}" for part in ("", "/update", "/grid-points")]
+        return [*(f"/ui/{path}" for path in (*LISTS, *own)), *more_pages(api, bridge)]
+
+
+def main(folder: Path) -> None:
+    """Take a picture of each page in each look, once its figures are drawn."""
+    with tempfile.TemporaryDirectory(prefix="mb-") as data, LocalService(_settings(Path(data))) as service:
+        key = service.new_key("screens")
+        pages = filled(service.url, key)
+        with browser() as running:
+            for size, width, height, dark in LOOKS:
+                with watched_page(running, service.url, width=width, height=height, dark=dark) as seen:
+                    signed_in(seen, key, "/ui/")
+                    for number, path in enumerate(pages):
+                        seen.page.goto(path, wait_until="networkidle")
+                        for figure in seen.page.locator("figure[data-figure], [data-frf-viewer]").all():
+                            figure.scroll_into_view_if_needed()
+                            figure.locator(DRAWN).first.wait_for(state="attached")
+                        name = f"{number:02}-{path.split('/')[2].split('?')[0]}-{size}{'-dark' if dark else ''}.png"
+                        seen.page.screenshot(path=folder / name, full_page=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "build/screens"))
