@@ -1,4 +1,4 @@
-"""The service under kills: `python -m benchmarks.soak_kills [KILLS]`, a part of `make soak`.
+"""The service under kills.
 
 Three clients work without a pause: one imports a UFF file into a new campaign, one updates the model, one sends messages
 to a webhook, each at least once. Each repeats what is not answered, and goes on when what it asked for has ended.
@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import random
 import subprocess
-import sys
 import threading
 import time
 from collections import Counter
@@ -19,7 +18,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from itertools import count
 from typing import Any
 
@@ -27,13 +25,11 @@ import httpx
 import psutil
 from sqlalchemy import text
 
-from benchmarks.jobs_floor import PATIENCE_SECONDS, Floor, floor, laboratory
-from service.access.keys import create_key, user_named
+from benchmarks.jobs_floor import PATIENCE_SECONDS, Floor, floor
+from benchmarks.service import RAW, campaigns_of, client_at
 from service.app.demo import paper
-from service.app.supervisor import listening_socket
+from tests.support.receivers import receiver
 
-KILLS = 100
-WORKERS = 2
 SETTINGS: dict[str, Any] = {
     "job_lease_seconds": 3.0,
     "webhook_networks": "127.0.0.0/8",
@@ -88,22 +84,13 @@ class Tally:
 
 
 class _Client:
-    """A client that does not give up; a context manager, which closes its connections."""
+    """A client that does not give up: what is not answered, or not now, is asked again."""
 
-    def __init__(self, port: int, key: str) -> None:
-        headers = {"Authorization": f"Bearer {key}"}
-        self.http = httpx.Client(
-            base_url=f"http://127.0.0.1:{port}/api/v1/", headers=headers, timeout=60, trust_env=False
-        )
-
-    def __enter__(self) -> _Client:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.http.close()
+    def __init__(self, http: httpx.Client) -> None:
+        self.http = http
 
     def ask(self, method: str, path: str, **arguments: Any) -> Any:
-        """The body of the answer; what is not answered, or not now, is asked again."""
+        """The body of the answer."""
         end = time.monotonic() + PATIENCE_SECONDS
         while time.monotonic() < end:
             try:
@@ -122,8 +109,22 @@ class _Client:
         while self.ask("GET", path)["status"] in ("queued", "running"):
             time.sleep(0.1)
 
+    def send_file(self, campaign: str) -> str:
+        """Import the paper's file to its end: the import's id."""
+        made = self.ask("POST", f"campaigns/{campaign}/imports", content=paper.uff_file(), headers=RAW)
+        self.end_of(f"imports/{made['id']}")
+        return str(made["id"])
 
-def soak(kills: int = KILLS, seed: int = 11, workers: int = WORKERS) -> Tally:
+
+def soak_kills(kills: int = 100) -> list[str]:
+    """Print the table; what was lost."""
+    tally = soak(kills)
+    for name, value in tally.lines():
+        print(f"  {name:<44} {value}")
+    return [*tally.lost, *tally.reasons]
+
+
+def soak(kills: int, seed: int = 11, workers: int = 2) -> Tally:
     """Kill so often, and count what came of it.
 
     Args:
@@ -132,20 +133,19 @@ def soak(kills: int = KILLS, seed: int = 11, workers: int = WORKERS) -> Tally:
         seed: of the moments and of which worker.
     """
     tally, began = Tally(), time.monotonic()
-    with floor() as here, _receiver(tally.received) as hook:
-        with listening_socket("127.0.0.1", 0) as free:
-            port = free.getsockname()[1]
-        house = _House(here, port, workers)
-        with here.sessions.begin() as session:
-            key = create_key(session, user_named(session, "soak"), "soak")[1]
-        with ExitStack() as lines:
-            clients = [lines.enter_context(_Client(port, key)) for _ in range(3)]
-            works = (_imports, _updates, _messages(hook))
-            with _at_work([partial(work, client, tally) for work, client in zip(works, clients, strict=True)]) as check:
-                _kill(house, tally, kills, random.Random(seed), check)
-            here.until(lambda: set(tally.acknowledged["message"]) <= set(tally.received), "the last messages")
-            here.wait(len(here.jobs()))
-            _count(here, clients[0], tally)
+    with floor() as here, receiver() as hook, ExitStack() as lines:
+        first = lines.enter_context(here.client("soak", **SETTINGS))
+        address, key = str(first.base_url), first.headers["Authorization"].split()[1]
+        others = [lines.enter_context(client_at(address, key)) for _ in range(2)]
+        clients, house = [_Client(http) for http in (first, *others)], _House(here, first.base_url.port or 0, workers)
+        works = (_imports, _updates, _messages(hook.url))
+        with _at_work([partial(work, client, tally) for work, client in zip(works, clients, strict=True)]) as check:
+            _kill(house, tally, kills, random.Random(seed), check)
+        sent = tally.acknowledged["message"]
+        here.until(lambda: set(sent) <= {headers["webhook-id"] for headers, _ in hook.got}, "the last messages")
+        tally.received = [headers["webhook-id"] for headers, _ in hook.got]
+        here.wait(len(here.jobs()))
+        _count(here, clients[0], tally)
     tally.seconds = time.monotonic() - began
     return tally
 
@@ -178,23 +178,18 @@ def _at_work(works: list[Callable[[threading.Event], None]]) -> Iterator[Callabl
 
 
 def _imports(client: _Client, tally: Tally, over: threading.Event) -> None:
-    (first,) = laboratory(client.http)
+    (first,) = campaigns_of(client.http, "imports")
     structure = client.ask("GET", f"campaigns/{first}")["structure_id"]
     while True:
         campaign = client.ask("POST", f"structures/{structure}/campaigns", json=paper.CAMPAIGN)["id"]
-        kind = {"Content-Type": "application/octet-stream"}
-        made = client.ask("POST", f"campaigns/{campaign}/imports", content=paper.uff_file(), headers=kind)
-        client.end_of(f"imports/{made['id']}")
-        tally.acknowledged["import"].append(made["id"])
+        tally.acknowledged["import"].append(client.send_file(campaign))
         if over.is_set():
             return
 
 
 def _updates(client: _Client, tally: Tally, over: threading.Event) -> None:
-    (campaign,) = laboratory(client.http)
-    kind = {"Content-Type": "application/octet-stream"}
-    made = client.ask("POST", f"campaigns/{campaign}/imports", content=paper.uff_file(), headers=kind)
-    client.end_of(f"imports/{made['id']}")
+    (campaign,) = campaigns_of(client.http, "updates")
+    client.send_file(campaign)
     modes = client.ask("POST", f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES})
     for number in count():
         path, headers = f"campaigns/{campaign}/update-jobs", {"Idempotency-Key": f"soak {number}"}
@@ -220,7 +215,7 @@ class _House:
 
     def __init__(self, here: Floor, port: int, workers: int) -> None:
         self.here, self.port = here, port
-        self.api = here.api(port, **SETTINGS)
+        self.api = here.processes[0]
         self.workers = [self._worker() for _ in range(workers)]
 
     def _worker(self) -> subprocess.Popen[bytes]:
@@ -306,32 +301,3 @@ def _count(here: Floor, client: _Client, tally: Tally) -> None:
 
 def _counts(counter: Counter[str]) -> str:
     return ", ".join(f"{n} {what}" for what, n in sorted(counter.items()))
-
-
-@contextmanager
-def _receiver(received: list[str]) -> Iterator[str]:
-    """The URL of a webhook that notes the ids of messages."""
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_POST(self) -> None:
-            self.rfile.read(int(self.headers["Content-Length"]))
-            received.append(self.headers["webhook-id"])
-            self.send_response(204)
-            self.end_headers()
-
-        def log_message(self, *_: Any) -> None:
-            """Nothing."""
-
-    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
-        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
-        thread.start()
-        yield f"http://127.0.0.1:{server.server_address[1]}/hook"
-        server.shutdown()
-        thread.join()
-
-
-if __name__ == "__main__":
-    tally = soak(int(sys.argv[1]) if len(sys.argv) > 1 else KILLS)
-    for name, value in tally.lines():
-        print(f"  {name:<44} {value}")
-    sys.exit(1 if tally.lost or tally.reasons else 0)

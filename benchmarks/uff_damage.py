@@ -316,18 +316,16 @@ def flood(files: dict[str, bytes], folder: Path, most: int = Limits().datasets) 
     }
 
 
-def main(count: int = 2000, seed: int = 2015) -> None:
-    """Print the table of verdicts, and memory and time of the floods."""
+def uff_damage(count: int = 2000, seed: int = 2015) -> list[str]:
+    """Print the table of verdicts, and memory and time of the floods; the silent changes."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         table, longest, silent = run(count, seed, folder)
-        print(f"{count} damaged UFF files, seed {seed}; longest reading {longest:.2f} s,"
-              f" peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")  # fmt: skip
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        print(f"{count} damaged UFF files, seed {seed}; longest reading {longest:.2f} s, peak memory {memory:.0f} MiB")
         print(f"{'damage':<16}{'n':>6}" + "".join(f"{verdict:>26}" for verdict in VERDICTS))
-        for kind, counts in table.items():
+        for kind, counts in {**table, "all": sum(table.values(), Counter())}.items():
             print(f"{kind:<16}{counts.total():>6}" + "".join(f"{counts[verdict]:>26}" for verdict in VERDICTS))
-        print(f"{'all':<16}{count:>6}" + "".join(f"{sum(c[v] for c in table.values()):>26}" for v in VERDICTS))
         for kind, (memory, seconds, outcome) in flood({kind: make() for kind, make in FLOODS.items()}, folder).items():
             print(f"{kind:<36} +{memory:.0f} MiB {seconds:.2f} s  {outcome[:90]}")
-    if silent:
-        raise SystemExit(f"{len(silent)} silent changes")
+    return [f"silent change: {kind} of {name}" for name, kind, _ in silent]

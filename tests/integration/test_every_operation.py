@@ -7,6 +7,7 @@ same at length and prints what came of it.
 from __future__ import annotations
 
 import json
+import os
 import random
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -14,10 +15,11 @@ from typing import Any
 import httpx
 import pytest
 
-from benchmarks import access_matrix
-from benchmarks.access_laboratory import ASKED_FREELY
+from benchmarks.service import ASKED_FREELY
+from benchmarks.soak import fuzz
 from service.app.supervisor import LocalService
 from service.settings import Settings
+from tests.support import access, furnished
 
 SEED = 20_150
 REQUESTS_AN_OPERATION = 6
@@ -53,27 +55,25 @@ def service(new_database: Callable[[], str]) -> Iterator[LocalService]:
 
 
 @pytest.fixture(scope="module")
-def asked(service: LocalService) -> Iterator[access_matrix.Round]:
+def asked(service: LocalService) -> Iterator[access.Round]:
     """Every kind of caller, with own, foreign and random ids."""
-    with access_matrix.asking_of(service) as asked:
+    with access.asking_of(service) as asked:
         yield asked
 
 
-def test_nothing_leaks_and_every_operation_is_judged(asked: access_matrix.Round) -> None:
-    found = asked.run()
+def test_nothing_leaks_and_every_operation_is_judged(asked: access.Round) -> None:
+    found = asked.run(long="MODALBASE_TEST_LONG" in os.environ)
     assert found.leaks == []
     assert min(found.calls.values()) > 0
     assert {200, 401, 403, 404} <= found.statuses.keys()
 
 
-def test_a_wrong_judgement_and_a_missing_one_are_found(
-    asked: access_matrix.Round, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    judged = access_matrix.judgements()
+def test_a_wrong_judgement_and_a_missing_one_are_found(asked: access.Round, monkeypatch: pytest.MonkeyPatch) -> None:
+    judged = furnished.judgements()
     judged["GET /projects/{project_id}"] = ("read", "editor")
     judged["GET /structures/{structure_id}"] = ("write", "viewer")
     del judged["GET /alarms"]
-    monkeypatch.setattr(access_matrix, "judgements", lambda: judged)
+    monkeypatch.setattr(furnished, "judgements", lambda: judged)
     only = ["GET /projects/{project_id}", "GET /structures/{structure_id}"]
     leaks = asked.run(only=only).leaks
     assert any(leak.startswith("GET /alarms: nobody has judged") for leak in leaks)
@@ -86,8 +86,6 @@ def test_a_wrong_judgement_and_a_missing_one_are_found(
 def test_no_request_that_the_document_allows_or_forbids_is_an_error_or_an_undocumented_answer(
     service: LocalService,
 ) -> None:
-    from benchmarks.soak_fuzz import fuzz  # loads schemathesis, which no other test needs
-
     found = fuzz(service, examples=1)
     assert found.faults == {}
     assert len(found.answered) > 30  # else nothing got anywhere

@@ -11,7 +11,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from benchmarks import wooden_plates
+from benchmarks import draws
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
@@ -265,9 +265,9 @@ def test_one_frf_and_priors_a_third_off() -> None:
 
 def test_a_wooden_plate_from_handbook_constants() -> None:
     """Ey is far above what the handbook says, and modes stand in another order than in the model."""
-    drawn = wooden_plates.plate(3)
-    result = update(drawn.measured["25 points"], drawn.stated)
+    drawn = draws.plate(3)["25 points"]
+    result = update(drawn.measurement, drawn.stated)
     found = {p.name: p for p in result.parameters}
-    for name, true in drawn.truth.items():
+    for name, true in drawn.true.items():
         assert found[name].estimate == pytest.approx(true, rel=0.03)
         assert found[name].interval_95[0] < true < found[name].interval_95[1]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.real_bodies import LAW, NOMINAL, STATED, Truth, measured
+from benchmarks.draws import LAW, NOMINAL, STATED, Truth, measured
 from examples.paper.published import (
     FREE_DAMPING,
     FREE_MEASURED_HZ,
