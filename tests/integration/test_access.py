@@ -34,25 +34,6 @@ def name_of(client: httpx.Client) -> str:
     return str(client.get("api-keys").json()["items"][0]["name"])
 
 
-def test_roles(new_client: NewClient) -> None:
-    owner, guest = new_client(), new_client()
-    key, name = project(owner), name_of(guest)
-    assert owner.put(f"projects/{key}/members/{name}", json={"role": "viewer"}).json()["role"] == "viewer"
-    assert guest.get(f"projects/{key}").status_code == 200
-    assert guest.put(f"projects/{key}/members/{name}", json={"role": "owner"}).status_code == 403
-    assert guest.delete(f"projects/{key}/members/{name_of(owner)}").status_code == 403
-    members = guest.get(f"projects/{key}/members").json()["items"]
-    assert {(m["user"], m["role"]) for m in members} == {(name_of(owner), "owner"), (name, "viewer")}
-    assert owner.put(f"projects/{key}/members/{name}", json={"role": "king"}).status_code == 422
-    assert owner.put(f"projects/{key}/members/{uuid4()}", json={}).status_code == 404  # no name, so an id
-    assert owner.delete(f"projects/{key}/members/{name}").status_code == 204
-    assert guest.get(f"projects/{key}").status_code == 404
-    assert guest.get(f"projects/{key}/members").status_code == 404
-    gone, nobody = (owner.delete(f"projects/{key}/members/{who}") for who in (name, "nobody"))
-    assert gone.status_code == nobody.status_code == 404
-    assert gone.json()["detail"].replace(name, "nobody") == nobody.json()["detail"]  # who exists is not said
-
-
 def test_who_adds_members_does_not_learn_which_users_there_are(
     new_client: NewClient, service: LocalService, rows: Callable[..., list[dict[str, Any]]]
 ) -> None:

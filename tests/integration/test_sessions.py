@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import httpx
-import psycopg
 import pytest
 
 from service.access.keys import COOKIE
-from service.app.supervisor import LocalService
-from service.db.engine import psycopg_url
 from tests.support.rest import ok, session_client
 
 
@@ -57,24 +54,6 @@ def test_a_session_ends_when_its_owner_signs_out(api: httpx.Client, signed_in: h
     assert signed_in.get("projects").status_code == 401
     acts = [event["action"] for event in ok(api.get("audit-events"))["items"]]
     assert acts == ["session.delete", "session.create"]
-
-
-def test_a_session_ends_with_its_key(api: httpx.Client) -> None:
-    made = ok(api.post("api-keys", json={"name": "short", "scopes": ["read"]}), 201)
-    with session_client(api, {"Authorization": f"Bearer {made['key']}"}) as browser:
-        assert browser.get("projects").status_code == 200
-        assert browser.post("projects", json={"name": "no"}).status_code == 403  # the key only reads
-        api.delete(f"api-keys/{made['id']}")
-        answer = browser.get("projects")
-    assert answer.status_code == 401
-    assert "sign in again" in answer.json()["detail"]
-
-
-def test_a_session_ends_by_itself(signed_in: httpx.Client, service: LocalService) -> None:
-    assert signed_in.get("projects").status_code == 200
-    with psycopg.connect(psycopg_url(service.settings.database_url or ""), autocommit=True) as database:
-        database.execute("UPDATE browser_sessions SET expires_at = now() - interval '1 second'")
-    assert signed_in.get("projects").status_code == 401
 
 
 def test_a_session_makes_no_session_and_a_key_ends_none(signed_in: httpx.Client, api: httpx.Client) -> None:

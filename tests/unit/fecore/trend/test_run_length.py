@@ -76,15 +76,6 @@ def test_limits_hold_for_a_short_baseline(chart: Chart, n: int) -> None:
     assert called / 4000 == pytest.approx(0.2, abs=3.5 * np.sqrt(0.2 * 0.8 / 4000) + 0.005)
 
 
-def test_textbook_scores_and_limits_call_too_often_on_a_short_baseline() -> None:
-    # r / σ̂ as if the baseline were exact, with limits for known parameters: what the t scores are there for
-    rng = np.random.default_rng(8)
-    y = rng.standard_normal((2000, 12 + 24))
-    z = (y[:, 12:] - y[:, :12].mean(axis=1)[:, None]) / y[:, :12].std(axis=1, ddof=1)[:, None]
-    limits = control_limits(Chart("ewma"), 0.2, 24)
-    assert np.mean([is_called(Chart("ewma"), limits, row, 1) for row in z]) > 0.3
-
-
 def test_limits_fall_with_the_rate_and_share_it() -> None:
     chart = Chart("ewma")
     tight, wide = control_limits(chart, 0.01, 24), control_limits(chart, 0.3, 24)

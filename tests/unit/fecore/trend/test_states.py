@@ -39,10 +39,6 @@ def test_stories(events: list[Event], states: list[State]) -> None:
     assert walk(events) == states
 
 
-def test_a_pending_period_of_one_has_no_pending_state() -> None:
-    assert walk([I, O], 1) == [NORMAL, ALARM]
-
-
 def test_an_alarm_needs_k_in_a_row_and_is_never_lost() -> None:
     for events in itertools.product((I, O, M), repeat=6):
         states = walk(list(events), 3)

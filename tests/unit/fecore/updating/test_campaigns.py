@@ -117,7 +117,7 @@ def test_the_papers_bar_has_one_modulus_in_both_tests() -> None:
 def test_the_odd_one_out_is_named_with_a_number(campaigns: list[Campaign]) -> None:
     other = {**TRUTH, "Ex": 0.75 * TRUTH["Ex"], "Ey": 1.3 * TRUTH["Ey"], "Gxy": 1.3 * TRUTH["Gxy"]}
     stranger = measured(np.random.default_rng(8), "strip 45", STRIP, 45.0, truth=other)
-    result = update_campaigns([*campaigns[:2], stranger, campaigns[3]])
+    result = update_campaigns([*campaigns[:2], stranger])
     assert result.odd_one_out == "strip 45"
     (part,) = [part for part in result.campaigns if part.name == "strip 45"]
     assert part.contradicts
@@ -151,7 +151,7 @@ def test_shapes_beyond_the_stated_width_are_told_of_their_campaign(campaigns: li
     """The strips' shapes reach 0.9 of the width of 30 mm, so 0.1 mm beyond the edge where 26.8 mm are stated."""
     strip = campaigns[0]
     narrow = replace(strip, body=replace(strip.body, width=0.0268), inputs=replace(strip.inputs, width_sd=0.0))
-    found = update_campaigns([narrow, *campaigns[1:]])
+    found = update_campaigns([narrow, campaigns[1]])
     (warning,) = [text for text in found.warnings if "beyond" in text]
     assert warning.startswith(
         "campaign strip 0: points 1, 3, 4, 6 and 14 more lie beyond the width of 26.8 mm, by up to 0.1 mm: the width or"

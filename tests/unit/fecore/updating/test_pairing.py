@@ -25,14 +25,8 @@ from fecore.updating.pairing import missed_cost, pair_in_order, pair_likest, pai
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 
-HZ = np.array([24.1, 61.0, 66.5, 118.0, 160.2, 171.0, 240.5])
 SPRUCE = OrthotropicMaterial(Ex=12e9, Ey=0.9e9, Gxy=0.75e9, Gxz=0.7e9, Gyz=0.06e9, nu_xy=0.37, density=420.0)
 SEEN = 0.05  # of the largest amplitude at the FRF's point
-
-
-def test_a_common_factor_does_not_move_modes_to_their_neighbours() -> None:
-    found = pair_in_order(1.16 * HZ, HZ, np.full(HZ.size, 0.95))  # moduli 34 % higher
-    assert found.pairs == tuple((k, k) for k in range(HZ.size))
 
 
 def test_modes_below_one_hertz_are_modes_like_others() -> None:
@@ -41,20 +35,6 @@ def test_modes_below_one_hertz_are_modes_like_others() -> None:
     assert found.pairs == ((0, 0), (1, 2), (2, 3))
     assert pair_in_order(np.array([0.3]), np.array([0.3, 0.9]), np.array([0.5, 0.95])).pairs == ((0, 0),)
     assert pair_in_order(np.array([0.98]), np.array([0.98, 0.5]), np.array([0.95, 0.6])).ambiguous == ()
-
-
-def test_modes_with_a_node_at_the_point_are_passed_over() -> None:
-    seen = np.array([0.95, 0.05, 0.95, 0.95, 0.05, 0.95, 0.95])
-    found = pair_in_order(0.86 * HZ[seen > 0.5], HZ, seen)
-    assert [column for _, column in found.pairs] == list(np.flatnonzero(seen > 0.5))
-    assert found.unpaired_model == ()
-
-
-def test_a_measured_mode_that_the_model_has_not_stays_alone() -> None:
-    measured = np.sort(np.append(HZ, 90.0))
-    found = pair_in_order(measured, HZ, np.full(HZ.size, 0.95))
-    assert found.unpaired_measured == (3,)
-    assert len(found.pairs) == HZ.size
 
 
 def test_what_a_common_factor_costs() -> None:

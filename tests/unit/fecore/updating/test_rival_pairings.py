@@ -10,11 +10,9 @@ import numpy as np
 import pytest
 
 from fecore.body.laminate import OrthotropicMaterial
-from fecore.body.oriented import OrientedSpecimen
 from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
 from fecore.modes import MeasuredModes
-from fecore.updating.campaigns import Campaign, CampaignsRecipe, update_campaigns
 from fecore.updating.elastic_result import REFUTED, ElasticResult
 from fecore.updating.elastic_starts import _behind, _other_starts, evidence, is_doubtful, update_from_several_starts
 from fecore.updating.estimates import OTHER_PARTNERS, constant_estimates
@@ -23,7 +21,7 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Layout
 from fecore.updating.measurement import Measurement
 from fecore.updating.pairing import exchanged, pair_held, partners_of
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF, Identifiability, spread_over
 from fecore.updating.result import ParameterEstimate, UpdateResult
@@ -43,16 +41,6 @@ def typed(*hz: float) -> MeasuredModes:
 def updated(*hz: float) -> tuple[UpdateResult, dict[str, ParameterEstimate]]:
     result = update(Measurement(None, {}, typed(*hz)), STRIP)
     return result, {each.name: each for each in result.parameters}
-
-
-def test_bending_modes_of_the_priors_themselves_leave_the_shear_modulus_open() -> None:
-    """With Gxy 21.6 GPa the first torsion mode, which nobody measured, meets the fourth frequency as well as its own mode."""
-    result, found = updated(159.05, 437.48, 854.93, 1407.23)
-    assert [partner.kind for partner in result.pairing.partners] == ["bending"] * 4
-    assert found["Gxy"].estimate == pytest.approx(11e9, rel=0.02)
-    assert found["Gxy"].interval_95[0] < 11e9 < found["Gxy"].interval_95[1]
-    assert not found["Gxy"].identifiable
-    assert found["Ex"].estimate == pytest.approx(30e9, rel=0.01)
 
 
 def test_exact_beam_frequencies_come_to_an_end_between_two_pairings() -> None:
@@ -197,14 +185,3 @@ def test_what_is_known_of_a_parameter_is_less_where_pairings_differ() -> None:
     ]
     assert [each.information for each in wider] == pytest.approx([0.8, 0.4, 0.9])
     assert spread_over(known[:1], np.array([[2.0]]), np.ones(1))[0].information == 0
-
-
-def test_frequencies_of_two_campaigns_leave_their_pairings_open_too() -> None:
-    """The strip of `five` hung up twice: the joint update tries other partners, says so, and its intervals span them."""
-    body, modes = OrientedSpecimen(0.5, 0.04, 0.010, STATED, "free", divisions=(20, 2)), typed(*FIVE)
-    twice = [Campaign(name, "strip", body, modes) for name in "ab"]
-    found = update_campaigns(twice, CampaignsRecipe(tuple(Parameter(n) for n in ("Ex", "Gxy", "Gxz")), scatter=0))
-    assert "rival_pairing" in {finding.kind for finding in found.findings}
-    (shear,) = (each for each in found.parameters if each.name == "Gxy")
-    assert OTHER_PARTNERS in {entry.source for entry in shear.budget}
-    assert shear.interval_95[0] < 9e9 < shear.interval_95[1]
