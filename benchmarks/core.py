@@ -13,15 +13,15 @@ from __future__ import annotations
 import importlib.util
 import os
 import shutil
-import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 
 from benchmarks import calculix, peers
+from benchmarks.clock import least, median_ms, now, timed
 from examples.paper.published import CANTILEVER_CONVERGED, TABLE_4_COUPONS, TABLE_4_UPDATED, cantilever
 from examples.paper.synthesis import grid, rayleigh_body
 from fecore.body.laminate import OrthotropicMaterial, Ply, section
@@ -48,26 +48,6 @@ from modalbase.formats.decks import Deck, write_shells, write_solids
 PAPER = OrthotropicMaterial(31.66e9, 31.80e9, 6.30e9, 5.37e9, 5.37e9, 0.15, 2012.0)
 SPECIMEN = Specimen(0.5, 0.04, 0.01, PAPER)
 PLACES = np.array([(x, y) for x in np.linspace(0.05, 0.5, 11) for y in (-0.018, 0.0, 0.018)])
-T = TypeVar("T")
-
-
-def now() -> np.ndarray:
-    """Seconds of wall clock and of the processor, processes that were waited for included."""
-    children = os.times()[2:4]
-    return np.array([time.perf_counter(), time.process_time() + sum(children)])
-
-
-def timed(call: Callable[[], T]) -> tuple[T, np.ndarray]:
-    """A call's value, and its wall clock and processor time."""
-    start = now()
-    value = call()
-    return value, now() - start
-
-
-def median_ms(call: Callable[[], object], repeats: int) -> float:
-    """Median time of a call in ms, after one that warms up."""
-    call()
-    return 1e3 * float(np.median([timed(call)[1][0] for _ in range(repeats)]))
 
 
 # --- forward ------------------------------------------------------------------------------------------------------------
@@ -238,12 +218,12 @@ def _against_least_squares(data: Measurement) -> None:
         given = damping_data(data.frfs, elastic, modes, "noise")
         return fit_damping(given, fit_reference(given), RAYLEIGH)
 
-    elastic, first = _least(lambda: update_elastic(replace(model), modes))
-    damping, after = _least(second)
+    elastic, first = least(lambda: update_elastic(replace(model), modes))
+    damping, after = least(second)
     nuisance = damping_data(data.frfs, elastic, modes, "noise").nuisance(damping.discrepancy)
     # The peer knows of no common gain, so neither does ours here.
     misfit = replace(damping.reference.misfit, common_gain_sd=0.0)
-    _, one_fit = _least(lambda: fit_law(misfit, RAYLEIGH, damping.start, nuisance))
+    _, one_fit = least(lambda: fit_law(misfit, RAYLEIGH, damping.start, nuisance))
     elastic_peer = peers.ElasticByDifferences(replace(model, reduced=False), modes, elastic)
     theirs_1, peer_1 = timed(elastic_peer.fit)
     damping_peer = peers.DampingByDifferences(misfit, nuisance, damping.start)
@@ -270,11 +250,6 @@ def _against_least_squares(data: Measurement) -> None:
     away = ", ".join(f"{name} {100 * (b / a - 1):+.4f} %" for name, a, b in zip(names, mine, theirs, strict=True))
     print(f"  least_squares' estimates from ours: {away}")
     _calculix(float((first + after)[0]), elastic_peer.solves, damping_peer.syntheses, float(peer_2[0]))
-
-
-def _least(call: Callable[[], T]) -> tuple[T, np.ndarray]:
-    """The run of three that took the least processor time."""
-    return min((timed(call) for _ in range(3)), key=lambda run: float(run[1][1]))
 
 
 def _calculix(own: float, solves: int, calls: int, second: float) -> None:

@@ -28,7 +28,7 @@ import psycopg
 import pyuff
 from scipy import fft
 
-from benchmarks.core import timed
+from benchmarks.clock import timed
 from benchmarks.hammer import campaign as hit_campaign
 from benchmarks.service import RAW, Cost, api_of, campaigns_of, copied, ended, load, measured, served
 from modalbase.formats.uff import Axis, Frf, GridPoint

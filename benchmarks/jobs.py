@@ -20,7 +20,7 @@ from uuid import UUID
 import httpx
 import psutil
 
-from benchmarks.core import timed
+from benchmarks.clock import timed
 from benchmarks.jobs_floor import EMPTY, SECOND, Floor, floor
 from benchmarks.service import RAW, campaigns_of, ended, load, post
 from service.app.demo import paper
