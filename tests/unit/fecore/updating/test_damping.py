@@ -12,7 +12,7 @@ from fecore.frf import FrfSet
 from fecore.updating import law_problem
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.law_fit import fit_law
-from fecore.updating.law_problem import LawPoint, LawProblem, Nuisance
+from fecore.updating.law_problem import LawProblem, Nuisance
 from fecore.updating.misfit import FrfMisfit, Weighting
 from fecore.updating.parameters import parametrise
 from tests.support.cantilever import grid, hammer_tour
@@ -56,17 +56,6 @@ def test_clean_data_give_the_coefficients_back(state: ForwardState, weighting: W
     fit = fit_law(problem, RAYLEIGH, np.array([20.0, 2e-5]), FREE)
     np.testing.assert_allclose(fit.coefficients, PAPER, rtol=1e-6)
     np.testing.assert_allclose(fit.shift, 0.001 * np.array([1, -1, 1, -1, 1]), atol=1e-8)
-
-
-def test_a_frequency_misfit_without_shifts_looks_like_damping(state: ForwardState) -> None:
-    """Why the shifts are there: without them a 0.5 % misfit is taken for damping."""
-    problem = misfit(state, measured(state, 0.0, shift=0.005))
-    without = fit_law(
-        problem, RAYLEIGH, np.array([20.0, 2e-5]), Nuisance.of_exact_law(np.arange(0), np.zeros(0))
-    ).coefficients
-    with_shifts = fit_law(problem, RAYLEIGH, np.array([20.0, 2e-5]), FREE).coefficients
-    assert np.max(np.abs(without / PAPER - 1)) > 0.04
-    np.testing.assert_allclose(with_shifts, PAPER, rtol=1e-5)
 
 
 @pytest.mark.parametrize("gains", [False, True])
@@ -170,14 +159,6 @@ def test_descent_is_that_of_the_misfit_with_every_prior(state: ForwardState) -> 
         assert descent[number] * size == pytest.approx(-slope, rel=1e-5, abs=0.5)
 
 
-def test_rates_known_beside_the_misfit_are_compared_without_the_window(state: ForwardState) -> None:
-    problem = LawProblem(
-        misfit(state, measured(state, 0.05), "noise"), RAYLEIGH, replace(EVERY, deviation_sd=np.zeros(5)), 1.0
-    )
-    rate = damping_rate(RAYLEIGH, PAPER, problem.misfit.model.omega[1:3])
-    np.testing.assert_allclose(problem.known(problem.first(PAPER))[0], np.log(rate / EVERY.seen_rate) / EVERY.seen_sd)
-
-
 def test_shifts_and_rates_are_held_to_what_is_believable(state: ForwardState) -> None:
     problem = LawProblem(misfit(state, measured(state, 0.05), "noise"), RAYLEIGH, EVERY, 1.0)
     far = problem.first(PAPER)
@@ -202,35 +183,8 @@ def test_noise_grows_with_what_a_value_is_worth(state: ForwardState, weighting: 
         np.testing.assert_allclose(fit.noise_covariance, 4 * np.linalg.inv(hessian)[:2, :2], rtol=1e-6)
 
 
-def test_a_fit_says_how_it_went_and_predicts_with_the_window(state: ForwardState) -> None:
-    data, shares = misfit(state, measured(state, 0.05), "noise"), list[float]()
-    window = replace(FREE, window_rate=3.0)
-    fit = fit_law(data, RAYLEIGH, np.array([20.0, 2e-5]), window, progress=shares.append)
-    np.testing.assert_array_equal(fit.history[0], [20.0, 2e-5])
-    # The last step that counts gains 1e-10 of the misfit: 1e-5 of a standard deviation and less.
-    np.testing.assert_allclose(fit.history[-1], fit.coefficients, rtol=1e-6)
-    assert np.all(np.any(np.diff(fit.history, axis=0) != 0, axis=1))
-    assert shares[0] == 0
-    assert sorted(shares) == shares
-    assert shares[-1] < 1
-    np.testing.assert_allclose(fit.rates(data.model), damping_rate(RAYLEIGH, fit.coefficients, data.model.omega) + 3)
-
-
 def test_a_fit_that_is_cut_off_carries_its_best(state: ForwardState, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(law_problem, "_STEPS", 1)
     with pytest.raises(UpdatingError, match="the rayleigh fit did not converge") as error:
         fit_law(misfit(state, measured(state, 0.05), "noise"), RAYLEIGH, np.array([400.0, 2e-4]), FREE)
     assert set(error.value.best) == {"a0", "a1"}
-
-
-def test_a_point_is_at_rest_where_no_coefficient_has_far_to_go(state: ForwardState) -> None:
-    data = misfit(state, measured(state, 0.05), "noise")
-    problem, fit = LawProblem(data, RAYLEIGH, FREE, 1.0), fit_law(data, RAYLEIGH, PAPER, FREE)
-
-    def moved(sds: float) -> LawPoint:
-        sd = np.sqrt(np.diag(fit.noise_covariance))
-        return problem.at(np.concatenate([fit.coefficients + sds * sd, fit.shift]))
-
-    assert problem.is_at_rest(moved(0.05))
-    assert not problem.is_at_rest(moved(0.5))
-    assert not problem.is_at_rest(moved(3))

@@ -29,14 +29,6 @@ SPRUCE = OrthotropicMaterial(Ex=12e9, Ey=0.9e9, Gxy=0.75e9, Gxz=0.7e9, Gyz=0.06e
 SEEN = 0.05  # of the largest amplitude at the FRF's point
 
 
-def test_modes_below_one_hertz_are_modes_like_others() -> None:
-    seen = np.array([0.95, 0.05, 0.95, 0.95])
-    found = pair_in_order(np.array([0.2, 0.5, 0.9]), np.array([0.2, 0.35, 0.5, 0.9]), seen)
-    assert found.pairs == ((0, 0), (1, 2), (2, 3))
-    assert pair_in_order(np.array([0.3]), np.array([0.3, 0.9]), np.array([0.5, 0.95])).pairs == ((0, 0),)
-    assert pair_in_order(np.array([0.98]), np.array([0.98, 0.5]), np.array([0.95, 0.6])).ambiguous == ()
-
-
 def test_what_a_common_factor_costs() -> None:
     """One measured mode lies e^0.3 above the model's first and e^0.1 above the second, both seen with probability p.
 
@@ -45,13 +37,6 @@ def test_what_a_common_factor_costs() -> None:
     """
     model = 100.0 / np.exp([0.3, 0.1])
     assert [pair_in_order(np.array([100.0]), model, np.full(2, p)).pairs for p in (0.77, 0.8)] == [((0, 1),), ((0, 0),)]
-
-
-@pytest.mark.parametrize("sign", [-1, 1])
-def test_frequencies_of_less_than_half_or_more_than_twice_are_no_partners(sign: int) -> None:
-    """A common factor of e^0.8 would cost 14.2, two modes alone cost 16: factors end at e^0.5 either way."""
-    model = np.array([100.0, 105.0])
-    assert pair_in_order(np.exp(0.8 * sign) * model, model, np.full(2, 0.95)).unpaired_measured == (0, 1)
 
 
 def alignments(n: int, m: int) -> Iterator[tuple[tuple[int, int], ...]]:
@@ -200,14 +185,6 @@ def test_shapes_decide_from_three_dofs_on() -> None:
 
 def replace_hidden(state: ForwardState, *hidden: int) -> ForwardState:
     return cast(ForwardState, SimpleNamespace(**{**vars(state), "hidden": hidden}))
-
-
-def test_hidden_modes_of_the_model_take_no_part_and_keep_their_numbers() -> None:
-    model = solved([50.0, 100.0, 101.0, 150.0, 200.0], [[1.0]] * 5, points=1)
-    found = pair_with(measured([100.0, 200.0], [[1.0], [1.0]], 1), replace_hidden(model, 0))
-    assert found.pairs == ((0, 1), (1, 4))
-    assert found.unpaired_model == (2, 3)
-    assert found.ambiguous == ((0, 1, 2),)
 
 
 def test_the_likest_are_partners_however_unlike() -> None:

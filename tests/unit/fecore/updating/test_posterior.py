@@ -9,8 +9,6 @@ import scipy
 from fecore.updating.posterior import (
     LinearProblem,
     Mixture,
-    ScaleMixture,
-    discrepancy,
     identifiability,
     log_likelihood,
     log_likelihood_of_deviations,
@@ -37,14 +35,6 @@ def gaussian(values: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 def over(scales: np.ndarray, log_prior: np.ndarray, values: np.ndarray) -> np.ndarray:
     each = [gaussian(values, NOISE + s**2 * np.eye(4)) + p for s, p in zip(scales, log_prior, strict=True)]
     return np.asarray(scipy.special.logsumexp(each, axis=0))
-
-
-def test_the_likelihood_is_that_of_gaussians_over_the_priors_scales() -> None:
-    tried = RANDOM.standard_normal((6, 4)) * np.array([[0.0005], [0.001], [0.002], [0.005], [0.01], [0.03]])
-    scale = 0.001 * np.exp(np.linspace(np.log(0.1), np.log(30.0), 41))
-    of_square = -2 * np.log(scale**2) - 0.001**2 / scale**2  # inverse gamma of shape 1, which is ν₀/2
-    expected = over(scale, of_square + 2 * np.log(scale), tried)  # of ln s
-    np.testing.assert_allclose(np.diff(log_likelihood(NOISE)(tried)), np.diff(expected), rtol=1e-9)
 
 
 def test_the_mixture_is_likelihood_times_prior() -> None:
@@ -78,21 +68,6 @@ def test_moments_and_reach_are_those_of_the_mixture() -> None:
     assert mixture.reach(np.array([0.0])) == (0, 0)
     aside = Mixture(np.ones(1), np.array([[9.0]]), np.ones((1, 1, 1)), np.ones(1)).reach(np.ones(1))
     assert aside == pytest.approx((0, 9 + 1.959964))
-
-
-@pytest.mark.parametrize("sd", [0.01, 1.0, 100.0])
-def test_one_gaussian_reaches_two_standard_deviations(sd: float) -> None:
-    one = Mixture(np.ones(1), np.zeros((1, 1)), np.full((1, 1, 1), sd**2), np.ones(1))
-    assert one.reach(np.ones(1)) == pytest.approx((1.959964 * sd, 1.959964 * sd), rel=1e-6)
-    assert ScaleMixture(np.ones(1), np.ones(1)).reach(0.36 * sd**2, 0.64 * sd**2) == pytest.approx(
-        1.959964 * sd, rel=1e-6
-    )
-
-
-def test_a_discrepancy_is_the_mean_of_residuals_and_prior() -> None:
-    residual = np.array([0.003, 0.004])
-    assert discrepancy(residual, 1.0, 0.001) == pytest.approx(np.sqrt((2 * 1e-6 + 25e-6) / (2 + 1)))
-    assert discrepancy(residual, 5.0, 0.001) == pytest.approx(np.sqrt(27e-6 / 2))  # no freedom is left
 
 
 def test_a_parameter_is_identifiable_where_no_unseen_direction_moves_it() -> None:
@@ -129,13 +104,3 @@ def test_the_scale_of_deviations_has_the_restricted_likelihood() -> None:
     tried = 0.01 * RANDOM.standard_normal((3, 4))
     whole = over(scale.scale, log_prior, tried)
     np.testing.assert_allclose(np.diff(log_likelihood_of_deviations(NOISE, 0.02)(tried)), np.diff(whole), rtol=1e-9)
-
-
-def test_a_scale_of_nothing_reaches_nowhere() -> None:
-    certain = ScaleMixture(np.ones(1), np.array([0.5]))
-    assert certain.reach(0.0, 0.0) == 0
-    assert certain.reach(3.0, 1.0) == pytest.approx(2 * 1.959964)
-    assert certain.reach(0.0, 1.0, 0.5) == pytest.approx(0.6744898)
-    open_between = ScaleMixture(np.array([0.4, 0.6]), np.array([1.0, 3.0]))
-    sd = np.sqrt(2 + np.array([1, 9]) / (0.4 + 0.6 * 9) * 7)
-    assert np.array([0.4, 0.6]) @ scipy.special.ndtr(open_between.reach(2.0, 7.0) / sd) == pytest.approx(0.975)

@@ -14,7 +14,7 @@ from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic_result import REFUTED, ElasticResult
-from fecore.updating.elastic_starts import _behind, _other_starts, evidence, is_doubtful, update_from_several_starts
+from fecore.updating.elastic_starts import _behind, evidence, is_doubtful, update_from_several_starts
 from fecore.updating.estimates import OTHER_PARTNERS, constant_estimates
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import Inputs
@@ -89,15 +89,6 @@ def test_intervals_span_the_pairings_that_are_not_ruled_out(five: tuple[ElasticR
         assert any(entry.source == OTHER_PARTNERS for entry in found[name].budget) == wider[place]
 
 
-def test_every_rival_has_partners_of_its_own_and_stands_in_order(five: tuple[ElasticResult, MeasuredModes]) -> None:
-    elastic, _ = five
-    behind = [rival.evidence for rival in elastic.rivals]
-    assert behind == sorted(behind)
-    assert behind[0] > 0
-    own = {elastic.partners, *(rival.other.partners for rival in elastic.rivals)}
-    assert len(own) == 1 + len(elastic.rivals)
-
-
 def test_a_pairing_that_tunes_a_constant_more_finely_has_less_evidence(
     five: tuple[ElasticResult, MeasuredModes],
 ) -> None:
@@ -137,14 +128,6 @@ def test_a_result_is_doubtful_where_another_start_may_do_better(five: tuple[Elas
     assert doubtful(0, 1.51)
     assert doubtful(0, -1.51)
     assert doubtful(0, 0, (3,))
-
-
-def test_other_starts_lie_all_about_the_prior(five: tuple[ElasticResult, MeasuredModes]) -> None:
-    elastic, _ = five
-    away = np.array(_other_starts(elastic.layout.unverified(), 0)) / elastic.coordinates.sd
-    assert np.abs(away).max() <= 2
-    assert away.min() < -1
-    assert away.max() > 1
 
 
 def state(hz: list[float], kinds: list[str], hidden: tuple[int, ...] = ()) -> ForwardState:
