@@ -50,7 +50,7 @@ TABLES = {
         Case("campaigns", "updates", "the same with bodies by CalculiX", "solids 2 1", "solids 1 1"),
         Case("campaigns", "updates", "which points to hit", "plans 12 17", "plans 1 17"),
         Case("cards", "core", "decks of updated models by CalculiX", quick="1"),
-        Case("trend", "trend", "false alarms and delays of control charts", quick="5"),
+        Case("trend", "trend", "false alarms and delays of control charts", quick="2"),
         Case("uff_damage", "uff_damage", "verdicts on damaged UFF files", quick="100"),
     ),
     "speed": (
