@@ -70,7 +70,8 @@ def test_frfs_of_any_quantity_give_the_same(boundary: Boundary, stated: Quantity
     FRFs that are stated to be another quantity than they are have modes, and their quantity is named in place of a damping.
     """
     specimen = replace(STATED, boundary=boundary, divisions=(20, 2))
-    body = measured(Truth(boundary=boundary), NOMINAL, np.random.default_rng(1))
+    whole = measured(Truth(boundary=boundary), NOMINAL, np.random.default_rng(1))
+    body = replace(whole, frfs=whole.frfs.select(list(range(2, 33, 5))))  # they are alike
     accelerance = update(body, specimen)
     other = update(replace(body, frfs=body.frfs.to_quantity(stated)), specimen)
     assert other.verdict.level == accelerance.verdict.level == "usable"
