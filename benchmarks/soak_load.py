@@ -13,21 +13,20 @@ import random
 import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+import httpx
 import numpy as np
 import psutil
 
-from benchmarks.service import api_of, campaigns_of, post, served
+from benchmarks.service import RAW, api_of, campaigns_of, post, served
 from service.app.demo import paper
 from service.app.supervisor import LocalService
 
 SHARES = {"list": 0.8, "FRF": 0.12, "upload": 0.06, "job": 0.02}
 ALONE, RATIO = 100, 20.0  # lists of one client alone, and how much longer they may take under load
-LIST = "/api/v1/projects?limit=5"
-MIB = 2**20
+MIB, FILE = 2**20, paper.uff_file()
 
 
 @dataclass
@@ -109,70 +108,6 @@ def load(
     return found
 
 
-class Line:
-    """A connection that asks one thing after the other; as little work as can be, so that the service is measured."""
-
-    def __init__(self, port: int, key: str) -> None:
-        self._port, self._key = port, key
-        self._streams: tuple[asyncio.StreamReader, asyncio.StreamWriter] | None = None
-
-    async def ask(self, method: str, path: str, body: bytes = b"", kind: str = "application/json") -> tuple[int, Any]:
-        """Status and headers of the answer; it is read to its end."""
-        reused = self._streams is not None
-        try:
-            status, headers, reader = await self._sent(method, path, body, kind)
-        except ConnectionError:
-            await self.close()
-            if not reused:  # else the service has closed an idle line at this very moment, as it may
-                raise
-            return await self.ask(method, path, body, kind)
-        try:
-            if headers.get("transfer-encoding") == "chunked":
-                while size := int((await reader.readline()).strip() or b"0", 16):
-                    await reader.readexactly(size + 2)
-                await reader.readline()
-            else:
-                await reader.readexactly(int(headers.get("content-length", 0)))
-        except BaseException:
-            await self.close()
-            raise
-        if headers.get("connection") == "close":
-            await self.close()
-        return status, headers
-
-    async def watch(self, path: str) -> tuple[int, asyncio.StreamReader]:
-        """Status of a stream, and the stream."""
-        status, _, reader = await self._sent("GET", path, b"", "")
-        return status, reader
-
-    async def _sent(
-        self, method: str, path: str, body: bytes, kind: str
-    ) -> tuple[int, dict[str, str], asyncio.StreamReader]:
-        """Status and headers of the answer, and what is to be read of it."""
-        if self._streams is None:
-            self._streams = await asyncio.open_connection("127.0.0.1", self._port)
-        reader, writer = self._streams
-        lines = [f"{method} {path} HTTP/1.1", "Host: localhost", f"Authorization: Bearer {self._key}"]
-        lines += [f"Content-Type: {kind}", f"Content-Length: {len(body)}"] if body else []
-        writer.write("\r\n".join([*lines, "", ""]).encode() + body)
-        await writer.drain()
-        if not (first := await reader.readline()):
-            raise ConnectionResetError("the connection was closed before the answer")
-        headers = {}
-        while line := (await reader.readline()).decode("latin-1").strip():
-            name, _, value = line.partition(":")
-            headers[name.lower()] = value.strip()
-        return int(first.split()[1]), headers, reader
-
-    async def close(self) -> None:
-        """Close it; the next request opens another."""
-        if self._streams is not None:
-            (_, writer), self._streams = self._streams, None
-            writer.close()
-            with suppress(OSError):  # the other end was faster
-                await writer.wait_closed()
-
-
 @dataclass
 class _Place:
     """What requests name, one for each key: a campaign with an FRF, one with modes alone, which an update takes, and a job."""
@@ -184,16 +119,16 @@ class _Place:
     modes: str
     job: str
 
-    def request(self, kind: str) -> tuple[Any, ...]:
+    def request(self, kind: str) -> tuple[str, str, dict[str, Any]]:
         """What a client of that kind asks."""
-        if kind == "list":
-            return "GET", LIST
-        if kind == "FRF":
-            return "GET", f"/api/v1/frfs/{self.frf}/data"
-        if kind == "upload":
-            path = f"/api/v1/campaigns/{self.campaign}/imports?dry_run=true"
-            return "POST", path, paper.uff_file(), "application/octet-stream"
-        return "POST", f"/api/v1/campaigns/{self.typed}/update-jobs", json.dumps({"mode_set": self.modes}).encode()
+        file, job = {"content": FILE, "headers": RAW}, {"json": {"mode_set": self.modes}}
+        method, path, how = {
+            "list": ("GET", "projects?limit=5", {}),
+            "FRF": ("GET", f"frfs/{self.frf}/data", {}),
+            "upload": ("POST", f"campaigns/{self.campaign}/imports?dry_run=true", file),
+            "job": ("POST", f"campaigns/{self.typed}/update-jobs", job),
+        }[kind]
+        return method, f"/api/v1/{path}", how
 
 
 def _furnished(service: LocalService, number: int) -> _Place:
@@ -210,52 +145,53 @@ def _furnished(service: LocalService, number: int) -> _Place:
 
 class _Crowd:
     def __init__(self, service: LocalService, places: list[_Place], load: Load, pause: float) -> None:
-        self.port, self.places, self.load, self.pause = int(service.url.rsplit(":", 1)[1]), places, load, pause
+        self.url, self.places, self.load, self.pause = service.url, places, load, pause
         self.api = psutil.Process(service.processes["api"].pid)
         self.over = asyncio.Event()
         self.open = 0
 
     async def run(self, clients: int, streams: int, seconds: float, seed: int) -> None:
-        """One client alone, then all at once."""
-        line = Line(self.port, self.places[0].key)
-        for _ in range(ALONE):
-            began = time.perf_counter()
-            await line.ask("GET", LIST)
-            self.load.alone.append(time.perf_counter() - began)
-        await line.close()
-        self.load.memory[0] = self.api.memory_info().rss
-        watching = [asyncio.create_task(self._watch(self.places[n % len(self.places)])) for n in range(streams)]
-        while self.open < streams and not any(task.done() for task in watching):
-            await asyncio.sleep(0.05)
-        self.load.streams = self.open
-        asking = [asyncio.create_task(self._client(n, seed)) for n in range(clients)]
-        asking.append(asyncio.create_task(self._health()))
-        await asyncio.sleep(seconds)
-        self.over.set()
-        await asyncio.gather(*asking)
-        for task in watching:
-            task.cancel()
-        ended = await asyncio.gather(*watching, return_exceptions=True)
-        self.load.bare_errors += [f"a stream: {error!r}" for error in ended if isinstance(error, Exception)]
-        await asyncio.sleep(1)
-        self.load.memory[2] = self.api.memory_info().rss
+        """One client alone, then all at once. No connection is used twice: the service may close an idle one at that moment."""
+        once = httpx.Limits(max_connections=None, max_keepalive_connections=0)
+        async with httpx.AsyncClient(base_url=self.url, limits=once, timeout=600, trust_env=False) as self.http:
+            for _ in range(ALONE):
+                await self._ask("list", self.places[0], self.load.alone)
+            self.load.memory[0] = self.api.memory_info().rss
+            watching = [asyncio.create_task(self._watch(self.places[n % len(self.places)])) for n in range(streams)]
+            while self.open < streams and not any(task.done() for task in watching):
+                await asyncio.sleep(0.05)
+            self.load.streams = self.open
+            asking = [asyncio.create_task(self._client(n, seed)) for n in range(clients)]
+            asking.append(asyncio.create_task(self._health()))
+            await asyncio.sleep(seconds)
+            self.over.set()
+            await asyncio.gather(*asking)
+            for task in watching:
+                task.cancel()
+            ended = await asyncio.gather(*watching, return_exceptions=True)
+            self.load.bare_errors += [f"a stream: {error!r}" for error in ended if isinstance(error, Exception)]
+            await asyncio.sleep(1)
+            self.load.memory[2] = self.api.memory_info().rss
+
+    async def _ask(self, kind: str, place: _Place, seconds: list[float]) -> httpx.Response:
+        began = time.perf_counter()
+        method, path, how = place.request(kind)
+        headers = {"Authorization": f"Bearer {place.key}", **how.pop("headers", {})}
+        answer = await self.http.request(method, path, headers=headers, **how)
+        seconds.append(time.perf_counter() - began)
+        return answer
 
     async def _client(self, number: int, seed: int) -> None:
         choose, place = random.Random(f"{seed} {number}"), self.places[number % len(self.places)]
         (kind,) = choose.choices(list(SHARES), list(SHARES.values()))
-        line = Line(self.port, place.key)
         try:
             while not await self._rested(choose.expovariate(1 / self.pause)):
-                began = time.perf_counter()
-                status, headers = await line.ask(*place.request(kind))
-                self.load.seconds[kind].append(time.perf_counter() - began)
-                self.load.statuses[kind][status] += 1
-                if status >= 500 and not (status == 503 and "retry-after" in headers):
-                    self.load.bare_errors.append(f"{kind}: {status}")
-        except (OSError, EOFError) as error:
+                answer = await self._ask(kind, place, self.load.seconds[kind])
+                self.load.statuses[kind][answer.status_code] += 1
+                if answer.status_code >= 500 and not (answer.status_code == 503 and "retry-after" in answer.headers):
+                    self.load.bare_errors.append(f"{kind}: {answer.status_code}")
+        except httpx.TransportError as error:
             self.load.bare_errors.append(f"{kind}: {error!r}")
-        finally:
-            await line.close()
 
     async def _rested(self, seconds: float) -> bool:
         """Wait; whether it is over now."""
@@ -267,42 +203,38 @@ class _Crowd:
 
     async def _watch(self, place: _Place) -> None:
         """Watch a job; when it has ended, the next one."""
-        line = Line(self.port, place.key)
-        try:
-            while True:
-                job = place.job
-                await self._events(line, job)
-                await line.close()
-                if place.job == job:
-                    place.job = ""
-                    _, headers = await line.ask(*place.request("job"))
-                    place.job = headers["location"].rsplit("/", 1)[1]
-                while not place.job:
-                    await asyncio.sleep(0.05)
-        finally:
-            await line.close()
+        while True:
+            job = place.job
+            await self._events(place, job)
+            if place.job == job:
+                place.job = ""
+                answer = await self._ask("job", place, [])
+                place.job = answer.headers["location"].rsplit("/", 1)[1]
+            while not place.job:
+                await asyncio.sleep(0.05)
 
-    async def _events(self, line: Line, job: str) -> None:
-        status, reader = await line.watch(f"/api/v1/update-jobs/{job}/events")
-        self.load.statuses["stream"][status] += 1
-        if status not in (200, 204):
-            raise RuntimeError(f"a stream of events: {status}")
-        self.open += 1
-        try:
-            while status == 200 and (text := await reader.readline()) not in (b"", b"0\r\n"):
-                if text.startswith(b"data:"):
-                    self.load.events += 1
-                    if json.loads(text[5:])["status"] == "failed":  # else the load would be of jobs that end at once
-                        self.load.bare_errors.append(f"a job failed: {job}")
-        finally:
-            self.open -= 1
+    async def _events(self, place: _Place, job: str) -> None:
+        headers = {"Authorization": f"Bearer {place.key}"}
+        async with self.http.stream("GET", f"/api/v1/update-jobs/{job}/events", headers=headers) as answer:
+            self.load.statuses["stream"][answer.status_code] += 1
+            if answer.status_code not in (200, 204):
+                raise RuntimeError(f"a stream of events: {answer.status_code}")
+            self.open += 1
+            try:
+                async for line in answer.aiter_lines():
+                    if line.startswith("data:"):
+                        self.load.events += 1
+                        if (
+                            json.loads(line[5:])["status"] == "failed"
+                        ):  # else the load would be of jobs that end at once
+                            self.load.bare_errors.append(f"a job failed: {job}")
+            finally:
+                self.open -= 1
 
     async def _health(self) -> None:
-        line = Line(self.port, "none")
         while not await self._rested(0.1):
             began = time.perf_counter()
-            status, _ = await line.ask("GET", "/healthz")
+            answer = await self.http.get("/healthz")
             self.load.health = max(self.load.health, time.perf_counter() - began)
             self.load.memory[1] = max(self.load.memory[1], self.api.memory_info().rss)
-            self.load.statuses["healthz"][status] += 1
-        await line.close()
+            self.load.statuses["healthz"][answer.status_code] += 1
