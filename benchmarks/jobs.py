@@ -120,7 +120,7 @@ def _cancelling(here: Floor, times: int) -> None:
     worker, passed = here.worker(), []
     for _ in range(times):
         (job_id,) = here.put(SECOND, 1)
-        child = _busy_child(worker.pid)
+        child = _busy_child(here, worker.pid, job_id)
         began = time.perf_counter()
         with here.sessions.begin() as session:
             request_cancel(session, job_id)
@@ -132,15 +132,12 @@ def _cancelling(here: Floor, times: int) -> None:
     _stop(here, worker)
 
 
-def _busy_child(worker: int) -> psutil.Process:
-    """The job's process: a child of the worker's fork server that computes."""
-    while True:
-        for child in psutil.Process(worker).children(recursive=True):
-            try:
-                if child.parent() != psutil.Process(worker) and child.cpu_percent(0.1) > 20:
-                    return child
-            except psutil.NoSuchProcess:
-                continue
+def _busy_child(here: Floor, worker: int, job_id: UUID) -> psutil.Process:
+    """The job's process: the youngest child of the worker's fork server, once it computes."""
+    here.until(lambda: any(job.id == job_id and "step" in (job.stage or "") for job in here.jobs()), "the computation")
+    parent = psutil.Process(worker)
+    children = [child for child in parent.children(recursive=True) if child.parent() != parent]
+    return max(children, key=lambda child: child.create_time())
 
 
 def _real_jobs(here: Floor, jobs: int) -> None:

@@ -113,22 +113,22 @@ class _Fuzzer:
 
     def round(self, examples: int, number: int) -> None:
         """Some requests of each operation."""
+        for operation in self.choose.sample(self.operations, len(self.operations)):
+            if not operation.path.endswith("/events"):  # a stream has no end
+                self._some(operation, examples, number)
+
+    def _some(self, operation: Any, examples: int, number: int) -> None:
         from hypothesis import HealthCheck, Phase, given, seed, settings
 
-        for operation in self.choose.sample(self.operations, len(self.operations)):
-            if operation.path.endswith("/events"):  # a stream has no end
-                continue
+        unhindered = {"deadline": None, "database": None, "suppress_health_check": list(HealthCheck)}
 
-            @seed(number)
-            @settings(
-                max_examples=examples, deadline=None, database=None, phases=[Phase.generate],
-                suppress_health_check=list(HealthCheck),
-            )  # fmt: skip
-            @given(case=operation.as_strategy())
-            def one(case: Any, label: str = operation.label) -> None:
-                self._send(label, case)
+        @seed(number)
+        @settings(max_examples=examples, phases=[Phase.generate], **unhindered)
+        @given(case=operation.as_strategy())
+        def one(case: Any) -> None:
+            self._send(operation.label, case)
 
-            one()
+        one()
 
     def _send(self, label: str, case: Any) -> None:
         from schemathesis.core.failures import FailureGroup
@@ -258,7 +258,10 @@ def _throw(api: httpx.Client, campaign: str, where: str, form: str, content: byt
     answer = api.post(f"{campaign}/{where}", params=query, content=content, headers=headers)
     state = answer.json()
     if location := answer.headers.get("location"):
-        while (state := api.get(location).raise_for_status().json())["status"] in ("queued", "running"):
+        while (state := api.get(api.base_url.join(location)).raise_for_status().json())["status"] in (
+            "queued",
+            "running",
+        ):
             time.sleep(0.1)
     status, words = state.get("status"), state.get("detail") or (state.get("error") or {}).get("detail")
     found.ends[f"{where} {form} {status}"] += 1
