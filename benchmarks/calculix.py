@@ -20,7 +20,8 @@ def ccx(lines: Sequence[str]) -> str:
     """The printed output of a run."""
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "beam.inp").write_text("\n".join([*lines, ""]))
-        subprocess.run(["ccx", "-i", "beam"], cwd=folder, check=True, capture_output=True)
+        done = subprocess.run(["ccx", "-i", "beam"], cwd=folder, check=True, capture_output=True, text=True)
+        assert "*ERROR" not in done.stdout, done.stdout
         return Path(folder, "beam.dat").read_text()
 
 

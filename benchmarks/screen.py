@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from benchmarks.service import api_of, load, processor_s, served
+from benchmarks.service import client_at, load, processor_s, served
 from service.app.demo.run import Laboratory
 from service.app.supervisor import listening_socket
 from tests.support.browser import PROGRAMS, browser, watched_page
@@ -73,7 +73,7 @@ def _ready(port: int) -> bool:
 
 def pages(figures: int = 30, reports: int = 3, visits: int = 7) -> None:
     """Print each cost beside its limit."""
-    with served() as service, api_of(service) as api:
+    with served() as service, client_at(service.url, service.new_key("reader")) as api:
         job = Laboratory(api).update_beam()["provenance"]["update_job"]
         process = psutil.Process(service.processes["api"].pid)
         print(load())

@@ -73,9 +73,9 @@ def judge(drawn: Drawn) -> Found:
     found = Found("", result.verdict.level, result.warnings, seconds=time.process_time() - began)
     for p in result.parameters:
         if (true := drawn.true.get(p.name)) is not None:
-            low, high = p.interval_95
-            found.estimates[p.name], found.off[p.name] = p, p.estimate / true - 1
-            found.held[p.name], found.half[p.name] = low <= true <= high, (high - low) / 2 / true
+            (low, high), scale = p.interval_95, true or np.nan  # a0 of damping by stiffness alone is nothing
+            found.estimates[p.name], found.off[p.name] = p, p.estimate / scale - 1
+            found.held[p.name], found.half[p.name] = low <= true <= high, (high - low) / 2 / scale
     return found
 
 
