@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -23,16 +22,6 @@ from tests.support.plates import solve
 from tests.support.rest import finished, ok, posted, result_of
 
 needs_ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
-
-
-def frequencies(deck: str, folder: Path) -> np.ndarray[Any, Any]:
-    """Natural frequencies in Hz that CalculiX finds."""
-    (folder / "deck.inp").write_text(deck)
-    done = subprocess.run(["ccx", "-i", "deck"], cwd=folder, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout[-2000:]
-    assert "*ERROR" not in done.stdout
-    table = (folder / "deck.dat").read_text().split("P A R T I C I P")[0]
-    return np.array([float(row) for row in re.findall(r"^\s+\d+\s+\S+\s+\S+\s+(\S+)\s+\S+\s*$", table, re.MULTILINE)])
 
 
 def errors(found: np.ndarray[Any, Any], updated: list[float]) -> np.ndarray[Any, Any]:
