@@ -89,7 +89,6 @@ OFTEN = 10  # commands with the same option, from which on it stands once at the
 
 def rest_page() -> str:
     """`docs/reference-rest.md`: every route with what it takes and answers."""
-    openapi = document()
     lines = [
         "# REST, route by route", "", MARK, "",
         "Paths are below `/api/v1`. `/openapi.json` is the document with all fields, `/docs` the page to try them.",
@@ -97,7 +96,7 @@ def rest_page() -> str:
         "Bodies are JSON; other media types are named.", "",
     ]  # fmt: skip
     by_tag: dict[str, list[Described]] = {}
-    for route in described(openapi):
+    for route in described(document()):
         by_tag.setdefault(next(iter(route.operation.get("tags", ["other"]))), []).append(route)
     for tag, found in by_tag.items():
         lines += [f"## {tag.capitalize()}", "", *map(_route, found), ""]
@@ -115,7 +114,7 @@ def _route(route: Described) -> str:
 def cli_page() -> str:
     """`docs/reference-cli.md`: every command with its arguments and options; what many have stands once."""
     commands = list(_commands(typer.main.get_command(app), "modalbase"))
-    rows = {words: [_parameter(parameter) for parameter in _shown(one)] for words, one in commands}
+    rows = {words: [_parameter(each) for each in one.params if _shown(each)] for words, one in commands}
     count = Counter(row for found in rows.values() for row in found)
     common = [row for row, times in count.items() if times >= OFTEN]
     lines = ["# The command, word by word", "", MARK, ""]
@@ -126,16 +125,16 @@ def cli_page() -> str:
     return "\n".join(lines)
 
 
-def _shown(command: Any) -> list[Any]:
-    return [one for one in command.params if not getattr(one, "hidden", False) and one.name != "help"]
-
-
 def _commands(command: Any, words: str) -> Iterator[tuple[str, Any]]:
     for name, one in command.commands.items():
         if hasattr(one, "commands"):
             yield from _commands(one, f"{words} {name}")
         else:
             yield f"{words} {name}", one
+
+
+def _shown(parameter: Any) -> bool:
+    return not getattr(parameter, "hidden", False) and parameter.name != "help"
 
 
 def _parameter(parameter: Any) -> str:
