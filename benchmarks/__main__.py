@@ -3,14 +3,15 @@
     python -m benchmarks                        # what there is
     python -m benchmarks accuracy speed         # every case of these tables
     python -m benchmarks hits 36 880031         # one case, with other arguments than the table's
+    python -m benchmarks quick accuracy         # every case of a table with few draws: does it run?
 
-A case is a module of this package whose `main` prints a short table. Its arguments are counts, seeds and words.
+A case is a function of this package that prints a short table, and gives what was wrong, if anything. Its arguments are
+counts, seeds and words.
 """
 
 from __future__ import annotations
 
 import importlib
-import runpy
 import sys
 import time
 import traceback
@@ -19,90 +20,98 @@ from typing import NamedTuple
 
 
 class Case(NamedTuple):
-    """A module, its arguments in the table, and what it measures."""
+    """A function by its module, what it measures, and its arguments in the table and in a quick run."""
 
+    name: str
     module: str
     measures: str
-    arguments: tuple[str, ...] = ()
+    arguments: str = ""
+    quick: str = ""
 
 
 TABLES = {
     "accuracy": (
-        Case("hits", "hits judged: good ones thrown away, bad ones missed, beside pyFRF"),
-        Case("hits_habits", "good hits under the habits of instruments and hands"),
-        Case("hits_accuracy", "FRFs of hits against exact ones, variance, damping under windows"),
-        Case("hits_damping", "from hits to a0 and a1"),
-        Case("identification", "bias and scatter of f and ζ, beside sdypy-EMA"),
-        Case("calibrate", "the weights of a pole's probability on made FRFs, its reliability, modes lost and invented"),
-        Case("real_bodies", "one deviation of the body at a time", ("table",)),
-        Case("real_bodies", "intervals where everything is other than stated", ("drawn", "60")),
-        Case("wooden_plates", "updates of plates from a handbook's constants"),
-        Case("laboratories", "structures, tours, bands, damping and faults at random"),
-        Case("independent", "bodies of solid elements by CalculiX"),
-        Case("campaigns", "several tests of one material: intervals", ("coverage", "3", "1")),
-        Case("campaigns", "the same with bodies by CalculiX", ("solids", "2", "1")),
-        Case("campaigns", "which points to hit", ("plans", "12", "17")),
-        Case("cards", "decks of updated models by CalculiX"),
-        Case("trend", "false alarms and delays of control charts"),
-        Case("uff_damage", "verdicts on damaged UFF files"),
+        Case("hits", "hits", "hits judged: good ones thrown away, bad ones missed, beside pyFRF", quick="3"),
+        Case("hits_habits", "hits", "good hits under the habits of instruments and hands", quick="1"),
+        Case("hits_accuracy", "hits", "FRFs of hits against exact ones, variance, damping under windows", quick="1 4"),
+        Case("hits_damping", "hits", "from hits to a0 and a1", quick="2"),
+        Case("identification", "identification", "bias and scatter of f and ζ, beside sdypy-EMA", quick="2"),
+        Case("calibrate", "calibrate", "the probability of a pole on made FRFs: its weights, reliability, modes lost"),
+        Case("real_bodies", "updates", "one deviation of the body at a time", "table", "table nothing"),
+        Case("real_bodies", "updates", "intervals where everything is other than stated", "drawn 60", "drawn 2"),
+        Case("wooden_plates", "updates", "updates of plates from a handbook's constants", quick="1"),
+        Case("laboratories", "updates", "structures, tours, bands, damping and faults at random", quick="2"),
+        Case("independent", "updates", "bodies of solid elements by CalculiX", quick="1"),
+        Case("campaigns", "updates", "several tests of one material: intervals", "coverage 3 1", "coverage 1 1"),
+        Case("campaigns", "updates", "the same with bodies by CalculiX", "solids 2 1", "solids 1 1"),
+        Case("campaigns", "updates", "which points to hit", "plans 12 17", "plans 1 17"),
+        Case("cards", "core", "decks of updated models by CalculiX", quick="1"),
+        Case("trend", "trend", "false alarms and delays of control charts", quick="2"),
+        Case("uff_damage", "uff_damage", "verdicts on damaged UFF files", quick="100"),
     ),
     "speed": (
-        Case("forward", "the forward model beside scikit-fem, pyfe3d and CalculiX"),
-        Case("updating", "the default update by step, beside scipy's least_squares"),
-        Case("measurements", "imports, spectra over HTTP, lists, beside pyuff and PostgreSQL"),
-        Case("many_hits", "10,000 hits: import and processing, beside reading and COPY"),
-        Case("live_hits", "the judgement of one hit after another over HTTP"),
-        Case("jobs", "what the queue costs, cancelling, two workers over one"),
-        Case("pages", "figure, report and page of a result"),
-        Case("start", "modalbase up on an existing data folder"),
+        Case("forward", "core", "the forward model beside scikit-fem, pyfe3d and CalculiX", quick="3"),
+        Case("updating", "core", "the default update by step, beside scipy's least_squares", quick="400"),
+        Case(
+            "measurements",
+            "database",
+            "imports, spectra over HTTP, lists, beside pyuff and PostgreSQL",
+            quick="100 801",
+        ),
+        Case("many_hits", "database", "10,000 hits: import and processing, beside reading and COPY", quick="200"),
+        Case("live_hits", "database", "the judgement of one hit after another over HTTP", quick="2"),
+        Case("jobs", "jobs", "what the queue costs, cancelling, two workers over one", quick="20 2 2"),
+        Case("pages", "screen", "figure, report and page of a result", quick="3 1 1"),
+        Case("start", "screen", "modalbase up on an existing data folder", quick="1"),
     ),
     "soak": (
-        Case("access_matrix", "every operation as every kind of caller", ("long",)),
-        Case("soak_fuzz", "requests drawn from the OpenAPI document"),
-        Case("soak_bombs", "files of every format that are made to cost"),
-        Case("soak_load", "500 clients and 400 streams of events"),
-        Case("soak_kills", "100 kills under imports, updates and messages"),
-        Case("soak_small", "every figure and report of campaigns of few FRFs"),
-        Case("soak_backup", "a backup of jobs that wait and run, restored"),
-        Case("jobs_outage", "a worker cut off from the database for a minute"),
+        Case("soak_fuzz", "soak", "requests drawn from the OpenAPI document", quick="0"),
+        Case("soak_bombs", "soak", "files of every format that are made to cost", quick="1"),
+        Case("soak_load", "soak_load", "500 clients and 400 streams of events", quick="10"),
+        Case("soak_kills", "soak_kills", "100 kills under imports, updates and messages", quick="4"),
+        Case("soak_small", "soak", "every figure and report of campaigns of few FRFs", quick="1"),
+        Case("soak_backup", "soak_backup", "a backup of jobs that wait and run, restored", quick="1"),
+        Case("jobs_outage", "jobs_outage", "a worker cut off from the database for a minute", quick="5"),
     ),
 }
 
 
 def run(case: Case, arguments: Sequence[str]) -> bool:
     """Run a case; whether it succeeded."""
-    print(f"\n=== {case.module} {' '.join(arguments)}", flush=True)
-    start, good = time.perf_counter(), True
+    print(f"\n=== {case.name} {' '.join(arguments)}", flush=True)
+    start = time.perf_counter()
     try:
-        main = getattr(importlib.import_module(f"benchmarks.{case.module}"), "main", None)
-        if main is not None:
-            main(*(int(word) if word.isdigit() else word for word in arguments))
-        else:
-            sys.argv = [case.module, *arguments]
-            runpy.run_module(f"benchmarks.{case.module}", run_name="__main__")
-    except SystemExit as end:
-        good = not end.code
+        module = importlib.import_module(f"benchmarks.{case.module}")
+        function = getattr(module, case.name, None) or module.main
+        wrong = function(*(int(word) if word.isdigit() else word for word in arguments)) or []
     except Exception:  # noqa: BLE001 - one case's failure must not hide the others' figures
-        traceback.print_exc()
-        good = False
-    print(f"=== {case.module}: {time.perf_counter() - start:.1f} s{'' if good else ', FAILED'}", flush=True)
-    return good
+        wrong = [traceback.format_exc()]
+    print(
+        *wrong,
+        f"=== {case.name}: {time.perf_counter() - start:.1f} s{', FAILED' if wrong else ''}",
+        sep="\n",
+        flush=True,
+    )
+    return not wrong
 
 
 def wanted(words: Sequence[str]) -> list[tuple[Case, Sequence[str]]]:
     """The cases that a command line names, with their arguments."""
+    quick, words = words[0] == "quick", words[words[0] == "quick" :]
     if set(words) <= set(TABLES):
-        return [(case, case.arguments) for name in words for case in TABLES[name]]
-    cases = {case.module: case for table in TABLES.values() for case in reversed(table)}
+        every = [case for name in words for case in TABLES[name]]
+        return [(case, (case.quick if quick else case.arguments).split()) for case in every]
+    cases = {case.name: case for table in TABLES.values() for case in reversed(table)}
     if words[0] not in cases:
         sys.exit(f"no benchmark named {words[0]}; there are {', '.join([*TABLES, *cases])}")
-    return [(cases[words[0]], words[1:] or cases[words[0]].arguments)]
+    case = cases[words[0]]
+    return [(case, words[1:] or (case.quick if quick else case.arguments).split())]
 
 
 if __name__ == "__main__":
     if len(sys.argv) == 1:
         for table, cases in TABLES.items():
             print(f"\n{table}")
-            print("\n".join(f"  {' '.join([case.module, *case.arguments]):28} {case.measures}" for case in cases))
+            print("\n".join(f"  {f'{case.name} {case.arguments}':28} {case.measures}" for case in cases))
         sys.exit()
     sys.exit(sum(not run(case, arguments) for case, arguments in wanted(sys.argv[1:])))

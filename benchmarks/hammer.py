@@ -298,18 +298,39 @@ class Bench:
 
 
 def campaign(
-    rng: np.random.Generator, kind: str, points: int, hits: int, faulty: float, window_rate_per_s: float | None = None
+    rng: np.random.Generator,
+    kind: str,
+    points: int,
+    hits: int,
+    faulty: float,
+    window_rate_per_s: float | None = None,
+    habit: str = "",
 ) -> tuple[Bench, dict[int, tuple[float, float]], list[Simulated]]:
-    """A whole campaign: the bench, the places of its points, and its hits in order."""
+    """A whole campaign: the bench, the places of its points, and its hits in order.
+
+    Args:
+        rng: draws all of it.
+        kind: of the body.
+        points: how many.
+        hits: of each point.
+        faulty: share of the hits that have a fault.
+        window_rate_per_s: of an exponential window; drawn by default.
+        habit: of the instruments or the hand (`benchmarks.habits`).
+    """
+    from benchmarks.habits import HabitBench, instruments
+
     body, lab = random_body(rng, kind), random_laboratory(rng, window_rate_per_s)
     sensor = (0.96 * body.length_m, 0.45 * body.width_m)
-    bench = Bench(body, lab, sensor, rng)
+    bench = (
+        HabitBench(body, instruments(lab, habit, rng), sensor, rng, habit) if habit else Bench(body, lab, sensor, rng)
+    )
     places = {
         n + 1: (rng.uniform(0.1, 0.98) * body.length_m, rng.uniform(-0.48, 0.48) * body.width_m) for n in range(points)
     }
+    faults = [fault for fault in FAULTS if not ("pretrigger" in habit and fault == "late")]
     simulated = []
     for label, place in places.items():
         for number in range(1, hits + 1):
-            fault = str(rng.choice(FAULTS)) if rng.random() < faulty else None
+            fault = str(rng.choice(faults)) if rng.random() < faulty else None
             simulated.append(bench.hit(label, place, number, fault))
     return bench, places, simulated

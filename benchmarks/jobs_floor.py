@@ -24,9 +24,10 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from benchmarks.jobs_floor_work import compute, empty, wait
+from benchmarks.service import client_at
+from service.access.keys import create_key, user_named
 from service.access.tables import AuditEvent, Project
-from service.app.demo import paper
-from service.app.supervisor import environment
+from service.app.supervisor import environment, listening_socket
 from service.db.engine import make_engine, make_sessions
 from service.db.opening import embedded_server
 from service.db.schema import upgrade
@@ -116,6 +117,15 @@ class Floor:
             self.until(answers, "the API's first answer")
         return process
 
+    def client(self, user: str, **settings: Any) -> httpx.Client:
+        """A client with a new key of an API that this starts."""
+        with listening_socket("127.0.0.1", 0) as free:
+            port = free.getsockname()[1]
+        self.api(port, **settings)
+        with self.sessions.begin() as session:
+            key = create_key(session, user_named(session, user), user)[1]
+        return client_at(f"http://127.0.0.1:{port}/api/v1/", key)
+
     def kill(self, process: subprocess.Popen[bytes]) -> None:
         """SIGKILL, without a word."""
         process.kill()
@@ -201,11 +211,3 @@ def floor(database_url: str | None = None) -> Iterator[Floor]:
                 yield made
             finally:
                 made.close()
-
-
-def laboratory(client: httpx.Client, campaigns: int = 1) -> list[str]:
-    """Ids of new campaigns of the paper's beam, with modes but without FRFs."""
-    project = client.post("projects", json={"name": "floor"}).raise_for_status().json()["id"]
-    structure = client.post(f"projects/{project}/structures", json=paper.STRUCTURE).raise_for_status().json()["id"]
-    path = f"structures/{structure}/campaigns"
-    return [client.post(path, json=paper.CAMPAIGN).raise_for_status().json()["id"] for _ in range(campaigns)]

@@ -158,12 +158,16 @@ def _computing(here: Floor, worker: subprocess.Popen[bytes]) -> bool:
     )
 
 
-def main() -> None:
-    """Print the table of cuts of a minute."""
+def jobs_outage(seconds: int = 60) -> list[str]:
+    """Print the table of cuts; those after which something was not right."""
+    wrong = []
     print("    cut  others  jobs  succeeded  results  doubled  attempts  back after")
     for others in (False, True):
-        it = outage(60, others=others)
+        it = outage(seconds, others=others)
         print(
             f"  {it.seconds:3.0f} s  {'yes' if others else 'no':>6}  {it.jobs:4d}  {it.succeeded:9d}  {it.results:7d}"
             f"  {it.doubled:7d}  {it.attempts:8d}  {it.back_seconds:8.1f} s"
         )
+        if it.doubled or it.succeeded != it.jobs:
+            wrong.append(f"others {others}: {it}")
+    return wrong

@@ -1,7 +1,8 @@
-"""A service of its own for a benchmark, and what its processes and PostgreSQL take."""
+"""A service of its own for a benchmark, what its processes and PostgreSQL take, and what a laboratory puts into it."""
 
 from __future__ import annotations
 
+import json
 import os
 import tempfile
 import threading
@@ -17,50 +18,73 @@ import httpx
 import psutil
 import psycopg
 
+from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
 from service.settings import Settings
 
-STRUCTURE = {
-    "name": "beam",
-    "geometry": {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01},
-    "density_kg_m3": 2012,
-    "material": {"Ex_Pa": 33e9, "Ey_Pa": 32e9, "Gxy_Pa": 6e9, "Gxz_Pa": 5e9, "Gyz_Pa": 5e9, "nu_xy": 0.15},
-}
 RAW = {"Content-Type": "application/octet-stream"}
+ASKED_FREELY: dict[str, Any] = {
+    "webhook_networks": "198.51.100.0/24",  # so the service must be allowed to send there
+    "key_requests_a_second": 10**6,
+    "key_failures_a_minute": 10**6,
+}
+"""Settings of a service that is asked as much as can be."""
 
 
 @contextmanager
-def served() -> Iterator[tuple[LocalService, httpx.Client, Path]]:
-    """A service on an empty database, a client with a key of its own, and a folder that ends with them."""
-    with tempfile.TemporaryDirectory(prefix="mb-") as folder:
-        settings = Settings(data=Path(folder) / "db", port=0, log_level="error")
-        with LocalService(settings) as service:
-            headers = {"Authorization": f"Bearer {service.new_key('benchmark')}"}
-            address = f"{service.url}/api/v1/"
-            with httpx.Client(base_url=address, headers=headers, timeout=600, trust_env=False) as api:
-                yield service, api, Path(folder)
+def served(*, worker: bool = True, **settings: Any) -> Iterator[LocalService]:
+    """A service on an empty database, or on a migrated one that the settings name."""
+    with tempfile.TemporaryDirectory(prefix="mb-", ignore_cleanup_errors=True) as folder:
+        data = Path(folder)
+        data.chmod(0o755)  # the server may run as a user of its own
+        with LocalService(Settings(data=data, port=0, log_level="error", **settings), worker=worker) as service:
+            yield service
 
 
-def post(api: httpx.Client, path: str, body: object) -> Any:
-    """The answer to a JSON body."""
-    return api.post(path, json=body).raise_for_status().json()
+@contextmanager
+def api_of(service: LocalService, name: str = "benchmark") -> Iterator[httpx.Client]:
+    """A client with a key of its own."""
+    with client_at(f"{service.url}/api/v1/", service.new_key(name)) as api:
+        yield api
 
 
-def campaign_of(api: httpx.Client, name: str) -> str:
-    """Id of a new campaign of a new beam."""
+def client_at(url: str, key: str) -> httpx.Client:
+    """A client of an API at an address, with a key."""
+    return httpx.Client(base_url=url, headers={"Authorization": f"Bearer {key}"}, timeout=600, trust_env=False)
+
+
+def post(api: httpx.Client, path: str, body: Any = None, **more: Any) -> Any:
+    """The answer to a POST, which must succeed."""
+    answer = api.post(path, **({"json": body} if body is not None else {}), **more)
+    if answer.is_error:
+        raise RuntimeError(f"POST {path}: {answer.status_code} {answer.text}")
+    return answer.json() if answer.content else None
+
+
+def campaigns_of(api: httpx.Client, name: str, count: int = 1) -> list[str]:
+    """Ids of new campaigns of the paper's beam, without FRFs, in a project of their own."""
     project = post(api, "projects", {"name": name})["id"]
-    structure = post(api, f"projects/{project}/structures", STRUCTURE)["id"]
-    return str(post(api, f"structures/{structure}/campaigns", {"name": name, "boundary": "cantilever"})["id"])
+    structure = post(api, f"projects/{project}/structures", paper.STRUCTURE)["id"]
+    path = f"structures/{structure}/campaigns"
+    return [str(post(api, path, {**paper.CAMPAIGN, "name": f"{name} {n}"})["id"]) for n in range(count)]
 
 
-def ended(api: httpx.Client, answer: httpx.Response) -> dict[str, Any]:
-    """The last state of the job that an answer names, which must succeed."""
-    location = api.base_url.join(answer.raise_for_status().headers["Location"])
-    while (state := api.get(location).raise_for_status().json())["status"] in ("queued", "running"):
-        time.sleep(0.05)
-    assert state["status"] == "succeeded", state["error"]
-    return dict(state)
+def ended(api: httpx.Client, answer: httpx.Response | str) -> dict[str, Any]:
+    """The last state of a job at an address or that an answer names, which must succeed; its events are followed.
+
+    Asking again and again would keep a processor busy that the job needs.
+    """
+    location = api.base_url.join(answer if isinstance(answer, str) else answer.raise_for_status().headers["Location"])
+    state: dict[str, Any] = {}
+    if "update-jobs" in location.path:
+        with api.stream("GET", f"{location}/events") as stream:
+            for line in stream.iter_lines():
+                state = json.loads(line[6:]) if line.startswith("data: ") else state
+    while (state := state or api.get(location).raise_for_status().json())["status"] in ("queued", "running"):
+        state = time.sleep(0.05) or {}
+    assert state["status"] == "succeeded", state
+    return state
 
 
 def load() -> str:
@@ -114,17 +138,21 @@ def _resident(service: LocalService) -> float:
     return total
 
 
-def _processor_s(service: LocalService) -> float:
-    """Seconds of this process, and of all others that live or were waited for by one of them."""
-    server = int((service.settings.data / "postgres" / "postmaster.pid").read_text().split("\n", 1)[0])
-    total = time.process_time()
-    for each in _family([server, *(process.pid for process in service.processes.values())]):
+def processor_s(*roots: int) -> float:
+    """Seconds of processes, of all that live below them, and of those that were waited for."""
+    total = 0.0
+    for each in _family(roots):
         try:
             used = each.cpu_times()
         except psutil.NoSuchProcess:
             continue
         total += used.user + used.system + used.children_user + used.children_system
     return total
+
+
+def _processor_s(service: LocalService) -> float:
+    server = int((service.settings.data / "postgres" / "postmaster.pid").read_text().split("\n", 1)[0])
+    return time.process_time() + processor_s(server, *(process.pid for process in service.processes.values()))
 
 
 def copied(service: LocalService, transactions: Sequence[Sequence[bytes]], connections: int = 1) -> Cost:

@@ -1,4 +1,4 @@
-"""A backup of jobs that wait and run: `python -m benchmarks.soak_backup [ROUNDS]`, a part of `make soak`.
+"""A backup of jobs that wait and run.
 
 A service gets jobs of every kind, its worker is killed while two updates run, one of these and a waiting one are cancelled.
 `modalbase backup` writes all to a file, `modalbase restore` fills a new data folder from it, and a worker there runs every
@@ -24,12 +24,11 @@ import numpy as np
 from sqlalchemy import text
 
 from benchmarks.jobs_floor import ROOT, Floor, floor
+from benchmarks.service import RAW, post
 from modalbase.formats.uff import Frf, GridPoint, read_file
 from modalbase.formats.uff.write import encode
-from service.access.keys import create_key, user_named
 from service.app.demo import paper
 from service.app.kinds import KINDS
-from service.app.supervisor import listening_socket
 from service.db.opening import embedded_server
 from service.jobs.tables import Job
 from service.monitoring.scheduler import check
@@ -64,14 +63,17 @@ class Tally:
     lost: list[str] = field(default_factory=list)
     seconds: float = 0.0
 
-    def lines(self) -> list[tuple[str, str]]:
-        """The table."""
-        return [
-            ("jobs in the backup", _counts(self.before)),
-            ("jobs after the restore", _counts(self.after)),
-            ("of these lost", "; ".join(self.lost) or "none"),
-            ("seconds", f"{self.seconds:.0f}"),
-        ]
+
+def soak_backup(rounds: int = 3) -> list[str]:
+    """Print what became of the jobs, round by round; what was lost."""
+    lost = []
+    for _ in range(rounds):
+        tally = soak()
+        print(f"  jobs in the backup: {_counts(tally.before)}")
+        print(f"  after the restore:  {_counts(tally.after)}; {tally.seconds:.0f} s", flush=True)
+        waiting = {kind for kind, state in tally.before if state == "queued"}
+        lost += [*tally.lost, *(f"no {kind.name} waited" for kind in KINDS if kind.name not in waiting)]
+    return lost
 
 
 def soak() -> Tally:
@@ -107,7 +109,7 @@ def restored(file: Path, data: Path) -> list[Job]:
 
 def keep_waiting(here: Floor) -> None:
     """Leave a service with jobs of every kind that wait, two that run without a worker, one cancelled and one to cancel."""
-    with client_of(here) as client:
+    with here.client("soak") as client:
         lab = Laboratory(client)
         worker, first = here.modalbase("worker"), lab.send_file(lab.campaign)
         here.until(lambda: lab.ended(first), "the first import")
@@ -126,17 +128,6 @@ def keep_waiting(here: Floor) -> None:
         lab.post(f"update-jobs/{running[0]}/cancel")
 
 
-def client_of(here: Floor) -> httpx.Client:
-    """A client with a key of the floor's API, which this starts."""
-    with listening_socket("127.0.0.1", 0) as free:
-        port = free.getsockname()[1]
-    here.api(port)
-    with here.sessions.begin() as session:
-        key = create_key(session, user_named(session, "soak"), "soak")[1]
-    url, headers = f"http://127.0.0.1:{port}/api/v1/", {"Authorization": f"Bearer {key}"}
-    return httpx.Client(base_url=url, headers=headers, timeout=60, trust_env=False)
-
-
 class Laboratory:
     """A small laboratory: the paper's beam with FRFs at few points, its modes, and what is asked of them."""
 
@@ -149,10 +140,7 @@ class Laboratory:
 
     def post(self, path: str, body: Any = None, **more: Any) -> Any:
         """What a POST answers."""
-        answer = self.client.post(path, json=body, **more) if "content" not in more else self.client.post(path, **more)
-        if answer.is_error:
-            raise RuntimeError(f"POST {path}: {answer.status_code} {answer.text}")
-        return answer.json() if answer.content else None
+        return post(self.client, path, body, **more)
 
     def new_campaign(self) -> str:
         """Another campaign of the beam."""
@@ -161,8 +149,7 @@ class Laboratory:
 
     def send_file(self, campaign: str) -> str:
         """Upload a few FRFs of the paper's: the import's address."""
-        kind = {"Content-Type": "application/octet-stream"}
-        return f"imports/{self.post(f'campaigns/{campaign}/imports', content=small_file(), headers=kind)['id']}"
+        return f"imports/{self.post(f'campaigns/{campaign}/imports', content=small_file(), headers=RAW)['id']}"
 
     def ended(self, path: str) -> bool:
         """Has this job ended?"""
@@ -253,14 +240,3 @@ def _judgements(here: Floor) -> int:
 
 def _counts(counter: Counter[tuple[str, str]]) -> str:
     return ", ".join(f"{n} {kind} {state}" for (kind, state), n in sorted(counter.items()))
-
-
-if __name__ == "__main__":
-    failed = False
-    for _ in range(int(sys.argv[1]) if len(sys.argv) > 1 else 3):
-        tally = soak()
-        waiting = {kind for kind, state in tally.before if state == "queued"}
-        failed |= bool(tally.lost) or waiting != {kind.name for kind in KINDS}
-        for name, value in tally.lines():
-            print(f"  {name:<24} {value}")
-    sys.exit(1 if failed else 0)

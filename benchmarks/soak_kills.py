@@ -1,25 +1,22 @@
-"""The service under kills: `python -m benchmarks.soak_kills [KILLS]`, a part of `make soak`.
+"""The service under kills.
 
-Three clients work without a pause: one imports a UFF file into a new campaign, one updates the model, one sends messages
-to a webhook, each at least once. Each repeats what is not answered, and goes on when what it asked for has ended.
-Meanwhile API, workers, PostgreSQL and the processes that workers fork their computations from are killed in turn, each
-time after something has ended, so that a slow machine gets on too. Nothing that was acknowledged may be lost, every job
-ends once, and no kill is an internal error.
+Three clients work without a pause: one imports a UFF file into a new campaign, one updates the model, one sends messages to a
+webhook, each at least once. Each repeats what is not answered, and goes on when what it asked for has ended. Meanwhile API,
+workers, PostgreSQL and the processes that workers fork their computations from are killed in turn, each time after something
+has ended, so that a slow machine gets on too. Nothing that was acknowledged may be lost, every job ends once, and no kill is an
+internal error.
 """
 
 from __future__ import annotations
 
 import random
 import subprocess
-import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from functools import partial
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from itertools import count
 from typing import Any
 
@@ -27,13 +24,11 @@ import httpx
 import psutil
 from sqlalchemy import text
 
-from benchmarks.jobs_floor import PATIENCE_SECONDS, Floor, floor, laboratory
-from service.access.keys import create_key, user_named
+from benchmarks.jobs_floor import PATIENCE_SECONDS, Floor, floor
+from benchmarks.service import RAW, campaigns_of, client_at
 from service.app.demo import paper
-from service.app.supervisor import listening_socket
+from tests.support.receivers import receiver
 
-KILLS = 100
-WORKERS = 2
 SETTINGS: dict[str, Any] = {
     "job_lease_seconds": 3.0,
     "webhook_networks": "127.0.0.0/8",
@@ -41,6 +36,8 @@ SETTINGS: dict[str, Any] = {
     "delivery_pause_seconds": 0.5,
 }
 FRFS = 33  # of the paper's file
+# First those over which a message may have to be sent again, half a minute later.
+VICTIMS = ("PostgreSQL", "worker", "fork server", "API", "fork server", "worker")
 
 
 @dataclass
@@ -65,45 +62,75 @@ class Tally:
     lost: list[str] = field(default_factory=list)
     attempts: int = 0
     losses: int = 0
-    seconds: float = 0.0
 
     @property
     def ended(self) -> int:
         """How much of what was asked for has ended."""
         return sum(map(len, self.acknowledged.values()))
 
-    def lines(self) -> list[tuple[str, str]]:
-        """The table."""
-        several = sum(n > 1 for n in Counter(self.received).values())
-        return [
-            ("killed", _counts(self.killed)),
-            ("acknowledged", ", ".join(f"{len(ids)} {kind}s" for kind, ids in self.acknowledged.items())),
-            ("of these lost", "; ".join(self.lost) or "none"),
-            ("jobs ended as", _counts(self.states)),
-            ("reasons of failed jobs", _counts(self.reasons) or "none"),
-            ("attempts begun / lost and recovered", f"{self.attempts} / {self.losses}"),
-            ("messages received / of these more than once", f"{len(self.received)} / {several}"),
-            ("seconds", f"{self.seconds:.0f}"),
-        ]
+
+def soak_kills(kills: int = 100) -> list[str]:
+    """Print what was done and what came of it; what was lost."""
+    began, tally = time.monotonic(), soak(kills)
+    several = sum(n > 1 for n in Counter(tally.received).values())
+    for name, value in {
+        "killed": _counts(tally.killed),
+        "acknowledged": ", ".join(f"{len(ids)} {kind}s" for kind, ids in tally.acknowledged.items()),
+        "of these lost": "; ".join(tally.lost) or "none",
+        "jobs ended as": _counts(tally.states),
+        "reasons of failed jobs": _counts(tally.reasons) or "none",
+        "attempts begun / lost and recovered": f"{tally.attempts} / {tally.losses}",
+        "messages received / of these more than once": f"{len(tally.received)} / {several}",
+        "seconds": f"{time.monotonic() - began:.0f}",
+    }.items():
+        print(f"  {name:<44} {value}")
+    return [*tally.lost, *tally.reasons]
+
+
+def _counts(counter: Counter[str]) -> str:
+    return ", ".join(f"{n} {what}" for what, n in sorted(counter.items()))
+
+
+def soak(kills: int, seed: int = 11, workers: int = 2) -> Tally:
+    """Kill so often, and count what came of it.
+
+    Args:
+        kills: how often.
+        seed: of the moments and of which worker.
+        workers: kept running.
+    """
+    tally, rng = Tally(), random.Random(seed)
+    with floor() as here, receiver() as hook, ExitStack() as lines:
+        first = lines.enter_context(here.client("soak", **SETTINGS))
+        address, key = str(first.base_url), first.headers["Authorization"].split()[1]
+        others = [lines.enter_context(client_at(address, key)) for _ in range(2)]
+        clients, house = [_Client(http) for http in (first, *others)], _House(here, first.base_url.port or 0, workers)
+        with _at_work(clients, tally, hook.url) as check:
+            for number in range(kills):
+                ended, what = tally.ended, VICTIMS[number % len(VICTIMS)]
+                here.until(lambda ended=ended: check() or tally.ended > ended, "the end of something between two kills")
+                time.sleep(rng.uniform(0, 1))
+                here.until(lambda what=what: house.kill(what, rng), f"a {what} to kill")
+                tally.killed[what] += 1
+        sent = tally.acknowledged["message"]
+        here.until(lambda: set(sent) <= {headers["webhook-id"] for headers, _ in hook.got}, "the last messages")
+        tally.received = [headers["webhook-id"] for headers, _ in hook.got]
+        here.wait(len(here.jobs()))
+        _count(here, clients[0], tally)
+    return tally
+
+
+# --- clients ------------------------------------------------------------------------------------------------------------
 
 
 class _Client:
-    """A client that does not give up; a context manager, which closes its connections."""
+    """A client that does not give up: what is not answered, or not now, is asked again."""
 
-    def __init__(self, port: int, key: str) -> None:
-        headers = {"Authorization": f"Bearer {key}"}
-        self.http = httpx.Client(
-            base_url=f"http://127.0.0.1:{port}/api/v1/", headers=headers, timeout=60, trust_env=False
-        )
-
-    def __enter__(self) -> _Client:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.http.close()
+    def __init__(self, http: httpx.Client) -> None:
+        self.http = http
 
     def ask(self, method: str, path: str, **arguments: Any) -> Any:
-        """The body of the answer; what is not answered, or not now, is asked again."""
+        """The body of the answer."""
         end = time.monotonic() + PATIENCE_SECONDS
         while time.monotonic() < end:
             try:
@@ -117,47 +144,58 @@ class _Client:
             time.sleep(0.2)
         raise TimeoutError(f"{method} {path} was not answered in {PATIENCE_SECONDS:g} s")
 
-    def end_of(self, path: str) -> None:
-        """Wait until a job has ended."""
-        while self.ask("GET", path)["status"] in ("queued", "running"):
+    def to_its_end(self, path: str, kind: str, **arguments: Any) -> str:
+        """Begin a job, and wait until it has ended: its id."""
+        key = str(self.ask("POST", path, **arguments)["id"])
+        while self.ask("GET", f"{kind}/{key}")["status"] in ("queued", "running"):
             time.sleep(0.1)
+        return key
+
+    def send_file(self, campaign: str) -> str:
+        """Import the paper's file."""
+        return self.to_its_end(f"campaigns/{campaign}/imports", "imports", content=paper.uff_file(), headers=RAW)
 
 
-def soak(kills: int = KILLS, seed: int = 11, workers: int = WORKERS) -> Tally:
-    """Kill so often, and count what came of it.
+Work = Iterator[str]
+"""What a client does, id by id of what was acknowledged."""
 
-    Args:
-        kills: how often.
-        workers: kept running.
-        seed: of the moments and of which worker.
-    """
-    tally, began = Tally(), time.monotonic()
-    with floor() as here, _receiver(tally.received) as hook:
-        with listening_socket("127.0.0.1", 0) as free:
-            port = free.getsockname()[1]
-        house = _House(here, port, workers)
-        with here.sessions.begin() as session:
-            key = create_key(session, user_named(session, "soak"), "soak")[1]
-        with ExitStack() as lines:
-            clients = [lines.enter_context(_Client(port, key)) for _ in range(3)]
-            works = (_imports, _updates, _messages(hook))
-            with _at_work([partial(work, client, tally) for work, client in zip(works, clients, strict=True)]) as check:
-                _kill(house, tally, kills, random.Random(seed), check)
-            here.until(lambda: set(tally.acknowledged["message"]) <= set(tally.received), "the last messages")
-            here.wait(len(here.jobs()))
-            _count(here, clients[0], tally)
-    tally.seconds = time.monotonic() - began
-    return tally
+
+def _imports(client: _Client) -> Work:
+    (first,) = campaigns_of(client.http, "imports")
+    structure = client.ask("GET", f"campaigns/{first}")["structure_id"]
+    while True:
+        yield client.send_file(client.ask("POST", f"structures/{structure}/campaigns", json=paper.CAMPAIGN)["id"])
+
+
+def _updates(client: _Client) -> Work:
+    (campaign,) = campaigns_of(client.http, "updates")
+    client.send_file(campaign)
+    modes = client.ask("POST", f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES})
+    for number in count():
+        once, recipe = {"Idempotency-Key": f"soak {number}"}, {"mode_set": modes["id"]}
+        yield client.to_its_end(f"campaigns/{campaign}/update-jobs", "update-jobs", json=recipe, headers=once)
+
+
+def _messages(client: _Client, hook: str) -> Work:
+    project = client.ask("POST", "projects", json={"name": "messages"})["id"]
+    webhook = client.ask("POST", "webhooks", json={"project": project, "url": hook})["id"]
+    while True:
+        time.sleep(0.5)
+        yield client.ask("POST", f"webhooks/{webhook}/test")["message_id"]
 
 
 @contextmanager
-def _at_work(works: list[Callable[[threading.Event], None]]) -> Iterator[Callable[[], None]]:
+def _at_work(clients: Sequence[_Client], tally: Tally, hook: str) -> Iterator[Callable[[], None]]:
     """Let clients work, each in a thread, until the block ends; what is given raises what a client has ended with."""
     over, broken = threading.Event(), list[Exception]()
+    works = {"import": _imports(clients[0]), "update": _updates(clients[1]), "message": _messages(clients[2], hook)}
 
-    def run(work: Callable[[threading.Event], None]) -> None:
+    def run(kind: str, work: Work) -> None:
         try:
-            work(over)
+            for key in work:
+                tally.acknowledged[kind].append(key)
+                if over.is_set():
+                    return
         except Exception as error:  # noqa: BLE001 - `check` raises it again
             broken.append(error)
 
@@ -165,7 +203,7 @@ def _at_work(works: list[Callable[[threading.Event], None]]) -> Iterator[Callabl
         if broken:
             raise broken[0]
 
-    threads = [threading.Thread(target=run, args=(work,)) for work in works]
+    threads = [threading.Thread(target=run, args=each) for each in works.items()]
     for thread in threads:
         thread.start()
     try:
@@ -177,50 +215,14 @@ def _at_work(works: list[Callable[[threading.Event], None]]) -> Iterator[Callabl
     check()
 
 
-def _imports(client: _Client, tally: Tally, over: threading.Event) -> None:
-    (first,) = laboratory(client.http)
-    structure = client.ask("GET", f"campaigns/{first}")["structure_id"]
-    while True:
-        campaign = client.ask("POST", f"structures/{structure}/campaigns", json=paper.CAMPAIGN)["id"]
-        kind = {"Content-Type": "application/octet-stream"}
-        made = client.ask("POST", f"campaigns/{campaign}/imports", content=paper.uff_file(), headers=kind)
-        client.end_of(f"imports/{made['id']}")
-        tally.acknowledged["import"].append(made["id"])
-        if over.is_set():
-            return
-
-
-def _updates(client: _Client, tally: Tally, over: threading.Event) -> None:
-    (campaign,) = laboratory(client.http)
-    kind = {"Content-Type": "application/octet-stream"}
-    made = client.ask("POST", f"campaigns/{campaign}/imports", content=paper.uff_file(), headers=kind)
-    client.end_of(f"imports/{made['id']}")
-    modes = client.ask("POST", f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES})
-    for number in count():
-        path, headers = f"campaigns/{campaign}/update-jobs", {"Idempotency-Key": f"soak {number}"}
-        made = client.ask("POST", path, json={"mode_set": modes["id"]}, headers=headers)
-        client.end_of(f"update-jobs/{made['id']}")
-        tally.acknowledged["update"].append(made["id"])
-        if over.is_set():
-            return
-
-
-def _messages(hook: str) -> Callable[[_Client, Tally, threading.Event], None]:
-    def work(client: _Client, tally: Tally, over: threading.Event) -> None:
-        project = client.ask("POST", "projects", json={"name": "messages"})["id"]
-        webhook = client.ask("POST", "webhooks", json={"project": project, "url": hook})["id"]
-        while not over.wait(0.5):
-            tally.acknowledged["message"].append(client.ask("POST", f"webhooks/{webhook}/test")["message_id"])
-
-    return work
+# --- kills --------------------------------------------------------------------------------------------------------------
 
 
 class _House:
     """The service's processes, each started again when it is killed."""
 
     def __init__(self, here: Floor, port: int, workers: int) -> None:
-        self.here, self.port = here, port
-        self.api = here.api(port, **SETTINGS)
+        self.here, self.port, self.api = here, port, here.processes[0]
         self.workers = [self._worker() for _ in range(workers)]
 
     def _worker(self) -> subprocess.Popen[bytes]:
@@ -237,15 +239,14 @@ class _House:
             self.api = self.here.api(self.port, **SETTINGS)
         elif what == "PostgreSQL":
             self.here.crash_database()
-        else:
-            if not (busy := self._busy()):
-                return False
+        elif not (busy := self._busy()):
+            return False
+        elif what == "worker":
             number = rng.choice(busy)
-            if what == "worker":
-                self.here.kill(self.workers[number])
-                self.workers[number] = self._worker()
-            else:
-                return _kill_fork_server(self.workers[number].pid)
+            self.here.kill(self.workers[number])
+            self.workers[number] = self._worker()
+        else:
+            return _kill_fork_server(self.workers[rng.choice(busy)].pid)
         return True
 
     def _busy(self) -> list[int]:
@@ -263,29 +264,11 @@ def _kill_fork_server(worker: int) -> bool:
     return False
 
 
-def _kill(house: _House, tally: Tally, kills: int, rng: random.Random, check: Callable[[], None]) -> None:
-    # First those over which a message may have to be sent again, half a minute later.
-    kinds = ("PostgreSQL", "worker", "fork server", "API", "fork server", "worker")
-    for number in range(kills):
-        ended = tally.ended
-
-        def more(ended: int = ended) -> bool:
-            check()
-            return tally.ended > ended
-
-        house.here.until(more, "the end of something between two kills")
-        time.sleep(rng.uniform(0, 1))
-        what = kinds[number % len(kinds)]
-        house.here.until(lambda what=what: house.kill(what, rng), f"a {what} to kill")
-        tally.killed[what] += 1
-
-
 def _count(here: Floor, client: _Client, tally: Tally) -> None:
     jobs = {str(job.id): job for job in here.jobs()}
     tally.states = Counter(job.state for job in jobs.values())
     tally.reasons = Counter(str((job.error or {})["reason"]) for job in jobs.values() if job.state == "failed")
-    tally.attempts = sum(job.attempt for job in jobs.values())
-    tally.losses = sum(job.losses for job in jobs.values())
+    tally.attempts, tally.losses = (sum(getattr(job, n) for job in jobs.values()) for n in ("attempt", "losses"))
     for kind in ("import", "update"):
         for key in tally.acknowledged[kind]:
             if key not in jobs or jobs[key].state != "succeeded":
@@ -302,36 +285,3 @@ def _count(here: Floor, client: _Client, tally: Tally) -> None:
             if (found := session.scalar(stored, {"id": key})) != FRFS:
                 tally.lost.append(f"import {key} has {found} FRFs")
     tally.lost += [f"message {key}" for key in tally.acknowledged["message"] if key not in set(tally.received)]
-
-
-def _counts(counter: Counter[str]) -> str:
-    return ", ".join(f"{n} {what}" for what, n in sorted(counter.items()))
-
-
-@contextmanager
-def _receiver(received: list[str]) -> Iterator[str]:
-    """The URL of a webhook that notes the ids of messages."""
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_POST(self) -> None:
-            self.rfile.read(int(self.headers["Content-Length"]))
-            received.append(self.headers["webhook-id"])
-            self.send_response(204)
-            self.end_headers()
-
-        def log_message(self, *_: Any) -> None:
-            """Nothing."""
-
-    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
-        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
-        thread.start()
-        yield f"http://127.0.0.1:{server.server_address[1]}/hook"
-        server.shutdown()
-        thread.join()
-
-
-if __name__ == "__main__":
-    tally = soak(int(sys.argv[1]) if len(sys.argv) > 1 else KILLS)
-    for name, value in tally.lines():
-        print(f"  {name:<44} {value}")
-    sys.exit(1 if tally.lost or tally.reasons else 0)

@@ -1,8 +1,8 @@
-"""The service under load: `python -m benchmarks.soak_load [SECONDS]`, a part of `make soak`.
+"""The service under load: five hundred clients, each asking once in ten seconds on average, beside four hundred streams
+of events.
 
-Five hundred clients with keys of their own, each asking once in ten seconds on average: most look at lists, some read FRFs,
-some upload, some start updates. Beside them four hundred streams of events stay open, and somebody asks `/healthz` all the
-time. Before, the same lists are asked by one client alone. A worker computes what is started.
+Most clients look at lists, some read FRFs, some upload, some start updates, which a worker computes; somebody asks
+`/healthz` all the time. Before, the same lists are asked by one client alone.
 """
 
 from __future__ import annotations
@@ -10,33 +10,23 @@ from __future__ import annotations
 import asyncio
 import json
 import random
-import sys
-import tempfile
 import time
 from collections import Counter, defaultdict
-from collections.abc import Awaitable, Callable, Iterator
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import httpx
 import numpy as np
 import psutil
 
-from benchmarks.access_laboratory import MODES
+from benchmarks.service import RAW, api_of, campaigns_of, post, served
 from service.app.demo import paper
 from service.app.supervisor import LocalService
-from service.settings import Settings
 
-SECONDS = 60.0
-CLIENTS, STREAMS, KEYS = 500, 400, 50
-PAUSE_SECONDS = 10.0  # between two requests of a client, on average
 SHARES = {"list": 0.8, "FRF": 0.12, "upload": 0.06, "job": 0.02}
-ALONE = 100  # lists of one client alone, to compare with
-RATIO = 20.0
-SEED = 14
-MIB = 2**20
+ALONE, RATIO = 100, 20.0  # lists of one client alone, and how much longer they may take under load
+MIB, FILE = 2**20, paper.uff_file()
 
 
 @dataclass
@@ -80,244 +70,23 @@ class Load:
         yield f"/healthz took {self.health * 1000:.0f} ms at most"
         yield "memory of the API: " + " / ".join(f"{m / MIB:.0f}" for m in self.memory) + " MiB before / most / after"
         yield f"{len(self.bare_errors)} × 5xx but 503 with Retry-After"
-        yield from self.bare_errors[:10]
 
 
-class Line:
-    """A connection that asks one thing after the other; as little work as can be, so that the service is measured."""
-
-    def __init__(self, port: int, key: str) -> None:
-        self._port, self._key = port, key
-        self._streams: tuple[asyncio.StreamReader, asyncio.StreamWriter] | None = None
-
-    async def ask(self, method: str, path: str, body: bytes = b"", kind: str = "application/json") -> tuple[int, Any]:
-        """Status and headers of the answer; it is read to its end."""
-        reused = self._streams is not None
-        try:
-            reader, _ = await self._sent(method, path, body, kind)
-            status, headers = await head(reader)
-        except ConnectionError:
-            await self.close()
-            if not reused:  # else the service has closed an idle line at this very moment, as it may
-                raise
-            return await self.ask(method, path, body, kind)
-        try:
-            if headers.get("transfer-encoding") == "chunked":
-                while size := int((await reader.readline()).strip() or b"0", 16):
-                    await reader.readexactly(size + 2)
-                await reader.readline()
-            else:
-                await reader.readexactly(int(headers.get("content-length", 0)))
-        except BaseException:
-            await self.close()
-            raise
-        if headers.get("connection") == "close":
-            await self.close()
-        return status, headers
-
-    async def watch(self, path: str) -> tuple[int, asyncio.StreamReader]:
-        """Status of a stream, and the stream."""
-        reader, _ = await self._sent("GET", path, b"", "")
-        return (await head(reader))[0], reader
-
-    async def _sent(
-        self, method: str, path: str, body: bytes, kind: str
-    ) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-        if self._streams is None:
-            self._streams = await asyncio.open_connection("127.0.0.1", self._port)
-        lines = [f"{method} {path} HTTP/1.1", "Host: localhost", f"Authorization: Bearer {self._key}"]
-        if body:
-            lines += [f"Content-Type: {kind}", f"Content-Length: {len(body)}"]
-        self._streams[1].write("\r\n".join([*lines, "", ""]).encode() + body)
-        await self._streams[1].drain()
-        return self._streams
-
-    async def close(self) -> None:
-        """Close it; the next request opens another."""
-        if self._streams is not None:
-            (_, writer), self._streams = self._streams, None
-            writer.close()
-            with suppress(OSError):  # the other end was faster
-                await writer.wait_closed()
-
-
-async def head(reader: asyncio.StreamReader) -> tuple[int, dict[str, str]]:
-    """Status and headers of an answer."""
-    first = await reader.readline()
-    if not first:
-        raise ConnectionResetError("the connection was closed before the answer")
-    headers = {}
-    while line := (await reader.readline()).decode("latin-1").strip():
-        name, _, value = line.partition(":")
-        headers[name.lower()] = value.strip()
-    return int(first.split()[1]), headers
-
-
-@dataclass
-class _Place:
-    """What requests name: one for each key."""
-
-    key: str
-    campaign: str  # with an FRF, for reading and uploads
-    frf: str
-    typed: str  # a campaign with modes alone, which an update takes
-    modes: str
-    job: str
-
-
-def _furnished(service: LocalService, number: int) -> _Place:
-    key = service.new_key(f"client {number}")
-    headers = {"Authorization": f"Bearer {key}"}
-    with httpx.Client(base_url=f"{service.url}/api/v1/", headers=headers, timeout=120, trust_env=False) as http:
-
-        def made(path: str, body: Any) -> Any:
-            return http.post(path, json=body).raise_for_status().json()
-
-        project = made("projects", {"name": "load"})["id"]
-        structure = made(f"projects/{project}/structures", paper.STRUCTURE)["id"]
-        campaign = made(f"structures/{structure}/campaigns", paper.CAMPAIGN)["id"]
-        frf = made(f"campaigns/{campaign}/frfs", _frfs())["items"][0]["id"]
-        typed = made(f"structures/{structure}/campaigns", {**paper.CAMPAIGN, "name": "typed modes"})["id"]
-        modes = made(f"campaigns/{typed}/mode-sets", {"name": "m", "modes": MODES})["id"]
-        waiting = made(f"campaigns/{typed}/update-jobs?priority=-100", {"mode_set": modes})["id"]
-        return _Place(key, campaign, frf, typed, modes, waiting)
-
-
-def _frfs() -> dict[str, Any]:
-    lines = [float(n) for n in range(1, 1601)]
-    one = {"response_point": 2, "response_direction": 3, "reference_point": 1, "reference_direction": 3}
-    return {"quantity": "accelerance", "frequency_hz": lines, "frfs": [one | {"real": lines, "imag": lines}]}
-
-
-class _Crowd:
-    def __init__(self, service: LocalService, places: list[_Place], load: Load, pause: float) -> None:
-        self.port, self.places, self.load, self.pause = int(service.url.rsplit(":", 1)[1]), places, load, pause
-        self.api = psutil.Process(service.processes["api"].pid)
-        self.over = asyncio.Event()
-        self.open = 0
-
-    async def run(self, clients: int, streams: int, seconds: float, seed: int) -> None:
-        """One client alone, then all at once."""
-        line = Line(self.port, self.places[0].key)
-        for _ in range(ALONE):
-            began = time.perf_counter()
-            await line.ask("GET", "/api/v1/projects?limit=5")
-            self.load.alone.append(time.perf_counter() - began)
-        await line.close()
-        self.load.memory[0] = self.api.memory_info().rss
-        watching = [asyncio.create_task(self._watch(self.places[n % len(self.places)])) for n in range(streams)]
-        while self.open < streams and not any(task.done() for task in watching):
-            await asyncio.sleep(0.05)
-        self.load.streams = self.open
-        asking = [asyncio.create_task(self._client(n, seed)) for n in range(clients)]
-        asking.append(asyncio.create_task(self._health()))
-        await asyncio.sleep(seconds)
-        self.over.set()
-        await asyncio.gather(*asking)
-        for task in watching:
-            task.cancel()
-        ended = await asyncio.gather(*watching, return_exceptions=True)
-        self.load.bare_errors += [f"a stream: {error!r}" for error in ended if isinstance(error, Exception)]
-        await asyncio.sleep(1)
-        self.load.memory[2] = self.api.memory_info().rss
-
-    async def _client(self, number: int, seed: int) -> None:
-        choose = random.Random(f"{seed} {number}")
-        place = self.places[number % len(self.places)]
-        (kind,) = choose.choices(list(SHARES), list(SHARES.values()))
-        line = Line(self.port, place.key)
-        try:
-            while not await self._rested(choose.expovariate(1 / self.pause)):
-                began = time.perf_counter()
-                status, headers = await self._requests[kind](self, line, place)
-                self.load.seconds[kind].append(time.perf_counter() - began)
-                self.load.statuses[kind][status] += 1
-                if status >= 500 and not (status == 503 and "retry-after" in headers):
-                    self.load.bare_errors.append(f"{kind}: {status}")
-        except (OSError, EOFError) as error:
-            self.load.bare_errors.append(f"{kind}: {error!r}")
-        finally:
-            await line.close()
-
-    async def _rested(self, seconds: float) -> bool:
-        """Wait; whether it is over now."""
-        try:
-            await asyncio.wait_for(self.over.wait(), seconds)
-        except TimeoutError:
-            return False
-        return True
-
-    async def _list(self, line: Line, _: _Place) -> tuple[int, Any]:
-        return await line.ask("GET", "/api/v1/projects?limit=5")
-
-    async def _frf(self, line: Line, place: _Place) -> tuple[int, Any]:
-        return await line.ask("GET", f"/api/v1/frfs/{place.frf}/data")
-
-    async def _upload(self, line: Line, place: _Place) -> tuple[int, Any]:
-        path = f"/api/v1/campaigns/{place.campaign}/imports?dry_run=true"
-        return await line.ask("POST", path, paper.uff_file(), "application/octet-stream")
-
-    async def _job(self, line: Line, place: _Place) -> tuple[int, Any]:
-        path = f"/api/v1/campaigns/{place.typed}/update-jobs"
-        return await line.ask("POST", path, json.dumps({"mode_set": place.modes}).encode())
-
-    _requests: dict[str, Callable[..., Awaitable[tuple[int, Any]]]] = {  # noqa: RUF012 - nobody changes it
-        "list": _list,
-        "FRF": _frf,
-        "upload": _upload,
-        "job": _job,
-    }
-
-    async def _watch(self, place: _Place) -> None:
-        """Watch a job; when it has ended, the next one."""
-        line = Line(self.port, place.key)
-        try:
-            while True:
-                job = place.job
-                await self._events(line, job)
-                await line.close()
-                if place.job == job:
-                    place.job = ""
-                    _, headers = await self._job(line, place)
-                    place.job = headers["location"].rsplit("/", 1)[1]
-                while not place.job:
-                    await asyncio.sleep(0.05)
-        finally:
-            await line.close()
-
-    async def _events(self, line: Line, job: str) -> None:
-        status, reader = await line.watch(f"/api/v1/update-jobs/{job}/events")
-        self.load.statuses["stream"][status] += 1
-        if status not in (200, 204):
-            raise RuntimeError(f"a stream of events: {status}")
-        self.open += 1
-        try:
-            while status == 200 and (text := await reader.readline()) not in (b"", b"0\r\n"):
-                if text.startswith(b"data:"):
-                    self.load.events += 1
-                    if json.loads(text[5:])["status"] == "failed":  # else the load would be of jobs that end at once
-                        self.load.bare_errors.append(f"a job failed: {job}")
-        finally:
-            self.open -= 1
-
-    async def _health(self) -> None:
-        line = Line(self.port, "none")
-        while not await self._rested(0.1):
-            began = time.perf_counter()
-            status, _ = await line.ask("GET", "/healthz")
-            self.load.health = max(self.load.health, time.perf_counter() - began)
-            self.load.memory[1] = max(self.load.memory[1], self.api.memory_info().rss)
-            self.load.statuses["healthz"][status] += 1
-        await line.close()
+def soak_load(seconds: int = 60) -> list[str]:
+    """Print the table; what was too much."""
+    found = load(seconds)
+    print("\n".join(found.lines()))
+    slow = [f"ratio {found.ratio:.1f} or /healthz too slow"] * (found.ratio > RATIO or found.health > 1)
+    return found.bare_errors[:10] + slow
 
 
 def load(
-    seconds: float = SECONDS,
-    clients: int = CLIENTS,
-    streams: int = STREAMS,
-    keys: int = KEYS,
-    seed: int = SEED,
-    pause: float = PAUSE_SECONDS,
+    seconds: float = 60.0,
+    clients: int = 500,
+    streams: int = 400,
+    keys: int = 50,
+    seed: int = 14,
+    pause: float = 10.0,
     database_url: str | None = None,
 ) -> Load:
     """Put the service under load.
@@ -332,21 +101,140 @@ def load(
         database_url: a migrated database; a temporary embedded one by default.
     """
     found = Load()
-    with ExitStack() as stack:
-        data = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mb-", ignore_cleanup_errors=True)))
-        data.chmod(0o755)  # the server may run as a user of its own
-        settings = Settings(database_url=database_url, data=data, port=0, log_level="error", access_log=False)
-        service = stack.enter_context(LocalService(settings))
+    with served(database_url=database_url, access_log=False) as service:
         places = [_furnished(service, number) for number in range(keys)]
-
-        async def all_at_once() -> None:
-            await _Crowd(service, places, found, pause).run(clients, streams, seconds, seed)
-
-        asyncio.run(all_at_once())
+        crowd = _Crowd(service, places, found, pause)
+        asyncio.run(crowd.run(clients, streams, seconds, seed))
     return found
 
 
-if __name__ == "__main__":
-    result = load(float(sys.argv[1]) if len(sys.argv) > 1 else SECONDS)
-    print("\n".join(result.lines()))
-    sys.exit(1 if result.bare_errors or result.ratio > RATIO or result.health > 1 else 0)
+@dataclass
+class _Place:
+    """What requests name, one for each key: a campaign with an FRF, one with modes alone, which an update takes, and a job."""
+
+    key: str
+    campaign: str
+    frf: str
+    typed: str
+    modes: str
+    job: str
+
+    def request(self, kind: str) -> tuple[str, str, dict[str, Any]]:
+        """What a client of that kind asks."""
+        file, job = {"content": FILE, "headers": RAW}, {"json": {"mode_set": self.modes}}
+        method, path, how = {
+            "list": ("GET", "projects?limit=5", {}),
+            "FRF": ("GET", f"frfs/{self.frf}/data", {}),
+            "upload": ("POST", f"campaigns/{self.campaign}/imports?dry_run=true", file),
+            "job": ("POST", f"campaigns/{self.typed}/update-jobs", job),
+        }[kind]
+        return method, f"/api/v1/{path}", how
+
+
+def _furnished(service: LocalService, number: int) -> _Place:
+    lines = [float(n) for n in range(1, 1601)]
+    one = {"response_point": 2, "response_direction": 3, "reference_point": 1, "reference_direction": 3}
+    frfs = {"quantity": "accelerance", "frequency_hz": lines, "frfs": [one | {"real": lines, "imag": lines}]}
+    with api_of(service, f"client {number}") as api:
+        campaign, typed = campaigns_of(api, "load", 2)
+        frf = post(api, f"campaigns/{campaign}/frfs", frfs)["items"][0]["id"]
+        modes = post(api, f"campaigns/{typed}/mode-sets", {"name": "m", "modes": paper.MODES[:2]})["id"]
+        waiting = post(api, f"campaigns/{typed}/update-jobs?priority=-100", {"mode_set": modes})["id"]
+        return _Place(str(api.headers["Authorization"]).split()[1], campaign, frf, typed, modes, waiting)
+
+
+class _Crowd:
+    def __init__(self, service: LocalService, places: list[_Place], load: Load, pause: float) -> None:
+        self.url, self.places, self.load, self.pause = service.url, places, load, pause
+        self.api = psutil.Process(service.processes["api"].pid)
+        self.over = asyncio.Event()
+        self.open = 0
+
+    async def run(self, clients: int, streams: int, seconds: float, seed: int) -> None:
+        """One client alone, then all at once. No connection is used twice: the service may close an idle one at that moment."""
+        once = httpx.Limits(max_connections=None, max_keepalive_connections=0)
+        async with httpx.AsyncClient(base_url=self.url, limits=once, timeout=600, trust_env=False) as self.http:
+            for _ in range(ALONE):
+                await self._ask("list", self.places[0], self.load.alone)
+            self.load.memory[0] = self.api.memory_info().rss
+            watching = [asyncio.create_task(self._watch(self.places[n % len(self.places)])) for n in range(streams)]
+            while self.open < streams and not any(task.done() for task in watching):
+                await asyncio.sleep(0.05)
+            self.load.streams = self.open
+            asking = [asyncio.create_task(self._client(n, seed)) for n in range(clients)]
+            asking.append(asyncio.create_task(self._health()))
+            await asyncio.sleep(seconds)
+            self.over.set()
+            await asyncio.gather(*asking)
+            for task in watching:
+                task.cancel()
+            ended = await asyncio.gather(*watching, return_exceptions=True)
+            self.load.bare_errors += [f"a stream: {error!r}" for error in ended if isinstance(error, Exception)]
+            await asyncio.sleep(1)
+            self.load.memory[2] = self.api.memory_info().rss
+
+    async def _ask(self, kind: str, place: _Place, seconds: list[float]) -> httpx.Response:
+        began = time.perf_counter()
+        method, path, how = place.request(kind)
+        headers = {"Authorization": f"Bearer {place.key}", **how.pop("headers", {})}
+        answer = await self.http.request(method, path, headers=headers, **how)
+        seconds.append(time.perf_counter() - began)
+        return answer
+
+    async def _client(self, number: int, seed: int) -> None:
+        choose, place = random.Random(f"{seed} {number}"), self.places[number % len(self.places)]
+        (kind,) = choose.choices(list(SHARES), list(SHARES.values()))
+        try:
+            while not await self._rested(choose.expovariate(1 / self.pause)):
+                answer = await self._ask(kind, place, self.load.seconds[kind])
+                self.load.statuses[kind][answer.status_code] += 1
+                if answer.status_code >= 500 and not (answer.status_code == 503 and "retry-after" in answer.headers):
+                    self.load.bare_errors.append(f"{kind}: {answer.status_code}")
+        except httpx.TransportError as error:
+            self.load.bare_errors.append(f"{kind}: {error!r}")
+
+    async def _rested(self, seconds: float) -> bool:
+        """Wait; whether it is over now."""
+        try:
+            await asyncio.wait_for(self.over.wait(), seconds)
+        except TimeoutError:
+            return False
+        return True
+
+    async def _watch(self, place: _Place) -> None:
+        """Watch a job; when it has ended, the next one."""
+        while True:
+            job = place.job
+            await self._events(place, job)
+            if place.job == job:
+                place.job = ""
+                answer = await self._ask("job", place, [])
+                place.job = answer.headers["location"].rsplit("/", 1)[1]
+            while not place.job:
+                await asyncio.sleep(0.05)
+
+    async def _events(self, place: _Place, job: str) -> None:
+        headers = {"Authorization": f"Bearer {place.key}"}
+        async with self.http.stream("GET", f"/api/v1/update-jobs/{job}/events", headers=headers) as answer:
+            self.load.statuses["stream"][answer.status_code] += 1
+            if answer.status_code not in (200, 204):
+                raise RuntimeError(f"a stream of events: {answer.status_code}")
+            self.open += 1
+            try:
+                async for line in answer.aiter_lines():
+                    if line.startswith("data:"):
+                        self.load.events += 1
+                        if (
+                            json.loads(line[5:])["status"] == "failed"
+                        ):  # else the load would be of jobs that end at once
+                            self.load.bare_errors.append(f"a job failed: {job}")
+            finally:
+                self.open -= 1
+
+    async def _health(self) -> None:
+        while not await self._rested(0.1):
+            began = time.perf_counter()
+            answer = await self.http.get("/healthz")
+            self.load.health = max(self.load.health, time.perf_counter() - began)
+            self.load.memory[1] = max(self.load.memory[1], self.api.memory_info().rss)
+            self.load.statuses["healthz"][answer.status_code] += 1

@@ -22,17 +22,17 @@ def write(folder: Path) -> list[Path]:
         if file.suffix in PICTURES:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(file, folder / name)
-    return [_write(folder, address) for address in addresses()]
+    pages = {folder / address: _page(address) for address in addresses()}
+    for path, html in pages.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(html, encoding="utf-8")
+    return list(pages)
 
 
-def _write(folder: Path, address: str) -> Path:
+def _page(address: str) -> str:
     html = whole_page(address, "../" * address.count("/"), tuple(f"static/{style}" for style in STYLES), service=False)
-    if html is None:
-        raise LookupError(address)
-    path = folder / address
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(html, encoding="utf-8")
-    return path
+    assert html is not None, address
+    return html
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import sys
 from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from statistics import median
 
@@ -15,14 +16,7 @@ import grimp
 
 PACKAGES = ("fecore", "modalbase", "service")
 ROOMS = 10  # folders at the top of `service`
-FILE_LINES, FUNCTION_LINES = 400, 60  # a function's docstring is not counted
-MEDIAN_FUNCTION = 8
-
-
-def sources() -> Iterator[Path]:
-    """Every module of the product."""
-    for package in PACKAGES:
-        yield from sorted(Path(package).rglob("*.py"))
+FILE_LINES, FUNCTION_LINES, MEDIAN_FUNCTION = 400, 60, 8  # a function's docstring is not counted
 
 
 def functions(path: Path) -> Iterator[tuple[str, int]]:
@@ -33,45 +27,26 @@ def functions(path: Path) -> Iterator[tuple[str, int]]:
             yield f"{path}:{node.lineno} {node.name}", (node.end_lineno or 0) - node.lineno + 2 - documented
 
 
-def circles() -> list[set[str]]:
-    """Sets of modules that import one another in a circle, imports for type checking aside."""
+def circle() -> list[str]:
+    """Modules that import one another in a circle, imports for type checking aside; the first that is found."""
     graph = grimp.build_graph(*PACKAGES, exclude_type_checking_imports=True)
-    imports = {module: graph.find_modules_directly_imported_by(module) for module in graph.modules}
-    return [group for group in _components(imports) if len(group) > 1]
-
-
-def _components(imports: dict[str, set[str]]) -> list[set[str]]:
-    """Strongly connected components: what reaches a module and is reached from it."""
-    left, found = set(imports), []
-    behind: dict[str, set[str]] = {module: set() for module in imports}
-    for module, targets in imports.items():
-        for target in targets:
-            behind[target].add(module)
-    while left:
-        first = next(iter(left))
-        group = _reached(first, imports, left) & _reached(first, behind, left)
-        found.append(group)
-        left -= group
-    return found
-
-
-def _reached(first: str, edges: dict[str, set[str]], within: set[str]) -> set[str]:
-    seen, stack = {first}, [first]
-    while stack:
-        for following in edges[stack.pop()] & within - seen:
-            seen.add(following)
-            stack.append(following)
-    return seen
+    try:
+        TopologicalSorter({each: graph.find_modules_directly_imported_by(each) for each in graph.modules}).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
 
 
 def main() -> int:
     """Print the figures, and what is over its limit."""
-    lines = {path: path.read_text(encoding="utf-8").count("\n") for path in sources()}
+    sources = [path for package in PACKAGES for path in sorted(Path(package).rglob("*.py"))]
+    lines = {path: path.read_text(encoding="utf-8").count("\n") for path in sources}
     sizes = dict(pair for path in lines for pair in functions(path))
     rooms = [path for path in Path("service").iterdir() if (path / "__init__.py").exists()]
     faults = [f"{path}: {n} lines, at most {FILE_LINES}" for path, n in lines.items() if n > FILE_LINES]
     faults += [f"{name}: {n} lines, at most {FUNCTION_LINES}" for name, n in sizes.items() if n > FUNCTION_LINES]
-    faults += ["modules import one another: " + ", ".join(sorted(group)) for group in circles()]
+    if found := circle():
+        faults.append(f"modules import one another: {', '.join(found)}")
     if len(rooms) > ROOMS:
         faults.append(f"service has {len(rooms)} rooms, at most {ROOMS}")
     if median(sizes.values()) > MEDIAN_FUNCTION:

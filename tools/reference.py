@@ -6,40 +6,166 @@ python -m tools.reference --check    # only says what is not as it should be; ex
 
 from __future__ import annotations
 
+import json
+import re
 import sys
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
+from typing import Any
 
-from tools import pages, routes
+import typer
+from fastapi import FastAPI
+
+from service.app.application import PREFIX
+from service.app.cli.command import app
+from service.app.composition import ROUTERS
+from service.web.routing import include
+
+METHODS = ("get", "post", "put", "patch", "delete")
+
+
+@dataclass(frozen=True)
+class Described:
+    """A route of the OpenAPI document: the client's method, HTTP's, the path below the prefix, what the document says."""
+
+    name: str
+    method: str
+    path: str
+    operation: dict[str, Any] = field(repr=False)
+
+    @property
+    def query(self) -> tuple[str, ...]:
+        """Names of the query's parameters."""
+        return tuple(one["name"] for one in self.operation.get("parameters", ()) if one["in"] == "query")
+
+    @property
+    def summary(self) -> str:
+        """The first paragraph of what the route does, on one line."""
+        text = self.operation.get("description") or self.operation["summary"]
+        return " ".join(text.split("\n\n")[0].split())
+
+
+@cache
+def document() -> dict[str, Any]:
+    """The OpenAPI document of everything under the prefix; no database is needed for it."""
+    api = FastAPI()
+    for router in ROUTERS:
+        include(api, router, PREFIX)
+    return api.openapi()
+
+
+def described(openapi: dict[str, Any]) -> list[Described]:
+    """The routes of a document, named after their functions; where two have one name, by path: `get_imports_original`."""
+    found = []
+    for path, operations in openapi["paths"].items():
+        for method in METHODS:
+            if method in operations:
+                name = operations[method]["operationId"].split(PREFIX.replace("/", "_"))[0]
+                found.append((name, method, path.removeprefix(PREFIX).lstrip("/"), operations[method]))
+    often = Counter(name for name, *_ in found)
+    return [
+        Described(name if often[name] == 1 else _longer(name, path), method.upper(), path, operation)
+        for name, method, path, operation in found
+    ]
+
+
+def _longer(name: str, path: str) -> str:
+    words = [part.replace("-", "_") for part in path.split("/") if not part.startswith("{")]
+    return "_".join([name.split("_")[0], *words])
+
+
+def table() -> str:
+    """The text of `modalbase/client/routes.json`: a line for each call, for diffs that can be read."""
+    rows = ({route.name: [route.method, route.path, route.query, route.summary]} for route in described(document()))
+    return "{\n" + ",\n".join(json.dumps(row, ensure_ascii=False)[1:-1] for row in rows) + "\n}\n"
+
+
+MARK = "<!-- made by python -m tools.reference -->"
+OFTEN = 10  # commands with the same option, from which on it stands once at the top
+
+
+def rest_page() -> str:
+    """`docs/reference-rest.md`: every route with what it takes and answers."""
+    lines = [
+        "# REST, route by route", "", MARK, "",
+        "Paths are below `/api/v1`. `/openapi.json` is the document with all fields, `/docs` the page to try them.",
+        "Each route is a method of [`lab.rest`](library.md) by the name in brackets.",
+        "Bodies are JSON; other media types are named.", "",
+    ]  # fmt: skip
+    by_tag: dict[str, list[Described]] = {}
+    for route in described(document()):
+        by_tag.setdefault(next(iter(route.operation.get("tags", ["other"]))), []).append(route)
+    for tag, found in by_tag.items():
+        lines += [f"## {tag.capitalize()}", "", *map(_route, found), ""]
+    return "\n".join(lines)
+
+
+def _route(route: Described) -> str:
+    query = "&".join(f"{name}=" for name in route.query if name not in ("cursor", "limit"))
+    kinds = [kind for kind in route.operation.get("requestBody", {}).get("content", {}) if kind != "application/json"]
+    summary = route.summary + "".join(f" `{kind}`" for kind in kinds)
+    call = f"{route.method} /{route.path}" + (f"?{query}" if query else "")
+    return f"- `{call}` (`{route.name}`): {summary}"
+
+
+def cli_page() -> str:
+    """`docs/reference-cli.md`: every command with its arguments and options; what many have stands once."""
+    commands = list(_commands(typer.main.get_command(app), "modalbase"))
+    rows = {words: [_parameter(each) for each in one.params if _shown(each)] for words, one in commands}
+    count = Counter(row for found in rows.values() for row in found)
+    common = [row for row, times in count.items() if times >= OFTEN]
+    lines = ["# The command, word by word", "", MARK, ""]
+    lines += ["[How to use it](command-line.md). Many commands have these options:", "", *common, ""]
+    for words, one in commands:
+        own = [row for row in rows[words] if row not in common]
+        lines += [f"## {words}", "", _plain(one.help or ""), "", *own, *([""] if own else [])]
+    return "\n".join(lines)
+
+
+def _commands(command: Any, words: str) -> Iterator[tuple[str, Any]]:
+    for name, one in command.commands.items():
+        if hasattr(one, "commands"):
+            yield from _commands(one, f"{words} {name}")
+        else:
+            yield f"{words} {name}", one
+
+
+def _shown(parameter: Any) -> bool:
+    return not getattr(parameter, "hidden", False) and parameter.name != "help"
+
+
+def _parameter(parameter: Any) -> str:
+    names = parameter.opts + parameter.secondary_opts
+    shown = names if names[0].startswith("-") else [parameter.name.strip("_").upper()]
+    return f"- {', '.join(f'`{name}`' for name in shown)}: {_plain(getattr(parameter, 'help', None) or '')}"
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"\s+", " ", text).strip()
+
 
 ROOT = Path(__file__).resolve().parent.parent
 MADE: dict[str, Callable[[], str]] = {
-    "modalbase/client/routes.json": routes.table,
-    "docs/reference-rest.md": pages.rest_page,
-    "docs/reference-cli.md": pages.cli_page,
+    "modalbase/client/routes.json": table,
+    "docs/reference-rest.md": rest_page,
+    "docs/reference-cli.md": cli_page,
 }
-
-
-def stale() -> list[str]:
-    """Files that are not what the code makes of them."""
-    return [name for name, make in MADE.items() if not _same(ROOT / name, make())]
-
-
-def _same(path: Path, text: str) -> bool:
-    return path.exists() and path.read_text(encoding="utf-8") == text
 
 
 def main() -> int:
     """Write, or check."""
-    if "--check" in sys.argv[1:]:
-        for name in (found := stale()):
-            print(f"{name} is not what the code makes: python -m tools.reference")
-        return 1 if found else 0
+    stale = 0
     for name, make in MADE.items():
-        text = make()
-        (ROOT / name).parent.mkdir(parents=True, exist_ok=True)
-        (ROOT / name).write_text(text, encoding="utf-8")
-    return 0
+        path, text = ROOT / name, make()
+        if "--check" not in sys.argv[1:]:
+            path.write_text(text, encoding="utf-8")
+        elif not path.exists() or path.read_text(encoding="utf-8") != text:
+            print(f"{name} is not what the code makes: python -m tools.reference")
+            stale = 1
+    return stale
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import httpx
 import numpy as np
 import pytest
 
+from benchmarks.calculix import ccx, frequencies
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from modalbase.formats.decks import Deck, write_shells
@@ -22,16 +22,6 @@ from tests.support.plates import solve
 from tests.support.rest import finished, ok, posted, result_of
 
 needs_ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
-
-
-def frequencies(deck: str, folder: Path) -> np.ndarray[Any, Any]:
-    """Natural frequencies in Hz that CalculiX finds."""
-    (folder / "deck.inp").write_text(deck)
-    done = subprocess.run(["ccx", "-i", "deck"], cwd=folder, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout[-2000:]
-    assert "*ERROR" not in done.stdout
-    table = (folder / "deck.dat").read_text().split("P A R T I C I P")[0]
-    return np.array([float(row) for row in re.findall(r"^\s+\d+\s+\S+\s+\S+\s+(\S+)\s+\S+\s*$", table, re.MULTILINE)])
 
 
 def errors(found: np.ndarray[Any, Any], updated: list[float]) -> np.ndarray[Any, Any]:
@@ -75,16 +65,16 @@ def test_the_cards_say_where_they_are_from_and_calculix_finds_the_frequencies(
     around = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": key}
     modalbase_here("cards", job["id"], "--out", "beam.bdf", cwd=tmp_path, code=0, **around)
     assert (tmp_path / "beam.bdf").read_text() == nastran
-    calculix_finds_the_frequencies(api, job, tmp_path)
+    calculix_finds_the_frequencies(api, job)
 
 
-def calculix_finds_the_frequencies(api: httpx.Client, job: dict[str, Any], folder: Path) -> None:
+def calculix_finds_the_frequencies(api: httpx.Client, job: dict[str, Any]) -> None:
     if shutil.which("ccx") is None:
         pytest.skip("the cards are right; CalculiX (ccx), which runs the deck, is not installed")
     updated = [mode["updated_hz"] for mode in job["result"]["modes"]]
     for element, most in (("solid", 0.002), ("shell", 0.01)):
         deck = ok_text(api, f"update-jobs/{job['id']}/cards?element={element}")
-        assert errors(frequencies(deck, folder), updated).max() < most, element
+        assert errors(frequencies(ccx(deck.splitlines())), updated).max() < most, element
 
 
 def ok_text(api: httpx.Client, path: str) -> str:
@@ -102,7 +92,7 @@ def test_a_job_without_a_result_or_with_springs_has_no_deck(api: httpx.Client, c
 
 
 @needs_ccx
-def test_a_plate_on_simple_supports_is_held_alike(tmp_path: Path) -> None:
+def test_a_plate_on_simple_supports_is_held_alike() -> None:
     """Shells without a clamp against our own model, at random constants."""
     rng = np.random.default_rng(20)
     moduli = tuple(float(m) for m in rng.uniform(0.8, 1.2, 5) * [30e9, 12e9, 5e9, 4e9, 3e9])
@@ -111,4 +101,4 @@ def test_a_plate_on_simple_supports_is_held_alike(tmp_path: Path) -> None:
     found = solve(specimen.model, specimen.section, 12).frequency_hz
     ours = found[found > 1.0][:6]
     deck = Deck(0.6, 0.09, 0.008, moduli, 0.2, 1900.0, "simply_supported", 14)
-    assert errors(frequencies(write_shells(deck, corrected=True), tmp_path), ours.tolist()).max() < 0.002
+    assert errors(frequencies(ccx(write_shells(deck, corrected=True).splitlines())), ours.tolist()).max() < 0.002

@@ -9,8 +9,9 @@ from typing import Any
 import httpx
 import pytest
 
-from benchmarks.jobs_floor import Floor, floor, laboratory
+from benchmarks.jobs_floor import Floor, floor
 from benchmarks.jobs_outage import outage
+from benchmarks.service import campaigns_of
 from service.access.keys import create_key, user_named
 from service.app.demo import paper
 from service.app.supervisor import listening_socket
@@ -36,7 +37,7 @@ def test_job_runs_although_the_api_was_killed_right_after_it_took_it(database: s
         with here.sessions.begin() as session:
             key = create_key(session, user_named(session, "tester"), "test")[1]
         with client_at(f"http://127.0.0.1:{port}", key) as client:
-            (campaign,) = laboratory(client)
+            (campaign,) = campaigns_of(client, "floor")
             answer = client.post(f"campaigns/{campaign}/update-jobs", json={"seed": 50})
             here.kill(api)
         assert answer.status_code == 202
@@ -58,7 +59,7 @@ def test_api_killed_while_it_takes_jobs_leaves_no_half_one(database: str) -> Non
         with here.sessions.begin() as session:
             key = create_key(session, user_named(session, "tester"), "test")[1]
         with client_at(f"http://127.0.0.1:{port}", key) as client:
-            (campaign,) = laboratory(client)
+            (campaign,) = campaigns_of(client, "floor")
             batch = {"jobs": [{"campaign_id": campaign}] * 200}
             with ThreadPoolExecutor(1) as pool, here.engine.begin() as holding:
                 holding.exec_driver_sql("LOCK TABLE procrastinate_jobs IN SHARE MODE")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from sqlalchemy import text
 
 from benchmarks.jobs_floor import Floor, floor
-from benchmarks.soak_backup import RECIPE, Laboratory, client_of, hits_of_a_point
+from benchmarks.soak_backup import RECIPE, Laboratory, hits_of_a_point
 from service.app.demo import paper
 from service.jobs.child import PURGED
 from service.jobs.tables import Job
@@ -36,7 +36,7 @@ def job(here: Floor, key: str) -> Job:
 
 
 def test_a_purge_ends_the_jobs_of_what_it_removes() -> None:
-    with floor() as here, client_of(here) as client:
+    with floor() as here, here.client("soak") as client:
         here.modalbase("worker", worker_concurrency=1)
         kept = Laboratory(client)
         lab = Laboratory(client)

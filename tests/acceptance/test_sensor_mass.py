@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import replace
 
 import httpx
-import numpy as np
 import pytest
 
 from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass
 from fecore.updating.measurement import Measurement
+from tests.golden.inputs import new_campaign, put_frfs, put_points
 from tests.support.cantilever import COUPONS
 from tests.support.laboratory import MATERIAL
 from tests.support.moved_sensor import LAW, MASS, TRUE, measured
@@ -22,33 +21,13 @@ BODY = Specimen(0.5, 0.04, 0.010, replace(COUPONS, **TRUE))
 
 def campaign_with(api: httpx.Client, name: str, taken: Measurement) -> str:
     """A campaign whose sensor has a mass and no stated point."""
-    project = posted(api, "projects", {"name": f"sensor {name}"})
     geometry = {"length_m": BODY.length, "width_m": BODY.width, "thickness_m": BODY.thickness}
-    structure = posted(
-        api,
-        f"projects/{project['id']}/structures",
-        {"name": "beam", "density_kg_m3": BODY.material.density, "geometry": geometry, "material": MATERIAL},
-    )
-    body = {"name": "tour", "boundary": "cantilever", "instruments": {"sensor_mass_kg": MASS}}
-    campaign = posted(api, f"structures/{structure['id']}/campaigns", body)["id"]
-    items = [{"label": label, "x_m": x, "y_m": y, "z_m": z} for label, (x, y, z) in taken.points.items()]
-    api.put(f"campaigns/{campaign}/grid-points", json={"items": items}).raise_for_status()
-    buffer = io.BytesIO()
-    np.savez(
-        buffer,
-        frequency_hz=taken.frfs.frequency_hz,
-        values=taken.frfs.values,
-        response_point=np.array([dof.point for dof in taken.frfs.responses]),
-        response_direction=np.array([dof.direction for dof in taken.frfs.responses]),
-        reference_point=np.array([dof.point for dof in taken.frfs.references]),
-        reference_direction=np.array([dof.direction for dof in taken.frfs.references]),
-        quantity=np.array(taken.frfs.quantity),
-    )
-    sent = api.post(
-        f"campaigns/{campaign}/frfs", content=buffer.getvalue(), headers={"Content-Type": "application/x-npz"}
-    )
-    assert sent.status_code == 201, sent.text
-    return str(campaign)
+    beam = {"name": "beam", "density_kg_m3": BODY.material.density, "geometry": geometry, "material": MATERIAL}
+    project = posted(api, "projects", {"name": f"sensor {name}"})["id"]
+    campaign = new_campaign(api, beam, project, instruments={"sensor_mass_kg": MASS})
+    put_points(api, campaign, taken.points)
+    put_frfs(api, campaign, taken.frfs)
+    return campaign
 
 
 def moved() -> Measurement:

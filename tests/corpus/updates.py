@@ -9,7 +9,9 @@ from functools import cache, partial
 import numpy as np
 import pytest
 
-from benchmarks import coverage, laboratories
+from benchmarks import draws, laboratories
+from benchmarks.draws import Drawn
+from benchmarks.updates import Found, judge
 from fecore.body.supports import Boundary
 from fecore.dynamics.damping_laws import RAYLEIGH, beyond, damping_rate
 from fecore.errors import UpdatingError
@@ -27,14 +29,14 @@ from fecore.updating.result import UpdateResult
 from tests.corpus.outcomes import Case, Updated, deviations, estimates
 
 # A coarse mesh, whose bias is far below what the sets are drawn with, makes an update three times as fast.
-BEAM = replace(coverage.BEAM, divisions=(20, 2))
+BEAM = replace(draws.BEAM, divisions=(20, 2))
 RAYLEIGH_ALONE = Recipe(damping_models=("rayleigh",))
 
 
 @cache
 def measured() -> Measurement:
     """A laboratory that states that the response had no window."""
-    given = coverage.draw(0)[0]
+    given = draws.beam(0).measurement
     return replace(given, inputs=replace(given.inputs, window_rate=0.0))
 
 
@@ -181,7 +183,7 @@ def from_modes(*parameters: Parameter, exact: bool = False) -> UpdateResult:
 
 
 def surely_wrong() -> UpdateResult:
-    truth = coverage.draw(0)[1]["Ex"]
+    truth = draws.beam(0).true["Ex"]
     return from_modes(Parameter("Ex", prior_mean=1.05 * truth, prior_sd=1e-4 * truth), exact=True)
 
 
@@ -233,7 +235,7 @@ def all_held_out() -> object:
 # --- laboratories of the benchmark in which a fit once failed, or warned as numpy does --------------------------------
 
 
-def laboratory(seed: int, step: int) -> laboratories.Laboratory:
+def laboratory(seed: int, step: int) -> Drawn:
     """A laboratory with one line in so many."""
     drawn = laboratories.draw(seed)
     frfs = drawn.measurement.frfs
@@ -244,7 +246,7 @@ def laboratory(seed: int, step: int) -> laboratories.Laboratory:
     return replace(drawn, measurement=replace(drawn.measurement, frfs=few))
 
 
-def at_rest(outcome: laboratories.Outcome) -> None:
+def at_rest(outcome: Found) -> None:
     """Without the damping of the steps none comes to rest."""
     assert not outcome.error
     assert outcome.held
@@ -333,9 +335,9 @@ UPDATES: dict[str, Case] = {
         band_hz=(100.0, 440.0), damping_models=("modal", "modal"))), Updated(more=alone_in_the_band)),
     "a mode in noise": (of_noise, shape_of_four),
     "modes without damping": (lambda: update(typed(hz()), BEAM), Updated(silent=NOTHING)),
-    "shifted into one knot": (lambda: laboratories.judge(laboratory(7, 1)), at_rest),  # two modes of a modal law
-    "a curved valley": (lambda: laboratories.judge(laboratory(146, 2)), at_rest),
-    "a start of negative damping": (lambda: laboratories.judge(laboratory(219, 4)), at_rest),
+    "shifted into one knot": (lambda: judge(laboratory(7, 1)), at_rest),  # two modes of a modal law
+    "a curved valley": (lambda: judge(laboratory(146, 2)), at_rest),
+    "a start of negative damping": (lambda: judge(laboratory(219, 4)), at_rest),
     "a singular start": (partial(unresolved, 1, Recipe(damping_models=("caughey3", "rayleigh"))), words_or_numbers),
     "a negative variance": (partial(unresolved, 2, Recipe(method="joint")), words_or_numbers),
 }

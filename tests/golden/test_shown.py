@@ -19,7 +19,7 @@ from service.app.supervisor import LocalService
 from tests.golden.inputs import hits_campaign, job
 from tests.support.golden import answered, beginning, check, exact, lines, numeric, page_lines
 from tests.support.rest import client_at, ok, session_client
-from tools.routes import document
+from tools.reference import document
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,8 @@
-"""Users, keys, projects, members and the audit trail over HTTP."""
+"""Users, keys, sessions, projects, members and the audit trail over HTTP."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 from uuid import UUID, uuid4
 
@@ -12,13 +12,13 @@ from fastapi import Request
 from pydantic import BaseModel
 from sqlalchemy import select
 
-from service.access.keys import create_key, found_key, user_named
+from service.access.keys import COOKIE, create_key, found_key, user_named
 from service.access.tables import ApiKey
 from service.app.supervisor import LocalService
 from service.db.engine import Sessions
 from service.errors import PreconditionFailed, PreconditionRequired, Unauthorized
 from service.web import etag_of, require_match
-from tests.support.rest import client_of
+from tests.support.rest import client_of, ok, session_client
 
 NewClient = Callable[[], httpx.Client]
 
@@ -32,25 +32,6 @@ def project(client: httpx.Client, name: str = "beam") -> str:
 
 def name_of(client: httpx.Client) -> str:
     return str(client.get("api-keys").json()["items"][0]["name"])
-
-
-def test_roles(new_client: NewClient) -> None:
-    owner, guest = new_client(), new_client()
-    key, name = project(owner), name_of(guest)
-    assert owner.put(f"projects/{key}/members/{name}", json={"role": "viewer"}).json()["role"] == "viewer"
-    assert guest.get(f"projects/{key}").status_code == 200
-    assert guest.put(f"projects/{key}/members/{name}", json={"role": "owner"}).status_code == 403
-    assert guest.delete(f"projects/{key}/members/{name_of(owner)}").status_code == 403
-    members = guest.get(f"projects/{key}/members").json()["items"]
-    assert {(m["user"], m["role"]) for m in members} == {(name_of(owner), "owner"), (name, "viewer")}
-    assert owner.put(f"projects/{key}/members/{name}", json={"role": "king"}).status_code == 422
-    assert owner.put(f"projects/{key}/members/{uuid4()}", json={}).status_code == 404  # no name, so an id
-    assert owner.delete(f"projects/{key}/members/{name}").status_code == 204
-    assert guest.get(f"projects/{key}").status_code == 404
-    assert guest.get(f"projects/{key}/members").status_code == 404
-    gone, nobody = (owner.delete(f"projects/{key}/members/{who}") for who in (name, "nobody"))
-    assert gone.status_code == nobody.status_code == 404
-    assert gone.json()["detail"].replace(name, "nobody") == nobody.json()["detail"]  # who exists is not said
 
 
 def test_who_adds_members_does_not_learn_which_users_there_are(
@@ -182,3 +163,53 @@ def test_if_match() -> None:
         require_match(request(None), tag)
     with pytest.raises(PreconditionFailed):
         require_match(request('"x"'), tag)
+
+
+@pytest.fixture
+def signed_in(api: httpx.Client) -> Iterator[httpx.Client]:
+    """A client with the cookie of a session and no key."""
+    with session_client(api) as client:
+        yield client
+
+
+def test_a_session_reads_and_writes_as_its_key(api: httpx.Client, signed_in: httpx.Client) -> None:
+    made = ok(signed_in.post("projects", json={"name": "by cookie"}), 201)
+    assert ok(api.get(f"projects/{made['id']}"))["name"] == "by cookie"
+    acts = [(event["action"], event["user"]) for event in ok(api.get("audit-events"))["items"]]
+    assert {action for action, _ in acts} >= {"session.create", "project.create"}
+    assert len({user for _, user in acts}) == 1
+
+
+def test_the_cookie_is_kept_from_scripts_and_other_sites(api: httpx.Client) -> None:
+    answer = api.post("session")
+    name, _, flags = answer.headers["set-cookie"].partition(";")
+    assert name.startswith(f"{COOKIE}=mbs_")
+    stated = {flag.strip().lower() for flag in flags.split(";")}
+    assert stated == {"httponly", "samesite=strict", "path=/", "max-age=43200"}  # `secure` where one comes by HTTPS
+    assert answer.headers["cache-control"] == "no-store"
+    assert name.partition("=")[2] not in answer.text
+
+
+@pytest.mark.parametrize("token", [None, "", "0" * 64, "é"])
+def test_a_change_without_the_sessions_token_is_refused(signed_in: httpx.Client, token: str | None) -> None:
+    headers = {} if token is None else {"X-CSRF-Token": token.encode()}
+    signed_in.headers.pop("X-CSRF-Token")
+    answer = signed_in.post("projects", json={"name": "forged"}, headers=headers)
+    assert answer.status_code == 403
+    assert "X-CSRF-Token" in answer.json()["detail"]
+    assert ok(signed_in.get("projects"))["items"] == []
+
+
+def test_a_session_ends_when_its_owner_signs_out(api: httpx.Client, signed_in: httpx.Client) -> None:
+    answer = signed_in.delete("session")
+    assert answer.status_code == 204
+    assert answer.headers["set-cookie"].startswith(f'{COOKIE}=""; ')
+    assert {"httponly", "max-age=0"} <= {flag.strip().lower() for flag in answer.headers["set-cookie"].split(";")}
+    assert signed_in.get("projects").status_code == 401
+    acts = [event["action"] for event in ok(api.get("audit-events"))["items"]]
+    assert acts == ["session.delete", "session.create"]
+
+
+def test_a_session_makes_no_session_and_a_key_ends_none(signed_in: httpx.Client, api: httpx.Client) -> None:
+    assert signed_in.post("session").status_code == 409
+    assert api.delete("session").status_code == 409

@@ -20,7 +20,7 @@ import numpy as np
 import psycopg
 import pytest
 
-from benchmarks.soak_small import small_campaigns
+from benchmarks.soak import small_campaigns
 from service.app.demo.run import Laboratory
 from service.app.supervisor import LocalService
 from tests.support.rest import client_at, finished, ok, plain_client, result_of, session_client

@@ -9,7 +9,7 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from uuid import UUID, uuid4
+from uuid import UUID
 
 import httpx
 import numpy as np
@@ -254,16 +254,6 @@ def test_broken_json_is_refused_with_its_pointer(api: httpx.Client, campaign: st
         problem = checked(api.post(f"campaigns/{campaign}/frfs", json={**good, **change}), 422)
         assert {error["pointer"] for error in problem["errors"]} == {pointer}
     checked(api.post(f"campaigns/{campaign}/frfs", json=good), 201)
-
-
-def test_other_peoples_frfs_do_not_exist(
-    api: httpx.Client, new_client: Callable[[], httpx.Client], campaign: str, checked: Checked
-) -> None:
-    frf = checked(post(api, campaign, **arrays()), 201)["items"][0]["id"]
-    stranger = new_client()
-    for path in (f"frfs/{frf}", f"frfs/{frf}/data", f"frfs/{uuid4()}", f"campaigns/{campaign}/frfs"):
-        checked(stranger.get(path), 404)
-    checked(post(stranger, campaign, **arrays()), 404)
 
 
 def test_a_spectrum_that_was_damaged_in_the_database_is_not_handed_out(

@@ -7,7 +7,6 @@ import json
 import urllib.error
 import urllib.request
 import zipfile
-from collections.abc import Callable, Iterator
 from typing import Any
 
 import httpx
@@ -17,10 +16,8 @@ import pytest
 
 from service.app.demo import paper
 from service.app.supervisor import LocalService
-from service.settings import Settings
-from tests.support.crowd import statuses
 from tests.support.laboratory import BEAM
-from tests.support.rest import client_of, plain_client
+from tests.support.rest import plain_client
 
 MIB = 1024 * 1024
 
@@ -120,45 +117,6 @@ def test_many_frfs_in_one_body_are_stored(api: httpx.Client, campaign: str) -> N
     assert ids == sorted(ids)
     page = api.get(f"campaigns/{campaign}/frfs", params={"limit": 1000}).json()
     assert [item["id"] for item in page["items"]] == ids[:1000]
-
-
-@pytest.fixture
-def strict(new_database: Callable[[], str]) -> Iterator[LocalService]:
-    """A service that takes few wrong keys, few requests and few bytes."""
-    settings = Settings(
-        database_url=new_database(),
-        port=0,
-        log_level="error",
-        key_failures_a_minute=10,
-        key_requests_a_second=2,
-        key_bytes_an_hour=1000,
-    )
-    with LocalService(settings, worker=False) as running:
-        yield running
-
-
-def test_requests_and_bytes_of_a_key_and_wrong_keys_of_an_address_are_limited(strict: LocalService) -> None:
-    """A key that is known to be right goes on; the same wrong key again costs nothing and is not counted again."""
-    with client_of(strict, "k") as client:
-        assert client.get("projects").status_code == 200
-        assert client.post("projects", json={"name": "x", "description": "y" * 800}).status_code == 201
-        refused = client.post("projects", json={"name": "x", "description": "y" * 800})
-        assert (refused.status_code, "bytes an hour" in refused.json()["detail"]) == (429, True)
-        assert int(refused.headers["Retry-After"]) > 60
-        counted = statuses([client.get("projects") for _ in range(100)])
-        assert counted[429] > 0
-        assert set(counted) == {200, 429}
-
-    with plain_client(f"{strict.url}/api/v1/") as client:
-        good = {"Authorization": f"Bearer {strict.new_key('good')}"}
-        assert client.get("projects", headers=good).status_code == 200
-
-        def tried(keys: list[str]) -> list[httpx.Response]:
-            return [client.get("projects", headers={"Authorization": f"Bearer mb_{key}"}) for key in keys]
-
-        assert statuses(tried(["0_same"] * 30)) == {401: 30}
-        assert statuses(tried([f"{i}_x" for i in range(20)])) == {401: 9, 429: 11}
-        assert client.get("projects", headers=good).status_code == 200
 
 
 POINT, VALUE = b'{"label":1,"x_m":0,"y_m":0}', b'{"point":1,"direction":3,"real":1}'

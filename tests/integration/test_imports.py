@@ -8,7 +8,6 @@ import http.client
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 import httpx
 import psycopg
@@ -303,17 +302,6 @@ def test_the_original_can_be_fetched_again(
     assert api.get(path, headers={"Range": "bytes=2-5"}).content == b"nsen"
     assert api.get(path, headers={"If-None-Match": answer.headers["ETag"]}).status_code == 304
     checked(new_client().get(path), 404)
-
-
-def test_other_peoples_imports_do_not_exist(
-    new_client: Callable[[], httpx.Client], campaign: str, imported: Imported, checked: Checked
-) -> None:
-    done = imported(campaign, small_file())
-    stranger = new_client()
-    checked(stranger.get(f"imports/{done['id']}"), 404)
-    checked(stranger.get(f"imports/{uuid4()}"), 404)
-    checked(stranger.get(f"campaigns/{campaign}/imports"), 404)
-    checked(stranger.post(f"campaigns/{campaign}/imports", content=b"x"), 404)
 
 
 def test_without_a_key_no_byte_is_read(api: httpx.Client, campaign: str, checked: Checked) -> None:

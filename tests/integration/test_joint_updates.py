@@ -10,8 +10,6 @@ import httpx
 import numpy as np
 import pytest
 
-import modalbase
-from examples.joint_update import paper_bar_together
 from fecore.updating.campaigns import Campaign
 from service.app.supervisor import LocalService
 from tests.support.rest import finished, mode_rows, ok, session_client
@@ -128,19 +126,6 @@ def test_strips_at_three_angles_are_one_material(
     listed = ok(api.get(f"projects/{project}/joint-updates"), 200)["items"]
     assert [row["id"] for row in listed] == [answer["joint"]["id"]]
     ok(new_client().get(api.base_url.join(location)), 404)
-
-
-def test_the_example_finds_one_modulus_and_the_clamp(api: httpx.Client, service: LocalService) -> None:
-    lab = modalbase.connect(service.url, api.headers["authorization"].split()[1])
-    result = paper_bar_together(lab)
-    (modulus,) = [row for row in result["parameters"] if row["name"] == "Ex"]
-    assert modulus["estimate"] == pytest.approx(32.46e9, rel=0.01)
-    assert all(abs(part["alone"]["Ex"]["z"]) <= 2 for part in result["campaigns"])
-    (root,) = [own for own in result["campaigns"][0]["own"] if own["name"] == "clamp_compliance"]
-    assert root["interval_95"][0] < 0.0117 < root["interval_95"][1]
-    assert paper_bar_together(lab)["parameters"] == result["parameters"]  # run twice, on what the first made
-    assert [one.name for one in lab.projects()].count("one bar, two tests") == 1
-    lab.connection.close()
 
 
 def test_a_joint_update_without_frfs_says_whose_are_missing(

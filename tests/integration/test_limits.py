@@ -1,17 +1,23 @@
-"""The concurrency model of docs/limits.md, at ten times its size."""
+"""Many clients, streams and slow heads: the concurrency model of docs/limits.md, at ten times its size."""
 
 from __future__ import annotations
 
 import asyncio
+import socket
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from uuid import uuid4
 
 import httpx
 import pytest
+import uvicorn
+from fastapi import FastAPI
 
+from benchmarks.soak_load import load
 from service.app.supervisor import LocalService
 from service.settings import Settings
+from service.web import middleware
 from tests.support.crowd import at_once, statuses, with_crowd
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_of, ok
@@ -120,3 +126,53 @@ def test_one_key_has_half_of_the_streams_of_events(narrow: LocalService) -> None
         refused = opened()
         assert "2 streams of events of this key" in refused.read().decode()
         assert int(refused.headers["Retry-After"]) >= 1
+
+
+def test_many_clients_and_streams_at_once_get_answers(new_database: Callable[[], str]) -> None:
+    found = load(seconds=2, clients=40, streams=40, keys=4, pause=1, database_url=new_database())
+    assert found.bare_errors == []
+    assert found.streams == 40
+    assert found.events >= 40
+    assert found.statuses["list"].keys() <= {200, 503}
+    assert found.statuses["list"][200] > 0
+    assert found.statuses["healthz"].keys() == {200}
+
+
+@pytest.fixture
+def port(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """An application behind the server's protocol, which waits half a second for a head."""
+    monkeypatch.setattr(middleware, "HEAD_SECONDS", 0.5)
+    app = FastAPI()
+
+    @app.get("/")
+    def root() -> str:
+        return "here"
+
+    config = uvicorn.Config(app, http=middleware.PatientProtocol, log_config=None)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        running = uvicorn.Server(config)
+        thread = threading.Thread(target=running.run, kwargs={"sockets": [listener]})
+        thread.start()
+        yield listener.getsockname()[1]
+        running.should_exit = True
+        thread.join()
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET / HTT", b"GET / HTTP/1.1\r\nHost: x\r\n"])
+def test_a_head_that_does_not_come_ends_the_connection(port: int, sent: bytes) -> None:
+    with socket.create_connection(("127.0.0.1", port), timeout=30) as line:
+        line.sendall(sent)
+        assert line.recv(1000) == b""
+
+
+def test_after_an_answer_too(port: int) -> None:
+    with socket.create_connection(("127.0.0.1", port), timeout=30) as line:
+        line.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
+        answer = b""
+        while more := line.recv(1000):
+            answer += more
+            if answer.endswith(b'"here"'):
+                break
+        assert answer.startswith(b"HTTP/1.1 200"), "the line was closed before there was an answer"
+        line.sendall(b"GET / HTTP/1.1\r\n")
+        assert line.recv(1000) == b""

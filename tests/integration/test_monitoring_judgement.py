@@ -91,29 +91,6 @@ def test_an_acknowledgement_of_what_is_no_alarm_any_more_is_passed_over() -> Non
     assert (result.state, result.episodes) == ("normal", ())
 
 
-def test_a_late_campaign_is_no_data() -> None:
-    watch = Watch({"Ex": "fall"}, baseline=6, expected_interval_days=30)
-    series = values(*[1.0] * 8)
-    assert judged(series, watch, as_of=day(8.4)).state == "normal"
-    assert judged(series, watch, as_of=day(8.6)).state == "no data"
-
-
-def test_late_campaigns_are_put_in_order() -> None:
-    series = values(*[1.0] * 9)
-    late = judged([*series[:3], *series[4:], series[3]])
-    assert late.document["parameters"][0]["points"] == judged(series).document["parameters"][0]["points"]
-    assert late.document["parameters"][0]["notes"][0].startswith("put into time order: 3 came after")
-
-
-def test_a_missing_temperature_is_left_out_of_the_baseline_and_judged_with_doubt() -> None:
-    watch = Watch({"Ex": "fall"}, baseline=6, covariates=("temperature_c",))
-    warm = [observe(i, 1.0, temperature_c=float(10 + i * i % 7)) for i in range(10)]
-    row = judged([*warm[:2], observe(2, 1.0), *warm[3:8], observe(8, 1.0), warm[9]], watch).document["parameters"][0]
-    assert row["baseline"]["campaign_ids"] == ["0", "1", "3", "4", "5", "6"]
-    assert [p["judged"]["covariate_missing"] for p in row["points"] if p["judged"]] == [False, True, False]
-    assert any("left out of the baseline, a covariate is missing: 2" in note for note in row["notes"])
-
-
 def test_a_mode_is_the_same_one_though_another_was_missed() -> None:
     watch = Watch({"frequency_3": "fall", "damping_ratio_2": "rise"}, baseline=4)
     missed = [observe(i, 1.0, MODES if i != 5 else [MODES[0], MODES[2]]) for i in range(6)]

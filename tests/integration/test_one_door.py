@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat, wavfile
 
-from benchmarks.soak_bombs import MOST_GROWTH, throw
+from benchmarks.soak import MOST_GROWTH, throw
 from service.app.supervisor import LocalService
 from service.settings import Settings
 from tests.support.laboratory import BEAM

@@ -9,14 +9,14 @@ import httpx
 import numpy as np
 import pytest
 
-from examples.plies import CARBON, TRUTH, plate, simulated
+from examples.plies import CARBON
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.profile import Piece
 from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import Parameter, parametrise
-from tests.support.rest import finished, mode_rows, ok
+from tests.support.rest import finished, ok
 
 ANGLES = (45, -45, 45, -45)
 PLY = {
@@ -40,37 +40,6 @@ EXACT = {
         ("ply_angle", "_deg"),
     )
 }
-
-
-def test_an_unsymmetric_stack_is_updated_by_its_plies(api: httpx.Client, project: str) -> None:
-    body = plate(*ANGLES)
-    modes, points = simulated(body, np.random.default_rng(4))
-    described: dict[str, Any] = {
-        "name": "plate",
-        "geometry": {"length_m": body.length, "width_m": body.width, "thickness_m": body.thickness},
-        "density_kg_m3": body.density,
-        "laminate": {"plies": [{**PLY, "angle_deg": angle} for angle in ANGLES]},
-        "inputs": EXACT,
-    }
-    structure = ok(api.post(f"projects/{project}/structures", json=described), 201)["id"]
-    campaign = ok(api.post(f"structures/{structure}/campaigns", json={"name": "tour", "boundary": "free"}), 201)["id"]
-    grid = [{"label": label, "x_m": x, "y_m": y, "z_m": z} for label, (x, y, z) in points.items()]
-    ok(api.put(f"campaigns/{campaign}/grid-points", json={"items": grid}))
-    rows = mode_rows(modes, 1e-4)
-    mode_set = ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "measured", "modes": rows}), 201)["id"]
-    # One homogenised layer cannot be this stack; the answer says which constants to name.
-    jobs = f"campaigns/{campaign}/update-jobs"
-    refused = ok(api.post(jobs, json={"mode_set": mode_set, "parameters": [{"name": "Ex"}]}), 422)
-    assert "E1, E2, G12" in refused["errors"][0]["detail"]
-    begun = api.post(jobs, json={"mode_set": mode_set})
-    ok(begun, 202)
-    assert finished(api, begun.headers["Location"])["status"] == "succeeded"
-    result = ok(api.get(api.base_url.join(begun.headers["Location"] + "/result")), 200)
-    found = {row["name"]: row for row in result["parameters"]}
-    for name in ("E1", "E2", "G12"):
-        assert found[name]["estimate"] == pytest.approx(TRUTH[name], rel=0.02)
-        assert found[name]["unit"] == "Pa"
-    ok(api.get(api.base_url.join(begun.headers["Location"] + "/cards")), 409)
 
 
 def test_a_stepped_strip_with_a_tip_mass_is_updated_as_it_stood(api: httpx.Client, project: str) -> None:

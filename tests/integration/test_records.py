@@ -325,14 +325,3 @@ def test_what_cannot_be_right_is_refused_with_its_place(
     checked(api.post(f"campaigns/{campaign}/processings", json={"estimator": "H9"}), 422)
     stranger = f"campaigns/{uuid4()}/records"
     checked(api.get(stranger), 404)
-
-
-def test_other_peoples_records_do_not_exist(
-    api: httpx.Client, new_client: Callable[[], httpx.Client], campaign: str, checked: Checked, hits: list[Simulated]
-) -> None:
-    row = checked(post(api, campaign, npz(hits[:1])), 201)["items"][0]
-    stranger = new_client()
-    for path in (f"records/{row['id']}", f"records/{row['id']}/data", f"campaigns/{campaign}/records"):
-        checked(stranger.get(path), 404)
-    assert stranger.delete(f"records/{row['id']}").status_code == 404
-    checked(stranger.post(f"campaigns/{campaign}/processings", json={}), 404)

@@ -10,11 +10,12 @@ import httpx
 import psycopg
 import pytest
 
-from benchmarks.access_laboratory import FORM, MODES, frfs, record
+from benchmarks.service import RAW
 from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
 from service.settings import Settings
+from tests.support.furnished import MODES, frfs, record
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_of, finished, ok
 from tests.support.waiting import until
@@ -37,7 +38,7 @@ def campaign_in(client: httpx.Client, project: str) -> tuple[str, str]:
 
 
 def upload(client: httpx.Client, campaign: str, content: bytes, **params: Any) -> httpx.Response:
-    return client.post(f"campaigns/{campaign}/imports", content=content, params=params, headers=FORM)
+    return client.post(f"campaigns/{campaign}/imports", content=content, params=params, headers=RAW)
 
 
 def test_what_is_stored_is_counted_and_beyond_the_quota_refused(small: LocalService) -> None:

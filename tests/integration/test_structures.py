@@ -117,23 +117,6 @@ def test_an_edit_needs_the_version_that_it_edits(api: httpx.Client, structure: s
     assert api.get(f"structures/{structure}").json()["name"] == "mine"
 
 
-def test_a_viewer_reads_and_does_not_write(
-    api: httpx.Client,
-    new_client: Callable[[], httpx.Client],
-    project: str,
-    structure: str,
-    beam: dict[str, Any],
-    checked: Checked,
-) -> None:
-    viewer = new_client()
-    own = checked(viewer.post("projects", json={"name": "own"}), 201)["id"]
-    name = viewer.get("audit-events", params={"project": own}).json()["items"][0]["user_id"]
-    checked(api.put(f"projects/{project}/members/{name}", json={"role": "viewer"}), 200)
-    checked(viewer.get(f"structures/{structure}"), 200)
-    checked(viewer.patch(f"structures/{structure}", json={"name": "x"}, headers={"If-Match": "*"}), 403)
-    checked(viewer.post(f"projects/{project}/structures", json=beam), 403)
-
-
 def test_structures_are_listed_in_pages(
     api: httpx.Client, project: str, beam: dict[str, Any], checked: Checked
 ) -> None:

@@ -1,4 +1,4 @@
-"""What a client says of a service that is not modalbase, refuses or is not there; and what a script may call."""
+"""The client alone: what it asks, what it refuses before anything is sent, and tables of points."""
 
 from __future__ import annotations
 
@@ -6,15 +6,22 @@ import io
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import httpx
+import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+import modalbase
 from modalbase.client.connection import Connection
 from modalbase.client.errors import ClientError, Exit
+from modalbase.client.measuring import read_points
 from modalbase.client.options import json_file
 from modalbase.client.rest import Rest
+from modalbase.objects.projects import Structure
+from modalbase.objects.thing import Table
+from service.app.cli.command import app
 
 Answer = Callable[[httpx.Request], httpx.Response]
 
@@ -115,3 +122,96 @@ def test_a_file_that_holds_no_json_object_is_named(text: str, said: str, tmp_pat
         json_file(tmp_path / "missing.json")
     (tmp_path / "recipe.json").write_text('\ufeff{"a": 1}')
     assert json_file(tmp_path / "recipe.json") == {"a": 1}
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("coupons b A1.csv", "state with --about what the files hold: dimensions, columns and their units"),
+        (
+            "coupons b A1.csv --about list.json",
+            r"list.json: specimens is no object such as {\"A3\": {\"excluded\": true}}",
+        ),
+        ("coupons b A1.csv --about A1.csv", "A1.csv is not JSON"),
+        ("export latest --what modes --fmin 3 --out x.csv", "--fmin choose FRFs, not modes"),
+        ("update c --idempotency-key ä", "--idempotency-key takes printable ASCII alone"),
+        ("points c A1.csv", "A1.csv, line 1: is '1,2', expected label,x_mm"),
+    ],
+)
+def test_a_command_that_cannot_be_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, says: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "A1.csv").write_text("1,2\n")
+    (tmp_path / "list.json").write_text('{"specimens": []}')
+    result = CliRunner().invoke(app, words.split())
+    assert isinstance(result.exception, ClientError), result.output
+    assert says.replace('\\"', '"') in str(result.exception)
+
+
+REST = Rest(cast("Any", None))
+FRFS = {"type": 58, "func_type": 4, "x": [1.0, 2.0], "ordinate_spec_data_type": 12}
+
+WRONG: dict[str, tuple[type[Exception], str, Callable[[], object]]] = {
+    "a call that there is not": (AttributeError, "the REST contract has no call 'list_cats'", lambda: REST.list_cats),
+    "an id too many": (TypeError, r"list_projects\(\) takes no id and got 1", lambda: REST.list_projects("x")),
+    "a query that it has not": (
+        TypeError,
+        r"list_projects\(\) has no colour; it has",
+        lambda: REST.list_projects(colour=1),
+    ),
+    "no name of the library": (AttributeError, "has no attribute 'cats'", lambda: cast("Any", modalbase).cats),
+    "no field of a thing": (
+        AttributeError,
+        "a structure has no 'colour'",
+        lambda: Structure(cast("Any", None), {}).colour,
+    ),
+    "no row of a table": (KeyError, "'Gxy'; there is Ex, Ey", lambda: Table([{"name": "Ex"}, {"name": "Ey"}])["Gxy"]),
+    "values of another shape": (
+        ValueError,
+        r"values have shape \(1, 3\), expected \(1, 2\)",
+        lambda: modalbase.Frfs.from_arrays([1, 2], [1, 2, 3], response=[(1, 3)], reference=[(2, 3)]),
+    ),
+    "no FRF of pyuff's": (ValueError, "no dataset 58 is an FRF", lambda: modalbase.Frfs.from_pyuff([{"type": 15}])),
+    "FRFs on two axes": (
+        ValueError,
+        "the FRFs have several frequency axes or quantities; take those of one",
+        lambda: modalbase.Frfs.from_pyuff([FRFS, {**FRFS, "x": np.array([1.0, 3.0])}]),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_script_is_corrected_before_anything_is_sent(case: str) -> None:
+    kind, words, act = WRONG[case]
+    with pytest.raises(kind, match=words):
+        act()
+
+
+def test_points_are_read_in_metres(tmp_path: Path) -> None:
+    file = tmp_path / "points.csv"
+    for text in ("point;y_m;x_mm;z_mm\n7;-0,02;112,5;1\n\n", "\ufefflabel,x_m,z_m,y_mm\n 7,0.1125,0.001,-20\n"):
+        file.write_text(text)
+        (point,) = read_points(file)
+        assert point["label"] == 7
+        assert [point["x_m"], point["y_m"], point["z_m"]] == pytest.approx([0.1125, -0.02, 0.001])
+    file.write_text("label\tx_mm\ty_mm\n1\t2\t3\n")
+    assert read_points(file)[0]["z_m"] == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "line 1: is '', expected label,x_mm,y_mm,z_mm"),
+        ("label,x,y\n", "line 1: is 'label,x,y', expected label,x_mm"),
+        ("label,x_mm,x_m,y_m\n", "expected label,x_mm"),
+        ("label,x_mm,z_mm\n", "expected label,x_mm"),
+        ("label,x_mm,y_mm\n\n1,2\n", "line 3: has 2 cells, the header has 3"),
+        ("label,x_mm,y_mm\n1,2,left\n", "line 2, y_mm: is 'left', expected a number"),
+        ("label,x_mm,y_mm\n1.5,2,3\n", "line 2, label: is '1.5', expected a whole number"),
+    ],
+)
+def test_what_is_no_table_of_points_is_named(tmp_path: Path, text: str, said: str) -> None:
+    file = tmp_path / "points.csv"
+    file.write_text(text)
+    with pytest.raises(ClientError) as refused:
+        read_points(file)
+    assert said in str(refused.value)

@@ -13,7 +13,7 @@ import pytest
 from modalbase.client.connection import Connection
 from modalbase.client.rest import Rest
 from modalbase.client.rest import routes as calls
-from tools import reference, routes
+from tools import reference
 
 
 @pytest.mark.parametrize("name", list(reference.MADE))
@@ -58,7 +58,7 @@ def test_every_number_that_the_core_decides_by_has_its_meaning_beside_it() -> No
 
 
 def test_every_route_of_the_openapi_document_is_a_method_of_the_client() -> None:
-    document = routes.document()
+    document = reference.document()
     asked = [
         given for path in document["paths"].values() for how in path.values() for given in how.get("parameters", ())
     ]
@@ -66,7 +66,7 @@ def test_every_route_of_the_openapi_document_is_a_method_of_the_client() -> None
         20,
         100,
     }  # 20 of what is long
-    found = {(one.method, one.path) for one in routes.described(document)}
+    found = {(one.method, one.path) for one in reference.described(document)}
     assert found == {(route.method, route.path) for route in calls().values()}
     assert len(found) == len(calls()) > 80
     with Connection("http://127.0.0.1:1", "key") as nobody:

@@ -1,11 +1,25 @@
+"""Laminates: rotation, shear by plies, one layer in their place, and updating of each ply's constants."""
+
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fecore.body.laminate import OrthotropicMaterial, Ply, section
+from examples.plies import CARBON, TRUTH, plate, recovered, simulated
+from fecore.body.laminate import OrthotropicMaterial, Ply, homogenise, section
+from fecore.body.layered import LayeredSpecimen
+from fecore.body.supports import Supports
+from fecore.dynamics.eigen import normal_modes
+from fecore.errors import InputError
+from fecore.updating.inputs import Inputs
+from fecore.updating.measurement import Measurement
+from fecore.updating.parameters import Parameter
+from fecore.updating.pipeline import update
+from fecore.updating.recipe import Recipe
 from tests.support.plates import PAPER
 
 PLY = OrthotropicMaterial(140e9, 10e9, 5e9, 5e9, 3e9, 0.3, 1600.0)
@@ -36,27 +50,138 @@ def test_a_stack_mirrored_about_its_middle_does_not_couple(half: list[float]) ->
     assert np.abs(laminate.B).max() < 1e-12 * np.sqrt(np.abs(laminate.A).max() * np.abs(laminate.D).max())
 
 
-def test_thin_plies_of_one_material_are_one_thick_ply() -> None:
-    one, many = section([Ply(PAPER, 0.01)]), section([Ply(PAPER, 0.001)] * 10)
-    for name in ("A", "D", "S"):
-        np.testing.assert_allclose(getattr(one, name), getattr(many, name), rtol=1e-12, atol=1e-9)
-    np.testing.assert_allclose(one.inertia, many.inertia, rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(one.D, PAPER.plane_stress() * 0.01**3 / 12, rtol=1e-14)
-
-
 def test_ply_wise_shear_of_one_ply_is_five_sixths() -> None:
     by_ply = section([Ply(PAPER, 0.002)] * 5, shear="equilibrium")
     np.testing.assert_allclose(by_ply.S, section([Ply(PAPER, 0.01)]).S, rtol=1e-12, atol=1e-6)
 
 
-def test_ply_wise_shear_of_a_sandwich_is_the_cores() -> None:
-    """Thin stiff faces on a soft core: S → G_core (h + t)²/h (Allen, Analysis and Design of Structural Sandwich Panels)."""
-    face = OrthotropicMaterial(70e9, 70e9, 26e9, 26e9, 26e9, 0.3, 2700.0)
-    core = OrthotropicMaterial(1e6, 1e6, 0.5e6, 40e6, 20e6, 0.0, 100.0)
-    t, h = 0.0005, 0.02
-    laminate = section([Ply(face, t), Ply(core, h), Ply(face, t)], shear="equilibrium")
-    expected = np.array([40e6, 20e6]) * (h + t) ** 2 / h
-    # Allen neglects the parabola of the stress in the faces: t/h/3 of the energy, nearly nothing of it in stiff faces.
-    np.testing.assert_allclose(np.diag(laminate.S), expected, rtol=1e-3)
-    # κ = 5/6 of the mean stiffness misses it by an order of magnitude.
-    assert section([Ply(face, t), Ply(core, h), Ply(face, t)]).S[0, 0] > 20 * laminate.S[0, 0]
+GLASS = OrthotropicMaterial(Ex=38e9, Ey=9e9, Gxy=4e9, Gxz=4e9, Gyz=3e9, nu_xy=0.26, density=1950.0)
+
+
+def test_one_layer_is_itself() -> None:
+    same = homogenise(section([Ply(GLASS, 0.01)]))
+    for name in ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy", "density"):
+        assert getattr(same, name) == pytest.approx(getattr(GLASS, name), rel=1e-12)  # a 3 × 3 inverse's round-off
+
+
+def test_cross_ply_keeps_its_bending_and_shear_stiffness() -> None:
+    plies = [Ply(GLASS, 0.001, angle) for angle in (0, 90, 90, 0)]
+    laminate = section(plies)
+    layer = section([Ply(homogenise(laminate), laminate.thickness)])
+    np.testing.assert_allclose(layer.D, laminate.D, rtol=1e-12, atol=1e-12 * laminate.D[0, 0])
+    np.testing.assert_allclose(layer.S, laminate.S, rtol=1e-12, atol=1e-9)
+    assert layer.inertia[0] == pytest.approx(laminate.inertia[0], rel=1e-12)
+
+
+@pytest.mark.parametrize(("angles", "words"), [((0, 90), "membrane"), ((30, 30), "twisting")])
+def test_coupled_laminates_have_no_equivalent_layer(angles: tuple[float, ...], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        homogenise(section([Ply(replace(GLASS), 0.001, angle) for angle in angles]))
+
+
+def stack(*angles: float) -> LayeredSpecimen:
+    return replace(plate(*angles), divisions=(8, 6))
+
+
+def constants(body: LayeredSpecimen) -> np.ndarray:
+    return np.array(list(body.nominal.values()))
+
+
+def hz(body: LayeredSpecimen, values: np.ndarray, count: int = 8) -> np.ndarray:
+    model = body.model
+    rigid = model.rigid_modes.shape[1]
+    K, M = model.stiffness.at(body.stiffness_coefficients(values)), model.mass.at(body.mass_coefficients(values))
+    return normal_modes(K, M, count + rigid, model.rigid_modes).frequency_hz[rigid:]
+
+
+def test_a_stack_of_more_plies_than_can_be_updated_keeps_their_angles() -> None:
+    body = stack(*(45.0, -45.0) * 21)
+    assert not any(name.startswith("angle") for name in body.nominal)
+    turned = stack(*(0.0, 90.0) * 21)
+    assert not np.allclose(
+        body.stiffness_coefficients(constants(body)), turned.stiffness_coefficients(constants(turned)), rtol=1e-3
+    )
+
+
+@pytest.mark.parametrize("angles", [(45, -45), (0, 90), (30, -30, -30, 30), (0, 30, 45, 90)])
+def test_coefficients_are_those_of_the_section(angles) -> None:
+    body = stack(*angles)
+    assert body.model.has_membrane == body.section.is_coupled
+    q = constants(body)
+    expected = body.model.stiffness_coefficients(section(body.plies, shear="equilibrium"))
+    # 1e-6 N/m and so on: entries that are zero by symmetry are sums of round-off.
+    np.testing.assert_allclose(body.stiffness_coefficients(q), expected, rtol=1e-12, atol=1e-6)
+    np.testing.assert_allclose(body.mass_coefficients(q), body.model.mass_coefficients(body.section), rtol=1e-12)
+
+
+@pytest.mark.parametrize("angles", [(45, -45), (30, -30, -30, 30)])
+def test_other_dimensions_and_angles_are_those_of_a_body_built_with_them(angles) -> None:
+    body = stack(*angles)
+    size = (0.31, 0.19, 0.0042)
+    turned = tuple(Ply(CARBON, size[2] / len(angles), angle + 2) for angle in angles)
+    built = replace(body, length=size[0], width=size[1], thickness=size[2], plies=turned)
+    q = dict(body.nominal) | dict(zip(("length", "width", "thickness"), size, strict=True))
+    q |= {f"angle_{k}": np.radians(ply.angle_deg) for k, ply in enumerate(turned, start=1)}
+    # 1e-8: two solves of an eigenproblem each to round-off; the closed forms are the same.
+    np.testing.assert_allclose(hz(body, np.array(list(q.values()))), hz(built, constants(built)), rtol=1e-8)
+
+
+@pytest.mark.parametrize("angles", [(0,), (90, 90)])
+def test_bending_stiffness_of_a_strip_of_one_direction(angles) -> None:
+    body = stack(*angles)
+    modulus = CARBON.Ex if angles[0] == 0 else CARBON.Ey
+    expected = modulus * body.width * body.thickness**3 / 12  # free to bend across, so without Poisson's ratio
+    assert body.bending_stiffness(constants(body)) == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_sandwich_vibrates_as_allens_closed_form() -> None:
+    """Simply supported, thin faces: ω² = D k⁴ / (m (1 + D k²/S)) with D = E t d²/2(1 - ν²), S = G d²/c (Allen 1969, ch. 5)."""
+    E, nu, G, t, c, side = 68.9e9, 0.33, 80e6, 0.0004, 0.02, 1.0
+    face = OrthotropicMaterial(E, E, E / 2 / (1 + nu), E / 2 / (1 + nu), E / 2 / (1 + nu), nu, 2768.0)
+    core = OrthotropicMaterial(1e5, 1e5, 4e4, G, G, 0.0, 60.0)
+    plies = (Ply(face, t), Ply(core, c), Ply(face, t))
+    mass, d = 2 * t * 2768 + c * 60, c + t
+    body = LayeredSpecimen(
+        side,
+        side,
+        c + 2 * t,
+        plies,
+        mass / (c + 2 * t),
+        divisions=(10, 10),
+        supports=Supports(*["simply_supported"] * 4),
+    )
+    assert "G13_2" in body.nominal
+    k2 = np.pi**2 * np.array([2.0, 5.0, 5.0, 8.0]) / side**2
+    D, S = E * t * d**2 / 2 / (1 - nu**2), G * d**2 / c
+    allen = np.sqrt(D * k2**2 / mass / (1 + D * k2 / S)) / 2 / np.pi
+    # Allen has no rotary inertia and no bending of the faces about themselves: 1 %, as asked for.
+    np.testing.assert_allclose(hz(body, constants(body), 4), allen, rtol=0.01)
+
+
+@pytest.mark.parametrize("angles", [(45, -45, 45, -45), (30, -30, -30, 30)])
+def test_ply_constants_are_recovered_from_a_simulated_plate(angles) -> None:
+    """Antisymmetric and symmetric angle-ply: within 2 %, as asked for."""
+    found = recovered(*angles)
+    for parameter in found.parameters:
+        if parameter.name in ("E1", "E2", "G12"):
+            assert parameter.estimate == pytest.approx(TRUTH[parameter.name], rel=0.02)
+            assert parameter.identifiable
+    by_mechanism = next(law for law in found.damping_models if law.name == "mechanism")
+    assert set(by_mechanism.coefficients) == {"a0", "eta_E", "eta_G"}
+
+
+def test_angles_are_inputs_with_a_stated_deviation() -> None:
+    body = replace(stack(30, -30, -30, 30), divisions=(12, 8))
+    modes, points = simulated(body, np.random.default_rng(2), noise=3e-4, modes=9)
+    free = (Parameter("E1"), Parameter("E2"), Parameter("G12"))
+
+    def deviations(inputs: Inputs) -> dict[str, float]:
+        recipe = Recipe(parameters=free, damping_models=("rayleigh",))
+        found = update(Measurement(None, points, modes, 0.0, inputs), body, recipe)
+        sources = {entry.source for p in found.parameters for entry in p.budget}
+        assert ("angle_1" in sources) == bool(inputs.ply_angle_sd)
+        return {p.name: p.standard_deviation / p.estimate for p in found.parameters}
+
+    known = deviations(Inputs.exact())
+    unsure = deviations(replace(Inputs.exact(), ply_angle_sd=float(np.radians(1.0))))
+    assert all(unsure[p.name] > 1.5 * known[p.name] for p in free)

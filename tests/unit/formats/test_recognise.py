@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat, wavfile
 
-from benchmarks.soak_bombs import bomb
+from benchmarks.soak import bomb
 from modalbase.formats import FormatError
 from modalbase.formats.recognise import recognise
 from modalbase.formats.records import read_variables

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.hits_habits import habit_campaign
+from benchmarks.hammer import campaign
 from fecore.processing import Processing, by_point, process
 from fecore.processing.usual import reach
 
@@ -23,7 +23,7 @@ from fecore.processing.usual import reach
     ],
 )
 def test_a_habit_of_instruments_or_hands_makes_no_hit_a_bad_one(habit: str, kind: str, seed: int) -> None:
-    _, places, simulated = habit_campaign(np.random.default_rng(seed), habit, kind, 4, 5, 0.0)
+    _, places, simulated = campaign(np.random.default_rng(seed), kind, 4, 5, 0.0, habit=habit)
     found = process(by_point([s.hit for s in simulated]))
     refused = [[f.sentence for f in v.faults if f.criterion != "place"] for v in found.verdicts]
     assert refused == [[]] * 20
@@ -32,7 +32,7 @@ def test_a_habit_of_instruments_or_hands_makes_no_hit_a_bad_one(habit: str, kind
 
 def test_a_body_that_rings_loudly_is_found_among_hits_that_follow_one_another() -> None:
     rng = np.random.default_rng(3)
-    bench, places, simulated = habit_campaign(rng, "hits soon after one another", "free", 4, 5, 0.0)
+    bench, places, simulated = campaign(rng, "free", 4, 5, 0.0, habit="hits soon after one another")
     bench.habit = "as simulated"
     hits = [s.hit for s in simulated]
     hits[7] = bench.hit(2, places[2], 3, "early").hit

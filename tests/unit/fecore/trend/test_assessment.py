@@ -135,14 +135,6 @@ def test_a_late_campaign_is_no_data() -> None:
     assert assess({"Ex": series}, unhurried, as_of=last + timedelta(days=999)).state is State.NORMAL
 
 
-def test_missing_campaigns_within_a_series_stand_in_the_timeline() -> None:
-    whole = stiffness()
-    keep = [i for i in range(14) if i not in (10, 11)]
-    thin = Series("Ex", [whole.dates[i] for i in keep], whole.estimate[keep], whole.standard_deviation[keep])
-    trend = assess({"Ex": thin}, WATCH).parameters["Ex"]
-    assert [m.event for m in trend.timeline] == [Event.INSIDE] * 2 + [Event.MISSING] * 2 + [Event.INSIDE] * 2
-
-
 def test_campaigns_out_of_order_give_the_same_and_a_note() -> None:
     series = stiffness(loss_from=11)
     order = [*range(6), 12, *range(6, 12), 13]

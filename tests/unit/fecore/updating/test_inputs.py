@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.coverage import BEAM, draw
+from benchmarks.draws import BEAM, beam
 from fecore.body.specimen import BeamSpecimen, Specimen
 from fecore.body.supports import Spring, Supports
 from fecore.errors import InputError
@@ -33,7 +33,7 @@ COARSE = replace(BEAM, divisions=(20, 2))
 
 @pytest.fixture(scope="module")
 def drawn() -> tuple[Measurement, dict[str, float]]:
-    return draw(0)
+    return beam(0).measurement, beam(0).true
 
 
 @pytest.fixture(scope="module")

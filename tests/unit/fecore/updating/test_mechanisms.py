@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.coverage import BEAM
+from benchmarks.draws import BEAM
 from examples import mechanisms
 from examples.paper.published import TABLE_4_UPDATED, cantilever, simulated
 from fecore.arrays import FloatArray

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.coverage import BEAM, PARAMETERS, draw, inside
+from benchmarks.draws import BEAM, beam
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.modal import set_with_gaps
@@ -20,11 +20,18 @@ from fecore.updating.sampling import run_chain
 
 # What is not about the mesh is updated on a coarse one, whose bias is far below what the sets are drawn with.
 COARSE = replace(BEAM, divisions=(20, 2))
+PARAMETERS = ("Ex", "Ey", "Gxy", "Gxz", "a0", "a1")
+
+
+def inside(result: UpdateResult, true: dict[str, float]) -> dict[str, bool]:
+    """Whether each parameter's 95 % interval holds the truth."""
+    found = {row.name: row.interval_95 for row in result.parameters}
+    return {name: found[name][0] <= true[name] <= found[name][1] for name in PARAMETERS}
 
 
 @pytest.fixture(scope="module")
 def measured() -> tuple[Measurement, dict[str, float]]:
-    return draw(0)
+    return beam(0).measurement, beam(0).true
 
 
 @pytest.fixture(scope="module")
@@ -41,11 +48,11 @@ def identified(measured: tuple[Measurement, dict[str, float]]) -> Measurement:
 def test_intervals_hold_the_truth_as_often_as_they_say(
     measured: tuple[Measurement, dict[str, float]], result: UpdateResult
 ) -> None:
-    """Four sets with a wrong model; the benchmark `coverage` does forty, here 88 % of 24 intervals must hold."""
+    """Four sets with a wrong model; here 88 % of 24 intervals must hold."""
     held = list(inside(result, measured[1]).values())
     for seed, body in enumerate((BEAM, COARSE, COARSE), start=1):  # the first on the mesh that an update chooses
-        measurement, true = draw(seed)
-        held += list(inside(update(measurement, body), true).values())
+        drawn = beam(seed)
+        held += list(inside(update(drawn.measurement, body), drawn.true).values())
     assert len(held) == 4 * len(PARAMETERS)
     assert np.mean(held) >= 0.88
 

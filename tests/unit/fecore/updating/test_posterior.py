@@ -1,4 +1,4 @@
-"""The posterior of stage 1 against what it is an integral of, and what it says of each parameter."""
+"""Statistics of an update: the posterior, deviations from a law, and what is found in words."""
 
 from __future__ import annotations
 
@@ -6,17 +6,19 @@ import numpy as np
 import pytest
 import scipy
 
+from fecore.updating.findings import FINDINGS, found, warnings
+from fecore.updating.measured_ratios import disagreement
 from fecore.updating.posterior import (
     LinearProblem,
     Mixture,
     ScaleMixture,
-    discrepancy,
     identifiability,
     log_likelihood,
     log_likelihood_of_deviations,
     scale_of_deviations,
     spread_over,
 )
+from fecore.updating.result import Finding
 
 RANDOM = np.random.default_rng(5)
 SQUARE = RANDOM.standard_normal((4, 4))
@@ -37,14 +39,6 @@ def gaussian(values: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 def over(scales: np.ndarray, log_prior: np.ndarray, values: np.ndarray) -> np.ndarray:
     each = [gaussian(values, NOISE + s**2 * np.eye(4)) + p for s, p in zip(scales, log_prior, strict=True)]
     return np.asarray(scipy.special.logsumexp(each, axis=0))
-
-
-def test_the_likelihood_is_that_of_gaussians_over_the_priors_scales() -> None:
-    tried = RANDOM.standard_normal((6, 4)) * np.array([[0.0005], [0.001], [0.002], [0.005], [0.01], [0.03]])
-    scale = 0.001 * np.exp(np.linspace(np.log(0.1), np.log(30.0), 41))
-    of_square = -2 * np.log(scale**2) - 0.001**2 / scale**2  # inverse gamma of shape 1, which is ν₀/2
-    expected = over(scale, of_square + 2 * np.log(scale), tried)  # of ln s
-    np.testing.assert_allclose(np.diff(log_likelihood(NOISE)(tried)), np.diff(expected), rtol=1e-9)
 
 
 def test_the_mixture_is_likelihood_times_prior() -> None:
@@ -78,21 +72,6 @@ def test_moments_and_reach_are_those_of_the_mixture() -> None:
     assert mixture.reach(np.array([0.0])) == (0, 0)
     aside = Mixture(np.ones(1), np.array([[9.0]]), np.ones((1, 1, 1)), np.ones(1)).reach(np.ones(1))
     assert aside == pytest.approx((0, 9 + 1.959964))
-
-
-@pytest.mark.parametrize("sd", [0.01, 1.0, 100.0])
-def test_one_gaussian_reaches_two_standard_deviations(sd: float) -> None:
-    one = Mixture(np.ones(1), np.zeros((1, 1)), np.full((1, 1, 1), sd**2), np.ones(1))
-    assert one.reach(np.ones(1)) == pytest.approx((1.959964 * sd, 1.959964 * sd), rel=1e-6)
-    assert ScaleMixture(np.ones(1), np.ones(1)).reach(0.36 * sd**2, 0.64 * sd**2) == pytest.approx(
-        1.959964 * sd, rel=1e-6
-    )
-
-
-def test_a_discrepancy_is_the_mean_of_residuals_and_prior() -> None:
-    residual = np.array([0.003, 0.004])
-    assert discrepancy(residual, 1.0, 0.001) == pytest.approx(np.sqrt((2 * 1e-6 + 25e-6) / (2 + 1)))
-    assert discrepancy(residual, 5.0, 0.001) == pytest.approx(np.sqrt(27e-6 / 2))  # no freedom is left
 
 
 def test_a_parameter_is_identifiable_where_no_unseen_direction_moves_it() -> None:
@@ -131,11 +110,59 @@ def test_the_scale_of_deviations_has_the_restricted_likelihood() -> None:
     np.testing.assert_allclose(np.diff(log_likelihood_of_deviations(NOISE, 0.02)(tried)), np.diff(whole), rtol=1e-9)
 
 
-def test_a_scale_of_nothing_reaches_nowhere() -> None:
-    certain = ScaleMixture(np.ones(1), np.array([0.5]))
-    assert certain.reach(0.0, 0.0) == 0
-    assert certain.reach(3.0, 1.0) == pytest.approx(2 * 1.959964)
-    assert certain.reach(0.0, 1.0, 0.5) == pytest.approx(0.6744898)
-    open_between = ScaleMixture(np.array([0.4, 0.6]), np.array([1.0, 3.0]))
-    sd = np.sqrt(2 + np.array([1, 9]) / (0.4 + 0.6 * 9) * 7)
-    assert np.array([0.4, 0.6]) @ scipy.special.ndtr(open_between.reach(2.0, 7.0) / sd) == pytest.approx(0.975)
+OMEGA = 2 * np.pi * np.array([25.0, 160.0, 400.0, 445.0, 866.0, 1210.0])
+LAW = np.array([30.0, 1e-5])
+RATES = np.column_stack([1 / OMEGA, OMEGA]) / 2
+RATIO = RATES @ LAW
+BASIS = RATES / RATIO[:, None]
+
+
+@pytest.mark.parametrize(("scatter", "low", "high"), [(0.001, 0.0005, 0.004), (0.05, 0.03, 0.09)])
+def test_the_scale_follows_the_modes(scatter: float, low: float, high: float) -> None:
+    found = []
+    for seed in range(20):
+        off = scatter * np.random.default_rng(seed).standard_normal(OMEGA.size)
+        left = off - BASIS @ np.linalg.lstsq(BASIS, off, rcond=None)[0]
+        found.append(scale_of_deviations(left, 1e-8 * np.eye(OMEGA.size), BASIS, 0.02).rms)
+    assert low < np.median(found) < high
+
+
+def test_with_as_many_modes_as_coefficients_the_prior_is_all_that_is_known() -> None:
+    scale = scale_of_deviations(np.zeros(2), 1e-8 * np.eye(2), BASIS[:2], 0.02)
+    assert scale.rms == pytest.approx(0.02, rel=0.05)
+    # A half Student t of three degrees of freedom has 95 % of its mass below 3.18 scales, of which its root mean square is √3.
+    assert scale.scale[np.searchsorted(np.cumsum(scale.weight), 0.95)] == pytest.approx(0.0367, rel=0.15)
+
+
+def test_intervals_are_those_of_the_mixture() -> None:
+    scale = scale_of_deviations(np.zeros(2), 1e-8 * np.eye(2), BASIS[:2], 0.02)
+    draws = np.random.default_rng(1).choice(scale.scale, 200_000, p=scale.weight) / scale.rms
+    sample = np.random.default_rng(2).standard_normal(200_000) * np.sqrt(0.25 + draws**2)
+    assert scale.reach(0.25, 1.0) == pytest.approx(float(np.quantile(np.abs(sample), 0.95)), rel=0.02)
+
+
+def test_what_frfs_and_modes_disagree_by_is_added_beyond_noise() -> None:
+    noise, own = 1e-6 * np.eye(OMEGA.size), np.diag((1e-3 * LAW) ** 2)
+    assert disagreement(BASIS, noise, 0.001, LAW, own) == pytest.approx([0.0, 0.0])
+    added = disagreement(BASIS, noise, 0.001, LAW * [1.0, 1.03], own)
+    assert added[0] == 0
+    assert added[1] == pytest.approx(0.03 * LAW[1], rel=0.02)
+
+
+def test_findings_alike_are_folded_and_the_same_is_said_once() -> None:
+    one, other = "mode 1 (20.00 Hz) is alone", "mode 2 (30.00 Hz) is alone"
+    found = [Finding(one, "with_care", 2), Finding(one), Finding(other), Finding("the lid is open", "do_not_use")]
+    assert warnings(found) == ("the lid is open", f"{one} (likewise: mode 2 (30.00 Hz))")
+
+
+def test_a_row_of_the_table_says_what_was_found_and_what_to_do() -> None:
+    said = found("modes_absent", level="do_not_use", modes="a mode", which="12.00 Hz")
+    assert said.text.endswith("none there: the boundary or the geometry is wrong, or modes were paired wrongly")
+    assert (said.kind, said.level, said.weight) == ("modes_absent", "do_not_use", 85)
+    assert all(row.sentence and not row.sentence.endswith(".") for row in FINDINGS.values())
+
+
+def test_what_is_known_exactly_has_an_interval_of_no_width() -> None:
+    weight, scale = np.array([0.4, 0.6]), np.array([0.01, 0.02])
+    assert ScaleMixture(weight, scale).reach(0.0, 0.0) == 0.0
+    assert Mixture(weight, np.zeros((2, 3)), np.stack([np.eye(3)] * 2), scale).reach(np.zeros(3)) == (0.0, 0.0)

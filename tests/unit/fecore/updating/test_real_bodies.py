@@ -8,16 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.real_bodies import LAW, NOMINAL, STATED, Truth, measured
-from examples.paper.published import (
-    FREE_DAMPING,
-    FREE_MEASURED_HZ,
-    TABLE_3_DAMPING,
-    TABLE_3_MEASURED_HZ,
-    TABLE_4_COUPONS,
-    cantilever,
-    free_beam,
-)
+from benchmarks.draws import LAW, NOMINAL, STATED, Truth, measured
 from fecore.body.supports import Boundary
 from fecore.frf import Quantity
 from fecore.modes import MeasuredModes
@@ -26,27 +17,6 @@ from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
-
-
-def test_the_papers_two_tests_of_one_bar_agree() -> None:
-    """At the printed 10.12 mm a rigid clamp and exact sizes put them seven standard deviations apart."""
-    tests = [
-        (cantilever(TABLE_4_COUPONS, 0.01012), TABLE_3_MEASURED_HZ, TABLE_3_DAMPING),
-        (free_beam(TABLE_4_COUPONS), FREE_MEASURED_HZ, FREE_DAMPING),
-    ]
-    clamped, free = (
-        {
-            p.name: p
-            for p in update(
-                Measurement(None, {}, MeasuredModes(hz, ratio)), replace(body, divisions=(20, 2))
-            ).parameters
-        }
-        for body, hz, ratio in tests
-    )
-    assert clamped["Ex"].estimate < 0.98 * free["Ex"].estimate
-    for name in ("Ex", "Gxy", "Gxz"):
-        apart = clamped[name].estimate - free[name].estimate
-        assert abs(apart) < 2 * np.hypot(clamped[name].standard_deviation, free[name].standard_deviation), name
 
 
 def test_a_plate_of_another_poissons_ratio_lies_within_its_intervals() -> None:
@@ -76,7 +46,6 @@ def test_a_plate_of_another_poissons_ratio_lies_within_its_intervals() -> None:
     ("name", "stated", "warning"),
     [
         ("length", 0.497, "points 31, 32, 33 lie beyond the length of 497 mm, by up to 3 mm: the length or"),
-        ("width", 0.039, "points 1, 3, 4, 6 and 18 more lie beyond the width of 39 mm, by up to 0.5 mm: the width or"),
         ("width", 0.0395, None),  # within twice the 0.2 mm to which a careful laboratory knows it
     ],
 )
@@ -101,7 +70,8 @@ def test_frfs_of_any_quantity_give_the_same(boundary: Boundary, stated: Quantity
     FRFs that are stated to be another quantity than they are have modes, and their quantity is named in place of a damping.
     """
     specimen = replace(STATED, boundary=boundary, divisions=(20, 2))
-    body = measured(Truth(boundary=boundary), NOMINAL, np.random.default_rng(1))
+    whole = measured(Truth(boundary=boundary), NOMINAL, np.random.default_rng(1))
+    body = replace(whole, frfs=whole.frfs.select(list(range(2, 33, 5))))  # they are alike
     accelerance = update(body, specimen)
     other = update(replace(body, frfs=body.frfs.to_quantity(stated)), specimen)
     assert other.verdict.level == accelerance.verdict.level == "usable"

@@ -10,20 +10,18 @@ import numpy as np
 import pytest
 
 from fecore.body.laminate import OrthotropicMaterial
-from fecore.body.oriented import OrientedSpecimen
 from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
 from fecore.modes import MeasuredModes
-from fecore.updating.campaigns import Campaign, CampaignsRecipe, update_campaigns
 from fecore.updating.elastic_result import REFUTED, ElasticResult
-from fecore.updating.elastic_starts import _behind, _other_starts, evidence, is_doubtful, update_from_several_starts
+from fecore.updating.elastic_starts import _behind, evidence, is_doubtful, update_from_several_starts
 from fecore.updating.estimates import OTHER_PARTNERS, constant_estimates
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Layout
 from fecore.updating.measurement import Measurement
 from fecore.updating.pairing import exchanged, pair_held, partners_of
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF, Identifiability, spread_over
 from fecore.updating.result import ParameterEstimate, UpdateResult
@@ -43,16 +41,6 @@ def typed(*hz: float) -> MeasuredModes:
 def updated(*hz: float) -> tuple[UpdateResult, dict[str, ParameterEstimate]]:
     result = update(Measurement(None, {}, typed(*hz)), STRIP)
     return result, {each.name: each for each in result.parameters}
-
-
-def test_bending_modes_of_the_priors_themselves_leave_the_shear_modulus_open() -> None:
-    """With Gxy 21.6 GPa the first torsion mode, which nobody measured, meets the fourth frequency as well as its own mode."""
-    result, found = updated(159.05, 437.48, 854.93, 1407.23)
-    assert [partner.kind for partner in result.pairing.partners] == ["bending"] * 4
-    assert found["Gxy"].estimate == pytest.approx(11e9, rel=0.02)
-    assert found["Gxy"].interval_95[0] < 11e9 < found["Gxy"].interval_95[1]
-    assert not found["Gxy"].identifiable
-    assert found["Ex"].estimate == pytest.approx(30e9, rel=0.01)
 
 
 def test_exact_beam_frequencies_come_to_an_end_between_two_pairings() -> None:
@@ -101,15 +89,6 @@ def test_intervals_span_the_pairings_that_are_not_ruled_out(five: tuple[ElasticR
         assert any(entry.source == OTHER_PARTNERS for entry in found[name].budget) == wider[place]
 
 
-def test_every_rival_has_partners_of_its_own_and_stands_in_order(five: tuple[ElasticResult, MeasuredModes]) -> None:
-    elastic, _ = five
-    behind = [rival.evidence for rival in elastic.rivals]
-    assert behind == sorted(behind)
-    assert behind[0] > 0
-    own = {elastic.partners, *(rival.other.partners for rival in elastic.rivals)}
-    assert len(own) == 1 + len(elastic.rivals)
-
-
 def test_a_pairing_that_tunes_a_constant_more_finely_has_less_evidence(
     five: tuple[ElasticResult, MeasuredModes],
 ) -> None:
@@ -151,14 +130,6 @@ def test_a_result_is_doubtful_where_another_start_may_do_better(five: tuple[Elas
     assert doubtful(0, 0, (3,))
 
 
-def test_other_starts_lie_all_about_the_prior(five: tuple[ElasticResult, MeasuredModes]) -> None:
-    elastic, _ = five
-    away = np.array(_other_starts(elastic.layout.unverified(), 0)) / elastic.coordinates.sd
-    assert np.abs(away).max() <= 2
-    assert away.min() < -1
-    assert away.max() > 1
-
-
 def state(hz: list[float], kinds: list[str], hidden: tuple[int, ...] = ()) -> ForwardState:
     values = SimpleNamespace(
         frequency_hz=np.array(hz),
@@ -197,14 +168,3 @@ def test_what_is_known_of_a_parameter_is_less_where_pairings_differ() -> None:
     ]
     assert [each.information for each in wider] == pytest.approx([0.8, 0.4, 0.9])
     assert spread_over(known[:1], np.array([[2.0]]), np.ones(1))[0].information == 0
-
-
-def test_frequencies_of_two_campaigns_leave_their_pairings_open_too() -> None:
-    """The strip of `five` hung up twice: the joint update tries other partners, says so, and its intervals span them."""
-    body, modes = OrientedSpecimen(0.5, 0.04, 0.010, STATED, "free", divisions=(20, 2)), typed(*FIVE)
-    twice = [Campaign(name, "strip", body, modes) for name in "ab"]
-    found = update_campaigns(twice, CampaignsRecipe(tuple(Parameter(n) for n in ("Ex", "Gxy", "Gxz")), scatter=0))
-    assert "rival_pairing" in {finding.kind for finding in found.findings}
-    (shear,) = (each for each in found.parameters if each.name == "Gxy")
-    assert OTHER_PARTNERS in {entry.source for entry in shear.budget}
-    assert shear.interval_95[0] < 9e9 < shear.interval_95[1]

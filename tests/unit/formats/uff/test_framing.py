@@ -11,7 +11,6 @@ import pytest
 import pyuff
 
 from modalbase.formats.uff import Frf, GridPoint, Limits, UffError, read_file
-from modalbase.formats.uff.scan import _bytes_by_record_7
 from modalbase.formats.uff.text import Refusal, real_block
 from tests.support.uff import Reading, dataset, set_58
 
@@ -93,11 +92,6 @@ def test_delimiters_with_odd_blanks(read: Read) -> None:
     assert "its closing delimiter is not in columns 5 and 6" in found.notes
 
 
-def test_a_minus_one_in_other_columns_is_no_delimiter(read: Read) -> None:
-    found = read(dataset("2400", "         1", "        -1", "         2") + POINTS)
-    assert found.outcomes == ["ignored", "read"]
-
-
 def test_a_dataset_whose_delimiters_were_lost_in_another_is_named(read: Read) -> None:
     data = dataset("734", "1 2 3") + POINTS
     merged = data.replace(b"    -1\n    -1\n", b"    -1x    -1\n")
@@ -130,23 +124,6 @@ def test_reports_name_type_offset_and_place(read: Read) -> None:
     assert found.reports[2].offset == len(POINTS) + len(dataset("734", "1"))
     place = (POINTS + dataset("734", "1") + bad).index(b"   1.00000000000e+00")
     assert f"line 12 (byte {place}): '2.000000*0000e+00' is not a number" in found.reasons
-
-
-@pytest.mark.parametrize(
-    ("kind", "even", "expected"),
-    [
-        (2, 1, {(40, 40), (40, 80)}),
-        (4, 1, {(80, 80)}),
-        (5, 1, {(40, 80), (40, 160)}),
-        (6, 1, {(80, 160)}),
-        (2, 0, {(40, 80), (40, 160)}),
-        (5, 0, {(40, 120), (40, 240)}),
-        (6, 0, {(80, 240)}),
-    ],
-)
-def test_bytes_that_ten_points_of_a_type_may_take(kind: int, even: int, expected: set[tuple[int, int]]) -> None:
-    assert set(_bytes_by_record_7(f"{kind:10d}{10:10d}{even:10d}  1.0\n".encode())) == expected
-    assert _bytes_by_record_7(f"{kind:10d}{'x':>10}{even:10d}".encode()) == []
 
 
 def test_a_file_that_is_cut_while_it_is_read_is_refused(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import pyuff
 
-from modalbase.formats.uff import Frf, Function, Limits, TimeResponse, UffError
+from modalbase.formats.uff import Frf, Function, UffError
 from tests.support.uff import Reading, axis, dataset, header_58, set_58
 
 Read = Callable[..., Reading]
@@ -49,13 +49,6 @@ def test_values_run_together_in_fixed_columns(read: Read) -> None:
     assert values(found) == [-1 - 2j, -3 - 4j]
 
 
-def test_padded_last_rows(read: Read) -> None:
-    row = " 1.00000e+00 2.00000e+00 3.00000e+00 4.00000e+00".ljust(80)
-    double = ["   1.00000000000e+00" * 4, "   2.00000000000e+00   3.00000000000e+00".ljust(80)]
-    assert values(read(set_58(row, kind=5))) == VALUES
-    assert values(read(set_58(*double, points=3))) == [1 + 1j, 1 + 1j, 2 + 3j]
-
-
 def test_rows_of_other_widths_are_taken_by_blanks_and_noted(read: Read) -> None:
     found = read(set_58(" 1.0e+00 2.0e+00", " 3.0e+00 4.0e+00"))
     assert values(found) == VALUES
@@ -74,13 +67,6 @@ def test_uneven_axes(read: Read, kind: int, rows: list[str], expected: list[comp
     found = read(set_58(*rows, kind=kind, even=0))
     assert values(found) == expected
     assert found.of(Frf)[0].frequency.points().tolist() == [1.0, 1.5]
-
-
-def test_uneven_real_double(read: Read) -> None:
-    row = "  1.00000e+00   2.00000000000e+00  1.50000e+00   4.00000000000e+00"
-    found = read(set_58(row, kind=4, even=0, function=6))
-    (coherence,) = found.of(Function)
-    assert (coherence.name, coherence.values.tolist()) == ("coherence", [2.0, 4.0])
 
 
 @pytest.mark.parametrize(
@@ -137,15 +123,6 @@ def test_binary_of_either_order_and_precision(read: Read, order: int, kind: int,
     found = read(binary_58(data, order=order, kind=kind, tail=tail))
     assert (values(found), found.notes) == (VALUES, "")
     assert found.of(Frf)[0].values.dtype == (np.complex64 if kind == 5 else np.complex128)
-
-
-def test_binary_uneven_with_an_abscissa_of_either_precision(read: Read) -> None:
-    rows = [(1.0, 1.0, 2.0), (1.5, 3.0, 4.0)]
-    for x in ("<f8", "<f4"):
-        data = np.array(rows, [("x", x), ("re", "<f8"), ("im", "<f8")]).tobytes()
-        found = read(binary_58(data, even=0))
-        assert values(found) == VALUES, found.reasons
-        assert found.of(Frf)[0].frequency.points().tolist() == [1.0, 1.5]
 
 
 def test_binary_that_pyuff_wrote_with_its_own_byte_count(tmp_path: Path, read: Read) -> None:
@@ -212,11 +189,6 @@ def test_labels_with_umlauts(read: Read, encoding: str) -> None:
     assert found.of(Frf)[0].label == "Träger Prüfung ± m/s²"
     assert values(found) == VALUES
     assert found.notes == ""
-
-
-def test_labels_in_chinese(read: Read) -> None:
-    found = read(dataset("58", *header_58(first="悬臂梁试验".encode("gbk")), PLAIN))
-    assert found.of(Frf)[0].label == "悬臂梁试验"
 
 
 @pytest.mark.parametrize(("name", "pad_by_bytes"), [("加速度", True), ("加速度", False), (10 * "加速", False)])
@@ -291,17 +263,3 @@ def test_what_is_no_frf(read: Read) -> None:
     over_acceleration = read(set_58(PLAIN, denominator=axis(12, "m/s^2")))
     assert over_acceleration.reasons.startswith("line 10 (byte ")
     assert "its denominator is of type 12, not a force" in over_acceleration.reasons
-
-
-def test_coherence_and_time_history_are_read(read: Read) -> None:
-    row = "   5.00000000000e-01   1.00000000000e+00"
-    (function,) = read(set_58(row, kind=4, function=6, ordinate=axis(0))).of(Function)
-    assert (function.name, function.response_point, function.values.tolist()) == ("coherence", 7, [0.5, 1.0])
-    (block,) = read(set_58(row, kind=4, function=1, abscissa=axis(17, "s"))).of(TimeResponse)
-    assert (block.quantity, block.sample_rate_hz, block.samples.tolist()) == ("acceleration", 1.0, [0.5, 1.0])
-
-
-def test_the_second_reader_can_be_switched_off_and_changes_nothing(read: Read) -> None:
-    first, second = (read(set_58(PLAIN), Limits(cross_check_bytes=n)) for n in (0, 1 << 20))
-    assert values(first) == values(second)
-    assert first.notes == second.notes == ""

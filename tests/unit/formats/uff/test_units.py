@@ -125,14 +125,6 @@ def test_ordinates_by_their_labels(
     assert ("1 g = 9.80665 m/s²" in found.notes) == (b" g" in ordinate)
 
 
-def test_set_164_where_there_are_no_labels(read: Read) -> None:
-    found = read(set_164(1000.0, 1000.0) + set_58(ROW, points=1, ordinate=axis(12), denominator=axis(13)))
-    assert one(found).values[0] == 1.0  # mm/s² per mN
-    found = read(set_164(1000.0, 1.0) + set_58(ROW, points=1, ordinate=axis(12), denominator=axis(13)))
-    assert one(found).values[0] == pytest.approx(1e-3)
-    assert "its ordinate has no unit label; units of set 164 (USER_DEFINED) assumed" in found.notes
-
-
 def test_an_unknown_label_takes_the_units_of_164_and_says_so(read: Read) -> None:
     found = read(set_164(1000.0) + set_58(ROW, points=1, ordinate=axis(12, "EU"), denominator=axis(13, "N")))
     assert one(found).values[0] == pytest.approx(1e-3)
@@ -160,16 +152,6 @@ def test_an_frf_that_states_nothing_is_refused_unless_the_user_states_it(read: R
     found = read(data, Limits(quantity="mobility"))
     assert one(found).quantity == "mobility"
     assert "mobility as stated for the import" in found.notes
-
-
-def test_rotations_and_moments(read: Read) -> None:
-    turned = {"response": (7, 5), "reference": (1, -6)}
-    data = set_58(ROW, points=1, ordinate=axis(12), denominator=axis(13), **turned)
-    frf = one(read(set_164(1000.0, 1.0) + data))
-    assert frf.values[0] == pytest.approx(1000.0)  # rad/s² per N·mm
-    assert (frf.response_direction, frf.reference_direction) == (5, -6)
-    labelled = set_58(ROW, points=1, ordinate=axis(12, "rad/s^2"), denominator=axis(13, "N*mm"), **turned)
-    assert one(read(labelled)).values[0] == pytest.approx(1000.0)
 
 
 def test_exponents_that_do_not_fit_are_noted(read: Read) -> None:
@@ -244,25 +226,7 @@ def test_codes_of_set_164_stand_for_their_factors_within_a_thousandth(
     assert read(set_164(1e-12, 1e12)).outcomes == ["read"]
 
 
-def test_set_164_states_a_temperature_too(read: Read) -> None:
-    text = (
-        set_164()
-        .replace(b"1.0000000000000000D+00\n", b"1.8000000000000000D+00\n")
-        .replace(b"USER_DEFINED", b"Foot & Rankine")
-    )
-    (units,) = read(text).of(Units)
-    assert (units.description, units.temperature, units.temperature_offset) == ("Foot & Rankine", 1.8, 273.15)
-
-
 POINT = b"    -1\n    15\n         7         0         0         1  1.00000E+03  2.00000E+00  3.00000E+00\n    -1\n"
-
-
-@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_units_hold_wherever_they_stand(read: Read, order: tuple[int, int]) -> None:
-    parts = (set_164(1000.0), POINT)
-    found = read(parts[order[0]] + parts[order[1]])
-    assert found.of(GridPoint)[0].xyz_m == pytest.approx((1.0, 2e-3, 3e-3), rel=1e-15)
-    assert "coordinates multiplied by 0.001 to metres" in found.notes
 
 
 def test_units_hold_from_where_they_are_stated_to_the_next_ones(read: Read) -> None:

@@ -122,15 +122,6 @@ def test_grid_points_come_back_bit_by_bit(points: dict[int, tuple[float, float, 
         assert theirs[name].tolist() == [xyz[i] for xyz in points.values()]
 
 
-def test_grid_points_of_set_15_and_their_digits() -> None:
-    points = [GridPoint(3, (0.045454545454545456, -0.02, 1.0 / 3)), GridPoint(4, (0.1, 12345.678901234, -1e-9))]
-    (_, *ours), (_, theirs) = read_back(points, points="15")
-    for a, b in zip(ours, points, strict=True):
-        np.testing.assert_allclose(a.xyz_m, b.xyz_m, rtol=1e-6)
-    assert ours[1].xyz_m[0] == 0.1
-    assert theirs["x"] == [p.xyz_m[0] for p in ours]
-
-
 @QUICK
 @given(st.booleans(), st.sampled_from([3, 6]), st.floats(1e-3, 1e5), st.floats(0, 0.99), st.integers(0, 2**32))
 def test_mode_shapes(complex_mode: bool, components: int, hz: float, damping: float, seed: int) -> None:

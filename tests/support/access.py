@@ -1,9 +1,9 @@
-"""Who gets in where: `python -m benchmarks.access_matrix [long]` asks every operation of the OpenAPI document as every kind
-of caller, with ids of the caller's own project, of a foreign one and of none, and prints the matrix.
+"""Who gets in where: every operation of the OpenAPI document as every kind of caller, with ids of the caller's own
+project, of a foreign one and of none.
 
-What an operation asks for is judged here by hand, so that a new route fails until somebody has judged it. Three things
-are held against each answer: the status that role, scope and id call for; that a foreign thing and one that does not
-exist are answered alike; and that nothing of the foreign project stands in it.
+What an operation asks for is judged by hand (`furnished.JUDGED`), so that a new route fails until somebody has judged it. Three
+things are held against each answer: the status that role, scope and id call for; that a foreign thing and one that does
+not exist are answered alike; and that nothing of the foreign project stands in it.
 """
 
 from __future__ import annotations
@@ -11,28 +11,25 @@ from __future__ import annotations
 import copy
 import json
 import re
-import sys
-import tempfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
 import httpx
 from sqlalchemy import update
 
-from benchmarks.access_judged import BODIES, judgements
-from benchmarks.access_laboratory import ASKED_FREELY, FORM, HOOK, Things, furnish, record
+from benchmarks.service import RAW, client_at, post
 from service.access.keys import SCOPES, create_key, user_named
 from service.access.tables import ApiKey, User
 from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.db.engine import Sessions, make_engine, make_sessions
-from service.settings import Settings
+from tests.support import furnished
+from tests.support.furnished import BODIES, HOOK, furnish, record
 
 PREFIX = "/api/v1"
 RANK = {"viewer": 0, "editor": 1, "owner": 2}
@@ -40,24 +37,19 @@ REFUSED = (401, 403, 404)
 OUTSIDE = {"project_id", "webhook_id", "delivery_id", "key_id", "joint_id"}
 """What belongs to a project and to none of its structures; a joint update is of several."""
 _NAMES = re.compile(r"{(\w+)}")
+Ids = dict[str, str]
+Answer = tuple[int, str]
 
 
 @dataclass(frozen=True)
 class Caller:
-    """Somebody with a key, or without: `role` in the own project, `scopes` of the key; None for a key that is none; and
-    whether they look after other users.
-    """
+    """Somebody with a key, or without: `role` in the own project, `scopes` of the key; None for a key that is none."""
 
     name: str
     role: str | None
     scopes: tuple[str, ...]
     key: str
     administrator: bool = False
-
-    @property
-    def user(self) -> str:
-        """Whose key it is."""
-        return "chief" if self.administrator else str(self.role)
 
     @property
     def may_most(self) -> bool:
@@ -67,13 +59,7 @@ class Caller:
 
 @dataclass
 class Matrix:
-    """What was asked and what was wrong.
-
-    Attributes:
-        calls: by operation.
-        statuses: of all answers.
-        leaks: answers that should not have been, in words.
-    """
+    """Calls by operation, statuses of all answers, and answers that should not have been, in words."""
 
     calls: Counter[str] = field(default_factory=Counter)
     statuses: Counter[int] = field(default_factory=Counter)
@@ -89,35 +75,39 @@ def operations(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
     }
 
 
+@contextmanager
+def asking_of(service: LocalService) -> Iterator[Round]:
+    """Projects and callers of a service that runs with settings such as `ASKED_FREELY`."""
+    with ExitStack() as stack:
+        engine = make_engine(service.settings.database_url or "", pool_size=2)
+        stack.callback(engine.dispose)
+        line = stack.enter_context(httpx.Client(base_url=service.url, timeout=120, trust_env=False))
+        owner, stranger = (
+            stack.enter_context(client_at(f"{service.url}{PREFIX}/", service.new_key(name)))
+            for name in ("owner", "stranger")
+        )
+        yield Round(make_sessions(engine), line, owner, stranger)
+
+
 class Round:
     """One service, two projects, all callers."""
 
-    def __init__(self, service: LocalService, sessions: Sessions, line: httpx.Client) -> None:
-        self.line, self.sessions, self.matrix = line, sessions, Matrix()
+    def __init__(self, sessions: Sessions, line: httpx.Client, owner: httpx.Client, stranger: httpx.Client) -> None:
+        self.line, self.sessions, self.owner, self.matrix = line, sessions, owner, Matrix()
         self.document = line.get("/openapi.json").raise_for_status().json()
         self.mark = f"m4rk{uuid4().hex}"
-        self.owner = self._client(service.new_key("owner"))
-        self.stranger = self._client(service.new_key("stranger"))
-        self.foreign = furnish(self.stranger, sessions, self.mark)
-        self.own = furnish(self.owner, sessions, "own")
+        self.foreign, self.own = furnish(stranger, sessions, self.mark), furnish(owner, sessions, "own")
         for name, role in (("viewer", "viewer"), ("editor", "editor"), ("guest", "viewer"), ("chief", "viewer")):
             with sessions.begin() as session:
                 user_named(session, name)
             self._join(name, role)
-        self.random = Things({name: str(uuid4()) for name in self.own.ids} | {"number": "1", "name": "parameters"})
-        for things in (self.own, self.foreign, self.random):
-            things.ids["member"] = "guest"
+        self.random = {name: str(uuid4()) for name in (*self.own, "user_id")} | {"number": "1", "name": "parameters"}
+        for ids in (self.own, self.foreign, self.random):
+            ids["member"] = "guest"
         with sessions.begin() as session:
             user_named(session, "chief").administrator = True
-            self.own.ids["user_id"] = str(user_named(session, "guest").id)
-        self.random.ids["user_id"] = str(uuid4())
-        self.secrets = {value for name, value in self.foreign.ids.items() if name.endswith("_id")}
-
-    def _client(self, key: str) -> httpx.Client:
-        headers = {"Authorization": f"Bearer {key}"}
-        return httpx.Client(
-            base_url=str(self.line.base_url.join(f"{PREFIX}/")), headers=headers, timeout=120, trust_env=False
-        )
+            self.own["user_id"] = str(user_named(session, "guest").id)
+        self.secrets = {value for name, value in self.foreign.items() if name.endswith("_id")}
 
     def _join(self, member: str, role: str) -> None:
         path = f"projects/{self.own['project_id']}/members/{member}"
@@ -125,29 +115,28 @@ class Round:
 
     def callers(self, long: bool) -> list[Caller]:
         """Every kind of caller; with every combination of role and scope where it may take long."""
-        made = [Caller("no key", None, (), "")]
+        made, yesterday = [Caller("no key", None, (), "")], datetime.now(UTC) - timedelta(days=1)
         with self.sessions.begin() as session:
+
+            def key(user: str, *scopes: str, **more: Any) -> str:
+                return create_key(session, user_named(session, user), "made", scopes or SCOPES, **more)[1]
+
             for role in ("owner", "editor", "viewer"):
-                user = user_named(session, role)
-                made.append(Caller(role, role, SCOPES, create_key(session, user, "all")[1]))
-                for scope in SCOPES if long or role == "owner" else ():
-                    key = create_key(session, user, scope, [scope])[1]
-                    made.append(Caller(f"{role}, {scope} alone", role, (scope,), key))
-            chief, some = user_named(session, "chief"), ("read", "write", "jobs")
-            made.append(Caller("administrator", "viewer", SCOPES, create_key(session, chief, "all")[1], True))
-            made.append(
-                Caller("administrator, no admin", "viewer", some, create_key(session, chief, "s", some)[1], True)
-            )
-            owner, yesterday = user_named(session, "owner"), datetime.now(UTC) - timedelta(days=1)
-            revoked = create_key(session, owner, "revoked")
+                made.append(Caller(role, role, SCOPES, key(role)))
+                alone = SCOPES if long or role == "owner" else ()
+                made += [Caller(f"{role}, {scope} alone", role, (scope,), key(role, scope)) for scope in alone]
+            some = ("read", "write", "jobs")
+            made.append(Caller("administrator", "viewer", SCOPES, key("chief"), True))
+            made.append(Caller("administrator, no admin", "viewer", some, key("chief", *some), True))
+            revoked = create_key(session, user_named(session, "owner"), "revoked")
             session.execute(update(ApiKey).where(ApiKey.id == revoked[0].id).values(revoked_at=yesterday))
-            if not long:
-                return [*made, Caller("revoked", None, (), revoked[1])]
-            expired = create_key(session, owner, "expired", expires_at=yesterday)
-            gone = user_named(session, "gone")
-            made += [Caller("revoked", None, (), revoked[1]), Caller("expired", None, (), expired[1])]
-            made.append(Caller("disabled", None, (), create_key(session, gone, "gone")[1]))
-            session.execute(update(User).where(User.id == gone.id).values(disabled_at=yesterday))
+            made.append(Caller("revoked", None, (), revoked[1]))
+            if long:
+                made.append(Caller("expired", None, (), key("owner", expires_at=yesterday)))
+                made.append(Caller("disabled", None, (), key("gone")))
+                session.execute(
+                    update(User).where(User.id == user_named(session, "gone").id).values(disabled_at=yesterday)
+                )
         return made
 
     def run(self, long: bool = False, only: Sequence[str] = ()) -> Matrix:
@@ -159,10 +148,9 @@ class Round:
             only: these operations; all by default.
         """
         self.matrix, self.long = Matrix(), long
-        callers, judged = self.callers(long), judgements()
-        asked = operations(self.document)
+        callers, judged, asked = self.callers(long), furnished.judgements(), operations(self.document)
         for missing in asked.keys() - judged.keys():
-            self.matrix.leaks.append(f"{missing}: nobody has judged who may; add it to benchmarks/access_judged.py")
+            self.matrix.leaks.append(f"{missing}: nobody has judged who may; add it to `JUDGED`")
         for gone in judged.keys() - asked.keys():
             self.matrix.leaks.append(f"{gone}: is judged, but no operation of the document")
         known = [name for name in only or asked if name in judged]
@@ -178,97 +166,90 @@ class Round:
     def _hide(self, path: str, reads: Sequence[str], owner: Caller, outside: set[str]) -> None:
         """Nothing of what is deleted with a structure or a project is shown by any route, but the audit trail."""
         self.owner.delete(path).raise_for_status()
-        inside = {value for name, value in self.own.ids.items() if name.endswith("_id") and name not in outside}
+        inside = {value for name, value in self.own.items() if name.endswith("_id") and name not in outside}
         for name in reads:
-            status, content = self._ask(name, owner, self.own, None)
-            named = set(_NAMES.findall(name))
-            if named and not named & outside and status != 404:
-                self._leak(name, owner, "own", (status, content), f"should be 404 after DELETE {path}")
-            if not named and name != "GET /audit-events" and any(value in content for value in inside):
-                self._leak(name, owner, "own", (status, content), f"shows what is hidden by DELETE {path}")
+            answer, named = self._ask(name, owner, self.own, None), set(_NAMES.findall(name))
+            if named and not named & outside and answer[0] != 404:
+                self._leak(name, owner, "own", answer, f"should be 404 after DELETE {path}")
+            if not named and name != "GET /audit-events" and any(value in answer[1] for value in inside):
+                self._leak(name, owner, "own", answer, f"shows what is hidden by DELETE {path}")
         self.owner.post(f"{path}/restore").raise_for_status()
 
     def _ask_all(self, name: str, operation: dict[str, Any], judged: tuple[str, str], caller: Caller) -> None:
-        scope, role = judged
-        body = BODIES.get(name)
-        if scope == "public":
-            self._expect(name, caller, "public", self._ask(name, caller, self.own, body), {200})
-            return
-        if caller.role is None:
-            self._expect(name, caller, "own", self._ask(name, caller, self.own, body), {401})
-            return
-        if scope not in caller.scopes:
-            self._expect(name, caller, "own", self._ask(name, caller, self.own, body), {403})
+        (scope, role), body = judged, BODIES.get(name)
+        refused = (
+            200 if scope == "public" else 401 if caller.role is None else 403 if scope not in caller.scopes else None
+        )
+        if refused:
+            self._expect(name, caller, "own", self._ask(name, caller, self.own, body), {refused})
             return
         if role == "administrator":
             self._ask_administrator(name, caller, body)
             return
         named, outside = "{" in name, self.long or caller.may_most
         if named and outside:
-            random, foreign = (self._ask(name, caller, things, body) for things in (self.random, self.foreign))
+            random, foreign = (self._ask(name, caller, ids, body) for ids in (self.random, self.foreign))
             self._expect(name, caller, "random", random, {404})
             self._expect(name, caller, "foreign", foreign, {404})
             self._same(name, caller, random, foreign, self.random, self.foreign)
-        if role != "anyone" and RANK[caller.role] < RANK[role]:
+        if role != "anyone" and RANK[str(caller.role)] < RANK[role]:
             self._expect(name, caller, "own", self._ask(name, caller, self.own, body), {403})
             return
-        things = self._with_own_key(caller.user) if "{key_id}" in name else self.own
-        own = self._ask(name, caller, things, body)
+        user = "chief" if caller.administrator else str(caller.role)
+        ids = self._with_own_key(user) if "{key_id}" in name else self.own
+        own = self._ask(name, caller, ids, body)
         if named and own[0] in REFUSED:
             random = self._ask(name, caller, self.random, body)
-            if _anonymous(own[1], things) == _anonymous(random[1], self.random):
+            if _anonymous(own[1], ids) == _anonymous(random[1], self.random):
                 self._leak(name, caller, "own", own, "should be let in")
-        self._repair(name, own[0])
+        if name.startswith("DELETE") and own[0] < 300:
+            self._repair(name)
         if outside and len(caller.scopes) > 1:
             self._references(name, operation, caller, body)
 
     def _ask_administrator(self, name: str, caller: Caller, body: Any) -> None:
         """Users belong to no project: an administrator is let in to all, anybody else learns not even who there is."""
-        things = self._with_own_key("guest") if "{key_id}" in name else self.own
-        own, random = self._ask(name, caller, things, body), self._ask(name, caller, self.random, body)
+        ids = self._with_own_key("guest") if "{key_id}" in name else self.own
+        own, random = self._ask(name, caller, ids, body), self._ask(name, caller, self.random, body)
         if caller.administrator:
             self._expect(name, caller, "own", own, {200, 204})
             self._expect(name, caller, "random", random, {404} if "{" in name else {200})
         else:
             self._expect(name, caller, "own", own, {403})
-            self._same(name, caller, random, own, self.random, things)
+            self._same(name, caller, random, own, self.random, ids)
 
     def _references(self, name: str, operation: dict[str, Any], caller: Caller, body: Any) -> None:
         """Ids in the query and in the body: a foreign one is like one that there is not."""
+
+        def compare(what: str, **how: Any) -> None:
+            ids = (str(uuid4()), self.foreign[_kind_of(what)])
+            make = how.pop("make")
+            one, other = (self._ask(name, caller, self.own, *make(value)) for value in ids)
+            self._same(name, caller, one, other, {"x": ids[0]}, {"x": ids[1]})
+
         for parameter in operation.get("parameters", []):
             if parameter["in"] == "query" and _is_uuid(parameter["schema"]):
-                target = self.foreign[_kind_of(parameter["name"])]
-                absent = str(uuid4())
-                answers = [self._ask(name, caller, self.own, body, {parameter["name"]: v}) for v in (absent, target)]
-                self._same(name, caller, *answers, Things({"x": absent}), Things({"x": target}))
+                compare(parameter["name"], make=lambda value, own=parameter["name"]: (body, {own: value}))
         schema = operation.get("requestBody", {}).get("content", {}).get("application/json", {}).get("schema", {})
         for place in _uuid_places(self.document, schema):
-            field = next(step for step in reversed(place) if isinstance(step, str))  # a list of ids ends in a number
-            target, absent = self.foreign[_kind_of(field)], str(uuid4())
-            answers = [self._ask(name, caller, self.own, _with(body, place, v)) for v in (absent, target)]
-            self._same(name, caller, *answers, Things({"x": absent}), Things({"x": target}))
+            own = next(step for step in reversed(place) if isinstance(step, str))  # a list of ids ends in a number
+            compare(own, make=lambda value, place=place: (_with(body, place, value),))
 
-    def _with_own_key(self, name: str) -> Things:
-        with self.sessions() as session:
-            user = user_named(session, name)
-            key = create_key(session, user, "spare")[0].id
-            session.commit()
-        return Things({**self.own.ids, "key_id": str(key)})
+    def _with_own_key(self, name: str) -> Ids:
+        with self.sessions.begin() as session:
+            return {**self.own, "key_id": str(create_key(session, user_named(session, name), "spare")[0].id)}
 
-    def _ask(
-        self, name: str, caller: Caller, things: Things, body: Any, query: dict[str, str] | None = None
-    ) -> tuple[int, str]:
+    def _ask(self, name: str, caller: Caller, ids: Ids, body: Any, query: Ids | None = None) -> Answer:
         method, path = name.split(" ", 1)
         headers = {"Authorization": f"Bearer {caller.key}"} if caller.key else {}
         arguments: dict[str, Any] = {"params": query or {}}
         if name.endswith("/imports") and method == "POST":
-            arguments["content"], headers = b"no file", headers | FORM
+            arguments["content"], headers = b"no file", headers | RAW
         elif body is not None:
             arguments["json"] = body
         if method == "DELETE" and path.split("/")[1] in ("structures", "campaigns", "monitors"):
             headers["If-Match"] = '"another"'  # so that it stays
-        prefix = "" if path in ("/healthz", "/readyz") else PREFIX
-        url = prefix + path.format_map(things.ids)
+        url = ("" if path in ("/healthz", "/readyz") else PREFIX) + path.format_map(ids)
         with self.line.stream(method, url, headers=headers, **arguments) as answer:
             if answer.headers.get("content-type", "").startswith("text/event-stream"):
                 content = next(answer.iter_text(), "")
@@ -278,7 +259,7 @@ class Round:
         self.line.cookies.clear()  # a session that was begun is nobody else's
         self.matrix.calls[name] += 1
         self.matrix.statuses[status] += 1
-        sent = set(things.ids.values()) | set((query or {}).values())
+        sent = {*ids.values(), *(query or {}).values()}
         shown = next((s for s in self.secrets if s in content and s not in sent and s not in json.dumps(body)), None)
         if self.mark in content or shown:
             self._leak(name, caller, "any", (status, content), "says something of the foreign project")
@@ -286,42 +267,34 @@ class Round:
             self._leak(name, caller, "any", (status, content), "is an error of the service")
         return status, content
 
-    def _expect(self, name: str, caller: Caller, what: str, answer: tuple[int, str], wanted: set[int]) -> None:
+    def _expect(self, name: str, caller: Caller, what: str, answer: Answer, wanted: set[int]) -> None:
         if answer[0] not in wanted:
             self._leak(name, caller, what, answer, f"should be {', '.join(map(str, wanted))}")
 
-    def _same(
-        self, name: str, caller: Caller, one: tuple[int, str], other: tuple[int, str], ids: Things, others: Things
-    ) -> None:
+    def _same(self, name: str, caller: Caller, one: Answer, other: Answer, ids: Ids, others: Ids) -> None:
         if (one[0], _anonymous(one[1], ids)) != (other[0], _anonymous(other[1], others)):
             self._leak(
                 name, caller, "foreign", other, f"is answered unlike an id that is none: {one[0]} {one[1][:200]}"
             )
 
-    def _leak(self, name: str, caller: Caller, what: str, answer: tuple[int, str], why: str) -> None:
+    def _leak(self, name: str, caller: Caller, what: str, answer: Answer, why: str) -> None:
         self.matrix.leaks.append(f"{name}, {caller.name}, {what} id: {why}; it is {answer[0]} {answer[1][:300]}")
 
-    def _repair(self, name: str, status: int) -> None:
+    def _repair(self, name: str) -> None:
         """Bring back what an act of somebody who may has removed."""
-        if not (name.startswith("DELETE") and status < 300):
-            return
-        own = self.own.ids
+        own = self.own
         if name.startswith("DELETE /projects/{project_id}/members"):
             self._join("guest", "viewer")
         elif name == "DELETE /projects/{project_id}":
-            self.owner.post(f"projects/{own['project_id']}/restore").raise_for_status()
+            post(self.owner, f"projects/{own['project_id']}/restore")
         elif name.startswith("DELETE /records"):
-            made = self.owner.post(
-                f"structures/{own['structure_id']}/campaigns", json=paper.CAMPAIGN
-            ).raise_for_status()
-            answer = self.owner.post(f"campaigns/{made.json()['id']}/records", json=record())
-            own["record_id"] = answer.raise_for_status().json()["items"][0]["id"]
+            campaign = post(self.owner, f"structures/{own['structure_id']}/campaigns", paper.CAMPAIGN)["id"]
+            own["record_id"] = post(self.owner, f"campaigns/{campaign}/records", record())["items"][0]["id"]
         elif name.startswith("DELETE /webhooks"):
-            answer = self.owner.post("webhooks", json={"project": own["project_id"], "url": HOOK})
-            own["webhook_id"] = answer.raise_for_status().json()["id"]
+            own["webhook_id"] = post(self.owner, "webhooks", {"project": own["project_id"], "url": HOOK})["id"]
 
 
-def _anonymous(content: str, things: Things) -> str:
+def _anonymous(content: str, ids: Ids) -> str:
     """An answer without the ids that were asked for and without the request's."""
     try:
         document = json.loads(content)
@@ -330,7 +303,7 @@ def _anonymous(content: str, things: Things) -> str:
     if isinstance(document, dict):
         document.pop("request_id", None)
     shown = json.dumps(document)
-    for value in things.ids.values():
+    for value in ids.values():
         shown = shown.replace(value, "…") if len(value) == 36 else shown
     return shown
 
@@ -341,12 +314,7 @@ def _is_uuid(schema: dict[str, Any]) -> bool:
 
 def _kind_of(name: str) -> str:
     """The kind of thing that a field names, as paths call it."""
-    known = {
-        "prior_from_coupon_batch": "batch_id",
-        "batch": "batch_id",
-        "coupon_batches": "batch_id",
-        "processing": "processing_id",
-    }
+    known = dict.fromkeys(("prior_from_coupon_batch", "batch", "coupon_batches"), "batch_id")
     return known.get(name, name if name.endswith("_id") else f"{name}_id")
 
 
@@ -374,43 +342,3 @@ def _with(body: Any, place: tuple[str | int, ...], value: str) -> Any:
             node[step] = new
         node = node[step]
     return made
-
-
-@contextmanager
-def asking() -> Iterator[Round]:
-    """A service on a temporary database, with its projects and callers, while the block runs."""
-    with ExitStack() as stack:
-        data = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mb-", ignore_cleanup_errors=True)))
-        data.chmod(0o755)  # the server may run as a user of its own
-        settings = Settings(data=data, port=0, log_level="error", **ASKED_FREELY)
-        service = stack.enter_context(LocalService(settings, worker=False))
-        yield stack.enter_context(asking_of(service))
-
-
-@contextmanager
-def asking_of(service: LocalService) -> Iterator[Round]:
-    """Projects and callers of a service that runs with settings such as `ASKED_FREELY`."""
-    with ExitStack() as stack:
-        engine = make_engine(service.settings.database_url or "", pool_size=2)
-        stack.callback(engine.dispose)
-        line = stack.enter_context(httpx.Client(base_url=service.url, timeout=120, trust_env=False))
-        asked = Round(service, make_sessions(engine), line)
-        stack.callback(asked.owner.close)
-        stack.callback(asked.stranger.close)
-        yield asked
-
-
-def report(found: Matrix) -> Iterator[str]:
-    """The matrix in lines."""
-    for name, (scope, role) in judgements().items():
-        yield f"{name:<58} {scope:<7} {role:<7} {found.calls[name]:>5} calls"
-    yield f"{found.calls.total()} calls; " + ", ".join(f"{n} × {s}" for s, n in sorted(found.statuses.items()))
-    yield f"{len(found.leaks)} leaks"
-    yield from found.leaks
-
-
-if __name__ == "__main__":
-    with asking() as asked:
-        result = asked.run(long="long" in sys.argv[1:])
-    print("\n".join(report(result)))
-    sys.exit(1 if result.leaks else 0)

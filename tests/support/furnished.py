@@ -1,11 +1,111 @@
-"""What each operation of the API asks of a key and of its user, judged by hand, and a body that it takes."""
+"""A project with one thing of each kind that a path of the API can name, and what each operation asks of a key, judged
+by hand.
+"""
 
 from __future__ import annotations
 
 from typing import Any
+from uuid import UUID
 
-from benchmarks.access_laboratory import HOOK, MODES, MONITOR, frfs, record
+import httpx
+from sqlalchemy import insert
+
+from benchmarks.service import RAW, post
 from service.app.demo import paper
+from service.app.kinds import KINDS  # every table is imported by this
+from service.db.base import Base
+from service.db.engine import Sessions
+
+assert KINDS  # it is imported for its tables
+
+MODES = [{"frequency_hz": 25.61, "damping_ratio": 0.1556}, {"frequency_hz": 160.85, "damping_ratio": 0.0284}]
+MONITOR: dict[str, Any] = {
+    "name": "watch",
+    "recipe": {"parameters": [{"name": "Ex"}], "damping_models": ["rayleigh"]},
+    "parameters": [{"name": "Ex"}],
+    "baseline": {"campaigns": 4},
+}
+HOOK = "https://198.51.100.1/hook"  # nobody has this address
+
+
+def frfs(first: int = 1) -> dict[str, Any]:
+    """A body of one FRF of three lines."""
+    one = {"response_point": first, "response_direction": 3, "reference_point": 1, "reference_direction": 3}
+    spectrum = {"real": [1.0, 2.0, 3.0], "imag": [0.0, 0.5, 1.0]}
+    return {"quantity": "accelerance", "frequency_hz": [1.0, 2.0, 3.0], "frfs": [one | spectrum]}
+
+
+def record(hit: int = 1) -> dict[str, Any]:
+    """A body of one hit: two channels of 64 samples."""
+    pairs = (("f", "force", 1), ("a", "acceleration", 2))
+    channels = [{"variable": name, "quantity": quantity, "point": point} for name, quantity, point in pairs]
+    samples = [0.0, 1.0, 0.5, 0.1] + 60 * [0.0]
+    mapping = {"sample_rate_hz": 1000.0, "hit": hit, "channels": channels}
+    return {"variables": {"f": samples, "a": samples[::-1]}, "mapping": mapping}
+
+
+def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> dict[str, str]:
+    """Make a project with one thing of each kind: their ids by the name that paths give them.
+
+    Args:
+        client: of the project's owner.
+        sessions: on the service's database, for the alarm, which otherwise takes a worker and many campaigns.
+        mark: a part of every name and note, to be looked for where it must not be.
+    """
+
+    def made(path: str, body: Any = None, **more: Any) -> Any:
+        return post(client, path, body, **more)
+
+    project = made("projects", {"name": mark, "description": mark})["id"]
+    structure = made(f"projects/{project}/structures", {**paper.STRUCTURE, "name": mark})["id"]
+    first, second = (
+        made(f"structures/{structure}/campaigns", {**paper.CAMPAIGN, "name": f"{mark} {n}", "notes": mark})["id"]
+        for n in (1, 2)
+    )
+    campaign = f"campaigns/{first}"
+    points = [{"label": n, "x_m": 0.1 * n, "y_m": 0, "z_m": 0} for n in (1, 2)]
+    client.put(f"{campaign}/grid-points", json={"items": points}).raise_for_status()
+    batch = made(f"structures/{structure}/coupon-batches", {"name": mark, "constants": ["Ex"]})["id"]
+    monitor = made(f"structures/{structure}/monitors", {**MONITOR, "name": mark})["id"]
+    webhook = made("webhooks", {"project": project, "url": f"{HOOK}?{mark}"})["id"]
+    made(f"webhooks/{webhook}/test")
+    frf = made(f"{campaign}/frfs", frfs())["items"][0]["id"]
+    coupon = made(f"coupon-batches/{batch}/coupons", {"specimen": mark, "E_Pa": 3.3e10})["items"][0]["id"]
+    both = {"joint": True, "jobs": [{"campaign_id": first}, {"campaign_id": second}]}
+    return {
+        "project_id": project,
+        "structure_id": structure,
+        "campaign_id": first,
+        "frf_id": frf,
+        "record_id": made(f"{campaign}/records", record())["items"][0]["id"],
+        "mode_set_id": made(f"{campaign}/mode-sets", {"name": mark, "modes": MODES})["id"],
+        "import_id": made(f"{campaign}/imports", content=paper.uff_file(), headers=RAW, params={"filename": mark})[
+            "id"
+        ],
+        "processing_id": made(f"{campaign}/processings", {})["id"],
+        "identification_id": made(f"{campaign}/identifications", {})["id"],
+        "job_id": made(f"{campaign}/update-jobs", {})["id"],
+        "joint_id": made("update-jobs", both)["joint"]["id"],
+        "batch_id": batch,
+        "coupon_id": coupon,
+        "monitor_id": monitor,
+        "alarm_id": str(_alarm(sessions, monitor, first, mark)),
+        "webhook_id": webhook,
+        "delivery_id": client.get(f"webhooks/{webhook}/deliveries").raise_for_status().json()["items"][0]["id"],
+        "key_id": client.get("api-keys").json()["items"][0]["id"],
+        "number": "1",
+        "name": "parameters",
+    }
+
+
+def _alarm(sessions: Sessions, monitor: str, campaign: str, mark: str) -> UUID:
+    table = Base.metadata.tables["alarms"]
+    row = {"monitor_id": UUID(monitor), "campaign_id": UUID(campaign), "series": 1, "state": "alarm"}
+    row |= {"parameter": "Ex", "details": {"performed_at": "2026-03-02T09:30:00+00:00", "value": 3e10, "note": mark}}
+    with sessions.begin() as session:
+        made: UUID = session.execute(insert(table).values(row).returning(table.c.id)).scalar_one()
+        return made
+
 
 JUDGED = """
 public  -       GET /healthz, GET /readyz
