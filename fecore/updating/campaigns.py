@@ -24,7 +24,7 @@ from fecore.updating.forward import EXTRA_MODES, ForwardModel, modes_to_cover
 from fecore.updating.inputs import Inputs
 from fecore.updating.laws import CommonLaw, common_damping
 from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Coupon, Layout, Unknown
-from fecore.updating.parameters import Coordinates, Parameter, Parametrisation, parametrise
+from fecore.updating.parameters import Parameter, Parametrisation, parametrise
 from fecore.updating.posterior import SCATTER
 from fecore.updating.result import Finding, ModeComparison, ParameterEstimate, Verdict
 
@@ -209,7 +209,7 @@ def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], *, s
     """
     _check(campaigns, parameters)
     forwards = [_forward(campaign, parameters) for campaign in campaigns]
-    shared, sd = forwards[0].parametrisation.reported, Coordinates(forwards[0].parametrisation).sd
+    shared, sd = forwards[0].parametrisation.reported, forwards[0].parametrisation.xi_sd
     unknowns: dict[tuple[str, str | None], Unknown] = {}
     unknowns |= {(name, None): Unknown(name, None, float(sd[i])) for i, name in enumerate(shared)}
     specimens = tuple(dict.fromkeys(campaign.specimen for campaign in campaigns))
@@ -218,7 +218,7 @@ def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], *, s
         unknowns |= {(n, specimen): Unknown.of_scatter(n, specimen) for specimen in specimens for n in moduli}
     keys = []
     for campaign, forward in zip(campaigns, forwards, strict=True):
-        prior, own = forward.parametrisation, Coordinates(forward.parametrisation).sd
+        prior, own = forward.parametrisation, forward.parametrisation.xi_sd
         keys.append([_key(name, campaign, shared) for name in prior.names])
         for key, name, deviation in zip(keys[-1], prior.names, own, strict=True):
             owner = f"campaign {key[1]}" if name in CAMPAIGNS_OWN else key[1]
@@ -302,7 +302,7 @@ def _meshed(campaign: Campaign) -> OrientedSpecimen:
 
 def _part(elastic: ElasticResult, number: int, campaign: Campaign, agreement: Agreement) -> CampaignPart:
     layout = elastic.layout
-    coordinates, alone = layout.campaigns[0].coordinates, layout.material(agreement.alone)
+    alone = layout.material(agreement.alone)
     names = enumerate(layout.shared)
     p, count = agreement.predictive_p, len(layout.campaigns)
     return CampaignPart(
@@ -314,7 +314,7 @@ def _part(elastic: ElasticResult, number: int, campaign: Campaign, agreement: Ag
             name: {
                 "estimate": float(alone[place]),
                 "standard_deviation": float(
-                    agreement.alone_sd[place] * (abs(alone[place]) if coordinates.logarithmic[place] else 1.0)
+                    agreement.alone_sd[place] * (abs(alone[place]) if layout.prior.logarithmic[place] else 1.0)
                 ),
                 "z": float(agreement.z[place]),
             }

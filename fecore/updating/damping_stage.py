@@ -216,7 +216,7 @@ def fit_damping(
     fits.sort(key=lambda fit: fit.objective)
     best = fits[0]
     elastic, by_elastic = data.elastic, _by_elastic(data, reference.misfit, best)
-    by_coordinates = by_elastic * elastic.coordinates.slope(elastic.theta)
+    by_coordinates = by_elastic * elastic.prior.slope(elastic.theta)
     rivals = [fit.coefficients for fit in fits if fit.objective - best.objective < _RIVAL * reference.scale]
     return DampingResult(
         fit=best,

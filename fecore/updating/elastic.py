@@ -198,9 +198,7 @@ class Misfit:
 
     @cached_property
     def _likest(self) -> tuple[Pairing, ...]:
-        return tuple(
-            pair_likest(c.modes, c.forward.solve(c.forward.parametrisation.prior_mean)) for c in self.layout.campaigns
-        )
+        return tuple(pair_likest(c.modes, c.forward.solve(c.prior.prior_mean)) for c in self.layout.campaigns)
 
     def at(
         self,
@@ -222,7 +220,7 @@ class Misfit:
         by: list[FloatArray] = [np.zeros((0, size))]
         for campaign, state, pairing, at in zip(self.layout.campaigns, states, pairings, rows, strict=True):
             measured, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
-            chain = campaign.coordinates.slope(state.theta)[:, None] * campaign.pick
+            chain = campaign.prior.slope(state.theta)[:, None] * campaign.pick
             residual[at] = np.log(campaign.modes.frequency_hz[measured] / state.frequency_hz[columns])
             noise[at, at] = campaign.noise(measured)
             sensitivity[at] = state.frequency_jacobian[columns] / state.frequency_hz[columns, None] @ chain

@@ -16,7 +16,7 @@ from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardState
 from fecore.updating.layout import CampaignModel, Layout
 from fecore.updating.pairing import Partners, partners_of
-from fecore.updating.parameters import Coordinates
+from fecore.updating.parameters import Parametrisation
 from fecore.updating.posterior import (
     Identifiability,
     LinearProblem,
@@ -224,9 +224,9 @@ class ElasticResult:
         return only
 
     @property
-    def coordinates(self) -> Coordinates:
-        """The map from its parameters θ to the coordinates of x."""
-        return self.only.coordinates
+    def prior(self) -> Parametrisation:
+        """Its parameters θ, their coordinates and prior."""
+        return self.only.prior
 
     @property
     def theta(self) -> FloatArray:
@@ -251,13 +251,13 @@ class ElasticResult:
     @cached_property
     def covariance(self) -> FloatArray:
         """(p, p) posterior covariance of θ given the partners, discrepancy included, excursions not."""
-        slope = self.coordinates.slope(self.theta)
+        slope = self.prior.slope(self.theta)
         return self.mixture.total * np.outer(slope, slope)
 
     @cached_property
     def noise_covariance(self) -> FloatArray:
         """(p, p) covariance of θ under measurement noise alone."""
-        slope = self.coordinates.slope(self.theta)
+        slope = self.prior.slope(self.theta)
         return (self.gain @ self.problem.noise @ self.gain.T) * np.outer(slope, slope)
 
 

@@ -280,13 +280,13 @@ def sparse_zones(first: ElasticResult, refit: Callable[[Layout, ElasticResult], 
         first: the update with the recipe's priors.
         refit: the update anew with other priors, from a former result.
     """
-    prior = first.only.forward.parametrisation
+    prior = first.prior
     zones = [c for c, name in enumerate(prior.names) if name in prior.body.nominal and kind_of(name) == "zone"]
     if not zones:
         return first
     largest, result = prior.prior_sd[zones], first
     for _ in range(_ROUNDS):
-        now = result.coordinates.sd[zones]
+        now = result.prior.xi_sd[zones]
         known = np.clip(1 - _variance(result, zones) / now**2, _KNOWN_AT_LEAST, 1.0)
         wanted = np.clip(np.sqrt(result.x[zones] ** 2 / known), _LEAST, largest)
         if np.all(np.abs(np.log(wanted / now)) < _SAME):

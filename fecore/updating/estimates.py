@@ -70,7 +70,7 @@ def coordinate_spread(elastic: ElasticResult, place: int, samples: FloatArray | 
     variance = {name: float(part[place] @ part[place]) for name, part in elastic.sources.items()}
     noise_sd = float(np.sqrt(variance[NOISE]))
     variance[DISCREPANCY_OF_MODEL] = max(variance[DISCREPANCY_OF_MODEL] + total - sum(variance.values()), 0.0)
-    centred = None if samples is None else samples - (elastic.coordinates.mean + elastic.x)[place]
+    centred = None if samples is None else samples - (elastic.prior.xi_mean + elastic.x)[place]
     core = _sampled_or(centred, float(np.sqrt(total)), *elastic.mixture.reach(along))
     if elastic.standing:
         spanned = float(elastic.spanning.total[place, place])
@@ -91,7 +91,7 @@ def constant_estimates(
         sampled: samples of the posterior of one campaign.
     """
     layout = elastic.layout
-    prior, coordinates = layout.campaigns[0].forward.parametrisation, layout.campaigns[0].coordinates
+    prior = layout.prior
     theta, held = layout.material(elastic.x), _with_inputs_held(elastic)
     provenance = {} if inputs is None else _provenance(elastic, inputs)
     estimates = []
@@ -101,7 +101,7 @@ def constant_estimates(
         others = tuple(n for n in state.confounded_with if n != master and (inputs is not None or n in layout.shared))
         for row in np.flatnonzero(prior.spread[:, column]):
             ratio, name = float(prior.spread[row, column]), prior.constant_names[row]
-            value, log = ratio * float(theta[column]), bool(coordinates.logarithmic[column])
+            value, log = ratio * float(theta[column]), bool(prior.logarithmic[column])
             base = _estimate(
                 name, prior.units[row], value, spread, slope=value if log else ratio, log=log, provenance=provenance
             )
@@ -125,7 +125,7 @@ def constant_estimates(
 def own_estimates(elastic: ElasticResult, number: int) -> list[ParameterEstimate]:
     """The unknowns that are one campaign's and its specimen's own; scatter is a ratio to the material's constant."""
     layout, campaign = elastic.layout, elastic.layout.campaigns[number]
-    prior, theta, sds = campaign.forward.parametrisation, campaign.theta(elastic.x), layout.sd(elastic.scatter)
+    prior, theta, sds = campaign.prior, campaign.theta(elastic.x), layout.sd(elastic.scatter)
     estimates = []
     for place in range(len(layout.shared), len(layout.unknowns)):
         if not campaign.pick[:, place].any():
@@ -136,7 +136,7 @@ def own_estimates(elastic: ElasticResult, number: int) -> list[ParameterEstimate
             row = int(np.flatnonzero(campaign.pick[:, place])[0])
             unit = prior.units[prior.constant_names.index(unknown.name)]
             value, mean, sd = float(theta[row]), float(prior.prior_mean[row]), float(prior.prior_sd[row])
-            log = bool(campaign.coordinates.logarithmic[row])
+            log = bool(prior.logarithmic[row])
         base = _estimate(unknown.name, unit, value, spread, slope=value if log else 1.0, log=log, provenance={})
         informed = 1 - (spread.sd / float(sds[place])) ** 2
         estimates.append(replace(base, initial=mean, identifiable=informed > 0.5, prior_mean=mean, prior_sd=sd))
@@ -203,7 +203,7 @@ def _with_inputs_held(elastic: ElasticResult) -> _Held:
         turn[:, count:] = np.linalg.solve(hessian[:count, :count], hessian[:count, count:])
     theta = layout.material(turn @ elastic.x)
     noise = turn @ elastic.sources[NOISE]
-    logarithmic = layout.campaigns[0].coordinates.logarithmic[:count]
+    logarithmic = layout.prior.logarithmic[:count]
     return _Held(theta, np.where(logarithmic, theta, 1.0) * np.sqrt(np.sum(noise**2, axis=1)))
 
 
@@ -271,7 +271,7 @@ def _with_excursions(
 
 def _provenance(elastic: ElasticResult, inputs: Inputs, damping: DampingResult | None = None) -> dict[str, str]:
     """Where the standard deviation of each source comes from, in words."""
-    prior = elastic.only.forward.parametrisation
+    prior = elastic.prior
     words = {
         NOISE: "covariance of the measured modes",
         DISCREPANCY_OF_MODEL: f"{100 * elastic.discrepancy:.2g} % of a frequency, from the residuals and its prior",

@@ -137,7 +137,7 @@ def plan_tests(
     layout = lay_out([*campaigns, *(look.campaign for look in looks)], parameters, scatter=False)
     precision = np.diag(layout.sd(0.0) ** -2) + _informed(layout, fitted)
     now = _material_covariance(precision, len(layout.shared))
-    slope = layout.campaigns[0].coordinates.slope(_whole(layout, theta))[: len(layout.shared)]
+    slope = layout.prior.slope(_whole(layout, theta))[: len(layout.shared)]
     found = [
         _forecast(look, layout, len(campaigns) + number, precision, now, slope, count=count)
         for number, look in enumerate(looks)
@@ -207,7 +207,7 @@ def _sensitivity(layout: Layout, number: int, theta: dict[str, float]) -> FloatA
     state = campaign.forward.solve(_whole(layout, theta, number))
     count = min(len(campaign.modes), state.frequency_hz.size)
     by = state.frequency_jacobian[:count] / state.frequency_hz[:count, None]
-    sensitivity: FloatArray = by * campaign.coordinates.slope(state.theta) @ campaign.pick
+    sensitivity: FloatArray = by * campaign.prior.slope(state.theta) @ campaign.pick
     return sensitivity
 
 

@@ -101,7 +101,7 @@ def test_the_budget_adds_up_and_thickness_counts_twice(nominal: Specimen) -> Non
     assert np.linalg.norm(result.sources["thickness"][0]) == pytest.approx(0.02, rel=0.03)
     weight = np.linalg.inv(result.problem.noise + result.discrepancy**2 * np.eye(5))
     S = result.problem.sensitivity
-    hessian = S.T @ weight @ S + np.diag(result.coordinates.sd**-2)
+    hessian = S.T @ weight @ S + np.diag(result.prior.xi_sd**-2)
     np.testing.assert_allclose(total, np.linalg.inv(hessian), rtol=1e-8, atol=1e-12)
 
 
