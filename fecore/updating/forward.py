@@ -6,7 +6,7 @@ model; `state` has what a solved model offers.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -55,6 +55,24 @@ class ForwardModel:
     reduced: bool = True
     roving_mass: float = 0.0
     verified: bool = True
+
+    @classmethod
+    def of_points(
+        cls,
+        parametrisation: Parametrisation,
+        points: Sequence[int],
+        coordinates: Mapping[int, Sequence[float]],
+        highest_hz: float,
+        modes: int = 0,
+        roving_mass: float = 0.0,
+    ) -> ForwardModel:
+        """The model at some points, with the modes below twice a frequency and some more than are measured.
+
+        Under a roving sensor a basis would have to hold the static deflections of every point: the full model is quicker.
+        """
+        places = np.array([coordinates[point][:2] for point in points]).reshape(-1, 2)
+        count, reduced = modes_to_cover(parametrisation, highest_hz, modes + EXTRA_MODES), not roving_mass
+        return cls(parametrisation.body, parametrisation, tuple(points), places, count, reduced, roving_mass)
 
     @cached_property
     def observation(self) -> scipy.sparse.csr_array:

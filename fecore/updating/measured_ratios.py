@@ -8,9 +8,11 @@ what d² has above V is an error of the model, and enters the variance of a.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.correlation import Pairing
@@ -39,6 +41,16 @@ class MeasuredRatios:
     ratio: FloatArray
     relative_covariance: FloatArray
     strain: FloatArray | None = None
+
+    @classmethod
+    def stacked(cls, parts: Sequence[MeasuredRatios]) -> MeasuredRatios:
+        """Those of several campaigns of one material, one after the other."""
+        return cls(
+            np.concatenate([part.omega for part in parts]),
+            np.concatenate([part.ratio for part in parts]),
+            scipy.linalg.block_diag(*(part.relative_covariance for part in parts)),
+            np.vstack([part.strain for part in parts if part.strain is not None]),
+        )
 
     def basis(self, law: DampingLaw) -> FloatArray:
         """(n, p) derivative of the ratios by a law's coefficients."""
