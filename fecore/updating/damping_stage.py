@@ -23,7 +23,7 @@ from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, convert
 from fecore.identification.error_model import memory
 from fecore.identification.noise import line_scatter, residual_variance
-from fecore.updating.damping_data import DampingData, lawful_strain, measured_ratios
+from fecore.updating.damping_data import DampingData
 from fecore.updating.forward import ForwardState
 from fecore.updating.law_fit import DampingFit, fit_law
 from fecore.updating.measured_ratios import MeasuredRatios, disagreement, law_of_window, law_ratio
@@ -144,7 +144,7 @@ def fit_reference(data: DampingData) -> ReferenceFit:
         fit=fit,
         scale=scale,
         excess=excess,
-        ratios=measured_ratios(data) or own,
+        ratios=data.measured_ratios or own,
         own_ratios=own,
         delay=delay,
     )
@@ -169,14 +169,12 @@ def _first_delay(data: DampingData) -> float:
 
     All lines count alike here, as the noise is not known yet.
     """
-    frfs, nuisance, start = data.frfs, data.nuisance(0), data.start(data.modal_law)
+    frfs, nuisance = data.frfs, data.nuisance(0)
     level = np.mean(np.abs(frfs.values) ** 2, axis=1, keepdims=True)
     misfit = data.misfit(frfs, data.weighting, np.broadcast_to(_FIRST_NOISE * level, frfs.values.shape))
-    omega = data.model.omega.copy()
-    omega[nuisance.modes] *= 1 + nuisance.first_shift
-    rate = data.modal_law.basis(omega) @ start
+    rate = data.modal_law.basis(data.first_omega) @ data.start(data.modal_law)
     rate[nuisance.suspended] = nuisance.suspended_rate
-    return misfit.delay(omega**2, rate + nuisance.window_rate)
+    return misfit.delay(data.first_omega**2, rate + nuisance.window_rate)
 
 
 def _turned_back(frfs: FrfSet, delay: float) -> FrfSet:
@@ -255,13 +253,13 @@ def _unit(misfit: FrfMisfit) -> float:
 
 def _modal_ratios(data: DampingData, modal: DampingFit) -> MeasuredRatios:
     """The same in the modal fit."""
-    lawful = data.roles.lawful
+    lawful = data.lawful
     omega = np.sqrt(modal.eigenvalue[lawful])
     ratio = modal.law_rate[lawful] / (2 * omega)
     order = np.argsort(data.model.omega[lawful])  # the modal law's coefficients ascend with their knots
     covariance = np.empty((ratio.size, ratio.size))
     covariance[np.ix_(order, order)] = modal.noise_covariance
-    return MeasuredRatios(omega, ratio, covariance / np.outer(ratio, ratio), lawful_strain(data))
+    return MeasuredRatios(omega, ratio, covariance / np.outer(ratio, ratio), data.lawful_strain)
 
 
 def _starts(law: DampingLaw, start: FloatArray, ratios: MeasuredRatios) -> list[FloatArray]:
@@ -275,7 +273,7 @@ def _starts(law: DampingLaw, start: FloatArray, ratios: MeasuredRatios) -> list[
 
 def _own_sources(data: DampingData, fit: DampingFit, relative: float) -> dict[str, FloatArray]:
     """(p, k) by noise, by each mode lying off the law by its share, and by unmeasured ones off the model's frequency."""
-    m, others, moved = fit.eigenvalue.size, data.roles.unmeasured, fit.nuisance.modes
+    m, others, moved = fit.eigenvalue.size, data.unmeasured, fit.nuisance.modes
     by = fit.response @ fit.normal.hessian
     by_shift = by[:, others] * 2 * fit.eigenvalue[others] * data.elastic.discrepancy
     parts = (

@@ -207,11 +207,11 @@ def _damping(
     try:
         stage = damping_data(inside, elastic, modes, recipe.weighting, inputs)
         asked = laws_of(recipe, stage.modal_law, elastic.updated.forward.specimen)
-        laws = identifiable_laws(len(stage.roles.rows), asked) or asked  # where there is none, the fit says so
+        laws = identifiable_laws(len(stage.rows), asked) or asked  # where there is none, the fit says so
         stage, odd = examine(stage)
-        findings += [*_unasked(asked[0], laws[0], len(stage.roles.rows)), *odd]
+        findings += [*_unasked(asked[0], laws[0], len(stage.rows)), *odd]
         reference = fit_reference(stage)
-        ranking = rank_laws(reference.ratios, stage.roles.rows, laws)
+        ranking = rank_laws(reference.ratios, stage.rows, laws)
         result = fit_damping(stage, reference, laws[0], progress=progress)
         findings += unstated_window(result, inputs, 1 / float(np.median(np.diff(inside.frequency_hz))))
     except InputError:

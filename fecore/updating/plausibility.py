@@ -77,16 +77,15 @@ class Likeness:
         """
         frfs = replace(data.frfs, quantity=quantity or data.frfs.quantity).to_quantity("accelerance")
         law = data.modal_law
-        omega = data.model.omega.copy()
-        omega[data.roles.shifted] *= 1 + data.roles.first_shift
+        omega = data.first_omega
         rate = law.basis(omega) @ data.start(law) + 2 * (data.inputs.window_rate or 0.0)
         predicted = data.model.with_eigenvalue(omega**2).synthesise(frfs.frequency_hz, rate, frfs.quantity)
         unknown = [
             mode
-            for mode, (row, _) in zip(data.roles.shifted, data.roles.pairs, strict=True)
+            for mode, (row, _) in zip(data.shifted, data.pairs, strict=True)
             if np.isnan(data.modes.damping_ratio[row])
         ]
-        unmeasured, unknown_hz = omega[data.roles.unmeasured] / (2 * np.pi), omega[unknown] / (2 * np.pi)
+        unmeasured, unknown_hz = omega[data.unmeasured] / (2 * np.pi), omega[unknown] / (2 * np.pi)
         seen = frfs.measured & _clear_lines(frfs.frequency_hz, np.concatenate([unmeasured, unknown_hz]))
         values, there = (np.where(seen, each, 0) for each in (frfs.values, predicted))
         own, model = (np.maximum(np.sum(np.abs(each) ** 2, axis=1), 1e-300) for each in (values, there))
@@ -99,7 +98,7 @@ class Likeness:
             labels=tuple(pair_label(*pair) for pair in zip(frfs.responses, frfs.references, strict=True)),
             unmeasured_hz=unmeasured,
             expected=_expected(frfs, predicted, unmeasured),
-            lowest_hz=float(omega[data.roles.shifted].min() / (2 * np.pi)),
+            lowest_hz=float(omega[data.shifted].min() / (2 * np.pi)),
         )
 
     @property
@@ -186,9 +185,9 @@ def examine(data: DampingData) -> tuple[DampingData, list[Finding]]:
         UpdatingError: the model is so far off that damping cannot be sought: modes that stay apart in frequency, or FRFs of
             another quantity than stated.
     """
-    missed = np.abs(data.roles.first_shift)
+    missed = np.abs(data.first_shift)
     likeness = Likeness.of(data)
-    pairs, updated = data.roles.pairs, data.elastic.updated
+    pairs, updated = data.pairs, data.elastic.updated
     if missed.max() > _LARGEST_MISS:
         row, column = pairs[int(np.argmax(missed))]
         hz, model = data.modes.frequency_hz[row], updated.frequency_hz[column]
