@@ -254,12 +254,6 @@ class ElasticResult:
         slope = self.prior.slope(self.theta)
         return self.mixture.total * np.outer(slope, slope)
 
-    @cached_property
-    def noise_covariance(self) -> FloatArray:
-        """(p, p) covariance of θ under measurement noise alone."""
-        slope = self.prior.slope(self.theta)
-        return (self.gain @ self.problem.noise @ self.gain.T) * np.outer(slope, slope)
-
 
 def _finite(values: FloatArray | None, row: int) -> float | None:
     return float(values[row]) if values is not None and np.isfinite(values[row]) else None

@@ -80,14 +80,17 @@ def test_a_law_starts_where_no_mode_is_damped_negatively() -> None:
 
 
 def test_modes_that_only_move_on_springs_tell_no_damping() -> None:
-    frfs: Any = SimpleNamespace(frequency_hz=np.array([1.0, 100.0]))
+    frfs: Any = SimpleNamespace(frequency_hz=np.array([1.0, 100.0]), responses=(), references=())
     updated = SimpleNamespace(
-        modes=SimpleNamespace(rigid=0), frequency_hz=np.array([10.0]), on_springs=np.array([True])
+        modes=SimpleNamespace(rigid=0),
+        frequency_hz=np.array([10.0]),
+        on_springs=np.array([True]),
+        frf_model=lambda *_: SimpleNamespace(strain=None),
     )
     elastic: Any = SimpleNamespace(updated=updated, pairing=SimpleNamespace(pairs=((0, 0),)))
     modes: Any = SimpleNamespace(frequency_hz=np.array([10.0]), damping_ratio=np.array([0.01]))
     with pytest.raises(UpdatingError, match="no measured mode strains the specimen: all move on the springs"):
-        damping_data.assign_roles(frfs, elastic, modes)
+        damping_data.damping_data(frfs, elastic, modes, "noise")
 
 
 def test_what_campaigns_say_of_one_another() -> None:
