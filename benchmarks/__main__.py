@@ -33,7 +33,7 @@ TABLES = {
         Case("hits_accuracy", "FRFs of hits against exact ones, variance, damping under windows"),
         Case("hits_damping", "from hits to a0 and a1"),
         Case("identification", "bias and scatter of f and ζ, beside sdypy-EMA"),
-        Case("real_identification", "modes lost and invented in FRFs with the faults of measured ones"),
+        Case("calibrate", "the weights of a pole's probability on made FRFs, its reliability, modes lost and invented"),
         Case("real_bodies", "one deviation of the body at a time", ("table",)),
         Case("real_bodies", "intervals where everything is other than stated", ("drawn", "60")),
         Case("wooden_plates", "updates of plates from a handbook's constants"),

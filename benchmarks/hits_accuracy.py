@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks import hammer
 from benchmarks.hammer import Bench, campaign, random_body, random_laboratory
 from fecore.arrays import ComplexArray, FloatArray
-from fecore.identification import identify
+from fecore.modal import identify
 from fecore.processing import Hit, Processed, Processing, Windows, by_point, process, remove_window
 
 POINTS, HITS, SEED = 6, 5, 31800

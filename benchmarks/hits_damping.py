@@ -19,7 +19,7 @@ from fecore.arrays import FloatArray
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.frf import Dof
-from fecore.identification import Options
+from fecore.modal import Options
 from fecore.processing import Processing, by_point, process
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement

@@ -18,7 +18,7 @@ import numpy as np
 
 from fecore.correlation import mac
 from fecore.frf import FrfSet
-from fecore.identification import Options, identify
+from fecore.modal import Options, identify
 from tests.support.beams import PAPER_HZ, PAPER_ZETA, cantilever_shapes, grid, many_frfs, paper_frfs
 
 

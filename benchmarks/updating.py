@@ -21,7 +21,7 @@ from examples.paper.published import CANTILEVER_CONVERGED, TABLE_4_COUPONS, TABL
 from examples.paper.synthesis import grid, rayleigh_body
 from fecore.dynamics.damping_laws import RAYLEIGH
 from fecore.frf import FrfSet
-from fecore.identification import identify
+from fecore.modal import identify
 from fecore.modes import MeasuredModes
 from fecore.updating.damping_data import damping_data
 from fecore.updating.damping_stage import DampingResult, fit_damping, fit_reference

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from fecore.correlation import csac, csf, frac, mac, sac
     from fecore.errors import FecoreError, IdentificationError, InputError, ModelError, UpdatingError
     from fecore.frf import Dof, FrfSet
-    from fecore.identification import Identification, Options, identify
+    from fecore.modal import Identification, Options, identify
     from fecore.modes import MeasuredModes
     from fecore.updating.forward import ForwardModel
     from fecore.updating.measurement import Measurement
@@ -39,7 +39,7 @@ _HOMES = {
     "correlation": ("csac", "csf", "frac", "mac", "sac"),
     "errors": ("FecoreError", "IdentificationError", "InputError", "ModelError", "UpdatingError"),
     "frf": ("Dof", "FrfSet"),
-    "identification": ("Identification", "Options", "identify"),
+    "modal": ("Identification", "Options", "identify"),
     "modes": ("MeasuredModes",),
     "updating.forward": ("ForwardModel",),
     "updating.measurement": ("Measurement",),

@@ -1,6 +1,6 @@
 """Levenberg and Marquardt's method for sums of squares: the minimiser of every fit of the core that is to come to rest.
 
-Poles are refined elsewhere (`identification.refinement`): there a few steps are enough, each is bounded by the width of its
+Poles are refined elsewhere (`modal.refinement`): there a few steps are enough, each is bounded by the width of its
 pole, and directions that the data do not know are left out of it.
 
 At a point x the misfit E is modelled by its descent g = -∂E/∂x and a positive semidefinite H ≈ ∂²E/∂x² (Gauss and Newton's),

@@ -21,6 +21,7 @@ class MeasuredModes:
         shapes: (n, p) complex shapes at `dofs`, or None where only frequencies are known.
         dofs: the p measurement degrees of freedom of the shapes (signed directions).
         covariance: (2n, 2n) covariance of (f₁ … f_n in Hz, ζ₁ … ζ_n), or None where not known.
+        probability: (n,) that each is a mode of the structure, or None where somebody says so.
     """
 
     frequency_hz: FloatArray
@@ -28,6 +29,7 @@ class MeasuredModes:
     shapes: ComplexArray | None = None
     dofs: tuple[Dof, ...] = ()
     covariance: FloatArray | None = None
+    probability: FloatArray | None = None
 
     def __post_init__(self) -> None:
         n = self.frequency_hz.size
@@ -45,6 +47,9 @@ class MeasuredModes:
             raise InputError("shapes", f"has shape {self.shapes.shape}, expected ({n}, {len(self.dofs)})")
         if self.covariance is not None and self.covariance.shape != (2 * n, 2 * n):
             raise InputError("covariance", f"has shape {self.covariance.shape}, expected ({2 * n}, {2 * n})")
+        p = self.probability
+        if p is not None and (p.shape != (n,) or not np.all((p >= 0) & (p <= 1))):
+            raise InputError("probability", "must be a number from 0 to 1 for each mode")
 
     def __len__(self) -> int:
         return int(self.frequency_hz.size)

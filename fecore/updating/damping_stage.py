@@ -21,8 +21,8 @@ from fecore.dynamics.damping_laws import DampingLaw
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, convert
-from fecore.identification.error_model import memory
-from fecore.identification.noise import line_scatter, residual_variance
+from fecore.modal.error_model import memory
+from fecore.modal.noise import line_scatter, residual_variance
 from fecore.updating.damping_data import DampingData
 from fecore.updating.forward import ForwardState
 from fecore.updating.law_fit import DampingFit, fit_law
@@ -97,7 +97,7 @@ class ReferenceFit:
             the channels is taken out of its FRFs.
         fit: the modal fit.
         scale: what the misfit of one value is by noise alone, with the weighting of this stage, times how many lines are worth
-            one: an error of the model's shapes lasts over a resonance (`fecore.identification.error_model.memory`).
+            one: an error of the model's shapes lasts over a resonance (`fecore.modal.error_model.memory`).
         excess: mean square of the residual over the noise of the lines, 1 at least: what is above 1 is the model's error.
         ratios: damping ratios as measured where they were, else from the modal fit.
         own_ratios: those of the modal fit.

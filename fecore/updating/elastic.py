@@ -21,8 +21,8 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.correlation import Pairing
 from fecore.errors import InputError, UpdatingError
-from fecore.identification import turn_real
 from fecore.least_squares import Stopping, minimise
+from fecore.modal import turn_real
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic_result import ElasticResult, stacked
 from fecore.updating.excursions import Excursion

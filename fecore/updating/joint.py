@@ -25,7 +25,7 @@ from fecore.dynamics.damping_laws import DampingLaw
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.errors import UpdatingError
 from fecore.frf import Dof, FrfSet
-from fecore.identification.noise import residual_variance
+from fecore.modal.noise import residual_variance
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic import update_elastic
 from fecore.updating.elastic_result import ElasticResult

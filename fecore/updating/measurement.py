@@ -12,8 +12,8 @@ from fecore.body.specimen import Body
 from fecore.correlation import pair_modes
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import Dof, FrfSet
-from fecore.identification import Identification, identify, shapes_at_poles
-from fecore.identification.screening import Screened, screen
+from fecore.modal import Identification, identify, shapes_at_poles
+from fecore.modal.screening import Screened, screen
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import OUT_OF_PLANE
 from fecore.updating.inputs import Inputs

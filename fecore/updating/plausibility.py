@@ -20,7 +20,7 @@ import numpy as np
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, Quantity
-from fecore.identification.arrangement import pair_label
+from fecore.modal.arrangement import pair_label
 from fecore.updating.damping_data import DampingData
 from fecore.updating.findings import Level, found, listed
 from fecore.updating.parameters import by_name

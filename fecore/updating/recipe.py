@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from fecore.identification import Options
+from fecore.modal import Options
 from fecore.updating.misfit import Weighting
 from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
 
@@ -41,7 +41,7 @@ class Recipe:
         posterior: "laplace", or "mcmc" to sample it.
         seed: of everything random.
         identification: how modes are identified where none are handed in.
-        include_doubtful: use the doubtful modes of the identification too.
+        include_doubtful: use the uncertain poles of the identification too.
     """
 
     method: Literal["two_stage", "joint"] = "two_stage"

@@ -7,7 +7,7 @@ from typing import Literal
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import Dof
-from fecore.identification import Identification
+from fecore.modal import Identification
 
 
 @dataclass(frozen=True)

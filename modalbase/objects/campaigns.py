@@ -243,7 +243,7 @@ class Campaign(Editable):
         """Find modes in its FRFs and wait for them.
 
         Args:
-            options: `band_hz`, `highest_order`, `most_modes`, `include_doubtful`, `name`.
+            options: `band_hz`, `highest_order`, `most_modes`, `threshold`, `include_doubtful`, `name`.
 
         Raises:
             JobFailed: no mode was found; the text says why.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from modalbase.objects.frfs import Frfs
 
 
-COLUMNS = ("number", "frequency_hz", "damping_ratio", "frequency_sd_hz", "damping_sd")
+COLUMNS = ("number", "frequency_hz", "damping_ratio", "frequency_sd_hz", "damping_sd", "probability")
 
 
 class ModeSet(Thing):
@@ -31,19 +31,40 @@ class ModeSet(Thing):
 
     @property
     def modes(self) -> Table:
-        """Frequencies in Hz, damping ratios, and their standard deviations."""
-        rows = [{name: mode[name] for name in COLUMNS} for mode in self.fields["modes"]]
+        """Frequencies in Hz, damping ratios, their standard deviations, and the probability that each is a mode."""
+        rows = [{name: mode.get(name) for name in COLUMNS} for mode in self.fields["modes"]]
         return Table(rows, key="number", shown=mode_set_cells(rows))
 
     @property
     def doubtful(self) -> Table:
-        """What an identification took for a mode but for a check, each with its `reason`; none of a set from elsewhere."""
+        """Uncertain poles of an identification, each with its `probability` and `reason`; none of a set from elsewhere."""
         return Table(self.fields["details"].get("doubtful", []), key="frequency_hz")
 
     @property
     def warnings(self) -> list[str]:
         """What to know of an identification before one uses it; none of a set from elsewhere."""
         return list(self.fields["details"].get("warnings", ()))
+
+    def edit(
+        self, *, keep: Mapping[float, str] | None = None, drop: Mapping[float, str] | None = None, name: str
+    ) -> ModeSet:
+        """A new mode set with poles kept and dropped by hand; it records who decided what and why.
+
+        Args:
+            keep: frequency in Hz of uncertain or refused poles to keep, each with the reason.
+            drop: frequency in Hz of modes to drop, each with the reason.
+            name: of the new set.
+
+        Raises:
+            ClientError: a frequency names no pole of the set, or no mode is left.
+        """
+        both = ((True, keep or {}), (False, drop or {}))
+        decisions = [
+            {"frequency_hz": hz, "keep": which, "reason": why} for which, poles in both for hz, why in poles.items()
+        ]
+        return ModeSet(
+            self.lab, self.lab.connection.post(f"{self.address}/edits", {"name": name, "decisions": decisions})
+        )
 
     @property
     def frequency_hz(self) -> Any:

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.identification import Found, Identification, Stabilisation
+from fecore.modal import Feature, Found, Identification, Stabilisation
 
 
 def describe_identification(found: Identification) -> dict[str, Any]:
-    """Modes and doubtful ones with their quality, what was left out, warnings, and the stabilisation diagram."""
+    """Modes and uncertain poles (`doubtful`) with their quality and probability, refused ones, what was left out, warnings, and
+    the stabilisation diagram.
+    """
     chosen = list(zip(_rows(found.found), found.found.doubt, strict=True))
     return {
         "modes": [{"number": k, **row} for k, row in enumerate((row for row, why in chosen if why is None), start=1)],
@@ -19,12 +21,19 @@ def describe_identification(found: Identification) -> dict[str, Any]:
         "used": list(found.used),
         "refused": [{"frf": frf.frf, "reason": frf.reason} for frf in found.refused],
         "refused_poles": [
-            {"frequency_hz": pole.frequency_hz, "damping_ratio": pole.damping_ratio, "reason": pole.reason}
+            {
+                "frequency_hz": pole.frequency_hz,
+                "damping_ratio": pole.damping_ratio,
+                "reason": pole.reason,
+                "probability": pole.probability,
+                "features": _features(pole.features),
+            }
             for pole in found.refused_poles
         ],
         "noise_ratio": found.noise_ratio,
         "model_error": found.model_error,
         "drift": found.drift,
+        "delay_s": found.delay,
         "memory_lines": found.memory_lines,
         "stabilisation": _stabilisation(found.stabilisation),
         "warnings": list(found.warnings),
@@ -32,7 +41,11 @@ def describe_identification(found: Identification) -> dict[str, Any]:
     }
 
 
-def _rows(found: Found) -> list[dict[str, float | None]]:
+def _features(said: tuple[Feature, ...]) -> list[dict[str, Any]]:
+    return [{"name": one.name, "value": one.value, "weight": one.weight, "words": one.words} for one in said]
+
+
+def _rows(found: Found) -> list[dict[str, Any]]:
     modes = found.modes
     sd_f, sd_z = modes.frequency_sd_hz, modes.damping_sd
     return [
@@ -43,6 +56,8 @@ def _rows(found: Found) -> list[dict[str, float | None]]:
             "damping_sd": _number(sd_z, k),
             "phase_collinearity": float(found.shapes.collinearity[k]),
             "significance": float(found.significance[k]),
+            "probability": float(found.probability[k]),
+            "features": _features(found.features[k]),
         }
         for k in range(len(modes))
     ]
@@ -64,5 +79,19 @@ def _number(values: FloatArray | None, k: int) -> float | None:
 
 
 def up_to_date(document: dict[str, Any]) -> dict[str, Any]:
-    """A stored document as the present version writes it; one of 0.1.0 has no class of doubtful modes. The given one stays."""
-    return {"doubtful": [], "model_error": None, "drift": None, "memory_lines": None, **document}
+    """A stored document as the present version writes it; the given one stays.
+
+    One of 0.1.0 has no class of doubtful modes, none up to 0.2.0 a probability.
+    """
+    said: dict[str, Any] = {
+        "doubtful": [],
+        "refused_poles": [],
+        "model_error": None,
+        "drift": None,
+        "delay_s": None,
+        "memory_lines": None,
+    }
+    document = {**said, **document}
+    unknown: dict[str, Any] = {"probability": None, "features": []}
+    poles = ("modes", "doubtful", "refused_poles")
+    return {**document, **{part: [{**unknown, **row} for row in document.get(part, [])] for part in poles}}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fecore.frf import FrfSet
-from fecore.identification import Options, identify
+from fecore.modal import Options, identify
 from fecore.modes import MeasuredModes
 from service.compute.identification_document import describe_identification
 from service.jobs.kinds import Report

@@ -93,7 +93,10 @@ def assert_doubt_is_seen_with_the_modes(api: httpx.Client, kept: dict[str, Any],
     """Whoever sees the modes, by script, command or page, sees what is doubted of them and every warning."""
     assert found["doubtful"]
     assert found["warnings"]
-    assert {part: found[part] for part in kept["details"]} == kept["details"]
+    poles = sorted((*found["modes"], *found["doubtful"]), key=lambda pole: pole["frequency_hz"])
+    evidence = [{part: pole[part] for part in ("probability", "features")} for pole in poles]
+    assert {part: (found | {"evidence": evidence})[part] for part in kept["details"]} == kept["details"]
+    assert [{part: mode[part] for part in ("probability", "features")} for mode in kept["modes"]] == evidence
     url, key = str(api.base_url).removesuffix("/api/v1/"), api.headers["authorization"].split()[1]
     with modalbase.connect(url, key) as lab:
         printed = str(ModeSet(lab, {"id": kept["id"]}).refresh())

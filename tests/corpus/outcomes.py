@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fecore.identification import Identification
+from fecore.modal import Identification
 from fecore.updating.result import UpdateResult
 
 Case = tuple[Callable[[], Any], "str | Callable[[Any], None]"]

@@ -22,7 +22,7 @@ from fecore.coupons import d3039, d3518
 from fecore.coupons.batch import CouponResult, Statistics, prior, statistics
 from fecore.coupons.curves import Curve, chord
 from fecore.frf import Dof, FrfSet
-from fecore.identification import Options, identify
+from fecore.modal import Options, identify
 from fecore.modes import MeasuredModes
 from fecore.processing import Block, Hit, Processing, process
 from fecore.processing.estimators import check_estimator

@@ -14,7 +14,7 @@ from fecore.body.supports import Boundary
 from fecore.dynamics.damping_laws import RAYLEIGH, beyond, damping_rate
 from fecore.errors import UpdatingError
 from fecore.frf import Dof, FrfSet
-from fecore.identification import set_with_gaps
+from fecore.modal import set_with_gaps
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
@@ -324,7 +324,7 @@ UPDATES: dict[str, Case] = {
     "one mode, any law": (lambda: update(low(measured(), 70), BEAM), Updated(
         ["one measured mode cannot fix the 2 coefficients"], more=near_the_measured_ratio)),
     "one mode, heights wrong": (lambda: update(low(faulty(factor=1.5), 70), BEAM, RAYLEIGH_ALONE), Updated(
-        [HEIGHT.format("1.5")], no_damping="cannot fix the 2 coefficients")),
+        [HEIGHT.format(r"1\.(49|5\d?)")], no_damping="cannot fix the 2 coefficients")),  # of one mode, to a per cent
     "no mode in the band": (lambda: update(identified(), BEAM, Recipe(band_hz=(60.0, 90.0))), Updated(
         no_damping="no paired mode lies in the band, 60 to 90 Hz")),
     "modes beyond the band, rayleigh": (lambda: update(identified(), BEAM, Recipe(

@@ -100,3 +100,30 @@ def test_modes_without_shapes_cannot_be_a_set_55(api: httpx.Client, campaign: st
     problem = checked(api.get(f"mode-sets/{made['id']}", params={"format": "uff"}), 409)
     assert "mode 1 has no shape" in problem["detail"]
     checked(api.get(f"mode-sets/{made['id']}", params={"format": "npz"}), 422)
+
+
+def test_poles_kept_and_dropped_by_hand_are_a_new_set_that_says_who_and_why(
+    api: httpx.Client, campaign: str, checked: Checked
+) -> None:
+    modes = [{"frequency_hz": hz, "damping_ratio": 0.01, "shape": SHAPE} for hz in (25.63, 50.0, 160.06)]
+    first = checked(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "typed", "modes": modes}), 201)
+    decisions = [{"frequency_hz": 50.0, "keep": False, "reason": "hum of the mains"}]
+    edit = {"name": "checked", "decisions": decisions}
+    created = api.post(f"mode-sets/{first['id']}/edits", json=edit)
+    edited = checked(created, 201)
+    assert edited["origin"] == "edited"
+    assert [(mode["number"], mode["frequency_hz"]) for mode in edited["modes"]] == [(1, 25.63), (2, 160.06)]
+    assert edited["modes"][1]["shape"] == SHAPE
+    assert edited["details"]["edited_from"] == first["id"]
+    [decision] = edited["details"]["decisions"]
+    assert (decision["frequency_hz"], decision["keep"], decision["reason"]) == (50.0, False, "hum of the mains")
+    assert decision["by"]
+    assert decision["at"]
+    assert checked(api.get(f"mode-sets/{first['id']}"), 200) == first
+    nowhere = {"name": "x", "decisions": [{"frequency_hz": 99.0, "keep": False, "reason": "none"}]}
+    refused = checked(api.post(f"mode-sets/{first['id']}/edits", json=nowhere), 422)
+    assert "no pole of the set is there; it has 25.63, 50, 160.06 Hz" in str(refused)
+    none = [{"frequency_hz": hz, "keep": False, "reason": "noise"} for hz in (25.63, 50.0, 160.06)]
+    assert "keep at least one" in str(
+        checked(api.post(f"mode-sets/{first['id']}/edits", json=edit | {"decisions": none}), 422)
+    )

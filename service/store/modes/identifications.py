@@ -13,7 +13,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
-from fecore.identification import Options
+from fecore.modal import Options
 from fecore.modes import MeasuredModes
 from service.access import Lookup, User, audit
 from service.compute.identification_document import up_to_date
@@ -24,7 +24,7 @@ from service.jobs.state import JobOut, job_state
 from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for, campaign_of, frame_of
 from service.store.frfs.measured_campaign import load_measured_campaign
-from service.store.modes.operations import store_identified
+from service.store.modes.operations import EVIDENCE, store_identified
 from service.store.modes.tables import Identification, ModeSet
 from service.store.storage import require_room
 from service.web import Name, StrictModel, example
@@ -40,8 +40,13 @@ class IdentificationIn(StrictModel):
     name: Name = "identified"
     band_hz: tuple[Frequency, Frequency] | None = Field(None, description="lines to use; default: all")
     highest_order: int = Field(40, ge=4, le=200, description="of the linear stage")
-    most_modes: int = Field(40, ge=1, le=200)
-    include_doubtful: bool = Field(False, description="keep the doubtful modes in the mode set too")
+    most_modes: int = Field(100, ge=1, le=200, description="poles of the fitted series")
+    threshold: float = Field(
+        0.9, ge=0.1, le=1, description="probability from which a pole is a mode; below, it is uncertain"
+    )
+    include_doubtful: bool = Field(
+        False, description="keep the uncertain poles, from probability 0.1 on, in the mode set too"
+    )
 
     def options(self) -> Options:
         """The core's options.
@@ -51,7 +56,7 @@ class IdentificationIn(StrictModel):
         """
         if self.band_hz is not None and not self.band_hz[0] < self.band_hz[1]:
             raise InputError("band_hz", f"is ({self.band_hz[0]:g}, {self.band_hz[1]:g}), expected low < high")
-        return Options(self.band_hz, self.highest_order, self.most_modes)
+        return Options(self.band_hz, self.highest_order, self.most_modes, self.threshold)
 
 
 class IdentificationOut(JobOut):
@@ -108,6 +113,8 @@ def keep_identified(
     frame = frame_of(campaign_of(session, campaign_id))
     in_file = replace(modes, dofs=tuple(frame.file_dof(dof) for dof in modes.dofs))
     details = {part: document[part] for part in DETAILS}
+    said = {row["frequency_hz"]: row for row in (*document["modes"], *document["doubtful"])}
+    details["evidence"] = [{part: said[float(hz)][part] for part in EVIDENCE} for hz in modes.frequency_hz]
     return store_identified(session, campaign_id, name, in_file, job_id=job_id, details=details)
 
 

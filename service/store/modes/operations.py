@@ -26,6 +26,9 @@ from service.store.storage import StorageOwner, book
 if TYPE_CHECKING:
     from service.store.campaigns.tables import Campaign
 
+EVIDENCE = ("probability", "features")
+"""What the details of a mode set have for each of its modes, in their order, as `evidence`."""
+
 mode_set_for = Lookup(ModeSet, "mode set", "campaign_id", campaign_for)
 """The mode set, if the user has at least a role in its project."""
 
@@ -119,6 +122,7 @@ def load_modes(session: Session, mode_set_id: UUID) -> MeasuredModes:
         shapes=np.array([_values_at(row, dofs) for row in rows]) if dofs else None,
         dofs=tuple(dofs),
         covariance=_covariance(mode_set, rows),
+        probability=_probability(mode_set, rows),
     )
 
 
@@ -133,7 +137,7 @@ def describe_all(session: Session, mode_sets: Sequence[ModeSet]) -> list[ModeSet
             origin=s.origin,  # type: ignore[arg-type]  # written by this module and by intake alone
             import_id=s.import_id,
             job_id=s.job_id,
-            modes=[_mode(row) for row in modes[s.id]],
+            modes=[_mode(row, _evidence(s, row.number)) for row in modes[s.id]],
             details=s.details,
             created_at=s.created_at,
         )
@@ -173,7 +177,19 @@ def _row(mode_set_id: UUID, number: int, mode: ModeIn) -> dict[str, Any]:
     return {"mode_set_id": mode_set_id, "number": number, **mode.model_dump(exclude={"shape"}), "shape": shape}
 
 
-def _mode(row: Mode) -> ModeOut:
+def _evidence(mode_set: ModeSet, number: int) -> dict[str, Any]:
+    """Probability and features of a mode; nothing of those that no job identified."""
+    known = mode_set.details.get("evidence", [])
+    return dict(known[number - 1]) if number <= len(known) else {}
+
+
+def _probability(mode_set: ModeSet, rows: Sequence[Mode]) -> NDArray[np.float64] | None:
+    if "evidence" not in mode_set.details:
+        return None
+    return np.array([_evidence(mode_set, row.number).get("probability", 1.0) for row in rows], dtype=np.float64)
+
+
+def _mode(row: Mode, evidence: dict[str, Any]) -> ModeOut:
     shape = row.shape and [
         ShapeValue(point=p, direction=d, real=re, imag=im)
         for p, d, re, im in zip(
@@ -187,6 +203,8 @@ def _mode(row: Mode) -> ModeOut:
         frequency_sd_hz=row.frequency_sd_hz,
         damping_sd=row.damping_sd,
         shape=shape or None,
+        probability=evidence.get("probability"),
+        features=evidence.get("features", []),
     )
 
 
@@ -261,7 +279,7 @@ def newest_stated(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, 
     """Key and time of each campaign's newest mode set that no job has identified; those without one are left out."""
     query = (
         select(ModeSet.campaign_id, ModeSet.id, ModeSet.created_at)
-        .where(ModeSet.campaign_id.in_(campaign_ids), ModeSet.origin.in_(("typed", "file")))
+        .where(ModeSet.campaign_id.in_(campaign_ids), ModeSet.origin.in_(("typed", "file", "edited")))
         .ext(distinct_on(ModeSet.campaign_id))
         .order_by(ModeSet.campaign_id, ModeSet.id.desc())
     )

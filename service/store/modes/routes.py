@@ -10,9 +10,9 @@ from sqlalchemy import select
 
 from service.access import CurrentUser, SessionDep
 from service.store.campaigns.operations import campaign_for
-from service.store.modes import operations
+from service.store.modes import editing, operations
 from service.store.modes.formats import write_uff
-from service.store.modes.schemas import ModeSetIn, ModeSetOut
+from service.store.modes.schemas import EditIn, ModeSetIn, ModeSetOut
 from service.store.modes.tables import ModeSet
 from service.web import Cursor, Limit, Page, api_router, paged
 from service.web.downloads import spooled
@@ -33,6 +33,17 @@ def create_mode_set(
     mode_set = operations.create_mode_set(session, user, campaign, body)
     response.headers["Location"] = f"/api/v1/mode-sets/{mode_set.id}"
     return operations.describe_all(session, [mode_set])[0]
+
+
+@router.post("/mode-sets/{mode_set_id}/edits", status_code=201)
+def edit_mode_set(
+    mode_set_id: UUID, body: EditIn, session: SessionDep, user: CurrentUser, response: Response
+) -> ModeSetOut:
+    """Keep or drop poles by hand: a new mode set that records who decided what and why; the old one stays as it is."""
+    mode_set = operations.mode_set_for(session, user, mode_set_id, "editor")
+    edited = editing.edit_mode_set(session, user, mode_set, body)
+    response.headers["Location"] = f"/api/v1/mode-sets/{edited.id}"
+    return operations.describe_all(session, [edited])[0]
 
 
 @router.get("/campaigns/{campaign_id}/mode-sets")

@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 from service.store.campaigns.schemas import Point
 from service.web import Name, StrictModel, example
 
-Origin = Literal["typed", "file", "identified"]
+Origin = Literal["typed", "file", "identified", "edited"]
 
 
 class ShapeValue(StrictModel):
@@ -68,6 +68,15 @@ class ModeSetIn(StrictModel):
     modes: list[ModeIn] = Field(min_length=1, max_length=10_000)
 
 
+class FeatureOut(StrictModel):
+    """One reason for or against a pole being a mode."""
+
+    name: str = Field(description="phase, rise, share, damping, twin, repeat or growth")
+    value: float
+    weight: float = Field(description="what it adds to ln(P/(1 − P))")
+    words: str
+
+
 class ModeOut(StrictModel):
     """One mode of a set."""
 
@@ -77,6 +86,32 @@ class ModeOut(StrictModel):
     frequency_sd_hz: float | None
     damping_sd: float | None
     shape: list[ShapeValue] | None
+    probability: float | None = Field(
+        description="that the pole is a mode of the structure; null where no job identified it"
+    )
+    features: list[FeatureOut] = Field(description="the reasons for and against it that weigh most")
+
+
+class DecisionIn(StrictModel):
+    """What a person decides of one pole."""
+
+    frequency_hz: float = Field(
+        gt=0, le=1e9, description="of a mode of the set, or of an uncertain or refused pole beside it"
+    )
+    keep: bool
+    reason: str = Field(min_length=1, max_length=2000, description="why, for those who read the new set")
+
+
+class EditIn(StrictModel):
+    """Which poles of a mode set are kept and dropped; all others stay as they are."""
+
+    model_config = example(
+        name="checked by hand",
+        decisions=[{"frequency_hz": 50.0, "keep": False, "reason": "hum of the mains: it is there without a hit, too"}],
+    )
+
+    name: Name
+    decisions: list[DecisionIn] = Field(min_length=1, max_length=10_000)
 
 
 class ModeSetOut(StrictModel):
@@ -91,6 +126,7 @@ class ModeSetOut(StrictModel):
     modes: list[ModeOut]
     details: dict[str, Any] = Field(
         description="of an identified set, what stands beside its modes: `warnings`, `doubtful` modes with the reason of "
-        "each, `refused` FRFs, `refused_poles`; empty for others, and for sets of versions up to 0.2"
+        "each, `refused` FRFs, `refused_poles`, `evidence` for each mode; of an edited set `edited_from` and `decisions` as "
+        "well, each with who made it; empty for others, and for sets of versions up to 0.2"
     )
     created_at: datetime

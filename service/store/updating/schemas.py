@@ -12,7 +12,7 @@ from pydantic import Field
 from fecore.body.layered import PLY_CONSTANTS
 from fecore.body.specimen import CONSTANTS, Body, kind_of
 from fecore.body.supports import Edge, Spring
-from fecore.identification import Options
+from fecore.modal import Options
 from fecore.updating import recipe as core
 from fecore.updating.inputs import Inputs
 from fecore.updating.misfit import Weighting
@@ -160,8 +160,11 @@ class IdentificationRecipeIn(StrictModel):
 
     band_hz: Band | None = Field(None, description="lines to use; default: all")
     highest_order: int = Field(40, ge=4, le=200, description="of the linear stage")
-    most_modes: int = Field(40, ge=1, le=200)
-    include_doubtful: bool = Field(False, description="use the doubtful modes too")
+    most_modes: int = Field(100, ge=1, le=200, description="poles of the fitted series")
+    threshold: float = Field(
+        0.9, ge=0.1, le=1, description="probability from which a pole is a mode; below, it is uncertain"
+    )
+    include_doubtful: bool = Field(False, description="use the uncertain poles, from probability 0.1 on, too")
 
 
 class RecipeIn(StrictModel):
@@ -174,7 +177,7 @@ class RecipeIn(StrictModel):
     )
     mode_set: UUID | None = Field(None, description="measured modes; without it they are identified from the FRFs")
     identification: IdentificationRecipeIn = IdentificationRecipeIn(
-        band_hz=None, highest_order=40, most_modes=40, include_doubtful=False
+        band_hz=None, highest_order=40, most_modes=100, threshold=0.9, include_doubtful=False
     )
     springs: list[SpringIn] = Field(default_factory=list, max_length=20, description="elastic supports of the specimen")
     zones_m: list[float] = Field(
@@ -235,7 +238,10 @@ class RecipeIn(StrictModel):
             posterior=self.posterior,
             seed=self.seed,
             identification=Options(
-                self.identification.band_hz, self.identification.highest_order, self.identification.most_modes
+                self.identification.band_hz,
+                self.identification.highest_order,
+                self.identification.most_modes,
+                self.identification.threshold,
             ),
             include_doubtful=self.identification.include_doubtful,
         )

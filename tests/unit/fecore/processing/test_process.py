@@ -11,7 +11,7 @@ from benchmarks import hammer
 from benchmarks.hammer import Bench, campaign, random_body, random_laboratory
 from fecore.errors import InputError
 from fecore.frf import Dof
-from fecore.identification import identify
+from fecore.modal import identify
 from fecore.processing import (
     Averages,
     Block,

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.coverage import BEAM, PARAMETERS, draw, inside
 from fecore.errors import InputError
 from fecore.frf import Dof
-from fecore.identification import set_with_gaps
+from fecore.modal import set_with_gaps
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter
 from fecore.updating.pipeline import update

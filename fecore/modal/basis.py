@@ -1,0 +1,102 @@
+"""The modal series that all steps fit: pole terms, residual terms and their derivatives.
+
+A receptance is, with s = iω,
+
+    α(s) = Σ_k R_k/(s - s_k) + R̄_k/(s - s̄_k)  +  Σ_e c_e s^e,
+
+s_k = ω_k(-ζ_k + i√(1 - ζ_k²)). The last sum is the residual terms: s⁻² and s⁻¹ stand for modes below the band (rigid
+body motion and its damping), s⁰, s¹, s² for modes above it; their coefficients are real because α is the transform of
+a real function. A mobility or accelerance is α times s or s². Everything is linear in (Re R, Im R, c) for given
+poles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.arrays import ComplexArray, FloatArray
+
+_IN_CACHE = 30_000  # entries of a block of lines whose temporaries stay in the processor's cache
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What a model of the FRFs is made of.
+
+    Attributes:
+        frequency_hz: (n,) undamped natural frequencies of the complex pole pairs, Hz.
+        damping_ratio: (n,) their damping ratios.
+        exponents: powers of s of the residual terms (of a receptance).
+    """
+
+    frequency_hz: FloatArray
+    damping_ratio: FloatArray
+    exponents: tuple[int, ...] = (-2, 0)
+
+    @property
+    def pairs(self) -> int:
+        """Number of complex pole pairs."""
+        return int(self.frequency_hz.size)
+
+    @property
+    def columns(self) -> int:
+        """Number of real linear coefficients of each FRF."""
+        return 2 * self.pairs + len(self.exponents)
+
+    @property
+    def parameters(self) -> int:
+        """Number of non-linear parameters: frequency and damping of each pair."""
+        return 2 * self.pairs
+
+
+def poles(frequency_hz: FloatArray, damping_ratio: FloatArray) -> ComplexArray:
+    """Poles with positive imaginary part, rad/s: s = 2πf(-ζ + i√(1 - ζ²))."""
+    omega = 2 * np.pi * np.asarray(frequency_hz, dtype=float)
+    zeta = np.asarray(damping_ratio, dtype=float)
+    return np.asarray(omega * (-zeta + 1j * np.sqrt(1 - zeta**2)))
+
+
+def columns(omega: FloatArray, terms: Terms, power: int, reference: float | None = None) -> ComplexArray:
+    """(L, q) basis: for each pole pair the factors of Re R and Im R, then residual terms.
+
+    Residual terms are taken in s/ω_ref to be of like size; `reference` is ω_ref, by default the geometric mean of the first
+    and the last line.
+    """
+    s, n = 1j * omega, 2 * terms.pairs
+    lift, pole = (s**power)[:, None], poles(terms.frequency_hz, terms.damping_ratio)
+    basis = np.empty((omega.size, terms.columns), dtype=complex)
+    step = max(1, _IN_CACHE // max(terms.pairs, 1))
+    for part in (slice(first, first + step) for first in range(0, omega.size, step)):
+        direct, mirror = lift[part] / (s[part, None] - pole), lift[part] / (s[part, None] - pole.conj())
+        np.add(direct, mirror, out=basis[part, 0:n:2])
+        np.multiply(direct - mirror, 1j, out=basis[part, 1:n:2])
+    scaled = s / (reference or np.sqrt(omega[0] * omega[-1]))
+    for place, e in enumerate(terms.exponents, n):
+        basis[:, place] = lift[:, 0] * scaled**e
+    return basis
+
+
+def derivatives(omega: FloatArray, terms: Terms, power: int) -> ComplexArray:
+    """(L, 2n) columns of which all derivatives of the model by its poles are made, see `slopes`.
+
+    For each pole pair 1/(s - s_k)² + 1/(s - s̄_k)² and i times their difference.
+    """
+    s, n = 1j * omega, 2 * terms.pairs
+    lift, pole = (s**power)[:, None], poles(terms.frequency_hz, terms.damping_ratio)
+    direct, mirror = (lift / (s[:, None] - each) ** 2 for each in (pole, pole.conj()))
+    steep = np.empty((omega.size, n), dtype=complex)
+    np.add(direct, mirror, out=steep[:, 0:n:2])
+    np.multiply(direct - mirror, 1j, out=steep[:, 1:n:2])
+    return steep
+
+
+def slopes(terms: Terms) -> tuple[ComplexArray, ComplexArray]:
+    """(n,) ∂s_k/∂ln ω_k and ∂s_k/∂ζ_k.
+
+    With R_k the residue, ∂H/∂θ = Re(R_k ∂s_k/∂θ) E₁ + Im(R_k ∂s_k/∂θ) E₂, E the two columns of the pair in `derivatives`.
+    """
+    zeta = np.asarray(terms.damping_ratio, dtype=float)
+    by_zeta = 2 * np.pi * terms.frequency_hz * (-1 - 1j * zeta / np.sqrt(1 - zeta**2))
+    return poles(terms.frequency_hz, zeta), np.asarray(by_zeta)

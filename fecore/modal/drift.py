@@ -1,0 +1,247 @@
+"""How the structure drifted between the tests, and the FRFs as they would be without it.
+
+Temperature, moved sensors or a support that comes loose turn all natural frequencies of test s by one factor 1 + d_s. Where a
+resonance is as narrow as the drift, the FRFs do not fit one series: damping comes out too large, and modes are found twice or
+more. With poles s_k(1 + d) the FRFs of a test are linear in their residues, so
+
+    χ²_s(d) = min_c Σ_l w_l |H_s(l) - Φ(l; s_k(1 + d)) c|²
+
+is found on a grid, with one decomposition of Φ for all tests (a separable problem; Golub and Pereyra 2003). A test
+drifts at most five times as far as half of them do: that is all the prior. Poles that lie side by side, as a drift
+makes them, are one in this series: it is believed where it explains the FRFs at a lower price (Akaike) than the
+series with the twins and no drift.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.modal.arrangement import Arrangement
+from fecore.modal.basis import Terms, columns, poles
+from fecore.modal.growth import gains
+from fecore.modal.refinement import Level, level_at
+from fecore.modal.residues import weights
+
+_FEWEST = 4  # tests of which a drift can be found
+_WIDEST = 0.02  # relative drift of a frequency to either side: 8 % of a modulus, beyond any room's temperature
+_FINE = 0.5  # of the narrowest half bandwidth: the grid's step
+_TOGETHER, _APART = 0.5, 1.5  # summed half bandwidths within which two poles may be one that drifts
+_TWICE = 0.5  # share of the modes that come in pairs from which drift makes them
+_ALIKE = 3.0  # ratio of their widths
+_REACH = 6.0  # half bandwidths on each side of a pole whose lines show the drift
+_LEAST_REACH = 6  # ... and at least lines
+_PRICE = 2.0  # of an unknown (Akaike)
+_MOST_STEPS = 40  # of the first grid
+_GRID = (9, 241)  # steps of the later ones, at least and at most
+_FINEST = 0.15  # of a half bandwidth: their step
+_SPREAD = 5.0  # half their width over the median of the drifts
+_TURNS = 8  # of drift and poles, at most
+_AT_REST = 0.98  # of the misfit that another turn must beat
+_TONE = 0.1  # lines: a half bandwidth below is a tone's
+_LEAST = 1e-6  # relative drift that no resonance shows
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Relative drifts of the FRFs (N,) and their standard deviation."""
+
+    each: FloatArray
+    sd: float
+
+
+def without_drift(
+    unmoved: Arrangement,
+    arrangement: Arrangement,
+    before: Drift | None,
+    fit: Level,
+    settle: Callable[[Arrangement, Terms], Terms],
+    grown: Callable[[Arrangement, Terms, ComplexArray], Terms],
+) -> tuple[Arrangement, Terms, Drift] | None:
+    """The FRFs without their drift, the series that showed it, and the drift; None where no more is needed.
+
+    Args:
+        unmoved: the FRFs as they were measured.
+        arrangement: the FRFs without the drift that is known.
+        before: this drift; None where none is known.
+        fit: a series fitted to these.
+        settle: refines a series on aligned FRFs.
+        grown: adds those poles, of some candidates in rad/s, that aligned FRFs still need.
+    """
+    tests = session_of(arrangement)
+    inside = in_band(arrangement, fit.terms.frequency_hz)
+    if int(tests.max()) + 1 < _FEWEST or not inside.any():
+        return None
+    terms, weight = _merged(fit, inside), weights(arrangement, fit.variance)
+    seen = in_band(arrangement, terms.frequency_hz)
+    seen &= terms.frequency_hz * terms.damping_ratio > _TONE * arrangement.spacing_hz
+    if not seen.any():
+        return None
+    sharp = seen & (terms.damping_ratio <= _ALIKE * np.median(terms.damping_ratio[seen]))
+    step = max(_FINE * float(np.median(terms.damping_ratio[sharp])), 2 * _WIDEST / _MOST_STEPS)
+    grid: FloatArray = step * np.arange(-np.ceil(_WIDEST / step), np.ceil(_WIDEST / step) + 1)
+    still, left = arrangement, np.inf
+    each: FloatArray = np.zeros(len(unmoved.pairs)) if before is None else before.each.copy()
+    for _ in range(_TURNS):
+        lines = _lines(arrangement, terms.frequency_hz[sharp], terms.damping_ratio[sharp])
+        narrow = float(np.median(terms.damping_ratio[sharp]))
+        more: FloatArray = _drifts(still, terms, weight, lines, tests, grid, narrow)
+        if not np.any(np.abs(more) > _LEAST):
+            break
+        grid = _finer(more, narrow)
+        each += more
+        still = aligned(unmoved, terms, weight, each)
+        terms = settle(still, terms)
+        left, before_it = level_at(still, terms, fit.variance).chi_squared, left
+        if left > _AT_REST * before_it:
+            break
+    terms = grown(still, terms, poles(fit.terms.frequency_hz, fit.terms.damping_ratio))
+    misfit = level_at(still, terms, fit.variance).chi_squared - fit.chi_squared
+    saved = (fit.terms.pairs - terms.pairs) * (2 * len(tests) + 2) - int(tests.max()) - 1
+    if not np.any(each) or misfit >= _PRICE * saved:
+        return None
+    return still, terms, Drift(each, float(np.std(each)))
+
+
+def _drifts(
+    arrangement: Arrangement,
+    terms: Terms,
+    weight: FloatArray,
+    lines: IntArray,
+    tests: IntArray,
+    grid: FloatArray,
+    narrow: float,
+) -> FloatArray:
+    """(N,) the most probable drifts about their mean, on a grid and once more on a finer one."""
+    count = int(tests.max()) + 1
+
+    def lowest(grid: FloatArray) -> FloatArray:
+        misfit = _misfits(arrangement, terms, weight, grid, lines)
+        return _lowest(grid, np.stack([np.bincount(tests, each, count) for each in misfit]))
+
+    drift = lowest(grid)
+    if grid[1] - grid[0] > _FINEST * narrow:
+        drift = lowest(_finer(drift, narrow))
+    drift = np.clip(
+        drift - np.median(drift), *_finer(drift, narrow)[[0, -1]]
+    )  # a test that shows nothing drifts no further than the others
+    return np.asarray((drift - drift.mean())[tests])
+
+
+def _finer(drift: FloatArray, narrow: float) -> FloatArray:
+    """A grid about most of some drifts, fine beside a damping ratio; drifts off it are wrong, or are found in the next turn."""
+    reach = _SPREAD * max(float(np.median(np.abs(drift))), _LEAST)
+    return np.linspace(-reach, reach, int(np.clip(2 * reach / (_FINEST * narrow), *_GRID)))
+
+
+def aligned(arrangement: Arrangement, terms: Terms, weight: FloatArray, drift: FloatArray) -> Arrangement:
+    """The FRFs less what a (N,) drift makes of the series, whose residues are found for each drift by itself."""
+    values = arrangement.values.copy()
+    still = columns(arrangement.omega, terms, arrangement.power)
+    pairs, root = slice(0, 2 * terms.pairs), np.sqrt(weight.mean(axis=0))
+    for own in np.unique(drift):
+        rows = np.flatnonzero(drift == own)
+        moved = columns(arrangement.omega, _moved(arrangement, terms, float(own)), arrangement.power)
+        coefficients = _solved(moved, arrangement.values[rows], root)
+        values[rows] += coefficients[:, pairs] @ (still - moved)[:, pairs].T
+    return replace(arrangement, values=np.where(arrangement.measured, values, 0))
+
+
+def session_of(arrangement: Arrangement) -> IntArray:
+    """(N,) number of the test that each FRF belongs to: the sensors of one hit, or the hits of one sensor, share theirs."""
+    side = max((0, 1), key=lambda i: len({pair[i] for pair in arrangement.pairs}))
+    dofs = sorted({pair[side] for pair in arrangement.pairs})
+    place = {dof: number for number, dof in enumerate(dofs)}
+    return np.array([place[pair[side]] for pair in arrangement.pairs], dtype=np.int64)
+
+
+def sessions(arrangement: Arrangement) -> int:
+    """Number of tests that may have drifted on their own."""
+    return int(session_of(arrangement).max()) + 1
+
+
+def in_band(arrangement: Arrangement, hz: FloatArray) -> BoolArray:
+    """(n,) True for frequencies within the measured lines."""
+    return np.asarray((hz >= arrangement.frequency_hz[0]) & (hz <= arrangement.frequency_hz[-1]))
+
+
+def _moved(arrangement: Arrangement, terms: Terms, drift: float) -> Terms:
+    """The series with all its resonances moved; a pole much narrower than a line is a tone, which stays where it is."""
+    tone = terms.frequency_hz * terms.damping_ratio < _TONE * arrangement.spacing_hz
+    return replace(terms, frequency_hz=terms.frequency_hz * np.where(tone, 1.0, 1 + drift))
+
+
+def _merged(fit: Level, inside: BoolArray) -> Terms:
+    """The series with one pole, in their middle and as narrow as the narrowest, for those side by side.
+
+    Poles within half a bandwidth are what a small drift makes of one mode; those further apart may be true pairs,
+    unless at least half of the modes come in pairs.
+    """
+    near, double = _side_by_side(fit, inside, _APART)
+    return near if double else _side_by_side(fit, inside, _TOGETHER)[0]
+
+
+def _side_by_side(fit: Level, inside: BoolArray, reach: float) -> tuple[Terms, bool]:
+    """The series with one pole for those within so many summed half bandwidths, and whether half of the modes were more."""
+    terms = fit.terms
+    hz, zeta, gain = terms.frequency_hz.copy(), terms.damping_ratio.copy(), gains(fit)
+    width, gone = hz * zeta, np.zeros(hz.size, dtype=bool)
+    several = []
+    for k in np.argsort(-gain):
+        if gone[k] or not inside[k]:
+            continue
+        off, wide = np.abs(hz - hz[k]), np.maximum(width / width[k], width[k] / width)
+        near = inside & ~gone & (off < reach * (width + width[k])) & (off < _WIDEST * hz[k]) & (wide < _ALIKE)
+        several.append(near.sum() > 1)
+        hz[k], zeta[k] = hz[near].mean(), zeta[near].min()
+        near[k] = False
+        gone |= near
+    merged = replace(terms, frequency_hz=hz[~gone], damping_ratio=zeta[~gone])
+    return merged, bool(np.mean(several) >= _TWICE)
+
+
+def _lines(arrangement: Arrangement, hz: FloatArray, zeta: FloatArray) -> IntArray:
+    """Numbers of the lines about poles."""
+    off = np.abs(arrangement.frequency_hz[:, None] - hz)
+    return np.flatnonzero((off <= np.maximum(_REACH * zeta * hz, _LEAST_REACH * arrangement.spacing_hz)).any(axis=1))
+
+
+def _misfits(
+    arrangement: Arrangement, terms: Terms, weight: FloatArray, grid: FloatArray, lines: IntArray
+) -> FloatArray:
+    """(g, N) misfit of every FRF for every drift of the grid."""
+    omega, values, own = arrangement.omega[lines], arrangement.values[:, lines], weight[:, lines]
+    mean = own.mean(axis=0)
+    root, level = np.sqrt(mean), own.sum(axis=1) / max(mean.sum(), 1e-300)
+    scaled = values * root
+    target = np.concatenate([scaled.real, scaled.imag], axis=1)
+    whole = np.sum(target**2, axis=1)
+    out = np.empty((grid.size, len(values)))
+    for place, drift in enumerate(grid):
+        basis = columns(omega, _moved(arrangement, terms, float(drift)), arrangement.power) * root[:, None]
+        frame = np.linalg.qr(
+            np.concatenate([basis.real, basis.imag]) / np.maximum(np.linalg.norm(basis, axis=0), 1e-300)
+        )[0]
+        out[place] = level * (whole - np.sum((target @ frame) ** 2, axis=1))
+    return out
+
+
+def _lowest(grid: FloatArray, misfit: FloatArray) -> FloatArray:
+    """(S,) where each test's misfit is least, by a parabola about the best of the grid."""
+    best = np.clip(np.argmin(misfit, axis=0), 1, grid.size - 2)
+    low, mid, high = (misfit[best + shift, np.arange(best.size)] for shift in (-1, 0, 1))
+    step, bend = grid[1] - grid[0], np.maximum(low - 2 * mid + high, 0.0)
+    off = np.where(bend > 0, (low - high) / np.where(bend > 0, 2 * bend, 1.0), 0.0)
+    return np.asarray(grid[best] + np.clip(off, -1, 1) * step)
+
+
+def _solved(basis: np.ndarray, values: np.ndarray, root: FloatArray) -> FloatArray:
+    """(N, q) real coefficients, all FRFs with the same weights."""
+    scaled = np.concatenate([(root[:, None] * basis).real, (root[:, None] * basis).imag])
+    size = np.maximum(np.linalg.norm(scaled, axis=0), 1e-300)
+    both = np.concatenate([(root * values).real, (root * values).imag], axis=1)
+    found: FloatArray = np.linalg.lstsq(scaled / size, both.T, rcond=1e-9)[0].T / size
+    return found

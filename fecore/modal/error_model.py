@@ -1,0 +1,43 @@
+"""What a series of poles leaves of measured FRFs, beside the noise: errors that last over several lines.
+
+Hits beside the point, cables and slight non-linearity make errors that grow with the FRF and are smooth over some
+lines. A line is then worth less than one: with the correlation ρ_j of the standardised residual j lines apart, n
+lines are worth n/τ, τ = 1 + 2 Σ_j ρ_j.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fecore.arrays import BoolArray, ComplexArray, FloatArray
+
+RELATIVE = 0.02
+"""What errors that grow with the FRF usually are, over it: where a hit lands, calibrations."""
+
+_STILL = 0.05  # correlation below which the sum ends
+_CAP = 3.0  # standard deviations
+_LONGEST = 200  # lines
+
+
+def memory(
+    residual: ComplexArray, variance: FloatArray, measured: BoolArray, model: ComplexArray | None = None
+) -> float:
+    """τ, the number of lines that are worth one, from the correlation of the standardised residual; at least 1.
+
+    With the `model` the error is taken relative to it, for a relative error turns with the phase of a resonance, and lines
+    count
+    by their signal to noise: what matters for a mode are the lines where it is seen.
+    """
+    z = np.where(measured, residual / np.sqrt(variance), 0)
+    if model is not None:
+        z = z / np.maximum(1.0, np.abs(z) / _CAP)  # one line of interference must not hide what the others share
+        z = z * model.conj() / np.sqrt(variance)
+    lines = z.shape[1]
+    size = 1 << int(2 * lines - 1).bit_length()
+    power = np.sum(np.abs(np.fft.fft(z, size, axis=1)) ** 2, axis=0)
+    lagged = np.fft.ifft(power).real[: min(_LONGEST, lines // 4) + 1]
+    if not lagged[0] > 0:
+        return 1.0
+    rho = lagged[1:] / lagged[0] / (1 - np.arange(1, lagged.size) / lines)
+    ends = np.flatnonzero(rho < _STILL)
+    return float(1 + 2 * np.sum(rho[: ends[0] if ends.size else rho.size]))

@@ -1,0 +1,227 @@
+"""What speaks for a pole being a mode: a few features, all from the joint fit.
+
+phase   r, the median over the FRFs, weighted by |R|, of cos 2∠(2iω_d R), R the residue of the receptance. A mode's residue
+        is in quadrature to the force, φ_i φ_j/(2iω_d): r = 1. The response of a quadratic non-linearity at f_i ± f_j
+        is driven by a product of two such residues, so its own is real: r = -1.
+rise    ρ, the local misfit without the pole over that with it, within 1 and 10³.
+share   s, the pole's height over the FRFs at its frequency, within 0.03 and 1.
+damping z = |ln ζ/ζ_t|, ζ_t a robust trend c + a₀/2ω + a₁ω/2 with coefficients >= 0 through all poles of the set.
+twin    t = MAC with a larger neighbour × exp(-δ²/2), δ their distance in summed half bandwidths.
+repeat  where FRFs of single hits are there: how far the pole's residue scatters between them over the root of their number.
+growth  where their heights differ: |d ln|R| / d ln(height)|, 0 for a linear structure, 1 and 2 for quadratic and cubic springs.
+
+A delay d of a channel turns the phase of residues by -ωd, and a wrong quantity by 90°: both are found first, from the strong
+poles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.modal.arrangement import Arrangement
+from fecore.modal.basis import Terms, columns, poles
+from fecore.modal.drift import in_band
+from fecore.modal.growth import gains
+from fecore.modal.refinement import Level
+from fecore.modal.residues import weights
+
+_REACH = 3.0  # half bandwidths on each side of a pole within which the misfit is local
+_LEAST_REACH = 2  # ... and at least lines
+_TONE = 0.02  # lines: a half bandwidth below is a tone's, which shows neither damping nor delay
+_RISE = (1.0, 1e3)  # least and most that counts
+_SHARE = (0.03, 1.0)  # least and most that counts
+_LONGEST_DELAY = 1e-3  # s
+_DELAY_PRIOR = 2e-4  # s, one standard deviation
+_STRONG = 10.0  # rise from which a pole shows the delay
+_ROBUST = 6  # rounds of reweighting of the damping's trend
+_STARTS = 8  # poles through which it is started
+_USUAL = 0.3  # scatter of ln ζ about it
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Features of n poles, NaN where the set cannot give one.
+
+    Attributes:
+        phase, rise, share, damping, twin, repeat, growth: (n,) see above.
+        neighbour: (n,) number of the larger neighbour, -1 where there is none; likeness, apart: their MAC and distance δ.
+        trend: (n,) ζ_t.
+        tone: (n,) whether the pole is so narrow that no record of these lines could have shown it.
+        delay: of the channels, s; turned: whether all residues are turned by 90°.
+    """
+
+    phase: FloatArray
+    rise: FloatArray
+    share: FloatArray
+    damping: FloatArray
+    twin: FloatArray
+    repeat: FloatArray
+    growth: FloatArray
+    neighbour: IntArray
+    likeness: FloatArray
+    apart: FloatArray
+    trend: FloatArray
+    tone: BoolArray
+    delay: float
+    turned: bool
+
+
+def evidence_of(arrangement: Arrangement, fit: Level, hits: tuple[FloatArray, FloatArray] | None = None) -> Evidence:
+    """The features of all poles of a fit.
+
+    Args:
+        arrangement: the FRFs.
+        fit: the series fitted to them.
+        hits: repeat and growth of each pole (n,), where single hits are there.
+    """
+    terms, n = fit.terms, fit.terms.pairs
+    residues = residues_of(fit)
+    rise = _rise(arrangement, fit)
+    height, share = _share(arrangement, fit)
+    inside = in_band(arrangement, terms.frequency_hz)
+    tone: BoolArray = inside & (terms.frequency_hz * terms.damping_ratio < _TONE * arrangement.spacing_hz)
+    strength = np.where(inside & ~tone, np.log10(rise) * share, 0.0)
+    delay, turned = _delay(terms, residues, np.where(rise > _STRONG, strength, 0.0))
+    phase = _phase(terms, residues, delay, turned)
+    trend = _trend(terms, strength * np.maximum(phase, 0.1))
+    neighbour, likeness, apart = _neighbours(terms, residues, height)
+    twin = np.where(neighbour < 0, 0.0, likeness * np.exp(-(apart**2) / 2))
+    unknown = np.full(n, np.nan)
+    repeat, growth = hits if hits is not None else (unknown, unknown)
+    return Evidence(
+        phase=phase,
+        rise=rise,
+        share=share,
+        damping=np.abs(np.log(terms.damping_ratio / trend)),
+        twin=twin,
+        repeat=repeat,
+        growth=growth,
+        neighbour=neighbour,
+        likeness=likeness,
+        apart=apart,
+        trend=trend,
+        tone=tone,
+        delay=delay,
+        turned=turned,
+    )
+
+
+def residues_of(fit: Level) -> ComplexArray:
+    """(N, n) residues of the receptance."""
+    c = fit.linear.coefficients[:, : 2 * fit.terms.pairs]
+    return np.asarray(c[:, 0::2] + 1j * c[:, 1::2])
+
+
+def _rise(arrangement: Arrangement, fit: Level) -> FloatArray:
+    off = np.abs(arrangement.frequency_hz[:, None] - fit.terms.frequency_hz)
+    width = fit.terms.damping_ratio * fit.terms.frequency_hz
+    near = off <= np.maximum(_REACH * width, _LEAST_REACH * arrangement.spacing_hz)
+    misfit = np.sum(weights(arrangement, fit.variance) * np.abs(fit.residual) ** 2, axis=0)
+    lines = np.maximum(near.sum(axis=0), 1)
+    usual = 2.0 * np.mean(arrangement.measured.sum(axis=0)) * lines * 0.05  # clean data leave nothing
+    with_it = np.maximum(misfit @ near, usual)
+    return np.asarray(np.clip(1 + gains(fit) / with_it, *_RISE))
+
+
+def _share(arrangement: Arrangement, fit: Level) -> tuple[FloatArray, FloatArray]:
+    """(n,) height of each pole at the line next to its frequency, and over the FRFs there: a needle between lines has none."""
+    terms, n = fit.terms, fit.terms.pairs
+    omega = arrangement.omega[np.argmin(np.abs(arrangement.frequency_hz[:, None] - terms.frequency_hz), axis=0)]
+    reference = float(np.sqrt(arrangement.omega[0] * arrangement.omega[-1]))
+    at = columns(omega, terms, arrangement.power, reference)  # (n, q), line k at pole k
+    own = at[np.arange(n)[:, None], np.stack([2 * np.arange(n), 2 * np.arange(n) + 1], axis=1)]
+    c = fit.linear.coefficients
+    height = np.abs(c[:, 0 : 2 * n : 2] * own[:, 0] + c[:, 1 : 2 * n : 2] * own[:, 1])
+    whole = np.abs(c @ at.T)
+    total = np.sqrt(np.sum(height**2, axis=0))
+    share = total / np.maximum(np.sqrt(np.sum(whole**2, axis=0)), 1e-300)
+    return total, np.asarray(np.clip(share, *_SHARE))
+
+
+def _turns(terms: Terms, residues: ComplexArray) -> ComplexArray:
+    """(N, n) 2iω_d R, whose phase is 0 or 180° for a mode."""
+    damped = poles(terms.frequency_hz, terms.damping_ratio).imag
+    return np.asarray(2j * damped * residues)
+
+
+def _delay(terms: Terms, residues: ComplexArray, strength: FloatArray) -> tuple[float, bool]:
+    """The delay (s) that turns the strong poles' residues back, and whether they all stand at 90° to a mode's.
+
+    Maximises Σ_k w_k cos(2(φ_k + ω_k d)) less d²/2d₀² over a grid, φ_k = ½ arg Σ_i (2iω_d R_ik)².
+    """
+    if np.sum(strength > 0) < 3:
+        return 0.0, False
+    square = np.sum(_turns(terms, residues) ** 2, axis=0)
+    angle, omega = np.angle(square), 2 * np.pi * terms.frequency_hz
+    purity = np.abs(square) / np.maximum(np.sum(np.abs(_turns(terms, residues)) ** 2, axis=0), 1e-300)
+    weight = strength * purity
+    weight = weight / weight.sum() * np.sum(strength > 0)
+    step = 0.05 / omega[strength > 0].max()
+    grid = step * np.arange(-np.ceil(_LONGEST_DELAY / step), np.ceil(_LONGEST_DELAY / step) + 1)
+    merit = np.cos(angle + 2 * grid[:, None] * omega) @ weight
+    prior = (grid / _DELAY_PRIOR) ** 2 / 2
+    straight, crossed = merit - prior, -merit - prior
+    best = int(np.argmax(straight))
+    across = int(np.argmin(np.abs(grid)))
+    turned = bool(crossed[across] > 0.8 * weight.sum() and straight.max() < 0.5 * weight.sum())
+    return (0.0, True) if turned else (float(grid[best]), False)
+
+
+def _phase(terms: Terms, residues: ComplexArray, delay: float, turned: bool) -> FloatArray:
+    """(n,) r."""
+    turns = _turns(terms, residues) * np.exp(1j * delay * 2 * np.pi * terms.frequency_hz) * (1j if turned else 1)
+    cosine, weight = np.cos(2 * np.angle(turns)), np.abs(turns)
+    order = np.argsort(cosine, axis=0)
+    summed = np.cumsum(np.take_along_axis(weight, order, axis=0), axis=0)
+    place = np.argmax(summed >= summed[-1] / 2, axis=0)
+    return np.asarray(np.take_along_axis(np.take_along_axis(cosine, order, axis=0), place[None], axis=0)[0])
+
+
+def _trend(terms: Terms, strength: FloatArray) -> FloatArray:
+    """(n,) ζ_t, by non-negative least squares of ζ/ζ_t = 1, poles far off counting less and less (Cauchy's weights)."""
+    zeta, omega = terms.damping_ratio, 2 * np.pi * terms.frequency_hz
+    use = strength > 0
+    if not use.any():
+        return np.asarray(np.full(zeta.size, np.median(zeta)) if zeta.size else zeta)
+    middle = float(np.exp(np.average(np.log(omega[use]), weights=strength[use])))
+    shape = np.stack([np.ones(omega.size), middle / omega, omega / middle], axis=1)
+    order = np.argsort(zeta[use])
+    at = np.searchsorted(np.cumsum(strength[use][order]), strength[use].sum() / 2)
+    usual = zeta[use][order][min(at, order.size - 1)]
+    best, least = np.full(zeta.size, usual), np.inf
+    for rate in (0.0, *(zeta * omega)[use][np.argsort(-strength[use])[:_STARTS]]):  # through one pole after the other
+        trend = _descended(np.maximum(usual, rate / omega), zeta, shape, np.where(use, strength, 0.0))
+        cost = float(np.sum(strength * np.log1p((np.log(zeta / trend) / _USUAL) ** 2)))
+        if cost < least:
+            best, least = trend, cost
+    return best
+
+
+def _descended(trend: FloatArray, zeta: FloatArray, shape: FloatArray, strength: FloatArray) -> FloatArray:
+    """A trend after some rounds of reweighted least squares from a start."""
+    for _ in range(_ROBUST):
+        off = np.log(zeta / trend)
+        weight = np.sqrt(strength / (1 + (off / _USUAL) ** 2)) / np.sqrt(zeta * trend)
+        found = scipy.optimize.nnls(shape * weight[:, None], zeta * weight)[0]
+        trend = np.maximum(shape @ found, 0.1 * zeta[strength > 0].min())
+    return trend
+
+
+def _neighbours(terms: Terms, residues: ComplexArray, height: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """The larger neighbour that a pole is most like and nearest to, their MAC and distance δ."""
+    n = terms.pairs
+    norm = np.maximum(np.sum(np.abs(residues) ** 2, axis=0), 1e-300)
+    likeness = np.abs(residues.conj().T @ residues) ** 2 / np.outer(norm, norm)
+    width = terms.frequency_hz * terms.damping_ratio
+    apart = np.abs(terms.frequency_hz[:, None] - terms.frequency_hz) / (width[:, None] + width)
+    larger: BoolArray = height[None, :] > height[:, None]
+    twin = np.where(larger, likeness * np.exp(-(apart**2) / 2), -1.0)
+    if not n:
+        return np.empty(0, dtype=np.int64), np.empty(0), np.empty(0)
+    best = np.argmax(twin, axis=1)
+    at = (np.arange(n), best)
+    return np.where(twin[at] < 0, -1, best), likeness[at], apart[at]

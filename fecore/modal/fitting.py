@@ -1,0 +1,211 @@
+"""From FRFs to the series of poles that they need, fitted to all of them: search, drift, company, last fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fecore.arrays import BoolArray, ComplexArray, FloatArray
+from fecore.modal.arrangement import Arrangement
+from fecore.modal.basis import Terms, poles
+from fecore.modal.compression import compress
+from fecore.modal.drift import Drift, in_band, session_of, sessions, without_drift
+from fecore.modal.error_model import memory
+from fecore.modal.evidence import evidence_of
+from fecore.modal.growth import ROUNDS, grow, linear_weight, pruned, with_residual_terms, without_poles
+from fecore.modal.lscf import LinearPoles, clusters, linear_poles
+from fecore.modal.noise import local_variance, student
+from fecore.modal.probability import probability
+from fecore.modal.refinement import Fit, Level, level_at, refine
+
+_ALIGN = 4  # turns of drift and growth
+_STILL = 0.1  # of the whole drift: what is left below it is at rest
+_RIVAL = 40  # FRFs up to which the whole search is made without the drift too
+_CLEARLY = 5.0  # prices of its unknowns by which a series without drift must be better
+_CULLS = 2  # turns of probability and refinement
+_STEPS, _LAST = 8, 3  # of the refinement, and with all FRFs and a weight for each value
+_COMPANY = 1.5  # summed half bandwidths within which a refused pole only bends its neighbour
+_COMPANY_BELOW = 0.3  # probability below which a pole beside a better one is its company
+
+Report = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """The series fitted to all FRFs.
+
+    Attributes:
+        arrangement: the FRFs without their drift.
+        fit: the fit; noise: (N, L) the variance of the noise.
+        linear: the linear poles.
+        drift: None where there is none.
+        full: whether the search had as many poles as it may.
+    """
+
+    arrangement: Arrangement
+    fit: Fit
+    noise: FloatArray
+    linear: LinearPoles
+    drift: Drift | None
+    full: bool
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(2n, 2n) covariance of (ln f, ζ); the mean of as many drifts as there are tests is common to all frequencies."""
+        covariance, n = self.fit.parameter_covariance.copy(), self.fit.terms.pairs
+        if self.drift is not None:
+            covariance[:n, :n] += self.drift.sd**2 / sessions(self.arrangement)
+        return covariance
+
+
+def fit_series(arrangement: Arrangement, noise: FloatArray, highest: int, most: int, report: Report) -> Fitted:
+    """Search the poles, align the tests and fit all FRFs.
+
+    Args:
+        arrangement: the FRFs.
+        noise: (N, L) variance of their noise.
+        highest: order of the linear stage.
+        most: largest number of poles.
+        report: called with the progress.
+    """
+    data = _Data.of(arrangement, noise)
+    report("linear estimates", 0.05)
+    linear = linear_poles(data.few.omega, data.few.values, linear_weight(data.few, data.few_noise), highest)
+    most = min(most, int(arrangement.measured.sum(axis=1).min()) // 4)
+    step, pool = _steps(report), clusters(linear)
+    empty = Terms(np.empty(0), np.empty(0), (-2, 0))
+    terms = data.grown(empty, pool, most, step, 1)
+    pool = np.append(pool, poles(terms.frequency_hz, terms.damping_ratio))
+    still, aligned, drift = _aligned(data, terms, pool, most, step)
+    fit = still.fitted(still.grown(aligned, pool, most, step))
+    if drift is not None and len(arrangement.pairs) <= _RIVAL:
+        rival = data.fitted(data.grown(terms, pool, most, step))
+        if _better(rival, fit):
+            still, fit, drift = data, rival, None
+    report("refining with all FRFs", 0.6)
+    full = fit.terms.pairs >= most
+    fit = _without_company(still, fit)
+    report("refining with all FRFs", 0.8)
+    return Fitted(still.arrangement, _last(still, fit), noise, linear, drift, full)
+
+
+@dataclass(frozen=True)
+class _Data:
+    """All FRFs and the few combinations that stand for them, each with the variance of its noise."""
+
+    arrangement: Arrangement
+    noise: FloatArray
+    few: Arrangement
+    few_noise: FloatArray
+
+    @classmethod
+    def of(cls, arrangement: Arrangement, noise: FloatArray) -> _Data:
+        small = compress(arrangement, noise)
+        return cls(arrangement, noise, small.arrangement, small.squares(noise))
+
+    def settled(self, terms: Terms) -> Terms:
+        """The poles refined on the combinations."""
+        measured = self.few.measured
+        fit = level_at(self.few, terms, local_variance(self.few.values, self.few.values, self.few_noise, measured))
+        fit = level_at(self.few, terms, local_variance(fit.residual, self.few.values, self.few_noise, measured))
+        return refine(self.few, terms, fit.variance, steps=_STEPS, enough=1.0).terms
+
+    def grown(
+        self, terms: Terms, pool: ComplexArray, most: int, step: Callable[[int], None], rounds: int = ROUNDS
+    ) -> Terms:
+        """The poles with those, of the candidates and of what the residual shows, that the combinations need."""
+        return grow(self.few, self.few_noise, most, step, terms, pool, rounds).terms
+
+    def fitted(self, terms: Terms) -> Level:
+        """The series with all FRFs, without poles and residual terms that do not pay."""
+        terms, measured = with_residual_terms(self.arrangement, terms), self.arrangement.measured
+        fit = level_at(
+            self.arrangement,
+            terms,
+            local_variance(self.arrangement.values, self.arrangement.values, self.noise, measured),
+        )
+        fit = level_at(
+            self.arrangement, terms, local_variance(fit.residual, self.arrangement.values, self.noise, measured)
+        )
+        return pruned(self.arrangement, fit)
+
+
+def _steps(report: Report) -> Callable[[int], None]:
+    """Reports the rounds of the search."""
+    rounds = 0
+
+    def step(count: int) -> None:
+        nonlocal rounds
+        rounds += 1
+        report(f"searching poles: {count} found", 0.1 + 0.5 * (1 - 0.7**rounds))
+
+    return step
+
+
+def _aligned(
+    data: _Data, terms: Terms, pool: ComplexArray, most: int, step: Callable[[int], None]
+) -> tuple[_Data, Terms, Drift | None]:
+    """The FRFs without the drift of their tests, with the series that showed it; as they are where there is none.
+
+    The drift is found with the poles that are there, and shows more of them: both grow in turn.
+    """
+    still, drift = data, None
+    for _ in range(_ALIGN):
+        found = without_drift(
+            data.arrangement,
+            still.arrangement,
+            drift,
+            still.fitted(terms),
+            lambda moved, own: _Data.of(moved, data.noise).settled(own),
+            lambda moved, own, candidates: _Data.of(moved, data.noise).grown(own, candidates, most, step, 1),
+        )
+        if found is None:
+            break
+        more = found[2].sd if drift is None else float(np.std(found[2].each - drift.each))
+        arrangement, terms, drift = found
+        still = _Data.of(arrangement, data.noise)
+        if more < _STILL * drift.sd:
+            break
+        terms = still.grown(terms, pool, most, step, 1)
+    return still, terms, drift
+
+
+def _better(rival: Level, fit: Level) -> bool:
+    """Whether the series without a drift is clearly better: 2 Σ ln v lower by several prices of its further unknowns."""
+    more = (rival.terms.pairs - fit.terms.pairs) * (2 * len(fit.residual) + 2)
+    lower = 2 * float(np.sum(np.log(fit.variance)) - np.sum(np.log(rival.variance)))
+    return lower > _CLEARLY * 2 * max(more, len(fit.residual))
+
+
+def _without_company(data: _Data, fit: Level) -> Level:
+    """The fit without refused poles that only bend a better one beside them."""
+    for _ in range(_CULLS):
+        if not fit.terms.pairs:
+            break
+        p = probability(data.arrangement, evidence_of(data.arrangement, fit), fit.terms.damping_ratio)
+        gone = _company(data.arrangement, fit.terms, p)
+        if not gone.any():
+            break
+        fit = data.fitted(data.settled(without_poles(fit.terms, gone)))
+    return fit
+
+
+def _company(arrangement: Arrangement, terms: Terms, p: FloatArray) -> BoolArray:
+    """(n,) poles in band that are hardly modes and overlap one with a better probability."""
+    width = terms.frequency_hz * terms.damping_ratio
+    apart = np.abs(terms.frequency_hz[:, None] - terms.frequency_hz) / (width[:, None] + width)
+    good = p >= _COMPANY_BELOW
+    return np.asarray(
+        (p < _COMPANY_BELOW) & in_band(arrangement, terms.frequency_hz) & (apart[:, good] < _COMPANY).any(axis=1)
+    )
+
+
+def _last(data: _Data, fit: Level) -> Fit:
+    """A few steps with a variance for each value (Student's law of the errors), and what the covariance needs."""
+    arrangement = data.arrangement
+    variance = student(fit.residual, arrangement.values, data.noise, arrangement.measured)
+    fit = refine(arrangement, fit.terms, variance, steps=_LAST)
+    tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
+    return replace(fit, memory=tau, sessions=session_of(arrangement))

@@ -1,0 +1,228 @@
+"""Search: from linear candidates to the poles that the data need, in a few combinations of the FRFs.
+
+The residual of FRF i is taken as Gaussian with a variance that follows the local misfit, v_il = g_i p_l, at least the noise. A
+pole that is not in the series, all other coefficients fitted anew, lowers χ² by rᵀE(EᵀE)⁻¹Eᵀr, E its two columns less their
+projection on the series: a 2x2 problem. The candidate of the largest gain is taken, its columns leave all others and the
+residual, and so on (orthogonal matching pursuit) while Akaike's price of 2 for each unknown is paid. Then all poles are
+refined together, poles that no longer pay leave, and the residual offers new candidates, a few rounds in all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from fecore.arrays import BoolArray, ComplexArray, FloatArray
+from fecore.modal.arrangement import Arrangement
+from fecore.modal.basis import Terms, columns
+from fecore.modal.error_model import RELATIVE
+from fecore.modal.lscf import NARROW, clusters, linear_poles
+from fecore.modal.noise import local_variance
+from fecore.modal.refinement import Fit, Level, level_at, refine
+from fecore.modal.residues import weights
+
+EXPONENTS = (-3, -2, -1, 0, 1, 2)
+"""Powers of iω of the receptance that stand for the modes outside the band and for rigid body motion with its damping."""
+
+ROUNDS = 5
+"""Of growth on the residual."""
+
+_RESIDUAL_ORDER = 10  # of the linear stage on the residual
+_STEPS = 8  # of the refinement in each round
+_ENOUGH = 1.0  # decrease of χ² that a step is worth before the last round
+_PRICE = 2.0  # of an unknown (Akaike)
+_FAR = 2.0  # times the upper end of the band, or of the lower end over it: poles beyond are residual terms
+_ALONE = 1e-6  # share of a candidate's power that the series leaves: below it nothing new is in it
+_APART = 0.5  # summed half bandwidths between two poles that are taken in one round
+
+
+def grow(
+    arrangement: Arrangement,
+    noise: FloatArray,
+    most: int,
+    step: Callable[[int], None],
+    start: Terms,
+    pool: ComplexArray,
+    rounds: int = ROUNDS,
+) -> Fit:
+    """The poles that FRFs, or combinations of them, need.
+
+    Args:
+        arrangement: the FRFs.
+        noise: (N, L) variance of their noise.
+        most: largest number of poles.
+        step: called after every round with the number of poles.
+        start: the series to start from.
+        pool: candidates, rad/s; in every round those that the residual shows are added.
+        rounds: most rounds.
+    """
+    measured, omega, first = arrangement.measured, arrangement.omega, np.append(pool, _beyond(arrangement))
+    fit = level_at(arrangement, start, local_variance(arrangement.values, arrangement.values, noise, measured))
+    fit = level_at(arrangement, start, local_variance(fit.residual, arrangement.values, noise, measured))
+    candidates = first
+    for number in range(rounds):
+        added = _chosen(arrangement, fit, candidates, most - fit.terms.pairs)
+        if not added.size:
+            break
+        larger = refine(arrangement, with_poles(fit.terms, added), fit.variance, steps=_STEPS, enough=_ENOUGH)
+        before = fit.terms.pairs
+        # Not before there are poles, as residual terms would take the place of a broad one; then all of them again, as a better
+        # fit may need what a poor one did without.
+        whole = level_at(arrangement, with_residual_terms(arrangement, larger.terms), larger.variance)
+        variance = local_variance(whole.residual, arrangement.values, noise, measured)
+        fit = pruned(arrangement, level_at(arrangement, whole.terms, variance))
+        step(fit.terms.pairs)
+        if number and fit.terms.pairs <= before:
+            break
+        left = linear_poles(omega, fit.residual, weights(arrangement, fit.variance), _RESIDUAL_ORDER, (NARROW,))
+        candidates = np.append(clusters(left), first)
+    return refine(arrangement, fit.terms, fit.variance)
+
+
+def linear_weight(arrangement: Arrangement, noise: FloatArray) -> FloatArray:
+    """(N, L) weights of the linear stage: noise, and errors that grow with the FRF; alike for all where nothing is missing."""
+    weight = np.where(arrangement.measured, 1 / (noise + RELATIVE**2 * np.abs(arrangement.values) ** 2), 0.0)
+    return np.broadcast_to(weight.mean(axis=0), weight.shape) if arrangement.measured.all() else weight
+
+
+def exponents_for(arrangement: Arrangement) -> tuple[int, ...]:
+    """The residual terms, fewer where lines are few."""
+    lines = int(arrangement.measured.sum(axis=1).min())
+    return EXPONENTS if lines >= 8 * len(EXPONENTS) else (-2, 0)
+
+
+def with_residual_terms(arrangement: Arrangement, terms: Terms) -> Terms:
+    """The terms with all residual terms that the lines carry."""
+    return replace(terms, exponents=exponents_for(arrangement))
+
+
+def with_poles(terms: Terms, pole: ComplexArray) -> Terms:
+    """The terms with more poles, rad/s."""
+    hz = np.abs(pole) / (2 * np.pi)
+    return replace(
+        terms,
+        frequency_hz=np.append(terms.frequency_hz, hz),
+        damping_ratio=np.append(terms.damping_ratio, np.clip(-pole.real / np.abs(pole), 1e-5, 0.9)),
+    )
+
+
+def without_poles(terms: Terms, gone: BoolArray) -> Terms:
+    """The terms without the marked poles (n,)."""
+    return replace(
+        terms,
+        frequency_hz=terms.frequency_hz[~gone],
+        damping_ratio=terms.damping_ratio[~gone],
+    )
+
+
+def gains(fit: Level) -> FloatArray:
+    """(n,) what χ² would rise by without each pole, all other coefficients fitted anew: Σ_i cᵀV⁻¹c, V the covariance of c."""
+    n = fit.terms.pairs
+    one, two = (fit.linear.coefficients[:, place : 2 * n : 2] for place in (0, 1))
+    V = fit.linear.covariance
+    at = 2 * np.arange(n)
+    a, b, d = V[:, at, at], V[:, at, at + 1], V[:, at + 1, at + 1]
+    determinant = np.maximum(a * d - b**2, 1e-12 * a * d + np.finfo(float).tiny)
+    return np.asarray(np.sum((d * one**2 - 2 * b * one * two + a * two**2) / determinant, axis=0))
+
+
+def pole_price(fit: Level) -> float:
+    """Akaike's price of a pole, of two unknowns an FRF and two for the pole, and that of having looked for it at every line."""
+    return (_PRICE * (2 * len(fit.residual) + 2) + 2 * float(np.log(fit.residual.shape[1]))) * fit.memory
+
+
+def pruned(arrangement: Arrangement, fit: Level) -> Level:
+    """The fit without poles that do not pay, the broadest of them first: what a narrower one explains must not outlive it.
+
+    A pole far beyond the band looks like a residual term. Both at once are large and cancel, and then a drift of 10⁻⁴ of that
+    pole, or rounding, spoils all FRFs: the term is enough.
+    """
+    while fit.terms.pairs:
+        poor = (gains(fit) < pole_price(fit)) | _far(arrangement, fit.terms)
+        if not poor.any():
+            break
+        width = fit.terms.damping_ratio * fit.terms.frequency_hz
+        gone = np.arange(poor.size) == int(np.argmax(np.where(poor, width, -1.0)))
+        fit = level_at(arrangement, without_poles(fit.terms, gone), fit.variance)
+    return _without_idle_terms(arrangement, fit)
+
+
+def _far(arrangement: Arrangement, terms: Terms) -> BoolArray:
+    """(n,) poles so far beyond the band that the lines tell nothing of their frequency."""
+    low, high = arrangement.frequency_hz[[0, -1]]
+    return np.asarray((terms.frequency_hz > _FAR * high) | (terms.frequency_hz < low / _FAR))
+
+
+def _without_idle_terms(arrangement: Arrangement, fit: Level) -> Level:
+    """The fit without residual terms that do not pay, the least worth first."""
+    while len(fit.terms.exponents) > 1:
+        first = 2 * fit.terms.pairs
+        spread = np.einsum("nii->ni", fit.linear.covariance)[:, first:]
+        worth = np.sum(fit.linear.coefficients[:, first:] ** 2 / np.maximum(spread, 1e-300), axis=0)
+        least = int(np.argmin(worth))
+        if worth[least] > _PRICE * len(fit.residual) * fit.memory:
+            break
+        left = fit.terms.exponents[:least] + fit.terms.exponents[least + 1 :]
+        fit = level_at(arrangement, replace(fit.terms, exponents=left), fit.variance)
+    return fit
+
+
+def _beyond(arrangement: Arrangement) -> ComplexArray:
+    """Candidates outside the band, for modes whose skirts reach into it."""
+    low, high = arrangement.omega[0], arrangement.omega[-1]
+    at = np.append(high * np.array([1.03, 1.1, 1.25, 1.6]), low * np.array([0.6, 0.8, 0.95]))
+    return np.asarray((np.array([[-0.01], [-0.05]]) + 1j) * at).ravel()
+
+
+def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int) -> ComplexArray:
+    """The candidates that pay, most gain first, each on top of those before it."""
+    if not pool.size or room <= 0:
+        return pool[:0]
+    weight = weights(arrangement, fit.variance)
+    root = np.sqrt(weight.mean(axis=0))
+    scaled = fit.residual * np.sqrt(weight)
+    target = np.concatenate([scaled.real, scaled.imag], axis=1)
+    frame = _stacked(fit.linear.frame, root)
+    extra = _stacked(
+        columns(arrangement.omega, with_poles(Terms(np.empty(0), np.empty(0), ()), pool), arrangement.power), root
+    )
+    extra = extra / np.maximum(np.linalg.norm(extra, axis=0), 1e-300)
+    frame = np.linalg.qr(frame)[0]
+    extra = extra - frame @ (frame.T @ extra)
+    right = target @ extra
+    one, two = extra[:, 0::2], extra[:, 1::2]
+    gram = [np.einsum("lc,lc->c", a, b) for a, b in ((one, one), (one, two), (two, two))]
+    price, basis = pole_price(fit), np.empty((len(extra), 0))
+    taken: list[int] = []
+    open_ = np.ones(pool.size, dtype=bool)
+    while len(taken) < room:
+        gain = np.where(open_, _two_by_two(right, *gram), 0.0)
+        k = int(np.argmax(gain))
+        if gain[k] < price:
+            break
+        taken.append(k)
+        own = extra[:, 2 * k : 2 * k + 2]
+        own = np.linalg.qr(own - basis @ (basis.T @ own))[0]
+        basis = np.concatenate([basis, own], axis=1)
+        along = own.T @ extra  # (2, 2C)
+        right = right - (target @ own) @ along
+        a, b = along[:, 0::2], along[:, 1::2]
+        gram = [g - np.sum(x * y, axis=0) for g, (x, y) in zip(gram, ((a, a), (a, b), (b, b)), strict=True)]
+        open_ &= np.abs(pool - pool[k]) > _APART * -(pool.real + pool[k].real)
+    return pool[taken]
+
+
+def _two_by_two(right: FloatArray, a: FloatArray, b: FloatArray, d: FloatArray) -> FloatArray:
+    """(C,) gain of each pair of columns from their products with the residuals (M, 2C) and with one another."""
+    one, two = right[:, 0::2], right[:, 1::2]
+    determinant = a * d - b**2
+    alone = (a > _ALONE) & (d > _ALONE) & (determinant > _ALONE * a * d)
+    total = d * np.sum(one**2, axis=0) - 2 * b * np.sum(one * two, axis=0) + a * np.sum(two**2, axis=0)
+    return np.asarray(np.where(alone, total / np.where(alone, determinant, 1.0), 0.0))
+
+
+def _stacked(basis: ComplexArray, root: FloatArray) -> FloatArray:
+    """(2L, q) real above imaginary parts of columns, weighted."""
+    return np.concatenate([basis.real * root[:, None], basis.imag * root[:, None]])

@@ -1,0 +1,319 @@
+"""FRFs in, modes out: FRFs -> candidates -> one joint fit -> probability -> modes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fecore.arrays import BoolArray, FloatArray, IntArray
+from fecore.errors import IdentificationError, InputError
+from fecore.frf import FrfSet
+from fecore.modal.arrangement import Arrangement
+from fecore.modal.basis import columns, poles
+from fecore.modal.diagram import Stabilisation, diagram_of
+from fecore.modal.drift import in_band
+from fecore.modal.evidence import Evidence, evidence_of
+from fecore.modal.fitting import Fitted, fit_series
+from fecore.modal.growth import gains, pole_price
+from fecore.modal.linear import real_times
+from fecore.modal.parting import part
+from fecore.modal.preparation import Prepared, prepare
+from fecore.modal.probability import Feature, features, probability
+from fecore.modal.refinement import Fit
+from fecore.modal.remarks import remarks
+from fecore.modal.result import Found, Identification, RefusedPole
+from fecore.modal.screening import lines_in_words
+from fecore.modal.shapes import Shapes, shapes_from_residues
+from fecore.modes import MeasuredModes
+
+Report = Callable[[str, float], None]
+
+REFUSED = 0.1
+"""Probability below which a pole is refused."""
+
+_SAID = 3  # features that are said of a pole
+_FAR = 4.6  # |residual|² over its own variance from which a value has hardly any weight
+_FEW_SPOILT = 0.01  # share of a record that may be spoilt
+_MOST_NOTES = 8  # on spoilt values
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to identify; the defaults need no human.
+
+    Attributes:
+        band_hz: lines to use; all where None. Modes outside are not reported.
+        highest_order: largest order of the linear stage (poles in a window of lines).
+        most_modes: largest number of pole pairs of the fitted series.
+        threshold: probability from which a pole is a mode; below it, from 0.1 on, it is uncertain.
+    """
+
+    band_hz: tuple[float, float] | None = None
+    highest_order: int = 40
+    most_modes: int = 100
+    threshold: float = 0.9
+
+    def __post_init__(self) -> None:
+        if not 4 <= self.highest_order <= 200:
+            raise InputError("highest_order", f"is {self.highest_order}, expected 4 to 200")
+        if not 1 <= self.most_modes <= 200:
+            raise InputError("most_modes", f"is {self.most_modes}, expected 1 to 200")
+        if not REFUSED <= self.threshold <= 1:
+            raise InputError("threshold", f"is {self.threshold:g}, expected a probability from {REFUSED:g} to 1")
+
+
+def identify(
+    frfs: FrfSet | Sequence[FrfSet], options: Options | None = None, report: Report = lambda _stage, _share: None
+) -> Identification:
+    """Natural frequencies, damping ratios and shapes of all modes in the band, with their covariance and probability.
+
+    Args:
+        frfs: the FRFs of one campaign: one set, or several with different axes or quantities.
+        options: band, order, number of modes and threshold; defaults suit an unattended run.
+        report: called often with the step and the share of the work that is done; what it raises ends the run.
+
+    Raises:
+        InputError: the FRFs or options cannot be read as such.
+        IdentificationError: the data support no mode; the message says what was seen and what to try.
+    """
+    options = options or Options()
+    clock = _Clock()
+    report("screening the FRFs", 0.0)
+    prepared = prepare(frfs, options.band_hz)
+    clock.lap("screening")
+    fitted = fit_series(prepared.arrangement, prepared.noise, options.highest_order, options.most_modes, report)
+    clock.lap("search and refinement")
+    report("judging the poles", 0.9)
+    found = _judged(prepared, fitted, options.threshold, clock)
+    report("done", 1.0)
+    return found
+
+
+@dataclass(frozen=True)
+class _Verdict:
+    """The poles of a fit that are modes or uncertain, `kept` in ascending frequency, and those refused."""
+
+    kept: IntArray
+    probability: FloatArray
+    features: list[tuple[Feature, ...]]
+    refused: tuple[RefusedPole, ...]
+
+    def of(self, old: IntArray, frequency_hz: FloatArray) -> _Verdict:
+        """The verdict of new poles with these frequencies, each with what was found of an old one."""
+        kept = np.concatenate([np.flatnonzero(old == k) for k in self.kept])
+        kept = kept[np.argsort(frequency_hz[kept], kind="stable")]
+        return _Verdict(kept, self.probability[old], [self.features[k] for k in old], self.refused)
+
+
+def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock) -> Identification:
+    """Which of the poles are modes, with their shapes, and all that there is to say of them."""
+    arrangement, fit = fitted.arrangement, fitted.fit
+    diagram = diagram_of(arrangement, fitted.linear)
+    evidence = evidence_of(arrangement, fit)
+    verdict = _verdict(arrangement, fit, evidence)
+    if not verdict.kept.size:
+        raise IdentificationError(_nothing(arrangement, diagram, verdict.refused, fitted.full))
+    worth, toned = gains(fit) / pole_price(fit), _toned(arrangement, fit, evidence)
+    fit, old, parted = part(arrangement, fit, verdict.kept)
+    fitted, verdict = replace(fitted, fit=fit), verdict.of(old, fit.terms.frequency_hz)
+    kept = verdict.kept
+    doubt = tuple(_doubt(verdict, int(k), threshold) for k in kept)
+    shapes = _shapes(arrangement, fit, kept)
+    known, spoilt = arrangement.measured & np.isfinite(arrangement.variance), _spoilt(fit)
+    notes = (
+        *prepared.said,
+        *_of_drift(fitted),
+        *_of_phase(evidence),
+        *_of_tones(arrangement, toned),
+        *(["the search stopped at most_modes; raise it, or leave it out"] if fitted.full else []),
+        *parted,
+        *remarks(arrangement, fit, kept, shapes, evidence.share[old], doubt),
+        *_of_spoilt(arrangement, spoilt),
+        *_noise_remarks(arrangement, fit),
+        *(f"FRF {r.frf} was not used: {r.reason}" for r in prepared.refused),
+    )
+    clock.lap("probability and shapes")
+    return Identification(
+        found=Found(
+            modes=_modes(fitted, verdict, shapes),
+            shapes=shapes,
+            significance=worth[old][kept],
+            features=tuple(verdict.features[int(k)] for k in kept),
+            doubt=doubt,
+        ),
+        terms=fit.terms,
+        stabilisation=diagram,
+        used=tuple(arrangement.label(r) for r in range(len(arrangement.pairs))),
+        rows=arrangement.source,
+        refused=prepared.refused,
+        refused_poles=verdict.refused,
+        warnings=notes,
+        frequency_hz=arrangement.frequency_hz,
+        quantity=arrangement.quantity,
+        measured=np.where(arrangement.measured & ~spoilt & ~toned, arrangement.values, np.nan),
+        predicted=fit.model(arrangement),
+        noise_variance=np.where(known, arrangement.variance, fit.variance),
+        noise_ratio=_ratio(arrangement, fit),
+        model_error=_model_error(arrangement, fitted),
+        drift=0.0 if fitted.drift is None else fitted.drift.sd,
+        delay=evidence.delay,
+        memory_lines=fit.memory,
+        seconds=clock.laps,
+    )
+
+
+def _verdict(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> _Verdict:
+    terms = fit.terms
+    p = probability(arrangement, evidence, terms.damping_ratio)
+    said = features(arrangement, evidence, terms.frequency_hz, terms.damping_ratio)
+    order = np.argsort(terms.frequency_hz, kind="stable")
+    order = order[in_band(arrangement, terms.frequency_hz)[order]]
+    refused = tuple(
+        RefusedPole(
+            float(terms.frequency_hz[k]), float(terms.damping_ratio[k]), _against(said[k]), float(p[k]), said[k][:_SAID]
+        )
+        for k in order[p[order] < REFUSED]
+    )
+    return _Verdict(order[p[order] >= REFUSED], p, [each[:_SAID] for each in said], refused)
+
+
+def _against(said: tuple[Feature, ...]) -> str:
+    """What speaks most against a pole, in words."""
+    against = [each.words for each in said if each.weight < 0][:2]
+    return "; ".join(against) if against else "nothing speaks for it clearly"
+
+
+def _doubt(verdict: _Verdict, k: int, threshold: float) -> str | None:
+    p = verdict.probability[k]
+    if p >= threshold:
+        return None
+    return f"a mode with probability {p:.2f}: {'; '.join(each.words for each in verdict.features[k])}"
+
+
+def _shapes(arrangement: Arrangement, fit: Fit, kept: IntArray) -> Shapes:
+    residues, spread = fit.residues()
+    damped = poles(fit.terms.frequency_hz[kept], fit.terms.damping_ratio[kept]).imag
+    return shapes_from_residues(arrangement, residues[:, kept], spread[:, kept], damped)
+
+
+def _modes(fitted: Fitted, verdict: _Verdict, shapes: Shapes) -> MeasuredModes:
+    arrangement, fit, kept = fitted.arrangement, fitted.fit, verdict.kept
+    n, f = fit.terms.pairs, fit.terms.frequency_hz[kept]
+    both = np.concatenate([kept, n + kept])
+    scale = np.concatenate([f, np.ones(f.size)])  # from ln f to f
+    covariance = fitted.covariance[np.ix_(both, both)] * np.outer(scale, scale)
+    zeta, p = fit.terms.damping_ratio[kept], verdict.probability[kept]
+    return MeasuredModes(f, zeta, shapes.complex, arrangement.roving, covariance, p)
+
+
+def _of_drift(fitted: Fitted) -> list[str]:
+    if fitted.drift is None:
+        return []
+    return [
+        f"all natural frequencies drift together between the tests, by {100 * fitted.drift.sd:.2g} % (1 sd): the tests were"
+        " aligned; temperature does this, or a support that comes loose"
+    ]
+
+
+def _toned(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> BoolArray:
+    """(N, L) values of which a tone is a larger part than their noise: it is no answer to the force."""
+    pairs, tone = slice(0, 2 * fit.terms.pairs), np.repeat(evidence.tone, 2)
+    own = columns(arrangement.omega, fit.terms, arrangement.power)[:, pairs][:, tone]
+    part = real_times(fit.linear.coefficients[:, pairs][:, tone], own.T)
+    return np.asarray(np.abs(part) ** 2 > fit.variance)
+
+
+def _of_tones(arrangement: Arrangement, toned: BoolArray) -> list[str]:
+    lines = lines_in_words(arrangement.frequency_hz[toned.any(axis=0)])
+    return [f"interference at {lines}: left out there, a tone of no width is no mode"] if toned.any() else []
+
+
+def _of_phase(evidence: Evidence) -> list[str]:
+    if evidence.turned:
+        return [
+            "the residues of all strong poles are turned by 90°: another quantity than stated (a velocity written as an"
+            " acceleration?), or a channel that was integrated; check it"
+        ]
+    if abs(evidence.delay) < 2e-5:
+        return []
+    return [
+        f"the responses come {1e6 * evidence.delay:.0f} µs {'after' if evidence.delay > 0 else 'before'} the forces, by the"
+        " phases of the strong modes: a delay between the channels; the phases were judged without it"
+    ]
+
+
+def _spoilt(fit: Fit) -> BoolArray:
+    """(N, L) single values that Student's law has left hardly any weight: |r|² over 4.6 of its variance is u < 0.1."""
+    far = np.abs(fit.residual) ** 2 > _FAR * fit.variance
+    alone = far.copy()
+    alone[:, 1:] &= ~far[:, :-1]
+    alone[:, :-1] &= ~far[:, 1:]
+    return np.asarray(alone & (far.sum(axis=1, keepdims=True) <= np.maximum(1, _FEW_SPOILT * far.shape[1])))
+
+
+def _of_spoilt(arrangement: Arrangement, spoilt: BoolArray) -> list[str]:
+    rows = np.flatnonzero(spoilt.any(axis=1))
+    words = [lines_in_words(arrangement.frequency_hz[spoilt[row]]) for row in rows]
+    said = "left out, far off what the other lines say"
+    notes = [f"{arrangement.label(int(row))}: {lines} {said}" for row, lines in zip(rows, words, strict=True)]
+    more = len(notes) - _MOST_NOTES
+    return notes if more <= 0 else [*notes[:_MOST_NOTES], f"outlying values were left out of {more} more FRFs"]
+
+
+def _ratio(arrangement: Arrangement, fit: Fit) -> float:
+    """Mean square of the residual over the noise as stated; over the variance of the fit where none is."""
+    known = arrangement.measured & np.isfinite(arrangement.variance)
+    if known.any():
+        return float(np.mean(np.abs(fit.residual[known]) ** 2 / arrangement.variance[known]))
+    return fit.chi_squared / fit.freedom
+
+
+def _model_error(arrangement: Arrangement, fitted: Fitted) -> float:
+    """Relative error of the FRFs beside the noise, from lines where they are large: root of Σ(|r|² - n²)|H|²/Σ|H|⁴."""
+    size = np.where(arrangement.measured, np.abs(arrangement.values) ** 2, 0.0)
+    excess = (np.abs(fitted.fit.residual) ** 2 - fitted.noise) * size
+    total = float(np.sum(size**2))
+    return float(np.sqrt(max(float(np.sum(excess)), 0.0) / total)) if total > 0 else 0.0
+
+
+def _noise_remarks(arrangement: Arrangement, fit: Fit) -> list[str]:
+    """Compare the stated noise with the residual."""
+    if not np.any(arrangement.measured & np.isfinite(arrangement.variance)) or (ratio := _ratio(arrangement, fit)) < 2:
+        return []
+    return [
+        f"the residual is {np.sqrt(ratio):.1f} times the noise that coherence and averages state: the model does not"
+        " explain all of the data (non-linearity, leakage, a moving sensor mass); the standard deviations were enlarged"
+        " by as much"
+    ]
+
+
+def _nothing(arrangement: Arrangement, diagram: Stabilisation, refused: tuple[RefusedPole, ...], full: bool) -> str:
+    """What was seen and what to try, for a record without a mode."""
+    band = f"{arrangement.frequency_hz[0]:g} to {arrangement.frequency_hz[-1]:g} Hz"
+    stable = np.unique(np.round(diagram.frequency_hz[diagram.damping_stable], -1))
+    seen = [f"{p.frequency_hz:.1f} Hz ({p.reason})" for p in refused[:8]]
+    again = f"Poles that came back from order to order lie near {', '.join(f'{f:g}' for f in stable[:8])} Hz. "
+    return (
+        f"no mode is supported by the {len(arrangement.pairs)} FRFs from {band}. "
+        + (f"Poles seen and refused: {'; '.join(seen)}. " if seen else "No pole lowers the misfit by what it costs. ")
+        + (again if stable.size else "")
+        + ("The search stopped at most_modes; raise it, or leave it out. " if full else "")
+        + "Try a band around a resonance, more averages, or a higher order; check that responses and forces are not"
+        " swapped, and that the imaginary part has the sign of exp(+iωt)."
+    )
+
+
+class _Clock:
+    """Seconds of each step."""
+
+    def __init__(self) -> None:
+        self.laps: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        now = time.perf_counter()
+        self.laps[name] = now - self._last
+        self._last = now

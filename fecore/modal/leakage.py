@@ -1,0 +1,38 @@
+"""Leakage next to 0 Hz: what a record that did not die away, or drifts, leaves in its first lines."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy
+
+from fecore.modal.arrangement import Arrangement
+
+_DROWNED = 0.3  # square of the jumps from line to line over the power: nothing but noise
+_RAISED = 10.0  # power at 0 Hz over that at the end of such lines, from which they are leakage
+_FEWEST = 3  # lines that leakage at 0 Hz takes at least
+
+
+def leakage(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
+    """Leave out the lines next to 0 Hz in which the FRFs jump from line to line as noise does, and rise towards 0 Hz."""
+    values = arrangement.values
+    if values.shape[1] < 10 * _FEWEST:
+        return arrangement, []
+    power = np.sum(np.abs(values) ** 2, axis=0)
+    jump = np.sum(np.abs(values[:, 1:-1] - (values[:, :-2] + values[:, 2:]) / 2) ** 2, axis=0) / 1.5
+    around = (power[:-2] + power[1:-1] + power[2:]) / 3
+    rough = scipy.ndimage.median_filter(jump / np.maximum(around, 1e-300), size=5, mode="nearest")
+    smooth = np.flatnonzero(rough < _DROWNED)
+    first = int(smooth[0]) + 1 if smooth.size else 0
+    if first < _FEWEST or np.mean(power[:_FEWEST]) < _RAISED * power[first]:
+        return arrangement, []
+    cut = replace(
+        arrangement,
+        frequency_hz=arrangement.frequency_hz[first:],
+        values=values[:, first:],
+        measured=arrangement.measured[:, first:],
+        variance=arrangement.variance[:, first:],
+    )
+    at = cut.frequency_hz[0]
+    return cut, [f"leakage below {at:g} Hz left out: the FRFs jump from line to line there and rise towards 0 Hz"]

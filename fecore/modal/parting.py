@@ -1,0 +1,209 @@
+"""Two modes under one pole, parted by the references that see them differently.
+
+The residues of one mode, roving by fixed dofs, are a matrix of rank one, ψ lᵀ: l is how well each reference sees it. Modes so
+near to each other that the series has one pole for them leave a matrix of rank two. With several references l distinguishes
+them even where their frequencies agree. About the pole
+
+    H_ij(s) = Σ_q ψ_qi l_qj/(s - s_q) + conj.  + const_ij,     q = 1, 2,
+
+and to first order in the shifts δ_q = s_q - s_0 this is P/(s - s_0) + Q/(s - s_0)², P = Σ ψ_q l_qᵀ, Q = Σ δ_q ψ_q l_qᵀ. In the
+two leading singular directions of P, Q P⁻¹ = A diag(δ) A⁻¹: its eigenvalues are the shifts, the rows of A⁻¹P are the l_q.
+From there poles and l are refined by least squares, with ψ and the constants eliminated (variable projection).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.correlation import mac
+from fecore.modal.arrangement import Arrangement
+from fecore.modal.basis import Terms, columns
+from fecore.modal.growth import without_poles
+from fecore.modal.local_pair import DAMPING_RANGE, Band, Modes, band_about
+from fecore.modal.refinement import Fit, evaluate
+from fecore.modal.shapes import of_rank_two
+
+_ROUNDS = 2  # of the pair and of the series about it in turn
+_NEAR = 2.0  # half bandwidths of the pole within which both modes must lie
+_ALIKE = 5.0  # ratio of their damping to that of the pole, either way
+_SAME_VIEW = 0.97  # MAC of the two l from which the references do not distinguish the modes
+
+
+@dataclass(frozen=True)
+class Parted:
+    """Two modes in place of pole k.
+
+    Attributes:
+        pole: k, its number in the terms.
+        frequency_hz: (2,) ascending.
+        damping_ratio: (2,).
+        covariance: (4, 4) of (ln f₁, ln f₂, ζ₁, ζ₂).
+        residues: (N, 2) of rank one each.
+        variance: (N, 2) E|error|² of the residues.
+    """
+
+    pole: int
+    frequency_hz: FloatArray
+    damping_ratio: FloatArray
+    covariance: FloatArray
+    residues: ComplexArray
+    variance: FloatArray
+
+
+@dataclass(frozen=True)
+class PartedFit(Fit):
+    """A fit in which some poles stand for two modes each, whose residues are of rank one.
+
+    Attributes:
+        base: the fit with one pole for both.
+        parted: the pairs, in ascending number of their pole.
+    """
+
+    base: Fit = field(kw_only=True)
+    parted: tuple[Parted, ...] = field(kw_only=True)
+
+    def residues(self) -> tuple[ComplexArray, FloatArray]:
+        """(N, n) receptance residues and their variance E|error|²."""
+        at = _places(self.base.terms.pairs, self.parted)
+        values, spread = self.base.residues()
+        values, spread = values[:, at], spread[:, at]
+        for first, pair in _first_of(self.parted):
+            values[:, first : first + 2], spread[:, first : first + 2] = pair.residues, pair.variance
+        return values, spread
+
+    @cached_property
+    def parameter_covariance(self) -> FloatArray:
+        """Covariance of the non-linear parameters; that of a pair stands alone."""
+        n, base = self.base.terms.pairs, self.base.parameter_covariance
+        at = _places(n, self.parted)
+        which = np.concatenate([at, n + at, np.arange(2 * n, len(base))])
+        covariance = base[np.ix_(which, which)]
+        for first, pair in _first_of(self.parted):
+            own = np.array([first, first + 1, at.size + first, at.size + first + 1])
+            covariance[own, :] = covariance[:, own] = 0.0
+            covariance[np.ix_(own, own)] = pair.covariance
+        return np.asarray(covariance)
+
+
+def part(arrangement: Arrangement, fit: Fit, among: IntArray) -> tuple[Fit, IntArray, list[str]]:
+    """The fit with two modes for each pole, of those numbered, whose residues are of rank two.
+
+    Returns:
+        the fit; the number of the old pole of each new one; and what was done, in words.
+    """
+    two = np.intersect1d(among, np.flatnonzero(of_rank_two(arrangement, *fit.residues())))
+    parted = tuple(pair for k in two if (pair := _pair(arrangement, fit, int(k))) is not None)
+    at = _places(fit.terms.pairs, parted)
+    if not parted:
+        return fit, at, []
+    notes = [
+        f"the modes at {pair.frequency_hz[0]:.3f} and {pair.frequency_hz[1]:.3f} Hz have one pole in the fit; they were parted"
+        " by the references, which see two shapes there. Where their intervals overlap the shapes are any two of their plane"
+        for pair in parted
+    ]
+    return _with(arrangement, fit, parted), at, notes
+
+
+def _places(count: int, parted: tuple[Parted, ...]) -> IntArray:
+    """Number of the old pole of each new one, of `count` old ones: a parted pole stands twice."""
+    return np.repeat(np.arange(count), [1 + any(pair.pole == k for pair in parted) for k in range(count)])
+
+
+def _first_of(parted: tuple[Parted, ...]) -> list[tuple[int, Parted]]:
+    """Each pair with the number of its first mode among the new poles."""
+    return [(pair.pole + number, pair) for number, pair in enumerate(parted)]
+
+
+def _with(arrangement: Arrangement, fit: Fit, parted: tuple[Parted, ...]) -> PartedFit:
+    """The series with the pairs in place of their poles; its other coefficients are as they were."""
+    terms, n = fit.terms, fit.terms.pairs
+    at = _places(n, parted)
+    f, zeta = terms.frequency_hz[at], terms.damping_ratio[at]
+    c = fit.linear.coefficients
+    c = c[:, np.concatenate([np.stack([2 * at, 2 * at + 1], axis=1).ravel(), np.arange(2 * n, c.shape[1])])]
+    for first, pair in _first_of(parted):
+        f[first : first + 2], zeta[first : first + 2] = pair.frequency_hz, pair.damping_ratio
+        c[:, 2 * first : 2 * first + 4] = np.stack([pair.residues.real, pair.residues.imag], axis=2).reshape(-1, 4)
+    terms = replace(terms, frequency_hz=f, damping_ratio=zeta)
+    model = c @ columns(arrangement.omega, terms, arrangement.power).T
+    own = {name: getattr(fit, name) for name in Fit.__dataclass_fields__}
+    own |= {
+        "terms": terms,
+        "linear": replace(fit.linear, coefficients=c),
+        "residual": np.where(arrangement.measured, arrangement.values - model, 0),
+    }
+    return PartedFit(**own, base=fit, parted=parted)
+
+
+def _pair(arrangement: Arrangement, fit: Fit, k: int) -> Parted | None:
+    """The two modes under pole k; None where the data about it do not support them."""
+    terms = fit.terms
+    pole = (float(terms.frequency_hz[k]), float(terms.damping_ratio[k]))
+    alone = without_poles(terms, np.arange(terms.pairs) == k)
+    one, two, band = None, None, None
+    model = fit.linear.coefficients[:, 2 * k : 2 * k + 2] @ _columns(arrangement, *pole)
+    for _ in range(_ROUNDS):
+        rest = np.where(arrangement.measured, arrangement.values - model, 0)
+        others = evaluate(replace(arrangement, values=rest), alone, fit.variance)
+        band = band_about(arrangement, arrangement.values - others.model(arrangement), fit.variance, pole)
+        if band is None:
+            return None
+        two = band.start(2) if two is None else band.fitted(two.frequency_hz, two.damping_ratio, two.seen)
+        one = band.start(1)
+        if one is None or two is None or not _sensible(two, pole):
+            return None
+        residues = band.residues(two.frequency_hz, two.damping_ratio, two.seen)[0]
+        parts = zip(residues.T, two.frequency_hz, two.damping_ratio, strict=True)
+        both = [np.stack([r.real, r.imag], axis=1) @ _columns(arrangement, float(f), float(z)) for r, f, z in parts]
+        model = both[0] + both[1]
+    if one is None or two is None or band is None:
+        return None
+    return _parted(band, k, two, fit.memory) if _pays(arrangement, fit, one, two) else None
+
+
+def _columns(arrangement: Arrangement, frequency_hz: float, damping_ratio: float) -> ComplexArray:
+    """(2, L) the factors of the real and imaginary part of a residue."""
+    terms = Terms(np.array([frequency_hz]), np.array([damping_ratio]), ())
+    return columns(arrangement.omega, terms, arrangement.power).T
+
+
+def _sensible(two: Modes, pole: tuple[float, float]) -> bool:
+    """Whether both modes are near the pole, damped like it, and the references distinguish them."""
+    f, zeta = pole
+    near = np.all(np.abs(two.frequency_hz - f) < _NEAR * zeta * f)
+    alike = np.all(np.abs(np.log(two.damping_ratio / zeta)) < np.log(_ALIKE))
+    return bool(near and alike and mac(two.seen[0], two.seen[1])[0, 0] < _SAME_VIEW)
+
+
+def _pays(arrangement: Arrangement, fit: Fit, one: Modes, two: Modes) -> bool:
+    """Whether two modes lower the misfit against one by the price of their unknowns (Schwarz)."""
+    unknowns = 2 * len(arrangement.roving) + 2 * (len(arrangement.fixed) - 1) + 2
+    scale = max(1.0, two.chi_squared / two.freedom) * fit.memory
+    price = float(np.log(2 * len(arrangement.pairs) * arrangement.frequency_hz.size)) * unknowns
+    return (one.chi_squared - two.chi_squared) / scale > price
+
+
+def _parted(band: Band, k: int, two: Modes, memory: float) -> Parted:
+    """The pair with its errors; those of the poles reach the residues, by one standard deviation along each of their axes."""
+    covariance = band.covariance(two, memory)
+    residues, variance = band.residues(two.frequency_hz, two.damping_ratio, two.seen)
+    variance = variance * max(1.0, two.chi_squared / two.freedom) * memory
+    value, vector = np.linalg.eigh(covariance[:4, :4])
+    for size, axis in zip(np.sqrt(np.maximum(value, 0)), vector.T, strict=True):
+        f = two.frequency_hz * np.exp(size * axis[:2])
+        zeta = np.clip(two.damping_ratio + size * axis[2:], *DAMPING_RANGE)
+        variance = variance + np.abs(band.residues(f, zeta, two.seen)[0] - residues) ** 2
+    order = np.argsort(two.frequency_hz)
+    both = np.concatenate([order, 2 + order])
+    return Parted(
+        pole=k,
+        frequency_hz=two.frequency_hz[order],
+        damping_ratio=two.damping_ratio[order],
+        covariance=covariance[np.ix_(both, both)],
+        residues=residues[:, order],
+        variance=variance[:, order],
+    )

@@ -1,0 +1,89 @@
+"""FRFs as they come, to what modes can be sought in: what can be used, with a noise that the records bear out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.frf import FrfSet
+from fecore.modal.arrangement import Arrangement
+from fecore.modal.leakage import leakage
+from fecore.modal.noise import believable, line_scatter, rough_variance
+from fecore.modal.screening import Refused, screen
+
+_ALIKE_ON_LINES = 4.0  # stated noise over the scatter of lines from which most of it is alike on neighbouring lines
+_FEWEST_LEARNT = 4  # FRFs of which a relative error can be learnt beside the noise
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """FRFs to seek modes in.
+
+    Attributes:
+        arrangement: the FRFs that can be used, without what leaked from below the band.
+        noise: (N, L) variance of their noise, as stated where it is, and as seen from line to line elsewhere.
+        refused: FRFs that cannot be used.
+        said: what the screening has to say of all FRFs, and then of the noise and the leakage.
+    """
+
+    arrangement: Arrangement
+    noise: FloatArray
+    refused: tuple[Refused, ...]
+    said: tuple[str, ...]
+
+
+def prepare(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None) -> Prepared:
+    """Screen FRFs, and find out how large their noise is.
+
+    Args:
+        frfs: of one campaign: one set, or several with different axes or quantities.
+        band_hz: lines to use; all where None.
+
+    Raises:
+        InputError: the FRFs cannot be read as such.
+        IdentificationError: none of them can be used.
+    """
+    screened = screen(frfs, band_hz)
+    arrangement, doubts = _doubt_variance(screened.arrangement)
+    arrangement, left_out = leakage(arrangement)
+    scatter = line_scatter(arrangement.values, arrangement.measured, _first_line(arrangement))
+    arrangement = _of_lines(arrangement, scatter)
+    noise = np.where(np.isfinite(arrangement.variance), arrangement.variance, scatter)
+    return Prepared(arrangement, noise, screened.refused, (*screened.warnings, *doubts, *left_out))
+
+
+def _first_line(arrangement: Arrangement) -> float:
+    """Number of the first line, counted from 0 Hz."""
+    return float(arrangement.frequency_hz[0] / max(arrangement.spacing_hz, 1e-300))
+
+
+def _doubt_variance(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
+    """Enlarge a stated noise that the records themselves contradict, and say so."""
+    rough = rough_variance(arrangement.values, arrangement.measured)
+    variance, factor = believable(arrangement.variance, rough, arrangement.measured)
+    if np.all(factor == 1):
+        return arrangement, []
+    worst = int(np.argmax(factor))
+    note = (
+        f"{int(np.sum(factor > 1))} FRFs scatter more from line to line than the noise that coherence and averages"
+        f" state (most in {arrangement.label(worst)}: {np.sqrt(factor[worst]):.1f} times the noise); the stated noise was"
+        " enlarged there"
+    )
+    return replace(arrangement, variance=variance), [note]
+
+
+def _of_lines(arrangement: Arrangement, scatter: FloatArray) -> Arrangement:
+    """The stated noise, no larger than what changes from line to line, where there are FRFs enough to learn other errors.
+
+    Hits beside the point scatter from hit to hit, but alike on all lines of a resonance: that is no noise of a line. The
+    residues take it up, and as noise it would hide one line and overrate the next. Its size is learnt with the relative error.
+    """
+    with np.errstate(invalid="ignore"):
+        over = arrangement.variance[arrangement.measured] / scatter[arrangement.measured]
+    over = over[np.isfinite(over)]
+    if len(arrangement.pairs) < _FEWEST_LEARNT or not over.size or np.median(over) < _ALIKE_ON_LINES:
+        return arrangement
+    return replace(arrangement, variance=np.minimum(arrangement.variance, scatter))  # NaN, not known, stays so

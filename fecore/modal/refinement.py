@@ -1,0 +1,282 @@
+"""Non-linear stage: noise-weighted output-error fit of poles, residues and residual terms.
+
+Minimises χ²(θ, c) = Σ_il w_il |H_il - Φ(θ)_l c_i|², w = 2/v, over the poles θ = (ln ω_k, ζ_k), common to all
+FRFs, and the linear coefficients c_i of each FRF. With Gaussian noise of variance v that is the maximum likelihood
+estimate. The c_i are eliminated (variable projection, Golub and Pereyra 1973, with Kaufman's Jacobian): per FRF, J_i
+= ∂(Φ c_i)/∂θ with c_i held, and
+
+    H = Σ_i J_iᵀJ_i - J_iᵀΦ (ΦᵀΦ)⁻¹ ΦᵀJ_i,    g = Σ_i J_iᵀ r_i        (weighted inner products),
+
+the Gauss-Newton step is H⁻¹g, damped as by Levenberg and Marquardt. At the optimum H⁻¹ is the covariance of θ. All
+inner products of all FRFs come from one matrix product over the lines, since every J_i is a combination of the same
+2n derivative columns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+
+import numpy as np
+
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.errors import IdentificationError
+from fecore.modal.arrangement import Arrangement
+from fecore.modal.basis import Terms, columns, derivatives, slopes
+from fecore.modal.linear import (
+    LinearFit,
+    mean_weight,
+    normal_columns,
+    normal_matrices,
+    orthonormal,
+    real_part,
+    real_times,
+    solve_normal,
+)
+from fecore.modal.residues import weights
+
+_ENOUGH = 1e-3  # a predicted decrease of χ² below this is a move of a thirtieth of a standard deviation
+_STALLED = 0.01  # two steps in a row that gain less than this have found the floor of a flat valley
+_VAGUE = 1e-10  # eigenvalue of the scaled information below which a direction is null: a large variance, not infinity
+_TOUCHED = 1e-4  # share of a null direction from which a parameter takes part in it; less is round-off
+_FEWEST_SESSIONS = 8  # from which their scatter is known well enough
+_STEPS = 40  # most steps of one fit
+_DAMPING_RANGE = (1e-5, 0.95)  # of ζ: a pole beyond is no resonance
+
+
+@dataclass(frozen=True)
+class Level:
+    """A fit at given poles, without its derivatives: all that a choice between series needs.
+
+    Attributes:
+        terms: poles and residual terms.
+        linear: coefficients of every FRF, with their covariance for fixed poles.
+        variance: (N, L) noise variance that weighted the fit.
+        weight: (N, L) weights of the lines.
+        own: (q, r) coefficients of the terms from those of the orthonormal frame.
+        residual: (N, L) measured minus model.
+        chi_squared: weighted sum of squared residuals.
+        memory: number of lines that are worth one.
+    """
+
+    terms: Terms
+    linear: LinearFit
+    variance: FloatArray
+    weight: FloatArray
+    own: FloatArray
+    residual: ComplexArray
+    chi_squared: float
+    memory: float = 1.0
+
+    def model(self, arrangement: Arrangement) -> ComplexArray:
+        """(N, L) fitted FRFs."""
+        return self.linear.coefficients @ columns(arrangement.omega, self.terms, arrangement.power).T
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit(Level):
+    """A model fitted to all FRFs.
+
+    Attributes:
+        freedom: twice the number of measured values less the number of unknowns, the expectation of χ².
+        information: (parameters, parameters) matrix H of (ln ω_1 … ln ω_n, ζ_1 … ζ_n).
+        lever: (N, q, parameters) -∂c/∂θ, by which residues inherit the uncertainty of the poles.
+        pull: (N, parameters) what each FRF adds to the gradient of -χ²/2.
+        sessions: (N,) number of the test that each FRF belongs to, where the scatter between tests is to count.
+    """
+
+    freedom: int
+    information: FloatArray
+    lever: FloatArray
+    pull: FloatArray
+    sessions: IntArray | None = None
+
+    @property
+    def gradient(self) -> FloatArray:
+        """(parameters,) of -χ²/2."""
+        return np.asarray(self.pull.sum(axis=0))
+
+    @property
+    def inflation(self) -> float:
+        """Factor of all variances: the residual's size over the stated noise, and the lines that are worth one."""
+        return max(1.0, self.chi_squared / self.freedom) * self.memory
+
+    def residues(self) -> tuple[ComplexArray, FloatArray]:
+        """(N, n) receptance residues and their variance E|error|², the uncertainty of the poles included.
+
+        With c = A⁻¹(Φᵀy) and poles that err by e, δc = -A⁻¹ΦᵀJ e: Cov(c) = A⁻¹ + A⁻¹B Cov(θ) BᵀA⁻¹, B = ΦᵀJ.
+        """
+        n = self.terms.pairs
+        lever = self.lever[:, : 2 * n]
+        own = np.einsum("nii->ni", self.linear.covariance)[:, : 2 * n] * self.inflation
+        spread = own + np.einsum("nip,pq,niq->ni", lever, self.parameter_covariance, lever)
+        c = self.linear.coefficients[:, : 2 * n]
+        return c[:, 0::2] + 1j * c[:, 1::2], spread[:, 0::2] + spread[:, 1::2]
+
+    @cached_property
+    def parameter_covariance(self) -> FloatArray:
+        """Covariance of the non-linear parameters, scaled up where the residual is larger than the stated noise.
+
+        A null direction of the information gives its own parameters a large variance and touches no other. Where the sessions
+        are known, each standard deviation is at least what the scatter between them shows (`_between`).
+        """
+        scale, value, vector, null = spectrum(self.information)
+        inverse = (vector[:, ~null] / value[~null]) @ vector[:, ~null].T
+        inverse[np.diag_indices_from(inverse)] += np.where(null, 1 / _VAGUE, 0.0) @ np.where(
+            vector.T**2 > _TOUCHED, vector.T**2, 0.0
+        )
+        inverse = inverse / scale[:, None] / scale
+        grow = np.sqrt(self.inflation) * np.ones(len(inverse))
+        if self.sessions is not None and (count := int(self.sessions.max()) + 1) >= _FEWEST_SESSIONS:
+            usual = np.sqrt(np.diag(inverse))
+            grow = np.maximum(
+                grow, _between(self.pull, self.sessions, inverse) / usual / (1 + 1 / np.sqrt(2 * count - 2))
+            )
+        return np.asarray(inverse * np.outer(grow, grow))
+
+
+def _between(pull: FloatArray, sessions: IntArray, inverse: FloatArray) -> FloatArray:
+    """(parameters,) standard deviations by the scatter of the sessions' own gradients g_s about the optimum.
+
+    H⁻¹ (Σ_s g_s g_sᵀ) H⁻¹ · S/(S - 1) (White 1980, for clusters Liang and Zeger 1986): it asks nothing of the errors within a
+    session, so it holds where these last over lines, channels or modes. Of S sessions it is known to 1 ± 1/√(2(S - 1)).
+    """
+    count = int(sessions.max()) + 1
+    sums = np.zeros((count, pull.shape[1]))
+    np.add.at(sums, sessions, pull)
+    return np.asarray(np.sqrt(np.sum((sums @ inverse) ** 2, axis=0) * count / (count - 1)))
+
+
+def spectrum(information: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+    """Scale of the parameters, eigenvalues and vectors of the scaled information, and which directions are null."""
+    diagonal = np.diag(information)
+    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    value, vector = np.linalg.eigh(information / scale[:, None] / scale)
+    return scale, value, vector, value < _VAGUE
+
+
+def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fit:
+    """Linear coefficients, residual and Gauss-Newton matrices at given poles.
+
+    Raises:
+        IdentificationError: an FRF has no weight on the lines of a term.
+    """
+    return _with_slopes(arrangement, level_at(arrangement, terms, variance))
+
+
+def level_at(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Level:
+    """Linear coefficients and residual at given poles.
+
+    Raises:
+        IdentificationError: an FRF has no weight on the lines of a term.
+    """
+    weight = weights(arrangement, variance)
+    basis = columns(arrangement.omega, terms, arrangement.power)
+    frame, own = orthonormal(basis, weight)
+    linear = solve_normal(normal_matrices(frame, weight), frame, own, arrangement.values, weight)
+    residual = np.where(arrangement.measured, arrangement.values - real_times(linear.coefficients, basis.T), 0)
+    return Level(
+        terms=terms,
+        variance=variance,
+        weight=weight,
+        own=own,
+        linear=linear,
+        residual=residual,
+        chi_squared=float(np.sum((weight * residual.conj() * residual).real)),
+    )
+
+
+def _with_slopes(arrangement: Arrangement, level: Level) -> Fit:
+    """The same fit with its Gauss-Newton matrices.
+
+    The derivative columns are taken less their projection on the frame, which leaves H as it is and spares it the cancellation.
+    """
+    terms, linear, frame, weight = level.terms, level.linear, level.linear.frame, level.weight
+    steep = derivatives(arrangement.omega, terms, arrangement.power)
+    mean = mean_weight(weight)[:, None] ** 2
+    inside = real_part(frame.T, (mean * steep).T)
+    steep = steep - real_times(inside.T, frame.T).T
+    r = frame.shape[1]
+    gram = normal_columns(np.concatenate([frame, steep], axis=1), weight, r)
+    turn = _slope_combinations(terms, linear.coefficients)
+    seen = np.matmul(linear.root, np.matmul(gram[:, :r], turn))
+    whole = np.matmul(turn.transpose(0, 2, 1), np.matmul(gram[:, r:], turn))
+    information = (whole - np.matmul(seen.transpose(0, 2, 1), seen)).sum(axis=0)
+    lever = np.matmul(level.own, np.matmul(linear.root.transpose(0, 2, 1), seen) + np.matmul(inside, turn))
+    pull = np.einsum("nij,ni->nj", turn, real_part(weight * level.residual, steep.T))
+    return Fit(
+        **{each.name: getattr(level, each.name) for each in fields(Level)},
+        freedom=2 * int(arrangement.measured.sum()) - terms.parameters - len(level.residual) * terms.columns,
+        information=information,
+        lever=lever,
+        pull=pull,
+    )
+
+
+def refine(
+    arrangement: Arrangement, terms: Terms, variance: FloatArray, steps: int = _STEPS, enough: float = _ENOUGH
+) -> Fit:
+    """Poles of least χ² for a given noise variance, from the given start; a step that would gain less than `enough` ends it.
+
+    Raises:
+        IdentificationError: a term has no weight.
+    """
+    fit = evaluate(arrangement, terms, variance)
+    damping, small = 1e-4, 0
+    for _ in range(steps):
+        step, predicted = _step(fit, damping)
+        if predicted < enough:
+            break
+        trial = _try(arrangement, moved(fit.terms, step), variance)
+        if trial is not None and trial.chi_squared < fit.chi_squared:
+            gain = fit.chi_squared - trial.chi_squared
+            damping = max(damping / (10 if gain > 0.7 * predicted else 2), 1e-10)
+            small = small + 1 if gain < _STALLED else 0
+            fit = _with_slopes(arrangement, trial)
+            if small == 2:
+                break
+        else:
+            damping = max(damping, 1e-6) * 10
+            if damping > 1e8:
+                break
+    return fit
+
+
+def moved(terms: Terms, step: FloatArray) -> Terms:
+    """Terms after a step in (ln ω, ζ); damping stays within its physical range."""
+    n = terms.pairs
+    return replace(
+        terms,
+        frequency_hz=terms.frequency_hz * np.exp(step[:n]),
+        damping_ratio=np.clip(terms.damping_ratio + step[n:], *_DAMPING_RANGE),
+    )
+
+
+def _step(fit: Fit, damping: float) -> tuple[FloatArray, float]:
+    """Damped step, limited to the width of each pole, and the decrease of χ² that the quadratic model predicts."""
+    scale, value, vector, null = spectrum(fit.information)
+    along = vector.T @ (fit.gradient / scale) / np.where(null, np.inf, value + damping)
+    step = vector @ along / scale
+    zeta = fit.terms.damping_ratio
+    limit = np.concatenate([np.maximum(zeta, 1e-3), np.maximum(0.7 * zeta, 1e-4)])
+    step = np.clip(step, -limit, limit)  # each by itself: one vague parameter must not hold back the others
+    return step, float(2 * step @ fit.gradient - step @ fit.information @ step)
+
+
+def _try(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Level | None:
+    try:
+        return level_at(arrangement, terms, variance)
+    except IdentificationError:
+        return None
+
+
+def _slope_combinations(terms: Terms, coefficients: FloatArray) -> FloatArray:
+    """(N, 2n, 2n) how each FRF's Jacobian is made of the derivative columns."""
+    n = terms.pairs
+    turn = np.zeros((coefficients.shape[0], 2 * n, 2 * n))
+    residues = coefficients[:, 0 : 2 * n : 2] + 1j * coefficients[:, 1 : 2 * n : 2]
+    for place, slope in enumerate(slopes(terms)):
+        pull = residues * slope
+        for k in range(n):
+            turn[:, 2 * k, place * n + k], turn[:, 2 * k + 1, place * n + k] = pull[:, k].real, pull[:, k].imag
+    return turn

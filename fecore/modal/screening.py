@@ -1,0 +1,289 @@
+"""Faults of the input: what is left out, mended or only named in a warning.
+
+Nothing is dropped in silence: each finding is a sentence that names the FRF or line, and refused FRFs are listed with
+their reason. What cannot be seen in FRFs alone is not guessed: the wrong sign of one roving channel against one fixed
+dof turns that entry of every shape and leaves no trace in the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.errors import IdentificationError, InputError
+from fecore.frf import FrfSet
+from fecore.modal.arrangement import Arrangement, arrange, pair_label
+from fecore.modal.causality import turned_backwards
+
+_FEWEST_LINES = 16  # that an FRF must have in the band
+_SPIKE = 400.0  # jump squared over the local median of jumps squared
+_JUMP = 30.0  # ... that is worth comparing between FRFs
+_SHARED = 0.25  # share of the FRFs that may show a spike at one line
+_FEWEST_RECORDS = 4  # that show whether an FRF is alone with something
+_ALONE = (
+    5.0  # times the jump of any other FRF at a line: no mode shape, even at few points, has such a peak there alone
+)
+_RAISED = 2.0  # neighbours of a true resonance stand this much above the lines further off; those of a spike do not
+_LIKE = 0.5  # correlation from which two reciprocal FRFs may be the same beside drift and hits off the point
+_SAME = 0.9  # correlation from which two FRFs between the same dofs are the same FRF
+_DEAD = 1e-9  # of the strongest record's rms: below it a channel is dead
+_CONJUGATES = (
+    "the FRFs are conjugates: from line to line they turn anti-clockwise, as no passive structure does with exp(+iωt)"
+    " (written with exp(-iωt), or the wrong channel of the cross spectrum conjugated); they were conjugated back,"
+    " write them with exp(+iωt)"
+)
+
+
+@dataclass(frozen=True)
+class Refused:
+    """An FRF that was left out.
+
+    Attributes:
+        frf: its label, response first: `33Z/1Z`.
+        reason: why, in words.
+    """
+
+    frf: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Screened:
+    """FRFs that are fit for use, and what was found on the way.
+
+    Attributes:
+        arrangement: the usable FRFs.
+        refused: the others.
+        warnings: what a user should know.
+        kept: (n,) numbers, among the FRFs handed in, of those that may be used: copies that were averaged too.
+        measured: (n, L) which of their values may be used.
+        conjugated: whether the FRFs handed in are conjugates, which `arrangement` holds conjugated back.
+    """
+
+    arrangement: Arrangement
+    refused: tuple[Refused, ...]
+    warnings: tuple[str, ...]
+    kept: IntArray
+    measured: BoolArray
+    conjugated: bool = False
+
+
+def screen(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None = None) -> Screened:
+    """Arrange FRFs and sort out what is not usable.
+
+    Raises:
+        InputError: no FRF or line at all, or a variance that is not positive.
+        IdentificationError: no usable FRF is left.
+    """
+    sets = [frfs] if isinstance(frfs, FrfSet) else list(frfs)
+    arrangement = arrange(sets, band_hz)
+    if np.any(arrangement.variance <= 0):
+        raise InputError("variance", "must be positive (infinite where nothing was measured, NaN where it is unknown)")
+    notes = _notes_on_axes(sets)
+    arrangement, gaps = _without_zeros(arrangement)
+    notes += gaps
+    refused = _unusable(arrangement)
+    if len(refused) == len(arrangement.pairs):
+        reasons = "; ".join(f"{arrangement.label(r)} {why}" for r, why in list(refused.items())[:5])
+        raise IdentificationError(f"no FRF is usable: {reasons}")
+    out = [Refused(arrangement.label(r), why) for r, why in refused.items()]
+    if refused:
+        arrangement = arrangement.without(list(refused))
+    conjugated = turned_backwards(arrangement if band_hz is None else _alive(arrange(sets)))
+    if conjugated:  # judged by all lines: a band about an antiresonance alone turns the other way
+        arrangement = replace(arrangement, values=arrangement.values.conj())
+        notes.append(_CONJUGATES)
+    arrangement, spikes = _without_spikes(arrangement)
+    merged, drop, notes_on_doubles = _merge_repeated(arrangement)
+    out += [fault for fault in drop.values() if fault is not None]
+    kept = [row for row in range(len(arrangement.pairs)) if drop.get(row) is None]
+    return Screened(
+        arrangement=merged,
+        refused=tuple(out),
+        warnings=tuple(notes + spikes + notes_on_doubles),
+        kept=arrangement.source[kept],
+        measured=arrangement.measured[kept],
+        conjugated=conjugated,
+    )
+
+
+def lines_in_words(frequency_hz: FloatArray, most: int = 4) -> str:
+    """`120, 121, 122 Hz` or `120, 121, 122, 123 … 180 Hz (61 lines)`."""
+    named = [f"{f:g}" for f in frequency_hz]
+    if len(named) <= most + 1:
+        return ", ".join(named) + " Hz"
+    return f"{', '.join(named[:most])} … {named[-1]} Hz ({len(named)} lines)"
+
+
+def _notes_on_axes(sets: list[FrfSet]) -> list[str]:
+    notes = []
+    if any(s.frequency_hz[0] == 0 for s in sets):
+        notes.append("the line at 0 Hz is left out: it holds no modal information")
+    axes = {(s.frequency_hz.size, float(s.frequency_hz[0]), float(s.frequency_hz[-1])) for s in sets}
+    if len(axes) > 1:
+        words = "; ".join(f"{n} lines, {low:g} to {high:g} Hz" for n, low, high in sorted(axes))
+        notes.append(f"the FRFs have {len(axes)} different frequency axes ({words}): each is fitted on its own lines")
+    if len({s.quantity for s in sets}) > 1:
+        notes.append(f"the FRFs are of different quantities: all were taken as {sets[0].quantity}")
+    return notes
+
+
+def _without_zeros(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
+    """Values that are exactly zero in a living FRF were not measured; say which lines are missing."""
+    zero = np.asarray(arrangement.values == 0, dtype=bool) & arrangement.measured
+    alive: BoolArray = np.asarray(np.any(arrangement.values, axis=1), dtype=bool)
+    marked = np.asarray(zero & alive[:, None], dtype=bool)
+    measured = arrangement.measured & ~marked
+    notes = []
+    for row in np.flatnonzero(marked.any(axis=1)):
+        words = lines_in_words(arrangement.frequency_hz[marked[row]])
+        notes.append(f"{arrangement.label(int(row))} is exactly zero at {words}: taken as not measured")
+    return replace(arrangement, measured=measured), notes
+
+
+def _alive(arrangement: Arrangement) -> Arrangement:
+    """The FRFs without those that cannot be used."""
+    refused = _unusable(arrangement)
+    return arrangement.without(list(refused)) if 0 < len(refused) < len(arrangement.pairs) else arrangement
+
+
+def _unusable(arrangement: Arrangement) -> dict[int, str]:
+    rms = np.sqrt(np.sum(np.abs(arrangement.values) ** 2, axis=1) / np.maximum(arrangement.measured.sum(axis=1), 1))
+    found = {}
+    for row, (level, lines) in enumerate(zip(rms, arrangement.measured.sum(axis=1), strict=True)):
+        if not np.any(arrangement.values[row]):
+            found[row] = "is zero at all lines: a dead channel; check the cable and measure again"
+        elif level <= _DEAD * rms.max():
+            largest, strongest = np.abs(arrangement.values).max(axis=1), int(np.argmax(rms))
+            found[row] = (
+                f"is at most {largest[row]:.2g} where {arrangement.label(strongest)} reaches {largest[strongest]:.2g}: a dead "
+                "channel, or the scale of one of the two is wrong; check cable and scale"
+            )
+        elif lines < _FEWEST_LINES:
+            found[row] = f"has only {lines} measured lines in the band, at least {_FEWEST_LINES} are needed"
+        elif np.ptp(arrangement.values[row, arrangement.measured[row]]) == 0:
+            found[row] = "is the same number at all lines: not a measurement"
+        elif not np.any(arrangement.values[row].imag) or not np.any(arrangement.values[row].real):
+            part, other = ("imaginary", "real") if not np.any(arrangement.values[row].imag) else ("real", "imaginary")
+            found[row] = (
+                f"has no {part} part at any line: only its {other} part, or a magnitude, was exported; export both"
+            )
+    return found
+
+
+def _without_spikes(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
+    """Leave out single lines that stand out of a smooth record, as an overload or a mains line makes them."""
+    pairs = zip(arrangement.values, arrangement.measured, strict=True)
+    seen = [_spikes(v, m) for v, m in pairs]
+    spikes, standing, jumps, height = (np.array(marks) for marks in zip(*seen, strict=True))
+    spikes &= jumps.sum(axis=0) <= max(1, _SHARED * len(jumps))  # what most records show is a resonance
+    if len(height) >= _FEWEST_RECORDS:  # ... but an overload may fall on one: no other FRF jumps nearly as far there
+        spikes |= standing & (height > _ALONE * np.partition(height, -2, axis=0)[-2])
+    if not spikes.any():
+        return arrangement, []
+    notes = []
+    lines = np.flatnonzero(spikes.any(axis=0))
+    for line in lines[:8]:
+        rows = np.flatnonzero(spikes[:, line])
+        which = "all FRFs" if rows.size == len(spikes) else ", ".join(arrangement.label(int(r)) for r in rows[:5])
+        more = f" and {rows.size - 5} more" if 5 < rows.size < len(spikes) else ""
+        notes.append(
+            f"the line at {arrangement.frequency_hz[line]:g} Hz stands alone out of {which}{more}"
+            " (overload or interference): left out there"
+        )
+    if lines.size > 8:
+        notes.append(f"{lines.size - 8} more such lines were left out")
+    measured = arrangement.measured & ~spikes
+    return replace(arrangement, measured=measured, values=np.where(measured, arrangement.values, 0)), notes
+
+
+def _spikes(record: ComplexArray, measured: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray, FloatArray]:
+    """What each line of a record looks like between its neighbours.
+
+    Returns:
+        spikes: (L,) lines that jump far beyond the local scatter while their neighbours are not raised.
+        standing: (L,) the same beside raised neighbours too.
+        jumps: (L,) all jumps.
+        height: (L,) of the jumps.
+    """
+    spikes, standing, jumps = (np.zeros(record.size, dtype=bool) for _ in range(3))
+    height = np.zeros(record.size)
+    at = np.flatnonzero(measured)
+    values = record[at]
+    middle = values[2:-2]
+    beside = (values[1:-3] + values[3:-1]) / 2
+    jump = np.abs(middle - beside) ** 2
+    # jumps of lines beside a spike are raised by it: the local median does not see them
+    usual = scipy.ndimage.median_filter(jump, size=21, mode="nearest")
+    far = (np.abs(values[:-4]) + np.abs(values[4:])) / 2
+    near = np.maximum(np.abs(values[1:-3]), np.abs(values[3:-1]))
+    floor = 1e-20 * np.max(jump, initial=0.0)
+    # the same line may be the culprit of its neighbours' jumps: only the largest of three is meant
+    largest = jump >= np.maximum(np.append(jump[1:], 0), np.append(0, jump[:-1]))
+    far_out = (jump > _SPIKE * (usual + floor)) & largest & (np.abs(middle) > 3 * near)
+    inner = at[2:-2]
+    spikes[inner], standing[inner] = far_out & (near < _RAISED * far), far_out
+    jumps[inner], height[inner] = jump > _JUMP * (usual + floor), np.sqrt(jump)
+    return spikes, standing, jumps, height
+
+
+def _merge_repeated(arrangement: Arrangement) -> tuple[Arrangement, dict[int, Refused | None], list[str]]:
+    """Average FRFs measured twice between the same dofs; leave both out where they contradict each other.
+
+    With the result come the rows that it lacks: those refused, and None for a copy that was averaged.
+
+    Reciprocal FRFs (hit and read exchanged) are compared too, but kept, since both belong to the shapes.
+    """
+    groups: dict[tuple[object, object], list[int]] = {}
+    for row, (a, b) in enumerate(arrangement.pairs):
+        groups.setdefault((a, b) if a <= b else (b, a), []).append(row)
+    values, measured = arrangement.values.copy(), arrangement.measured.copy()
+    drop: dict[int, Refused | None] = {}
+    notes: list[str] = []
+    for rows in groups.values():
+        first, rest = rows[0], rows[1:]
+        for other in rest:
+            label = pair_label(*arrangement.pairs[other])
+            likeness = _correlation(arrangement, first, other)
+            reciprocal = arrangement.pairs[first] != arrangement.pairs[other]
+            if reciprocal and _LIKE < likeness < _SAME:  # a session with a drift and hits of its own
+                notes.append(
+                    f"{arrangement.label(first)} and {label} should be the same FRF by reciprocity; their correlation is"
+                    f" {likeness:.2f}"
+                )
+            elif likeness < _SAME:
+                reason = _contradiction(arrangement.label(first), label, likeness)
+                drop[first], drop[other] = Refused(arrangement.label(first), reason), Refused(label, reason)
+            elif arrangement.pairs[first] == arrangement.pairs[other] and first not in drop:
+                both = arrangement.measured[[first, other]]
+                share = both / np.maximum(both.sum(axis=0), 1)
+                values[first] = (arrangement.values[[first, other]] * share).sum(axis=0)
+                measured[first] = both.any(axis=0)
+                drop[other] = None
+                notes.append(f"{label} was measured more than once: the copies agree and were averaged")
+    merged = replace(arrangement, values=values, measured=measured)
+    if drop:
+        if len(drop) == len(arrangement.pairs):
+            raise IdentificationError(
+                "all FRFs contradict their repeats: " + next(r.reason for r in drop.values() if r)
+            )
+        merged = merged.without(list(drop))
+    return merged, drop, list(dict.fromkeys(notes))
+
+
+def _contradiction(first: str, other: str, likeness: float) -> str:
+    if likeness < -_SAME:
+        return f"{first} and {other} are the same FRF with opposite signs: a wrong direction or polarity in one of them"
+    return f"{first} and {other} should be the same FRF but differ (correlation {likeness:.2f}): measure again"
+
+
+def _correlation(arrangement: Arrangement, a: int, b: int) -> float:
+    """Re H_aᴴH_b / (|H_a||H_b|) over the common lines, 1 where there are none."""
+    both = arrangement.measured[a] & arrangement.measured[b]
+    x, y = arrangement.values[a, both], arrangement.values[b, both]
+    size = np.linalg.norm(x) * np.linalg.norm(y)
+    return float(np.vdot(x, y).real / size) if size > 0 else 1.0

@@ -1,0 +1,240 @@
+"""What identification says of its own errors: held to formulas written out anew."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fecore.errors import IdentificationError
+from fecore.frf import Dof, FrfSet
+from fecore.modal.arrangement import Arrangement, arrange
+from fecore.modal.basis import Terms
+from fecore.modal.error_model import memory
+from fecore.modal.linear import mean_weight, orthonormal
+from fecore.modal.local_pair import Band, Modes, band_about
+from fecore.modal.refinement import Fit, evaluate, moved, spectrum
+
+HZ, ZETA, FRFS = np.array([101.3, 160.7]), np.array([0.01, 0.02]), 12
+
+
+def measured(hz: np.ndarray = HZ, zeta: np.ndarray = ZETA, noise: float = 1e-7, line: float = 1.0) -> Arrangement:
+    """Receptances of a roving sensor, 60 to 220 Hz, with white noise; each mode has a shape of its own."""
+    random = np.random.default_rng(7)
+    lines = np.arange(60.0, 220.5, line)
+    shapes = random.standard_normal((FRFS, hz.size))
+    s, omega = 2j * np.pi * lines[:, None], 2 * np.pi * hz
+    values = shapes @ (1 / (s**2 + 2 * zeta * omega * s + omega**2)).T
+    white = random.standard_normal((2, *values.shape))
+    dofs = tuple(Dof(i + 1, 3) for i in range(FRFS))
+    frfs = FrfSet(lines, values + noise * (white[0] + 1j * white[1]), dofs, (Dof(99, 3),) * FRFS, "receptance")
+    return arrange(frfs)
+
+
+TERMS = Terms(HZ, ZETA, (0,))
+
+
+def explicit(arrangement: Arrangement, fit: Fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Covariance of θ, variance of the residues, and each FRF's pull, by the whole Jacobian of all unknowns at once."""
+    s = 2j * np.pi * arrangement.frequency_hz[:, None]
+    omega, zeta = 2 * np.pi * fit.terms.frequency_hz, fit.terms.damping_ratio
+    root = np.sqrt(1 - zeta**2)
+    pole, by_zeta = omega * (-zeta + 1j * root), omega * (-1 - 1j * zeta / root)
+    direct, mirror = 1 / (s - pole), 1 / (s - pole.conj())
+    basis = np.concatenate([direct + mirror, 1j * (direct - mirror), np.ones_like(s)], axis=1)
+    residue = fit.residues()[0]
+    n, q = pole.size, basis.shape[1]
+    rows, own, other = [], [], []
+    for i, r in enumerate(residue):
+        steep = [r * by * direct**2 + (r * by).conj() * mirror**2 for by in (pole, by_zeta)]
+        weight = np.sqrt(2 / fit.variance[i])[:, None]
+        own.append(np.concatenate(steep, axis=1) * weight)
+        other.append(basis * weight)
+        rows.append(fit.residual[i][:, None] * weight)
+    total = np.zeros((2 * n + q * len(own), 2 * n + q * len(own)))
+    pull = []
+    for i, (j, phi, left) in enumerate(zip(own, other, rows, strict=True)):
+        at = slice(2 * n + i * q, 2 * n + (i + 1) * q)
+        total[: 2 * n, : 2 * n] += (j.conj().T @ j).real
+        total[: 2 * n, at] = (j.conj().T @ phi).real
+        total[at, : 2 * n] = total[: 2 * n, at].T
+        total[at, at] = (phi.conj().T @ phi).real
+        pull.append((j.conj().T @ left).real[:, 0])
+    scale = np.sqrt(np.diag(total))
+    inverse = np.linalg.inv(total / np.outer(scale, scale)) / np.outer(scale, scale)
+    variance = np.diag(inverse)[2 * n :].reshape(len(own), q)
+    return inverse[: 2 * n, : 2 * n], variance[:, :n] + variance[:, n : 2 * n], np.array(pull)
+
+
+@pytest.mark.parametrize("stated", [0.25, 4.0])
+def test_covariances_are_those_of_all_unknowns_at_once(stated: float) -> None:
+    """Stated noise too small by half or too large by twice: the residual counts where it is larger, never smaller."""
+    arrangement = measured()
+    variance = np.full(arrangement.values.shape, stated * 2e-14)
+    variance[::2] *= 1.5
+    fit = evaluate(arrangement, TERMS, variance)
+    theta, residues, pull = explicit(arrangement, fit)
+    freedom = 2 * arrangement.values.size - 2 * 2 - FRFS * 5
+    chi_squared = float(np.sum(2 / variance * np.abs(fit.residual) ** 2))
+    assert (fit.freedom, fit.chi_squared) == (freedom, pytest.approx(chi_squared, rel=1e-12))
+    inflation = max(1.0, chi_squared / freedom)
+    assert (inflation > 1) is (stated < 1)
+    np.testing.assert_allclose(fit.parameter_covariance, theta * inflation, rtol=1e-6, atol=1e-9 * theta.max())
+    np.testing.assert_allclose(fit.residues()[1], residues * inflation, rtol=1e-6)
+    np.testing.assert_allclose(fit.pull, pull, rtol=1e-6, atol=1e-9 * np.abs(pull).max())
+    longer = replace(fit, memory=3.0)
+    assert longer.inflation == pytest.approx(3 * inflation, rel=1e-12)
+    np.testing.assert_allclose(longer.parameter_covariance, 3 * fit.parameter_covariance, rtol=1e-12)
+
+
+def test_scatter_between_sessions_counts_from_eight_on() -> None:
+    """H⁻¹ (Σ g gᵀ) H⁻¹ S/(S - 1), over the 1 + 1/√(2(S - 1)) to which it is known; a parameter grows by its own."""
+    arrangement = measured()
+    fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 8e-14))
+    plain = fit.parameter_covariance
+    pull = 40 * np.random.default_rng(1).standard_normal(fit.pull.shape) * np.sqrt(np.diag(fit.information))
+    pull[:, 1:] *= 1e-3
+    few = replace(fit, pull=pull, sessions=np.arange(FRFS) % 7)
+    np.testing.assert_array_equal(few.parameter_covariance, plain)
+    inverse = np.linalg.inv(fit.information)
+    for sessions, count in ((np.arange(FRFS), FRFS), (np.arange(FRFS) % 8, 8)):
+        sums = np.array([pull[sessions == s].sum(axis=0) for s in range(count)])
+        between = np.sqrt(np.diag(inverse @ sums.T @ sums @ inverse) * count / (count - 1))
+        expected = np.maximum(np.sqrt(np.diag(plain)), between / (1 + 1 / np.sqrt(2 * (count - 1))))
+        found = replace(fit, pull=pull, sessions=sessions).parameter_covariance
+        np.testing.assert_allclose(np.sqrt(np.diag(found)), expected, rtol=1e-9)
+        assert expected[0] > 2 * np.sqrt(plain[0, 0])
+
+
+def test_what_the_data_do_not_determine_is_vague_and_spoils_nothing_else() -> None:
+    """Parameters 1 and 3 are seen only as their sum: each is unknown, the others keep their variance."""
+    arrangement = measured()
+    fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 8e-14))
+    both = np.zeros(4)
+    both[[1, 3]] = 1.0
+    blind = replace(fit, information=np.diag([4.0, 0.0, 25.0, 0.0]) + 9 * np.outer(both, both))
+    null = spectrum(blind.information)[3]
+    assert null.tolist().count(True) == 1
+    variance = np.diag(blind.parameter_covariance)
+    assert variance[[0, 2]] == pytest.approx([0.25, 0.04], rel=1e-9)
+    assert np.all(variance[[1, 3]] > 1e8)
+    assert np.all(np.isfinite(variance))
+    nothing = replace(fit, information=np.diag([4.0, 0.0, 25.0, 1.0]))
+    assert np.diag(nothing.parameter_covariance)[[0, 2, 3]] == pytest.approx([0.25, 0.04, 1.0], rel=1e-9)
+    assert nothing.parameter_covariance[1, 1] > 1e8
+    faint = replace(fit, information=np.diag([4.0, 1e-12, 25.0, 1.0]))  # little, in its own unit, is not nothing
+    assert faint.parameter_covariance[1, 1] == pytest.approx(1e12, rel=1e-9)
+
+
+def test_a_step_keeps_damping_where_it_means_something() -> None:
+    terms = Terms(np.array([100.0, 200.0]), np.array([0.01, 0.02]), (0,))
+    after = moved(terms, np.array([0.1, -0.1, 2.0, -2.0]))
+    assert after.frequency_hz == pytest.approx(np.array([100.0, 200.0]) * np.exp([0.1, -0.1]), rel=1e-12)
+    assert after.damping_ratio.tolist() == [0.95, 1e-5]
+
+
+def band(arrangement: Arrangement) -> Band:
+    found = band_about(arrangement, arrangement.values, np.full(arrangement.values.shape, 2e-14), (101.3, 0.01))
+    assert found is not None
+    return found
+
+
+def test_a_band_is_six_half_bandwidths_or_five_lines_wide_and_has_eight_lines() -> None:
+    """f ζ is 1.013 Hz, six of them 6.08 Hz: lines of 0.5 Hz from 95.5 to 107 Hz."""
+    arrangement = measured(line=0.5)
+    lines = band(arrangement).omega / (2 * np.pi)
+    assert (lines[0], lines[-1], lines.size) == pytest.approx((95.5, 107.0, 24), rel=1e-12)
+    assert band(arrangement).weight[0] == pytest.approx(np.full(24, 1e14), rel=1e-12)
+    spread = np.full(arrangement.values.shape, 2e-14)
+    narrow = band_about(arrangement, arrangement.values, spread, (101.3, 1e-5))
+    assert narrow is not None
+    assert narrow.omega.size == 10
+    seven = replace(arrangement, measured=arrangement.measured & (np.abs(arrangement.frequency_hz - 101.3) > 1.1))
+    assert band_about(seven, seven.values, spread, (101.3, 1e-5)) is None
+
+
+def test_residues_in_a_band_are_those_of_least_squares_written_out() -> None:
+    """One mode and two, beside a complex constant."""
+    arrangement = measured(line=0.5)
+    one = band(arrangement)
+    s = 1j * one.omega
+    for hz, zeta in ((HZ[:1], ZETA[:1]), (np.array([101.3, 103.1]), np.array([0.01, 0.015]))):
+        view = np.exp(1j * np.arange(hz.size))[:, None]  # of one reference alone, so that it only turns ψ
+        values, spread = one.residues(hz, zeta, view)
+        omega = 2 * np.pi * hz
+        pole = omega * (-zeta + 1j * np.sqrt(1 - zeta**2))
+        direct, mirror = 1 / (s[:, None] - pole), 1 / (s[:, None] - pole.conj())
+        constant = np.ones_like(s)[:, None]
+        basis = np.concatenate([direct + mirror, 1j * (direct - mirror), constant, 1j * constant], axis=1)
+        lengths = np.linalg.norm(basis, axis=0)
+        real = np.concatenate([(basis / lengths).real, (basis / lengths).imag]) * 1e7
+        n = hz.size
+        for row, own in enumerate(arrangement.values[:, np.isin(arrangement.omega, one.omega)]):
+            c = np.linalg.lstsq(real, np.concatenate([own.real, own.imag]) * 1e7, rcond=None)[0] / lengths
+            assert values[row] == pytest.approx(c[:n] + 1j * c[n : 2 * n], rel=1e-6)
+        own = np.diag(np.linalg.inv(real.T @ real)) / lengths**2
+        np.testing.assert_allclose(spread, np.tile(own[:n] + own[n : 2 * n], (FRFS, 1)), rtol=1e-6)
+
+
+@pytest.mark.parametrize(("size", "misfit"), [(7, 0.5), (7, 3.0), (8, 0.5), (12, 2.0)])
+def test_covariance_of_modes_in_a_band(size: int, misfit: float) -> None:
+    random = np.random.default_rng(size)
+    jacobian, residual = random.standard_normal((40, size, 3)), random.standard_normal((40, size))
+    residual += np.where(np.arange(size) % 2, 2.0, -2.0) * jacobian[:, :, 0]  # one roving dof against the next
+    modes = Modes(np.ones(1), np.ones(1), np.ones((1, 1), complex), 100 * misfit, 100, jacobian, residual)
+    inverse = np.linalg.inv(np.einsum("rpi,rpj->ij", jacobian, jacobian))
+    expected = np.sqrt(np.diag(inverse) * max(1.0, misfit) * 1.5)
+    if size >= 8:
+        pull = np.einsum("rpn,rp->pn", jacobian, residual)
+        between = np.sqrt(np.diag(inverse @ pull.T @ pull @ inverse) * size / (size - 1))
+        expected = np.maximum(expected, between / (1 + 1 / np.sqrt(2 * (size - 1))))
+        assert expected[0] > np.sqrt(inverse[0, 0] * max(1.0, misfit) * 1.5)
+    found = band(measured(line=0.5)).covariance(modes, 1.5)
+    np.testing.assert_allclose(np.sqrt(np.diag(found)), expected, rtol=1e-9)
+    grow = np.sqrt(np.diag(found) / np.diag(inverse))
+    np.testing.assert_allclose(found, inverse * np.outer(grow, grow), rtol=1e-7)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.6])
+def test_lines_that_share_their_error_count_less(rho: float) -> None:
+    """An autoregressive error: ρ_j = ρʲ, summed while it is above 0.05, so that τ = 1 + 2 (ρ + ... + ρ⁵) for ρ = 0.6."""
+    random = np.random.default_rng(3)
+    shape = (300, 512)
+    white = random.standard_normal(shape) + 1j * random.standard_normal(shape)
+    error = white.copy()
+    for line in range(1, shape[1]):
+        error[:, line] = rho * error[:, line - 1] + np.sqrt(1 - rho**2) * white[:, line]
+    expected = 1 + 2 * sum(rho**j for j in range(1, 6))
+    variance = np.full(shape, 2.0)
+    assert memory(error, variance, np.ones(shape, dtype=bool)) == pytest.approx(expected, rel=0.03)
+    level = np.exp(random.standard_normal(512))
+    everywhere = np.ones(shape, dtype=bool)
+    assert memory(error * level, variance * level**2, everywhere) == pytest.approx(expected, rel=0.03)
+    assert memory(1e-6 * error, variance, everywhere) == pytest.approx(expected, rel=0.03)
+    turning = np.exp(1j * np.linspace(0, 300, 512)) * np.ones(shape)  # an error relative to a model that turns
+    assert memory(error * turning, variance, np.ones(shape, dtype=bool), turning) == pytest.approx(expected, rel=0.05)
+    spike = error.copy()
+    spike[:, 200] *= 1000  # counts as three standard deviations: 9 beside the 511 of the other lines
+    hidden = memory(spike, variance, everywhere, np.ones(shape, dtype=complex))
+    plain = memory(error, variance, everywhere, np.ones(shape, dtype=complex))
+    assert 0.97 * (plain - 1) <= hidden - 1 <= plain - 1 + 0.01
+    assert memory(np.zeros(shape, dtype=complex), variance, everywhere) == 1.0
+    whole = np.ones((1, 40))  # one error on all lines, seen over a quarter of them
+    assert memory(whole.astype(complex), whole, whole > 0) == pytest.approx(1 + 2 * 10, rel=1e-9)
+
+
+def test_a_basis_is_made_orthonormal_whatever_the_size_of_its_columns() -> None:
+    weight = np.array([[1.0, 3.0, 1.0, 3.0], [1e9, 1e9, 1e9, 1e9], [0.0, 0.0, 0.0, 0.0]])
+    assert mean_weight(weight) ** 2 == pytest.approx(np.array([1.5, 2.5, 1.5, 2.5]) / 3, rel=1e-12)
+    basis = np.array([[1, 1e-14], [1j, 2e-14], [1, 1e-14j], [2, 0]], dtype=complex)
+    frame, turn = orthonormal(basis, weight)
+    assert turn.shape == (2, 2)
+    inner = (frame.conj().T @ (mean_weight(weight)[:, None] ** 2 * frame)).real
+    np.testing.assert_allclose(inner, np.eye(2), atol=1e-12)
+    assert orthonormal(np.concatenate([basis, basis[:, :1]], axis=1), weight)[1].shape == (3, 2)
+    arrangement = measured()
+    variance = np.full(arrangement.values.shape, 2e-14)
+    variance[3] = np.inf
+    with pytest.raises(IdentificationError, match="has no weight on the measured lines of an FRF; leave that FRF out"):
+        evaluate(arrangement, TERMS, variance)

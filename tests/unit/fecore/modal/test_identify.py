@@ -1,0 +1,407 @@
+"""FRFs in, modes out: accuracy, uncertainty, guards, faults of the input, real and independent data."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from examples.paper import synthesis
+from examples.paper.published import FREE_UPDATED, free_beam
+from fecore.body.supports import PointMass
+from fecore.correlation import mac
+from fecore.errors import IdentificationError, InputError
+from fecore.frf import Dof, FrfSet
+from fecore.modal import Identification, Options, identify, set_with_gaps
+from fecore.modal.screening import screen
+from tests.support.beams import (
+    PAPER_HZ,
+    PAPER_ZETA,
+    add_noise,
+    cantilever_shapes,
+    grid,
+    paper_frfs,
+    read_uff,
+    receptance,
+)
+from tests.support.places import shared_file
+
+BENDING_HZ = (51.5, 142.2, 278.7, 460.4, 687.2, 958.5)  # of the free beam that somebody measured
+TRUE_SHAPES = cantilever_shapes(grid())[:5]
+LINES = 500  # 2 Hz apart, a fourth of the narrowest mode's half-power bandwidth
+
+
+def assert_papers_modes(found: Identification, f: float, zeta: float, shape: float = 0.999) -> None:
+    """The five modes of the paper, within relative tolerances on f and ζ and a least MAC of the real shapes."""
+    assert len(found.modes) == 5, found.modes.frequency_hz
+    assert np.allclose(found.modes.frequency_hz, PAPER_HZ, rtol=f)
+    assert np.allclose(found.modes.damping_ratio, PAPER_ZETA, rtol=zeta)
+    assert np.all(np.diag(mac(found.shapes.real, TRUE_SHAPES)) >= shape)
+
+
+@pytest.fixture(scope="module")
+def seeds() -> list[Identification]:
+    return [identify(paper_frfs(0.05, seed, LINES)) for seed in range(4)]
+
+
+def test_five_per_cent_noise_and_a_heavily_damped_first_mode(seeds: list[Identification]) -> None:
+    for found in seeds:  # ± 3 standard deviations of ζ₁ (1.3 %) and many of the others (0.4 %)
+        assert_papers_modes(found, 6e-3, 0.04, 0.998)
+    zeta = np.mean([s.modes.damping_ratio for s in seeds], axis=0)
+    hz = np.mean([s.modes.frequency_hz for s in seeds], axis=0)
+    assert abs(zeta[0] / PAPER_ZETA[0] - 1) < 0.02
+    assert np.all(np.abs(zeta[1:] / PAPER_ZETA[1:] - 1) < 0.01)
+    assert abs(hz[0] / PAPER_HZ[0] - 1) < 3e-3  # of four: ± 0.1 %
+    assert np.all(np.abs(hz[1:] / PAPER_HZ[1:] - 1) < 3e-4)
+
+
+def test_stated_standard_deviations_match_the_scatter(seeds: list[Identification]) -> None:
+    z = np.array(
+        [
+            np.append(
+                (s.modes.frequency_hz - PAPER_HZ) / s.modes.frequency_sd_hz,
+                (s.modes.damping_ratio - PAPER_ZETA) / s.modes.damping_sd,
+            )
+            for s in seeds
+        ]
+    )
+    # 40 standardised errors: their rms is 1 ± 0.11 when the stated values are right
+    assert np.sqrt(np.mean(z**2)) == pytest.approx(1, abs=0.3)
+
+
+def test_covariance_of_the_whole_is_symmetric_and_positive(seeds: list[Identification]) -> None:
+    C = seeds[0].modes.covariance
+    assert C is not None
+    assert np.allclose(C, C.T, rtol=1e-8, atol=0)
+    assert np.all(np.linalg.eigvalsh(C / np.sqrt(np.outer(np.diag(C), np.diag(C)))) > 0)
+
+
+def test_one_per_cent_noise() -> None:
+    found = identify(paper_frfs(0.01, 1))
+    assert_papers_modes(found, 1e-3, 0.01, 0.9999)
+    assert found.shapes.mass_normalised is not None
+    # the driving point gives modal mass: tip deflection of the first mode is 2/√0.407 for unit modal mass
+    true = TRUE_SHAPES / np.sqrt(0.407)
+    assert np.allclose(np.abs(found.shapes.mass_normalised[:, -1]), np.abs(true[:, -1]), rtol=0.01)
+    assert np.all(found.shapes.collinearity > 0.999)
+    assert found.warnings == ()
+    assert len(found.used) == 33
+
+
+@pytest.mark.parametrize("quantity", ["mobility", "receptance"])
+def test_other_quantities(quantity: str) -> None:
+    clean = paper_frfs(0.0, lines=LINES).to_quantity(quantity)  # type: ignore[arg-type]
+    noisy = replace(clean, values=add_noise(clean.values, 0.01, 0.5, np.random.default_rng(2)))
+    found = identify(noisy)
+    # noise as a share of the rms, which a receptance has in its first mode: the higher ones drown
+    assert abs(found.modes.frequency_hz[0] / PAPER_HZ[0] - 1) < 1e-3
+    assert abs(found.modes.damping_ratio[0] / PAPER_ZETA[0] - 1) < 0.02
+    assert np.all(np.min(np.abs(found.modes.frequency_hz[:, None] / PAPER_HZ - 1), axis=1) < 2e-3)
+
+
+def test_clean_data_are_found_to_nine_digits() -> None:
+    found = identify(paper_frfs(0.0, lines=LINES))
+    assert np.allclose(found.modes.frequency_hz, PAPER_HZ, rtol=1e-6)
+    assert np.allclose(found.modes.damping_ratio, PAPER_ZETA, rtol=1e-5)
+
+
+def test_the_same_data_give_the_same_bits(seeds: list[Identification]) -> None:
+    first, second = seeds[3], identify(paper_frfs(0.05, 3, LINES))
+    assert np.array_equal(first.modes.frequency_hz, second.modes.frequency_hz)
+    assert np.array_equal(first.modes.covariance, second.modes.covariance)
+
+
+def test_a_band_is_kept_and_its_neighbours_do_not_leak_in() -> None:
+    found = identify(paper_frfs(0.01, 3), Options(band_hz=(300.0, 600.0)))
+    assert np.allclose(found.modes.frequency_hz, PAPER_HZ[2:4], rtol=1e-4)
+    assert np.allclose(found.modes.damping_ratio, PAPER_ZETA[2:4], rtol=0.02)
+
+
+def test_known_variance_weights_the_fit() -> None:
+    clean, noisy = paper_frfs(0.0, lines=LINES), paper_frfs(0.05, 5, LINES)
+    rms = np.mean(np.abs(clean.values) ** 2, axis=1, keepdims=True)
+    variance = 0.025**2 * np.abs(clean.values) ** 2 + 0.05**2 * rms
+    found = identify(replace(noisy, variance=variance))
+    assert_papers_modes(found, 6e-3, 0.04, 0.998)
+    assert np.array_equal(found.noise_variance, variance)
+    assert found.noise_ratio == pytest.approx(1, abs=0.03)  # 30,000 values: ± 0.008
+    optimistic = identify(replace(noisy, variance=variance / 25))
+    assert any("5.0 times the noise" in w or "scatter more" in w for w in optimistic.warnings)
+    assert len(optimistic.modes) == 5
+    assert np.allclose(optimistic.modes.damping_sd, found.modes.damping_sd, rtol=0.2)
+
+
+def test_stabilisation_data_show_the_true_poles(seeds: list[Identification]) -> None:
+    diagram = seeds[0].stabilisation
+    assert diagram.line_hz.size == diagram.indicator.size == LINES
+    for hz in PAPER_HZ[1:]:
+        near = np.abs(diagram.frequency_hz / hz - 1) < 0.005
+        assert np.sum(near & diagram.damping_stable) > 5
+
+
+# --- close and double modes, rigid bodies ---------------------------------------------------------------------------
+
+
+def plate_frfs(separation: float, references: tuple[int, ...], noise: float = 0.01) -> tuple[FrfSet, np.ndarray]:
+    """Two modes around 300 Hz (ζ = 1 %, half-power bandwidth 6 Hz) and one at 700 Hz, at 12 points."""
+    rng = np.random.default_rng(12)
+    shapes = rng.standard_normal((3, 12))
+    hz = np.array([300.0, 300.0 * (1 + separation), 700.0])
+    frequency = np.arange(100.0, 901.0)
+    omega = 2 * np.pi * frequency
+    values = np.concatenate(
+        [-(omega**2) * receptance(omega, hz, np.full(3, 0.01), shapes, shapes[:, j]) for j in references]
+    )
+    values = add_noise(values, noise, 0.5, rng)
+    responses = tuple(Dof(i + 1, 3) for _ in references for i in range(12))
+    return FrfSet(frequency, values, responses, tuple(Dof(j + 1, 3) for j in references for _ in range(12))), shapes
+
+
+@pytest.mark.parametrize("references", [(5,), (0, 5)])
+def test_two_modes_within_a_bandwidth_are_kept_as_two(references: tuple[int, ...]) -> None:
+    frfs, shapes = plate_frfs(0.005, references)  # 1.5 Hz apart, a quarter of the half-power bandwidth
+    found = identify(frfs)
+    assert np.allclose(found.modes.frequency_hz, [300.0, 301.5, 700.0], atol=0.2)
+    assert np.allclose(found.modes.damping_ratio, 0.01, rtol=0.1)
+    assert np.all(np.diag(mac(found.modes.shapes, shapes)) > 0.98)
+    assert any("close pair" in w for w in found.warnings)
+
+
+def test_a_double_mode_at_one_frequency_is_parted_by_the_references() -> None:
+    found = identify(plate_frfs(0.0, (0, 5, 7))[0])
+    assert found.modes.frequency_hz == pytest.approx([300.0, 300.0, 700.0], rel=2e-4)
+    assert any("parted by the references" in w for w in found.warnings)
+    apart = identify(plate_frfs(0.1, (0, 5, 7))[0])
+    assert len(apart.modes) == 3
+    assert not any("parted by" in w or "rank two" in w for w in apart.warnings)
+
+
+def test_one_mode_is_not_made_two() -> None:
+    found = identify(paper_frfs(0.02, 20, LINES))
+    assert len(found.modes) == 5
+    assert np.all(np.diff(found.modes.frequency_hz) > 10)
+
+
+def test_rigid_body_motion_does_not_leak_into_the_first_mode() -> None:
+    frequency = np.arange(1.0, 801.0)
+    omega = 2 * np.pi * frequency
+    x = np.linspace(-0.5, 0.5, 11)
+    shapes = np.array([np.cos(4.73 * x), np.sin(7.85 * x)])
+    hz, zeta = np.array([160.0, 450.0]), np.array([0.02, 0.02])
+    elastic = receptance(omega, hz, zeta, shapes, shapes[:, -1]) / 0.4
+    s = 1j * omega
+    rigid = (1 + 12 * x * x[-1])[:, None] / 0.4 / (s * (s + 27.0))  # mass-proportional damping of 27 /s
+    values = add_noise(-(omega**2) * (elastic + rigid), 0.01, 0.5, np.random.default_rng(3))
+    dofs = tuple(Dof(i + 1, 3) for i in range(11))
+    found = identify(FrfSet(frequency, values, dofs, (dofs[-1],) * 11))
+    assert np.allclose(found.modes.frequency_hz, hz, rtol=1e-4)
+    assert np.allclose(found.modes.damping_ratio, zeta, rtol=0.01)
+
+
+# --- faults of the input ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def good() -> FrfSet:
+    """FRFs that the tests spoil: line k is at 2 (k + 1) Hz, row r is 33Z/(r + 1)Z."""
+    return paper_frfs(0.01, 6, LINES)
+
+
+def test_what_was_not_measured_is_left_out_and_told(good: FrfSet) -> None:
+    """A line at zero, a dead channel, an overload, lines that are missing from one FRF and from all; and the driving point has
+    the wrong sign.
+    """
+    values = good.values.copy()
+    values[7] = 0
+    values[5, 124] = 1e4
+    values[3, 195:200] = np.nan
+    values[:, 25] = np.nan
+    values[32] *= -1
+    values = np.concatenate([np.full((33, 1), 7.0), values], axis=1)
+    found = identify(set_with_gaps(np.append(0.0, good.frequency_hz), values, good.responses, good.references))
+    assert [r.frf for r in found.refused] == ["33Z/8Z"]
+    assert "dead channel" in found.refused[0].reason
+    assert len(found.modes) == 5
+    assert np.allclose(found.modes.frequency_hz, PAPER_HZ, rtol=1e-3)
+    assert np.allclose(found.modes.damping_ratio, PAPER_ZETA, rtol=0.01)
+    assert Dof(8, 3) not in found.modes.dofs
+    assert any("33Z/8Z" in w for w in found.warnings)
+    assert any("250 Hz" in w and "33Z/6Z" in w for w in found.warnings)
+    assert any("line at 0 Hz" in w for w in found.warnings)
+    assert any("33Z/33Z" in w and "sign" in w for w in found.warnings)
+
+
+def test_wrong_signs_and_zeroes_are_left_out_and_named(good: FrfSet) -> None:
+    """As large as their neighbours, so that only the fit sees them; of ten FRFs, each at another line. One of them has zeroes
+    for a gap.
+    """
+    values = good.values.copy()
+    rows, lines = np.arange(3, 13), 109 + 8 * np.arange(10)
+    values[rows, lines] *= -1
+    values[3, 195:200] = 0
+    found = identify(replace(good, values=values))
+    assert_papers_modes(found, 1e-3, 0.01)
+    said = "left out, far off what the other lines say"
+    wrong = {f"33Z/{row + 1}Z: {2 * line + 2} Hz {said}" for row, line in zip(rows, lines, strict=True)}
+    named = {w for w in found.warnings if w.endswith(said)}
+    assert named <= wrong
+    assert len(named) >= 3  # near an antiresonance both signs are as good
+    assert any("33Z/4Z" in w and "392" in w and "not measured" in w for w in found.warnings)
+
+
+def test_a_line_saturated_in_all_channels_and_interference_are_no_modes(good: FrfSet) -> None:
+    values = good.values.copy()
+    values[:, 124] *= 300 * np.exp(1j * np.random.default_rng(1).uniform(0, 6.28, 33))
+    values[:, 24] += 3 * np.abs(values[:, 24]).max()
+    found = identify(replace(good, values=values))
+    assert_papers_modes(found, 1e-3, 0.01)
+    assert any("250 Hz" in w for w in found.warnings)
+    assert any("50 Hz" in w and "250 Hz" not in w for w in found.warnings)
+
+
+def test_repeats_that_agree_are_averaged_and_others_refused(good: FrfSet) -> None:
+    """The first once more, the second once more in the opposite direction, the third once more with the wrong sign."""
+    again = paper_frfs(0.01, 7, LINES)
+    repeated = FrfSet(
+        good.frequency_hz,
+        np.vstack([good.values, again.values[:1], -again.values[1:3]]),
+        (*good.responses, *good.responses[:3]),
+        (*good.references, good.references[0], Dof(2, -3), good.references[2]),
+    )
+    found = identify(repeated)
+    assert len(found.modes) == 5
+    assert len(found.used) == 32
+    for frf in ("33Z/1Z", "33Z/2Z"):
+        assert any(frf in w and "averaged" in w for w in found.warnings)
+    assert {r.frf for r in found.refused} == {"33Z/3Z"}
+    assert "opposite signs" in found.refused[0].reason
+    assert {Dof(p, 3) for p in (1, 2, 3)} - set(found.modes.dofs) == {Dof(3, 3)}
+
+
+def test_sets_of_repeats_that_all_contradict_one_another_and_of_two_quantities(good: FrfSet) -> None:
+    with pytest.raises(IdentificationError, match=r"all FRFs contradict their repeats: .*opposite signs"):
+        screen([good, replace(good, values=-good.values)])
+    with pytest.raises(
+        IdentificationError, match=r"should be the same FRF but differ \(correlation 0\.\d\d\): measure again"
+    ):
+        screen([good, replace(good, values=good.values[:, ::-1])])
+    constant = np.where(np.arange(33)[:, None] == 4, 2 + 1j, good.values)
+    found = screen([replace(good, values=constant)])
+    assert [r.reason for r in found.refused] == ["is the same number at all lines: not a measurement"]
+    mixed = [good.select(list(range(10))), good.select(list(range(10, 33))).to_quantity("mobility")]
+    assert "the FRFs are of different quantities: all were taken as accelerance" in screen(mixed).warnings
+
+
+def test_frequency_axes_may_differ_within_a_campaign(good: FrfSet) -> None:
+    fine = paper_frfs(0.01, 7, lines=2 * LINES)
+    first, second = good.select(list(range(20))), fine.select(list(range(20, 33))).band(10.0, 950.0)
+    found = identify([first, second])
+    assert_papers_modes(found, 1e-3, 0.01)
+    assert any("2 different frequency axes" in w for w in found.warnings)
+
+
+@pytest.mark.parametrize(("factor", "largest"), [(1e300, "e+30"), (1e-300, "e-29"), (1e304, "e+30")])
+def test_values_whose_squares_leave_double_precision_are_no_frfs(good: FrfSet, factor: float, largest: str) -> None:
+    with pytest.raises(InputError, match=r"check unit and scale") as refused:
+        replace(good, values=factor * good.values)
+    assert largest in str(refused.value)
+    assert "reference point" in str(refused.value)
+
+
+def test_an_frf_of_quite_another_scale_is_named_with_the_one_it_is_judged_by(good: FrfSet) -> None:
+    faint, loud = good.values.copy(), good.values.copy()
+    faint[7] *= 1e-300
+    loud[7] *= 1e60
+    (refused,) = identify(replace(good, values=faint)).refused
+    assert refused.frf == "33Z/8Z"
+    assert re.match(r"is at most \S+e-\d{3} where 33Z/\d+Z reaches", refused.reason)
+    assert "the scale of one of the two is wrong" in refused.reason
+    others = screen(replace(good, values=loud)).refused
+    assert len(others) == 32
+    assert all("where 33Z/8Z reaches" in one.reason for one in others)
+
+
+def test_what_cannot_be_used_is_refused_with_a_reason(good: FrfSet) -> None:
+    with pytest.raises(IdentificationError, match="dead channel"):
+        identify(replace(good, values=np.zeros_like(good.values)))
+    with pytest.raises(IdentificationError, match="lines"):
+        identify(good.band(100.0, 116.0))
+    with pytest.raises(InputError, match="band_hz"):
+        identify(good, Options(band_hz=(2000.0, 3000.0)))
+    with pytest.raises(InputError, match="frfs"):
+        identify([])
+    with pytest.raises(InputError, match="variance"):
+        identify(replace(good, variance=np.zeros(good.values.shape)))
+    with pytest.raises(InputError, match="highest_order"):
+        Options(highest_order=1)
+
+
+def test_noise_alone_holds_no_mode() -> None:
+    rng = np.random.default_rng(9)
+    values = rng.standard_normal((10, 800)) + 1j * rng.standard_normal((10, 800))
+    dofs = tuple(Dof(i, 3) for i in range(1, 11))
+    with pytest.raises(IdentificationError, match=r"no mode is supported.*Try a band"):
+        identify(FrfSet(np.arange(1.0, 801.0), values, dofs, (dofs[0],) * 10))
+
+
+def test_a_limit_on_the_modes_that_stopped_the_search_is_named() -> None:
+    found = identify(paper_frfs(0.05, 0, LINES), Options(most_modes=2))
+    assert "the search stopped at most_modes; raise it, or leave it out" in found.warnings
+
+
+@pytest.mark.parametrize(
+    ("a0", "a1", "highest_hz", "noise"),
+    [
+        (10.0, 5e-6, 1200, 1e-8),
+        (30.0, 1e-5, 1000, 0.0),
+        (60.0, 2e-5, 1600, 1e-4),
+    ],
+)
+def test_nearly_no_noise_is_no_harm(a0: float, a1: float, highest_hz: int, noise: float, monkeypatch) -> None:
+    """A simulated free body: at a hundred decibels its many residual terms must still be distinguished."""
+    monkeypatch.setattr(synthesis, "NOISE", noise)
+    beam = free_beam(FREE_UPDATED)
+    x, y, _ = synthesis.grid(beam)[synthesis.SENSOR]
+    beam = replace(beam, masses=(PointMass(x, y, 0.0048),))
+    frfs = synthesis.rayleigh_body(beam, np.array([a0, a1]), 1, np.arange(2.0, highest_hz + 0.5, 2.0))
+    found = identify(frfs.select([i for i in range(33) if i % 8 != 4])).modes
+    true = synthesis.solve(beam).frequency_hz
+    true = true[true < highest_hz]
+    assert len(found) == len(true)
+    np.testing.assert_allclose(found.frequency_hz, true, rtol=2e-5)
+    np.testing.assert_allclose(found.damping_ratio, a0 / (4 * np.pi * true) + a1 * np.pi * true, rtol=1e-3)
+
+
+# --- data that others made -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "damping"),
+    [("paper-like", 0.02), ("cantilever-1pct", 0.02), ("free-1pct", 0.02), ("cantilever-5pct-sensor-mass", 0.05)],
+)
+def test_independent_data(name: str, damping: float) -> None:
+    path = shared_file("BLIND_OPEN", "blind-open", f"{name}.uff")
+    truth = json.loads(path.with_suffix("").with_suffix(".truth.json").read_text())
+    known = [m for m in truth["modes"] if m["out_of_plane"] and 0 < m["f_hz"] < 1000]
+    identified = identify(read_uff(path)).found
+    assert np.all(identified.probability > 0.8)  # a mode of 16 % of the FRFs in 5 % noise is uncertain by a little
+    found = identified.modes
+    inside = found.frequency_hz < 1000
+    assert np.allclose(found.frequency_hz[inside], [m["f_hz"] for m in known], rtol=1e-3)
+    assert np.allclose(found.damping_ratio[inside], [m["zeta"] for m in known], rtol=damping)
+
+
+def test_measured_free_beam_of_the_corpus() -> None:
+    path = shared_file("UFF_CORPUS", "uff-corpus", "pyuff/measurement_v1.uff")
+    found = identify(read_uff(path))
+    for hz in BENDING_HZ:
+        assert np.sum(np.abs(found.modes.frequency_hz - hz) < 0.15) == 1
+    others = np.min(np.abs(found.found.modes.frequency_hz[:, None] - BENDING_HZ), axis=1) > 0.2
+    for k in np.flatnonzero(others):  # what else is reported is doubtful or called weak
+        name = f"({found.found.modes.frequency_hz[k]:.2f} Hz): weak"
+        assert found.found.doubt[k] is not None or any(name in w for w in found.warnings)
+    assert any("0 Hz" in w for w in found.warnings)
+    assert any("finer line spacing" in w for w in found.warnings)

@@ -1,0 +1,138 @@
+"""Which pole is a mode: the phase of distortions, one answer for every band, and no other error whatever the input."""
+
+from __future__ import annotations
+
+import contextlib
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from benchmarks.made_frfs import KINDS
+from fecore.errors import IdentificationError, InputError
+from fecore.frf import Dof, FrfSet
+from fecore.modal import Identification, Options, identify
+from fecore.modal.mixture import mixture
+from fecore.modal.probability import phase_ratio, predictive
+
+SURE = 0.9
+
+
+def sure(found: Identification) -> np.ndarray:
+    return found.found.modes.frequency_hz[found.found.probability >= SURE]
+
+
+def agree(one: np.ndarray, other: np.ndarray, low: float, high: float) -> tuple[int, int]:
+    """How many modes of each, well within a band, the other has too; and how many there are."""
+    both = [np.array([f for f in each if low < f < high]) for each in (one, other)]
+    shared = [np.min(np.abs(f / b - 1), initial=1.0) < 0.004 for a, b in (both, both[::-1]) for f in a]
+    return int(np.sum(shared)), len(shared)
+
+
+def test_a_distortion_of_a_quadratic_spring_has_not_the_phase_of_a_mode() -> None:
+    draw = KINDS["squared"](1)
+    found = identify(draw.frfs)
+    kept = sure(found)
+    assert all(np.min(np.abs(kept / f - 1)) < 0.004 for f in draw.frequency_hz)
+    assert len(kept) == len(draw.frequency_hz)
+    poles = [(p.frequency_hz, p.features) for p in found.refused_poles]
+    phases = [
+        feature.value
+        for f, said in poles
+        if np.min(np.abs(draw.distortions / f - 1)) < 0.002
+        for feature in said
+        if feature.name == "phase"
+    ]
+    assert len(phases) > 3
+    assert np.median(phases) < -0.5
+
+
+@pytest.mark.parametrize("kind", ["bridge", "plate"])
+def test_one_record_in_several_bands_and_by_halves_has_one_answer(kind: str) -> None:
+    draw = KINDS[kind](11)
+    whole = sure(identify(draw.frfs))
+    first, last = draw.frfs.frequency_hz[[0, -1]]
+    bands = [(first + a * (last - first), first + b * (last - first)) for a, b in ((0, 0.6), (0.15, 0.8), (0.3, 1))]
+    shared, count = 0, 0
+    for low, high in bands:
+        margin = 0.03 * (high - low)
+        found = agree(whole, sure(identify(draw.frfs, Options(band_hz=(low, high)))), low + margin, high - margin)
+        shared, count = shared + found[0], count + found[1]
+    rows = len(draw.frfs.responses)
+    if rows > 3:
+        for half in (range(0, rows, 2), range(1, rows, 2)):
+            found = agree(whole, sure(identify(draw.frfs.select(list(half)))), first, last)
+            shared, count = shared + found[0], count + found[1]
+    assert count >= 20
+    assert shared >= 0.97 * count
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
+@given(
+    rows=st.integers(1, 6),
+    lines=st.integers(2, 120),
+    start=st.sampled_from([0.0, 1e-3, 10.0, 5e5]),
+    content=st.sampled_from(["noise", "zeros", "resonance", "spikes", "tiny", "huge", "constant", "gaps"]),
+    seed=st.integers(0, 99),
+    band=st.sampled_from([None, (0.2, 0.7), (0.45, 0.55)]),
+)
+def test_any_finite_input_gives_modes_or_an_error_in_words(
+    rows: int, lines: int, start: float, content: str, seed: int, band: tuple[float, float] | None
+) -> None:
+    rng = np.random.default_rng(seed)
+    hz = start + np.arange(lines) * (1.0 if start < 1e5 else 1e3)
+    noise = rng.standard_normal((rows, lines)) + 1j * rng.standard_normal((rows, lines))
+    s, at = 1j * hz, hz[lines // 2] + 0.3
+    values = 1 / (s**2 + 0.02 * at * s + at**2 + 1e-9) * rng.standard_normal((rows, 1)) + 1e-8 * noise
+    measured = np.ones((rows, lines), dtype=bool)
+    if content == "spikes":
+        values[:, rng.integers(0, lines, 3)] *= 1e6
+    elif content == "gaps":
+        measured = rng.uniform(size=measured.shape) > 0.4
+    else:
+        values = {
+            "noise": noise, "zeros": 0 * noise, "resonance": values, "tiny": 1e-150 * noise, "huge": 1e150 * noise,
+            "constant": np.ones_like(noise),
+        }[content]  # fmt: skip
+    dofs = tuple(Dof(i + 1, 3) for i in range(rows))
+    limits = None if band is None else tuple(hz[0] + share * (hz[-1] - hz[0]) for share in band)
+    with contextlib.suppress(IdentificationError, InputError):
+        frfs = FrfSet(hz, np.where(measured, values, 0), dofs, dofs[:1] * rows, "accelerance", None, measured)
+        found = identify(frfs, Options(band_hz=limits)).found  # type: ignore[arg-type]
+        assert np.all(np.isfinite(found.modes.frequency_hz))
+        assert np.all((found.probability >= 0.1) & (found.probability <= 1))
+
+
+def test_the_threshold_is_the_users() -> None:
+    draw = KINDS["bridge"](5)
+    found = identify(draw.frfs, Options(threshold=0.5)).found
+    assert all((p >= 0.5) == (why is None) for p, why in zip(found.probability, found.doubt, strict=True))
+    with pytest.raises(InputError, match="threshold"):
+        Options(threshold=0.01)
+
+
+def test_the_phase_speaks_for_modes_and_its_ratio_stays_finite() -> None:
+    for frfs in (1, 30):
+        ratio = phase_ratio(np.array([-1.0, -0.9, 0.0, 0.98, 1.0]), frfs)
+        assert np.all(np.isfinite(ratio))
+        assert ratio[3] > 0 > ratio[1]
+    assert predictive(np.array([3.0]), np.array([0.0]))[0] == pytest.approx(1 / (1 + np.exp(-3)))
+    assert (
+        0.5 < predictive(np.array([3.0]), np.array([20.0]))[0] < 0.9
+    )  # what is hardly known is drawn towards one half
+
+
+def test_a_mode_that_may_be_none_pulls_where_it_agrees_and_lets_go_where_it_does_not() -> None:
+    z, sd = np.array([0.0, 1.0, 3.0, 30.0]), np.full(4, 0.002)
+    weight, cost = mixture(np.full(4, 1.0), z, sd, 3.0)
+    assert weight.tolist() == [1.0] * 4
+    assert cost == pytest.approx(z**2 / 2)
+    weight, cost = mixture(np.full(4, 0.6), z, sd, 3.0)
+    assert weight[0] > 0.99
+    assert weight[3] < 1e-12
+    assert np.all(np.diff(cost) > 0)
+    assert cost[3] < 8
+    step = 1e-5  # the weight gives the slope of the cost
+    up, down = (mixture(np.full(4, 0.6), z + h, sd, 3.0)[1] for h in (step, -step))
+    assert (up - down) / (2 * step) == pytest.approx(weight * z, abs=1e-5)

@@ -1,0 +1,109 @@
+"""Shapes at typed-in poles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fecore.correlation import mac
+from fecore.errors import IdentificationError, InputError
+from fecore.frf import Dof, FrfSet
+from fecore.modal import set_with_gaps, shapes_at_poles
+from tests.support.beams import (
+    ABOVE_HZ,
+    ABOVE_ZETA,
+    PAPER_HZ,
+    PAPER_ZETA,
+    cantilever_shapes,
+    grid,
+    paper_frfs,
+    receptance,
+)
+
+ALL_HZ, ALL_ZETA = np.append(PAPER_HZ, ABOVE_HZ), np.append(PAPER_ZETA, ABOVE_ZETA)
+
+
+@pytest.mark.parametrize("quantity", ["accelerance", "mobility", "receptance"])
+def test_clean_frfs_give_back_exact_shapes_and_modal_mass(quantity: str) -> None:
+    frfs = paper_frfs(0.0).to_quantity(quantity)  # type: ignore[arg-type]
+    modes, shapes = shapes_at_poles(frfs, ALL_HZ, ALL_ZETA)
+    true = cantilever_shapes(grid()) / np.sqrt(0.407)
+    assert modes.dofs == tuple(Dof(p, 3) for p in range(1, 34))
+    assert np.allclose(np.diag(mac(modes.shapes, true)), 1, atol=1e-12)
+    assert shapes.mass_normalised is not None
+    sign = np.sign(np.sum(shapes.mass_normalised * true, axis=1))
+    assert np.allclose(shapes.mass_normalised, sign[:, None] * true, atol=1e-8 * np.abs(true).max())
+    assert np.allclose(shapes.collinearity, 1, atol=1e-12)
+
+
+def test_shape_standard_deviations_match_the_scatter() -> None:
+    errors, stated = [], []
+    true = cantilever_shapes(grid())[:5]
+    for seed in range(12):
+        modes, shapes = shapes_at_poles(paper_frfs(0.02, seed), ALL_HZ, ALL_ZETA, exponents=(-2, 0))
+        assert modes.shapes is not None
+        for k in range(5):
+            reference = true[k] / true[k, np.argmax(np.abs(modes.shapes[k]))]
+            errors.append(np.mean(np.abs(modes.shapes[k] - reference) ** 2))
+            stated.append(np.mean(shapes.sd[k] ** 2))
+    assert np.sqrt(np.mean(errors) / np.mean(stated)) == pytest.approx(1, abs=0.25)
+
+
+def test_a_hit_along_minus_z_is_not_one_along_plus_z() -> None:
+    frfs = paper_frfs(0.0)
+    turned = list(frfs.references)
+    turned[4] = Dof(5, -3)
+    values = frfs.values.copy()
+    values[4] *= -1
+    flipped = replace(frfs, values=values, references=tuple(turned))
+    first, _ = shapes_at_poles(frfs, ALL_HZ, ALL_ZETA)
+    second, _ = shapes_at_poles(flipped, ALL_HZ, ALL_ZETA)
+    assert second.dofs == first.dofs
+    assert np.allclose(second.shapes, first.shapes, atol=1e-12)
+
+
+def test_roving_sensor_and_roving_hammer_agree_by_reciprocity() -> None:
+    hammer = paper_frfs(0.0)
+    sensor = replace(hammer, responses=hammer.references, references=hammer.responses)
+    assert np.allclose(
+        shapes_at_poles(hammer, ALL_HZ, ALL_ZETA)[0].shapes, shapes_at_poles(sensor, ALL_HZ, ALL_ZETA)[0].shapes
+    )
+
+
+def test_two_references_with_missing_pairs_fit_one_shape() -> None:
+    points = grid()
+    shapes = cantilever_shapes(points)[:5]
+    frequency = np.arange(1.0, 1001.0)
+    omega = 2 * np.pi * frequency
+    pairs = [(i, 32) for i in range(33) if i not in (3, 4)] + [(i, 30) for i in range(33) if i != 20]
+    values = np.array(
+        [(receptance(omega, PAPER_HZ, PAPER_ZETA, shapes[:, [i]], shapes[:, j]))[0] * -(omega**2) for i, j in pairs]
+    )
+    frfs = FrfSet(frequency, values, tuple(Dof(i + 1, 3) for i, _ in pairs), tuple(Dof(j + 1, 3) for _, j in pairs))
+    modes, _ = shapes_at_poles(frfs, PAPER_HZ, PAPER_ZETA)
+    assert len(modes.dofs) == 33
+    assert np.allclose(np.diag(mac(modes.shapes, shapes)), 1, atol=1e-9)
+
+
+def test_gaps_are_left_out_of_the_fit() -> None:
+    frfs = paper_frfs(0.0)
+    values = frfs.values.copy()
+    values[3, 100:140] = np.nan
+    values[:, 500] = np.inf
+    holed = set_with_gaps(frfs.frequency_hz, values, frfs.responses, frfs.references)
+    modes, _ = shapes_at_poles(holed, ALL_HZ, ALL_ZETA)
+    assert np.allclose(np.diag(mac(modes.shapes, cantilever_shapes(grid()))), 1, atol=1e-10)
+
+
+def test_unusable_poles_are_named() -> None:
+    frfs = paper_frfs(0.0)
+    with pytest.raises(InputError, match="damping_ratio"):
+        shapes_at_poles(frfs, np.array([25.0]), np.array([np.nan]))
+    with pytest.raises(InputError, match="frequency_hz"):
+        shapes_at_poles(frfs, np.array([-25.0]), np.array([0.1]))
+    with pytest.raises(IdentificationError, match="cannot be distinguished"):
+        shapes_at_poles(frfs, np.array([160.0, 160.0]), np.array([0.02, 0.02]))
+    with pytest.raises(IdentificationError, match="wider band"):
+        shapes_at_poles(frfs, PAPER_HZ, PAPER_ZETA, band_hz=(155.0, 158.0))
