@@ -334,7 +334,7 @@ def _findings(elastic: ElasticResult, parts: Sequence[CampaignPart]) -> list[Fin
         if alone:
             level: Level | None = "do_not_use" if 2 * alone > count else None
             findings.append(found("campaign_modes_alone", level=level, name=part.name, alone=alone, count=count))
-        miss = float(np.sqrt(np.mean(elastic.problem.residual[at] ** 2)))
+        miss = elastic.missed(at)
         if miss > USUAL_MISS:
             findings.append(found("campaign_missed", name=part.name, percent=100 * miss))
     return findings + [

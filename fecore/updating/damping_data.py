@@ -50,7 +50,7 @@ class DampingData:
     def pairs(self) -> tuple[tuple[int, int], ...]:
         """Measured and elastic model modes with a resonance in the band: of others the FRFs show no damping."""
         (low, high), hz = self.frfs.frequency_hz[[0, -1]], self.modes.frequency_hz
-        return tuple((i, j) for i, j in self.elastic.pairing.pairs if low <= hz[i] <= high)
+        return tuple((i, j) for i, j in self.elastic.believed(0).pairs if low <= hz[i] <= high)
 
     @cached_property
     def shifted(self) -> IntArray:

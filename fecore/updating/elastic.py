@@ -5,9 +5,10 @@ The maximum a posteriori estimate of all unknowns x together (`layout`), by Leve
     E(x) = ½ rᵀ(N + s²)⁻¹r + ½ xᵀP(τ)x + ½ Σ_b (y_b - x_b)²/σ_b²,     r = ln f_exp - ln f(x),     ∂ln f/∂x analytic,
 
 with the residuals of all campaigns stacked and coupons y_b, logarithms of their means over the prior's. Measured and model
-modes are paired anew by MAC as constants move modes past each other. The discrepancy s follows from the residuals, the scatter
-τ between specimens is the root of its posterior mean. The intervals are those of the posterior with both marginalised
-(`posterior`), and reach on to one side where an input is believed to be nothing but may be something (`excursions`).
+modes are paired anew by MAC as constants move modes past each other, and weighed by how far they are believed to be modes
+(`belief`). The discrepancy s follows from the residuals, the scatter τ between specimens is the root of its posterior mean. The
+intervals are those of the posterior with both marginalised (`posterior`), and reach on to one side where an input is believed
+to be nothing but may be something (`excursions`).
 """
 
 from __future__ import annotations
@@ -24,12 +25,13 @@ from fecore.errors import InputError, UpdatingError
 from fecore.least_squares import Stopping, minimise
 from fecore.modal import turn_real
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic_result import ElasticResult, stacked
+from fecore.updating.belief import over_sets, weights_of
+from fecore.updating.elastic_result import ElasticResult, prior_belief, stacked
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.layout import CampaignModel, Coupon, Layout
 from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
-from fecore.updating.posterior import DISCREPANCY, LinearProblem, discrepancy
+from fecore.updating.posterior import DISCREPANCY, LinearProblem
 from fecore.updating.result import ConvergenceStep
 
 SHAPE_DISCREPANCY = 0.01
@@ -104,27 +106,41 @@ def fit(
         raise InputError("use_shapes", "the measured modes have no shapes at points of the model")
     misfit = Misfit(layout, layout.coupon_terms(coupons), use_shapes, likest, held)
     origin: FloatArray = np.zeros(len(layout.unknowns))
-    initial = misfit.paired(origin, DISCREPANCY, scatter)
-    point = initial if start is None else misfit.paired(start, DISCREPANCY, scatter)
+    first_scales = _Scales(DISCREPANCY, scatter, tuple(np.ones(len(campaign.modes)) for campaign in layout.campaigns))
+    initial = misfit.paired(origin, first_scales)
+    point = initial if start is None else misfit.paired(start, first_scales)
     path = _Path(layout, progress)
     stopping = Stopping(relative=0.0, absolute=_REST**2 / 2, steps=_STEPS)
     for turn in range(_TURNS):
         path.late = turn >= _LATE
         found, first = minimise(point, misfit.move, stopping, path.visit), point
-        point = misfit.at(
-            found.point.x, found.point.states, misfit.pair(found.point.states), first.spread, first.scatter
-        )
+        point = misfit.at(found.point.x, found.point.states, misfit.pair(found.point.states), first.scales)
         path.note_partners(point)
-        fresh = misfit.fresh_scales(point, scatter)
-        same = all(abs(new - old) <= _SAME * old for new, old in zip(fresh, point.scales, strict=True))
+        fresh = misfit.fresh_scales(point, scatter, late=path.late)
+        same = fresh.are_those_of(point.scales)
         same &= all(a.pairs == b.pairs for a, b in zip(found.point.pairings, point.pairings, strict=True))
         still = path.late and misfit.may_zigzag and first.cost - found.point.cost < _STILL
         rests = still or found.outcome in ("converged", "stuck")
         if same and rests:
             progress(1.0)
             return misfit.result(point, initial, scatter, tuple(path.history))
-        point = replace(point, spread=fresh[0], scatter=fresh[1])
+        point = misfit.at(point.x, point.states, point.pairings, fresh)
     raise path.without_rest(point)
+
+
+@dataclass(frozen=True)
+class _Scales:
+    """What each turn estimates anew: discrepancy, scatter, and the weight of each measured mode of each campaign."""
+
+    spread: float
+    scatter: float
+    weights: tuple[FloatArray, ...]
+
+    def are_those_of(self, other: _Scales) -> bool:
+        """Whether they differ by no more than what changes nothing."""
+        mine, theirs = (self.spread, self.scatter), (other.spread, other.scatter)
+        same = all(abs(new - old) <= _SAME * old for new, old in zip(mine, theirs, strict=True))
+        return same and all(np.all(np.abs(a - b) <= _SAME) for a, b in zip(self.weights, other.weights, strict=True))
 
 
 @dataclass(frozen=True)
@@ -134,20 +150,15 @@ class _Point:
     states: tuple[ForwardState, ...]
     pairings: tuple[Pairing, ...]
     problem: LinearProblem
-    spread: float
-    scatter: float
+    scales: _Scales
 
     @property
     def x(self) -> FloatArray:
         return self.problem.x
 
-    @property
-    def scales(self) -> tuple[float, float]:
-        return self.spread, self.scatter
-
     @cached_property
     def _model(self) -> tuple[float, FloatArray, FloatArray]:
-        return self.problem.at(self.spread, self.scatter)
+        return self.problem.at(self.scales.spread, self.scales.scatter)
 
     @property
     def cost(self) -> float:
@@ -177,10 +188,10 @@ class Misfit:
         """Whether steps may zigzag about the minimum, as where modes veer; without shapes a fit creeps to a crossing."""
         return all(has_shapes(campaign.modes) for campaign in self.layout.campaigns)
 
-    def paired(self, x: FloatArray, spread: float, scatter: float) -> _Point:
+    def paired(self, x: FloatArray, scales: _Scales) -> _Point:
         """The misfit at x, the modes paired there."""
         states = tuple(campaign.forward.solve(campaign.theta(x)) for campaign in self.layout.campaigns)
-        return self.at(x, states, self.pair(states), spread, scatter)
+        return self.at(x, states, self.pair(states), scales)
 
     def pair(self, states: Sequence[ForwardState]) -> tuple[Pairing, ...]:
         """The pairing of each campaign's modes with those of its solved model."""
@@ -205,17 +216,21 @@ class Misfit:
         x: FloatArray,
         states: tuple[ForwardState, ...],
         pairings: tuple[Pairing, ...],
-        spread: float,
-        scatter: float,
+        scales: _Scales,
     ) -> _Point:
-        """The misfit at solved models, for pairings, a discrepancy and a scatter."""
-        return _Point(states, pairings, self.linear(x, states, pairings), spread, scatter)
+        """The misfit at solved models, for pairings, a discrepancy, a scatter and the modes' weights."""
+        return _Point(states, pairings, self.linear(x, states, pairings, scales.weights), scales)
 
-    def linear(self, x: FloatArray, states: Sequence[ForwardState], pairings: Sequence[Pairing]) -> LinearProblem:
+    def linear(
+        self, x: FloatArray, states: Sequence[ForwardState], pairings: Sequence[Pairing], weights: Sequence[FloatArray]
+    ) -> LinearProblem:
         """The problem that is linear in the step from x."""
         rows = stacked(pairings)
         size, total = x.size, rows[-1].stop
         residual, noise, sensitivity = np.zeros(total), np.zeros((total, total)), np.zeros((total, size))
+        weight = np.concatenate(
+            [w[[row for row, _ in pairing.pairs]] for w, pairing in zip(weights, pairings, strict=True)]
+        )
         missed: list[FloatArray] = [np.zeros(0)]
         by: list[FloatArray] = [np.zeros((0, size))]
         for campaign, state, pairing, at in zip(self.layout.campaigns, states, pairings, rows, strict=True):
@@ -225,7 +240,7 @@ class Misfit:
             noise[at, at] = campaign.noise(measured)
             sensitivity[at] = state.frequency_jacobian[columns] / state.frequency_hz[columns, None] @ chain
             if self.use_shapes:
-                off, of_theta = _shape_residual(campaign.modes, state, pairing)
+                off, of_theta = _shape_residual(campaign.modes, state, pairing, np.sqrt(weight[at]))
                 missed.append(off)
                 by.append(of_theta @ chain)
         J, m = np.vstack(by), np.concatenate(missed)
@@ -240,7 +255,7 @@ class Misfit:
             np.add.at(descent, place, off / sd**2)
             cost += float(np.sum((off / sd) ** 2))
         known = residual, noise, sensitivity, x, self.layout.sd, others
-        return LinearProblem(*known, other_descent=descent, other_cost=cost / 2)
+        return LinearProblem(*known, other_descent=descent, other_cost=cost / 2, weight=weight)
 
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
         """The point that a step leads to; None where no specimen could be, or a held partner is lost."""
@@ -253,22 +268,27 @@ class Misfit:
             pairings = self.pair(states)
             if any(len(a.pairs) < len(b.pairs) for a, b in zip(pairings, point.pairings, strict=True)):
                 return None  # a partner rose above the modes that were solved for
-        return self.at(x, states, pairings, *point.scales)
+        return self.at(x, states, pairings, point.scales)
 
-    def fresh_scales(self, point: _Point, scatter_scale: float) -> tuple[float, float]:
-        """Discrepancy and scatter as they are estimated at a point."""
-        problem = point.problem
-        spread = discrepancy(problem.residual, problem.informed(*point.scales), DISCREPANCY)
-        if not scatter_scale:
-            return spread, 0.0
-        mixture, scatters = problem.mixture(scatter_scale)
-        return spread, float(np.sqrt(mixture.weight @ scatters**2))
+    def fresh_scales(self, point: _Point, scatter_scale: float, *, late: bool) -> _Scales:
+        """Discrepancy, scatter and weights as they are estimated at a point; late weights move half-way, so that they rest."""
+        problem, old = point.problem, point.scales
+        spread, scatter = problem.discrepancy(old.spread, old.scatter), 0.0
+        if scatter_scale:
+            mixture, scatters = problem.mixture(scatter_scale)
+            scatter = float(np.sqrt(mixture.weight @ scatters**2))
+        fresh = weights_of(problem, *prior_belief(self.layout, point.pairings), old.scatter)
+        weights = [np.ones(each.size) for each in old.weights]
+        for own, pairing, at in zip(weights, point.pairings, stacked(point.pairings), strict=True):
+            own[[row for row, _ in pairing.pairs]] = (fresh[at] + problem.weights[at]) / 2 if late else fresh[at]
+        return _Scales(spread, scatter, tuple(weights))
 
     def result(
         self, point: _Point, initial: _Point, scatter_scale: float, history: tuple[ConvergenceStep, ...]
     ) -> ElasticResult:
         """The result at the point of rest."""
         campaigns = zip(self.layout.campaigns, point.states, strict=True)
+        given = point.problem.mixture(scatter_scale)[0]
         return ElasticResult(
             layout=self.layout,
             x=point.x,
@@ -277,9 +297,10 @@ class Misfit:
             initial_pairings=initial.pairings,
             pairings=point.pairings,
             problem=point.problem,
-            discrepancy=point.spread,
-            scatter=point.scatter,
-            mixture=point.problem.mixture(scatter_scale)[0],
+            discrepancy=point.scales.spread,
+            scatter=point.scales.scatter,
+            given=given,
+            mixture=over_sets(point.problem, scatter_scale, given),
             excursions=tuple(campaign.seek_excursions(state) for campaign, state in campaigns),
             history=history,
             held=self.held,
@@ -337,20 +358,22 @@ class _Path:
         return raised
 
 
-def _shape_residual(modes: MeasuredModes, state: ForwardState, pairing: Pairing) -> tuple[FloatArray, FloatArray]:
+def _shape_residual(
+    modes: MeasuredModes, state: ForwardState, pairing: Pairing, root_weight: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Realised measured less model shapes, each at its best scale, in standard deviations, and -∂/∂θ of them."""
     assert modes.shapes is not None, "it was looked for"
     residuals, jacobians = [], []
     points = len(modes.dofs)
-    for row, column in pairing.pairs:
+    for (row, column), root in zip(pairing.pairs, root_weight, strict=True):
         measured = turn_real(modes.shapes[row]).real
         measured = measured / np.abs(measured).max()
         model = state.shapes[column, :points]
         scale = measured @ model / (model @ model)
         by = state.shape_jacobian[:, state.modes.rigid + column, :points]
         across = by - np.outer(by @ model, model) / (model @ model)  # the best scale takes what lies along
-        residuals.append((measured - scale * model) / SHAPE_DISCREPANCY)
-        jacobians.append(scale * across.T / SHAPE_DISCREPANCY)
+        residuals.append(root * (measured - scale * model) / SHAPE_DISCREPANCY)
+        jacobians.append(root * scale * across.T / SHAPE_DISCREPANCY)
     return np.concatenate(residuals), np.vstack(jacobians)
 
 

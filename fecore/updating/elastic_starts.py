@@ -32,11 +32,13 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.body.specimen import kind_of
 from fecore.errors import UpdatingError
+from fecore.updating.belief import stray_cost
 from fecore.updating.elastic import NoPartnersError, SwingingError, fit
-from fecore.updating.elastic_result import REFUTED, ElasticResult, Rival
+from fecore.updating.elastic_result import REFUTED, ElasticResult, Rival, prior_belief
 from fecore.updating.layout import Coupon, Layout
 from fecore.updating.pairing import (
     Partners,
+    alone_cost,
     exchanged,
     has_shapes,
     missed_cost,
@@ -219,14 +221,19 @@ def evidence(result: ElasticResult) -> tuple[int, float]:
     that meets the frequencies only where a constant is tuned to a per cent has a smaller part of the prior for it (MacKay,
     Neural Comput. 4, 1992; the Occam factor ½ ln |C_p| - ½ ln |H⁻¹|).
     """
-    residual, away = result.problem.residual, result.away
-    squares = DISCREPANCY_DOF + float(residual @ residual) / DISCREPANCY**2
-    misfit = (DISCREPANCY_DOF + residual.size) / 2 * np.log(squares) + float(away @ away) / 2
+    problem, away = result.problem, result.away
+    squares = DISCREPANCY_DOF + float(problem.weights @ problem.residual**2) / DISCREPANCY**2
+    misfit = (DISCREPANCY_DOF + float(problem.weights.sum())) / 2 * np.log(squares) + float(away @ away) / 2
+    misfit += stray_cost(problem.weights, *prior_belief(result.layout, result.pairings), DISCREPANCY)
     if _by_shapes(result.layout):
-        return sum(len(pairing.unpaired_measured) for pairing in result.pairings), misfit
+        each = zip(result.layout.campaigns, result.pairings, strict=True)
+        return round(sum(float(c.probability(p.unpaired_measured).sum()) for c, p in each)), misfit
     narrowed = np.log(result.layout.sd(result.scatter)).sum() - np.linalg.slogdet(result.inverse)[1] / 2
     parts = zip(result.layout.campaigns, result.pairings, result.states, strict=True)
-    missed = sum(missed_cost(p, probability_seen(c.modes, state), state.frequency_hz) for c, p, state in parts)
+    missed = sum(
+        missed_cost(p, probability_seen(c.modes, state), state.frequency_hz, alone_cost(c.modes))
+        for c, p, state in parts
+    )
     return 0, float(misfit + narrowed + missed)
 
 

@@ -30,6 +30,9 @@ from fecore.updating.laws import RankedLaw
 from fecore.updating.result import BudgetEntry, Comparable, Finding, ParameterEstimate
 from fecore.updating.sampling import Posterior
 
+IN_DOUBT = "which modes are real"
+"""The budget's source for measured modes that may be none."""
+
 OTHER_PARTNERS = "partners of the modes"
 """The budget's source for pairings of the modes that are nearly as likely as the chosen one."""
 
@@ -109,10 +112,12 @@ def coordinate_spread(elastic: ElasticResult, place: int, samples: FloatArray | 
     pairing, so the mixture over the pairings gives the interval then.
     """
     along = np.eye(elastic.x.size)[place]
-    total = float(elastic.mixture.total[place, place])
+    total, given = (float(each.total[place, place]) for each in (elastic.mixture, elastic.given))
     variance = {name: float(part[place] @ part[place]) for name, part in elastic.sources.items()}
     noise_sd = float(np.sqrt(variance[NOISE]))
-    variance[DISCREPANCY_OF_MODEL] = max(variance[DISCREPANCY_OF_MODEL] + total - sum(variance.values()), 0.0)
+    variance[DISCREPANCY_OF_MODEL] = max(variance[DISCREPANCY_OF_MODEL] + given - sum(variance.values()), 0.0)
+    if elastic.mixture is not elastic.given:
+        variance[IN_DOUBT] = max(total - given, 0.0)
     if elastic.standing:
         spanned = float(elastic.spanning.total[place, place])
         variance = {name: part * min(spanned / total, 1.0) for name, part in variance.items()}
@@ -249,6 +254,8 @@ def _provenance(elastic: ElasticResult, inputs: Inputs, damping: DampingResult |
     }
     if elastic.standing:
         words[OTHER_PARTNERS] = f"{len(elastic.standing)} other pairings that the frequencies do not rule out"
+    if elastic.mixture is not elastic.given:
+        words[IN_DOUBT] = "the probability of each measured mode, and how it fits the model"
     for column, name in enumerate(prior.names):
         sd = f"{prior.prior_sd[column]:.3g} {prior.units[prior.constant_names.index(name)]}"
         if name in prior.reported:

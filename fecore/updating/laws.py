@@ -239,8 +239,8 @@ def _is_refuted(
 
 def common_damping(elastic: ElasticResult) -> tuple[CommonLaw, ...]:
     """The laws that the paired modes of all campaigns can determine, ranked; none where no mode has a damping ratio."""
-    seen = zip(elastic.layout.campaigns, elastic.states, elastic.pairings, strict=True)
-    parts = {campaign.name: paired_ratios(campaign.modes, state, pairing)[1] for campaign, state, pairing in seen}
+    seen = enumerate(zip(elastic.layout.campaigns, elastic.states, strict=True))
+    parts = {c.name: paired_ratios(c.modes, state, elastic.believed(number))[1] for number, (c, state) in seen}
     ratios = MeasuredRatios.stacked(list(parts.values()))
     count = ratios.ratio.size
     if not count:

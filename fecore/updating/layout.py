@@ -106,6 +106,16 @@ class CampaignModel:
         covariance: FloatArray = self.modes.covariance[np.ix_(rows, rows)] / np.outer(hz, hz)
         return covariance
 
+    def probability(self, rows: Sequence[int]) -> FloatArray:
+        """(n,) probabilities that some measured modes are modes of the structure; 1 where nobody doubts it."""
+        known = self.modes.probability
+        return np.ones(len(rows)) if known is None else known[list(rows)]
+
+    def width(self, rows: Sequence[int]) -> FloatArray:
+        """(n,) W of some measured modes: one over the density of ln f that a pole has that is none (`belief`)."""
+        hz = self.modes.frequency_hz
+        return np.asarray(hz[-1] / hz[list(rows)])
+
     def named(self, row: int) -> str:
         """A measured mode in a message: its number and frequency, and its campaign where there are several."""
         text = f"{row + 1} ({self.modes.frequency_hz[row]:.2f} Hz)"

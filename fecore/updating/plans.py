@@ -204,7 +204,9 @@ def _informed(layout: Layout, fitted: ElasticResult | None) -> FloatArray:
         return np.zeros((size, size))
     variance = fitted.problem.noise + fitted.discrepancy**2 * np.eye(fitted.problem.residual.size)
     S = np.zeros((fitted.problem.residual.size, size))
-    S[:, [layout.labels.index(label) for label in fitted.layout.labels]] = fitted.problem.sensitivity
+    S[:, [layout.labels.index(label) for label in fitted.layout.labels]] = (
+        np.sqrt(fitted.problem.weights)[:, None] * fitted.problem.sensitivity
+    )
     precision: FloatArray = S.T @ np.linalg.solve(variance, S)
     return precision
 

@@ -27,7 +27,7 @@ from fecore.updating.damping_stage import DAMPING_DISCREPANCY, DampingResult
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import Parametrisation, by_name
-from fecore.updating.posterior import log_likelihood, log_likelihood_of_deviations
+from fecore.updating.posterior import log_likelihood, log_likelihood_of_deviations, root
 
 if TYPE_CHECKING:
     import emcee
@@ -113,7 +113,7 @@ def sample_posterior(
     first = run_chain(
         density=_elastic_density(elastic),
         start=prior.xi(elastic.theta)[:free],
-        covariance=elastic.mixture.total[:free, :free],
+        covariance=elastic.given.total[:free, :free],
         seed=seeds[0],
         wanted=wanted,
         progress=lambda share: progress(0.6 * share),
@@ -133,6 +133,9 @@ def sample_posterior(
     random = np.random.default_rng(seeds[2])
     count = min(len(first.samples), len(second.samples))
     xi = _with_inputs(elastic, random.permutation(first.samples)[:count], random)
+    if elastic.mixture is not elastic.given:  # the chain is that of the modes with their weights
+        doubt = root(elastic.mixture.total - elastic.given.total)
+        xi = xi + random.standard_normal(xi.shape) @ doubt.T
     theta = prior.theta(xi)
     a = random.permutation(second.samples)[:count] + (theta - elastic.theta) @ damping.by_elastic.T
     draws = np.column_stack([np.zeros((count, 0)), *(each.draws(random, count) for each in elastic.every_excursion)])
@@ -223,12 +226,12 @@ def _elastic_density(elastic: ElasticResult) -> LogProbability:
     rows, columns = np.array(elastic.pairing.pairs).T
     measured_log = np.log(elastic.only.modes.frequency_hz[rows])
     highest = int(columns.max()) + 1 + state.modes.rigid
-    covariance = np.zeros_like(elastic.mixture.total)
-    covariance[:free, :free] = elastic.mixture.total[:free, :free]
+    covariance = np.zeros_like(elastic.given.total)
+    covariance[:free, :free] = elastic.given.total[:free, :free]
     centre = np.concatenate([prior.xi(elastic.theta)[:free], prior.xi_mean[free:]])
     frequencies = _LocalFrequencies.about(state.forward.on_basis(), prior.theta(centre), covariance, highest)
     by_inputs = elastic.problem.sensitivity[:, free:] * prior.xi_sd[free:]
-    likelihood = log_likelihood(elastic.problem.noise + by_inputs @ by_inputs.T)
+    likelihood = log_likelihood(elastic.problem.noise + by_inputs @ by_inputs.T, elastic.problem.weights)
 
     def density(xi: FloatArray) -> FloatArray:
         value = np.full(len(xi), -np.inf)
@@ -246,7 +249,7 @@ def _elastic_density(elastic: ElasticResult) -> LogProbability:
 
 def _with_inputs(elastic: ElasticResult, xi: FloatArray, random: np.random.Generator) -> FloatArray:
     """(n, p) all coordinates: (n, q) samples of the parameters, and the inputs drawn from their Gaussian given these."""
-    free, joint, centre = xi.shape[1], elastic.mixture.total, elastic.prior.xi(elastic.theta)
+    free, joint, centre = xi.shape[1], elastic.given.total, elastic.prior.xi(elastic.theta)
     if free == len(joint):  # all inputs are known exactly
         return xi
     slope = np.linalg.solve(joint[:free, :free], joint[:free, free:])

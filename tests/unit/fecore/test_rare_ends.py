@@ -87,7 +87,7 @@ def test_modes_that_only_move_on_springs_tell_no_damping() -> None:
         on_springs=np.array([True]),
         frf_model=lambda *_: SimpleNamespace(strain=None),
     )
-    elastic: Any = SimpleNamespace(updated=updated, pairing=SimpleNamespace(pairs=((0, 0),)))
+    elastic: Any = SimpleNamespace(updated=updated, believed=lambda _: SimpleNamespace(pairs=((0, 0),)))
     modes: Any = SimpleNamespace(frequency_hz=np.array([10.0]), damping_ratio=np.array([0.01]))
     with pytest.raises(UpdatingError, match="no measured mode strains the specimen: all move on the springs"):
         damping_data.damping_data(frfs, elastic, modes, "noise")
@@ -97,14 +97,17 @@ def test_what_campaigns_say_of_one_another() -> None:
     parts: Any = [SimpleNamespace(name=name, contradicts=True, predictive_p=0.001, modes=(1, 2, 3)) for name in "ab"]
     (both,) = campaigns._contradictions(parts, None)
     assert both.text.startswith("the campaigns contradict each other: a (p = 0.001) and b (p = 0.001)")
-    layout = SimpleNamespace(labels=["Ex"], shared=("Ex",))
-    problem = SimpleNamespace(residual=np.array([0.0, 0.0, 1.0]))
-    pairings = [SimpleNamespace(unpaired_measured=unpaired) for unpaired in ((), (1, 2))]
+    sure = SimpleNamespace(probability=lambda rows: np.ones(len(rows)), width=lambda rows: np.ones(len(rows)))
+    layout = SimpleNamespace(labels=["Ex"], shared=("Ex",), campaigns=(sure, sure))
+    problem = SimpleNamespace(residual=np.array([0.0, 0.0, 1.0]), weights=np.ones(3))
+    taken: Any = [(((0, 0), (1, 1)), ()), (((0, 0),), (1, 2))]
+    pairings = [SimpleNamespace(pairs=pairs, unpaired_measured=alone) for pairs, alone in taken]
     fitted: Any = SimpleNamespace(
         layout=layout,
         rows=[slice(0, 2), slice(2, 3)],
         pairings=pairings,
         problem=problem,
+        missed=lambda rows: float(problem.residual[rows][0]),
         away=np.zeros(1),
         standing=(),
         rivals=(),
