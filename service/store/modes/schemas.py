@@ -72,9 +72,9 @@ class FeatureOut(StrictModel):
     """One reason for or against a pole being a mode."""
 
     name: str = Field(description="phase, rise, share, damping, twin, repeat or growth")
-    value: float
+    value: float = Field(description="of the feature, as the page on modes defines it")
     weight: float = Field(description="what it adds to ln(P/(1 − P))")
-    words: str
+    words: str = Field(description="the feature in a sentence, with its value")
 
 
 class ModeOut(StrictModel):
@@ -98,7 +98,7 @@ class DecisionIn(StrictModel):
     frequency_hz: float = Field(
         gt=0, le=1e9, description="of a mode of the set, or of an uncertain or refused pole beside it"
     )
-    keep: bool
+    keep: bool = Field(description="whether the pole is in the new set")
     reason: str = Field(min_length=1, max_length=2000, description="why, for those who read the new set")
 
 
@@ -111,7 +111,7 @@ class EditIn(StrictModel):
     )
 
     name: Name
-    decisions: list[DecisionIn] = Field(min_length=1, max_length=10_000)
+    decisions: list[DecisionIn] = Field(min_length=1, max_length=10_000, description="one for each pole in question")
 
 
 class ModeSetOut(StrictModel):
