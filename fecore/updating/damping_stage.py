@@ -5,8 +5,8 @@
     result = fit_damping(data, reference, law)                        the law, and what its spread is made of
 
 A law is never exact: each mode's damping is off it by a share ε ~ N(0, s²). The prior of s has a root mean square of 2 %, as in
-no body damping follows a law better, and s is learnt from how far the modes are off (`posterior.scale_of_deviations`): the root
-of its posterior mean square enters the estimate, all of its posterior the intervals.
+no body damping follows a law better, and s is learnt from how far the modes are off (`scale_of_deviations`): the root of its
+posterior mean square enters the estimate, all of its posterior the intervals.
 """
 
 from __future__ import annotations
@@ -26,9 +26,16 @@ from fecore.modal.noise import line_scatter, residual_variance
 from fecore.updating.damping_data import DampingData
 from fecore.updating.forward import ForwardState
 from fecore.updating.law_fit import DampingFit, fit_law
-from fecore.updating.measured_ratios import MeasuredRatios, disagreement, law_of_window, law_ratio
+from fecore.updating.measured_ratios import (
+    MeasuredRatios,
+    ScaleMixture,
+    disagreement,
+    law_of_window,
+    law_ratio,
+    scale_of_deviations,
+)
 from fecore.updating.misfit import FrfMisfit
-from fecore.updating.posterior import ScaleMixture, root, scale_of_deviations
+from fecore.updating.posterior import root
 
 DAMPING_DISCREPANCY = 0.02
 """Prior standard deviation of a damping ratio about its law, as a share of it: root mean square of the prior of s."""

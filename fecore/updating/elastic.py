@@ -29,7 +29,7 @@ from fecore.updating.belief import over_sets, weights_of
 from fecore.updating.elastic_result import ElasticResult, prior_belief, stacked
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
-from fecore.updating.layout import CampaignModel, Coupon, Layout
+from fecore.updating.layout import Coupon, Layout
 from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
 from fecore.updating.posterior import DISCREPANCY, LinearProblem
 from fecore.updating.result import ConvergenceStep
@@ -151,26 +151,17 @@ class _Point:
     pairings: tuple[Pairing, ...]
     problem: LinearProblem
     scales: _Scales
+    cost: float
+    descent: FloatArray
+    hessian: FloatArray
 
     @property
     def x(self) -> FloatArray:
         return self.problem.x
 
     @cached_property
-    def _model(self) -> tuple[float, FloatArray, FloatArray]:
-        return self.problem.at(self.scales.spread, self.scales.scatter)
-
-    @property
-    def cost(self) -> float:
-        return self._model[0]
-
-    @property
-    def descent(self) -> FloatArray:
-        return self._model[1]
-
-    @property
-    def hessian(self) -> FloatArray:
-        return self._model[2]
+    def partners(self) -> tuple[Partners, ...]:
+        return tuple(partners_of(p, state.kinds) for p, state in zip(self.pairings, self.states, strict=True))
 
 
 @dataclass(frozen=True)
@@ -190,7 +181,7 @@ class Misfit:
 
     def paired(self, x: FloatArray, scales: _Scales) -> _Point:
         """The misfit at x, the modes paired there."""
-        states = tuple(campaign.forward.solve(campaign.theta(x)) for campaign in self.layout.campaigns)
+        states = self.layout.solved(x)
         return self.at(x, states, self.pair(states), scales)
 
     def pair(self, states: Sequence[ForwardState]) -> tuple[Pairing, ...]:
@@ -203,7 +194,7 @@ class Misfit:
             else:
                 pairing = pair_with(modes, state) if self.held is None else pair_held(modes, state, self.held[number])
             if not pairing.pairs:
-                raise NoPartnersError(_no_partners(campaign), best=_best(self.layout, number, state), history=())
+                raise _without_partners(self.layout, number, state)
             found.append(pairing)
         return tuple(found)
 
@@ -219,7 +210,8 @@ class Misfit:
         scales: _Scales,
     ) -> _Point:
         """The misfit at solved models, for pairings, a discrepancy, a scatter and the modes' weights."""
-        return _Point(states, pairings, self.linear(x, states, pairings, scales.weights), scales)
+        problem = self.linear(x, states, pairings, scales.weights)
+        return _Point(states, pairings, problem, scales, *problem.at(scales.spread, scales.scatter))
 
     def linear(
         self, x: FloatArray, states: Sequence[ForwardState], pairings: Sequence[Pairing], weights: Sequence[FloatArray]
@@ -260,9 +252,9 @@ class Misfit:
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
         """The point that a step leads to; None where no specimen could be, or a held partner is lost."""
         x = point.x + step
-        if not all(campaign.is_believable(x) for campaign in self.layout.campaigns):
+        if not self.layout.are_believable(x):
             return None
-        states = tuple(campaign.forward.solve(campaign.theta(x)) for campaign in self.layout.campaigns)
+        states = self.layout.solved(x)
         pairings = point.pairings
         if self.held is not None:
             pairings = self.pair(states)
@@ -327,24 +319,24 @@ class _Path:
         self.visited += 1
         if self._last is not point.x:
             self._last = point.x
-            measured = zip(self.layout.campaigns, point.states, point.pairings, strict=True)
-            hz = [_measured_order(state, pairing, len(campaign.modes)) for campaign, state, pairing in measured]
+            hz = [np.full(len(campaign.modes), np.nan) for campaign in self.layout.campaigns]  # NaN: without a partner
+            for own, state, pairing in zip(hz, point.states, point.pairings, strict=True):
+                for row, column in pairing.pairs:
+                    own[row] = state.frequency_hz[column]
             self.history.append(ConvergenceStep(self.layout.parameters(point.x), np.concatenate(hz), point.cost))
 
     def note_partners(self, point: _Point) -> None:
         """Note who is paired with whom, where the fit should have come to rest by then."""
         if self.late:
-            pairs = zip(point.pairings, point.states, strict=True)
-            self.between.setdefault(tuple(partners_of(p, state.kinds) for p, state in pairs), point.x)
+            self.between.setdefault(point.partners, point.x)
 
     def without_rest(self, point: _Point) -> UpdatingError:
         """The error of a fit that goes on for ever."""
         for number, campaign in enumerate(self.layout.campaigns):
             # At a crossing a fit creeps along the lower of two modes, and pairs with that one alone.
             if not has_shapes(campaign.modes):
-                own = tuple(partners_of(p, s.kinds) for p, s in zip(point.pairings, point.states, strict=True))
                 for other in exchanged(point.pairings[number], point.states[number].kinds):
-                    self.between[*own[:number], other, *own[number + 1 :]] = point.x
+                    self.between[*point.partners[:number], other, *point.partners[number + 1 :]] = point.x
         seen = [{(c, *each) for c, own in enumerate(partners) for each in own} for partners in self.between]
         everywhere = seen[0].intersection(*seen)
         torn = {(c, row) for one in seen for c, row, *_ in one - everywhere}
@@ -377,19 +369,17 @@ def _shape_residual(
     return np.concatenate(residuals), np.vstack(jacobians)
 
 
-def _no_partners(campaign: CampaignModel) -> str:
+def _without_partners(layout: Layout, number: int, state: ForwardState) -> NoPartnersError:
+    """The error of a campaign, solved at some parameters, of which no measured mode has a partner."""
+    campaign = layout.campaigns[number]
+    message = "no measured mode is like any mode of the model; check the boundary, the grid points and the frame"
     if campaign.name:
-        return (
+        message = (
             f"no measured mode of campaign {campaign.name} is like any mode of its model; check its boundary, angle, "
             "grid points and frame"
         )
-    return "no measured mode is like any mode of the model; check the boundary, the grid points and the frame"
-
-
-def _best(layout: Layout, number: int, state: ForwardState) -> dict[str, float]:
-    """The parameters at a solved model of one campaign."""
-    names = layout.shared if len(layout.campaigns) > 1 else layout.campaigns[number].forward.parametrisation.names
-    return dict(zip(names, map(float, state.theta), strict=False))
+    names = layout.shared if campaign.name else campaign.prior.names
+    return NoPartnersError(message, best=dict(zip(names, map(float, state.theta), strict=False)), history=())
 
 
 def _no_rest(layout: Layout, torn: set[tuple[int, int]]) -> str:
@@ -404,11 +394,3 @@ def _no_rest(layout: Layout, torn: set[tuple[int, int]]) -> str:
     if len(layout.campaigns) > 1:
         said += "update each campaign by itself to see which one does not fit; "
     return said + "check geometry, density, boundary and priors"
-
-
-def _measured_order(state: ForwardState, pairing: Pairing, count: int) -> FloatArray:
-    """(n,) frequencies of the measured modes' partners, Hz; NaN of modes without one."""
-    frequencies = np.full(count, np.nan)
-    for row, column in pairing.pairs:
-        frequencies[row] = state.frequency_hz[column]
-    return frequencies

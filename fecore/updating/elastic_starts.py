@@ -151,11 +151,9 @@ def _to_hold(found: Sequence[Found], layout: Layout) -> list[tuple[tuple[Partner
     """Pairings that no fit came to rest at but may be as likely, each with the x to start from."""
     results = _ranked(found)
     origin: FloatArray = np.zeros(len(layout.unknowns))
-    own = []
-    for campaign in layout.campaigns:
-        state = campaign.forward.solve(campaign.theta(origin))
-        own.append(partners_of(pair_with(campaign.modes, state), state.kinds))
-    candidates: list[tuple[tuple[Partners, ...], FloatArray]] = [(tuple(own), origin)]
+    seen = zip(layout.campaigns, layout.solved(origin), strict=True)
+    own = tuple(partners_of(pair_with(campaign.modes, state), state.kinds) for campaign, state in seen)
+    candidates: list[tuple[tuple[Partners, ...], FloatArray]] = [(own, origin)]
     candidates += [pair for each in found if isinstance(each, SwingingError) for pair in each.between]
     least = evidence(results[0])[1] if results else np.inf
     for result in results:
@@ -244,12 +242,11 @@ def _other_starts(layout: Layout, seed: int) -> list[FloatArray]:
     for draw in even_draws(free, _DRAWS, seed):
         x: FloatArray = np.zeros(sd.size)
         x[:free] = _REACH * (2 * draw - 1) * sd[:free]
-        if not all(campaign.is_believable(x) for campaign in layout.campaigns):
+        if not layout.are_believable(x):
             continue
         key: list[object] = []
         alone, misses = 0, []
-        for campaign in layout.campaigns:
-            state = campaign.forward.solve(campaign.theta(x))
+        for campaign, state in zip(layout.campaigns, layout.solved(x), strict=True):
             pairing = pair_with(campaign.modes, state)
             alone += len(pairing.unpaired_measured)
             key.append(tuple((row, column, state.kinds[column]) for row, column in pairing.pairs))

@@ -171,6 +171,14 @@ class Layout:
         """Of all unknowns."""
         return tuple(unknown.label for unknown in self.unknowns)
 
+    def solved(self, x: FloatArray) -> tuple[ForwardState, ...]:
+        """Each campaign's model at x."""
+        return tuple(campaign.forward.solve(campaign.theta(x)) for campaign in self.campaigns)
+
+    def are_believable(self, x: FloatArray) -> bool:
+        """Whether the bodies of all campaigns could have the parameters at x."""
+        return all(campaign.is_believable(x) for campaign in self.campaigns)
+
     def sd(self, scatter: float) -> FloatArray:
         """(X,) prior standard deviations, where specimens scatter by so much."""
         return np.array([scatter if unknown.is_scatter else unknown.sd for unknown in self.unknowns])

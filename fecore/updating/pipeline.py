@@ -33,12 +33,11 @@ from fecore.updating.layout import Layout
 from fecore.updating.measured_ratios import paired_ratios
 from fecore.updating.measurement import Measurement, Prepared, prepare
 from fecore.updating.parameters import Parametrisation, parametrise
-from fecore.updating.plausibility import examine
+from fecore.updating.plausibility import examine, unstated_window
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import Finding, UpdateResult
 from fecore.updating.sampling import Checkpoint, sample_posterior
 from fecore.updating.summary import DampingOutcome, Summary
-from fecore.updating.window import unstated_window
 
 Progress = Callable[[str, float], None]
 """Called with the stage in words and the share of the whole job that is done; raise from it to cancel."""

@@ -8,6 +8,11 @@ frequencies and have the measured damping ratios, by its height s and likeness c
     s = median Re H/H_model,     c = Re H_modelᴴ H / (|H_model| |H|);
 
 the median, as peaks that few lines resolve, or a mode that was not measured, would move a mean.
+
+After stage 2: an exponential window that nobody stated.
+A window exp(-t/τ) makes every mode decay faster by 1/τ, as a constant part of the damping does (a0 = 2/τ): FRFs alone do not
+distinguish the two. But windows are chosen to end a record of T seconds at 10 to 1 % of its first value, so 1/τ lies between
+2/T and 5/T. A body whose own constant part lies there, and makes most of the slowest modes' decay, looks windowed.
 """
 
 from __future__ import annotations
@@ -20,9 +25,12 @@ import numpy as np
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, Quantity
+from fecore.least_squares import nearest
 from fecore.modal.arrangement import pair_label
 from fecore.updating.damping_data import DampingData
+from fecore.updating.damping_stage import DampingResult
 from fecore.updating.findings import Level, found, listed
+from fecore.updating.inputs import Inputs
 from fecore.updating.parameters import by_name
 from fecore.updating.result import Finding
 
@@ -217,3 +225,47 @@ def _refusal(data: DampingData, message: str) -> UpdatingError:
     best = by_name(data.elastic.updated.forward.parametrisation.names, data.elastic.theta)
     history = tuple(iterate.cost for iterate in data.elastic.history)
     return UpdatingError(message, best, history)
+
+
+_USUAL = (2.0, 5.0)  # 1/τ of usual windows, over the record's length
+_OF_DECAY = 0.5  # share of the slowest mode's decay that a window has where FRFs look windowed
+_FEWEST_MODES = 3  # that show a constant part of the decay
+_MATTERS = 0.05  # share of a coefficient that an unstated window may take
+
+
+def unstated_window(damping: DampingResult, inputs: Inputs, record_s: float) -> list[Finding]:
+    """What a user must know of a window that nobody stated; nothing where it was, or where it would hardly matter.
+
+    Args:
+        damping: the fitted law.
+        inputs: what the laboratory says of the window.
+        record_s: T, the length of the records that the FRFs' line spacing is of.
+    """
+    if inputs.window_rate is not None:
+        return []
+    values, names = damping.fit.coefficients, damping.fit.law.coefficient_names
+    shares = np.abs(damping.window / np.where(values == 0, 1.0, values))
+    worst = int(np.argmax(shares))
+    if shares[worst] < _MATTERS:
+        return []
+    rate = looks_windowed(damping.reference.ratios.omega, damping.reference.ratios.ratio, record_s)
+    if rate is None:
+        return [found("window_unstated", name=names[worst], percent=100 * shares[worst])]
+    return [found("looks_windowed", rate=rate, record=record_s, end=100 * np.exp(-rate * record_s))]
+
+
+def looks_windowed(omega: FloatArray, ratio: FloatArray, record_s: float) -> float | None:
+    """The part of the decay that all modes share, 1/s, where it is that of a usual window; else None.
+
+    Args:
+        omega: (n,) circular frequencies, rad/s.
+        ratio: (n,) damping ratios.
+        record_s: T, s.
+    """
+    if omega.size < _FEWEST_MODES:
+        return None
+    decay = ratio * omega
+    basis = np.column_stack([np.ones_like(omega), omega**2]) / decay[:, None]
+    constant = float(nearest(basis, np.ones_like(omega))[0])
+    usual = _USUAL[0] <= constant * record_s <= _USUAL[1]
+    return constant if usual and constant > _OF_DECAY * decay.min() else None

@@ -26,8 +26,9 @@ from fecore.errors import UpdatingError
 from fecore.updating.damping_stage import DAMPING_DISCREPANCY, DampingResult
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
+from fecore.updating.measured_ratios import log_likelihood_of_deviations
 from fecore.updating.parameters import Parametrisation, by_name
-from fecore.updating.posterior import log_likelihood, log_likelihood_of_deviations, root
+from fecore.updating.posterior import log_likelihood, root
 
 if TYPE_CHECKING:
     import emcee
@@ -84,15 +85,13 @@ class Posterior:
         xi: (n, q) samples of stage 1's coordinates, excursions apart.
         damping: (n, p) samples of the law's coefficients, excursions apart.
         everything: (n, q + p) samples of θ and the coefficients, excursions included.
-        autocorrelation_time, effective_samples, acceptance: of the two chains, elastic first.
+        chains: the elastic one and that of the coefficients.
     """
 
     xi: FloatArray
     damping: FloatArray
     everything: FloatArray
-    autocorrelation_time: tuple[float, float]
-    effective_samples: tuple[float, float]
-    acceptance: tuple[float, float]
+    chains: tuple[Chain, Chain]
 
 
 def sample_posterior(
@@ -141,14 +140,7 @@ def sample_posterior(
     draws = np.column_stack([np.zeros((count, 0)), *(each.draws(random, count) for each in elastic.every_excursion)])
     window = np.abs(random.standard_normal(count))[:, None] * damping.window
     moved = prior.theta(xi + draws @ elastic.pulls.T)
-    return Posterior(
-        xi,
-        a,
-        np.hstack([moved, a + draws @ damping.pulls.T + window]),
-        (float(first.autocorrelation_time.max()), float(second.autocorrelation_time.max())),
-        (float(first.effective_samples.min()), float(second.effective_samples.min())),
-        (first.acceptance, second.acceptance),
-    )
+    return Posterior(xi, a, np.hstack([moved, a + draws @ damping.pulls.T + window]), (first, second))
 
 
 def run_chain(

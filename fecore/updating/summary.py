@@ -264,9 +264,9 @@ class Summary:
         correlation: FloatArray = np.atleast_2d(np.corrcoef(samples.T))
         return PosteriorSummary(
             method="mcmc",
-            effective_samples=self.sampled.effective_samples,
-            autocorrelation_time=self.sampled.autocorrelation_time,
-            acceptance=self.sampled.acceptance,
+            effective_samples=tuple(float(chain.effective_samples.min()) for chain in self.sampled.chains),
+            autocorrelation_time=tuple(float(chain.autocorrelation_time.max()) for chain in self.sampled.chains),
+            acceptance=tuple(chain.acceptance for chain in self.sampled.chains),
             names=(*prior.reported, *self.damping.fit.law.coefficient_names),
             samples=samples,
             correlation=correlation,

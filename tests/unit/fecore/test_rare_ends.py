@@ -21,7 +21,7 @@ from fecore.processing.comparison import Comparison, Offset
 from fecore.processing.judgement import Finding, Limits, Verdict
 from fecore.processing.traits import Before
 from fecore.processing.usual import Lines, Ordinary
-from fecore.updating import campaigns, damping_data, window
+from fecore.updating import campaigns, damping_data, plausibility
 from fecore.updating.excursions import excursions
 from fecore.updating.findings import MOST_WARNINGS, warnings
 from fecore.updating.forward import ForwardModel
@@ -125,7 +125,7 @@ def test_a_window_that_would_change_nothing_is_not_asked_about() -> None:
     law = SimpleNamespace(coefficient_names=("a0", "a1"))
     damping: Any = SimpleNamespace(fit=SimpleNamespace(coefficients=np.array([1.0, 1e-6]), law=law), window=np.zeros(2))
     given: Any = SimpleNamespace(window_rate=None)
-    assert window.unstated_window(damping, given, 1.0) == []
+    assert plausibility.unstated_window(damping, given, 1.0) == []
 
 
 FIBRE = OrthotropicMaterial(Ex=33e9, Ey=32e9, Gxy=6e9, Gxz=4.5e9, Gyz=4.5e9, nu_xy=0.15, density=2000.0)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fecore.updating.measured_ratios import disagreement
-from fecore.updating.posterior import scale_of_deviations
+from fecore.updating.measured_ratios import disagreement, scale_of_deviations
 
 OMEGA = 2 * np.pi * np.array([25.0, 160.0, 400.0, 445.0, 866.0, 1210.0])
 LAW = np.array([30.0, 1e-5])

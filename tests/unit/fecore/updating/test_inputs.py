@@ -22,9 +22,9 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.pipeline import update
+from fecore.updating.plausibility import looks_windowed
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
-from fecore.updating.window import looks_windowed
 from tests.support.cantilever import MEASURED_HZ, PARAMETERS
 
 # What is not about the mesh is updated on a coarse one.

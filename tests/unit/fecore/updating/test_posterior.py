@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 import scipy
 
+from fecore.updating.measured_ratios import ScaleMixture, log_likelihood_of_deviations, scale_of_deviations
 from fecore.updating.posterior import (
     LinearProblem,
     Mixture,
-    ScaleMixture,
     discrepancy,
     identifiability,
     log_likelihood,
-    log_likelihood_of_deviations,
-    scale_of_deviations,
     spread_over,
 )
 
