@@ -6,27 +6,30 @@ A mode that is none lies anywhere in the band. So the likelihood of the residual
 
 and the posterior of the unknowns one over all sets of modes that may be real. Given the others, mode k is real with w,
 
-    w/(1 - w) = P W/(1 - P) · p(all with k)/p(all without k),
+    w/(1 - w) = P W/(1 - P) · (p(all with k)/p(all without k) + π N(e; 0, σ_π²)),
 
-the evidence with the unknowns and the discrepancy integrated out: the mode itself does not widen what it is judged by. The fit
-weighs the data of mode k by w and finds w anew in every turn (expectation maximisation; Dempster, Laird and Rubin 1977). The
-posterior about the estimate is that of the likeliest set of modes and of those that differ from it in one mode, each with its
-Gaussians and by its odds. Where P = 1 for all, as where somebody typed the modes in, nothing of this changes a result.
+the evidence with the unknowns and the discrepancy integrated out: the mode itself does not widen what it is judged by. The
+second term is that of a real mode which the model misses by far, e from what the others foretell: of another material, boundary
+or length than stated. So a mode that is certain is not taken for none where it contradicts a wrong model. The
+estimate is that of the likeliest set, found anew in every turn of the fit (hard expectation maximisation): the data of a mode
+with w < ½ have no weight. The posterior about it holds the sets that differ from it in one mode, each with its Gaussians and by
+its odds. Where P = 1 for all, as where somebody typed the modes in, nothing of this changes a result.
 """
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import scipy
 
 from fecore.arrays import FloatArray
-from fecore.updating.posterior import LinearProblem, Mixture
+from fecore.updating.posterior import DISCREPANCY, LinearProblem, Mixture
+
+_FAR_OFF = 0.01  # π: of the modes, that the model misses by far more than its discrepancy
+_THEN_BY = 0.05  # by how much then: as a wrong boundary, thickness or material does
 
 
 def weights_of(problem: LinearProblem, probability: FloatArray, width: FloatArray, scatter: float) -> FloatArray:
-    """Find w of the frequencies of a problem, each given the weights of the others.
+    """Find w of the frequencies of a problem, each given which of the others are taken for real.
 
     Args:
         problem: at an estimate, with the present weights.
@@ -39,10 +42,19 @@ def weights_of(problem: LinearProblem, probability: FloatArray, width: FloatArra
     """
     weights: FloatArray = np.ones(probability.size)
     for k in np.flatnonzero(probability < 1).tolist():
-        real, none = (problem.with_weight(k, w).log_evidence(scatter) for w in (1.0, 0.0))
-        odds = _logit(probability[k]) + np.log(width[k]) + real - none - np.log(2 * np.pi) / 2
-        weights[k] = scipy.special.expit(odds)
+        none = problem.with_weight(k, 0.0)
+        fits = problem.with_weight(k, 1.0).log_evidence(scatter) - none.log_evidence(scatter) - np.log(2 * np.pi) / 2
+        real = np.logaddexp(fits, np.log(_FAR_OFF) + _missed(none, k, scatter))
+        weights[k] = scipy.special.expit(_logit(probability[k]) + np.log(width[k]) + real)
     return weights
+
+
+def _missed(others: LinearProblem, k: int, scatter: float) -> float:
+    """Ln N(e; 0, σ_π²) of a frequency that has no weight in a problem, the spread of its prediction included."""
+    step, covariance = others.solve(DISCREPANCY, scatter)
+    along = others.sensitivity[k]
+    variance = others.noise[k, k] + _THEN_BY**2 + float(along @ covariance @ along)
+    return float(-(np.log(2 * np.pi * variance) + (others.residual[k] - along @ step) ** 2 / variance) / 2)
 
 
 def _logit(probability: FloatArray | float) -> FloatArray:
@@ -50,22 +62,22 @@ def _logit(probability: FloatArray | float) -> FloatArray:
         return np.asarray(scipy.special.logit(probability))
 
 
-def over_sets(problem: LinearProblem, scatter_scale: float, given: Mixture) -> Mixture:
-    """The posterior about the estimate over which modes are real: the likeliest set, and those that differ in one mode.
+def over_sets(problem: LinearProblem, belief: FloatArray, scatter_scale: float, given: Mixture) -> Mixture:
+    """The posterior about the estimate over which modes are real.
 
-    `given`, that of the problem with its weights, where there is no doubt.
+    Args:
+        problem: at the estimate, of the likeliest set: weights 1 and 0.
+        belief: (n,) w of each mode.
+        scatter_scale: of the scatter between specimens; 0 for none.
+        given: the posterior of that set, which is all where there is no doubt.
     """
-    weights = problem.weights
-    open_to_doubt = np.flatnonzero(weights < 1)
-    if not open_to_doubt.size:
+    doubted = np.flatnonzero(belief < 1).tolist()
+    if not doubted:
         return given
-    likeliest = np.round(weights)
-    sets = np.tile(likeliest, (1 + open_to_doubt.size, 1))
-    sets[1 + np.arange(open_to_doubt.size), open_to_doubt] = 1 - likeliest[open_to_doubt]
-    held = np.abs(likeliest - weights)[open_to_doubt]  # probability of the other verdict
-    share = np.concatenate([[1.0], held / (1 - held)])
-    parts = [replace(problem, weight=chosen).mixture(scatter_scale)[0] for chosen in sets]
-    return Mixture.joined(share / share.sum(), np.zeros((len(parts), problem.x.size)), parts)
+    other = np.abs(problem.weights - belief)[doubted]  # probability of the other verdict
+    share = np.concatenate([[1.0], other / np.maximum(1 - other, 1e-300)])
+    sets = [problem.with_weight(k, 1 - problem.weights[k]).mixture(scatter_scale)[0] for k in doubted]
+    return Mixture.joined(share / share.sum(), np.zeros((share.size, problem.x.size)), [given, *sets])
 
 
 def stray_cost(weights: FloatArray, probability: FloatArray, width: FloatArray, spread: float) -> float:

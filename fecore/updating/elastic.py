@@ -263,17 +263,22 @@ class Misfit:
         return self.at(x, states, pairings, point.scales)
 
     def fresh_scales(self, point: _Point, scatter_scale: float, *, late: bool) -> _Scales:
-        """Discrepancy, scatter and weights as they are estimated at a point; late weights move half-way, so that they rest."""
+        """Discrepancy, scatter and weights as they are at a point; late weights stay, so that the fit comes to rest."""
         problem, old = point.problem, point.scales
         spread, scatter = problem.discrepancy(old.spread, old.scatter), 0.0
         if scatter_scale:
             mixture, scatters = problem.mixture(scatter_scale)
             scatter = float(np.sqrt(mixture.weight @ scatters**2))
-        fresh = weights_of(problem, *prior_belief(self.layout, point.pairings), old.scatter)
-        weights = [np.ones(each.size) for each in old.weights]
+        if late:
+            return _Scales(spread, scatter, old.weights)
+        likeliest, weights = np.round(self.belief(point)), [np.ones(each.size) for each in old.weights]
         for own, pairing, at in zip(weights, point.pairings, stacked(point.pairings), strict=True):
-            own[[row for row, _ in pairing.pairs]] = (fresh[at] + problem.weights[at]) / 2 if late else fresh[at]
+            own[[row for row, _ in pairing.pairs]] = likeliest[at]
         return _Scales(spread, scatter, tuple(weights))
+
+    def belief(self, point: _Point) -> FloatArray:
+        """(n,) probability that each paired mode is one (`belief`)."""
+        return weights_of(point.problem, *prior_belief(self.layout, point.pairings), point.scales.scatter)
 
     def result(
         self, point: _Point, initial: _Point, scatter_scale: float, history: tuple[ConvergenceStep, ...]
@@ -292,7 +297,7 @@ class Misfit:
             discrepancy=point.scales.spread,
             scatter=point.scales.scatter,
             given=given,
-            mixture=over_sets(point.problem, scatter_scale, given),
+            mixture=over_sets(point.problem, self.belief(point), scatter_scale, given),
             excursions=tuple(campaign.seek_excursions(state) for campaign, state in campaigns),
             history=history,
             held=self.held,

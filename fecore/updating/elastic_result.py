@@ -75,8 +75,8 @@ class ElasticResult:
         problem: the linear problem at the estimate.
         discrepancy: s, the estimated relative model error of a frequency.
         scatter: τ, the estimated relative deviation of a specimen's modulus.
-        given: the posterior of x about the estimate, given the partners and the weights of the modes; discrepancy and scatter
-            included, excursions not.
+        given: the posterior of x about the estimate, given the partners of the modes and which are real; discrepancy and
+            scatter included, excursions not.
         mixture: the same over which of the modes are real (`belief`).
         excursions: of each campaign, inputs that may be something, for what they do.
         history: iterates, first to last.

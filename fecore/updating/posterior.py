@@ -184,7 +184,7 @@ class LinearProblem:
         sd: prior standard deviations (X,) for a scatter.
         others: by name, (X, X) information of what is no frequency: coupons, mode shapes.
         other_descent, other_cost: their descent (X,) and misfit.
-        weight: (n,) w, how far each frequency is believed to be one of a mode (`belief`): W_s becomes √w W_s √w.
+        weight: (n,) w, 1 of a frequency that is taken for one of a mode, 0 of another (`belief`): W_s becomes √w W_s √w.
     """
 
     residual: FloatArray
