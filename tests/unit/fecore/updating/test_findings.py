@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from fecore.updating.findings import FINDINGS, found, warnings
-from fecore.updating.posterior import Mixture, ScaleMixture
+from fecore.updating.measured_ratios import ScaleMixture
+from fecore.updating.posterior import Mixture
 from fecore.updating.result import Finding
 
 
