@@ -150,7 +150,7 @@ def pruned(arrangement: Arrangement, fit: Level) -> Level:
 
 
 def _far(arrangement: Arrangement, terms: Terms) -> BoolArray:
-    """(n,) poles so far beyond the band that the lines tell nothing of their frequency."""
+    """(n,) poles so far beyond the band that the lines do not fix their frequency."""
     low, high = arrangement.frequency_hz[[0, -1]]
     return np.asarray((terms.frequency_hz > _FAR * high) | (terms.frequency_hz < low / _FAR))
 

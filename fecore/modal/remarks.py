@@ -55,7 +55,7 @@ def remarks(
 
 
 def _of_one_record(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[str]:
-    """Poles that one of several FRFs shows: the phase tells a mode from a distortion, but not from a fault of that record."""
+    """Poles that one of several FRFs shows: a mode and a resonance of that sensor have the same phase."""
     size = np.abs(fit.residues()[0][:, kept]) ** 2
     if len(size) < 3:
         return []
