@@ -119,7 +119,8 @@ def fit(
         fresh = misfit.fresh_scales(point, scatter, late=path.late)
         same = fresh.are_those_of(point.scales)
         same &= all(a.pairs == b.pairs for a, b in zip(found.point.pairings, point.pairings, strict=True))
-        still = path.late and misfit.may_zigzag and first.cost - found.point.cost < _STILL
+        # Steps may zigzag about the minimum, as where modes veer; without shapes a fit creeps to a crossing.
+        still = path.late and layout.by_shapes and first.cost - found.point.cost < _STILL
         rests = still or found.outcome in ("converged", "stuck")
         if same and rests:
             progress(1.0)
@@ -173,11 +174,6 @@ class Misfit:
     use_shapes: bool = False
     likest: bool = False
     held: tuple[Partners, ...] | None = None
-
-    @property
-    def may_zigzag(self) -> bool:
-        """Whether steps may zigzag about the minimum, as where modes veer; without shapes a fit creeps to a crossing."""
-        return all(has_shapes(campaign.modes) for campaign in self.layout.campaigns)
 
     def paired(self, x: FloatArray, scales: _Scales) -> _Point:
         """The misfit at x, the modes paired there."""

@@ -40,7 +40,6 @@ from fecore.updating.pairing import (
     Partners,
     alone_cost,
     exchanged,
-    has_shapes,
     missed_cost,
     pair_with,
     partners_of,
@@ -99,7 +98,7 @@ def update_from_several_starts(
             return error
 
     found = [run(layout, None, 0.0, 0.5)]
-    by_shapes = _by_shapes(layout)
+    by_shapes = layout.by_shapes
     if isinstance(found[0], UpdatingError) or is_doubtful(found[0]) or not by_shapes:
         loose = layout.unverified()
         starts = _other_starts(loose, seed)
@@ -125,17 +124,12 @@ def update_from_several_starts(
 def _likest(layout: Layout, found: Sequence[Found]) -> ElasticResult:
     """The likest modes in pairs, where no start found one that is like a measured one; else the first start's error."""
     first = next(each for each in found if isinstance(each, UpdatingError))
-    if not all(isinstance(each, NoPartnersError) for each in found) or not _by_shapes(layout):
+    if not all(isinstance(each, NoPartnersError) for each in found) or not layout.by_shapes:
         raise first
     try:
         return fit(layout, likest=True)
     except UpdatingError as error:
         raise first from error
-
-
-def _by_shapes(layout: Layout) -> bool:
-    """Whether every campaign has shapes that distinguish its modes."""
-    return all(has_shapes(campaign.modes) for campaign in layout.campaigns)
 
 
 def _is_verified(result: ElasticResult) -> bool:
@@ -223,7 +217,7 @@ def evidence(result: ElasticResult) -> tuple[int, float]:
     squares = DISCREPANCY_DOF + float(problem.weights @ problem.residual**2) / DISCREPANCY**2
     misfit = (DISCREPANCY_DOF + float(problem.weights.sum())) / 2 * np.log(squares) + float(away @ away) / 2
     misfit += stray_cost(problem.weights, *prior_belief(result.layout, result.pairings), DISCREPANCY)
-    if _by_shapes(result.layout):
+    if result.layout.by_shapes:
         each = zip(result.layout.campaigns, result.pairings, strict=True)
         return round(sum(float(c.probability(p.unpaired_measured).sum()) for c, p in each)), misfit
     narrowed = np.log(result.layout.sd(result.scatter)).sum() - np.linalg.slogdet(result.inverse)[1] / 2

@@ -23,6 +23,7 @@ from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.updating.pairing import has_shapes
 from fecore.updating.parameters import Parametrisation, by_name
 
 SPECIMENS_OWN = ("width", "thickness", "density", "fibre_angle")
@@ -170,6 +171,11 @@ class Layout:
     def labels(self) -> tuple[str, ...]:
         """Of all unknowns."""
         return tuple(unknown.label for unknown in self.unknowns)
+
+    @property
+    def by_shapes(self) -> bool:
+        """Whether every campaign has shapes that distinguish its modes."""
+        return all(has_shapes(campaign.modes) for campaign in self.campaigns)
 
     def solved(self, x: FloatArray) -> tuple[ForwardState, ...]:
         """Each campaign's model at x."""
