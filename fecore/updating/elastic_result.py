@@ -133,10 +133,15 @@ class ElasticResult:
 
     @cached_property
     def identifiability(self) -> tuple[Identifiability, ...]:
-        """Of each unknown, whichever partners that are not ruled out the modes have."""
+        """Of each unknown, whichever of the modes are real and whichever partners that are not ruled out they have."""
         sd = self.layout.sd(self.scatter)
         known = identifiability(self.layout.labels, self.inverse, sd)
-        return spread_over(known, self.spanning.total, sd) if self.standing else known
+        return spread_over(known, self.spanning.total, sd) if self.standing or self.in_doubt else known
+
+    @property
+    def in_doubt(self) -> bool:
+        """Whether a measured mode may be none."""
+        return self.mixture is not self.given
 
     @property
     def null_directions(self) -> FloatArray:

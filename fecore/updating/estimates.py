@@ -116,7 +116,7 @@ def coordinate_spread(elastic: ElasticResult, place: int, samples: FloatArray | 
     variance = {name: float(part[place] @ part[place]) for name, part in elastic.sources.items()}
     noise_sd = float(np.sqrt(variance[NOISE]))
     variance[DISCREPANCY_OF_MODEL] = max(variance[DISCREPANCY_OF_MODEL] + given - sum(variance.values()), 0.0)
-    if elastic.mixture is not elastic.given:
+    if elastic.in_doubt:
         variance[IN_DOUBT] = max(total - given, 0.0)
     if elastic.standing:
         spanned = float(elastic.spanning.total[place, place])
@@ -254,7 +254,7 @@ def _provenance(elastic: ElasticResult, inputs: Inputs, damping: DampingResult |
     }
     if elastic.standing:
         words[OTHER_PARTNERS] = f"{len(elastic.standing)} other pairings that the frequencies do not rule out"
-    if elastic.mixture is not elastic.given:
+    if elastic.in_doubt:
         words[IN_DOUBT] = "the probability of each measured mode, and how it fits the model"
     for column, name in enumerate(prior.names):
         sd = f"{prior.prior_sd[column]:.3g} {prior.units[prior.constant_names.index(name)]}"

@@ -132,7 +132,7 @@ def sample_posterior(
     random = np.random.default_rng(seeds[2])
     count = min(len(first.samples), len(second.samples))
     xi = _with_inputs(elastic, random.permutation(first.samples)[:count], random)
-    if elastic.mixture is not elastic.given:  # the chain is that of the modes with their weights
+    if elastic.in_doubt:  # the chain is that of the modes with their weights
         doubt = root(elastic.mixture.total - elastic.given.total)
         xi = xi + random.standard_normal(xi.shape) @ doubt.T
     theta = prior.theta(xi)
