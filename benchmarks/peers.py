@@ -115,9 +115,9 @@ class ElasticByDifferences:
         """Frequency errors and distances from the prior, in standard deviations."""
         self.solves += 1
         found = self.forward.solve(theta).frequency_hz[self.columns]
-        coordinates = self.ours.coordinates
+        prior = self.ours.prior
         errors = self.root @ np.log(found / self.modes.frequency_hz[self.rows])
-        return np.concatenate([errors, (coordinates.of(theta) - coordinates.mean) / coordinates.sd])
+        return np.concatenate([errors, (prior.xi(theta) - prior.xi_mean) / prior.xi_sd])
 
     def fit(self) -> OptimizeResult:
         """From the prior's mean, in units of the prior; smaller steps drown in the round-off of the eigenvalues."""

@@ -275,6 +275,27 @@ def _end_weights(x: FloatArray, level: float, ends: Ends, low: int, high: int) -
     return weights
 
 
+@dataclass(frozen=True)
+class Reduced:
+    """What both standards report of a specimen, SI.
+
+    Attributes:
+        width_m, thickness_m, area_m2: means of the readings, and their product.
+        modulus_pa: chord modulus.
+        regression_modulus_pa: slope of the least-squares line through all points of the chord range.
+        chord_range: strains that were used, m/m; of a shear test γ.
+        warnings: what a reader of the report must know.
+    """
+
+    width_m: float
+    thickness_m: float
+    area_m2: float
+    modulus_pa: float
+    regression_modulus_pa: float
+    chord_range: tuple[float, float]
+    warnings: tuple[str, ...]
+
+
 def mean_dimension(field: str, readings: Sequence[float]) -> float:
     """Mean of dimension readings, m.
 

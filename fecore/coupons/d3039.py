@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.coupons.curves import Chord, Curve, Ends, chord, mean_dimension, single_run, without_jump
+from fecore.coupons.curves import Chord, Curve, Ends, Reduced, chord, mean_dimension, single_run, without_jump
 from fecore.errors import InputError
 
 LEAST_SLOPE_CHANGE = 0.03
@@ -108,35 +108,23 @@ MOST_BENDING_PERCENT = 5.0
 
 
 @dataclass(frozen=True)
-class TensileResult:
+class TensileResult(Reduced):
     """What D3039 reports of a specimen, SI.
 
     Attributes:
-        width_m, thickness_m, area_m2: means of the readings, and their product.
         maximum_force_n, strength_pa: P_max and F.
         ultimate_strain: m/m; None where the gauge was lost before the maximum force.
-        modulus_pa: chord modulus E.
-        regression_modulus_pa: slope of the least-squares line through all points of the chord range.
-        chord_range: strains that were used, m/m.
         poisson_ratio: None without a transverse strain.
         transition_strain: None where the curve has no knee.
         bending_percent: None where one face is gauged.
-        warnings: what a reader of the report must know.
     """
 
-    width_m: float
-    thickness_m: float
-    area_m2: float
     maximum_force_n: float
     strength_pa: float
     ultimate_strain: float | None
-    modulus_pa: float
-    regression_modulus_pa: float
-    chord_range: tuple[float, float]
     poisson_ratio: float | None
     transition_strain: float | None
     bending_percent: float | None
-    warnings: tuple[str, ...]
 
 
 def reduce(

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.coupons.curves import Curve, Ends, chord, mean_dimension, single_run, without_jump
+from fecore.coupons.curves import Curve, Ends, Reduced, chord, mean_dimension, single_run, without_jump
 from fecore.errors import InputError
 
 START_RANGE = (1500e-6, 2500e-6)
@@ -34,32 +34,20 @@ LARGEST_STRAIN = 0.05
 
 
 @dataclass(frozen=True)
-class ShearResult:
+class ShearResult(Reduced):
     """What D3518 reports of a specimen, SI.
 
     Attributes:
-        width_m, thickness_m, area_m2: means of the readings, and their product.
-        modulus_pa: chord modulus G.
-        regression_modulus_pa: slope of the least-squares line through all points of the chord range.
-        chord_range: γ that were used.
         offset_strength_pa, offset_strain: where the 0.2 % line meets the curve; None where it failed before.
         maximum_stress_pa, maximum_stress_strain: τ_max and its γ.
         reached_limit: whether the test was cut at γ = 5 %.
-        warnings: what a reader of the report must know.
     """
 
-    width_m: float
-    thickness_m: float
-    area_m2: float
-    modulus_pa: float
-    regression_modulus_pa: float
-    chord_range: tuple[float, float]
     offset_strength_pa: float | None
     offset_strain: float | None
     maximum_stress_pa: float
     maximum_stress_strain: float
     reached_limit: bool
-    warnings: tuple[str, ...]
 
 
 def reduce(

@@ -198,10 +198,7 @@ class Scores:
 
 def complete_campaigns(series: Series, covariates: Sequence[str]) -> IntArray:
     """Indices of the campaigns of which every covariate is known."""
-    known = np.ones(len(series), bool)
-    for name in covariates:
-        known &= np.isfinite(series.covariates.get(name, np.full(len(series), np.nan)))
-    return np.flatnonzero(known)
+    return np.flatnonzero(np.isfinite(series.measured(covariates)).all(axis=1))
 
 
 def fit_baseline(
@@ -229,7 +226,7 @@ def fit_baseline(
     left_out = [series.labels[i] for i in range(last) if i not in used]
     notes = [f"left out of the baseline, a covariate is missing: {', '.join(left_out)}"] if left_out else []
     base = select(series, used.tolist())
-    c = np.array([base.covariates[name] for name in names]).reshape(len(names), n).T
+    c = base.measured(names)
     for k, name in enumerate(names):
         if np.ptp(c[:, k]) == 0:
             raise InputError(f"covariates.{name}", "does not vary in the baseline, so its effect is not known")
@@ -262,8 +259,7 @@ def fit_baseline(
 def score(baseline: Baseline, series: Series) -> Scores:
     """Scores of campaigns against a baseline; see the module's docstring for the equations."""
     n = len(series)
-    raw = [series.covariates.get(name, np.full(n, np.nan)) for name in baseline.covariates]
-    c = np.array(raw).reshape(len(raw), n).T
+    c = series.measured(baseline.covariates)
     absent = np.isnan(c)
     centred = np.where(absent, 0.0, c - baseline.centre)
     X = np.column_stack([np.ones(n), centred])

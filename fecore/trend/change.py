@@ -36,6 +36,8 @@ from fecore.trend.series import Series, select
 
 Pattern = Literal["step", "ramp"]
 
+DAYS_A_YEAR = 365.25  # Julian year
+
 
 @dataclass(frozen=True)
 class ChangePoint:
@@ -130,10 +132,7 @@ def _patterns(kind: Pattern, days: FloatArray) -> FloatArray:
     m = days.size - 1
     if kind == "step":
         return np.tril(np.ones((m, m)))
-    return np.maximum(0.0, days[1:, None] - days[None, :-1]) / 365.25
-
-
-DAYS_A_YEAR = 365.25  # Julian year
+    return np.maximum(0.0, days[1:, None] - days[None, :-1]) / DAYS_A_YEAR
 
 
 @dataclass(frozen=True)
@@ -165,12 +164,9 @@ def rate(series: Series, covariates: Sequence[str], baseline_mean: float) -> Rat
     Raises:
         InputError: fewer complete campaigns than coefficients and two more, or a baseline of 0.
     """
-    if baseline_mean == 0:
-        raise InputError("baseline_mean", "is 0, so a rate relative to it means nothing")
     complete = select(series, complete_campaigns(series, covariates).tolist())
-    years = complete.days / DAYS_A_YEAR
-    c = [complete.covariates[name] - complete.covariates[name].mean() for name in covariates]
-    X = np.column_stack([np.ones(len(complete)), *c, years - years.mean()])
+    regressors = np.column_stack([complete.measured(covariates), complete.days / DAYS_A_YEAR])
+    X = np.column_stack([np.ones(len(complete)), regressors - regressors.mean(axis=0)])
     fit = fit_with_scatter(X, complete.estimate, complete.standard_deviation)
     slope, sd = float(fit.coefficients[-1]), float(np.sqrt(fit.covariance[-1, -1]))
     return _rate(slope, sd, fit.degrees_of_freedom, baseline_mean)
@@ -190,13 +186,13 @@ def rate_since_onset(change: ChangePoint, baseline_mean: float) -> Rate:
     """
     if change.pattern != "ramp":
         raise InputError("change", "is a step, which has no rate")
-    if baseline_mean == 0:
-        raise InputError("baseline_mean", "is 0, so a rate relative to it means nothing")
     found = _rate(change.mean, change.mean_sd, change.degrees_of_freedom, baseline_mean)
     return replace(found, since=change.date)
 
 
 def _rate(slope: float, sd: float, degrees_of_freedom: float, baseline_mean: float) -> Rate:
+    if baseline_mean == 0:
+        raise InputError("baseline_mean", "is 0, so a rate relative to it means nothing")
     half = float(scipy.special.stdtrit(degrees_of_freedom, 0.975)) * sd
     relative = sorted(((slope - half) / baseline_mean, (slope + half) / baseline_mean))
     return Rate(

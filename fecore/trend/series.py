@@ -118,6 +118,11 @@ class Series:
     def __len__(self) -> int:
         return len(self.dates)
 
+    def measured(self, names: Sequence[str]) -> FloatArray:
+        """(n, k) covariates of some names; NaN where they were not measured."""
+        nothing = np.full(len(self), np.nan)
+        return np.array([self.covariates.get(name, nothing) for name in names]).reshape(len(names), len(self)).T
+
     @property
     def days(self) -> FloatArray:
         """(n,) days since the first campaign."""

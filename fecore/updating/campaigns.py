@@ -13,20 +13,20 @@ from fecore.body.oriented import OrientedSpecimen
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.updating.contradictions import CONTRADICTS, Agreement, agreements, odd_one_out
-from fecore.updating.discretisation import discretise
+from fecore.updating.discretisation import meshed
 from fecore.updating.elastic_findings import FAR, USUAL_MISS, pairing_findings, points_beyond
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts
 from fecore.updating.estimates import constant_estimates, own_estimates
 from fecore.updating.excursions import excursions
 from fecore.updating.findings import Level, found, judge, modes_of, ordered, warnings
-from fecore.updating.forward import EXTRA_MODES, ForwardModel, modes_to_cover
+from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.laws import CommonLaw, common_damping
+from fecore.updating.laws import common_damping
 from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Coupon, Layout, Unknown
-from fecore.updating.parameters import Coordinates, Parameter, Parametrisation, parametrise
+from fecore.updating.parameters import Parameter, Parametrisation, parametrise
 from fecore.updating.posterior import SCATTER
-from fecore.updating.result import Finding, ModeComparison, ParameterEstimate, Verdict
+from fecore.updating.result import CommonLaw, Finding, ModeComparison, ParameterEstimate, Verdict
 
 __all__ = [
     "MATERIAL",
@@ -165,9 +165,9 @@ def update_campaigns(
     """
     recipe = recipe or CampaignsRecipe()
     progress("laying out the campaigns", 0.0)
-    meshed = [replace(campaign, body=_meshed(campaign)) for campaign in campaigns]
-    scatter = recipe.scatter if len({campaign.specimen for campaign in meshed}) > 1 else 0.0
-    layout = lay_out(meshed, recipe.parameters, scatter=scatter > 0)
+    ready = [replace(each, body=meshed(clamped(each.body, each.inputs), _highest_hz(each))[0]) for each in campaigns]
+    scatter = recipe.scatter if len({campaign.specimen for campaign in ready}) > 1 else 0.0
+    layout = lay_out(ready, recipe.parameters, scatter=scatter > 0)
     elastic = update_from_several_starts(
         layout, lambda share: progress("updating the material", 0.1 + 0.6 * share), coupons=coupons, scatter=scatter
     )
@@ -176,8 +176,10 @@ def update_campaigns(
     odd = odd_one_out(elastic, alone, scatter)
     progress("making intervals", 0.9)
     parameters = tuple(constant_estimates(elastic, None))
-    parts = tuple(_part(elastic, number, each, alone[number]) for number, each in enumerate(meshed))
-    findings = [*_contradictions(parts, odd), *_findings(elastic, parts), *_points_beyond(layout, meshed)]
+    parts = tuple(_part(elastic, number, each, alone[number]) for number, each in enumerate(ready))
+    findings = [*_contradictions(parts, odd), *_findings(elastic, parts)]
+    for model, campaign in zip(layout.campaigns, ready, strict=True):
+        findings += points_beyond(model.forward, campaign.inputs, campaign.name)
     total = elastic.mixture.total[: len(layout.shared), : len(layout.shared)]
     sd = np.sqrt(np.diag(total))
     progress("done", 1.0)
@@ -209,31 +211,32 @@ def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], *, s
     """
     _check(campaigns, parameters)
     forwards = [_forward(campaign, parameters) for campaign in campaigns]
-    shared, sd = forwards[0].parametrisation.reported, Coordinates(forwards[0].parametrisation).sd
-    unknowns: dict[tuple[str, str | None], Unknown] = {}
-    unknowns |= {(name, None): Unknown(name, None, float(sd[i])) for i, name in enumerate(shared)}
+    first = forwards[0].parametrisation
+    shared = first.reported
+    places: dict[tuple[str, str | None], Unknown] = {
+        (name, None): Unknown(name, None, float(sd)) for name, sd in zip(shared, first.xi_sd, strict=False)
+    }
     specimens = tuple(dict.fromkeys(campaign.specimen for campaign in campaigns))
     if scatter and len(specimens) > 1:
         moduli = [name for name in shared if name != "nu_xy"]
-        unknowns |= {(n, specimen): Unknown.of_scatter(n, specimen) for specimen in specimens for n in moduli}
+        places |= {(n, specimen): Unknown.of_scatter(n, specimen) for specimen in specimens for n in moduli}
     keys = []
     for campaign, forward in zip(campaigns, forwards, strict=True):
-        prior, own = forward.parametrisation, Coordinates(forward.parametrisation).sd
+        prior = forward.parametrisation
         keys.append([_key(name, campaign, shared) for name in prior.names])
-        for key, name, deviation in zip(keys[-1], prior.names, own, strict=True):
-            owner = f"campaign {key[1]}" if name in CAMPAIGNS_OWN else key[1]
-            unknowns.setdefault(key, Unknown(name, owner, float(deviation)))
-    places = {key: place for place, key in enumerate(unknowns)}
+        for key, name, deviation in zip(keys[-1], prior.names, prior.xi_sd, strict=True):
+            places.setdefault(key, Unknown(name, key[1], float(deviation)))
+    number = {key: place for place, key in enumerate(places)}
     models = []
     for campaign, forward, own_keys in zip(campaigns, forwards, keys, strict=True):
-        pick = np.zeros((len(own_keys), len(unknowns)))
-        for row, key in enumerate(own_keys):
-            pick[row, places[key]] = 1.0
-            if key[1] is None and (key[0], campaign.specimen) in places:
-                pick[row, places[key[0], campaign.specimen]] = 1.0
+        pick = np.zeros((len(own_keys), len(places)))
+        for row, (name, owner) in enumerate(own_keys):
+            pick[row, number[name, owner]] = 1.0
+            if owner is None and (name, campaign.specimen) in number:  # the specimen's own deviation
+                pick[row, number[name, campaign.specimen]] = 1.0
         seek = partial(excursions, inputs=campaign.inputs, fixed_points=campaign.fixed_points)
         models.append(CampaignModel(campaign.name, forward, campaign.modes, pick, seek))
-    return Layout(tuple(models), tuple(unknowns.values()))
+    return Layout(tuple(models), tuple(places.values()))
 
 
 def clamped(body: OrientedSpecimen, inputs: Inputs) -> OrientedSpecimen:
@@ -242,6 +245,10 @@ def clamped(body: OrientedSpecimen, inputs: Inputs) -> OrientedSpecimen:
     if body.boundary != "cantilever" or body.clamp_compliance or not scale:
         return body
     return replace(body, clamp_compliance=_HALF_NORMAL_MEDIAN * scale)
+
+
+def _highest_hz(campaign: Campaign) -> float:
+    return 1.05 * float(campaign.modes.frequency_hz[-1])
 
 
 def _check(campaigns: Sequence[Campaign], parameters: Sequence[Parameter]) -> None:
@@ -269,16 +276,15 @@ def _key(name: str, campaign: Campaign, shared: tuple[str, ...]) -> tuple[str, s
     """The key of an unknown: its name, and to whom it belongs."""
     if name in shared:
         return name, None
-    return name, campaign.name if name in CAMPAIGNS_OWN else f"specimen {campaign.specimen}"
+    return name, f"campaign {campaign.name}" if name in CAMPAIGNS_OWN else f"specimen {campaign.specimen}"
 
 
 def _forward(campaign: Campaign, parameters: Sequence[Parameter]) -> ForwardModel:
-    parametrisation = _with_own(parametrise(campaign.body, parameters), campaign)
-    dofs = campaign.modes.dofs if campaign.modes.shapes is not None else ()
+    parametrisation, modes = _with_own(parametrise(campaign.body, parameters), campaign), campaign.modes
+    dofs = modes.dofs if modes.shapes is not None else ()
     points = tuple(dict.fromkeys([*(dof.point for dof in dofs), *campaign.fixed_points]))
-    places = np.array([campaign.points[point][:2] for point in points]).reshape(-1, 2)
-    count = modes_to_cover(parametrisation, float(campaign.modes.frequency_hz[-1]), len(campaign.modes) + EXTRA_MODES)
-    return ForwardModel(campaign.body, parametrisation, points, places, count)
+    highest = float(modes.frequency_hz[-1])
+    return ForwardModel.of_points(parametrisation, points, campaign.points, highest, len(modes))
 
 
 def _with_own(parametrisation: Parametrisation, campaign: Campaign) -> Parametrisation:
@@ -291,37 +297,19 @@ def _with_own(parametrisation: Parametrisation, campaign: Campaign) -> Parametri
     return parametrisation.with_inputs(sds)
 
 
-def _meshed(campaign: Campaign) -> OrientedSpecimen:
-    """The body with a mesh for its modes and a clamp that may yield, where nothing else was asked for."""
-    body = clamped(campaign.body, campaign.inputs)
-    if body.divisions is not None:
-        return body
-    mesh = discretise(replace(campaign.body, clamp_compliance=0.0), 1.05 * float(campaign.modes.frequency_hz[-1]))
-    return replace(body, divisions=mesh.divisions)
-
-
 def _part(elastic: ElasticResult, number: int, campaign: Campaign, agreement: Agreement) -> CampaignPart:
-    layout = elastic.layout
-    coordinates, alone = layout.campaigns[0].coordinates, layout.material(agreement.alone)
-    names = enumerate(layout.shared)
-    p, count = agreement.predictive_p, len(layout.campaigns)
+    layout, p = elastic.layout, agreement.predictive_p
+    values = layout.material(agreement.alone)
+    sds = agreement.alone_sd * np.where(layout.prior.logarithmic[: values.size], np.abs(values), 1.0)
+    rows = zip(layout.shared, map(float, values), map(float, sds), map(float, agreement.z), strict=True)
     return CampaignPart(
         name=campaign.name,
         specimen=campaign.specimen,
         modes=elastic.compared_modes(number, campaign.modes),
         own=tuple(own_estimates(elastic, number)),
-        alone={
-            name: {
-                "estimate": float(alone[place]),
-                "standard_deviation": float(
-                    agreement.alone_sd[place] * (abs(alone[place]) if coordinates.logarithmic[place] else 1.0)
-                ),
-                "z": float(agreement.z[place]),
-            }
-            for place, name in names
-        },
+        alone={name: {"estimate": value, "standard_deviation": sd, "z": z} for name, value, sd, z in rows},
         predictive_p=p,
-        contradicts=p is not None and p < CONTRADICTS / count,
+        contradicts=p is not None and p < CONTRADICTS / len(layout.campaigns),
     )
 
 
@@ -339,13 +327,6 @@ def _contradictions(parts: Sequence[CampaignPart], odd: int | None) -> list[Find
     return [found("odd_campaign", name=part.name, p=part.predictive_p, moved=moved)]
 
 
-def _points_beyond(layout: Layout, campaigns: Sequence[Campaign]) -> list[Finding]:
-    each = zip(layout.campaigns, campaigns, strict=True)
-    return [
-        finding for model, campaign in each for finding in points_beyond(model.forward, campaign.inputs, campaign.name)
-    ]
-
-
 def _findings(elastic: ElasticResult, parts: Sequence[CampaignPart]) -> list[Finding]:
     layout, findings = elastic.layout, pairing_findings(elastic)
     for part, at, pairing in zip(parts, elastic.rows, elastic.pairings, strict=True):
@@ -353,7 +334,7 @@ def _findings(elastic: ElasticResult, parts: Sequence[CampaignPart]) -> list[Fin
         if alone:
             level: Level | None = "do_not_use" if 2 * alone > count else None
             findings.append(found("campaign_modes_alone", level=level, name=part.name, alone=modes_of(alone, count)))
-        miss = float(np.sqrt(np.mean(elastic.problem.residual[at] ** 2)))
+        miss = elastic.missed(at)
         if miss > USUAL_MISS:
             findings.append(found("campaign_missed", name=part.name, percent=100 * miss))
     return findings + [

@@ -65,10 +65,11 @@ def predictive_p(elastic: ElasticResult, number: int, among: Sequence[int], scat
     others = problem.only(_rows_of(elastic, [other for other in among if other != number]))
     mixture, _ = others.mixture(scatter_scale)
     S, residual, noise = problem.sensitivity[at], problem.residual[at], problem.noise[at, at]
-    missed = residual - mixture.shift @ S.T
+    weights = problem.weights[at]
+    missed = np.sqrt(weights) * (residual - mixture.shift @ S.T)
     spanned = noise + mixture.scale[:, None, None] ** 2 * np.eye(residual.size) + S @ mixture.covariance @ S.T
     distance = np.sum(missed * np.linalg.solve(spanned, missed[..., None])[..., 0], axis=1)
-    return float(mixture.weight @ scipy.special.chdtrc(residual.size, distance))
+    return float(mixture.weight @ scipy.special.chdtrc(float(weights.sum()), distance))
 
 
 def _agreement(elastic: ElasticResult, number: int, scatter_scale: float) -> Agreement:

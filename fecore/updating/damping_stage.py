@@ -5,8 +5,8 @@
     result = fit_damping(data, reference, law)                        the law, and what its spread is made of
 
 A law is never exact: each mode's damping is off it by a share ε ~ N(0, s²). The prior of s has a root mean square of 2 %, as in
-no body damping follows a law better, and s is learnt from how far the modes are off (`posterior.scale_of_deviations`): the root
-of its posterior mean square enters the estimate, all of its posterior the intervals.
+no body damping follows a law better, and s is learnt from how far the modes are off (`scale_of_deviations`): the root of its
+posterior mean square enters the estimate, all of its posterior the intervals.
 """
 
 from __future__ import annotations
@@ -23,12 +23,19 @@ from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, convert
 from fecore.modal.error_model import memory
 from fecore.modal.noise import line_scatter, residual_variance
-from fecore.updating.damping_data import DampingData, lawful_strain, measured_ratios
+from fecore.updating.damping_data import DampingData
 from fecore.updating.forward import ForwardState
 from fecore.updating.law_fit import DampingFit, fit_law
-from fecore.updating.measured_ratios import MeasuredRatios, disagreement, law_of_window, law_ratio
+from fecore.updating.measured_ratios import (
+    MeasuredRatios,
+    ScaleMixture,
+    disagreement,
+    law_of_window,
+    law_ratio,
+    scale_of_deviations,
+)
 from fecore.updating.misfit import FrfMisfit
-from fecore.updating.posterior import ScaleMixture, root, scale_of_deviations
+from fecore.updating.posterior import root
 
 DAMPING_DISCREPANCY = 0.02
 """Prior standard deviation of a damping ratio about its law, as a share of it: root mean square of the prior of s."""
@@ -144,7 +151,7 @@ def fit_reference(data: DampingData) -> ReferenceFit:
         fit=fit,
         scale=scale,
         excess=excess,
-        ratios=measured_ratios(data) or own,
+        ratios=data.measured_ratios or own,
         own_ratios=own,
         delay=delay,
     )
@@ -169,14 +176,12 @@ def _first_delay(data: DampingData) -> float:
 
     All lines count alike here, as the noise is not known yet.
     """
-    frfs, nuisance, start = data.frfs, data.nuisance(0), data.start(data.modal_law)
+    frfs, nuisance = data.frfs, data.nuisance(0)
     level = np.mean(np.abs(frfs.values) ** 2, axis=1, keepdims=True)
     misfit = data.misfit(frfs, data.weighting, np.broadcast_to(_FIRST_NOISE * level, frfs.values.shape))
-    omega = data.model.omega.copy()
-    omega[nuisance.modes] *= 1 + nuisance.first_shift
-    rate = data.modal_law.basis(omega) @ start
+    rate = data.modal_law.basis(data.first_omega) @ data.start(data.modal_law)
     rate[nuisance.suspended] = nuisance.suspended_rate
-    return misfit.delay(omega**2, rate + nuisance.window_rate)
+    return misfit.delay(data.first_omega**2, rate + nuisance.window_rate)
 
 
 def _turned_back(frfs: FrfSet, delay: float) -> FrfSet:
@@ -216,7 +221,7 @@ def fit_damping(
     fits.sort(key=lambda fit: fit.objective)
     best = fits[0]
     elastic, by_elastic = data.elastic, _by_elastic(data, reference.misfit, best)
-    by_coordinates = by_elastic * elastic.coordinates.slope(elastic.theta)
+    by_coordinates = by_elastic * elastic.prior.slope(elastic.theta)
     rivals = [fit.coefficients for fit in fits if fit.objective - best.objective < _RIVAL * reference.scale]
     return DampingResult(
         fit=best,
@@ -255,13 +260,13 @@ def _unit(misfit: FrfMisfit) -> float:
 
 def _modal_ratios(data: DampingData, modal: DampingFit) -> MeasuredRatios:
     """The same in the modal fit."""
-    lawful = data.roles.lawful
+    lawful = data.lawful
     omega = np.sqrt(modal.eigenvalue[lawful])
     ratio = modal.law_rate[lawful] / (2 * omega)
     order = np.argsort(data.model.omega[lawful])  # the modal law's coefficients ascend with their knots
     covariance = np.empty((ratio.size, ratio.size))
     covariance[np.ix_(order, order)] = modal.noise_covariance
-    return MeasuredRatios(omega, ratio, covariance / np.outer(ratio, ratio), lawful_strain(data))
+    return MeasuredRatios(omega, ratio, covariance / np.outer(ratio, ratio), data.lawful_strain)
 
 
 def _starts(law: DampingLaw, start: FloatArray, ratios: MeasuredRatios) -> list[FloatArray]:
@@ -275,7 +280,7 @@ def _starts(law: DampingLaw, start: FloatArray, ratios: MeasuredRatios) -> list[
 
 def _own_sources(data: DampingData, fit: DampingFit, relative: float) -> dict[str, FloatArray]:
     """(p, k) by noise, by each mode lying off the law by its share, and by unmeasured ones off the model's frequency."""
-    m, others, moved = fit.eigenvalue.size, data.roles.unmeasured, fit.nuisance.modes
+    m, others, moved = fit.eigenvalue.size, data.unmeasured, fit.nuisance.modes
     by = fit.response @ fit.normal.hessian
     by_shift = by[:, others] * 2 * fit.eigenvalue[others] * data.elastic.discrepancy
     parts = (

@@ -10,12 +10,14 @@ is below the tolerance.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.body.layered import LayeredSpecimen
-from fecore.body.specimen import Specimen
+from fecore.body.oriented import OrientedSpecimen
+from fecore.body.specimen import Body, Specimen
 from fecore.dynamics.eigen import modes_below, normal_modes
 from fecore.errors import InputError
 
@@ -32,6 +34,9 @@ _SAFETY = 1.3  # on the number of elements that the fourth power asks for
 _ROUNDS = 3  # of solving, estimating and refining
 
 
+AnyBody = TypeVar("AnyBody", bound=Body)
+
+
 @dataclass(frozen=True)
 class Discretisation:
     """A mesh and what it misses.
@@ -45,6 +50,15 @@ class Discretisation:
     divisions: tuple[int, int]
     error: FloatArray
     by_side: FloatArray
+
+
+def meshed(body: AnyBody, highest_hz: float) -> tuple[AnyBody, Discretisation | None]:
+    """The body with a mesh for its modes up to a frequency, and what that misses; as it is where it has one of its own."""
+    if not isinstance(body, Specimen | LayeredSpecimen) or body.divisions is not None:
+        return body, None
+    rigid = replace(body, clamp_compliance=0.0) if isinstance(body, OrientedSpecimen) else body
+    mesh = discretise(rigid, highest_hz)
+    return replace(body, divisions=mesh.divisions), mesh
 
 
 def discretise(specimen: Specimen | LayeredSpecimen, highest_hz: float) -> Discretisation:

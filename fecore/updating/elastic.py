@@ -5,9 +5,10 @@ The maximum a posteriori estimate of all unknowns x together (`layout`), by Leve
     E(x) = ½ rᵀ(N + s²)⁻¹r + ½ xᵀP(τ)x + ½ Σ_b (y_b - x_b)²/σ_b²,     r = ln f_exp - ln f(x),     ∂ln f/∂x analytic,
 
 with the residuals of all campaigns stacked and coupons y_b, logarithms of their means over the prior's. Measured and model
-modes are paired anew by MAC as constants move modes past each other. The discrepancy s follows from the residuals, the scatter
-τ between specimens is the root of its posterior mean. The intervals are those of the posterior with both marginalised
-(`posterior`), and reach on to one side where an input is believed to be nothing but may be something (`excursions`).
+modes are paired anew by MAC as constants move modes past each other, and weighed by how far they are believed to be modes
+(`belief`). The discrepancy s follows from the residuals, the scatter τ between specimens is the root of its posterior mean. The
+intervals are those of the posterior with both marginalised (`posterior`), and reach on to one side where an input is believed
+to be nothing but may be something (`excursions`).
 """
 
 from __future__ import annotations
@@ -24,12 +25,13 @@ from fecore.errors import InputError, UpdatingError
 from fecore.least_squares import Stopping, minimise
 from fecore.modal import turn_real
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic_result import ElasticResult, stacked
+from fecore.updating.belief import over_sets, weights_of
+from fecore.updating.elastic_result import ElasticResult, prior_belief, stacked
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
-from fecore.updating.layout import CampaignModel, Coupon, Layout
+from fecore.updating.layout import Coupon, Layout
 from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
-from fecore.updating.posterior import DISCREPANCY, LinearProblem, discrepancy
+from fecore.updating.posterior import DISCREPANCY, LinearProblem
 from fecore.updating.result import ConvergenceStep
 
 SHAPE_DISCREPANCY = 0.01
@@ -104,27 +106,42 @@ def fit(
         raise InputError("use_shapes", "the measured modes have no shapes at points of the model")
     misfit = Misfit(layout, layout.coupon_terms(coupons), use_shapes, likest, held)
     origin: FloatArray = np.zeros(len(layout.unknowns))
-    initial = misfit.paired(origin, DISCREPANCY, scatter)
-    point = initial if start is None else misfit.paired(start, DISCREPANCY, scatter)
+    first_scales = _Scales(DISCREPANCY, scatter, tuple(np.ones(len(campaign.modes)) for campaign in layout.campaigns))
+    initial = misfit.paired(origin, first_scales)
+    point = initial if start is None else misfit.paired(start, first_scales)
     path = _Path(layout, progress)
     stopping = Stopping(relative=0.0, absolute=_REST**2 / 2, steps=_STEPS)
     for turn in range(_TURNS):
         path.late = turn >= _LATE
         found, first = minimise(point, misfit.move, stopping, path.visit), point
-        point = misfit.at(
-            found.point.x, found.point.states, misfit.pair(found.point.states), first.spread, first.scatter
-        )
+        point = misfit.at(found.point.x, found.point.states, misfit.pair(found.point.states), first.scales)
         path.note_partners(point)
-        fresh = misfit.fresh_scales(point, scatter)
-        same = all(abs(new - old) <= _SAME * old for new, old in zip(fresh, point.scales, strict=True))
+        fresh = misfit.fresh_scales(point, scatter, late=path.late)
+        same = fresh.are_those_of(point.scales)
         same &= all(a.pairs == b.pairs for a, b in zip(found.point.pairings, point.pairings, strict=True))
-        still = path.late and misfit.may_zigzag and first.cost - found.point.cost < _STILL
+        # Steps may zigzag about the minimum, as where modes veer; without shapes a fit creeps to a crossing.
+        still = path.late and layout.by_shapes and first.cost - found.point.cost < _STILL
         rests = still or found.outcome in ("converged", "stuck")
         if same and rests:
             progress(1.0)
             return misfit.result(point, initial, scatter, tuple(path.history))
-        point = replace(point, spread=fresh[0], scatter=fresh[1])
+        point = misfit.at(point.x, point.states, point.pairings, fresh)
     raise path.without_rest(point)
+
+
+@dataclass(frozen=True)
+class _Scales:
+    """What each turn estimates anew: discrepancy, scatter, and the weight of each measured mode of each campaign."""
+
+    spread: float
+    scatter: float
+    weights: tuple[FloatArray, ...]
+
+    def are_those_of(self, other: _Scales) -> bool:
+        """Whether they differ by no more than what changes nothing."""
+        mine, theirs = (self.spread, self.scatter), (other.spread, other.scatter)
+        same = all(abs(new - old) <= _SAME * old for new, old in zip(mine, theirs, strict=True))
+        return same and all(np.all(np.abs(a - b) <= _SAME) for a, b in zip(self.weights, other.weights, strict=True))
 
 
 @dataclass(frozen=True)
@@ -134,32 +151,18 @@ class _Point:
     states: tuple[ForwardState, ...]
     pairings: tuple[Pairing, ...]
     problem: LinearProblem
-    spread: float
-    scatter: float
+    scales: _Scales
+    cost: float
+    descent: FloatArray
+    hessian: FloatArray
 
     @property
     def x(self) -> FloatArray:
         return self.problem.x
 
-    @property
-    def scales(self) -> tuple[float, float]:
-        return self.spread, self.scatter
-
     @cached_property
-    def _model(self) -> tuple[float, FloatArray, FloatArray]:
-        return self.problem.at(self.spread, self.scatter)
-
-    @property
-    def cost(self) -> float:
-        return self._model[0]
-
-    @property
-    def descent(self) -> FloatArray:
-        return self._model[1]
-
-    @property
-    def hessian(self) -> FloatArray:
-        return self._model[2]
+    def partners(self) -> tuple[Partners, ...]:
+        return tuple(partners_of(p, state.kinds) for p, state in zip(self.pairings, self.states, strict=True))
 
 
 @dataclass(frozen=True)
@@ -172,15 +175,10 @@ class Misfit:
     likest: bool = False
     held: tuple[Partners, ...] | None = None
 
-    @property
-    def may_zigzag(self) -> bool:
-        """Whether steps may zigzag about the minimum, as where modes veer; without shapes a fit creeps to a crossing."""
-        return all(has_shapes(campaign.modes) for campaign in self.layout.campaigns)
-
-    def paired(self, x: FloatArray, spread: float, scatter: float) -> _Point:
+    def paired(self, x: FloatArray, scales: _Scales) -> _Point:
         """The misfit at x, the modes paired there."""
-        states = tuple(campaign.forward.solve(campaign.theta(x)) for campaign in self.layout.campaigns)
-        return self.at(x, states, self.pair(states), spread, scatter)
+        states = self.layout.solved(x)
+        return self.at(x, states, self.pair(states), scales)
 
     def pair(self, states: Sequence[ForwardState]) -> tuple[Pairing, ...]:
         """The pairing of each campaign's modes with those of its solved model."""
@@ -192,42 +190,45 @@ class Misfit:
             else:
                 pairing = pair_with(modes, state) if self.held is None else pair_held(modes, state, self.held[number])
             if not pairing.pairs:
-                raise NoPartnersError(_no_partners(campaign), best=_best(self.layout, number, state), history=())
+                raise _without_partners(self.layout, number, state)
             found.append(pairing)
         return tuple(found)
 
     @cached_property
     def _likest(self) -> tuple[Pairing, ...]:
-        return tuple(
-            pair_likest(c.modes, c.forward.solve(c.forward.parametrisation.prior_mean)) for c in self.layout.campaigns
-        )
+        return tuple(pair_likest(c.modes, c.forward.solve(c.prior.prior_mean)) for c in self.layout.campaigns)
 
     def at(
         self,
         x: FloatArray,
         states: tuple[ForwardState, ...],
         pairings: tuple[Pairing, ...],
-        spread: float,
-        scatter: float,
+        scales: _Scales,
     ) -> _Point:
-        """The misfit at solved models, for pairings, a discrepancy and a scatter."""
-        return _Point(states, pairings, self.linear(x, states, pairings), spread, scatter)
+        """The misfit at solved models, for pairings, a discrepancy, a scatter and the modes' weights."""
+        problem = self.linear(x, states, pairings, scales.weights)
+        return _Point(states, pairings, problem, scales, *problem.at(scales.spread, scales.scatter))
 
-    def linear(self, x: FloatArray, states: Sequence[ForwardState], pairings: Sequence[Pairing]) -> LinearProblem:
+    def linear(
+        self, x: FloatArray, states: Sequence[ForwardState], pairings: Sequence[Pairing], weights: Sequence[FloatArray]
+    ) -> LinearProblem:
         """The problem that is linear in the step from x."""
         rows = stacked(pairings)
         size, total = x.size, rows[-1].stop
         residual, noise, sensitivity = np.zeros(total), np.zeros((total, total)), np.zeros((total, size))
+        weight = np.concatenate(
+            [w[[row for row, _ in pairing.pairs]] for w, pairing in zip(weights, pairings, strict=True)]
+        )
         missed: list[FloatArray] = [np.zeros(0)]
         by: list[FloatArray] = [np.zeros((0, size))]
         for campaign, state, pairing, at in zip(self.layout.campaigns, states, pairings, rows, strict=True):
             measured, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
-            chain = campaign.coordinates.slope(state.theta)[:, None] * campaign.pick
+            chain = campaign.prior.slope(state.theta)[:, None] * campaign.pick
             residual[at] = np.log(campaign.modes.frequency_hz[measured] / state.frequency_hz[columns])
             noise[at, at] = campaign.noise(measured)
             sensitivity[at] = state.frequency_jacobian[columns] / state.frequency_hz[columns, None] @ chain
             if self.use_shapes:
-                off, of_theta = _shape_residual(campaign.modes, state, pairing)
+                off, of_theta = _shape_residual(campaign.modes, state, pairing, np.sqrt(weight[at]))
                 missed.append(off)
                 by.append(of_theta @ chain)
         J, m = np.vstack(by), np.concatenate(missed)
@@ -242,35 +243,45 @@ class Misfit:
             np.add.at(descent, place, off / sd**2)
             cost += float(np.sum((off / sd) ** 2))
         known = residual, noise, sensitivity, x, self.layout.sd, others
-        return LinearProblem(*known, other_descent=descent, other_cost=cost / 2)
+        return LinearProblem(*known, other_descent=descent, other_cost=cost / 2, weight=weight)
 
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
         """The point that a step leads to; None where no specimen could be, or a held partner is lost."""
         x = point.x + step
-        if not all(campaign.is_believable(x) for campaign in self.layout.campaigns):
+        if not self.layout.are_believable(x):
             return None
-        states = tuple(campaign.forward.solve(campaign.theta(x)) for campaign in self.layout.campaigns)
+        states = self.layout.solved(x)
         pairings = point.pairings
         if self.held is not None:
             pairings = self.pair(states)
             if any(len(a.pairs) < len(b.pairs) for a, b in zip(pairings, point.pairings, strict=True)):
                 return None  # a partner rose above the modes that were solved for
-        return self.at(x, states, pairings, *point.scales)
+        return self.at(x, states, pairings, point.scales)
 
-    def fresh_scales(self, point: _Point, scatter_scale: float) -> tuple[float, float]:
-        """Discrepancy and scatter as they are estimated at a point."""
-        problem = point.problem
-        spread = discrepancy(problem.residual, problem.informed(*point.scales), DISCREPANCY)
-        if not scatter_scale:
-            return spread, 0.0
-        mixture, scatters = problem.mixture(scatter_scale)
-        return spread, float(np.sqrt(mixture.weight @ scatters**2))
+    def fresh_scales(self, point: _Point, scatter_scale: float, *, late: bool) -> _Scales:
+        """Discrepancy, scatter and weights as they are at a point; late weights stay, so that the fit comes to rest."""
+        problem, old = point.problem, point.scales
+        spread, scatter = problem.discrepancy(old.spread, old.scatter), 0.0
+        if scatter_scale:
+            mixture, scatters = problem.mixture(scatter_scale)
+            scatter = float(np.sqrt(mixture.weight @ scatters**2))
+        if late:
+            return _Scales(spread, scatter, old.weights)
+        likeliest, weights = np.round(self.belief(point)), [np.ones(each.size) for each in old.weights]
+        for own, pairing, at in zip(weights, point.pairings, stacked(point.pairings), strict=True):
+            own[[row for row, _ in pairing.pairs]] = likeliest[at]
+        return _Scales(spread, scatter, tuple(weights))
+
+    def belief(self, point: _Point) -> FloatArray:
+        """(n,) probability that each paired mode is one (`belief`)."""
+        return weights_of(point.problem, *prior_belief(self.layout, point.pairings), point.scales.scatter)
 
     def result(
         self, point: _Point, initial: _Point, scatter_scale: float, history: tuple[ConvergenceStep, ...]
     ) -> ElasticResult:
         """The result at the point of rest."""
         campaigns = zip(self.layout.campaigns, point.states, strict=True)
+        given = point.problem.mixture(scatter_scale)[0]
         return ElasticResult(
             layout=self.layout,
             x=point.x,
@@ -279,9 +290,10 @@ class Misfit:
             initial_pairings=initial.pairings,
             pairings=point.pairings,
             problem=point.problem,
-            discrepancy=point.spread,
-            scatter=point.scatter,
-            mixture=point.problem.mixture(scatter_scale)[0],
+            discrepancy=point.scales.spread,
+            scatter=point.scales.scatter,
+            given=given,
+            mixture=over_sets(point.problem, self.belief(point), scatter_scale, given),
             excursions=tuple(campaign.seek_excursions(state) for campaign, state in campaigns),
             history=history,
             held=self.held,
@@ -308,24 +320,24 @@ class _Path:
         self.visited += 1
         if self._last is not point.x:
             self._last = point.x
-            measured = zip(self.layout.campaigns, point.states, point.pairings, strict=True)
-            hz = [_measured_order(state, pairing, len(campaign.modes)) for campaign, state, pairing in measured]
+            hz = [np.full(len(campaign.modes), np.nan) for campaign in self.layout.campaigns]  # NaN: without a partner
+            for own, state, pairing in zip(hz, point.states, point.pairings, strict=True):
+                for row, column in pairing.pairs:
+                    own[row] = state.frequency_hz[column]
             self.history.append(ConvergenceStep(self.layout.parameters(point.x), np.concatenate(hz), point.cost))
 
     def note_partners(self, point: _Point) -> None:
         """Note who is paired with whom, where the fit should have come to rest by then."""
         if self.late:
-            pairs = zip(point.pairings, point.states, strict=True)
-            self.between.setdefault(tuple(partners_of(p, state.kinds) for p, state in pairs), point.x)
+            self.between.setdefault(point.partners, point.x)
 
     def without_rest(self, point: _Point) -> UpdatingError:
         """The error of a fit that goes on for ever."""
         for number, campaign in enumerate(self.layout.campaigns):
             # At a crossing a fit creeps along the lower of two modes, and pairs with that one alone.
             if not has_shapes(campaign.modes):
-                own = tuple(partners_of(p, s.kinds) for p, s in zip(point.pairings, point.states, strict=True))
                 for other in exchanged(point.pairings[number], point.states[number].kinds):
-                    self.between[*own[:number], other, *own[number + 1 :]] = point.x
+                    self.between[*point.partners[:number], other, *point.partners[number + 1 :]] = point.x
         seen = [{(c, *each) for c, own in enumerate(partners) for each in own} for partners in self.between]
         everywhere = seen[0].intersection(*seen)
         torn = {(c, row) for one in seen for c, row, *_ in one - everywhere}
@@ -339,36 +351,36 @@ class _Path:
         return raised
 
 
-def _shape_residual(modes: MeasuredModes, state: ForwardState, pairing: Pairing) -> tuple[FloatArray, FloatArray]:
+def _shape_residual(
+    modes: MeasuredModes, state: ForwardState, pairing: Pairing, root_weight: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Realised measured less model shapes, each at its best scale, in standard deviations, and -∂/∂θ of them."""
     assert modes.shapes is not None, "it was looked for"
     residuals, jacobians = [], []
     points = len(modes.dofs)
-    for row, column in pairing.pairs:
+    for (row, column), root in zip(pairing.pairs, root_weight, strict=True):
         measured = turn_real(modes.shapes[row]).real
         measured = measured / np.abs(measured).max()
         model = state.shapes[column, :points]
         scale = measured @ model / (model @ model)
         by = state.shape_jacobian[:, state.modes.rigid + column, :points]
         across = by - np.outer(by @ model, model) / (model @ model)  # the best scale takes what lies along
-        residuals.append((measured - scale * model) / SHAPE_DISCREPANCY)
-        jacobians.append(scale * across.T / SHAPE_DISCREPANCY)
+        residuals.append(root * (measured - scale * model) / SHAPE_DISCREPANCY)
+        jacobians.append(root * scale * across.T / SHAPE_DISCREPANCY)
     return np.concatenate(residuals), np.vstack(jacobians)
 
 
-def _no_partners(campaign: CampaignModel) -> str:
+def _without_partners(layout: Layout, number: int, state: ForwardState) -> NoPartnersError:
+    """The error of a campaign, solved at some parameters, of which no measured mode has a partner."""
+    campaign = layout.campaigns[number]
+    message = "no measured mode is like any mode of the model; check the boundary, the grid points and the frame"
     if campaign.name:
-        return (
+        message = (
             f"no measured mode of campaign {campaign.name} is like any mode of its model; check its boundary, angle, "
             "grid points and frame"
         )
-    return "no measured mode is like any mode of the model; check the boundary, the grid points and the frame"
-
-
-def _best(layout: Layout, number: int, state: ForwardState) -> dict[str, float]:
-    """The parameters at a solved model of one campaign."""
-    names = layout.shared if len(layout.campaigns) > 1 else layout.campaigns[number].forward.parametrisation.names
-    return dict(zip(names, map(float, state.theta), strict=False))
+    names = layout.shared if campaign.name else campaign.prior.names
+    return NoPartnersError(message, best=dict(zip(names, map(float, state.theta), strict=False)), history=())
 
 
 def _no_rest(layout: Layout, torn: set[tuple[int, int]]) -> str:
@@ -383,11 +395,3 @@ def _no_rest(layout: Layout, torn: set[tuple[int, int]]) -> str:
     if len(layout.campaigns) > 1:
         said += "update each campaign by itself to see which one does not fit; "
     return said + "check geometry, density, boundary and priors"
-
-
-def _measured_order(state: ForwardState, pairing: Pairing, count: int) -> FloatArray:
-    """(n,) frequencies of the measured modes' partners, Hz; NaN of modes without one."""
-    frequencies = np.full(count, np.nan)
-    for row, column in pairing.pairs:
-        frequencies[row] = state.frequency_hz[column]
-    return frequencies

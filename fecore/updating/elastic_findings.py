@@ -6,7 +6,7 @@ import numpy as np
 
 from fecore.body.mesh import EDGE_ROUNDING
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic_result import REFUTED, ElasticResult
+from fecore.updating.elastic_result import BELIEVED, REFUTED, ElasticResult, prior_belief
 from fecore.updating.findings import Level, amount, found, listed, modes_of, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
@@ -47,7 +47,20 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
 
 def pairing_findings(elastic: ElasticResult) -> list[Finding]:
     """Modes of one campaign or of several that may be others than those they were paired with."""
-    return [*_rival_pairing(elastic), *_swinging_pairing(elastic)]
+    return [*_rival_pairing(elastic), *_swinging_pairing(elastic), *_not_believed(elastic)]
+
+
+def _not_believed(elastic: ElasticResult) -> list[Finding]:
+    """Measured modes that are more likely none, as the model has no place for them."""
+    findings, known = [], prior_belief(elastic.layout, elastic.pairings)[0]
+    for campaign, pairing, at in zip(elastic.layout.campaigns, elastic.pairings, elastic.rows, strict=True):
+        rows = zip(pairing.pairs, known[at], elastic.problem.residual[at], elastic.problem.weights[at], strict=True)
+        findings += [
+            found("mode_not_believed", which=campaign.named(row), probability=p, off=100 * np.expm1(residual))
+            for (row, _), p, residual, weight in rows
+            if weight < BELIEVED
+        ]
+    return findings
 
 
 def _rival_pairing(elastic: ElasticResult) -> list[Finding]:

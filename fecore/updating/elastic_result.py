@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -16,7 +16,7 @@ from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardState
 from fecore.updating.layout import CampaignModel, Layout
 from fecore.updating.pairing import Partners, partners_of
-from fecore.updating.parameters import Coordinates
+from fecore.updating.parameters import Parametrisation
 from fecore.updating.posterior import (
     Identifiability,
     LinearProblem,
@@ -33,11 +33,21 @@ REFUTED = 5.0
 
 NOISE, DISCREPANCY_OF_MODEL = "measurement noise", "model discrepancy"
 
+BELIEVED = 0.5
+"""Weight from which a measured mode is more likely one than none."""
+
 
 def stacked(pairings: Sequence[Pairing]) -> tuple[slice, ...]:
     """For each campaign, the slice of its paired frequencies in the stacked ones."""
     ends = np.cumsum([0, *(len(pairing.pairs) for pairing in pairings)])
     return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+
+
+def prior_belief(layout: Layout, pairings: Sequence[Pairing]) -> tuple[FloatArray, FloatArray]:
+    """(n,) P of the paired modes of all campaigns, and (n,) W (`belief`)."""
+    each = [(c, [row for row, _ in p.pairs]) for c, p in zip(layout.campaigns, pairings, strict=True)]
+    known, width = ([getattr(c, name)(rows) for c, rows in each] for name in ("probability", "width"))
+    return np.concatenate(known), np.concatenate(width)
 
 
 @dataclass(frozen=True)
@@ -65,8 +75,9 @@ class ElasticResult:
         problem: the linear problem at the estimate.
         discrepancy: s, the estimated relative model error of a frequency.
         scatter: τ, the estimated relative deviation of a specimen's modulus.
-        mixture: the posterior of x about the estimate, given the partners of the modes; discrepancy and scatter included,
-            excursions not.
+        given: the posterior of x about the estimate, given the partners of the modes and which are real; discrepancy and
+            scatter included, excursions not.
+        mixture: the same over which of the modes are real (`belief`).
         excursions: of each campaign, inputs that may be something, for what they do.
         history: iterates, first to last.
         starts: every start that was tried, this one among them; empty where there was no choice of starts.
@@ -85,6 +96,7 @@ class ElasticResult:
     problem: LinearProblem
     discrepancy: float
     scatter: float
+    given: Mixture
     mixture: Mixture
     excursions: tuple[tuple[Excursion, ...], ...]
     history: tuple[ConvergenceStep, ...]
@@ -121,10 +133,15 @@ class ElasticResult:
 
     @cached_property
     def identifiability(self) -> tuple[Identifiability, ...]:
-        """Of each unknown, whichever partners that are not ruled out the modes have."""
+        """Of each unknown, whichever of the modes are real and whichever partners that are not ruled out they have."""
         sd = self.layout.sd(self.scatter)
         known = identifiability(self.layout.labels, self.inverse, sd)
-        return spread_over(known, self.spanning.total, sd) if self.standing else known
+        return spread_over(known, self.spanning.total, sd) if self.standing or self.in_doubt else known
+
+    @property
+    def in_doubt(self) -> bool:
+        """Whether a measured mode may be none."""
+        return self.mixture is not self.given
 
     @property
     def null_directions(self) -> FloatArray:
@@ -143,15 +160,10 @@ class ElasticResult:
         """The posterior of x about the estimate over all pairings that are not ruled out, each by its evidence."""
         if not self.standing:
             return self.mixture
-        all_of = [(0.0, self.x, self.mixture), *((r.evidence, r.other.x, r.other.mixture) for r in self.standing)]
-        share = np.exp(-np.array([behind for behind, _, _ in all_of]))
-        share /= share.sum()
-        return Mixture(
-            np.concatenate([part * each.weight for part, (_, _, each) in zip(share, all_of, strict=True)]),
-            np.concatenate([x - self.x + each.shift for _, x, each in all_of]),
-            np.concatenate([each.covariance for _, _, each in all_of]),
-            np.concatenate([each.scale for _, _, each in all_of]),
-        )
+        others = [rival.other for rival in self.standing]
+        share = np.exp([0.0, *(-rival.evidence for rival in self.standing)])
+        shift = np.array([each.x - self.x for each in (self, *others)])
+        return Mixture.joined(share / share.sum(), shift, [each.mixture for each in (self, *others)])
 
     @property
     def rows(self) -> tuple[slice, ...]:
@@ -160,8 +172,19 @@ class ElasticResult:
 
     @property
     def misfit(self) -> float:
-        """Root mean square of the residuals."""
-        return float(np.sqrt(np.mean(self.problem.residual**2)))
+        """Root mean square of the residuals, of modes as far as they are believed."""
+        return self.missed(slice(None))
+
+    def missed(self, rows: slice) -> float:
+        """The same of some of them, such as one campaign's."""
+        weights = self.problem.weights[rows]
+        return float(np.sqrt(weights @ self.problem.residual[rows] ** 2 / max(weights.sum(), 1e-300)))
+
+    def believed(self, number: int) -> Pairing:
+        """A campaign's pairing without the measured modes that are more likely none."""
+        pairing, weights = self.pairings[number], self.problem.weights[self.rows[number]]
+        kept = tuple(pair for pair, weight in zip(pairing.pairs, weights, strict=True) if weight >= BELIEVED)
+        return replace(pairing, pairs=kept)
 
     @property
     def away(self) -> FloatArray:
@@ -224,9 +247,9 @@ class ElasticResult:
         return only
 
     @property
-    def coordinates(self) -> Coordinates:
-        """The map from its parameters θ to the coordinates of x."""
-        return self.only.coordinates
+    def prior(self) -> Parametrisation:
+        """Its parameters θ, their coordinates and prior."""
+        return self.only.prior
 
     @property
     def theta(self) -> FloatArray:
@@ -251,14 +274,8 @@ class ElasticResult:
     @cached_property
     def covariance(self) -> FloatArray:
         """(p, p) posterior covariance of θ given the partners, discrepancy included, excursions not."""
-        slope = self.coordinates.slope(self.theta)
+        slope = self.prior.slope(self.theta)
         return self.mixture.total * np.outer(slope, slope)
-
-    @cached_property
-    def noise_covariance(self) -> FloatArray:
-        """(p, p) covariance of θ under measurement noise alone."""
-        slope = self.coordinates.slope(self.theta)
-        return (self.gain @ self.problem.noise @ self.gain.T) * np.outer(slope, slope)
 
 
 def _finite(values: FloatArray | None, row: int) -> float | None:

@@ -32,13 +32,14 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.body.specimen import kind_of
 from fecore.errors import UpdatingError
+from fecore.updating.belief import stray_cost
 from fecore.updating.elastic import NoPartnersError, SwingingError, fit
-from fecore.updating.elastic_result import REFUTED, ElasticResult, Rival
+from fecore.updating.elastic_result import REFUTED, ElasticResult, Rival, prior_belief
 from fecore.updating.layout import Coupon, Layout
 from fecore.updating.pairing import (
     Partners,
+    alone_cost,
     exchanged,
-    has_shapes,
     missed_cost,
     pair_with,
     partners_of,
@@ -97,7 +98,7 @@ def update_from_several_starts(
             return error
 
     found = [run(layout, None, 0.0, 0.5)]
-    by_shapes = _by_shapes(layout)
+    by_shapes = layout.by_shapes
     if isinstance(found[0], UpdatingError) or is_doubtful(found[0]) or not by_shapes:
         loose = layout.unverified()
         starts = _other_starts(loose, seed)
@@ -123,17 +124,12 @@ def update_from_several_starts(
 def _likest(layout: Layout, found: Sequence[Found]) -> ElasticResult:
     """The likest modes in pairs, where no start found one that is like a measured one; else the first start's error."""
     first = next(each for each in found if isinstance(each, UpdatingError))
-    if not all(isinstance(each, NoPartnersError) for each in found) or not _by_shapes(layout):
+    if not all(isinstance(each, NoPartnersError) for each in found) or not layout.by_shapes:
         raise first
     try:
         return fit(layout, likest=True)
     except UpdatingError as error:
         raise first from error
-
-
-def _by_shapes(layout: Layout) -> bool:
-    """Whether every campaign has shapes that distinguish its modes."""
-    return all(has_shapes(campaign.modes) for campaign in layout.campaigns)
 
 
 def _is_verified(result: ElasticResult) -> bool:
@@ -149,11 +145,9 @@ def _to_hold(found: Sequence[Found], layout: Layout) -> list[tuple[tuple[Partner
     """Pairings that no fit came to rest at but may be as likely, each with the x to start from."""
     results = _ranked(found)
     origin: FloatArray = np.zeros(len(layout.unknowns))
-    own = []
-    for campaign in layout.campaigns:
-        state = campaign.forward.solve(campaign.theta(origin))
-        own.append(partners_of(pair_with(campaign.modes, state), state.kinds))
-    candidates: list[tuple[tuple[Partners, ...], FloatArray]] = [(tuple(own), origin)]
+    seen = zip(layout.campaigns, layout.solved(origin), strict=True)
+    own = tuple(partners_of(pair_with(campaign.modes, state), state.kinds) for campaign, state in seen)
+    candidates: list[tuple[tuple[Partners, ...], FloatArray]] = [(own, origin)]
     candidates += [pair for each in found if isinstance(each, SwingingError) for pair in each.between]
     least = evidence(results[0])[1] if results else np.inf
     for result in results:
@@ -219,14 +213,19 @@ def evidence(result: ElasticResult) -> tuple[int, float]:
     that meets the frequencies only where a constant is tuned to a per cent has a smaller part of the prior for it (MacKay,
     Neural Comput. 4, 1992; the Occam factor ½ ln |C_p| - ½ ln |H⁻¹|).
     """
-    residual, away = result.problem.residual, result.away
-    squares = DISCREPANCY_DOF + float(residual @ residual) / DISCREPANCY**2
-    misfit = (DISCREPANCY_DOF + residual.size) / 2 * np.log(squares) + float(away @ away) / 2
-    if _by_shapes(result.layout):
-        return sum(len(pairing.unpaired_measured) for pairing in result.pairings), misfit
+    problem, away = result.problem, result.away
+    squares = DISCREPANCY_DOF + float(problem.weights @ problem.residual**2) / DISCREPANCY**2
+    misfit = (DISCREPANCY_DOF + float(problem.weights.sum())) / 2 * np.log(squares) + float(away @ away) / 2
+    misfit += stray_cost(problem.weights, *prior_belief(result.layout, result.pairings), DISCREPANCY)
+    if result.layout.by_shapes:
+        each = zip(result.layout.campaigns, result.pairings, strict=True)
+        return round(sum(float(c.probability(p.unpaired_measured).sum()) for c, p in each)), misfit
     narrowed = np.log(result.layout.sd(result.scatter)).sum() - np.linalg.slogdet(result.inverse)[1] / 2
     parts = zip(result.layout.campaigns, result.pairings, result.states, strict=True)
-    missed = sum(missed_cost(p, probability_seen(c.modes, state), state.frequency_hz) for c, p, state in parts)
+    missed = sum(
+        missed_cost(p, probability_seen(c.modes, state), state.frequency_hz, alone_cost(c.modes))
+        for c, p, state in parts
+    )
     return 0, float(misfit + narrowed + missed)
 
 
@@ -237,12 +236,11 @@ def _other_starts(layout: Layout, seed: int) -> list[FloatArray]:
     for draw in even_draws(free, _DRAWS, seed):
         x: FloatArray = np.zeros(sd.size)
         x[:free] = _REACH * (2 * draw - 1) * sd[:free]
-        if not all(campaign.is_believable(x) for campaign in layout.campaigns):
+        if not layout.are_believable(x):
             continue
         key: list[object] = []
         alone, misses = 0, []
-        for campaign in layout.campaigns:
-            state = campaign.forward.solve(campaign.theta(x))
+        for campaign, state in zip(layout.campaigns, layout.solved(x), strict=True):
             pairing = pair_with(campaign.modes, state)
             alone += len(pairing.unpaired_measured)
             key.append(tuple((row, column, state.kinds[column]) for row, column in pairing.pairs))
@@ -280,13 +278,13 @@ def sparse_zones(first: ElasticResult, refit: Callable[[Layout, ElasticResult], 
         first: the update with the recipe's priors.
         refit: the update anew with other priors, from a former result.
     """
-    prior = first.only.forward.parametrisation
+    prior = first.prior
     zones = [c for c, name in enumerate(prior.names) if name in prior.body.nominal and kind_of(name) == "zone"]
     if not zones:
         return first
     largest, result = prior.prior_sd[zones], first
     for _ in range(_ROUNDS):
-        now = result.coordinates.sd[zones]
+        now = result.prior.xi_sd[zones]
         known = np.clip(1 - _variance(result, zones) / now**2, _KNOWN_AT_LEAST, 1.0)
         wanted = np.clip(np.sqrt(result.x[zones] ** 2 / known), _LEAST, largest)
         if np.all(np.abs(np.log(wanted / now)) < _SAME):

@@ -30,6 +30,9 @@ from fecore.updating.laws import RankedLaw
 from fecore.updating.result import BudgetEntry, Comparable, Finding, ParameterEstimate
 from fecore.updating.sampling import Posterior
 
+IN_DOUBT = "which modes are real"
+"""The budget's source for measured modes that may be none."""
+
 OTHER_PARTNERS = "partners of the modes"
 """The budget's source for pairings of the modes that are nearly as likely as the chosen one."""
 
@@ -48,14 +51,57 @@ class Spread:
     above: float
     variance: Mapping[str, float]
 
-    def budget(self, slope: float, provenance: Mapping[str, str]) -> tuple[BudgetEntry, ...]:
-        """The sources by their share of the variance, largest first, for a value that has this slope by the coordinate."""
-        total = self.sd**2 or 1.0
-        rows = sorted(self.variance.items(), key=lambda row: -row[1])
-        return tuple(
-            BudgetEntry(name, slope * float(np.sqrt(part)), part / total, provenance.get(name, ""))
-            for name, part in rows
+    def sampled(self, samples: FloatArray | None) -> Spread:
+        """With the standard deviation and the reaches of samples about the estimate, where there are any."""
+        if samples is None:
+            return self
+        low, high = np.quantile(samples, [0.025, 0.975])
+        return replace(self, sd=float(np.std(samples)), below=max(float(-low), 0.0), above=max(float(high), 0.0))
+
+    def with_excursions(self, excursions: Sequence[Excursion], pulls: FloatArray) -> Spread:
+        """With parts that lie on one side of the interval; reaches of independent parts add as squares."""
+        squares, whole, total = np.array([self.below**2, self.above**2]), dict(self.variance), self.sd**2
+        for each, pull in zip(excursions, pulls, strict=True):
+            part = float(each.rms * pull) ** 2
+            total += part
+            whole[each.name] = whole.get(each.name, 0.0) + part
+            sides = [True, True] if each.kind == "both" else [pull < 0, pull > 0]
+            squares[sides] += (each.reach * pull) ** 2
+        below, above = np.sqrt(squares).tolist()
+        return Spread(float(np.sqrt(total)), self.noise_sd, below, above, whole)
+
+    def estimate(
+        self,
+        name: str,
+        unit: str,
+        value: float,
+        *,
+        slope: float = 1.0,
+        log: bool = False,
+        provenance: Mapping[str, str] | None = None,
+    ) -> ParameterEstimate:
+        """The estimate of a value that has a slope by its coordinate, which may be its logarithm; without a prior."""
+        reach = np.array([-self.below, self.above])
+        low, high = sorted(map(float, value * np.exp(reach) if log else value + slope * reach))
+        slope, words, total = abs(slope), provenance or {}, self.sd**2 or 1.0
+        budget = tuple(
+            BudgetEntry(source, slope * float(np.sqrt(part)), part / total, words.get(source, ""))
+            for source, part in sorted(self.variance.items(), key=lambda row: -row[1])
             if part > _SMALLEST_SHARE * total
+        )
+        return ParameterEstimate(
+            name=name,
+            unit=unit,
+            initial=None,
+            estimate=value,
+            standard_deviation=slope * self.sd,
+            noise_standard_deviation=slope * self.noise_sd,
+            interval_95=(low, high),
+            identifiable=self.sd < abs(value) / 2,
+            prior_mean=None,
+            prior_sd=None,
+            comparable=Comparable(value, slope * self.noise_sd),
+            budget=budget,
         )
 
 
@@ -66,18 +112,21 @@ def coordinate_spread(elastic: ElasticResult, place: int, samples: FloatArray | 
     pairing, so the mixture over the pairings gives the interval then.
     """
     along = np.eye(elastic.x.size)[place]
-    total = float(elastic.mixture.total[place, place])
+    total, given = (float(each.total[place, place]) for each in (elastic.mixture, elastic.given))
     variance = {name: float(part[place] @ part[place]) for name, part in elastic.sources.items()}
     noise_sd = float(np.sqrt(variance[NOISE]))
-    variance[DISCREPANCY_OF_MODEL] = max(variance[DISCREPANCY_OF_MODEL] + total - sum(variance.values()), 0.0)
-    centred = None if samples is None else samples - (elastic.coordinates.mean + elastic.x)[place]
-    core = _sampled_or(centred, float(np.sqrt(total)), *elastic.mixture.reach(along))
+    variance[DISCREPANCY_OF_MODEL] = max(variance[DISCREPANCY_OF_MODEL] + given - sum(variance.values()), 0.0)
+    if elastic.in_doubt:
+        variance[IN_DOUBT] = max(total - given, 0.0)
     if elastic.standing:
         spanned = float(elastic.spanning.total[place, place])
         variance = {name: part * min(spanned / total, 1.0) for name, part in variance.items()}
         variance[OTHER_PARTNERS] = max(spanned - total, 0.0)
-        core = float(np.sqrt(spanned)), *elastic.spanning.reach(along)
-    return _with_excursions(noise_sd, *core, variance, elastic.every_excursion, elastic.pulls[place])
+        core = Spread(float(np.sqrt(spanned)), noise_sd, *elastic.spanning.reach(along), variance)
+    else:
+        centred = None if samples is None else samples - (elastic.prior.xi_mean + elastic.x)[place]
+        core = Spread(float(np.sqrt(total)), noise_sd, *elastic.mixture.reach(along), variance).sampled(centred)
+    return core.with_excursions(elastic.every_excursion, elastic.pulls[place])
 
 
 def constant_estimates(
@@ -90,54 +139,48 @@ def constant_estimates(
         inputs: what the laboratory of one campaign says of its inputs; None of several.
         sampled: samples of the posterior of one campaign.
     """
-    layout = elastic.layout
-    prior, coordinates = layout.campaigns[0].forward.parametrisation, layout.campaigns[0].coordinates
-    theta, held = layout.material(elastic.x), _with_inputs_held(elastic)
+    layout, prior = elastic.layout, elastic.layout.prior
+    theta, (held, held_sd) = layout.material(elastic.x), _with_inputs_held(elastic)
     provenance = {} if inputs is None else _provenance(elastic, inputs)
-    estimates = []
+    estimates = {}
     for column, master in enumerate(layout.shared):
-        samples = None if sampled is None else sampled.xi[:, column]
-        spread, state = coordinate_spread(elastic, column, samples), elastic.identifiability[column]
+        spread = coordinate_spread(elastic, column, None if sampled is None else sampled.xi[:, column])
+        state, log = elastic.identifiability[column], bool(prior.logarithmic[column])
         others = tuple(n for n in state.confounded_with if n != master and (inputs is not None or n in layout.shared))
         for row in np.flatnonzero(prior.spread[:, column]):
             ratio, name = float(prior.spread[row, column]), prior.constant_names[row]
-            value, log = ratio * float(theta[column]), bool(coordinates.logarithmic[column])
-            base = _estimate(
-                name, prior.units[row], value, spread, slope=value if log else ratio, log=log, provenance=provenance
+            value, mean = ratio * float(theta[column]), ratio * float(prior.prior_mean[column])
+            estimates[row] = replace(
+                spread.estimate(
+                    name, prior.units[row], value, slope=value if log else ratio, log=log, provenance=provenance
+                ),
+                initial=mean,
+                identifiable=state.identifiable,
+                prior_mean=mean,
+                prior_sd=abs(ratio) * float(prior.prior_sd[column]),
+                comparable=Comparable(ratio * float(held[column]), abs(ratio) * float(held_sd[column])),
+                confounded_with=others,
+                tied_to=None if name == master else master,
             )
-            mean = ratio * float(prior.prior_mean[column])
-            estimates.append(
-                replace(
-                    base,
-                    initial=mean,
-                    identifiable=state.identifiable,
-                    prior_mean=mean,
-                    prior_sd=abs(ratio) * float(prior.prior_sd[column]),
-                    comparable=Comparable(ratio * float(held.theta[column]), abs(ratio) * float(held.noise_sd[column])),
-                    confounded_with=others,
-                    tied_to=None if name == master else master,
-                )
-            )
-    order = {name: place for place, name in enumerate(prior.constant_names)}
-    return sorted(estimates, key=lambda each: order[each.name])
+    return [estimates[row] for row in sorted(estimates)]
 
 
 def own_estimates(elastic: ElasticResult, number: int) -> list[ParameterEstimate]:
     """The unknowns that are one campaign's and its specimen's own; scatter is a ratio to the material's constant."""
     layout, campaign = elastic.layout, elastic.layout.campaigns[number]
-    prior, theta, sds = campaign.forward.parametrisation, campaign.theta(elastic.x), layout.sd(elastic.scatter)
+    prior, theta, sds = campaign.prior, campaign.theta(elastic.x), layout.sd(elastic.scatter)
     estimates = []
-    for place in range(len(layout.shared), len(layout.unknowns)):
-        if not campaign.pick[:, place].any():
+    for place in np.flatnonzero(campaign.pick.any(axis=0)).tolist():
+        if place < len(layout.shared):
             continue
         unknown, spread = layout.unknowns[place], coordinate_spread(elastic, place)
         unit, value, mean, sd, log = "1", float(np.exp(elastic.x[place])), 1.0, float(sds[place]), True
         if not unknown.is_scatter:
-            row = int(np.flatnonzero(campaign.pick[:, place])[0])
+            row = prior.names.index(unknown.name)
             unit = prior.units[prior.constant_names.index(unknown.name)]
             value, mean, sd = float(theta[row]), float(prior.prior_mean[row]), float(prior.prior_sd[row])
-            log = bool(campaign.coordinates.logarithmic[row])
-        base = _estimate(unknown.name, unit, value, spread, slope=value if log else 1.0, log=log, provenance={})
+            log = bool(prior.logarithmic[row])
+        base = spread.estimate(unknown.name, unit, value, slope=value if log else 1.0, log=log)
         informed = 1 - (spread.sd / float(sds[place])) ** 2
         estimates.append(replace(base, initial=mean, identifiable=informed > 0.5, prior_mean=mean, prior_sd=sd))
     return estimates
@@ -156,26 +199,29 @@ def coefficient_estimates(
     estimates = []
     for i, (name, unit) in enumerate(zip(fit.law.coefficient_names, fit.law.coefficient_units, strict=True)):
         variance = {source: float(part[i] @ part[i]) for source, part in damping.sources.items()}
-        sd = float(np.sqrt(sum(variance.values())))
-        samples = None if sampled is None else sampled.damping[:, i] - fit.coefficients[i]
-        reach = damping.deviations.reach(sd**2 - variance[OF_LAW], variance[OF_LAW])
-        core = _sampled_or(samples, sd, reach, reach)
-        noise_sd = float(np.sqrt(fit.noise_covariance[i, i]))
-        spread = _with_excursions(noise_sd, *core, variance, excursions, pulls[i])
-        base = _estimate(name, unit, float(fit.coefficients[i]), spread, provenance=provenance)
+        total, noise_sd = sum(variance.values()), float(np.sqrt(fit.noise_covariance[i, i]))
+        reach = damping.deviations.reach(total - variance[OF_LAW], variance[OF_LAW])
+        core = Spread(float(np.sqrt(total)), noise_sd, reach, reach, variance)
+        spread = core.sampled(None if sampled is None else sampled.damping[:, i] - fit.coefficients[i])
+        spread = spread.with_excursions(excursions, pulls[i])
+        base = spread.estimate(name, unit, float(fit.coefficients[i]), provenance=provenance)
         estimates.append(replace(base, initial=float(damping.start[i])))
     return estimates
 
 
 def ratio_estimates(ranked: RankedLaw) -> list[ParameterEstimate]:
     """Coefficients of a law from the modes' damping ratios alone: the laboratory typed them in and sent no FRFs."""
-    rows = enumerate(zip(ranked.law.coefficient_names, ranked.law.coefficient_units, strict=True))
-    estimates = []
-    for i, (name, unit) in rows:
-        sd, noise_sd = (float(np.sqrt(each[i, i])) for each in (ranked.covariance, ranked.noise_covariance))
-        spread = Spread(sd, noise_sd, REACH_95 * sd, REACH_95 * sd, {})
-        estimates.append(_estimate(name, unit, float(ranked.coefficients[i]), spread, provenance={}))
-    return estimates
+    rows = zip(
+        ranked.law.coefficient_names,
+        ranked.law.coefficient_units,
+        map(float, ranked.coefficients),
+        *(np.sqrt(np.diag(each)) for each in (ranked.covariance, ranked.noise_covariance)),
+        strict=True,
+    )
+    return [
+        Spread(float(sd), float(noise), REACH_95 * float(sd), REACH_95 * float(sd), {}).estimate(name, unit, value)
+        for name, unit, value, sd, noise in rows
+    ]
 
 
 def disagreements(elastic: ElasticResult, sampled: Posterior | None) -> list[Finding]:
@@ -187,97 +233,29 @@ def disagreements(elastic: ElasticResult, sampled: Posterior | None) -> list[Fin
     return [found("samples_differ", name=n, ratio=ratio[i]) for i, n in names if abs(np.log(ratio[i])) > _DIFFERENT]
 
 
-@dataclass(frozen=True)
-class _Held:
-    """The shared parameters with every input at its stated value: (q,) θ, and its (q,) standard deviations by noise, SI."""
-
-    theta: FloatArray
-    noise_sd: FloatArray
-
-
-def _with_inputs_held(elastic: ElasticResult) -> _Held:
+def _with_inputs_held(elastic: ElasticResult) -> tuple[FloatArray, FloatArray]:
+    """The shared parameters with every input at its stated value, (q,) θ, and (q,) standard deviations by noise, SI."""
     layout, count = elastic.layout, len(elastic.layout.shared)
     turn = np.eye(count, elastic.x.size)
     if len(layout.campaigns) == 1:  # several have found out what their inputs are
         _, _, hessian = elastic.problem.at(elastic.discrepancy, elastic.scatter)
         turn[:, count:] = np.linalg.solve(hessian[:count, :count], hessian[:count, count:])
-    theta = layout.material(turn @ elastic.x)
-    noise = turn @ elastic.sources[NOISE]
-    logarithmic = layout.campaigns[0].coordinates.logarithmic[:count]
-    return _Held(theta, np.where(logarithmic, theta, 1.0) * np.sqrt(np.sum(noise**2, axis=1)))
-
-
-def _estimate(
-    name: str,
-    unit: str,
-    value: float,
-    spread: Spread,
-    *,
-    slope: float = 1.0,
-    log: bool = False,
-    provenance: Mapping[str, str],
-) -> ParameterEstimate:
-    """The estimate of a value that has a slope by its coordinate; of a damping coefficient as it stands."""
-    ends = (
-        value * np.exp([-spread.below, spread.above])
-        if log
-        else value + slope * np.array([-spread.below, spread.above])
-    )
-    low, high = sorted(map(float, ends))
-    noise = abs(slope) * spread.noise_sd
-    return ParameterEstimate(
-        name=name,
-        unit=unit,
-        initial=None,
-        estimate=value,
-        standard_deviation=abs(slope) * spread.sd,
-        noise_standard_deviation=noise,
-        interval_95=(low, high),
-        identifiable=spread.sd < abs(value) / 2,
-        prior_mean=None,
-        prior_sd=None,
-        comparable=Comparable(value, noise),
-        budget=spread.budget(abs(slope), provenance),
-    )
-
-
-def _sampled_or(samples: FloatArray | None, sd: float, below: float, above: float) -> tuple[float, float, float]:
-    """Standard deviation and reaches: of samples about the estimate where there are any, else as given."""
-    if samples is None:
-        return sd, below, above
-    low, high = np.quantile(samples, [0.025, 0.975])
-    return float(np.std(samples)), max(float(-low), 0.0), max(float(high), 0.0)
-
-
-def _with_excursions(
-    noise_sd: float,
-    sd: float,
-    below: float,
-    above: float,
-    variance: Mapping[str, float],
-    excursions: Sequence[Excursion],
-    pulls: FloatArray,
-) -> Spread:
-    """Parts that lie on one side of the interval; reaches of independent parts add as squares."""
-    squares, whole, total = np.array([below**2, above**2]), dict(variance), sd**2
-    for each, pull in zip(excursions, pulls, strict=True):
-        part = float(each.rms * pull) ** 2
-        total += part
-        whole[each.name] = whole.get(each.name, 0.0) + part
-        sides = [True, True] if each.kind == "both" else [pull < 0, pull > 0]
-        squares[sides] += (each.reach * pull) ** 2
-    return Spread(float(np.sqrt(total)), noise_sd, float(np.sqrt(squares[0])), float(np.sqrt(squares[1])), whole)
+    theta, noise = layout.material(turn @ elastic.x), turn @ elastic.sources[NOISE]
+    slope = np.where(layout.prior.logarithmic[:count], theta, 1.0)
+    return theta, slope * np.sqrt(np.sum(noise**2, axis=1))
 
 
 def _provenance(elastic: ElasticResult, inputs: Inputs, damping: DampingResult | None = None) -> dict[str, str]:
     """Where the standard deviation of each source comes from, in words."""
-    prior = elastic.only.forward.parametrisation
+    prior = elastic.prior
     words = {
         NOISE: "covariance of the measured modes",
         DISCREPANCY_OF_MODEL: f"{100 * elastic.discrepancy:.2g} % of a frequency, from the residuals and its prior",
     }
     if elastic.standing:
         words[OTHER_PARTNERS] = f"{len(elastic.standing)} other pairings that the frequencies do not rule out"
+    if elastic.in_doubt:
+        words[IN_DOUBT] = "the probability of each measured mode, and how it fits the model"
     for column, name in enumerate(prior.names):
         sd = f"{prior.prior_sd[column]:.3g} {prior.units[prior.constant_names.index(name)]}"
         if name in prior.reported:

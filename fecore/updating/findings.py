@@ -94,6 +94,13 @@ FINDINGS = {
         _ANOTHER_BODY,
     ),
     "modes_alone": Row("with_care", 6, "{alone} no partner in the model"),
+    "mode_not_believed": Row(
+        None,
+        2,
+        "measured mode {which}, which is a mode with probability {probability:.2f}, lies {off:+.2f} % off its partner in the "
+        "model and is left out",
+        "look at it in the FRFs, and drop or keep it in the mode set",
+    ),
     "shapes_unlike": Row(
         "do_not_use", 80, "most measured mode shapes disagree with the model's (median MAC {mac:.2f})"
     ),

@@ -29,7 +29,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy
 
 from fecore.arrays import FloatArray
 from fecore.body.mechanisms import SUPPORTS, mechanism_names
@@ -44,7 +43,7 @@ from fecore.updating.findings import found
 from fecore.updating.measured_ratios import MeasuredRatios, paired_ratios
 from fecore.updating.parameters import by_name
 from fecore.updating.recipe import Recipe
-from fecore.updating.result import Finding
+from fecore.updating.result import CommonLaw, Finding
 
 STRONG_EVIDENCE = 10.0
 """Difference of two BICs above which the worse law is called inadequate."""
@@ -238,55 +237,28 @@ def _is_refuted(
     return hidden or together or bool(np.any(coefficients < -_NEGATIVE * np.sqrt(np.diag(covariance))))
 
 
-@dataclass(frozen=True)
-class CommonLaw:
-    """A damping law with one set of coefficients for all campaigns.
-
-    Attributes:
-        name: of the law.
-        coefficients, standard_deviations: by name; a0 in 1/s, loss factors without unit, viscous rates in s.
-        bic: infinite where the law cannot be.
-        preferred: whether no other law has a lower BIC.
-        missed_by: root mean square of the relative misses of each campaign's ratios, by its name.
-    """
-
-    name: str
-    coefficients: dict[str, float]
-    standard_deviations: dict[str, float]
-    bic: float
-    preferred: bool
-    missed_by: dict[str, float]
-
-
 def common_damping(elastic: ElasticResult) -> tuple[CommonLaw, ...]:
     """The laws that the paired modes of all campaigns can determine, ranked; none where no mode has a damping ratio."""
-    seen = zip(elastic.layout.campaigns, elastic.states, elastic.pairings, strict=True)
-    parts = [paired_ratios(campaign.modes, state, pairing)[1] for campaign, state, pairing in seen]
-    damped = [(number, part) for number, part in enumerate(parts) if part.ratio.size]
-    if not damped:
+    seen = enumerate(zip(elastic.layout.campaigns, elastic.states, strict=True))
+    parts = {c.name: paired_ratios(c.modes, state, elastic.believed(number))[1] for number, (c, state) in seen}
+    ratios = MeasuredRatios.stacked(list(parts.values()))
+    count = ratios.ratio.size
+    if not count:
         return ()
-    shares = [part.strain for _, part in damped if part.strain is not None]
-    together = MeasuredRatios(
-        np.concatenate([part.omega for _, part in damped]),
-        np.concatenate([part.ratio for _, part in damped]),
-        scipy.linalg.block_diag(*(part.relative_covariance for _, part in damped)),
-        np.vstack(shares),
-    )
-    by_mechanism = mechanism_laws(elastic.layout.campaigns[damped[0][0]].forward.specimen)
-    laws = identifiable_laws(
-        together.ratio.size, [*FREQUENCY_LAWS.values(), *(by_mechanism[name] for name in _BY_MECHANISM)]
-    )
-    ranking = rank_laws(together, list(range(together.ratio.size)), laws)
-    ends = np.cumsum([part.ratio.size for _, part in damped])[:-1]
-    names = [elastic.layout.campaigns[number].name for number, _ in damped]
-    common = []
-    for ranked in ranking.laws:
-        misses = np.split(ranked.missed, ends)
-        common.append(
-            CommonLaw(
-                **ranked.described,
-                preferred=ranked is ranking.preferred and bool(np.isfinite(ranked.bic)),
-                missed_by={name: float(np.sqrt(np.mean(miss**2))) for name, miss in zip(names, misses, strict=True)},
-            )
+    known = {**FREQUENCY_LAWS, **mechanism_laws(elastic.layout.campaigns[0].forward.specimen)}
+    laws = identifiable_laws(count, [known[name] for name in (*FREQUENCY_LAWS, *_BY_MECHANISM)])
+    ranking = rank_laws(ratios, list(range(count)), laws)
+    ends = np.cumsum([part.ratio.size for part in parts.values()])[:-1]
+
+    def by_campaign(missed: FloatArray) -> dict[str, float]:
+        each = zip(parts, np.split(missed, ends), strict=True)
+        return {name: float(np.sqrt(np.mean(misses**2))) for name, misses in each if misses.size}
+
+    return tuple(
+        CommonLaw(
+            **ranked.described,
+            preferred=ranked is ranking.preferred and bool(np.isfinite(ranked.bic)),
+            missed_by=by_campaign(ranked.missed),
         )
-    return tuple(common)
+        for ranked in ranking.laws
+    )

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -24,7 +23,8 @@ from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
-from fecore.updating.parameters import Coordinates, by_name
+from fecore.updating.pairing import has_shapes
+from fecore.updating.parameters import Parametrisation, by_name
 
 SPECIMENS_OWN = ("width", "thickness", "density", "fibre_angle")
 """Constants that belong to a specimen, whatever its boundary."""
@@ -86,18 +86,18 @@ class CampaignModel:
     pick: FloatArray
     seek_excursions: Callable[[ForwardState], tuple[Excursion, ...]] = lambda _: ()
 
-    @cached_property
-    def coordinates(self) -> Coordinates:
-        """Of the campaign's parameters θ."""
-        return Coordinates(self.forward.parametrisation)
+    @property
+    def prior(self) -> Parametrisation:
+        """The campaign's parameters θ, their coordinates and prior."""
+        return self.forward.parametrisation
 
     def theta(self, x: FloatArray) -> FloatArray:
         """(p,) the campaign's parameters θ at x."""
-        return self.coordinates.values(self.coordinates.mean + self.pick @ x)
+        return self.prior.theta(self.prior.xi_mean + self.pick @ x)
 
     def is_believable(self, x: FloatArray) -> bool:
         """Whether the campaign's body could have the parameters at x."""
-        return bool(self.coordinates.are_believable((self.coordinates.mean + self.pick @ x)[None])[0])
+        return bool(self.prior.are_believable((self.prior.xi_mean + self.pick @ x)[None])[0])
 
     def noise(self, rows: list[int]) -> FloatArray:
         """(n, n) covariance of the logarithms of some measured frequencies by noise."""
@@ -106,6 +106,16 @@ class CampaignModel:
         hz = self.modes.frequency_hz[rows]
         covariance: FloatArray = self.modes.covariance[np.ix_(rows, rows)] / np.outer(hz, hz)
         return covariance
+
+    def probability(self, rows: Sequence[int]) -> FloatArray:
+        """(n,) probabilities that some measured modes are modes of the structure; 1 where nobody doubts it."""
+        known = self.modes.probability
+        return np.ones(len(rows)) if known is None else known[list(rows)]
+
+    def width(self, rows: Sequence[int]) -> FloatArray:
+        """(n,) W of some measured modes: one over the density of ln f that a pole has that is none (`belief`)."""
+        hz = self.modes.frequency_hz
+        return np.asarray(hz[-1] / hz[list(rows)])
 
     def named(self, row: int) -> str:
         """A measured mode in a message: its number and frequency, and its campaign where there are several."""
@@ -142,20 +152,38 @@ class Layout:
         seek_excursions: Callable[[ForwardState], tuple[Excursion, ...]] = lambda _: (),
     ) -> Layout:
         """The unknowns of one campaign: its parameters and inputs."""
-        prior, sd = forward.parametrisation, Coordinates(forward.parametrisation).sd
+        prior = forward.parametrisation
         owners = [None if name in prior.reported else "" for name in prior.names]
-        unknowns = tuple(Unknown(*each) for each in zip(prior.names, owners, map(float, sd), strict=True))
-        return cls((CampaignModel("", forward, modes, np.eye(sd.size), seek_excursions),), unknowns)
+        unknowns = tuple(Unknown(*each) for each in zip(prior.names, owners, map(float, prior.xi_sd), strict=True))
+        return cls((CampaignModel("", forward, modes, np.eye(len(prior.names)), seek_excursions),), unknowns)
 
     @property
     def shared(self) -> tuple[str, ...]:
         """Names of the parameters that are asked for, the first entries of x."""
-        return self.campaigns[0].forward.parametrisation.reported
+        return self.prior.reported
+
+    @property
+    def prior(self) -> Parametrisation:
+        """The first campaign's parameters, the shared ones first."""
+        return self.campaigns[0].prior
 
     @property
     def labels(self) -> tuple[str, ...]:
         """Of all unknowns."""
         return tuple(unknown.label for unknown in self.unknowns)
+
+    @property
+    def by_shapes(self) -> bool:
+        """Whether every campaign has shapes that distinguish its modes."""
+        return all(has_shapes(campaign.modes) for campaign in self.campaigns)
+
+    def solved(self, x: FloatArray) -> tuple[ForwardState, ...]:
+        """Each campaign's model at x."""
+        return tuple(campaign.forward.solve(campaign.theta(x)) for campaign in self.campaigns)
+
+    def are_believable(self, x: FloatArray) -> bool:
+        """Whether the bodies of all campaigns could have the parameters at x."""
+        return all(campaign.is_believable(x) for campaign in self.campaigns)
 
     def sd(self, scatter: float) -> FloatArray:
         """(X,) prior standard deviations, where specimens scatter by so much."""
@@ -163,16 +191,15 @@ class Layout:
 
     def material(self, x: FloatArray) -> FloatArray:
         """(q,) the shared parameters at x, without any specimen's scatter."""
-        q, coordinates = len(self.shared), self.campaigns[0].coordinates
-        xi = coordinates.mean.copy()
+        q, xi = len(self.shared), self.prior.xi_mean.copy()
         xi[:q] += x[:q]
-        return coordinates.values(xi)[:q]
+        return self.prior.theta(xi)[:q]
 
     def parameters(self, x: FloatArray) -> dict[str, float]:
         """The shared parameters by name; of one campaign its inputs too. SI."""
         if len(self.campaigns) > 1:
             return by_name(self.shared, self.material(x))
-        return by_name(self.campaigns[0].forward.parametrisation.names, self.campaigns[0].theta(x))
+        return by_name(self.prior.names, self.campaigns[0].theta(x))
 
     def coupon_terms(self, coupons: Sequence[Coupon]) -> tuple[tuple[int, float, float], ...]:
         """Place in x, value and standard deviation of each coupon there.
@@ -180,15 +207,15 @@ class Layout:
         Raises:
             InputError: a coupon's constant is not updated.
         """
-        terms, coordinates = [], self.campaigns[0].coordinates
+        terms = []
         for index, coupon in enumerate(coupons):
             if coupon.name not in self.shared:
                 known = ", ".join(self.shared)
                 raise InputError(f"coupons.{index}", f"{coupon.name} is not updated; expected one of {known}")
             place, mean, sd = self.shared.index(coupon.name), coupon.mean, coupon.standard_deviation
-            if coordinates.logarithmic[place]:
+            if self.prior.logarithmic[place]:
                 mean, sd = float(np.log(mean)), sd / mean
-            terms.append((place, mean - float(coordinates.mean[place]), sd))
+            terms.append((place, mean - float(self.prior.xi_mean[place]), sd))
         return tuple(terms)
 
     def unverified(self) -> Layout:
@@ -199,5 +226,5 @@ class Layout:
     def with_priors(self, sd: Sequence[float] | FloatArray) -> Layout:
         """The layout of one campaign with other prior standard deviations of its parameters, SI."""
         (only,) = self.campaigns
-        parametrisation = replace(only.forward.parametrisation, prior_sd=np.asarray(sd))
+        parametrisation = replace(only.prior, prior_sd=np.asarray(sd))
         return Layout.of_one(replace(only.forward, parametrisation=parametrisation), only.modes, only.seek_excursions)

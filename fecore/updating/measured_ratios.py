@@ -4,13 +4,17 @@ The FRFs are fitted with the model's own shapes and frequencies, the modes were 
 clamp, an unstated sensor or a delay leaves in the FRFs moves the first and not the second. With a the law from the FRFs and a_r
 the one that comes nearest to the ratios, d = a - a_r has the variance V by noise and by the scatter of the modes about the law;
 what d² has above V is an error of the model, and enters the variance of a.
+
+A law is never exact: each ratio is off it by a share ε ~ N(0, s²), and s is learnt from how far they are off.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.correlation import Pairing
@@ -19,6 +23,7 @@ from fecore.errors import UpdatingError
 from fecore.least_squares import nearest, unit_columns
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardState
+from fecore.updating.posterior import over_scales
 
 TYPED_RATIO_SD = 0.02
 """Relative standard deviation of a damping ratio that came without one."""
@@ -39,6 +44,16 @@ class MeasuredRatios:
     ratio: FloatArray
     relative_covariance: FloatArray
     strain: FloatArray | None = None
+
+    @classmethod
+    def stacked(cls, parts: Sequence[MeasuredRatios]) -> MeasuredRatios:
+        """Those of several campaigns of one material, one after the other."""
+        return cls(
+            np.concatenate([part.omega for part in parts]),
+            np.concatenate([part.ratio for part in parts]),
+            scipy.linalg.block_diag(*(part.relative_covariance for part in parts)),
+            np.vstack([part.strain for part in parts if part.strain is not None]),
+        )
 
     def basis(self, law: DampingLaw) -> FloatArray:
         """(n, p) derivative of the ratios by a law's coefficients."""
@@ -123,3 +138,73 @@ def disagreement(
     expected = np.diag(near) / scale**2 + np.diag(coefficient_noise)
     added: FloatArray = np.sqrt(np.maximum(apart**2 - expected, 0))
     return added
+
+
+@dataclass(frozen=True)
+class ScaleMixture:
+    """What is known of the scale s of deviations about a law: weights on a grid.
+
+    Attributes:
+        weight: (m,) posterior probabilities.
+        scale: (m,) s.
+    """
+
+    weight: FloatArray
+    scale: FloatArray
+
+    @property
+    def rms(self) -> float:
+        """Root of the posterior mean of s²."""
+        return float(np.sqrt(self.weight @ self.scale**2))
+
+    def reach(self, fixed: float, deviating: float, probability: float = 0.95) -> float:
+        """How far the central interval of a Gaussian of variance `fixed` + (s/rms)² `deviating` reaches to each side."""
+        sd = np.sqrt(fixed + (self.scale / self.rms) ** 2 * deviating)
+        if not np.any(sd > 0):
+            return 0.0
+        tail = (1 + probability) / 2
+        return float(
+            scipy.optimize.brentq(lambda x: float(self.weight @ scipy.special.ndtr(x / sd)) - tail, 0.0, 40 * sd.max())
+        )
+
+
+_LAW_FREEDOM = 3.0  # degrees of freedom of the prior of the scale of deviations
+_LAW_GRID = np.exp(np.linspace(np.log(0.01), np.log(30.0), 49))  # s over the prior's scale
+
+
+def scale_of_deviations(residual: FloatArray, noise: FloatArray, basis: FloatArray, prior_rms: float) -> ScaleMixture:
+    """The scale s of the relative deviations ε ~ N(0, s²) of n values from a law that is linear in its p coefficients.
+
+    The coefficients are integrated out under a flat prior (restricted likelihood, Patterson and Thompson 1971):
+
+        p(s | r) ∝ p(s) |W|^½ |BᵀWB|^-½ exp(-½ rᵀ(W - WB(BᵀWB)⁻¹BᵀW) r),     W = (C + s²)⁻¹.
+
+    The prior of s is a half Student t of three degrees of freedom (Gelman 2006): it leaves room for s = 0, so where the values
+    follow the law to their noise, s is learnt to be as small as that; and it has a long tail, so where they do not, s is as
+    large as they are off. With no more values than coefficients the prior is all that is known.
+
+    Args:
+        residual: (n,) relative residuals of the law.
+        noise: (n, n) their covariance by measurement noise, C.
+        basis: (n, p) relative derivative B of the values by the coefficients.
+        prior_rms: root mean square of the prior.
+    """
+    scale, log_weight = _prior_of_deviations(prior_rms)
+    values, turn = np.linalg.eigh(noise)
+    free = np.linalg.svd(basis)[0][:, basis.shape[1] :]  # what the coefficients cannot take up: |W|/|BᵀWB| = 1/|FᵀVF|
+    r, V = free.T @ residual, free.T @ ((turn * np.maximum(values, 0)) @ turn.T) @ free
+    for number, s in enumerate(scale):
+        covariance = V + s**2 * np.eye(r.size)
+        log_weight[number] -= (np.linalg.slogdet(covariance)[1] + r @ np.linalg.solve(covariance, r)) / 2
+    return ScaleMixture(np.exp(log_weight - scipy.special.logsumexp(log_weight)), scale)
+
+
+def log_likelihood_of_deviations(noise: FloatArray, prior_rms: float) -> Callable[[FloatArray], FloatArray]:
+    """The same of (w, n) relative residuals of a law, under the prior of `scale_of_deviations`."""
+    return over_scales(noise, *_prior_of_deviations(prior_rms), np.ones(len(noise)))
+
+
+def _prior_of_deviations(rms: float) -> tuple[FloatArray, FloatArray]:
+    """(m,) scales s and the logarithms of their prior probabilities, up to a constant."""
+    unit = rms / np.sqrt(_LAW_FREEDOM / (_LAW_FREEDOM - 2))
+    return unit * _LAW_GRID, -(_LAW_FREEDOM + 1) / 2 * np.log1p(_LAW_GRID**2 / _LAW_FREEDOM) + np.log(_LAW_GRID)

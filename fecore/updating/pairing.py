@@ -52,7 +52,7 @@ def pair_with(modes: MeasuredModes, state: ForwardState) -> Pairing:
         )
     seen = probability_seen(modes, state)
     shown = np.setdiff1d(np.arange(state.frequency_hz.size), state.hidden)
-    return _among(shown, pair_in_order(modes.frequency_hz, state.frequency_hz[shown], seen[shown]))
+    return _among(shown, pair_in_order(modes.frequency_hz, state.frequency_hz[shown], seen[shown], alone_cost(modes)))
 
 
 def pair_likest(modes: MeasuredModes, state: ForwardState) -> Pairing:
@@ -115,8 +115,25 @@ def probability_seen(modes: MeasuredModes, state: ForwardState) -> FloatArray:
     return np.asarray(np.clip(share / (1 + share), _LEAST, _MOST))
 
 
-def pair_in_order(measured_hz: FloatArray, model_hz: FloatArray, seen: FloatArray) -> Pairing:
-    """Align ascending measured with ascending model frequencies (module docstring); `seen` are the (m,) p_k."""
+def alone_cost(modes: MeasuredModes) -> FloatArray:
+    """(n,) what each measured mode costs without a partner: L, less where it may be none, -ln(1 - P + P e^-L)."""
+    probability = np.ones(len(modes)) if modes.probability is None else modes.probability
+    with np.errstate(divide="ignore"):
+        return np.asarray(-np.logaddexp(np.log(1 - probability), np.log(probability) - _ALONE))
+
+
+def pair_in_order(
+    measured_hz: FloatArray, model_hz: FloatArray, seen: FloatArray, alone_costs: FloatArray | None = None
+) -> Pairing:
+    """Align ascending measured with ascending model frequencies (module docstring).
+
+    Args:
+        measured_hz: (n,).
+        model_hz: (m,).
+        seen: (m,) p_k.
+        alone_costs: (n,) of a measured mode without a partner; L where nobody doubts the modes.
+    """
+    costs = np.full(measured_hz.size, _ALONE) if alone_costs is None else alone_costs
     n, m = measured_hz.size, model_hz.size
     order = np.argsort(model_hz, kind="stable")
     pair, miss = -np.log(seen[order]), -np.log(1 - seen[order])
@@ -125,12 +142,12 @@ def pair_in_order(measured_hz: FloatArray, model_hz: FloatArray, seen: FloatArra
     came = np.zeros((n + 1, m + 1, _FACTORS.size), dtype=np.int8)
     best[0] = np.concatenate([[0.0], np.cumsum(miss)])[:, None]
     for i in range(1, n + 1):
-        best[i, 0] = i * _ALONE
+        best[i, 0] = best[i - 1, 0] + costs[i - 1]
         came[i, 0] = 1
         for j in range(1, m + 1):
             together = best[i - 1, j - 1] + pair[j - 1] + ((off[i - 1, j - 1] - _FACTORS) / _SCATTER) ** 2 / 2
             missed = best[i, j - 1] + miss[j - 1]
-            alone = best[i - 1, j] + _ALONE
+            alone = best[i - 1, j] + costs[i - 1]
             choice = np.stack([together, alone, missed])
             came[i, j] = choice.argmin(axis=0)
             best[i, j] = choice.min(axis=0)
@@ -147,13 +164,16 @@ def pair_in_order(measured_hz: FloatArray, model_hz: FloatArray, seen: FloatArra
     return _described(tuple(pairs), measured_hz, model_hz, seen)
 
 
-def missed_cost(pairing: Pairing, seen: FloatArray, model_hz: FloatArray) -> float:
+def missed_cost(
+    pairing: Pairing, seen: FloatArray, model_hz: FloatArray, alone_costs: FloatArray | None = None
+) -> float:
     """What a pairing in order says against itself, frequencies apart: modes that were missed, and seen near their nodes."""
     if not pairing.pairs:
         return float("inf")
     paired = np.array([column for _, column in pairing.pairs])
     below = np.setdiff1d(np.flatnonzero(model_hz < model_hz[paired].max() * (1 + _SAME)), paired)
-    alone = _ALONE * len(pairing.unpaired_measured)
+    left = list(pairing.unpaired_measured)
+    alone = _ALONE * len(left) if alone_costs is None else float(alone_costs[left].sum())
     return float(-np.log(seen[paired]).sum() - np.log(1 - seen[below]).sum()) + alone
 
 

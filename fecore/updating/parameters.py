@@ -27,6 +27,7 @@ DEFAULT_RELATIVE_SD = 0.30
 """Prior standard deviation of a parameter for which none is stated, as a share of its mean."""
 
 _STEP = 1e-30  # of a constant: a complex step may be as small as that
+_FARTHEST = np.log(1000.0)  # from its prior mean, in either direction: no parameter is believed beyond
 
 
 @dataclass(frozen=True)
@@ -120,11 +121,6 @@ class Parametrisation:
         """SI units of the constants."""
         return (*(UNITS[kind_of(name)] for name in self.body.nominal), *(spring.unit for spring in self.body.springs))
 
-    @cached_property
-    def signed(self) -> BoolArray:
-        """(p,) parameters that may be negative."""
-        return np.array([name in self.body.nominal and kind_of(name) in SIGNED for name in self.names])
-
     def constants(self, theta: FloatArray) -> FloatArray:
         """(c + s,) constants in the order of `constant_names`."""
         values: FloatArray = self.base + self.spread @ theta
@@ -154,6 +150,47 @@ class Parametrisation:
         """Rows of the constants and of the springs."""
         count = len(self.body.nominal)
         return rows[:count], rows[count:]
+
+    # --- coordinates ξ of the parameters θ
+
+    @cached_property
+    def logarithmic(self) -> BoolArray:
+        """(p,) coordinates that are logarithms: those of parameters that cannot be negative."""
+        return np.array([name not in self.body.nominal or kind_of(name) not in SIGNED for name in self.names])
+
+    @cached_property
+    def xi_mean(self) -> FloatArray:
+        """(p,) prior mean of ξ."""
+        return self.xi(self.prior_mean)
+
+    @cached_property
+    def xi_sd(self) -> FloatArray:
+        """(p,) prior standard deviation of ξ."""
+        share = self.prior_sd / np.where(self.logarithmic, self.prior_mean, 1.0)
+        sd: FloatArray = np.where(self.logarithmic, np.sqrt(np.log1p(share**2)), self.prior_sd)
+        return sd
+
+    def xi(self, theta: FloatArray) -> FloatArray:
+        """(…, p) ξ of (…, p) θ."""
+        xi: FloatArray = np.where(self.logarithmic, np.log(np.where(self.logarithmic, theta, 1.0)), theta)
+        return xi
+
+    def theta(self, xi: FloatArray) -> FloatArray:
+        """(…, p) θ of (…, p) ξ."""
+        theta: FloatArray = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, xi, 0.0)), xi)
+        return theta
+
+    def slope(self, theta: FloatArray) -> FloatArray:
+        """(p,) ∂θ/∂ξ."""
+        slope: FloatArray = np.where(self.logarithmic, theta, 1.0)
+        return slope
+
+    def are_believable(self, xi: FloatArray) -> BoolArray:
+        """(w,) of (w, p) ξ, which are physical and within a factor of a thousand of their prior means."""
+        near: BoolArray = np.all((np.abs(xi - self.xi_mean) < _FARTHEST) | ~self.logarithmic, axis=-1)
+        if near.any():
+            near[near] = self.are_physical(self.theta(xi[near]))
+        return near
 
 
 @dataclass(frozen=True)
@@ -289,58 +326,3 @@ def _derivative(closed_form: Callable[[FloatArray], FloatArray], constants: Floa
     step = _STEP * np.maximum(np.abs(constants), _STEP)
     derivative: FloatArray = closed_form(constants[:, None] + 1j * np.diag(step)).imag / step
     return derivative
-
-
-_FARTHEST = np.log(1000.0)  # from its prior mean, in either direction: no parameter is believed beyond
-
-
-@dataclass(frozen=True)
-class Coordinates:
-    """The map between parameters θ and coordinates ξ, with the Gaussian prior of ξ.
-
-    Attributes:
-        parametrisation: whose parameters they are.
-    """
-
-    parametrisation: Parametrisation
-
-    @property
-    def logarithmic(self) -> BoolArray:
-        """(p,) coordinates that are logarithms."""
-        return ~self.parametrisation.signed
-
-    @cached_property
-    def mean(self) -> FloatArray:
-        """(p,) prior mean of ξ."""
-        return self.of(self.parametrisation.prior_mean)
-
-    @cached_property
-    def sd(self) -> FloatArray:
-        """(p,) prior standard deviation of ξ."""
-        prior = self.parametrisation
-        share = prior.prior_sd / np.where(self.logarithmic, prior.prior_mean, 1.0)
-        sd: FloatArray = np.where(self.logarithmic, np.sqrt(np.log1p(share**2)), prior.prior_sd)
-        return sd
-
-    def of(self, theta: FloatArray) -> FloatArray:
-        """(…, p) ξ of (…, p) θ."""
-        xi: FloatArray = np.where(self.logarithmic, np.log(np.where(self.logarithmic, theta, 1.0)), theta)
-        return xi
-
-    def values(self, xi: FloatArray) -> FloatArray:
-        """(…, p) θ of (…, p) ξ."""
-        theta: FloatArray = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, xi, 0.0)), xi)
-        return theta
-
-    def slope(self, theta: FloatArray) -> FloatArray:
-        """(p,) ∂θ/∂ξ."""
-        slope: FloatArray = np.where(self.logarithmic, theta, 1.0)
-        return slope
-
-    def are_believable(self, xi: FloatArray) -> BoolArray:
-        """(…) ξ that are physical and within a factor of a thousand of their prior means."""
-        near: BoolArray = np.all((np.abs(xi - self.mean) < _FARTHEST) | ~self.logarithmic, axis=-1)
-        allowed = np.zeros(near.shape, dtype=bool)
-        if near.any():
-            allowed[near] = self.parametrisation.are_physical(self.values(np.atleast_2d(xi)[np.atleast_1d(near)]))
-        return allowed

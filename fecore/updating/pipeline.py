@@ -6,40 +6,38 @@ The one entry point of updating, for a notebook as for the service.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from fecore.body.layered import LayeredSpecimen
-from fecore.body.specimen import Body, Specimen
+from fecore.body.specimen import Body
 from fecore.dynamics.damping_laws import DampingLaw, ModalDamping
 from fecore.errors import FecoreError, InputError, UpdatingError
 from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
 from fecore.updating.damping_data import damping_data
-from fecore.updating.damping_stage import DampingResult, fit_damping, fit_reference
-from fecore.updating.discretisation import DISCRETISATION, discretise
+from fecore.updating.damping_stage import fit_damping, fit_reference
+from fecore.updating.discretisation import DISCRETISATION, Discretisation, meshed
 from fecore.updating.elastic import fit
 from fecore.updating.elastic_findings import HOPELESS_MISS, points_beyond
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import sparse_zones, update_from_several_starts
 from fecore.updating.excursions import excursions, fixed_points
 from fecore.updating.findings import Level, found, remarks
-from fecore.updating.forward import EXTRA_MODES, ForwardModel, modes_to_cover
+from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs, tolerance_of
 from fecore.updating.joint import update_jointly
-from fecore.updating.laws import LawRanking, identifiable_laws, laws_of, rank_laws
+from fecore.updating.laws import identifiable_laws, laws_of, rank_laws
 from fecore.updating.layout import Layout
 from fecore.updating.measured_ratios import paired_ratios
 from fecore.updating.measurement import Measurement, Prepared, prepare
 from fecore.updating.parameters import Parametrisation, parametrise
-from fecore.updating.plausibility import examine
+from fecore.updating.plausibility import examine, unstated_window
 from fecore.updating.recipe import Recipe
-from fecore.updating.result import Finding, StageOutcome, UpdateResult
-from fecore.updating.sampling import Checkpoint, Posterior, sample_posterior
-from fecore.updating.summary import Summary
-from fecore.updating.window import unstated_window
+from fecore.updating.result import Finding, UpdateResult
+from fecore.updating.sampling import Checkpoint, sample_posterior
+from fecore.updating.summary import DampingOutcome, Summary
 
 Progress = Callable[[str, float], None]
 """Called with the stage in words and the share of the whole job that is done; raise from it to cancel."""
@@ -73,34 +71,30 @@ def update(
     recipe, inputs = recipe or Recipe(), measurement.inputs
     parametrisation = _with_inputs(parametrise(specimen, recipe.parameters), inputs)
     data = _prepared(measurement, specimen, recipe, progress)
-    specimen, mesh_findings = _meshed(specimen, data)
-    forward = _forward(specimen, replace(parametrisation, body=specimen), measurement, data)
+    body, mesh = meshed(specimen, _highest_hz(data))
+    forward = _forward(replace(parametrisation, body=body), measurement, data)
     progress(_ELASTIC, 0.4)
     elastic, modes = _elastic(forward, data, recipe, inputs, lambda share: progress(_ELASTIC, 0.4 + 0.2 * share))
-    done = _damping(
+    damping = _damping(
         data, elastic, modes, recipe, inputs, lambda share: progress("updating the damping", 0.6 + 0.1 * share)
     )
-    sampled = None if done.result is None else _sampled(recipe, elastic, done.result, progress, checkpoint)
+    sampled = None
+    if damping.result is not None and recipe.posterior == "mcmc":
+        sampled = sample_posterior(
+            elastic,
+            damping.result,
+            recipe.seed,
+            progress=lambda share: progress("sampling the posterior", 0.7 + 0.25 * share),
+            checkpoint=checkpoint,
+        )
     progress("correlating", 0.95)
-    result = Summary(
-        elastic=elastic,
-        damping=done.result,
-        ranking=done.ranking,
-        modes=modes,
-        data=data,
-        inputs=inputs,
-        band=done.band,
-        held_band=recipe.hold_out.band_hz,
-        sampled=sampled,
-        outcomes=(StageOutcome("elastic", "succeeded"), done.outcome),
-        findings=(
-            *remarks("measurement", data.warnings),
-            *mesh_findings,
-            *points_beyond(forward, inputs),
-            *_other_method(measurement, recipe),
-            *done.findings,
-        ),
-    ).result()
+    findings = [
+        *remarks("measurement", data.warnings),
+        *([] if mesh is None else _coarse(mesh)),
+        *points_beyond(forward, inputs),
+        *_other_method(measurement, recipe),
+    ]
+    result = Summary(elastic, modes, damping, data, inputs, recipe, sampled).result(findings)
     progress("done", 1.0)
     return result
 
@@ -129,14 +123,10 @@ def _with_inputs(parametrisation: Parametrisation, inputs: Inputs) -> Parametris
     )
 
 
-def _meshed(specimen: Body, data: Prepared) -> tuple[Body, list[Finding]]:
-    """The specimen with a mesh for its modes, where none was asked for; what is wrong with it."""
-    if not isinstance(specimen, Specimen | LayeredSpecimen) or specimen.divisions is not None:
-        return specimen, []
-    mesh = discretise(specimen, _highest_hz(data))
+def _coarse(mesh: Discretisation) -> list[Finding]:
+    """That the finest mesh allowed is too coarse."""
     worst, (nx, ny) = float(mesh.error.max(initial=0.0)), mesh.divisions
-    missed = [found("mesh_misses", nx=nx, ny=ny, percent=100 * worst)] if worst > DISCRETISATION else []
-    return replace(specimen, divisions=mesh.divisions), missed
+    return [found("mesh_misses", nx=nx, ny=ny, percent=100 * worst)] if worst > DISCRETISATION else []
 
 
 def _highest_hz(data: Prepared) -> float:
@@ -199,17 +189,6 @@ def _elastic(
     return joint.elastic, _unwindowed(joint.modes, inputs)
 
 
-@dataclass(frozen=True)
-class _Damping:
-    """How stage 2 ended: the band that it saw, the laws as ranked, the fitted law where there is one, what is worth saying."""
-
-    band: tuple[float, float] | None
-    ranking: LawRanking | None
-    result: DampingResult | None
-    outcome: StageOutcome
-    findings: tuple[Finding, ...] = ()
-
-
 def _damping(
     data: Prepared,
     elastic: ElasticResult,
@@ -217,7 +196,7 @@ def _damping(
     recipe: Recipe,
     inputs: Inputs,
     progress: Callable[[float], None],
-) -> _Damping:
+) -> DampingOutcome:
     """Stage 2: from the FRFs, or from typed damping ratios alone where there are none."""
     if data.fitted is None:
         return _damping_of_ratios(elastic, modes, recipe)
@@ -227,11 +206,11 @@ def _damping(
     try:
         stage = damping_data(inside, elastic, modes, recipe.weighting, inputs)
         asked = laws_of(recipe, stage.modal_law, elastic.updated.forward.specimen)
-        laws = identifiable_laws(len(stage.roles.rows), asked) or asked  # where there is none, the fit says so
+        laws = identifiable_laws(len(stage.rows), asked) or asked  # where there is none, the fit says so
         stage, odd = examine(stage)
-        findings += [*_unasked(asked[0], laws[0], len(stage.roles.rows)), *odd]
+        findings += [*_unasked(asked[0], laws[0], len(stage.rows)), *odd]
         reference = fit_reference(stage)
-        ranking = rank_laws(reference.ratios, stage.roles.rows, laws)
+        ranking = rank_laws(reference.ratios, stage.rows, laws)
         result = fit_damping(stage, reference, laws[0], progress=progress)
         findings += unstated_window(result, inputs, 1 / float(np.median(np.diff(inside.frequency_hz))))
     except InputError:
@@ -239,65 +218,45 @@ def _damping(
     except FecoreError as error:
         message = error.message if isinstance(error, UpdatingError) else str(error)
         level: Level | None = "do_not_use" if elastic.misfit > HOPELESS_MISS else None
-        failed = found("damping_failed", level=level, text=message)
-        return _Damping(band, None, None, StageOutcome("damping", "failed", message), (*findings, failed))
-    return _Damping(band, ranking, result, StageOutcome("damping", "succeeded"), tuple(findings))
+        findings.append(found("damping_failed", level=level, text=message))
+        return DampingOutcome("failed", message, band, findings=tuple(findings))
+    return DampingOutcome("succeeded", "", band, ranking, result, tuple(findings))
 
 
-def _damping_of_ratios(elastic: ElasticResult, modes: MeasuredModes, recipe: Recipe) -> _Damping:
+def _damping_of_ratios(elastic: ElasticResult, modes: MeasuredModes, recipe: Recipe) -> DampingOutcome:
     """Laws from the damping ratios of the paired modes, without FRFs."""
-    rows, ratios = paired_ratios(modes, elastic.updated, elastic.pairing)
+    rows, ratios = paired_ratios(modes, elastic.updated, elastic.believed(0))
     if not rows:
-        message = "there are no FRFs, and no paired mode has a damping ratio"
-        return _Damping(None, None, None, StageOutcome("damping", "skipped", message))
+        return DampingOutcome("skipped", "there are no FRFs, and no paired mode has a damping ratio")
     asked = laws_of(recipe, ModalDamping(tuple(np.sort(ratios.omega))), elastic.updated.forward.specimen)
     laws = identifiable_laws(len(rows), asked)
     if not laws:
-        message = f"{len(rows)} damping ratios cannot fix any of the laws asked for"
-        return _Damping(None, None, None, StageOutcome("damping", "skipped", message))
-    ranking = rank_laws(ratios, rows, laws)
-    outcome = StageOutcome("damping", "succeeded", "from the modes' damping ratios: there are no FRFs")
-    return _Damping(None, ranking, None, outcome, _unasked(asked[0], laws[0], len(rows)))
+        return DampingOutcome("skipped", f"{len(rows)} damping ratios cannot fix any of the laws asked for")
+    message = "from the modes' damping ratios: there are no FRFs"
+    findings = tuple(_unasked(asked[0], laws[0], len(rows)))
+    return DampingOutcome("succeeded", message, ranking=rank_laws(ratios, rows, laws), findings=findings)
 
 
-def _sampled(
-    recipe: Recipe, elastic: ElasticResult, damping: DampingResult, progress: Progress, checkpoint: Checkpoint | None
-) -> Posterior | None:
-    if recipe.posterior == "laplace":
-        return None
-    return sample_posterior(
-        elastic,
-        damping,
-        recipe.seed,
-        progress=lambda share: progress("sampling the posterior", 0.7 + 0.25 * share),
-        checkpoint=checkpoint,
-    )
-
-
-def _unasked(asked: DampingLaw, law: DampingLaw, modes: int) -> tuple[Finding, ...]:
+def _unasked(asked: DampingLaw, law: DampingLaw, modes: int) -> list[Finding]:
     """That another law takes the place of the first one."""
     if law is asked:
-        return ()
+        return []
     cannot = "one measured mode cannot" if modes == 1 else f"{modes} measured modes cannot"
     count = len(asked.coefficient_names)
-    return (found("law_replaced", modes=cannot, count=count, asked=asked.name, law=law.name),)
+    return [found("law_replaced", modes=cannot, count=count, asked=asked.name, law=law.name)]
 
 
-def _forward(
-    specimen: Body, parametrisation: Parametrisation, measurement: Measurement, data: Prepared
-) -> ForwardModel:
+def _forward(parametrisation: Parametrisation, measurement: Measurement, data: Prepared) -> ForwardModel:
     """The forward model at all measured points, those of the modes' shapes first and in their order."""
     first = [] if data.modes is None else [dof.point for dof in data.modes.dofs]
     dofs = () if data.frfs is None else (*data.frfs.responses, *data.frfs.references)
     points = (*first, *sorted({dof.point for dof in dofs} - set(first)))
-    places = np.array([measurement.points[point][:2] for point in points]).reshape(-1, 2)
-    measured = 0 if data.modes is None else len(data.modes)
-    highest = [float(each) for each in (() if data.frfs is None else data.frfs.frequency_hz[-1:])]
-    highest += [] if data.modes is None else [float(data.modes.frequency_hz[-1])]
-    count = modes_to_cover(parametrisation, highest[0], measured + EXTRA_MODES)
-    # Under a roving sensor a basis would have to hold the static deflections of every point: the full model is quicker.
-    mass = measurement.roving_mass
-    return ForwardModel(specimen, parametrisation, points, places, count, reduced=not mass, roving_mass=mass)
+    axis = data.modes if data.frfs is None else data.frfs
+    assert axis is not None, "a measurement has FRFs or modes"
+    highest, measured = float(axis.frequency_hz[-1]), 0 if data.modes is None else len(data.modes)
+    return ForwardModel.of_points(
+        parametrisation, points, measurement.points, highest, measured, measurement.roving_mass
+    )
 
 
 def _band(recipe: Recipe, frfs: FrfSet, elastic: ElasticResult) -> tuple[float, float]:

@@ -28,13 +28,13 @@ from fecore.body.supports import PointMass
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, clamped, lay_out
-from fecore.updating.discretisation import discretise
+from fecore.updating.discretisation import meshed
 from fecore.updating.elastic import fit
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.forward import ForwardModel, ForwardState, modes_to_cover
+from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Layout
-from fecore.updating.parameters import Parameter, by_name, parametrise
+from fecore.updating.parameters import Parameter, Parametrisation, by_name, parametrise
 from fecore.updating.posterior import DISCREPANCY
 
 _FAINT = 1e4  # noise variance of ln f, over the discrepancy's, from which a mode counts as not seen
@@ -133,14 +133,14 @@ def plan_tests(
         raise InputError("tests", "is empty, expected at least one that could be made")
     fitted = fit(lay_out(campaigns, parameters, scatter=False)) if campaigns else None
     theta = {} if fitted is None else by_name(fitted.layout.shared, fitted.layout.material(fitted.x))
-    looks = [_Look.of(test, parameters, theta) for test in tests]
-    layout = lay_out([*campaigns, *(look.campaign for look in looks)], parameters, scatter=False)
+    simulated = [_Simulated.of(test, parameters, theta) for test in tests]
+    layout = lay_out([*campaigns, *(each.campaign for each in simulated)], parameters, scatter=False)
     precision = np.diag(layout.sd(0.0) ** -2) + _informed(layout, fitted)
     now = _material_covariance(precision, len(layout.shared))
-    slope = layout.campaigns[0].coordinates.slope(_whole(layout, theta))[: len(layout.shared)]
+    slope = layout.prior.slope(_at(layout.prior, theta))[: len(layout.shared)]
     found = [
-        _forecast(look, layout, len(campaigns) + number, precision, now, slope, count=count)
-        for number, look in enumerate(looks)
+        _forecast(each, layout, len(campaigns) + number, precision, now, slope, count=count)
+        for number, each in enumerate(simulated)
     ]
     return Plan(
         by_name(layout.shared, np.sqrt(np.diag(now)) * slope),
@@ -149,40 +149,41 @@ def plan_tests(
 
 
 @dataclass(frozen=True)
-class _Look:
+class _Simulated:
     """A test on its model: the modes that it would see, and how loud each is at each point."""
 
     test: PlannedTest
     campaign: Campaign
-    state: ForwardState
+    theta: dict[str, float]
     loudness: FloatArray
 
     @classmethod
-    def of(cls, test: PlannedTest, parameters: Sequence[Parameter], theta: dict[str, float]) -> _Look:
+    def of(cls, test: PlannedTest, parameters: Sequence[Parameter], theta: dict[str, float]) -> _Simulated:
         body = clamped(test.body, test.inputs)
         if test.sensor_mass:
             x, y = test.points[test.sensor]
             body = replace(body, masses=(*body.masses, PointMass(x, y, test.sensor_mass)))
-        if body.divisions is None:
-            body = replace(body, divisions=discretise(replace(body, clamp_compliance=0.0), test.highest_hz).divisions)
+        body, _ = meshed(body, test.highest_hz)
         prior = parametrise(body, parameters)
-        places = np.array(test.points)
-        count = modes_to_cover(prior, test.highest_hz, 3)
-        forward = ForwardModel(body, prior, tuple(range(len(places))), places, count)
-        known = [theta.get(name, mean) for name, mean in zip(prior.names, prior.prior_mean, strict=True)]
-        state = forward.solve(np.array(known))
+        forward = ForwardModel.of_points(prior, range(len(test.points)), dict(enumerate(test.points)), test.highest_hz)
+        state = forward.solve(_at(prior, theta))
         hz = state.frequency_hz[state.frequency_hz < test.highest_hz]
         if not hz.size:
             raise InputError("highest_hz", f"of {test.name} is {test.highest_hz:g}, below the first mode of its model")
         campaign = Campaign(
             test.name, test.specimen, body, MeasuredModes(hz, np.full(hz.size, np.nan)), inputs=test.inputs
         )
-        return cls(test, campaign, state, _loudness(test, state.shapes[: hz.size], hz))
+        return cls(test, campaign, by_name(prior.names, state.theta), _loudness(test, state.shapes[: hz.size], hz))
 
     def noise(self, points: Sequence[int]) -> FloatArray:
         """(n,) variance of ln f by noise when these points are hit."""
         variance: FloatArray = 1 / np.maximum(self.loudness[:, list(points)].sum(axis=1), 1e-300)
         return variance
+
+
+def _at(prior: Parametrisation, theta: dict[str, float]) -> FloatArray:
+    """(p,) parameters: known ones by name, the others at their prior means."""
+    return np.array([theta.get(name, mean) for name, mean in zip(prior.names, prior.prior_mean, strict=True)])
 
 
 def _loudness(test: PlannedTest, shapes: FloatArray, hz: FloatArray) -> FloatArray:
@@ -196,21 +197,6 @@ def _loudness(test: PlannedTest, shapes: FloatArray, hz: FloatArray) -> FloatArr
     return loud
 
 
-def _whole(layout: Layout, theta: dict[str, float], number: int = 0) -> FloatArray:
-    prior = layout.campaigns[number].forward.parametrisation
-    return np.array([theta.get(name, mean) for name, mean in zip(prior.names, prior.prior_mean, strict=True)])
-
-
-def _sensitivity(layout: Layout, number: int, theta: dict[str, float]) -> FloatArray:
-    """(n, X) ∂ln f/∂x of a campaign's modes, each taken for the model's of its number."""
-    campaign = layout.campaigns[number]
-    state = campaign.forward.solve(_whole(layout, theta, number))
-    count = min(len(campaign.modes), state.frequency_hz.size)
-    by = state.frequency_jacobian[:count] / state.frequency_hz[:count, None]
-    sensitivity: FloatArray = by * campaign.coordinates.slope(state.theta) @ campaign.pick
-    return sensitivity
-
-
 def _informed(layout: Layout, fitted: ElasticResult | None) -> FloatArray:
     """(X, X) precision that the campaigns so far bring."""
     size = len(layout.unknowns)
@@ -218,7 +204,9 @@ def _informed(layout: Layout, fitted: ElasticResult | None) -> FloatArray:
         return np.zeros((size, size))
     variance = fitted.problem.noise + fitted.discrepancy**2 * np.eye(fitted.problem.residual.size)
     S = np.zeros((fitted.problem.residual.size, size))
-    S[:, [layout.labels.index(label) for label in fitted.layout.labels]] = fitted.problem.sensitivity
+    S[:, [layout.labels.index(label) for label in fitted.layout.labels]] = (
+        np.sqrt(fitted.problem.weights)[:, None] * fitted.problem.sensitivity
+    )
     precision: FloatArray = S.T @ np.linalg.solve(variance, S)
     return precision
 
@@ -229,7 +217,7 @@ def _material_covariance(precision: FloatArray, shared: int) -> FloatArray:
 
 
 def _forecast(
-    look: _Look,
+    each: _Simulated,
     layout: Layout,
     number: int,
     precision: FloatArray,
@@ -238,32 +226,32 @@ def _forecast(
     *,
     count: int | None,
 ) -> Forecast:
-    S, shared = _sensitivity(layout, number, _theta_of(look)), len(layout.shared)
+    campaign, shared = layout.campaigns[number], len(layout.shared)
+    state = campaign.forward.solve(_at(campaign.prior, each.theta))
+    rows = min(len(campaign.modes), state.frequency_hz.size)  # each mode is taken for the model's of its number
+    by = state.frequency_jacobian[:rows] / state.frequency_hz[:rows, None]
+    S = by * campaign.prior.slope(state.theta) @ campaign.pick
     base = np.linalg.slogdet(now)[1]
 
     def covariance(points: Sequence[int]) -> FloatArray:
-        weight = 1 / (look.noise(points) + DISCREPANCY**2)
+        weight = 1 / (each.noise(points) + DISCREPANCY**2)
         return _material_covariance(precision + S.T @ (weight[:, None] * S), shared)
 
     def information(points: Sequence[int]) -> float:
         return float(base - np.linalg.slogdet(covariance(points))[1]) / 2
 
-    everywhere = tuple(range(look.loudness.shape[1])) if look.test.hit is None else look.test.hit
+    everywhere = tuple(range(each.loudness.shape[1])) if each.test.hit is None else each.test.hit
     chosen = everywhere if count is None else best_points(information, everywhere, count)
-    seen = look.noise(chosen) < _FAINT * DISCREPANCY**2
+    seen = each.noise(chosen) < _FAINT * DISCREPANCY**2
     whole = information(everywhere)
     return Forecast(
-        name=look.test.name,
+        name=each.test.name,
         information=information(chosen),
         standard_deviations=by_name(layout.shared, np.sqrt(np.diag(covariance(chosen))) * slope),
-        frequencies_hz=look.campaign.modes.frequency_hz[seen],
+        frequencies_hz=each.campaign.modes.frequency_hz[seen],
         points=tuple(chosen),
         share=information(chosen) / whole if whole > 0 else 1.0,
     )
-
-
-def _theta_of(look: _Look) -> dict[str, float]:
-    return by_name(look.state.forward.parametrisation.names, look.state.theta)
 
 
 def best_points(information: Callable[[Sequence[int]], float], points: Sequence[int], count: int) -> tuple[int, ...]:

@@ -8,6 +8,11 @@ frequencies and have the measured damping ratios, by its height s and likeness c
     s = median Re H/H_model,     c = Re H_modelᴴ H / (|H_model| |H|);
 
 the median, as peaks that few lines resolve, or a mode that was not measured, would move a mean.
+
+After stage 2: an exponential window that nobody stated.
+A window exp(-t/τ) makes every mode decay faster by 1/τ, as a constant part of the damping does (a0 = 2/τ): FRFs alone do not
+distinguish the two. But windows are chosen to end a record of T seconds at 10 to 1 % of its first value, so 1/τ lies between
+2/T and 5/T. A body whose own constant part lies there, and makes most of the slowest modes' decay, looks windowed.
 """
 
 from __future__ import annotations
@@ -20,9 +25,12 @@ import numpy as np
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, Quantity
+from fecore.least_squares import nearest
 from fecore.modal.arrangement import pair_label
 from fecore.updating.damping_data import DampingData
+from fecore.updating.damping_stage import DampingResult
 from fecore.updating.findings import Level, amount, found, listed
+from fecore.updating.inputs import Inputs
 from fecore.updating.parameters import by_name
 from fecore.updating.result import Finding
 
@@ -77,16 +85,15 @@ class Likeness:
         """
         frfs = replace(data.frfs, quantity=quantity or data.frfs.quantity).to_quantity("accelerance")
         law = data.modal_law
-        omega = data.model.omega.copy()
-        omega[data.roles.shifted] *= 1 + data.roles.first_shift
+        omega = data.first_omega
         rate = law.basis(omega) @ data.start(law) + 2 * (data.inputs.window_rate or 0.0)
         predicted = data.model.with_eigenvalue(omega**2).synthesise(frfs.frequency_hz, rate, frfs.quantity)
         unknown = [
             mode
-            for mode, (row, _) in zip(data.roles.shifted, data.roles.pairs, strict=True)
+            for mode, (row, _) in zip(data.shifted, data.pairs, strict=True)
             if np.isnan(data.modes.damping_ratio[row])
         ]
-        unmeasured, unknown_hz = omega[data.roles.unmeasured] / (2 * np.pi), omega[unknown] / (2 * np.pi)
+        unmeasured, unknown_hz = omega[data.unmeasured] / (2 * np.pi), omega[unknown] / (2 * np.pi)
         seen = frfs.measured & _clear_lines(frfs.frequency_hz, np.concatenate([unmeasured, unknown_hz]))
         values, there = (np.where(seen, each, 0) for each in (frfs.values, predicted))
         own, model = (np.maximum(np.sum(np.abs(each) ** 2, axis=1), 1e-300) for each in (values, there))
@@ -99,7 +106,7 @@ class Likeness:
             labels=tuple(pair_label(*pair) for pair in zip(frfs.responses, frfs.references, strict=True)),
             unmeasured_hz=unmeasured,
             expected=_expected(frfs, predicted, unmeasured),
-            lowest_hz=float(omega[data.roles.shifted].min() / (2 * np.pi)),
+            lowest_hz=float(omega[data.shifted].min() / (2 * np.pi)),
         )
 
     @property
@@ -186,9 +193,9 @@ def examine(data: DampingData) -> tuple[DampingData, list[Finding]]:
         UpdatingError: the model is so far off that damping cannot be sought: modes that stay apart in frequency, or FRFs of
             another quantity than stated.
     """
-    missed = np.abs(data.roles.first_shift)
+    missed = np.abs(data.first_shift)
     likeness = Likeness.of(data)
-    pairs, updated = data.roles.pairs, data.elastic.updated
+    pairs, updated = data.pairs, data.elastic.updated
     if missed.max() > _LARGEST_MISS:
         row, column = pairs[int(np.argmax(missed))]
         hz, model = data.modes.frequency_hz[row], updated.frequency_hz[column]
@@ -218,3 +225,47 @@ def _refusal(data: DampingData, message: str) -> UpdatingError:
     best = by_name(data.elastic.updated.forward.parametrisation.names, data.elastic.theta)
     history = tuple(iterate.cost for iterate in data.elastic.history)
     return UpdatingError(message, best, history)
+
+
+_USUAL = (2.0, 5.0)  # 1/τ of usual windows, over the record's length
+_OF_DECAY = 0.5  # share of the slowest mode's decay that a window has where FRFs look windowed
+_FEWEST_MODES = 3  # that show a constant part of the decay
+_MATTERS = 0.05  # share of a coefficient that an unstated window may take
+
+
+def unstated_window(damping: DampingResult, inputs: Inputs, record_s: float) -> list[Finding]:
+    """What a user must know of a window that nobody stated; nothing where it was, or where it would hardly matter.
+
+    Args:
+        damping: the fitted law.
+        inputs: what the laboratory says of the window.
+        record_s: T, the length of the records that the FRFs' line spacing is of.
+    """
+    if inputs.window_rate is not None:
+        return []
+    values, names = damping.fit.coefficients, damping.fit.law.coefficient_names
+    shares = np.abs(damping.window / np.where(values == 0, 1.0, values))
+    worst = int(np.argmax(shares))
+    if shares[worst] < _MATTERS:
+        return []
+    rate = looks_windowed(damping.reference.ratios.omega, damping.reference.ratios.ratio, record_s)
+    if rate is None:
+        return [found("window_unstated", name=names[worst], percent=100 * shares[worst])]
+    return [found("looks_windowed", rate=rate, record=record_s, end=100 * np.exp(-rate * record_s))]
+
+
+def looks_windowed(omega: FloatArray, ratio: FloatArray, record_s: float) -> float | None:
+    """The part of the decay that all modes share, 1/s, where it is that of a usual window; else None.
+
+    Args:
+        omega: (n,) circular frequencies, rad/s.
+        ratio: (n,) damping ratios.
+        record_s: T, s.
+    """
+    if omega.size < _FEWEST_MODES:
+        return None
+    decay = ratio * omega
+    basis = np.column_stack([np.ones_like(omega), omega**2]) / decay[:, None]
+    constant = float(nearest(basis, np.ones_like(omega))[0])
+    usual = _USUAL[0] <= constant * record_s <= _USUAL[1]
+    return constant if usual and constant > _OF_DECAY * decay.min() else None

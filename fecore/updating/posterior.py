@@ -16,7 +16,7 @@ with the descent g at the estimate. With few modes its tails are those of a Stud
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -145,6 +145,16 @@ class Mixture:
         total: FloatArray = spread + np.einsum("m,mp,mq->pq", self.weight, self.shift, self.shift)
         return total
 
+    @classmethod
+    def joined(cls, share: FloatArray, shift: FloatArray, parts: Sequence[Mixture]) -> Mixture:
+        """Several mixtures by their (k,) shares, each about a point that lies off the estimate by its row of (k, p)."""
+        return cls(
+            np.concatenate([part * each.weight for part, each in zip(share, parts, strict=True)]),
+            np.concatenate([off + each.shift for off, each in zip(shift, parts, strict=True)]),
+            np.concatenate([each.covariance for each in parts]),
+            np.concatenate([each.scale for each in parts]),
+        )
+
     def reach(self, along: FloatArray, probability: float = 0.95) -> tuple[float, float]:
         """How far the central interval of a (p,) combination reaches below and above the estimate, both positive or nothing."""
         mean = self.shift @ along
@@ -174,6 +184,7 @@ class LinearProblem:
         sd: prior standard deviations (X,) for a scatter.
         others: by name, (X, X) information of what is no frequency: coupons, mode shapes.
         other_descent, other_cost: their descent (X,) and misfit.
+        weight: (n,) w, 1 of a frequency that is taken for one of a mode, 0 of another (`belief`): W_s becomes √w W_s √w.
     """
 
     residual: FloatArray
@@ -184,6 +195,7 @@ class LinearProblem:
     others: Mapping[str, FloatArray]
     other_descent: FloatArray
     other_cost: float = 0.0
+    weight: FloatArray | float = 1.0
 
     def at(self, spread: float, scatter: float) -> tuple[float, FloatArray, FloatArray]:
         """The misfit E at a discrepancy and a scatter, its descent (X,) and its hessian H (X, X)."""
@@ -201,8 +213,7 @@ class LinearProblem:
     def gain(self, spread: float, scatter: float) -> FloatArray:
         """(X, n) G = H⁻¹SᵀW_s: how the estimate follows the logarithms of the measured frequencies."""
         _, covariance = self.solve(spread, scatter)
-        variance = self.noise + spread**2 * np.eye(self.residual.size)
-        gain: FloatArray = covariance @ np.linalg.solve(variance, self.sensitivity).T
+        gain: FloatArray = covariance @ self._weighted(spread, self.sensitivity).T
         return gain
 
     def informed(self, spread: float, scatter: float) -> float:
@@ -216,7 +227,35 @@ class LinearProblem:
             residual=self.residual[rows],
             noise=self.noise[np.ix_(rows, rows)],
             sensitivity=self.sensitivity[rows],
+            weight=self.weights[rows],
         )
+
+    @property
+    def weights(self) -> FloatArray:
+        """(n,) w."""
+        return np.broadcast_to(self.weight, self.residual.shape)
+
+    def with_weight(self, number: int, weight: float) -> LinearProblem:
+        """The problem with another weight of one frequency."""
+        return replace(self, weight=np.where(np.arange(self.residual.size) == number, weight, self.weights))
+
+    def log_evidence(self, scatter: float) -> float:
+        """The logarithm of the evidence at a scatter, the unknowns and the discrepancy integrated out, up to a constant."""
+        spreads = DISCREPANCY * _GRID
+        *_, evidence = self._solve_all(spreads, np.array([scatter]))
+        return float(scipy.special.logsumexp(evidence[0] + _log_prior(spreads, DISCREPANCY)))
+
+    def discrepancy(self, spread: float, scatter: float) -> float:
+        """The discrepancy as the residuals give it, where so many unknowns are determined as at given scales."""
+        root, fitted = np.sqrt(self.weights), self.informed(spread, scatter)
+        return discrepancy(root * self.residual, fitted + self.residual.size - float(self.weights.sum()), DISCREPANCY)
+
+    def _weighted(self, spread: float, columns: FloatArray) -> FloatArray:
+        """(n, c) √w W_s √w times some columns."""
+        root = np.sqrt(self.weights)[:, None]
+        variance = self.noise + spread**2 * np.eye(self.residual.size)
+        weighted: FloatArray = root * np.linalg.solve(variance, root * columns)
+        return weighted
 
     def mixture(self, scatter_scale: float) -> tuple[Mixture, FloatArray]:
         """The posterior about the estimate, and (m,) the scatter of each of its Gaussians; a scale of 0 has no scatter."""
@@ -247,13 +286,15 @@ class LinearProblem:
     def _of_data(self, spread: float) -> tuple[FloatArray, FloatArray, float, float]:
         """What no scatter changes: hessian and descent without the prior's, rᵀW_sr and -log|W_s|."""
         variance = self.noise + spread**2 * np.eye(self.residual.size)
-        weighted = np.linalg.solve(variance, np.column_stack([self.sensitivity, self.residual]))
+        weighted = self._weighted(spread, np.column_stack([self.sensitivity, self.residual]))
         S, r = weighted[:, :-1], weighted[:, -1]
+        # Of a frequency that is no mode's the variance says nothing.
+        counted = float(np.linalg.slogdet(variance)[1] - (1 - self.weights) @ np.log(np.diag(variance)))
         hessian, descent = (
             self.sensitivity.T @ S + sum(self.others.values()),
             self.sensitivity.T @ r + self.other_descent,
         )
-        return hessian, descent, float(self.residual @ r), float(np.linalg.slogdet(variance)[1])
+        return hessian, descent, float(self.residual @ r), counted
 
 
 def _log_prior(value: FloatArray, scale: float) -> FloatArray:
@@ -262,89 +303,27 @@ def _log_prior(value: FloatArray, scale: float) -> FloatArray:
     return log
 
 
-@dataclass(frozen=True)
-class ScaleMixture:
-    """What is known of the scale s of deviations about a law: weights on a grid.
+def log_likelihood(noise: FloatArray, weights: FloatArray | float = 1.0) -> Callable[[FloatArray], FloatArray]:
+    """The logarithm of p(r), up to a constant, of (w, n) residuals of ln f with (n, n) noise, the discrepancy marginalised.
 
-    Attributes:
-        weight: (m,) posterior probabilities.
-        scale: (m,) s.
+    Each counts as far as its (n,) weight says that it is one of a mode.
     """
-
-    weight: FloatArray
-    scale: FloatArray
-
-    @property
-    def rms(self) -> float:
-        """Root of the posterior mean of s²."""
-        return float(np.sqrt(self.weight @ self.scale**2))
-
-    def reach(self, fixed: float, deviating: float, probability: float = 0.95) -> float:
-        """How far the central interval of a Gaussian of variance `fixed` + (s/rms)² `deviating` reaches to each side."""
-        sd = np.sqrt(fixed + (self.scale / self.rms) ** 2 * deviating)
-        if not np.any(sd > 0):
-            return 0.0
-        tail = (1 + probability) / 2
-        return float(
-            scipy.optimize.brentq(lambda x: float(self.weight @ scipy.special.ndtr(x / sd)) - tail, 0.0, 40 * sd.max())
-        )
-
-
-_LAW_FREEDOM = 3.0  # degrees of freedom of the prior of the scale of deviations
-_LAW_GRID = np.exp(np.linspace(np.log(0.01), np.log(30.0), 49))  # s over the prior's scale
-
-
-def scale_of_deviations(residual: FloatArray, noise: FloatArray, basis: FloatArray, prior_rms: float) -> ScaleMixture:
-    """The scale s of the relative deviations ε ~ N(0, s²) of n values from a law that is linear in its p coefficients.
-
-    The coefficients are integrated out under a flat prior (restricted likelihood, Patterson and Thompson 1971):
-
-        p(s | r) ∝ p(s) |W|^½ |BᵀWB|^-½ exp(-½ rᵀ(W - WB(BᵀWB)⁻¹BᵀW) r),     W = (C + s²)⁻¹.
-
-    The prior of s is a half Student t of three degrees of freedom (Gelman 2006): it leaves room for s = 0, so where the values
-    follow the law to their noise, s is learnt to be as small as that; and it has a long tail, so where they do not, s is as
-    large as they are off. With no more values than coefficients the prior is all that is known.
-
-    Args:
-        residual: (n,) relative residuals of the law.
-        noise: (n, n) their covariance by measurement noise, C.
-        basis: (n, p) relative derivative B of the values by the coefficients.
-        prior_rms: root mean square of the prior.
-    """
-    scale, log_weight = _prior_of_deviations(prior_rms)
-    values, turn = np.linalg.eigh(noise)
-    free = np.linalg.svd(basis)[0][:, basis.shape[1] :]  # what the coefficients cannot take up: |W|/|BᵀWB| = 1/|FᵀVF|
-    r, V = free.T @ residual, free.T @ ((turn * np.maximum(values, 0)) @ turn.T) @ free
-    for number, s in enumerate(scale):
-        covariance = V + s**2 * np.eye(r.size)
-        log_weight[number] -= (np.linalg.slogdet(covariance)[1] + r @ np.linalg.solve(covariance, r)) / 2
-    return ScaleMixture(np.exp(log_weight - scipy.special.logsumexp(log_weight)), scale)
-
-
-def log_likelihood(noise: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """The logarithm of p(r), up to a constant, of (w, n) residuals of ln f with (n, n) noise, the discrepancy marginalised."""
     s = DISCREPANCY * _GRID
-    return _over_scales(noise, s, _log_prior(s, DISCREPANCY))
+    return over_scales(noise, s, _log_prior(s, DISCREPANCY), np.broadcast_to(weights, len(noise)))
 
 
-def log_likelihood_of_deviations(noise: FloatArray, prior_rms: float) -> Callable[[FloatArray], FloatArray]:
-    """The same of (w, n) relative residuals of a law, under the prior of `scale_of_deviations`."""
-    return _over_scales(noise, *_prior_of_deviations(prior_rms))
-
-
-def _prior_of_deviations(rms: float) -> tuple[FloatArray, FloatArray]:
-    """(m,) scales s and the logarithms of their prior probabilities, up to a constant."""
-    unit = rms / np.sqrt(_LAW_FREEDOM / (_LAW_FREEDOM - 2))
-    return unit * _LAW_GRID, -(_LAW_FREEDOM + 1) / 2 * np.log1p(_LAW_GRID**2 / _LAW_FREEDOM) + np.log(_LAW_GRID)
-
-
-def _over_scales(noise: FloatArray, s: FloatArray, log_prior: FloatArray) -> Callable[[FloatArray], FloatArray]:
+def over_scales(
+    noise: FloatArray, s: FloatArray, log_prior: FloatArray, weights: FloatArray
+) -> Callable[[FloatArray], FloatArray]:
+    """The logarithm of p(r) of (w, n) residuals, over (m,) scales s with the logarithms of their prior probabilities."""
     values, turn = np.linalg.eigh(noise)
     variance = np.maximum(values, 0) + s[:, None] ** 2
-    constant, inverse = log_prior - np.log(variance).sum(axis=1) / 2, (1 / variance).T
+    logs, uncounted = np.log(variance), turn.T**2 @ (1 - weights)
+    constant, inverse = log_prior - (logs.sum(axis=1) - logs @ uncounted) / 2, (1 / variance).T
+    weighted_turn = np.sqrt(weights)[:, None] * turn
 
     def value(residual: FloatArray) -> FloatArray:
-        each = constant - (residual @ turn) ** 2 @ inverse / 2
+        each = constant - (residual @ weighted_turn) ** 2 @ inverse / 2
         largest = each.max(axis=1)  # scipy's logsumexp takes four times as long on these few numbers, at every step
         found: FloatArray = largest + np.log(np.exp(each - largest[:, None]).sum(axis=1))
         return found

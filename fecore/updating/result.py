@@ -182,29 +182,45 @@ class Correlation:
 
 
 @dataclass(frozen=True)
-class DampingModelFit:
-    """One law of the recipe, ranked.
+class LawFit:
+    """One damping law, ranked.
 
     Attributes:
         name: of the law.
-        coefficients: by name, SI: the first law's from the FRFs, the others' from the modal damping ratios.
+        coefficients, standard_deviations: by name, SI, the law's discrepancy included; of an update of one campaign the first
+            law's are from the FRFs, where there are any, the others' from the modal damping ratios.
         bic: Bayesian information criterion on the damping ratios; infinite where the law cannot be had.
         preferred: whether it has the least of all.
+    """
+
+    name: str
+    coefficients: dict[str, float]
+    standard_deviations: dict[str, float]
+    bic: float
+    preferred: bool
+
+
+@dataclass(frozen=True)
+class DampingModelFit(LawFit):
+    """A law of the recipe.
+
+    Attributes:
         missed: (n,) relative miss of the ratio of each paired mode that the law damps.
-        standard_deviations: of the coefficients, by name, SI, the law's discrepancy included.
         curve: (2, m) frequencies in Hz over the range of the measured modes, and the law's damping ratios there: of a law of
             frequency a curve, of a law by mechanism the model's modes.
         by_mechanism: whether it is one by mechanism.
     """
 
-    name: str
-    coefficients: dict[str, float]
-    bic: float
-    preferred: bool
     missed: FloatArray
-    standard_deviations: dict[str, float]
     curve: FloatArray
     by_mechanism: bool
+
+
+@dataclass(frozen=True)
+class CommonLaw(LawFit):
+    """A law with one set of coefficients for all campaigns; `missed_by`: root mean square of each one's relative misses."""
+
+    missed_by: dict[str, float]
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,9 @@ from fecore.errors import UpdatingError
 from fecore.updating.damping_stage import DAMPING_DISCREPANCY, DampingResult
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
-from fecore.updating.parameters import Coordinates, Parametrisation, by_name
-from fecore.updating.posterior import log_likelihood, log_likelihood_of_deviations
+from fecore.updating.measured_ratios import log_likelihood_of_deviations
+from fecore.updating.parameters import Parametrisation, by_name
+from fecore.updating.posterior import log_likelihood, root
 
 if TYPE_CHECKING:
     import emcee
@@ -84,15 +85,13 @@ class Posterior:
         xi: (n, q) samples of stage 1's coordinates, excursions apart.
         damping: (n, p) samples of the law's coefficients, excursions apart.
         everything: (n, q + p) samples of θ and the coefficients, excursions included.
-        autocorrelation_time, effective_samples, acceptance: of the two chains, elastic first.
+        chains: the elastic one and that of the coefficients.
     """
 
     xi: FloatArray
     damping: FloatArray
     everything: FloatArray
-    autocorrelation_time: tuple[float, float]
-    effective_samples: tuple[float, float]
-    acceptance: tuple[float, float]
+    chains: tuple[Chain, Chain]
 
 
 def sample_posterior(
@@ -109,16 +108,15 @@ def sample_posterior(
         UpdatingError: a chain did not converge; nothing of it is returned.
     """
     seeds = np.random.SeedSequence(seed).spawn(3)
-    coordinates, names = elastic.coordinates, elastic.updated.forward.parametrisation.names
-    free = len(elastic.updated.forward.parametrisation.reported)
+    prior, free = elastic.prior, len(elastic.prior.reported)
     first = run_chain(
         density=_elastic_density(elastic),
-        start=coordinates.of(elastic.theta)[:free],
-        covariance=elastic.mixture.total[:free, :free],
+        start=prior.xi(elastic.theta)[:free],
+        covariance=elastic.given.total[:free, :free],
         seed=seeds[0],
         wanted=wanted,
         progress=lambda share: progress(0.6 * share),
-        names=names[:free],
+        names=prior.reported,
         checkpoint=checkpoint,
     )
     density, covariance = _damping_density(damping)
@@ -134,19 +132,15 @@ def sample_posterior(
     random = np.random.default_rng(seeds[2])
     count = min(len(first.samples), len(second.samples))
     xi = _with_inputs(elastic, random.permutation(first.samples)[:count], random)
-    theta = coordinates.values(xi)
+    if elastic.in_doubt:  # the chain is that of the modes with their weights
+        doubt = root(elastic.mixture.total - elastic.given.total)
+        xi = xi + random.standard_normal(xi.shape) @ doubt.T
+    theta = prior.theta(xi)
     a = random.permutation(second.samples)[:count] + (theta - elastic.theta) @ damping.by_elastic.T
     draws = np.column_stack([np.zeros((count, 0)), *(each.draws(random, count) for each in elastic.every_excursion)])
     window = np.abs(random.standard_normal(count))[:, None] * damping.window
-    moved = coordinates.values(xi + draws @ elastic.pulls.T)
-    return Posterior(
-        xi,
-        a,
-        np.hstack([moved, a + draws @ damping.pulls.T + window]),
-        (float(first.autocorrelation_time.max()), float(second.autocorrelation_time.max())),
-        (float(first.effective_samples.min()), float(second.effective_samples.min())),
-        (first.acceptance, second.acceptance),
-    )
+    moved = prior.theta(xi + draws @ elastic.pulls.T)
+    return Posterior(xi, a, np.hstack([moved, a + draws @ damping.pulls.T + window]), (first, second))
 
 
 def run_chain(
@@ -178,13 +172,13 @@ def run_chain(
     )
     state = emcee.State(random.standard_normal((walkers, dimension)), random_state=random.get_state())
     if checkpoint is not None and checkpoint.restored is not None:
-        state = _unpack(checkpoint.restored, sampler)
+        state = _unpack(checkpoint.restored, sampler.backend)
     steps, tau = sampler.iteration, np.full(dimension, np.inf)
     while steps < _LONGEST:
         state = sampler.run_mcmc(state, _BLOCK, skip_initial_state_check=steps > 0)
         steps += _BLOCK
         if checkpoint is not None:
-            checkpoint.checkpoint(_pack(sampler, state))
+            checkpoint.checkpoint(_pack(sampler.backend))
         tau = sampler.get_autocorr_time(tol=0)
         effective = walkers * (steps - 5 * tau.max()) / tau
         progress(min(1.0, float(effective.min()) / wanted))
@@ -199,62 +193,46 @@ def run_chain(
     )
 
 
-def _pack(sampler: emcee.EnsembleSampler, state: emcee.State) -> bytes:
-    """A sampler's chain and last state, random generator included, as npz."""
-    _, key, *rest = state.random_state
+def _pack(backend: emcee.backends.Backend) -> bytes:
+    """A sampler's chain with the random generator's last state, as npz."""
+    _, key, *rest = backend.random_state
+    kept = {name: getattr(backend, name) for name in ("chain", "log_prob", "accepted")}
     buffer = io.BytesIO()
-    np.savez(
-        buffer,
-        chain=sampler.get_chain(),
-        log_prob=sampler.get_log_prob(),
-        accepted=sampler.backend.accepted,
-        coords=state.coords,
-        last_log_prob=state.log_prob,
-        key=key,
-        rest=np.array(rest, dtype=float),
-    )
+    np.savez(buffer, **kept, key=key, rest=np.array(rest, dtype=float))
     return buffer.getvalue()
 
 
-def _unpack(data: bytes, sampler: emcee.EnsembleSampler) -> emcee.State:
-    """Put a kept chain back into a fresh sampler; the state to go on from."""
-    from emcee import State
-
+def _unpack(data: bytes, backend: emcee.backends.Backend) -> emcee.State:
+    """Put a kept chain back into a fresh sampler's backend; the state to go on from."""
     with np.load(io.BytesIO(data)) as kept:
         position, has_gauss, gauss = kept["rest"]
-        random_state = ("MT19937", kept["key"], int(position), int(has_gauss), float(gauss))
-        backend = sampler.backend
+        backend.random_state = ("MT19937", kept["key"], int(position), int(has_gauss), float(gauss))
         backend.chain, backend.log_prob, backend.accepted = kept["chain"], kept["log_prob"], kept["accepted"]
-        backend.iteration, backend.initialized, backend.random_state = len(kept["chain"]), True, random_state
-        return State(kept["coords"], log_prob=kept["last_log_prob"], random_state=random_state)
+    backend.iteration, backend.initialized = len(backend.chain), True
+    return backend.get_last_sample()
 
 
 def _elastic_density(elastic: ElasticResult) -> LogProbability:
     """Log posterior of ξ: frequencies of the paired modes through a basis of this posterior, and the prior."""
-    state, coordinates, free = (
-        elastic.updated,
-        elastic.coordinates,
-        len(elastic.updated.forward.parametrisation.reported),
-    )
+    state, prior, free = elastic.updated, elastic.prior, len(elastic.prior.reported)
     rows, columns = np.array(elastic.pairing.pairs).T
     measured_log = np.log(elastic.only.modes.frequency_hz[rows])
     highest = int(columns.max()) + 1 + state.modes.rigid
-    forward = state.forward.on_basis()
-    covariance = np.zeros_like(elastic.mixture.total)
-    covariance[:free, :free] = elastic.mixture.total[:free, :free]
-    centre = np.concatenate([coordinates.of(elastic.theta)[:free], coordinates.mean[free:]])
-    frequencies = _LocalFrequencies.about(forward, coordinates, coordinates.values(centre), covariance, highest)
-    by_inputs = elastic.problem.sensitivity[:, free:] * coordinates.sd[free:]
-    likelihood = log_likelihood(elastic.problem.noise + by_inputs @ by_inputs.T)
+    covariance = np.zeros_like(elastic.given.total)
+    covariance[:free, :free] = elastic.given.total[:free, :free]
+    centre = np.concatenate([prior.xi(elastic.theta)[:free], prior.xi_mean[free:]])
+    frequencies = _LocalFrequencies.about(state.forward.on_basis(), prior.theta(centre), covariance, highest)
+    by_inputs = elastic.problem.sensitivity[:, free:] * prior.xi_sd[free:]
+    likelihood = log_likelihood(elastic.problem.noise + by_inputs @ by_inputs.T, elastic.problem.weights)
 
     def density(xi: FloatArray) -> FloatArray:
         value = np.full(len(xi), -np.inf)
         whole = np.tile(centre, (len(xi), 1))
         whole[:, :free] = xi
-        allowed = coordinates.are_believable(whole)
+        allowed = prior.are_believable(whole)
         if allowed.any():
-            residual = measured_log - np.log(frequencies.at(coordinates.values(whole[allowed]))[:, columns])
-            away = ((whole[allowed] - coordinates.mean) / coordinates.sd)[:, :free]
+            residual = measured_log - np.log(frequencies.at(prior.theta(whole[allowed]))[:, columns])
+            away = ((whole[allowed] - prior.xi_mean) / prior.xi_sd)[:, :free]
             value[allowed] = likelihood(residual) - np.sum(away**2, axis=1) / 2
         return value
 
@@ -263,7 +241,7 @@ def _elastic_density(elastic: ElasticResult) -> LogProbability:
 
 def _with_inputs(elastic: ElasticResult, xi: FloatArray, random: np.random.Generator) -> FloatArray:
     """(n, p) all coordinates: (n, q) samples of the parameters, and the inputs drawn from their Gaussian given these."""
-    free, joint, centre = xi.shape[1], elastic.mixture.total, elastic.coordinates.of(elastic.theta)
+    free, joint, centre = xi.shape[1], elastic.given.total, elastic.prior.xi(elastic.theta)
     if free == len(joint):  # all inputs are known exactly
         return xi
     slope = np.linalg.solve(joint[:free, :free], joint[:free, free:])
@@ -303,36 +281,34 @@ class _LocalFrequencies:
     rigid: int
 
     @classmethod
-    def about(
-        cls, forward: ForwardModel, coordinates: Coordinates, theta: FloatArray, covariance: FloatArray, highest: int
-    ) -> _LocalFrequencies:
+    def about(cls, forward: ForwardModel, theta: FloatArray, covariance: FloatArray, highest: int) -> _LocalFrequencies:
         """Make the basis about an estimate, for the `highest` lowest modes.
 
         Raises:
             UpdatingError: its frequencies miss the forward model's.
         """
-        scale = np.sqrt(np.diag(covariance))
+        prior, scale = forward.parametrisation, np.sqrt(np.diag(covariance))
         safe = np.where(scale > 0, scale, 1.0)
         share, axes = np.linalg.eigh(covariance / np.outer(safe, safe))
         arms = _BASIS_REACH * scale[:, None] * axes * np.sqrt(np.maximum(share, 0))
-        xi = coordinates.of(theta)
+        xi = prior.xi(theta)
         arms = arms[:, share > _FLAT]
-        places = [theta, *(coordinates.values(xi + sign * arm) for arm in arms.T for sign in (1, -1))]
-        states = [forward.solve(place) for place in places if forward.parametrisation.is_physical(place)]
+        places = [theta, *(prior.theta(xi + sign * arm) for arm in arms.T for sign in (1, -1))]
+        states = [forward.solve(place) for place in places if prior.is_physical(place)]
         states = [forward.solve(state.theta) for state in states]  # all on the basis that has grown by now
         shapes = np.hstack([state.modes.shapes[:, :highest] for state in states])
         system = forward.basis.system
         left, singular, _ = np.linalg.svd(shapes / np.linalg.norm(shapes, axis=0), full_matrices=False)
         V = left[:, singular > 1e-6 * singular[0]]
         local = cls(
-            forward.parametrisation,
+            prior,
             np.einsum("ri,krs,sj->kij", V, system.stiffness, V, optimize=True),
             np.einsum("ri,krs,sj->kij", V, system.mass, V, optimize=True),
             states[0].modes.rigid,
         )
         even = np.full(arms.shape[1], 1 / np.sqrt(arms.shape[1]))
-        probes = coordinates.values(np.array([xi + sign * arms @ even for sign in (-0.7, 0.7)]))
-        probes = np.array([row for row in probes if forward.parametrisation.is_physical(row)]).reshape(-1, theta.size)
+        probes = prior.theta(np.array([xi + sign * arms @ even for sign in (-0.7, 0.7)]))
+        probes = probes[prior.are_physical(probes)]
         exact = np.array([forward.solve(row).frequency_hz for row in probes])
         elastic = slice(0, highest - local.rigid)
         miss = np.abs(local.at(probes)[:, elastic] / exact[:, elastic] - 1).max(initial=0) if probes.size else 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -21,6 +22,7 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.laws import LawRanking, RankedLaw
 from fecore.updating.measurement import Prepared
 from fecore.updating.parameters import by_name
+from fecore.updating.recipe import Recipe
 from fecore.updating.result import (
     Correlation,
     DampingModelFit,
@@ -44,56 +46,76 @@ _FEWEST_LINES = 10  # of a held-out band that is worth comparing
 
 
 @dataclass(frozen=True)
-class Summary:
-    """Collects the stages' results.
+class DampingOutcome:
+    """How stage 2 ended.
 
     Attributes:
-        elastic: stage 1.
-        damping: stage 2; None where it failed or there was nothing for it.
-        ranking: of the damping laws; None where no measured mode has a damping.
-        modes: measured modes.
-        data: the measurement as it was used.
-        inputs: what the laboratory says of its inputs.
-        band: lines of stage 2, Hz; None without FRFs.
-        held_band: lines that the recipe held out, or None.
-        sampled: samples of the posterior, or None for the Gaussian one.
-        outcomes: how each stage ended.
-        findings: what a user must know of what came before.
+        status: of the stage; message: why, where it did not succeed, or succeeded without FRFs.
+        band: lines that it saw, Hz; None without FRFs.
+        ranking: of the laws; None where no measured mode has a damping.
+        result: the fitted law; None where there was nothing for it, or it failed.
+        findings: what a user must know.
     """
 
+    status: Literal["succeeded", "failed", "skipped"]
+    message: str = ""
+    band: tuple[float, float] | None = None
+    ranking: LawRanking | None = None
+    result: DampingResult | None = None
+    findings: tuple[Finding, ...] = ()
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The stages' results: stage 1 and its modes, stage 2, the measurement as it was used, inputs, recipe, samples."""
+
     elastic: ElasticResult
-    damping: DampingResult | None
-    ranking: LawRanking | None
     modes: MeasuredModes
+    outcome: DampingOutcome
     data: Prepared
     inputs: Inputs
-    band: tuple[float, float] | None
-    held_band: tuple[float, float] | None
+    recipe: Recipe
     sampled: Posterior | None
-    outcomes: tuple[StageOutcome, ...]
-    findings: tuple[Finding, ...]
 
-    def result(self) -> UpdateResult:
-        """The whole result."""
-        names, damping = self.elastic.updated.forward.parametrisation.names, self.damping
-        findings = [*self.findings, *self._own_findings()]
+    @property
+    def damping(self) -> DampingResult | None:
+        """The law fitted to the FRFs."""
+        return self.outcome.result
+
+    @property
+    def ranking(self) -> LawRanking | None:
+        """Of the damping laws."""
+        return self.outcome.ranking
+
+    @property
+    def band(self) -> tuple[float, float] | None:
+        """Lines of stage 2, Hz."""
+        return self.outcome.band
+
+    def result(self, before: Sequence[Finding]) -> UpdateResult:
+        """The whole result, with what was found before the stages."""
+        damping, elastic = self.damping, self.elastic
+        findings = [*before, *self.outcome.findings, *self._own_findings()]
         return UpdateResult(
             verdict=judge(findings, self.parameters),
-            outcomes=self.outcomes,
+            outcomes=(
+                StageOutcome("elastic", "succeeded"),
+                StageOutcome("damping", self.outcome.status, self.outcome.message),
+            ),
             parameters=self.parameters,
-            modes=self.elastic.compared_modes(0, self.modes, self._predicted_damping),
+            modes=elastic.compared_modes(0, self.modes, self._predicted_damping),
             correlation=self._correlation(),
             damping_models=() if self.ranking is None else tuple(self._law(ranked) for ranked in self.ranking.laws),
             damping_starts=0 if damping is None else damping.starts,
             damping_optima=tuple(self._coefficients(point) for point in (() if damping is None else damping.optima)),
             damping_history=np.zeros((0, 0)) if damping is None else damping.fit.history,
-            convergence=self.elastic.history,
-            starts=self.elastic.starts,
+            convergence=elastic.history,
+            starts=elastic.starts,
             pairing=self._pairing(),
             shapes=self._shapes(),
             channel_delay_s=None if damping is None else damping.reference.delay,
-            null_directions=tuple(by_name(names, direction) for direction in self.elastic.null_directions),
-            frequency_discrepancy=self.elastic.discrepancy,
+            null_directions=tuple(by_name(elastic.prior.names, direction) for direction in elastic.null_directions),
+            frequency_discrepancy=elastic.discrepancy,
             damping_discrepancy=None if damping is None else damping.discrepancy,
             band_hz=self.band,
             prediction=self.prediction,
@@ -109,9 +131,7 @@ class Summary:
         constants = constant_estimates(self.elastic, self.inputs, self.sampled)
         if self.damping is not None:
             return (*constants, *coefficient_estimates(self.elastic, self.damping, self.inputs, self.sampled))
-        if self.ranking is not None:
-            return (*constants, *ratio_estimates(self.ranking.laws[0]))
-        return tuple(constants)
+        return (*constants, *([] if self.ranking is None else ratio_estimates(self.ranking.laws[0])))
 
     def _own_findings(self) -> list[Finding]:
         return [
@@ -196,7 +216,7 @@ class Summary:
         assert self.band is not None, "in a band"
         lines = self.data.fitted.frequency_hz
         above = (float(np.nextafter(self.band[1], np.inf)), float(lines[-1]))
-        low, high = self.held_band or above
+        low, high = self.recipe.hold_out.band_hz or above
         if np.sum((lines >= low) & (lines <= high)) < _FEWEST_LINES:
             return None
         return Predictor(self.elastic, self.damping).hold_against(self.data.fitted.band(low, high), (), (low, high))
@@ -230,7 +250,7 @@ class Summary:
         )
 
     def _posterior(self) -> PosteriorSummary:
-        prior = self.elastic.updated.forward.parametrisation
+        prior = self.elastic.prior
         inputs = np.arange(len(prior.reported), len(prior.names))
         if self.sampled is None or self.damping is None:
             covariance, names = self.elastic.covariance, prior.reported
@@ -244,9 +264,9 @@ class Summary:
         correlation: FloatArray = np.atleast_2d(np.corrcoef(samples.T))
         return PosteriorSummary(
             method="mcmc",
-            effective_samples=self.sampled.effective_samples,
-            autocorrelation_time=self.sampled.autocorrelation_time,
-            acceptance=self.sampled.acceptance,
+            effective_samples=tuple(float(chain.effective_samples.min()) for chain in self.sampled.chains),
+            autocorrelation_time=tuple(float(chain.autocorrelation_time.max()) for chain in self.sampled.chains),
+            acceptance=tuple(chain.acceptance for chain in self.sampled.chains),
             names=(*prior.reported, *self.damping.fit.law.coefficient_names),
             samples=samples,
             correlation=correlation,

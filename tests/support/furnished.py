@@ -134,6 +134,7 @@ admin   owner   POST /structures/{structure_id}/purge, POST /campaigns/{campaign
 write   editor  PATCH /campaigns/{campaign_id}, DELETE /campaigns/{campaign_id}, POST /campaigns/{campaign_id}/restore
 write   editor  POST /campaigns/{campaign_id}/imports, PUT /campaigns/{campaign_id}/grid-points
 write   editor  POST /campaigns/{campaign_id}/frfs, POST /campaigns/{campaign_id}/records, DELETE /records/{record_id}
+write   editor  POST /mode-sets/{mode_set_id}/edits
 write   editor  POST /campaigns/{campaign_id}/mode-sets, POST /campaigns/{campaign_id}/complete
 read    viewer  GET /campaigns/{campaign_id}, GET /campaigns/{campaign_id}/imports, GET /imports/{import_id}
 read    viewer  GET /imports/{import_id}/original, GET /imports/{import_id}/records, GET /campaigns/{campaign_id}/grid-points
@@ -192,6 +193,10 @@ BODIES: dict[str, Any] = {
     "POST /campaigns/{campaign_id}/records": record(),
     "POST /campaigns/{campaign_id}/processings": {},
     "POST /campaigns/{campaign_id}/mode-sets": {"name": "m", "modes": MODES},
+    "POST /mode-sets/{mode_set_id}/edits": {
+        "name": "e",
+        "decisions": [{"frequency_hz": MODES[0]["frequency_hz"], "keep": True, "reason": "seen by hand"}],
+    },
     "POST /campaigns/{campaign_id}/identifications": {},
     "POST /structures/{structure_id}/coupon-batches": {"name": "b", "constants": ["Ex"]},
     "POST /coupon-batches/{batch_id}/coupons": {"specimen": "A", "E_Pa": 3e10},

@@ -58,7 +58,16 @@ def edit_mode_set(session: Session, user: User, mode_set: ModeSet, body: EditIn)
     details = {**mode_set.details, **beside, "evidence": evidence}
     details["edited_from"] = str(mode_set.id)
     details["decisions"] = [*mode_set.details.get("decisions", []), *decided]
-    return _stored(session, user, mode_set, body.name, rows, details, _covariance(mode_set, places))
+    covariance = _covariance(mode_set, places)
+    edited = ModeSet(
+        campaign_id=mode_set.campaign_id, name=body.name, origin="edited", covariance=covariance, details=details
+    )
+    project_id = mode_set_for.project_of(session, mode_set)
+    book(session, project_id, "modes", len(str(rows)) + len(str(details)), campaign_id=mode_set.campaign_id)
+    store(session, edited, rows)
+    session.refresh(edited)
+    mode_set_for.note(session, user, edited, "edit", name=body.name, edited_from=str(mode_set.id))
+    return edited
 
 
 def _pole(field: str, decision: DecisionIn, *where: list[dict[str, Any]]) -> dict[str, Any]:
@@ -93,21 +102,3 @@ def _covariance(mode_set: ModeSet, places: list[int | None]) -> list[Any] | None
     both = np.concatenate([at, len(whole) // 2 + at])
     kept: list[Any] = whole[np.ix_(both, both)].tolist()
     return kept
-
-
-def _stored(
-    session: Session,
-    user: User,
-    source: ModeSet,
-    name: str,
-    rows: list[dict[str, Any]],
-    details: dict[str, Any],
-    covariance: list[Any] | None,
-) -> ModeSet:
-    project_id = mode_set_for.project_of(session, source)
-    book(session, project_id, "modes", len(str(rows)) + len(str(details)), campaign_id=source.campaign_id)
-    edited = ModeSet(campaign_id=source.campaign_id, name=name, origin="edited", covariance=covariance, details=details)
-    store(session, edited, rows)
-    session.refresh(edited)
-    mode_set_for.note(session, user, edited, "edit", name=name, edited_from=str(source.id))
-    return edited

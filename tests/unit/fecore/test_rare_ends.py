@@ -21,7 +21,7 @@ from fecore.processing.comparison import Comparison, Offset
 from fecore.processing.judgement import Finding, Limits, Verdict
 from fecore.processing.traits import Before
 from fecore.processing.usual import Lines, Ordinary
-from fecore.updating import campaigns, damping_data, window
+from fecore.updating import campaigns, damping_data, plausibility
 from fecore.updating.excursions import excursions
 from fecore.updating.findings import MOST_WARNINGS, warnings
 from fecore.updating.forward import ForwardModel
@@ -80,28 +80,34 @@ def test_a_law_starts_where_no_mode_is_damped_negatively() -> None:
 
 
 def test_modes_that_only_move_on_springs_tell_no_damping() -> None:
-    frfs: Any = SimpleNamespace(frequency_hz=np.array([1.0, 100.0]))
+    frfs: Any = SimpleNamespace(frequency_hz=np.array([1.0, 100.0]), responses=(), references=())
     updated = SimpleNamespace(
-        modes=SimpleNamespace(rigid=0), frequency_hz=np.array([10.0]), on_springs=np.array([True])
+        modes=SimpleNamespace(rigid=0),
+        frequency_hz=np.array([10.0]),
+        on_springs=np.array([True]),
+        frf_model=lambda *_: SimpleNamespace(strain=None),
     )
-    elastic: Any = SimpleNamespace(updated=updated, pairing=SimpleNamespace(pairs=((0, 0),)))
+    elastic: Any = SimpleNamespace(updated=updated, believed=lambda _: SimpleNamespace(pairs=((0, 0),)))
     modes: Any = SimpleNamespace(frequency_hz=np.array([10.0]), damping_ratio=np.array([0.01]))
     with pytest.raises(UpdatingError, match="no measured mode strains the specimen: all move on the springs"):
-        damping_data.assign_roles(frfs, elastic, modes)
+        damping_data.damping_data(frfs, elastic, modes, "noise")
 
 
 def test_what_campaigns_say_of_one_another() -> None:
     parts: Any = [SimpleNamespace(name=name, contradicts=True, predictive_p=0.001, modes=(1, 2, 3)) for name in "ab"]
     (both,) = campaigns._contradictions(parts, None)
     assert both.text.startswith("the campaigns contradict each other: a (p = 0.001) and b (p = 0.001)")
-    layout = SimpleNamespace(labels=["Ex"], shared=("Ex",))
-    problem = SimpleNamespace(residual=np.array([0.0, 0.0, 1.0]))
-    pairings = [SimpleNamespace(unpaired_measured=unpaired) for unpaired in ((), (1, 2))]
+    sure = SimpleNamespace(probability=lambda rows: np.ones(len(rows)), width=lambda rows: np.ones(len(rows)))
+    layout = SimpleNamespace(labels=["Ex"], shared=("Ex",), campaigns=(sure, sure))
+    problem = SimpleNamespace(residual=np.array([0.0, 0.0, 1.0]), weights=np.ones(3))
+    taken: Any = [(((0, 0), (1, 1)), ()), (((0, 0),), (1, 2))]
+    pairings = [SimpleNamespace(pairs=pairs, unpaired_measured=alone) for pairs, alone in taken]
     fitted: Any = SimpleNamespace(
         layout=layout,
         rows=[slice(0, 2), slice(2, 3)],
         pairings=pairings,
         problem=problem,
+        missed=lambda rows: float(problem.residual[rows][0]),
         away=np.zeros(1),
         standing=(),
         rivals=(),
@@ -119,7 +125,7 @@ def test_a_window_that_would_change_nothing_is_not_asked_about() -> None:
     law = SimpleNamespace(coefficient_names=("a0", "a1"))
     damping: Any = SimpleNamespace(fit=SimpleNamespace(coefficients=np.array([1.0, 1e-6]), law=law), window=np.zeros(2))
     given: Any = SimpleNamespace(window_rate=None)
-    assert window.unstated_window(damping, given, 1.0) == []
+    assert plausibility.unstated_window(damping, given, 1.0) == []
 
 
 FIBRE = OrthotropicMaterial(Ex=33e9, Ey=32e9, Gxy=6e9, Gxz=4.5e9, Gyz=4.5e9, nu_xy=0.15, density=2000.0)

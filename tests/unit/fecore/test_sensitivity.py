@@ -149,7 +149,7 @@ def test_forward_models_derivatives_against_complex_steps(boundary, reduced) -> 
     state = forward.solve(theta)
     stiffness, mass = (
         np.array([np.asarray(a.todense() if hasattr(a, "todense") else a) for a in terms])
-        for terms in (state.terms.stiffness, state.terms.mass)
+        for terms in (state.stiffness, state.mass)
     )
     observation = forward.observation.toarray() @ (np.eye(stiffness.shape[1]) if state.basis is None else state.basis)
     rigid = state.modes.rigid

@@ -13,7 +13,6 @@ from benchmarks.made_frfs import KINDS
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import Dof, FrfSet
 from fecore.modal import Identification, Options, identify
-from fecore.modal.mixture import mixture
 from fecore.modal.probability import phase_ratio, predictive
 
 SURE = 0.9
@@ -121,18 +120,3 @@ def test_the_phase_speaks_for_modes_and_its_ratio_stays_finite() -> None:
     assert (
         0.5 < predictive(np.array([3.0]), np.array([20.0]))[0] < 0.9
     )  # what is hardly known is drawn towards one half
-
-
-def test_a_mode_that_may_be_none_pulls_where_it_agrees_and_lets_go_where_it_does_not() -> None:
-    z, sd = np.array([0.0, 1.0, 3.0, 30.0]), np.full(4, 0.002)
-    weight, cost = mixture(np.full(4, 1.0), z, sd, 3.0)
-    assert weight.tolist() == [1.0] * 4
-    assert cost == pytest.approx(z**2 / 2)
-    weight, cost = mixture(np.full(4, 0.6), z, sd, 3.0)
-    assert weight[0] > 0.99
-    assert weight[3] < 1e-12
-    assert np.all(np.diff(cost) > 0)
-    assert cost[3] < 8
-    step = 1e-5  # the weight gives the slope of the cost
-    up, down = (mixture(np.full(4, 0.6), z + h, sd, 3.0)[1] for h in (step, -step))
-    assert (up - down) / (2 * step) == pytest.approx(weight * z, abs=1e-5)

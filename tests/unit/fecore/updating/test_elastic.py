@@ -10,6 +10,7 @@ from fecore.errors import UpdatingError
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic import update_elastic
+from fecore.updating.elastic_result import NOISE
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import Parameter, parametrise
 from tests.support.cantilever import MEASURED_HZ, PARAMETERS, TABLE_4
@@ -78,7 +79,8 @@ def test_noise_covariance_matches_scatter(forward: ForwardModel) -> None:
     noisy = [clean.frequency_hz + sd * random.standard_normal(5) for _ in range(40)]
     results = [update_elastic(forward, replace(clean, frequency_hz=f, covariance=covariance)) for f in noisy]
     scatter = np.std([result.theta for result in results], axis=0, ddof=1)
-    stated = np.mean([np.sqrt(np.diag(result.noise_covariance)) for result in results], axis=0)
+    noise = [np.linalg.norm(each.sources[NOISE], axis=1) * each.prior.slope(each.theta) for each in results]
+    stated = np.mean(noise, axis=0)
     # 40 draws fix a standard deviation to ±11 % (1 sd); Ey, which the data do not determine, is left out.
     determined = [0, 2, 3]
     assert np.all(np.abs(scatter[determined] / stated[determined] - 1) < 0.4)

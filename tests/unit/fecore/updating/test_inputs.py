@@ -22,9 +22,9 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.pipeline import update
+from fecore.updating.plausibility import looks_windowed
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
-from fecore.updating.window import looks_windowed
 from tests.support.cantilever import MEASURED_HZ, PARAMETERS
 
 # What is not about the mesh is updated on a coarse one.
@@ -101,7 +101,7 @@ def test_the_budget_adds_up_and_thickness_counts_twice(nominal: Specimen) -> Non
     assert np.linalg.norm(result.sources["thickness"][0]) == pytest.approx(0.02, rel=0.03)
     weight = np.linalg.inv(result.problem.noise + result.discrepancy**2 * np.eye(5))
     S = result.problem.sensitivity
-    hessian = S.T @ weight @ S + np.diag(result.coordinates.sd**-2)
+    hessian = S.T @ weight @ S + np.diag(result.prior.xi_sd**-2)
     np.testing.assert_allclose(total, np.linalg.inv(hessian), rtol=1e-8, atol=1e-12)
 
 

@@ -69,7 +69,7 @@ def test_priors_signs_and_inputs_have_their_places(nominal: Specimen) -> None:
     parametrisation = parametrise(nominal, (Parameter("Ex"), Parameter("nu_xy", prior_mean=0.2, prior_sd=0.02)))
     assert parametrisation.prior_mean.tolist() == [nominal.material.Ex, 0.2]
     np.testing.assert_allclose(parametrisation.prior_sd, [0.3 * nominal.material.Ex, 0.02], rtol=1e-15)
-    assert parametrisation.signed.tolist() == [False, True]
+    assert parametrisation.logarithmic.tolist() == [True, False]
     assert parametrisation.constants(parametrisation.prior_mean).shape == (len(CONSTANTS),)
     assert parametrisation.reported == parametrisation.names
     assert parametrisation.units[:6] == ("Pa",) * 5 + ("1",)

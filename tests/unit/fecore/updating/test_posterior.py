@@ -7,15 +7,17 @@ import pytest
 import scipy
 
 from fecore.updating.findings import FINDINGS, found, warnings
-from fecore.updating.measured_ratios import disagreement
+from fecore.updating.measured_ratios import (
+    ScaleMixture,
+    disagreement,
+    log_likelihood_of_deviations,
+    scale_of_deviations,
+)
 from fecore.updating.posterior import (
     LinearProblem,
     Mixture,
-    ScaleMixture,
     identifiability,
     log_likelihood,
-    log_likelihood_of_deviations,
-    scale_of_deviations,
     spread_over,
 )
 from fecore.updating.result import Finding

@@ -107,7 +107,7 @@ def test_what_residuals_and_modes_without_a_partner_cost(five: tuple[ElasticResu
     more = (DISCREPANCY_DOF + 5) / 2 * np.log(squares)
     assert evidence(elastic)[1] - evidence(exact)[1] == pytest.approx(more, rel=1e-9)
     believed = replace(elastic, x=np.zeros_like(elastic.x))
-    more = np.sum((elastic.x / elastic.coordinates.sd) ** 2) / 2
+    more = np.sum((elastic.x / elastic.prior.xi_sd) ** 2) / 2
     assert evidence(elastic)[1] - evidence(believed)[1] == pytest.approx(more, rel=1e-6)
     assert _behind((1, 12.0), (0, 10.0)) == 10.0
     assert _behind((1, 12.0), (1, 10.0)) == 2.0
@@ -115,10 +115,10 @@ def test_what_residuals_and_modes_without_a_partner_cost(five: tuple[ElasticResu
 
 def test_a_result_is_doubtful_where_another_start_may_do_better(five: tuple[ElasticResult, MeasuredModes]) -> None:
     elastic, _ = five
-    place = elastic.coordinates
+    sd = elastic.prior.xi_sd
 
     def doubtful(misfit: float, sds: float, alone: tuple[int, ...] = ()) -> bool:
-        x = sds * place.sd * (np.arange(place.sd.size) == 0)
+        x = sds * sd * (np.arange(sd.size) == 0)
         pairing = replace(elastic.pairing, unpaired_measured=alone)
         problem = replace(elastic.problem, residual=np.full(5, misfit * DISCREPANCY))
         return is_doubtful(replace(elastic, problem=problem, x=x, pairings=(pairing,)))

@@ -1,0 +1,165 @@
+"""A measured mode that may be none: its weight in a fit, what the posterior makes of it, and what the user gets."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy
+from benchmarks.draws import BEAM, beam
+
+from fecore.modes import MeasuredModes
+from fecore.updating.belief import over_sets, stray_cost, weights_of
+from fecore.updating.measurement import Measurement, prepare
+from fecore.updating.pairing import alone_cost
+from fecore.updating.pipeline import update
+from fecore.updating.posterior import LinearProblem, Mixture
+from fecore.updating.recipe import Recipe
+from fecore.updating.result import UpdateResult
+
+RANDOM = np.random.default_rng(8)
+COUNT, SIZE = 5, 2
+COARSE = replace(BEAM, divisions=(20, 2))
+RECIPE = Recipe(damping_models=("rayleigh",))
+
+
+@pytest.fixture
+def problem() -> LinearProblem:
+    """Five frequencies of two unknowns, the fourth off by one per cent."""
+    residual = 0.001 * RANDOM.standard_normal(COUNT)
+    residual[3] += 0.01
+    sd, at = np.array([0.3, 0.2]), np.array([0.1, -0.2])
+    noise = np.diag(RANDOM.uniform(1e-8, 1e-6, COUNT))
+    nothing = np.zeros(SIZE)
+    return LinearProblem(residual, noise, RANDOM.standard_normal((COUNT, SIZE)), at, lambda _: sd, {}, nothing)
+
+
+def likelihood(problem: LinearProblem, which: list[int], spread: float) -> float:
+    """Of some frequencies, the unknowns integrated out."""
+    S, r = problem.sensitivity[which], problem.residual[which] + problem.sensitivity[which] @ problem.x
+    V = problem.noise[np.ix_(which, which)] + spread**2 * np.eye(len(which)) + (S * problem.sd(0.0) ** 2) @ S.T
+    return float(np.exp(-(np.linalg.slogdet(2 * np.pi * V)[1] + r @ np.linalg.solve(V, r)) / 2))
+
+
+@pytest.mark.parametrize("probability", [0.6, 0.99, 0.999999])
+def test_the_weight_of_one_mode_is_its_posterior_probability(problem: LinearProblem, probability: float) -> None:
+    """Both sets by brute force: the likelihood of all frequencies with it, and of the others times the band's density."""
+    spreads = 0.001 * np.exp(np.linspace(np.log(0.1), np.log(30.0), 41))
+    prior = np.exp(-2 * (np.log(spreads) + 0.001**2 / (2 * spreads**2)))  # of ln s, as in `posterior`
+    P, W = np.where(np.arange(COUNT) == 3, probability, 1.0), np.full(COUNT, 2.5)
+    real, none = (
+        sum(p * likelihood(problem, which, s) for p, s in zip(prior, spreads, strict=True))
+        for which in ([0, 1, 2, 3, 4], [0, 1, 2, 4])
+    )
+    others = problem.only(np.arange(COUNT) != 3)
+    step, covariance = others.solve(0.001, 0.0)  # what the others foretell, where the model misses it by five per cent
+    spread = np.sqrt(problem.noise[3, 3] + 0.05**2 + problem.sensitivity[3] @ covariance @ problem.sensitivity[3])
+    off = scipy.stats.norm.pdf(problem.residual[3] - problem.sensitivity[3] @ step, 0, spread)
+    real += 0.01 * off * none
+    expected = probability * real / (probability * real + (1 - probability) / 2.5 * none)
+    assert weights_of(problem, P, W, 0.0)[3] == pytest.approx(expected, rel=1e-9)
+    assert weights_of(problem, P, W, 0.0)[[0, 1, 2, 4]].tolist() == [1.0] * 4
+
+
+def test_the_descent_is_the_derivative_of_the_weighted_misfit(problem: LinearProblem) -> None:
+    weighted = replace(problem, weight=np.array([1.0, 0.3, 1.0, 0.05, 0.9]))
+    root, V = np.sqrt(weighted.weights), problem.noise + 0.002**2 * np.eye(COUNT)
+
+    def misfit(step: np.ndarray) -> complex:
+        r, x = root * (problem.residual - problem.sensitivity @ step), problem.x + step
+        return complex(r @ np.linalg.solve(V, r) + x @ (x / problem.sd(0.0) ** 2)) / 2
+
+    cost, descent, _ = weighted.at(0.002, 0.0)
+    assert cost == pytest.approx(misfit(np.zeros(SIZE)).real, rel=1e-12)
+    by_step = [-misfit(1e-30j * unit).imag / 1e-30 for unit in np.eye(SIZE)]
+    np.testing.assert_allclose(descent, by_step, rtol=1e-12)
+
+
+def test_the_posterior_is_that_of_both_sets_by_their_odds(problem: LinearProblem) -> None:
+    without, belief = problem.with_weight(3, 0.0), np.where(np.arange(COUNT) == 3, 0.3, 1.0)
+    given = without.mixture(0.0)[0]
+    found = over_sets(without, belief, 0.0, given)
+    moments = [problem.with_weight(3, w).mixture(0.0)[0].total for w in (1.0, 0.0)]
+    np.testing.assert_allclose(found.total, 0.3 * moments[0] + 0.7 * moments[1], rtol=1e-12)
+    alone = problem.only(np.arange(COUNT) != 3).mixture(0.0)[0]
+    np.testing.assert_allclose(moments[1], alone.total, rtol=1e-9)  # weight 0 is to have no such frequency
+    assert over_sets(without, np.ones(COUNT), 0.0, given) is given
+    assert isinstance(found, Mixture)
+
+
+def test_what_is_certain_costs_what_it_did() -> None:
+    modes = MeasuredModes(np.array([10.0, 20.0, 30.0]), np.full(3, 0.01), probability=np.array([1.0, 0.6, 0.1]))
+    assert alone_cost(modes) == pytest.approx([8.0, -np.log(0.4 + 0.6 * np.exp(-8)), -np.log(0.9 + 0.1 * np.exp(-8))])
+    assert alone_cost(replace(modes, probability=None)).tolist() == [8.0] * 3
+    fits = scipy.stats.norm.logpdf(0, 0, 0.001)
+    expected = 0.8 * (np.log(0.6 / 0.4 * 1.5) + fits)
+    weights = np.array([1.0, 0.2])
+    assert stray_cost(weights, np.array([1.0, 0.6]), np.array([3.0, 1.5]), 0.001) == pytest.approx(expected)
+
+
+@pytest.fixture(scope="module")
+def measured() -> tuple[Measurement, MeasuredModes]:
+    """The points of a drawn cantilever, and its five modes as if somebody had typed them in."""
+    measurement = beam(0).measurement
+    modes = prepare(measurement, COARSE, RECIPE).modes
+    assert modes is not None
+    return Measurement(None, measurement.points, replace(modes, probability=None)), replace(modes, probability=None)
+
+
+def updated(measured: tuple[Measurement, MeasuredModes], modes: MeasuredModes, probability: object) -> UpdateResult:
+    given = None if probability is None else np.asarray(probability, dtype=float)
+    return update(replace(measured[0], modes=replace(modes, probability=given)), COARSE, RECIPE)
+
+
+def test_typed_modes_and_modes_of_probability_one_are_one(measured: tuple[Measurement, MeasuredModes]) -> None:
+    typed, certain = (updated(measured, measured[1], p) for p in (None, np.ones(5)))
+    for one, other in zip(typed.parameters, certain.parameters, strict=True):
+        assert other.estimate == pytest.approx(one.estimate, rel=1e-9)
+        assert other.interval_95 == pytest.approx(one.interval_95, rel=1e-9)
+        assert [entry.source for entry in one.budget] == [entry.source for entry in other.budget]
+
+
+def test_a_false_pole_pulls_by_its_probability(measured: tuple[Measurement, MeasuredModes]) -> None:
+    """In place of the second bending mode stands a pole of its shape, 5 % too high."""
+    modes = measured[1]
+    false = replace(modes, frequency_hz=modes.frequency_hz * np.where(np.arange(5) == 1, 1.05, 1.0))
+    left = [0, 2, 3, 4]
+    both = [*left, *(5 + row for row in left)]
+    assert modes.shapes is not None
+    assert modes.covariance is not None
+    without = MeasuredModes(
+        modes.frequency_hz[left],
+        modes.damping_ratio[left],
+        modes.shapes[left],
+        modes.dofs,
+        modes.covariance[np.ix_(both, both)],
+    )
+    found = {p: updated(measured, false, np.where(np.arange(5) == 1, p, 1.0)) for p in (0.6, 0.999)}
+    truth = {p.name: p for p in updated(measured, without, None).parameters}
+
+    def moved(result: UpdateResult, name: str) -> float:
+        (found,) = (p for p in result.parameters if p.name == name)
+        return abs(found.estimate - truth[name].estimate) / truth[name].standard_deviation
+
+    assert moved(found[0.6], "Ex") < 0.05
+    assert moved(found[0.6], "Gxz") < 0.2
+    assert moved(found[0.999], "Ex") > 0.3
+    assert "mode_not_believed" in {finding.kind for finding in found[0.6].findings}
+    assert "mode_not_believed" not in {finding.kind for finding in found[0.999].findings}
+    assert found[0.6].verdict.level == "usable"
+    assert found[0.999].verdict.level == "with_care"
+
+
+def test_a_mode_in_doubt_that_alone_fixes_a_constant_leaves_it_wide(
+    measured: tuple[Measurement, MeasuredModes],
+) -> None:
+    """The third mode alone is torsion. Where it may be none, so may the shear modulus be what the prior says."""
+    shear = {}
+    for p in (0.6, 0.99):
+        result = updated(measured, measured[1], np.where(np.arange(5) == 2, p, 1.0))
+        (shear[p],) = (each for each in result.parameters if each.name == "Gxy")
+    wide, narrow = shear[0.6], shear[0.99]
+    assert wide.estimate == pytest.approx(narrow.estimate, rel=1e-3)
+    assert wide.standard_deviation > 2 * narrow.standard_deviation
+    assert wide.budget[0].source == "which modes are real"
