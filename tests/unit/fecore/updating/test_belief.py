@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy
-from benchmarks.draws import BEAM, beam
 
+from benchmarks.draws import BEAM, beam
 from fecore.modes import MeasuredModes
 from fecore.updating.belief import over_sets, stray_cost, weights_of
 from fecore.updating.measurement import Measurement, prepare
