@@ -25,13 +25,14 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import Terms, columns, poles
 from fecore.modal.drift import in_band
-from fecore.modal.growth import gains
+from fecore.modal.growth import gain_beside, gains, pole_price
 from fecore.modal.refinement import Level
 from fecore.modal.residues import weights
 
 _REACH = 3.0  # half bandwidths on each side of a pole within which the misfit is local
 _LEAST_REACH = 2  # ... and at least lines
-_TONE = 0.02  # lines: a half bandwidth below is a tone's, which shows neither damping nor delay
+_LASTS = 0.02  # lines: a half bandwidth below swings through the whole record
+_ONE_LINE = 0.25  # lines: a half bandwidth above shows its flanks on several
 _RISE = (1.0, 1e3)  # least and most that counts
 _SHARE = (0.03, 1.0)  # least and most that counts
 _LONGEST_DELAY = 1e-3  # s
@@ -50,7 +51,7 @@ class Evidence:
         phase, rise, share, damping, twin, repeat, growth: (n,) see above.
         neighbour: (n,) number of the larger neighbour, -1 where there is none; likeness, apart: their MAC and distance δ.
         trend: (n,) ζ_t.
-        tone: (n,) whether the pole is so narrow that no record of these lines could have shown it.
+        tone: (n,) whether the pole rests on a single line, as interference does, and shows neither damping nor delay.
         delay: of the channels, s; turned: whether all residues are turned by 90°.
     """
 
@@ -83,7 +84,7 @@ def evidence_of(arrangement: Arrangement, fit: Level, hits: tuple[FloatArray, Fl
     rise = _rise(arrangement, fit)
     height, share = _share(arrangement, fit)
     inside = in_band(arrangement, terms.frequency_hz)
-    tone: BoolArray = terms.frequency_hz * terms.damping_ratio < _TONE * arrangement.spacing_hz
+    tone = _tone(arrangement, fit)
     strength = np.where(inside & ~tone, np.log10(rise) * share, 0.0)
     delay, turned = _delay(terms, residues, np.where(rise > _STRONG, strength, 0.0))
     phase = _phase(terms, residues, delay, turned)
@@ -125,6 +126,17 @@ def _rise(arrangement: Arrangement, fit: Level) -> FloatArray:
     usual = 2.0 * np.mean(arrangement.measured.sum(axis=0)) * lines * 0.05  # clean data leave nothing
     with_it = np.maximum(misfit @ near, usual)
     return np.asarray(np.clip(1 + gains(fit) / with_it, *_RISE))
+
+
+def _tone(arrangement: Arrangement, fit: Level) -> BoolArray:
+    """(n,) poles that hardly die away within a record, or do not pay without the line next to them: a mode is seen on more."""
+    terms = fit.terms
+    lines = terms.frequency_hz * terms.damping_ratio / max(arrangement.spacing_hz, 1e-300)
+    tone = lines < _LASTS
+    for k in np.flatnonzero(~tone & (lines < _ONE_LINE)):
+        line = int(np.argmin(np.abs(arrangement.frequency_hz - terms.frequency_hz[k])))
+        tone[k] = gain_beside(arrangement, fit, int(k), line) < pole_price(fit)
+    return tone
 
 
 def _share(arrangement: Arrangement, fit: Level) -> tuple[FloatArray, FloatArray]:

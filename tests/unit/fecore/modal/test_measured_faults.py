@@ -83,6 +83,12 @@ def test_draws_of_our_own(kind: str) -> None:
     assert_found(found.found, draw)
 
 
+@pytest.mark.parametrize("seed", [2, 4002])
+def test_a_group_of_overlapping_modes_is_found_though_none_of_them_pays_alone(seed: int) -> None:
+    draw = KINDS["plate"](seed)
+    assert_found(identify(draw.frfs).found, draw)
+
+
 @pytest.mark.parametrize(("part", "said"), [("real", "no imaginary part"), ("imag", "no real part")])
 def test_half_of_the_numbers_is_refused_by_name(part: str, said: str) -> None:
     frfs = paper_frfs(0.01, 3)
