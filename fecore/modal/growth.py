@@ -62,7 +62,8 @@ def grow(
     fit = level_at(arrangement, start, local_variance(fit.residual, arrangement.values, noise, measured))
     candidates = first
     for number in range(rounds):
-        fit = _as_all_leave(arrangement, fit, candidates[: max(most - fit.terms.pairs, 0)], noise)
+        if not fit.terms.pairs:
+            fit = _as_all_leave(arrangement, fit, candidates[:most], noise)
         added = _chosen(arrangement, fit, candidates, most - fit.terms.pairs)
         if not added.size:
             break
