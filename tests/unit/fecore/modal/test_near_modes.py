@@ -48,8 +48,9 @@ def test_two_references_part_modes_a_fraction_of_a_line_apart(gap: float, likene
     assert np.all(np.abs(found.damping_ratio - zeta) < np.minimum(4 * sd_zeta, 0.05 * zeta))
     assert np.all(np.diag(mac(found.shapes, phi.astype(complex))) > likeness)
     # the series holds both: what it predicts is the measured FRFs but for their errors of 2 %
-    off = np.linalg.norm(identified.predicted - identified.measured) / np.linalg.norm(identified.measured)
-    assert off < 0.04
+    used = np.isfinite(identified.measured)
+    off = np.linalg.norm((identified.predicted - identified.measured)[used])
+    assert off < 0.04 * np.linalg.norm(identified.measured[used])
     assert identified.terms.pairs >= 4
 
 
