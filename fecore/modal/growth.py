@@ -34,6 +34,7 @@ _STEPS = 8  # of the refinement in each round
 _ENOUGH = 1.0  # decrease of χ² that a step is worth before the last round
 _PRICE = 2.0  # of an unknown (Akaike)
 _ALONE = 1e-6  # share of a candidate's power that the series leaves: below it nothing new is in it
+_FEW = 2  # FRFs up to which the first round looks at groups: where more differ by a drift, doubles would pay too
 _APART = 0.5  # summed half bandwidths between two poles that are taken in one round
 
 
@@ -62,7 +63,7 @@ def grow(
     fit = level_at(arrangement, start, local_variance(fit.residual, arrangement.values, noise, measured))
     candidates = first
     for number in range(rounds):
-        if not fit.terms.pairs:
+        if not fit.terms.pairs and len(fit.residual) <= _FEW:
             fit = _as_all_leave(arrangement, fit, candidates[:most], noise)
         added = _chosen(arrangement, fit, candidates, most - fit.terms.pairs)
         if not added.size:
