@@ -61,8 +61,10 @@ def _read(path: Path, averages: int = 5) -> FrfSet:
     if coherences:
         gamma = np.clip(np.array([s["data"].real for s in coherences]), 1e-6, 1 - 1e-9)
         variance = np.abs(values) ** 2 * (1 - gamma) / (gamma * averages)
-    dofs = [tuple(Dof(int(s[f"{side}_node"]), int(s[f"{side}_dir"])) for s in frfs) for side in ("rsp", "ref")]
-    return FrfSet(np.asarray(frfs[0]["x"], float), values, *dofs, "accelerance", variance)
+    responses, references = (
+        tuple(Dof(int(s[f"{side}_node"]), int(s[f"{side}_dir"])) for s in frfs) for side in ("rsp", "ref")
+    )
+    return FrfSet(np.asarray(frfs[0]["x"], float), values, responses, references, "accelerance", variance)
 
 
 def _compared(name: str, frfs: FrfSet) -> np.ndarray:
