@@ -32,7 +32,7 @@ from fecore.modal.residues import weights
 _REACH = 3.0  # half bandwidths on each side of a pole within which the misfit is local
 _LEAST_REACH = 2  # ... and at least lines
 _LASTS = 0.02  # lines: a half bandwidth below swings through the whole record
-_ONE_LINE = 0.25  # lines: a half bandwidth above shows its flanks on several
+_ONE_LINE = 0.5  # lines: a half bandwidth above shows its flanks on several
 _RISE = (1.0, 1e3)  # least and most that counts
 _SHARE = (0.03, 1.0)  # least and most that counts
 _LONGEST_DELAY = 1e-3  # s
