@@ -10,6 +10,8 @@ m and S those of the prior there; the covariance is the inverse of the Hessian a
 good they are: log loss, Brier score, and each feature's worth by leaving it out. Reliability, and what becomes of modes and of
 others, are printed for the weights in use.
 
+`python -m benchmarks calibrate agreement` compares bands and halves of one record (`agreement`).
+
 `CALIBRATE_SEEDS` (default 10) draws of each kind; the printed table replaces the one in `fecore/modal/weights.py`.
 """
 
@@ -24,6 +26,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy
 
+from benchmarks import agreement
 from benchmarks.made_frfs import GOOD, KINDS, Draw, Harsh
 from fecore.errors import IdentificationError
 from fecore.modal.drift import in_band
@@ -179,8 +182,11 @@ def print_reliability(p: np.ndarray, true: np.ndarray) -> None:
             print(f"{low:6.2f} {high:5.2f} {own.sum():8} {p[own].mean():8.4f} {share:10.4f} ± {error:.4f}")
 
 
-def main() -> None:
-    """Print the weights and how good they are."""
+def main(part: str = "weights", *words: str) -> None:
+    """Print the weights and how good they are; or, for `agreement`, whether one record has one answer."""
+    if part == "agreement":
+        agreement.main(*words)
+        return
     kinds = os.environ.get("CALIBRATE_KINDS", ",".join(KINDS)).split(",")
     poles = drawn(kinds, range(FIRST, FIRST + SEEDS))
     ratio, x, true = np.array(poles.ratio), np.array(poles.rows), np.array(poles.true)

@@ -8,6 +8,7 @@ bridge     26 FRFs of one sensor to 8 Hz, six modes some of them a few lines apa
 plate      one FRF with its coherence from five hits, an exponential window on the response, a comb of 1 Hz
 wide       12 FRFs, damping of 0.1 to 16 % drawn anew for every mode, some modes one to three lines wide and low, where the
            floor of the noise changes tenfold
+wing       18 FRFs of a roving sensor, the first mode two lines wide, low, in company, beside a floor that changes
 quiet      1 to 12 FRFs of noise and hum
 squared,   12 FRFs of a simulated equation of motion with a local spring of F = k₂y² or k₃y³ beside the linear structure,
 cubed      half-sine hits of three heights: what answers at sums, differences and multiples of its frequencies is no mode
@@ -141,6 +142,32 @@ def wide(seed: int, harsh: Harsh = GOOD, points: int = 12) -> Draw:
     return Draw(_set(hz, values, pairs), f, zeta, f < 0, NONE)
 
 
+def wing(seed: int, harsh: Harsh = GOOD, points: int = 18) -> Draw:
+    """A cantilever to 350 Hz whose first mode is two lines wide, low, and beside a floor that changes.
+
+    The sensor roves: its mass pulls each mode down by the square of the shape there. Every record has noise of its own level,
+    leakage rises towards 0 Hz, and humps of a support that is no part of the body stand beside the first mode.
+    """
+    rng = np.random.default_rng([10, seed])
+    hz = np.arange(0.0, 400.1, 0.3125)
+    f = np.append(rng.uniform(9, 18), _spread(rng, int(rng.integers(5, 8)), 40, 340, 0.05))
+    zeta = np.append(rng.uniform(0.012, 0.025), rng.uniform(0.002, 0.012, f.size - 1))
+    phi, psi = _shapes(rng, f.size, points), _shapes(rng, f.size, 1)
+    lever = phi * np.where(np.abs(psi) < 0.3, 0.3 * psi / np.abs(psi), psi)
+    lever[0] *= rng.uniform(0.1, 0.5)
+    pulled = rng.uniform(0.02, 0.15) * zeta.min() * np.abs(phi) ** 2
+    values = np.stack([_accelerance(hz, f * (1 - pulled[:, p]), zeta, lever[:, p : p + 1])[0] for p in range(points)])
+    humps = rng.uniform(0.5, 1.5, 2) * f[0]
+    hump = _accelerance(hz, humps, rng.uniform(0.05, 0.2, 2), 0.03 * lever[:2] * np.exp(1j * rng.uniform(0, 7, (2, 1))))
+    level = np.median(np.abs(values[:, hz > 5])) * np.exp(rng.uniform(np.log(0.3), np.log(3), (points, 1)))
+    floor = 0.02 * level * np.exp(_smooth(rng, hz, 1, 1.0, 40).real) * (hz / 100 + 0.05)
+    values = _faults(
+        rng, hz, values + hump, 0.0, harsh.noise * (floor + 0.002 * level / np.maximum(hz, 0.2)), 0.0, harsh
+    )
+    pairs = [(Dof(i + 1, 3), Dof(1, 3)) for i in range(points)]
+    return Draw(_set(hz, values, pairs), f, zeta, f < 0, NONE)
+
+
 _SECONDS, _RATE, _HEIGHTS = 8.0, 1600, (0.5, 1.0, 2.0)
 
 
@@ -237,6 +264,7 @@ KINDS: dict[str, Callable[..., Draw]] = {
     "plate": plate,
     "aeroplane": aeroplane,
     "wide": wide,
+    "wing": wing,
     "quiet": quiet,
     "squared": squared,
     "cubed": cubed,

@@ -6,7 +6,7 @@ phase   r, the median over the FRFs, weighted by |R|, of cos 2∠(2iω_d R), R t
 rise    ρ, the local misfit without the pole over that with it, within 1 and 10³.
 share   s, the pole's height over the FRFs at its frequency, within 0.03 and 1.
 damping z = |ln ζ/ζ_t|, ζ_t a robust trend c + a₀/2ω + a₁ω/2 with coefficients >= 0 through all poles of the set.
-twin    t = MAC with a larger neighbour × exp(-δ²/2), δ their distance in summed half bandwidths.
+twin    t = likeness to a larger neighbour × exp(-δ²/2), δ their distance in summed half bandwidths.
 repeat  where FRFs of single hits are there: how far the pole's residue scatters between them over the root of their number.
 growth  where their heights differ: |d ln|R| / d ln(height)|, 0 for a linear structure, 1 and 2 for quadratic and cubic springs.
 
@@ -25,17 +25,19 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import Terms, columns, poles
 from fecore.modal.drift import in_band
-from fecore.modal.growth import gains
+from fecore.modal.growth import gain_beside, gains, pole_price
 from fecore.modal.refinement import Level
 from fecore.modal.residues import weights
 
 _REACH = 3.0  # half bandwidths on each side of a pole within which the misfit is local
 _LEAST_REACH = 2  # ... and at least lines
-_TONE = 0.02  # lines: a half bandwidth below is a tone's, which shows neither damping nor delay
+_LASTS = 0.02  # lines: a half bandwidth below swings through the whole record
+_ONE_LINE = 0.5  # lines: a half bandwidth above shows its flanks on several
 _RISE = (1.0, 1e3)  # least and most that counts
 _SHARE = (0.03, 1.0)  # least and most that counts
 _LONGEST_DELAY = 1e-3  # s
 _DELAY_PRIOR = 2e-4  # s, one standard deviation
+_POINTS = 8  # FRFs from which the signs of two shapes hardly agree by chance
 _STRONG = 10.0  # rise from which a pole shows the delay
 _ROBUST = 6  # rounds of reweighting of the damping's trend
 _STARTS = 8  # poles through which it is started
@@ -48,9 +50,9 @@ class Evidence:
 
     Attributes:
         phase, rise, share, damping, twin, repeat, growth: (n,) see above.
-        neighbour: (n,) number of the larger neighbour, -1 where there is none; likeness, apart: their MAC and distance δ.
+        neighbour: (n,) number of the larger neighbour, -1 where there is none; likeness, apart: see `_neighbours`.
         trend: (n,) ζ_t.
-        tone: (n,) whether the pole is so narrow that no record of these lines could have shown it.
+        tone: (n,) whether the pole rests on a single line, as interference does, and shows neither damping nor delay.
         delay: of the channels, s; turned: whether all residues are turned by 90°.
     """
 
@@ -83,7 +85,7 @@ def evidence_of(arrangement: Arrangement, fit: Level, hits: tuple[FloatArray, Fl
     rise = _rise(arrangement, fit)
     height, share = _share(arrangement, fit)
     inside = in_band(arrangement, terms.frequency_hz)
-    tone: BoolArray = inside & (terms.frequency_hz * terms.damping_ratio < _TONE * arrangement.spacing_hz)
+    tone = inside & _tone(arrangement, fit)
     strength = np.where(inside & ~tone, np.log10(rise) * share, 0.0)
     delay, turned = _delay(terms, residues, np.where(rise > _STRONG, strength, 0.0))
     phase = _phase(terms, residues, delay, turned)
@@ -125,6 +127,17 @@ def _rise(arrangement: Arrangement, fit: Level) -> FloatArray:
     usual = 2.0 * np.mean(arrangement.measured.sum(axis=0)) * lines * 0.05  # clean data leave nothing
     with_it = np.maximum(misfit @ near, usual)
     return np.asarray(np.clip(1 + gains(fit) / with_it, *_RISE))
+
+
+def _tone(arrangement: Arrangement, fit: Level) -> BoolArray:
+    """(n,) poles that hardly die away within a record, or do not pay without the line next to them: a mode is seen on more."""
+    terms = fit.terms
+    lines = terms.frequency_hz * terms.damping_ratio / max(arrangement.spacing_hz, 1e-300)
+    tone = lines < _LASTS
+    for k in np.flatnonzero(~tone & (lines < _ONE_LINE)):
+        line = int(np.argmin(np.abs(arrangement.frequency_hz - terms.frequency_hz[k])))
+        tone[k] = gain_beside(arrangement, fit, int(k), line) < pole_price(fit)
+    return tone
 
 
 def _share(arrangement: Arrangement, fit: Level) -> tuple[FloatArray, FloatArray]:
@@ -212,10 +225,19 @@ def _descended(trend: FloatArray, zeta: FloatArray, shape: FloatArray, strength:
 
 
 def _neighbours(terms: Terms, residues: ComplexArray, height: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """The larger neighbour that a pole is most like and nearest to, their MAC and distance δ."""
-    n = terms.pairs
-    norm = np.maximum(np.sum(np.abs(residues) ** 2, axis=0), 1e-300)
-    likeness = np.abs(residues.conj().T @ residues) ** 2 / np.outer(norm, norm)
+    """The larger neighbour that a pole is most like and nearest to, their likeness and distance δ.
+
+    A mode that the roving sensor's mass moves from test to test leaves poles that share its residue: each is large in tests of
+    its own, so their MAC is low, but all have its sign. The likeness is the MAC, or the square of the mean agreement
+    Σ Re(R̄ₖRⱼ)/Σ|RₖRⱼ| where that is larger; the signs of two modes agree at half of the points only.
+    """
+    n, size = terms.pairs, np.abs(residues)
+    product = residues.conj().T @ residues
+    norm = np.maximum(np.sum(size**2, axis=0), 1e-300)
+    likeness = np.abs(product) ** 2 / np.outer(norm, norm)
+    if len(residues) >= _POINTS:
+        agreement = np.maximum(product.real, 0.0) / np.maximum(size.T @ size, 1e-300)
+        likeness = np.maximum(likeness, agreement**2)
     width = terms.frequency_hz * terms.damping_ratio
     apart = np.abs(terms.frequency_hz[:, None] - terms.frequency_hz) / (width[:, None] + width)
     larger: BoolArray = height[None, :] > height[:, None]

@@ -35,6 +35,7 @@ _ENOUGH = 1.0  # decrease of χ² that a step is worth before the last round
 _PRICE = 2.0  # of an unknown (Akaike)
 _FAR = 2.0  # times the upper end of the band, or of the lower end over it: poles beyond are residual terms
 _ALONE = 1e-6  # share of a candidate's power that the series leaves: below it nothing new is in it
+_FEW = 2  # FRFs up to which the first round looks at groups: where more differ by a drift, doubles would pay too
 _APART = 0.5  # summed half bandwidths between two poles that are taken in one round
 
 
@@ -63,6 +64,8 @@ def grow(
     fit = level_at(arrangement, start, local_variance(fit.residual, arrangement.values, noise, measured))
     candidates = first
     for number in range(rounds):
+        if not fit.terms.pairs and len(fit.residual) <= _FEW:
+            fit = _as_all_leave(arrangement, fit, candidates[:most], noise)
         added = _chosen(arrangement, fit, candidates, most - fit.terms.pairs)
         if not added.size:
             break
@@ -119,13 +122,29 @@ def without_poles(terms: Terms, gone: BoolArray) -> Terms:
 
 def gains(fit: Level) -> FloatArray:
     """(n,) what χ² would rise by without each pole, all other coefficients fitted anew: Σ_i cᵀV⁻¹c, V the covariance of c."""
-    n = fit.terms.pairs
-    one, two = (fit.linear.coefficients[:, place : 2 * n : 2] for place in (0, 1))
-    V = fit.linear.covariance
-    at = 2 * np.arange(n)
-    a, b, d = V[:, at, at], V[:, at, at + 1], V[:, at + 1, at + 1]
+    return _gains(fit.linear.coefficients, fit.linear.covariance, fit.terms.pairs)
+
+
+def _gains(c: FloatArray, C: FloatArray, pairs: int) -> FloatArray:
+    one, two = c[:, 0 : 2 * pairs : 2], c[:, 1 : 2 * pairs : 2]
+    at = 2 * np.arange(pairs)
+    a, b, d = C[:, at, at], C[:, at, at + 1], C[:, at + 1, at + 1]
     determinant = np.maximum(a * d - b**2, 1e-12 * a * d + np.finfo(float).tiny)
     return np.asarray(np.sum((d * one**2 - 2 * b * one * two + a * two**2) / determinant, axis=0))
+
+
+def gain_beside(arrangement: Arrangement, fit: Level, k: int, line: int) -> float:
+    """What χ² would rise by without pole k, were a line not measured, all other coefficients fitted anew."""
+    weight = np.where(np.arange(arrangement.omega.size) == line, 0.0, weights(arrangement, fit.variance))
+    root = np.sqrt(weight.mean(axis=0))
+    basis = _stacked(columns(arrangement.omega, fit.terms, arrangement.power), root)
+    basis = basis / np.maximum(np.linalg.norm(basis, axis=0), 1e-300)
+    own = basis[:, 2 * k : 2 * k + 2]
+    frame = np.linalg.qr(np.delete(basis, [2 * k, 2 * k + 1], axis=1))[0]
+    own = own - frame @ (frame.T @ own)
+    scaled = arrangement.values * np.sqrt(weight)
+    right = np.concatenate([scaled.real, scaled.imag], axis=1) @ own
+    return float(_two_by_two(right, *(np.array([each]) for each in (own.T @ own).ravel()[[0, 1, 3]]))[0])
 
 
 def pole_price(fit: Level) -> float:
@@ -137,36 +156,35 @@ def pruned(arrangement: Arrangement, fit: Level) -> Level:
     """The fit without poles that do not pay, the broadest of them first: what a narrower one explains must not outlive it.
 
     A pole far beyond the band looks like a residual term. Both at once are large and cancel, and then a drift of 10⁻⁴ of that
-    pole, or rounding, spoils all FRFs: the term is enough.
+    pole, or rounding, spoils all FRFs: the term is enough. Residual terms that do not pay go after the poles, the least worth
+    first.
     """
-    while fit.terms.pairs:
-        poor = (gains(fit) < pole_price(fit)) | _far(arrangement, fit.terms)
+    terms, c, C, price = fit.terms, fit.linear.coefficients, fit.linear.covariance, pole_price(fit)
+    while terms.pairs:
+        poor = (_gains(c, C, terms.pairs) < price) | _far(arrangement, terms)
         if not poor.any():
             break
-        width = fit.terms.damping_ratio * fit.terms.frequency_hz
-        gone = np.arange(poor.size) == int(np.argmax(np.where(poor, width, -1.0)))
-        fit = level_at(arrangement, without_poles(fit.terms, gone), fit.variance)
-    return _without_idle_terms(arrangement, fit)
-
-
-def _far(arrangement: Arrangement, terms: Terms) -> BoolArray:
-    """(n,) poles so far beyond the band that the lines do not fix their frequency."""
-    low, high = arrangement.frequency_hz[[0, -1]]
-    return np.asarray((terms.frequency_hz > _FAR * high) | (terms.frequency_hz < low / _FAR))
-
-
-def _without_idle_terms(arrangement: Arrangement, fit: Level) -> Level:
-    """The fit without residual terms that do not pay, the least worth first."""
-    while len(fit.terms.exponents) > 1:
-        first = 2 * fit.terms.pairs
-        spread = np.einsum("nii->ni", fit.linear.covariance)[:, first:]
-        worth = np.sum(fit.linear.coefficients[:, first:] ** 2 / np.maximum(spread, 1e-300), axis=0)
+        k = int(np.argmax(np.where(poor, terms.damping_ratio * terms.frequency_hz, -1.0)))
+        c, C = _left_out(c, C, [2 * k, 2 * k + 1])
+        terms = without_poles(terms, np.arange(poor.size) == k)
+    while len(terms.exponents) > 1:
+        spread = np.einsum("nii->ni", C)[:, 2 * terms.pairs :]
+        worth = np.sum(c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, 1e-300), axis=0)
         least = int(np.argmin(worth))
         if worth[least] > _PRICE * len(fit.residual) * fit.memory:
             break
-        left = fit.terms.exponents[:least] + fit.terms.exponents[least + 1 :]
-        fit = level_at(arrangement, replace(fit.terms, exponents=left), fit.variance)
-    return fit
+        c, C = _left_out(c, C, [2 * terms.pairs + least])
+        terms = replace(terms, exponents=terms.exponents[:least] + terms.exponents[least + 1 :])
+    return fit if terms is fit.terms else level_at(arrangement, terms, fit.variance)
+
+
+def _left_out(c: FloatArray, C: FloatArray, gone: list[int]) -> tuple[FloatArray, FloatArray]:
+    """Coefficients (N, q) and their covariance without some columns, the others fitted anew: c - C_g C_gg⁻¹ c_g."""
+    own = C[:, :, gone]
+    back = np.matmul(own, np.linalg.pinv(own[:, gone], hermitian=True))
+    c = c - np.matmul(back, c[:, gone, None])[:, :, 0]
+    C = C - np.matmul(back, own.transpose(0, 2, 1))
+    return np.delete(c, gone, axis=1), np.delete(np.delete(C, gone, axis=1), gone, axis=2)
 
 
 def _beyond(arrangement: Arrangement) -> ComplexArray:
@@ -174,6 +192,17 @@ def _beyond(arrangement: Arrangement) -> ComplexArray:
     low, high = arrangement.omega[0], arrangement.omega[-1]
     at = np.append(high * np.array([1.03, 1.1, 1.25, 1.6]), low * np.array([0.6, 0.8, 0.95]))
     return np.asarray((np.array([[-0.01], [-0.05]]) + 1j) * at).ravel()
+
+
+def _as_all_leave(arrangement: Arrangement, fit: Level, pool: ComplexArray, noise: FloatArray) -> Level:
+    """The fit under the variance that it would leave with all candidates in it.
+
+    Under its own, which follows what it misses, no mode of a group of overlapping ones can gain more than two for each line
+    of the group, and none pays alone.
+    """
+    whole = level_at(arrangement, with_poles(fit.terms, pool), fit.variance)
+    variance = local_variance(whole.residual, arrangement.values, noise, arrangement.measured)
+    return level_at(arrangement, fit.terms, variance)
 
 
 def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int) -> ComplexArray:

@@ -12,6 +12,7 @@ from fecore.modal.arrangement import Arrangement
 _DROWNED = 0.3  # square of the jumps from line to line over the power: nothing but noise
 _RAISED = 10.0  # power at 0 Hz over that at the end of such lines, from which they are leakage
 _FEWEST = 3  # lines that leakage at 0 Hz takes at least
+_MOST = 0.5  # of the lines that it takes: a record that jumps beyond is noise
 
 
 def leakage(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
@@ -25,7 +26,7 @@ def leakage(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     rough = scipy.ndimage.median_filter(jump / np.maximum(around, 1e-300), size=5, mode="nearest")
     smooth = np.flatnonzero(rough < _DROWNED)
     first = int(smooth[0]) + 1 if smooth.size else 0
-    if first < _FEWEST or np.mean(power[:_FEWEST]) < _RAISED * power[first]:
+    if not _FEWEST <= first <= _MOST * power.size or np.mean(power[:_FEWEST]) < _RAISED * power[first]:
         return arrangement, []
     cut = replace(
         arrangement,

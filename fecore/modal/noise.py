@@ -87,11 +87,10 @@ def _two_part(
     for _ in range(_ITERATIONS):
         weight = use / (constant[:, None] + slope[:, None] * level) ** 2
         constant, slope = _regress(square, level, weight)
-        constant = np.maximum(constant, _FLOOR**2)
     for _ in range(_POLISH):  # a step that cannot lower the likelihood, for residuals that are not just noise
         v = constant[:, None] + slope[:, None] * level
         pull, hold = use * square / v**2, use / v
-        constant = constant * np.sqrt(pull.sum(1) / np.maximum(hold.sum(1), 1e-300))
+        constant = np.maximum(constant * np.sqrt(pull.sum(1) / np.maximum(hold.sum(1), 1e-300)), _FLOOR**2)
         slope = slope * np.sqrt((pull * level).sum(1) / np.maximum((hold * level).sum(1), 1e-300))
     v = constant[:, None] + slope[:, None] * level
     scale = np.maximum(np.sum(use * square / v, axis=1) / count, _FLOOR**2)
@@ -104,14 +103,17 @@ def _regress(square: FloatArray, level: FloatArray, weight: FloatArray) -> tuple
     """Weighted straight line square = a² + b² level through each row, with both coefficients held at or above zero."""
     s0, s1, s2 = weight.sum(1), (weight * level).sum(1), (weight * level**2).sum(1)
     r0, r1 = (weight * square).sum(1), (weight * square * level).sum(1)
-    determinant = np.maximum(s0 * s2 - s1**2, 1e-300)
-    constant, slope = (s2 * r0 - s1 * r1) / determinant, (s0 * r1 - s1 * r0) / determinant
-    only_constant, only_slope = r0 / np.maximum(s0, 1e-300), r1 / np.maximum(s2, 1e-300)
+    determinant = s0 * s2 - s1**2
+    known = determinant > 1e-12 * s0 * s2  # levels that differ
+    safe = np.where(known, determinant, 1.0)
+    constant, slope = (s2 * r0 - s1 * r1) / safe, (s0 * r1 - s1 * r0) / safe
+    only_constant, only_slope = r0 / np.maximum(s0, 1e-300), np.where(s2 > 0, r1 / np.where(s2 > 0, s2, 1.0), 0.0)
+    flat = ~known | (slope < 0)
     constant, slope = (
-        np.where(slope < 0, only_constant, np.where(constant < 0, 0.0, constant)),
-        np.where(slope < 0, 0.0, np.where(constant < 0, only_slope, slope)),
+        np.where(flat, only_constant, np.where(constant < 0, 0.0, constant)),
+        np.where(flat, 0.0, np.where(constant < 0, only_slope, slope)),
     )
-    return constant, slope
+    return np.maximum(constant, _FLOOR**2), np.minimum(slope, _FLOOR**-2)
 
 
 def _row_medians(rows: FloatArray) -> FloatArray:

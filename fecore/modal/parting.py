@@ -95,7 +95,9 @@ def part(arrangement: Arrangement, fit: Fit, among: IntArray) -> tuple[Fit, IntA
     Returns:
         the fit; the number of the old pole of each new one; and what was done, in words.
     """
-    two = np.intersect1d(among, np.flatnonzero(of_rank_two(arrangement, *fit.residues())))
+    f, width = fit.terms.frequency_hz, fit.terms.frequency_hz * fit.terms.damping_ratio
+    alone = np.sum(np.abs(f[among] - f[:, None]) < width[:, None], axis=1) <= 1  # a pole beside it is the other mode
+    two = np.intersect1d(among, np.flatnonzero(of_rank_two(arrangement, *fit.residues()) & alone))
     parted = tuple(pair for k in two if (pair := _pair(arrangement, fit, int(k))) is not None)
     at = _places(fit.terms.pairs, parted)
     if not parted:

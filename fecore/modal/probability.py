@@ -141,7 +141,7 @@ def _words(name: str, evidence: Evidence, k: int, frequency_hz: FloatArray, damp
             return "no larger pole is beside it"
         return (
             f"the larger pole at {frequency_hz[evidence.neighbour[k]]:.2f} Hz is {evidence.apart[k]:.1f} bandwidths away,"
-            f" MAC {evidence.likeness[k]:.2f}"
+            f" likeness of shapes {evidence.likeness[k]:.2f}"
         )
     if name == "repeat":
         return f"its residue scatters by {100 * evidence.repeat[k]:.0f} % between hits"

@@ -30,6 +30,7 @@ _ALONE = (
 _RAISED = 2.0  # neighbours of a true resonance stand this much above the lines further off; those of a spike do not
 _LIKE = 0.5  # correlation from which two reciprocal FRFs may be the same beside drift and hits off the point
 _SAME = 0.9  # correlation from which two FRFs between the same dofs are the same FRF
+_POSSIBLE = (1e-70, 1e70)  # of a record's rms: beyond, the fit's products leave double precision
 _DEAD = 1e-9  # of the strongest record's rms: below it a channel is dead
 _CONJUGATES = (
     "the FRFs are conjugates: from line to line they turn anti-clockwise, as no passive structure does with exp(+iωt)"
@@ -163,6 +164,8 @@ def _unusable(arrangement: Arrangement) -> dict[int, str]:
                 f"is at most {largest[row]:.2g} where {arrangement.label(strongest)} reaches {largest[strongest]:.2g}: a dead "
                 "channel, or the scale of one of the two is wrong; check cable and scale"
             )
+        elif not _POSSIBLE[0] < level < _POSSIBLE[1]:
+            found[row] = f"is of the size of {level:.1g}, which no FRF in SI units is; check the scale"
         elif lines < _FEWEST_LINES:
             found[row] = f"has only {lines} measured lines in the band, at least {_FEWEST_LINES} are needed"
         elif np.ptp(arrangement.values[row, arrangement.measured[row]]) == 0:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.made_frfs import KINDS, Harsh
 from examples.paper import synthesis
 from examples.paper.published import FREE_UPDATED, free_beam
 from fecore.body.supports import PointMass
@@ -345,6 +346,22 @@ def test_noise_alone_holds_no_mode() -> None:
     dofs = tuple(Dof(i, 3) for i in range(1, 11))
     with pytest.raises(IdentificationError, match=r"no mode is supported.*Try a band"):
         identify(FrfSet(np.arange(1.0, 801.0), values, dofs, (dofs[0],) * 10))
+
+
+@pytest.mark.parametrize("seed", [5069, 5004])
+def test_noise_that_rises_towards_0_hz_and_hum_hold_no_mode(seed: int) -> None:
+    with pytest.raises(IdentificationError, match="no mode"):
+        identify(KINDS["quiet"](seed, Harsh.drawn(seed)).frfs)
+
+
+@pytest.mark.parametrize("rows", [1, 5])
+def test_a_line_of_interference_is_no_mode_however_high(rows: int) -> None:
+    rng = np.random.default_rng(rows)
+    values = rng.standard_normal((rows, 400)) + 1j * rng.standard_normal((rows, 400))
+    values[:, 150] += 30 * rng.standard_normal(rows)
+    dofs = tuple(Dof(i + 1, 3) for i in range(rows))
+    with pytest.raises(IdentificationError, match="no mode"):
+        identify(FrfSet(np.arange(1.0, 401.0), values, dofs, dofs[:1] * rows))
 
 
 def test_a_limit_on_the_modes_that_stopped_the_search_is_named() -> None:

@@ -1,0 +1,124 @@
+"""One record, one answer: the modes of overlapping bands, and of the two halves of the FRFs, compared with those of the whole.
+
+`python -m benchmarks calibrate agreement [words]`: made sets of `made_frfs`, and the open and measured sets beside the project,
+those whose names contain a word. A mode with P >= 0.9 in one band must have it in every other band that holds it, two per
+cent of the band from its ends on; this needs no truth. Of each set the table gives the agreement of bands and of halves
+and the CPU seconds of the whole, and names what differs.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pyuff
+
+from benchmarks.made_frfs import GOOD, KINDS, Harsh
+from fecore.errors import IdentificationError
+from fecore.frf import Dof, FrfSet
+from fecore.modal import Found, Options, identify
+from tests.support.places import SHARED
+
+SURE = 0.9
+BANDS = ((0.005, 0.5), (0.0125, 0.875), (0.025, 1.0), (0.0, 1.0))  # of the record: 2-200, 5-350, 10-400 Hz of 400 Hz
+_EDGE = 0.02  # of a band at its ends, where a mode may be cut
+_NEAR = 0.004  # relative distance of two findings of one mode, or half a bandwidth where that is more
+_FEW = 4  # FRFs below which there are no halves
+_SEEDS = (11, 12, 13)
+
+
+def main(*words: str) -> None:
+    """Print the table."""
+    print(f"{'set':24} {'FRFs':>5} {'lines':>6} {'modes':>6} {'bands':>12} {'halves':>12} {'CPU s':>7}")
+    total = np.zeros(4, dtype=int)
+    for name, frfs in sets():
+        if not words or any(word in name for word in words):
+            total += _compared(name, frfs)
+    print(f"agreement: bands {_share(total[:2])}, halves {_share(total[2:])}; the goal is 97 %")
+
+
+def sets() -> Iterator[tuple[str, FrfSet]]:
+    """Names and FRFs: made ones, every other of a harsh laboratory, then those beside the project."""
+    for kind, seed in itertools.product(KINDS, _SEEDS):
+        if kind != "quiet":
+            yield f"{kind}-{seed}", KINDS[kind](seed, Harsh.drawn(seed) if seed % 2 else GOOD).frfs
+    beside = sorted((SHARED / "blind-open").glob("*.uff")) + sorted((SHARED / "blind-open").glob("structures/*.uff"))
+    for path in (*beside, SHARED / "measured" / "dam0.unv", SHARED / "uff-corpus" / "pyuff" / "measurement_v1.uff"):
+        if path.exists():
+            yield path.stem, _read(path)
+
+
+def _read(path: Path, averages: int = 5) -> FrfSet:
+    """The FRFs of a UFF file, with the variance that their coherences state."""
+    file = pyuff.UFF(str(path))
+    found = [file.read_sets(int(i)) for i in np.flatnonzero(np.asarray(file.get_set_types()) == 58)]
+    frfs, coherences = ([s for s in found if s["func_type"] == kind] for kind in (4, 6))
+    values = np.array([s["data"] for s in frfs], dtype=complex)
+    variance = None
+    if coherences:
+        gamma = np.clip(np.array([s["data"].real for s in coherences]), 1e-6, 1 - 1e-9)
+        variance = np.abs(values) ** 2 * (1 - gamma) / (gamma * averages)
+    responses, references = (
+        tuple(Dof(int(s[f"{side}_node"]), int(s[f"{side}_dir"])) for s in frfs) for side in ("rsp", "ref")
+    )
+    return FrfSet(np.asarray(frfs[0]["x"], float), values, responses, references, "accelerance", variance)
+
+
+def _compared(name: str, frfs: FrfSet) -> np.ndarray:
+    """Modes that agree and all, of bands and then of halves; prints the row of the set."""
+    end = float(frfs.frequency_hz[-1])
+    bands = [(low * end, high * end) for low, high in BANDS]
+    found = [_found(frfs, band) for band in bands]
+    rows = len(frfs.responses)
+    began = time.process_time()
+    whole = _found(frfs, None)
+    seconds = time.process_time() - began
+    halves = [_found(frfs.select(list(range(first, rows, 2))), None) for first in (0, 1)] if rows >= _FEW else []
+    limits = [(low + _EDGE * (high - low), high - _EDGE * (high - low)) for low, high in bands]
+    by_band = [
+        (
+            one,
+            *_missing(found[one], found[two], max(limits[one][0], limits[two][0]), min(limits[one][1], limits[two][1])),
+        )
+        for one, two in itertools.permutations(range(len(bands)), 2)
+    ]
+    of_halves = [_missing(a, b, 0, np.inf) for a, b in itertools.permutations([whole, *halves], 2)] if halves else []
+    counts = [sum(n for _, _, n in by_band), sum(n for _, n in of_halves)]
+    agree = [counts[0] - sum(len(m) for _, m, _ in by_band), counts[1] - sum(len(m) for m, _ in of_halves)]
+    modes = 0 if whole is None else int(np.sum(whole.probability >= SURE))
+    shares = [_share(np.array(pair)) for pair in zip(agree, counts, strict=True)]
+    print(f"{name:24} {rows:5} {frfs.frequency_hz.size:6} {modes:6} {shares[0]:>12} {shares[1]:>12} {seconds:7.2f}")
+    for title, lists in (("bands", [m for _, m, _ in by_band]), ("halves", [m for m, _ in of_halves])):
+        if said := sorted({word for missing in lists for word in missing}):
+            print(f"    {title} differ: {', '.join(said)}", flush=True)
+    return np.array([agree[0], counts[0], agree[1], counts[1]])
+
+
+def _found(frfs: FrfSet, band_hz: tuple[float, float] | None) -> Found | None:
+    try:
+        return identify(frfs, Options(band_hz=band_hz)).found
+    except IdentificationError:
+        return None
+
+
+def _missing(one: Found | None, other: Found | None, low: float, high: float) -> tuple[list[str], int]:
+    """Modes of one between limits that the other has not with P >= 0.9, in words; and how many there are in one."""
+    if one is None:
+        return [], 0
+    f, zeta = one.modes.frequency_hz, one.modes.damping_ratio
+    sure = np.flatnonzero((one.probability >= SURE) & (f > low) & (f < high))
+    hz, p = (np.empty(0), np.empty(0)) if other is None else (other.modes.frequency_hz, other.probability)
+    missing = []
+    for k in sure:
+        near = np.abs(hz - f[k]) < max(_NEAR * f[k], zeta[k] * f[k])
+        best = float(np.max(p[near], initial=0.0))
+        if best < SURE:
+            missing.append(f"{f[k]:.2f} Hz (ζ {100 * zeta[k]:.2g} %) {one.probability[k]:.2f}/{best:.2f}")
+    return missing, sure.size
+
+
+def _share(pair: np.ndarray) -> str:
+    return f"{pair[0]}/{pair[1]}" + (f" {100 * pair[0] / pair[1]:.0f} %" if pair[1] else "")
