@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.hammer import campaign
 from fecore.frf import Dof
-from fecore.processing import Block, Hit, Processing, by_point, process
+from fecore.signal import Block, Hit, Processing, by_point, process
 
 POINTS, HITS = 8, 5
 FEWER = (3, 2)

@@ -17,7 +17,7 @@ from benchmarks import hammer
 from benchmarks.hammer import Bench, campaign, random_body, random_laboratory
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.identification import identify
-from fecore.processing import Hit, Processed, Processing, Windows, by_point, process, remove_window
+from fecore.signal import Hit, Processed, Processing, Windows, by_point, process, remove_window
 
 POINTS, HITS, SEED = 6, 5, 31800
 REPEATS, REPEATED = 40, 6

@@ -20,7 +20,7 @@ from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.frf import Dof
 from fecore.identification import Options
-from fecore.processing import Processing, by_point, process
+from fecore.signal import Processing, by_point, process
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.pipeline import update

@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.hammer import FAULTS, PLACE_SD_M, Bench, Laboratory, Pulse, Simulated, random_body, random_laboratory
 from fecore.arrays import FloatArray
-from fecore.processing import Processing, by_point, process
+from fecore.signal import Processing, by_point, process
 
 HABITS = (
     "as simulated",

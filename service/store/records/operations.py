@@ -12,7 +12,7 @@ from sqlalchemy import ARRAY, Select, Uuid, any_, delete, func, literal, select
 from sqlalchemy.orm import Session
 
 from fecore.arrays import FloatArray
-from fecore.processing import look
+from fecore.signal import look
 from modalbase.formats.records import TimeBlock
 from service.access import Lookup, User, audit
 from service.compute.hits import BlockRow, Place, by_sensors, describe_verdict, hits_of, whole

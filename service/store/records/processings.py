@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from fecore.body.laminate import section
 from fecore.errors import InputError
-from fecore.processing import Averages, Strip
+from fecore.signal import Averages, Strip
 from service.access import Lookup, User, audit
 from service.compute.hits import BlockRow, Place, by_sensors, whole
 from service.compute.processing import PointFile, ProcessingInputs, ProcessingOutput, process_records

@@ -8,7 +8,7 @@ from uuid import UUID
 
 from pydantic import Field
 
-from fecore.processing import Estimator, Processing, Windows
+from fecore.signal import Estimator, Processing, Windows
 from service.jobs.state import JobOut
 from service.store.campaigns.schemas import Point
 from service.store.frfs.schemas import Direction
