@@ -29,6 +29,7 @@ class Case(NamedTuple):
 TABLES = {
     "accuracy": (
         Case("hits", "hits judged: good ones thrown away, bad ones missed, beside pyFRF"),
+        Case("made_hits", "bad hits of seventeen kinds that bias an FRF: missed; good ones refused"),
         Case("hits_habits", "good hits under the habits of instruments and hands"),
         Case("hits_accuracy", "FRFs of hits against exact ones, variance, damping under windows"),
         Case("hits_damping", "from hits to a0 and a1"),

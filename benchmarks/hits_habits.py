@@ -3,7 +3,7 @@ offsets, short leads, hits that follow one another soon. None of it makes a hit 
 saturates, which is counted apart.
 
 The arguments are the campaigns of each habit and the seed. A tenth of
-the hits has a fault. Each habit changes the laboratory (`_instruments`) or what arrives at the converter (`HabitBench`).
+the hits has a fault. Each habit changes the laboratory (`instruments`) or what arrives at the converter (`HabitBench`).
 """
 
 from __future__ import annotations
@@ -103,7 +103,8 @@ def _saturated(x: FloatArray) -> FloatArray:
     return np.asarray(top * (x / top) / (1 + np.abs(x / top) ** 6) ** (1 / 6))
 
 
-def _instruments(lab: Laboratory, habit: str, rng: np.random.Generator) -> Laboratory:
+def instruments(lab: Laboratory, habit: str, rng: np.random.Generator) -> Laboratory:
+    """A laboratory's instruments with a habit."""
     changes: dict[str, float] = {}
     if habit == "hard tip":
         changes = {"tip_s": rng.uniform(1.5, 4.0) / lab.sample_rate_hz}
@@ -127,7 +128,7 @@ def habit_campaign(
     rng: np.random.Generator, habit: str, kind: str, points: int, hits: int, faulty: float
 ) -> tuple[HabitBench, dict[int, tuple[float, float]], list[Simulated]]:
     """A campaign with one habit; a share of its hits has a fault, or, where the amplifier saturates, is saturated."""
-    body, lab = random_body(rng, kind), _instruments(random_laboratory(rng), habit, rng)
+    body, lab = random_body(rng, kind), instruments(random_laboratory(rng), habit, rng)
     bench = HabitBench(body, lab, (0.96 * body.length_m, 0.45 * body.width_m), rng)
     bench.habit = habit
     places = {
