@@ -44,7 +44,7 @@ MORE = (
 )
 KINDS = (*FAULTS, *MORE)
 COMPARED = ("off_place", "neighbour", "sensitivity", "hard")
-"""Faults that only the other hits of the point can tell."""
+"""Faults that only the other hits of the point show."""
 _BANDS, _OFF, _WORSE = 16, 0.05, 3.0
 Position = tuple[float, float, float]
 
@@ -156,7 +156,7 @@ def _off(bench: MadeBench, spectra: Spectra, hit: Hit) -> tuple[FloatArray, Bool
 
 
 def main(campaigns: int = 140, seed: int = 1000) -> None:
-    """Print how many hits of each kind are refused, by how many hits a point has where only these can tell."""
+    """Print how many hits of each kind are refused, by how many hits a point has where only these show the fault."""
     hits, refused = Counter[str](), Counter[str]()
     for number in range(seed, seed + campaigns):
         own = made(number)

@@ -48,6 +48,14 @@ class Spread:
     above: float
     variance: Mapping[str, float]
 
+    def tied(self, master: str, doubt: float) -> Spread:
+        """The same of a constant that is tied to the coordinate's, `doubt` the standard deviation of the tie."""
+        if not doubt:
+            return self
+        below, above = (float(np.hypot(reach, REACH_95 * doubt)) for reach in (self.below, self.above))
+        variance = {**self.variance, f"tie to {master}": doubt**2}
+        return Spread(float(np.hypot(self.sd, doubt)), self.noise_sd, below, above, variance)
+
     def budget(self, slope: float, provenance: Mapping[str, str]) -> tuple[BudgetEntry, ...]:
         """The sources by their share of the variance, largest first, for a value that has this slope by the coordinate."""
         total = self.sd**2 or 1.0
@@ -83,7 +91,7 @@ def coordinate_spread(elastic: ElasticResult, place: int, samples: FloatArray | 
 def constant_estimates(
     elastic: ElasticResult, inputs: Inputs | None, sampled: Posterior | None = None
 ) -> list[ParameterEstimate]:
-    """Constants that were asked for, free and tied; a tied one follows its master in everything.
+    """Constants that were asked for, free and tied; a tied one follows its master, and its interval has the doubt of the tie.
 
     Args:
         elastic: stage 1, of one campaign or of several.
@@ -102,17 +110,23 @@ def constant_estimates(
         for row in np.flatnonzero(prior.spread[:, column]):
             ratio, name = float(prior.spread[row, column]), prior.constant_names[row]
             value, log = ratio * float(theta[column]), bool(coordinates.logarithmic[column])
+            mean, tie = ratio * float(prior.prior_mean[column]), prior.ties.get(name, 0.0)
             base = _estimate(
-                name, prior.units[row], value, spread, slope=value if log else ratio, log=log, provenance=provenance
+                name,
+                prior.units[row],
+                value,
+                spread.tied(master, float(np.sqrt(np.log1p(tie**2))) if log else tie * abs(float(theta[column]))),
+                slope=value if log else ratio,
+                log=log,
+                provenance={**provenance, f"tie to {master}": f"{tie:.2g} of the ratio"},
             )
-            mean = ratio * float(prior.prior_mean[column])
             estimates.append(
                 replace(
                     base,
                     initial=mean,
                     identifiable=state.identifiable,
                     prior_mean=mean,
-                    prior_sd=abs(ratio) * float(prior.prior_sd[column]),
+                    prior_sd=float(np.hypot(ratio * prior.prior_sd[column], tie * mean)),
                     comparable=Comparable(ratio * float(held.theta[column]), abs(ratio) * float(held.noise_sd[column])),
                     confounded_with=others,
                     tied_to=None if name == master else master,
