@@ -14,7 +14,7 @@ import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import Dof
-from fecore.processing import Block, Hit
+from fecore.signal import Block, Hit
 
 FAULTS = ("double", "clip_force", "clip_response", "early", "late", "off_place", "quiet")
 PLACE_SD_M = 0.002

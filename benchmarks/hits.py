@@ -28,7 +28,7 @@ from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.frf import Dof
 from fecore.modal import Options, identify
-from fecore.processing import Block, Hit, Processed, Processing, Windows, by_point, process, remove_window
+from fecore.signal import Block, Hit, Processed, Processing, Windows, by_point, process, remove_window
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.pipeline import update

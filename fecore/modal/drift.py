@@ -88,7 +88,7 @@ def without_drift(
     for _ in range(_TURNS):
         lines = _lines(arrangement, terms.frequency_hz[sharp], terms.damping_ratio[sharp])
         narrow = float(np.median(terms.damping_ratio[sharp]))
-        more: FloatArray = _drifts(still, terms, weight, lines, tests, grid, narrow)
+        more: FloatArray = _drifts(still, terms, weight, lines, tests, grid=grid, narrow=narrow)
         if not np.any(np.abs(more) > _LEAST):
             break
         grid = _finer(more, narrow)

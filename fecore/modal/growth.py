@@ -178,6 +178,12 @@ def pruned(arrangement: Arrangement, fit: Level) -> Level:
     return fit if terms is fit.terms else level_at(arrangement, terms, fit.variance)
 
 
+def _far(arrangement: Arrangement, terms: Terms) -> BoolArray:
+    """(n,) poles so far beyond the band that the lines do not fix their frequency."""
+    low, high = arrangement.frequency_hz[[0, -1]]
+    return np.asarray((terms.frequency_hz > _FAR * high) | (terms.frequency_hz < low / _FAR))
+
+
 def _left_out(c: FloatArray, C: FloatArray, gone: list[int]) -> tuple[FloatArray, FloatArray]:
     """Coefficients (N, q) and their covariance without some columns, the others fitted anew: c - C_g C_gg⁻¹ c_g."""
     own = C[:, :, gone]

@@ -51,6 +51,14 @@ class Spread:
     above: float
     variance: Mapping[str, float]
 
+    def tied(self, master: str, doubt: float) -> Spread:
+        """The same of a constant that is tied to the coordinate's, `doubt` the standard deviation of the tie."""
+        if not doubt:
+            return self
+        below, above = (float(np.hypot(reach, REACH_95 * doubt)) for reach in (self.below, self.above))
+        variance = {**self.variance, f"tie to {master}": doubt**2}
+        return Spread(float(np.hypot(self.sd, doubt)), self.noise_sd, below, above, variance)
+
     def sampled(self, samples: FloatArray | None) -> Spread:
         """With the standard deviation and the reaches of samples about the estimate, where there are any."""
         if samples is None:
@@ -132,7 +140,7 @@ def coordinate_spread(elastic: ElasticResult, place: int, samples: FloatArray | 
 def constant_estimates(
     elastic: ElasticResult, inputs: Inputs | None, sampled: Posterior | None = None
 ) -> list[ParameterEstimate]:
-    """Constants that were asked for, free and tied; a tied one follows its master in everything.
+    """Constants that were asked for, free and tied; a tied one follows its master, and its interval has the doubt of the tie.
 
     Args:
         elastic: stage 1, of one campaign or of several.
@@ -150,14 +158,16 @@ def constant_estimates(
         for row in np.flatnonzero(prior.spread[:, column]):
             ratio, name = float(prior.spread[row, column]), prior.constant_names[row]
             value, mean = ratio * float(theta[column]), ratio * float(prior.prior_mean[column])
+            tie = prior.ties.get(name, 0.0)
+            doubt = float(np.sqrt(np.log1p(tie**2))) if log else tie * abs(float(theta[column]))
+            words = {**provenance, f"tie to {master}": f"{tie:.2g} of the ratio"}
+            own = spread.tied(master, doubt)
             estimates[row] = replace(
-                spread.estimate(
-                    name, prior.units[row], value, slope=value if log else ratio, log=log, provenance=provenance
-                ),
+                own.estimate(name, prior.units[row], value, slope=value if log else ratio, log=log, provenance=words),
                 initial=mean,
                 identifiable=state.identifiable,
                 prior_mean=mean,
-                prior_sd=abs(ratio) * float(prior.prior_sd[column]),
+                prior_sd=float(np.hypot(ratio * prior.prior_sd[column], tie * mean)),
                 comparable=Comparable(ratio * float(held[column]), abs(ratio) * float(held_sd[column])),
                 confounded_with=others,
                 tied_to=None if name == master else master,

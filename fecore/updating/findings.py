@@ -186,6 +186,12 @@ FINDINGS = {
         "with_care", 30, f"{{who}} little agreement with the model's: a wrong point, or a damaged record {_FRFS}"
     ),
     # of the damping
+    "damping_narrowed": Row(
+        "with_care", 20, "the damping is that of {low:.4g} to {high:.4g} Hz alone, since over the whole band {text}"
+    ),
+    "damping_of_ratios": Row(
+        "with_care", 30, "the damping is that of the modes' damping ratios, not of the FRFs, since {text}"
+    ),
     "damping_failed": Row("with_care", 50, "the damping could not be updated: {text}"),
     "optima": Row(
         "with_care", 4, "the fit of the {law} law has {count} optima, of which the first is reported: {points}"

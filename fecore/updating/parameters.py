@@ -14,7 +14,7 @@ at m.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -37,7 +37,7 @@ class Parameter:
     Attributes:
         name: one of the specimen's constants, or of its springs.
         prior_mean: SI; the specimen's nominal value where None.
-        prior_sd: SI; 30 % of the mean where None.
+        prior_sd: SI; 30 % of the mean where None. Of a tied constant, how far it may be off its tie.
         fixed: keep the constant at its prior mean.
         tied_to: name of a parameter that this constant follows in the ratio of the nominal values.
     """
@@ -78,6 +78,7 @@ class Parametrisation:
         prior_mean, prior_sd: (p,) SI.
         base: (c + s,) constants and springs at θ = 0: the fixed ones.
         spread: (c + s, p) their derivative by θ; a tied constant has its ratio there.
+        ties: of each tied constant, how far it may be off its tie: standard deviation over its prior mean.
     """
 
     body: Body
@@ -87,6 +88,7 @@ class Parametrisation:
     base: FloatArray
     spread: FloatArray
     inputs: int = 0
+    ties: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def reported(self) -> tuple[str, ...]:
@@ -271,7 +273,12 @@ def parametrise(specimen: Body, parameters: Sequence[Parameter] = DEFAULT_PARAME
     prior_sd = np.array([DEFAULT_RELATIVE_SD * mean[p.name] if p.prior_sd is None else p.prior_sd for p in free])
     names = tuple(p.name for p in free)
     fixed = np.array([base[name] for name in constant_names])
-    result = Parametrisation(specimen, names, prior_mean, prior_sd, fixed, spread)
+    ties = {
+        p.name: DEFAULT_RELATIVE_SD if p.prior_sd is None else p.prior_sd / abs(mean[p.name])
+        for p in parameters
+        if p.tied_to is not None
+    }
+    result = Parametrisation(specimen, names, prior_mean, prior_sd, fixed, spread, ties=ties)
     if not result.is_physical(prior_mean):
         raise InputError(
             "parameters", "the prior means are not those of a positive definite material; look at Poisson's ratio"
@@ -300,8 +307,8 @@ def _check(parameters: Sequence[Parameter], known: tuple[str, ...]) -> None:
             raise InputError(f"{where}.prior_mean", f"is {p.prior_mean}, expected a positive number")
         if p.prior_sd is not None and not (np.isfinite(p.prior_sd) and p.prior_sd > 0):
             raise InputError(f"{where}.prior_sd", f"is {p.prior_sd}, expected a positive number; to fix it, say fixed")
-        if p.prior_sd is not None and (p.fixed or p.tied_to):
-            raise InputError(f"{where}.prior_sd", f"{p.name} is fixed or tied, so it cannot have a spread of its own")
+        if p.prior_sd is not None and p.fixed:
+            raise InputError(f"{where}.prior_sd", f"{p.name} is fixed, so it cannot have a spread")
         if p.fixed and p.tied_to:
             raise InputError(f"{where}.tied_to", f"{p.name} is fixed and tied at once")
         if p.tied_to is not None:

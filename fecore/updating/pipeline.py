@@ -5,7 +5,7 @@ The one entry point of updating, for a notebook as for the service.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -201,26 +201,85 @@ def _damping(
     if data.fitted is None:
         return _damping_of_ratios(elastic, modes, recipe)
     band = _band(recipe, data.fitted, elastic)
-    inside = _inside(data.fitted, band, recipe)
+    errors: list[FecoreError] = []
     findings: list[Finding] = []
-    try:
-        stage = damping_data(inside, elastic, modes, recipe.weighting, inputs)
-        asked = laws_of(recipe, stage.modal_law, elastic.updated.forward.specimen)
-        laws = identifiable_laws(len(stage.rows), asked) or asked  # where there is none, the fit says so
-        stage, odd = examine(stage)
-        findings += [*_unasked(asked[0], laws[0], len(stage.rows)), *odd]
-        reference = fit_reference(stage)
-        ranking = rank_laws(reference.ratios, stage.rows, laws)
-        result = fit_damping(stage, reference, laws[0], progress=progress)
-        findings += unstated_window(result, inputs, 1 / float(np.median(np.diff(inside.frequency_hz))))
-    except InputError:
-        raise
-    except FecoreError as error:
-        message = error.message if isinstance(error, UpdatingError) else str(error)
-        level: Level | None = "do_not_use" if elastic.misfit > HOPELESS_MISS else None
-        findings.append(found("damping_failed", level=level, text=message))
-        return DampingOutcome("failed", message, band, findings=tuple(findings))
-    return DampingOutcome("succeeded", "", band, ranking, result, tuple(findings))
+    for tried in _bands(band, elastic):
+        said: list[Finding] = []
+        try:
+            done = _damping_of_frfs(
+                data.fitted, tried, elastic, modes, recipe, inputs=inputs, progress=progress, said=said
+            )
+        except FecoreError as error:
+            if not errors and isinstance(error, InputError):
+                raise
+            findings = findings if errors else said
+            errors.append(error)
+            if not _was_sought(errors[0]):
+                break
+            continue
+        if errors:
+            said.append(found("damping_narrowed", low=tried[0], high=tried[1], text=_message(errors[0])))
+        return replace(done, findings=tuple(said))
+    message = _message(errors[0])
+    if _was_sought(errors[0]) and elastic.misfit <= HOPELESS_MISS:
+        done = _damping_of_ratios(elastic, modes, recipe)
+        if done.ranking is not None:
+            said = [*findings, *done.findings, found("damping_of_ratios", text=message)]
+            return replace(done, band=band, findings=tuple(said))
+    level: Level | None = "do_not_use" if elastic.misfit > HOPELESS_MISS else None
+    failed = found("damping_failed", level=level, text=message)
+    return DampingOutcome("failed", message, band, findings=(*findings, failed))
+
+
+def _was_sought(error: FecoreError) -> bool:
+    """Whether a fit began and did not converge: another may. Where the data allow none there is nothing to be repeated."""
+    return isinstance(error, UpdatingError) and bool(error.best)
+
+
+def _message(error: FecoreError) -> str:
+    return error.message if isinstance(error, UpdatingError) else str(error)
+
+
+def _bands(band: tuple[float, float], elastic: ElasticResult) -> Iterator[tuple[float, float]]:
+    """The band of stage 2, and, for a fit that does not converge, narrower ones: without the highest of its modes, two,
+    three ... while two are left, and without the lowest.
+    """
+    yield band
+    frequencies = np.sort(elastic.updated.frequency_hz[[column for _, column in elastic.pairing.pairs]])
+    inside = frequencies[(frequencies > band[0]) & (frequencies < band[1])]
+    between = np.sqrt(inside[:-1] * inside[1:])
+    yield from ((band[0], float(high)) for high in between[:0:-1])
+    if between.size > 1:
+        yield float(between[0]), band[1]
+
+
+def _damping_of_frfs(
+    frfs: FrfSet,
+    band: tuple[float, float],
+    elastic: ElasticResult,
+    modes: MeasuredModes,
+    recipe: Recipe,
+    *,
+    inputs: Inputs,
+    progress: Callable[[float], None],
+    said: list[Finding],
+) -> DampingOutcome:
+    """Laws fitted to the FRFs of a band; what is worth saying goes to `said`, also where the fit fails.
+
+    Raises:
+        UpdatingError: a fit did not converge.
+    """
+    inside = _inside(frfs, band, recipe)
+    stage = damping_data(inside, elastic, modes, recipe.weighting, inputs)
+    asked = laws_of(recipe, stage.modal_law, elastic.updated.forward.specimen)
+    laws = identifiable_laws(len(stage.rows), asked) or asked  # where there is none, the fit says so
+    stage, odd = examine(stage)
+    said += [*_unasked(asked[0], laws[0], len(stage.rows)), *odd]
+    reference = fit_reference(stage)
+    ranking = rank_laws(reference.ratios, stage.rows, laws)
+    result = fit_damping(stage, reference, laws[0], progress=progress)
+    said += unstated_window(result, inputs, 1 / float(np.median(np.diff(inside.frequency_hz))))
+    return DampingOutcome("succeeded", "", band, ranking, result)
 
 
 def _damping_of_ratios(elastic: ElasticResult, modes: MeasuredModes, recipe: Recipe) -> DampingOutcome:

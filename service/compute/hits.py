@@ -11,7 +11,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.frf import Dof
-from fecore.processing import Block, ChannelQuantity, Hit, Verdict
+from fecore.signal import Block, ChannelQuantity, Hit, Verdict
 
 Place = tuple[int, int]
 """Point and direction of a hit."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fecore.processing import Averages, Estimate, Findings, Hit, Processed, Processing, process, process_in_parts
+from fecore.signal import Averages, Estimate, Findings, Hit, Processed, Processing, process, process_in_parts
 from service.compute.hits import BlockRow, describe_verdict, hits_of
 
 _MOST_THREADS = 4

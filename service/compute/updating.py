@@ -11,7 +11,7 @@ from fecore.body.layered import LayeredSpecimen
 from fecore.body.oriented import OrientedSpecimen
 from fecore.body.specimen import Specimen
 from fecore.modes import MeasuredModes
-from fecore.processing import Processed
+from fecore.signal import Processed
 from fecore.updating.campaigns import Campaign, CampaignsRecipe, CampaignsResult, update_campaigns
 from fecore.updating.excursions import fixed_points
 from fecore.updating.inputs import Inputs

@@ -10,8 +10,8 @@ from uuid import UUID
 from sqlalchemy.orm import Session
 
 from fecore.frf import Dof
-from fecore.processing import EachHit, Hit, by_point, each_hit
-from fecore.processing.blocks import FRF_QUANTITY
+from fecore.signal import EachHit, Hit, by_point, each_hit
+from fecore.signal.blocks import FRF_QUANTITY
 from service.compute.hits import BlockRow, describe_verdict, hits_of, whole
 from service.errors import NotFound
 from service.show.figures.hits import HitShown, PointShown

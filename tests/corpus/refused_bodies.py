@@ -156,7 +156,7 @@ BODIES: list[tuple[Callable[[], object], str]] = [
     (lambda: parameters(Parameter("Ex", prior_mean=-1.0)), "parameters.0.prior_mean: is -1.0, expected a positive number"),
     (lambda: parameters(Parameter("Ex", prior_mean=0.0)), "parameters.0.prior_mean: is 0.0, expected a positive number"),
     (lambda: parameters(Parameter("Ex", prior_sd=0.0)), "parameters.0.prior_sd: is 0.0, expected a positive number; to fix"),
-    (lambda: parameters(Parameter("Ex", prior_sd=1e9, fixed=True)), "parameters.0.prior_sd: Ex is fixed or tied, so it"),
+    (lambda: parameters(Parameter("Ex", prior_sd=1e9, fixed=True)), "parameters.0.prior_sd: Ex is fixed, so it cannot"),
     (lambda: parameters(Parameter("Ex", tied_to="Ex")), "parameters.0.tied_to: Ex is tied to itself"),
     (lambda: parameters(Parameter("Ex", tied_to="Ey")), "parameters.0.tied_to: 'Ey' is not a free parameter of this recipe"),
     (lambda: parameters(Parameter("Ex", fixed=True)), "parameters: leaves nothing to update; expected at least one that is"),

@@ -24,10 +24,10 @@ from fecore.coupons.curves import Curve, chord
 from fecore.frf import Dof, FrfSet
 from fecore.modal import Options, identify
 from fecore.modes import MeasuredModes
-from fecore.processing import Block, Hit, Processing, process
-from fecore.processing.estimators import check_estimator
-from fecore.processing.judgement import Limits
-from fecore.processing.windows import Windows, remove_window
+from fecore.signal import Block, Hit, Processing, process
+from fecore.signal.estimators import check_estimator
+from fecore.signal.judgement import Limits
+from fecore.signal.windows import Windows, remove_window
 from fecore.trend.baseline import fit_baseline
 from fecore.trend.change import ChangePoint, rate_since_onset
 from fecore.trend.series import Series

@@ -15,8 +15,8 @@ from scipy.io import savemat
 
 from benchmarks.hammer import Simulated
 from benchmarks.hammer import campaign as simulated_campaign
-from fecore.processing import by_point
-from fecore.processing.look import look
+from fecore.signal import by_point
+from fecore.signal.look import look
 from tests.support.uff import axis, set_58
 from tests.support.waiting import until
 

@@ -18,7 +18,7 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import FloatArray
 from fecore.frf import Quantity
-from fecore.processing import Averages
+from fecore.signal import Averages
 from modalbase.formats.frfs.table import DOFS
 from service.access import Lookup, User, audit
 from service.compute.frf_rows import COLUMNS, coherence_columns

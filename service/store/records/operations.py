@@ -15,7 +15,7 @@ from sqlalchemy import ARRAY, ForeignKey, Index, LargeBinary, Select, Uuid, any_
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import FloatArray
-from fecore.processing import look
+from fecore.signal import look
 from modalbase.formats.records import TimeBlock
 from service.access import Lookup, User, audit
 from service.compute.hits import BlockRow, Place, by_sensors, describe_verdict, hits_of, whole

@@ -16,7 +16,7 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 from fecore.body.laminate import section
 from fecore.errors import InputError
 from fecore.frf import Dof
-from fecore.processing import Averages, Strip
+from fecore.signal import Averages, Strip
 from service.access import Lookup, User
 from service.compute.hits import BlockRow, Place, by_sensors, whole
 from service.compute.processing import PointFile, ProcessingInputs, ProcessingOutput, process_records

@@ -9,7 +9,7 @@ from uuid import UUID
 import numpy as np
 from pydantic import Field
 
-from fecore.processing import Estimator, Processing, Windows
+from fecore.signal import Estimator, Processing, Windows
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records import Mapping, TimeBlock, Variables, blocks_of, propose, read_mapping
 from service.errors import Fault, Invalid, pointer

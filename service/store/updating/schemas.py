@@ -71,7 +71,9 @@ class ParameterIn(StrictModel):
     prior_mean: float | None = None
     prior_sd: float | None = None
     fixed: bool = False
-    tied_to: Name | None = Field(None, description="follows that parameter in the ratio of the nominal values")
+    tied_to: Name | None = Field(
+        None, description="follows that parameter in the ratio of the nominal values, give or take prior_sd"
+    )
 
     def measured(self) -> Iterator[tuple[str, float, Quantity]]:
         """Mean and spread of the prior, as what the parameter is."""

@@ -16,11 +16,11 @@ from fecore.body.specimen import Specimen
 from fecore.body.supports import Supports
 from fecore.errors import UpdatingError
 from fecore.frf import Dof
-from fecore.processing import delay, judgement, points, pulse, shares
-from fecore.processing.comparison import Comparison, Offset
-from fecore.processing.judgement import Finding, Limits, Verdict
-from fecore.processing.traits import Before
-from fecore.processing.usual import Lines, Ordinary
+from fecore.signal import delay, judgement, points, pulse, shares
+from fecore.signal.comparison import Comparison, Offset
+from fecore.signal.judgement import Finding, Limits, Verdict
+from fecore.signal.traits import Before
+from fecore.signal.usual import Lines, Ordinary
 from fecore.updating import campaigns, damping_data, plausibility
 from fecore.updating.excursions import excursions
 from fecore.updating.findings import MOST_WARNINGS, warnings

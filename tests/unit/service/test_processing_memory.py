@@ -9,7 +9,7 @@ from uuid import UUID
 
 import numpy as np
 
-from fecore.processing import Averages, Processing, Windows
+from fecore.signal import Averages, Processing, Windows
 from service.compute.hits import BlockRow
 from service.compute.processing import PointFile, ProcessingInputs, process_records
 

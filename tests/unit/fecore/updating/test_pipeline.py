@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from benchmarks.draws import BEAM, beam
-from fecore.errors import InputError
+from fecore.errors import InputError, UpdatingError
 from fecore.frf import Dof
 from fecore.modal import set_with_gaps
+from fecore.updating.damping_data import DampingData
+from fecore.updating.damping_stage import ReferenceFit, fit_reference
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter
 from fecore.updating.pipeline import update
@@ -86,6 +88,60 @@ def test_held_out_points_and_band_are_not_seen_by_the_fit(measured: tuple[Measur
 def test_one_optimum_from_all_starts(result: UpdateResult) -> None:
     assert result.damping_starts >= 4
     assert len(result.damping_optima) == 1
+
+
+def test_a_tied_constant_has_the_doubt_of_its_tie(identified: Measurement) -> None:
+    def gyz(prior_sd: float | None) -> tuple[float, float, dict[str, float]]:
+        tied = Parameter("Gyz", prior_sd=prior_sd, tied_to="Gxz")
+        parameters = (*(Parameter(name) for name in ("Ex", "Ey", "Gxy", "Gxz")), tied)
+        found = {p.name: p for p in update(identified, COARSE, Recipe(parameters=parameters)).parameters}
+        low, high = np.log(found["Gyz"].interval_95)
+        master_low, master_high = np.log(found["Gxz"].interval_95)
+        assert found["Gyz"].tied_to == "Gxz"
+        budget = {entry.source: entry.share for entry in found["Gyz"].budget}
+        return (high - low) ** 2 - (master_high - master_low) ** 2, found["Gyz"].prior_sd or 0.0, budget
+
+    wider, _, budget = gyz(None)
+    assert np.sqrt(wider) == pytest.approx(2 * 1.96 * np.sqrt(np.log1p(0.3**2)), rel=1e-3)
+    assert 0 < budget["tie to Gxz"] < 1
+    sure, prior_sd, _ = gyz(1e-6 * COARSE.material.Gyz)
+    assert sure == pytest.approx(0.0, abs=1e-6)
+    assert prior_sd == pytest.approx(0.3 * COARSE.material.Gyz, rel=1e-6)
+
+
+def _not_converging(monkeypatch: pytest.MonkeyPatch, above_hz: float) -> None:
+    """A reference fit that fails where lines above this frequency are in the band."""
+
+    def failing(data: DampingData) -> ReferenceFit:
+        if data.frfs.frequency_hz[-1] > above_hz:
+            raise UpdatingError("the modal fit did not converge", {"a0": 1.0}, (1.0,))
+        return fit_reference(data)
+
+    monkeypatch.setattr("fecore.updating.pipeline.fit_reference", failing)
+
+
+def test_damping_of_fewer_modes_takes_the_place_of_a_fit_that_does_not_converge(
+    identified: Measurement, measured: tuple[Measurement, dict[str, float]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = update(identified, COARSE)
+    assert identified.modes is not None
+    _not_converging(monkeypatch, float(identified.modes.frequency_hz[-1]))
+    found = update(identified, COARSE)
+    said = next(f for f in found.findings if f.kind == "damping_narrowed")
+    assert "did not converge" in said.text
+    one, other = ({p.name: p for p in each.parameters} for each in (whole, found))
+    assert other["a0"].estimate == pytest.approx(measured[1]["a0"], abs=4 * other["a0"].standard_deviation)
+    assert other["a1"].standard_deviation > one["a1"].standard_deviation  # fewer modes say less
+
+
+def test_damping_ratios_take_the_place_of_frfs_that_no_fit_converges_on(
+    identified: Measurement, measured: tuple[Measurement, dict[str, float]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _not_converging(monkeypatch, 0.0)
+    found = update(identified, COARSE)
+    assert any(f.kind == "damping_of_ratios" for f in found.findings)
+    a0 = next(p for p in found.parameters if p.name == "a0")
+    assert a0.estimate == pytest.approx(measured[1]["a0"], abs=4 * a0.standard_deviation)
 
 
 def test_a_rayleigh_body_is_called_adequate(result: UpdateResult) -> None:

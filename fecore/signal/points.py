@@ -9,15 +9,15 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.frf import Dof
-from fecore.processing.blocks import Hit
-from fecore.processing.comparison import FEWEST, Comparison, Deviation, compare, deviations
-from fecore.processing.document import Processing
-from fecore.processing.estimators import Estimate, estimate, squared
-from fecore.processing.judgement import Verdict, judge, overrule
-from fecore.processing.placing import locate
-from fecore.processing.spectra import Spectra
-from fecore.processing.traits import Traits, find_traits
-from fecore.processing.usual import Usual, usual
+from fecore.signal.blocks import Hit
+from fecore.signal.comparison import FEWEST, Comparison, Deviation, compare, deviations
+from fecore.signal.document import Processing
+from fecore.signal.estimators import Estimate, estimate, squared
+from fecore.signal.judgement import Verdict, judge, overrule
+from fecore.signal.placing import locate
+from fecore.signal.spectra import Spectra
+from fecore.signal.traits import Traits, find_traits
+from fecore.signal.usual import Usual, usual
 
 _AT_FAULT_ALONE = ("late", "double", "overload", "polarity", "quiet", "swapped")
 

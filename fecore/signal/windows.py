@@ -20,8 +20,8 @@ import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.errors import InputError
-from fecore.processing.blocks import Block, Hit, exponential
-from fecore.processing.pulse import Pulse
+from fecore.signal.blocks import Block, Hit, exponential
+from fecore.signal.pulse import Pulse
 
 _FORCE_BEFORE = 0.25
 """Share of the force window that lies before the pulse's peak; the ringing of a filter is on both sides."""

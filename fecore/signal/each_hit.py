@@ -9,13 +9,13 @@ import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import Dof
-from fecore.processing.blocks import ChannelQuantity, Hit
-from fecore.processing.document import Processing
-from fecore.processing.estimators import Estimate
-from fecore.processing.judgement import Verdict
-from fecore.processing.points import first_look, judge_points, second_look
-from fecore.processing.spectra import Spectra
-from fecore.processing.traits import Traits
+from fecore.signal.blocks import ChannelQuantity, Hit
+from fecore.signal.document import Processing
+from fecore.signal.estimators import Estimate
+from fecore.signal.judgement import Verdict
+from fecore.signal.points import first_look, judge_points, second_look
+from fecore.signal.spectra import Spectra
+from fecore.signal.traits import Traits
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from fecore.arrays import FloatArray, IntArray
 from fecore.errors import InputError
 from fecore.frf import Dof, FrfSet
-from fecore.processing.coupling import Coupling
-from fecore.processing.delay import Delay
-from fecore.processing.estimators import Estimator, check_estimator
-from fecore.processing.heights import Strip
-from fecore.processing.judgement import Limits, Verdict
-from fecore.processing.placing import Position
-from fecore.processing.windows import Windows
+from fecore.signal.coupling import Coupling
+from fecore.signal.delay import Delay
+from fecore.signal.estimators import Estimator, check_estimator
+from fecore.signal.heights import Strip
+from fecore.signal.judgement import Limits, Verdict
+from fecore.signal.placing import Position
+from fecore.signal.windows import Windows
 
 
 @dataclass(frozen=True)

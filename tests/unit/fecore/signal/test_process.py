@@ -12,7 +12,7 @@ from benchmarks.hammer import Bench, campaign, random_body, random_laboratory
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.modal import identify
-from fecore.processing import (
+from fecore.signal import (
     Averages,
     Block,
     Findings,

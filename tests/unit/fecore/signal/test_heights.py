@@ -10,8 +10,8 @@ import pytest
 from benchmarks.hammer import Bench, campaign
 from fecore.errors import InputError
 from fecore.frf import Dof, FrfSet
-from fecore.processing import Hit, Processing, Strip, Windows, by_point, process
-from fecore.processing.heights import Heights
+from fecore.signal import Hit, Processing, Strip, Windows, by_point, process
+from fecore.signal.heights import Heights
 
 FIRST = {"clamped": 1.8751, "free": 4.7300}
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.frf import Dof
-from fecore.processing.document import Processing
-from fecore.processing.judgement import Verdict
-from fecore.processing.points import first_look, judge_points, second_look
-from fecore.processing.spectra import Source, Spectra
+from fecore.signal.document import Processing
+from fecore.signal.judgement import Verdict
+from fecore.signal.points import first_look, judge_points, second_look
+from fecore.signal.spectra import Source, Spectra
 
 
 @dataclass(frozen=True)

@@ -18,15 +18,15 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.frf import FrfSet
-from fecore.processing.abreast import abreast
-from fecore.processing.blocks import FRF_QUANTITY
-from fecore.processing.delay import Delay, DelaySearch
-from fecore.processing.document import Averages, Findings, Processed, Processing
-from fecore.processing.estimators import Estimate
-from fecore.processing.heights import Heights
-from fecore.processing.judgement import Verdict
-from fecore.processing.points import FirstLook, Point, first_look, judge_points, second_look
-from fecore.processing.spectra import Source, Spectra
+from fecore.signal.abreast import abreast
+from fecore.signal.blocks import FRF_QUANTITY
+from fecore.signal.delay import Delay, DelaySearch
+from fecore.signal.document import Averages, Findings, Processed, Processing
+from fecore.signal.estimators import Estimate
+from fecore.signal.heights import Heights
+from fecore.signal.judgement import Verdict
+from fecore.signal.points import FirstLook, Point, first_look, judge_points, second_look
+from fecore.signal.spectra import Source, Spectra
 
 _PART_BYTES = 4 * 2**20
 """Of FRFs, their variance and coherence that are given together; those of one point are not parted."""

@@ -20,8 +20,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.processing.comparison import FEWEST, Offset
-from fecore.processing.slopes import plane, slopes
+from fecore.signal.comparison import FEWEST, Offset
+from fecore.signal.slopes import plane, slopes
 
 FEWEST_POINTS = 5
 """Points under the same sensors below which slopes are not asked for."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.frf import Dof
-from fecore.processing.traits import Top, Traits
+from fecore.signal.traits import Top, Traits
 
 _MOST_LINED = 256  # hits that say what the lines before the pulse usually have; of more, every k-th
 _FLOOR = 10  # one in so many hits, the quietest, has at most the channel's own noise above the filter's cut

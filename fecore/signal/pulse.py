@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.processing.blocks import Block
+from fecore.signal.blocks import Block
 
 FOOT = 0.05
 """A pulse reaches to where the force falls below this share of its peak."""

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.hammer import campaign
-from fecore.processing import Processing, by_point, process
-from fecore.processing.usual import reach
+from fecore.signal import Processing, by_point, process
+from fecore.signal.usual import reach
 
 
 @pytest.mark.parametrize(

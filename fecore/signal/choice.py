@@ -14,9 +14,9 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.frf import MAINS_HZ
-from fecore.processing.blocks import Hit
-from fecore.processing.traits import Traits
-from fecore.processing.windows import Windows
+from fecore.signal.blocks import Hit
+from fecore.signal.traits import Traits
+from fecore.signal.windows import Windows
 
 LEFT_AT_END = 0.01
 """Share of a mode's amplitude that may be left at the end of a block."""

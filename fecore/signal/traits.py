@@ -11,9 +11,9 @@ import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.frf import Dof
-from fecore.processing.blocks import Block, ChannelQuantity, Hit
-from fecore.processing.estimators import squared
-from fecore.processing.pulse import Pulse, find_pulse, smallest_gap
+from fecore.signal.blocks import Block, ChannelQuantity, Hit
+from fecore.signal.estimators import squared
+from fecore.signal.pulse import Pulse, find_pulse, smallest_gap
 
 _NEAR_TOP = 0.97  # share of the largest value from which a sample is near it
 _EQUAL = 1e-4  # of the largest value, within which two samples are the same

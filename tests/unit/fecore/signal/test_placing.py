@@ -9,9 +9,9 @@ import pytest
 
 from benchmarks.hammer import Bench, Simulated, random_body, random_laboratory
 from fecore.frf import Dof
-from fecore.processing import Finding, Processing, by_point, process
-from fecore.processing.placing import locate
-from fecore.processing.slopes import plane, slopes
+from fecore.signal import Finding, Processing, by_point, process
+from fecore.signal.placing import locate
+from fecore.signal.slopes import plane, slopes
 
 
 def test_slopes_of_a_wave_are_found_where_points_are_near_and_unknown_where_they_are_far() -> None:

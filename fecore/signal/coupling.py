@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.processing.blocks import Hit
-from fecore.processing.pulse import SMALLEST_SECOND, Pulse, ringing
-from fecore.processing.traits import Traits
+from fecore.signal.blocks import Hit
+from fecore.signal.pulse import SMALLEST_SECOND, Pulse, ringing
+from fecore.signal.traits import Traits
 
 _CORNERS_HZ = np.geomspace(0.02, 10.0, 55)  # that are tried
 _PART = 32  # samples that are averaged before the fit: a tail is slow

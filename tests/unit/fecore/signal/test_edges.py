@@ -11,9 +11,9 @@ import pytest
 
 from fecore.arrays import FloatArray
 from fecore.frf import Dof
-from fecore.processing import Block, Hit, Processed, Processing, by_point, each_hit, process
-from fecore.processing.abreast import abreast
-from fecore.processing.windows import Windows
+from fecore.signal import Block, Hit, Processed, Processing, by_point, each_hit, process
+from fecore.signal.abreast import abreast
+from fecore.signal.windows import Windows
 
 RATE, SAMPLES = 2048.0, 2048
 TIME = np.arange(SAMPLES) / RATE
@@ -100,7 +100,7 @@ def test_many_hits_of_a_point_are_compared_as_few_are() -> None:
 def test_frfs_in_parts_are_those_of_one_part(monkeypatch: pytest.MonkeyPatch) -> None:
     hits = [a_hit(n, point=point) for point in (1, 2, 3) for n in (1, 2, 3)]
     whole = processed(*hits)
-    monkeypatch.setattr(import_module("fecore.processing.process"), "_PART_BYTES", 1)
+    monkeypatch.setattr(import_module("fecore.signal.process"), "_PART_BYTES", 1)
     parted = processed(*hits)
     assert np.array_equal(parted.frfs.values, whole.frfs.values)
     assert (parted.used, parted.warnings, parted.frfs.references) == (whole.used, whole.warnings, whole.frfs.references)

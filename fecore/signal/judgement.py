@@ -15,10 +15,10 @@ import numpy as np
 
 from fecore.errors import InputError
 from fecore.frf import Dof
-from fecore.processing.comparison import HIGHEST, Comparison, Offset
-from fecore.processing.pulse import SMALLEST_SECOND
-from fecore.processing.traits import REBOUND, Before, Top, Traits
-from fecore.processing.usual import Lines, Ordinary, StopBand, Usual
+from fecore.signal.comparison import HIGHEST, Comparison, Offset
+from fecore.signal.pulse import SMALLEST_SECOND
+from fecore.signal.traits import REBOUND, Before, Top, Traits
+from fecore.signal.usual import Lines, Ordinary, StopBand, Usual
 
 _SWAPPED = 4.0  # times that a force may last as long as a response of it, which contains the pulse and what follows
 _STOP_BAND_SCATTER = 3.0  # ratio that the noise between channels may scatter by

@@ -1,0 +1,179 @@
+"""Made campaigns with bad hits of every kind, and what each hit's FRF is off by.
+
+The bodies, analysers and habits of `benchmarks.hammer` and `benchmarks.hits_habits`, with 1 to 5 hits a point and up to 40 % of
+the hits bad. Beside the faults of `hammer.FAULTS`:
+
+`saturated` a soft amplifier; `truncated` the recording ends before the block; `dropout` the sensor's cable is loose for a
+while; `spike` it sparks; `dead` there is no sensor; `neighbour` another grid point was hit; `turned` a cable is reversed or
+the hit came from the other side; `sensitivity` a range was another; `hard` a hit so hard that the body is stiffer; `swapped`
+force and response are exchanged.
+
+A fault need not harm: a cut tail that had died away, or a place that no mode minds. A hit *biases* where its FRF, under the
+processing's own windows, is off the exact one of its grid point by more than 5 %, and by three times what three in four good
+hits of the campaign are off, in one of the eight with the most power of 16 bands of the excited range.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from benchmarks.habits import HABITS, HabitBench, instruments
+from benchmarks.hammer import FAULTS, Simulated, random_body, random_laboratory
+from fecore.arrays import BoolArray, FloatArray
+from fecore.errors import InputError
+from fecore.signal import Hit, Processing, by_point, process
+from fecore.signal.spectra import Spectra
+from fecore.signal.traits import find_traits
+from fecore.signal.windows import total_rate
+
+MORE = (
+    "saturated",
+    "truncated",
+    "dropout",
+    "spike",
+    "dead",
+    "neighbour",
+    "turned",
+    "sensitivity",
+    "hard",
+    "swapped",
+)
+KINDS = (*FAULTS, *MORE)
+COMPARED = ("off_place", "neighbour", "sensitivity", "hard")
+"""Faults that only the other hits of the point show."""
+_BANDS, _OFF, _WORSE = 16, 0.05, 3.0
+Position = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Made:
+    """A campaign: its hits, their faults, whether each biases, and where the points lie."""
+
+    hits: list[Hit]
+    faults: list[str | None]
+    biases: list[bool]
+    positions: dict[int, Position]
+    habit: str
+
+
+class MadeBench(HabitBench):
+    """A bench whose hits may have every fault."""
+
+    places: dict[int, tuple[float, float]]
+
+    def hit(self, label: int, place: tuple[float, float], number: int, fault: str | None = None) -> Simulated:
+        """One hit of the grid point `label`."""
+        rng, body, lab = self.rng, self.body, self.laboratory
+        if fault == "neighbour":
+            other = self.places[int(rng.choice([k for k in self.places if k != label]))]
+            return replace(super().hit(label, other, number), fault=fault)
+        if fault == "hard":
+            self.body = replace(body, frequency_hz=body.frequency_hz * (1 + rng.uniform(0.003, 0.012)))
+            self.laboratory = replace(lab, force_n=lab.force_n * rng.uniform(4, 10))
+        self.saturates = fault == "saturated"
+        found = super().hit(label, place, number, fault if fault in FAULTS else None)
+        self.body, self.laboratory, self.saturates = body, lab, False
+        return found if fault not in MORE else replace(found, hit=self._spoilt(found.hit, fault), fault=fault)
+
+    def _spoilt(self, hit: Hit, fault: str) -> Hit:
+        force, response = hit.force, hit.responses[0]
+        f, x = force.samples.copy(), response.samples.copy()
+        rng, n = self.rng, x.size
+        peak = int(np.argmax(np.abs(f)))
+        if fault == "truncated":
+            end = peak + int((n - peak) * rng.uniform(0.05, 0.6))
+            f[end:], x[end:] = 0.0, 0.0
+        elif fault == "dropout":
+            start = peak + int((n - peak) * rng.uniform(0.01, 0.3))
+            x[start : start + int(n * rng.uniform(0.02, 0.3))] = 0.0
+        elif fault == "spike":
+            at = rng.integers(0, n - 4)
+            x[at : at + rng.integers(1, 4)] += rng.choice([-1, 1]) * rng.uniform(0.3, 2) * np.abs(x).max()
+        elif fault == "dead":
+            x = np.round(self.laboratory.response_noise * rng.standard_normal(n) / 1e-4) * 1e-4 * self.scale
+        elif fault == "turned":
+            f, x = (-f, x) if rng.random() < 0.5 else (f, -x)
+        elif fault == "sensitivity":
+            x = x * np.exp(rng.choice([-1, 1]) * rng.uniform(np.log(1.3), np.log(10)))
+        elif fault == "swapped":
+            f, x = x, f
+        return replace(hit, force=replace(force, samples=f), responses=(replace(response, samples=x),))
+
+
+def made(seed: int) -> Made:
+    """A campaign; the same seed gives the same."""
+    rng = np.random.default_rng([35, seed])
+    habit = str(rng.choice(HABITS[:-1])) if rng.random() < 0.4 else "as simulated"
+    body = random_body(rng, ("clamped", "free", "plate")[seed % 3])
+    bench = MadeBench(
+        body, instruments(random_laboratory(rng), habit, rng), (0.96 * body.length_m, 0.45 * body.width_m), rng
+    )
+    bench.habit = habit
+    points, hits, faulty = int(rng.integers(3, 9)), int(rng.integers(1, 6)), rng.uniform(0.0, 0.4)
+    bench.places = {
+        n + 1: (rng.uniform(0.1, 0.98) * body.length_m, rng.uniform(-0.48, 0.48) * body.width_m) for n in range(points)
+    }
+    kinds = [f for f in KINDS if not ("pretrigger" in habit and f == "late")]
+    simulated = [
+        bench.hit(label, place, number, str(rng.choice(kinds)) if rng.random() < faulty else None)
+        for label, place in bench.places.items()
+        for number in range(1, hits + 1)
+    ]
+    own = [s.hit for s in simulated]
+    faults = [s.fault for s in simulated]
+    return Made(own, faults, _biases(bench, own, faults), {k: (*p, 0.0) for k, p in bench.places.items()}, habit)
+
+
+def _biases(bench: MadeBench, hits: Sequence[Hit], faults: Sequence[str | None]) -> list[bool]:
+    good = [hit for hit, fault in zip(hits, faults, strict=True) if fault is None]
+    spectra = Spectra(by_point(good or hits), Processing())
+    found = [_off(bench, spectra, hit) for hit in hits]
+    off, loud = np.array([off for off, _ in found]), np.array([loud for _, loud in found])
+    known = np.array([fault is None for fault in faults])
+    usual = np.quantile(off[known], 0.75, axis=0) if known.any() else np.zeros(_BANDS)
+    far = (loud & (off > np.maximum(_OFF, _WORSE * usual))).any(axis=1)
+    return [bool(f and fault is not None) for f, fault in zip(far, faults, strict=True)]
+
+
+def _off(bench: MadeBench, spectra: Spectra, hit: Hit) -> tuple[FloatArray, BoolArray]:
+    """(16,) how far the hit's FRF is off the exact one, over that; and whether the band holds resonances."""
+    place = bench.places[hit.force.dof.point]
+    lines = spectra.compared
+    s = 2j * np.pi * spectra.frequency[lines][:, None] + total_rate(hit, spectra.windows)
+    w, zeta = 2 * np.pi * bench.body.frequency_hz, bench.body.damping_ratio
+    exact = (bench.sensor * bench.body.shapes(place) * s**2 / (w**2 + 2 * zeta * w * s + s**2)).sum(axis=1)
+    force, (response,) = spectra.stack([hit], find_traits([hit]), [0])
+    found = response[0, lines] / np.where(force[0, lines] == 0, 1e-300, force[0, lines])
+    edges = np.linspace(0, exact.size, _BANDS + 1).astype(int)[:-1]
+    power = np.add.reduceat(np.abs(exact) ** 2, edges)
+    with np.errstate(over="ignore"):
+        off = np.sqrt(np.add.reduceat(np.abs(found - exact) ** 2, edges) / power)
+    return off, power >= np.median(power)
+
+
+def made_hits(campaigns: int = 140, seed: int = 1000) -> None:
+    """Print how many hits of each kind are refused, by how many hits a point has where only these show the fault."""
+    hits, refused = Counter[str](), Counter[str]()
+    for number in range(seed, seed + campaigns):
+        own = made(number)
+        points = by_point(own.hits)
+        try:
+            accepted = [v.accepted for v in process(points, Processing(positions=own.positions)).verdicts]
+        except InputError:  # not one good hit: all are refused
+            accepted = [False] * len(own.hits)
+        beside = [len(hits) for hits in points for _ in hits]
+        for fault, biases, count, used in zip(own.faults, own.biases, beside, accepted, strict=True):
+            kind = fault or "none: good"
+            kind += "" if biases or fault is None else ", harmless"
+            kind += ", 1 or 2 hits" if fault in (*COMPARED, "turned") and count < 3 else ""
+            hits[kind] += 1
+            refused[kind] += not used
+    for kind in sorted(hits):
+        print(f"{kind:36}{refused[kind]:6} of {hits[kind]:5}{refused[kind] / hits[kind]:8.1%}")
+    bad = [kind for kind in hits if "," not in kind and kind != "none: good"]
+    total = sum(hits[kind] for kind in bad)
+    print(f"bad hits that bias, missed: {total - sum(refused[kind] for kind in bad)} of {total}")

@@ -1,0 +1,49 @@
+"""Time blocks of hammer hits to FRFs with variance: blocks, pulse, traits, comparison, judgement, heights, windows,
+estimators, process.
+"""
+
+from fecore.signal.blocks import Block, ChannelQuantity, Hit
+from fecore.signal.coupling import Coupling
+from fecore.signal.delay import Delay, estimate_delay
+from fecore.signal.document import Averages, Findings, Processed, Processing
+from fecore.signal.each_hit import EachHit, each_hit
+from fecore.signal.estimators import Estimate, Estimator, estimate
+from fecore.signal.heights import Strip
+from fecore.signal.judgement import Criterion, Finding, Limits, Verdict, overrule
+from fecore.signal.look import Look, look
+from fecore.signal.process import Shelf, process, process_in_parts
+from fecore.signal.spectra import Source, by_point
+from fecore.signal.windows import Windows, remove_window
+
+__all__ = [
+    "Averages",
+    "Block",
+    "ChannelQuantity",
+    "Coupling",
+    "Criterion",
+    "Delay",
+    "EachHit",
+    "Estimate",
+    "Estimator",
+    "Finding",
+    "Findings",
+    "Hit",
+    "Limits",
+    "Look",
+    "Processed",
+    "Processing",
+    "Shelf",
+    "Source",
+    "Strip",
+    "Verdict",
+    "Windows",
+    "by_point",
+    "each_hit",
+    "estimate",
+    "estimate_delay",
+    "look",
+    "overrule",
+    "process",
+    "process_in_parts",
+    "remove_window",
+]
