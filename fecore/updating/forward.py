@@ -72,7 +72,15 @@ class ForwardModel:
         """
         places = np.array([coordinates[point][:2] for point in points]).reshape(-1, 2)
         count, reduced = modes_to_cover(parametrisation, highest_hz, modes + EXTRA_MODES), not roving_mass
-        return cls(parametrisation.body, parametrisation, tuple(points), places, count, reduced, roving_mass)
+        return cls(
+            parametrisation.body,
+            parametrisation,
+            tuple(points),
+            places,
+            count,
+            reduced=reduced,
+            roving_mass=roving_mass,
+        )
 
     @cached_property
     def observation(self) -> scipy.sparse.csr_array:
@@ -132,12 +140,14 @@ class ForwardModel:
                 reduced = self.basis.system  # as it has grown
             else:
                 modes = reduced.modes(c.stiffness, c.mass, self.count)
-            return ForwardState(c, modes, list(reduced.stiffness), list(reduced.mass), reduced.basis, self, theta)
+            return ForwardState(
+                c, modes, list(reduced.stiffness), list(reduced.mass), reduced.basis, forward=self, theta=theta
+            )
         mass, stiffness = model.mass.at(c.mass), model.stiffness.at(c.stiffness)
         modes = normal_modes(stiffness, mass, self.count, model.rigid_modes)
         stiffness_terms = [model.stiffness.term(k) for k in range(len(c.stiffness))]
         mass_terms = [model.mass.term(j) for j in range(len(c.mass))]
-        return ForwardState(c, modes, stiffness_terms, mass_terms, None, self, theta)
+        return ForwardState(c, modes, stiffness_terms, mass_terms, None, forward=self, theta=theta)
 
     def frequencies_at(self, parametrisation: Parametrisation, theta: FloatArray) -> FloatArray:
         """(n,) elastic natural frequencies, Hz, where another parametrisation of the same mesh gives the coefficients.

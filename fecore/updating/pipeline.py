@@ -94,7 +94,7 @@ def update(
         *points_beyond(forward, inputs),
         *_other_method(measurement, recipe),
     ]
-    result = Summary(elastic, modes, damping, data, inputs, recipe, sampled).result(findings)
+    result = Summary(elastic, modes, damping, data, inputs=inputs, recipe=recipe, sampled=sampled).result(findings)
     progress("done", 1.0)
     return result
 
@@ -225,7 +225,9 @@ def _damping(
         done = _damping_of_ratios(elastic, modes, recipe)
         if done.ranking is not None:
             said = [*findings, *done.findings, found("damping_of_ratios", text=message)]
-            return replace(done, band=band, findings=tuple(said))
+            return replace(
+                done, message=f"from the modes' damping ratios, since {message}", band=band, findings=tuple(said)
+            )
     level: Level | None = "do_not_use" if elastic.misfit > HOPELESS_MISS else None
     failed = found("damping_failed", level=level, text=message)
     return DampingOutcome("failed", message, band, findings=(*findings, failed))
