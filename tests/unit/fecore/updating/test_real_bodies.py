@@ -76,7 +76,9 @@ def test_frfs_of_any_quantity_give_the_same(boundary: Boundary, stated: Quantity
     other = update(replace(body, frfs=body.frfs.to_quantity(stated)), specimen)
     assert other.verdict.level == accelerance.verdict.level == "usable"
     for p, q in zip(other.parameters, accelerance.parameters, strict=True):
-        limit = 2e-3 * q.estimate if p.name in ("a0", "a1") else 0.1 * q.standard_deviation  # noise weighs lines otherwise
+        limit = (
+            2e-3 * q.estimate if p.name in ("a0", "a1") else 0.1 * q.standard_deviation
+        )  # noise weighs lines otherwise
         assert abs(p.estimate - q.estimate) < limit, p.name
     mistaken = update(replace(body, frfs=replace(body.frfs.to_quantity(stated), quantity="accelerance")), specimen)
     assert f"stated to be accelerance and are like the model's {stated}: correct" in mistaken.outcomes[1].message
