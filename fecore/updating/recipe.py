@@ -54,4 +54,4 @@ class Recipe:
     posterior: Literal["laplace", "mcmc"] = "laplace"
     seed: int = 0
     identification: Options = field(default_factory=Options)
-    include_doubtful: bool = False
+    include_doubtful: bool = True

@@ -166,7 +166,9 @@ class IdentificationRecipeIn(StrictModel):
     threshold: float = Field(
         0.9, ge=0.1, le=1, description="probability from which a pole is a mode; below, it is uncertain"
     )
-    include_doubtful: bool = Field(False, description="use the uncertain poles, from probability 0.1 on, too")
+    include_doubtful: bool = Field(
+        True, description="use the uncertain poles, from probability 0.1 on, too; each is weighed by its probability"
+    )
 
 
 class RecipeIn(StrictModel):
@@ -179,7 +181,7 @@ class RecipeIn(StrictModel):
     )
     mode_set: UUID | None = Field(None, description="measured modes; without it they are identified from the FRFs")
     identification: IdentificationRecipeIn = IdentificationRecipeIn(
-        band_hz=None, highest_order=40, most_modes=100, threshold=0.9, include_doubtful=False
+        band_hz=None, highest_order=40, most_modes=100, threshold=0.9, include_doubtful=True
     )
     springs: list[SpringIn] = Field(default_factory=list, max_length=20, description="elastic supports of the specimen")
     zones_m: list[float] = Field(
