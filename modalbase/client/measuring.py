@@ -246,14 +246,30 @@ def modes(
         bool, typer.Option("--identify", help="Find modes in the FRFs first, and wait for them")
     ] = False,
     band: Annotated[str | None, typer.Option(help="With --identify: Hz, such as 10-900")] = None,
+    threshold: Annotated[
+        float | None, typer.Option(help="With --identify: probability from which a pole is a mode")
+    ] = None,
     mode_set: Annotated[str, typer.Option(help="Which modes: id, name or latest")] = "latest",
+    keep: Annotated[list[float] | None, typer.Option(help="Hz of an uncertain or refused pole to keep")] = None,
+    drop: Annotated[list[float] | None, typer.Option(help="Hz of a mode to drop")] = None,
+    why: Annotated[
+        str | None, typer.Option(help="With --keep and --drop: the reason, which the new set records")
+    ] = None,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
-    """Show the modes of a campaign: typed in, read from a file, or identified; with what the identification doubts."""
+    """Show the modes of a campaign: typed in, read from a file, or identified; with what the identification doubts.
+
+    --keep and --drop make a new mode set; the old one stays as it is.
+    """
     with service_at(url) as service:
         id_ = find_id(service, CAMPAIGN, campaign)
-        found = _identified(service, id_, band) if identify else find(service, MODE_SET, mode_set, within=id_)
+        options = {
+            name: value for name, value in (("band_hz", band and _band(band)), ("threshold", threshold)) if value
+        }
+        found = _identified(service, id_, options) if identify else find(service, MODE_SET, mode_set, within=id_)
+        if keep or drop:
+            found = _edited(service, found, keep or [], drop or [], why)
     if as_json:
         print_json(found)
         return
@@ -263,8 +279,19 @@ def modes(
     say_next(f'update "{campaign}" --mode-set {found["id"]} --wait')
 
 
-def _identified(service: Connection, campaign: str, band: str | None) -> dict[str, Any]:
-    options = {} if band is None else {"band_hz": _band(band)}
+def _edited(
+    service: Connection, found: dict[str, Any], keep: list[float], drop: list[float], why: str | None
+) -> dict[str, Any]:
+    if why is None:
+        raise ClientError("--keep and --drop need a reason: --why TEXT", Exit.USAGE)
+    poles = [*((hz, True) for hz in keep), *((hz, False) for hz in drop)]
+    decisions = [{"frequency_hz": hz, "keep": kept, "reason": why} for hz, kept in poles]
+    edits = {"name": f"{found['name']}, edited", "decisions": decisions}
+    edited: dict[str, Any] = service.post(f"mode-sets/{found['id']}/edits", edits)
+    return edited
+
+
+def _identified(service: Connection, campaign: str, options: dict[str, Any]) -> dict[str, Any]:
     job = service.post(f"campaigns/{campaign}/identifications", options)
     ended = wait_for(service, f"identifications/{job['id']}", "identification")
     require_success(ended, f"identification {job['id']}")

@@ -46,6 +46,12 @@ def test_from_an_empty_database_to_a_figure(run: Run, api: httpx.Client, tmp_pat
     assert 'next: modalbase update "March" --wait' in run("import", "beam.uff", "--campaign", "March").stderr
     identified = run("modes", "March", "--identify", "--band", "10-1000")
     assert "25.6" in identified.stdout
+    first = json.loads(run("modes", "March", "--json").stdout)
+    hz = first["modes"][-1]["frequency_hz"]
+    edited = json.loads(run("modes", "March", "--drop", f"{hz:.6g}", "--why", "too high", "--json").stdout)
+    assert [mode["frequency_hz"] for mode in edited["modes"]] == [m["frequency_hz"] for m in first["modes"][:-1]]
+    assert edited["details"]["decisions"][0]["reason"] == "too high"
+    run("modes", "March", "--mode-set", edited["id"], "--keep", f"{hz:.6g}", code=2)
     queued = run("update", "latest", "--mode-set", "latest").stdout.strip()
     shown = run("update", "March", "--wait")
     assert "Ex" in shown.stdout
