@@ -169,9 +169,14 @@ def in_band(arrangement: Arrangement, hz: FloatArray) -> BoolArray:
 
 
 def _moved(arrangement: Arrangement, terms: Terms, drift: float) -> Terms:
-    """The series with all its resonances moved; a pole much narrower than a line is a tone, which stays where it is."""
-    tone = terms.frequency_hz * terms.damping_ratio < _TONE * arrangement.spacing_hz
-    return replace(terms, frequency_hz=terms.frequency_hz * np.where(tone, 1.0, 1 + drift))
+    """The series with its resonances moved.
+
+    Those stay where they are that no lines show to move: a pole much narrower than a line is a tone, and one beyond the band is
+    a residual term there, whose shift the others would cancel.
+    """
+    moves = in_band(arrangement, terms.frequency_hz)
+    moves &= terms.frequency_hz * terms.damping_ratio >= _TONE * arrangement.spacing_hz
+    return replace(terms, frequency_hz=terms.frequency_hz * np.where(moves, 1 + drift, 1.0))
 
 
 def _merged(fit: Level, inside: BoolArray) -> Terms:
