@@ -42,7 +42,8 @@ _SPREAD = 5.0  # half their width over the median of the drifts
 _TURNS = 8  # of drift and poles, at most
 _AT_REST = 0.98  # of the misfit that another turn must beat
 _TONE = 0.1  # lines: a half bandwidth below is a tone's
-_LEAST = 1e-6  # relative drift that no resonance shows
+_UNSEEN = 3e-3  # of the narrowest half bandwidth: a drift that no resonance shows
+_LEAST = 1e-6  # relative drift for which a grid is made
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ def without_drift(
         lines = _lines(arrangement, terms.frequency_hz[sharp], terms.damping_ratio[sharp])
         narrow = float(np.median(terms.damping_ratio[sharp]))
         more: FloatArray = _drifts(still, terms, weight, lines, tests, grid=grid, narrow=narrow)
-        if not np.any(np.abs(more) > _LEAST):
+        if not np.any(np.abs(more) > _UNSEEN * narrow):
             break
         grid = _finer(more, narrow)
         each += more
