@@ -7,10 +7,9 @@ with the features of `evidence` and Λ = ln p₁(r)/p₀(r), the densities of th
     p₁ = 0.99 q(1-r) + 0.01/(π√(1-r²)),    p₀ = 0.2/(π√(1-r²)) + 0.2 q(1+r) + 0.6 N(r; 0, 0.4),    q(d) = e^{-d/σ}/√(πσd),
 
 σ = 0.05, or 0.06 with p₀ = 0.8/(π√(1-r²)) + 0.2 q(1+r) for fewer than four FRFs; q(1+r) is for quadratic distortions, whose
-residues are real. All have the same root at r = ±1, so Λ stays finite. The
-weights b are a Bayesian fit (`python -m benchmarks calibrate`), with a covariance. A feature that a set cannot give
-drops out: it takes its mean among poles, and its spread, like the weights' own, widens P towards ½ (MacKay 1992): P =
-σ(a/√(1 + πv/8)).
+residues are real. All have the same root at r = ±1, so Λ stays finite. The weights b have a covariance;
+`python -m benchmarks calibrate` judges them. A feature that a set cannot give drops out: it takes its mean among poles, and
+its spread, like the weights' own, widens P towards ½ (MacKay 1992): P = σ(a/√(1 + πv/8)).
 """
 
 from __future__ import annotations
