@@ -9,6 +9,7 @@ plate      one FRF with its coherence from five hits, an exponential window on t
 wide       12 FRFs, damping of 0.1 to 16 % drawn anew for every mode, some modes one to three lines wide and low, where the
            floor of the noise changes tenfold
 wing       18 FRFs of a roving sensor, the first mode two lines wide, low, in company, beside a floor that changes
+beam       33 FRFs of a beam with Rayleigh damping, first mode 3 to 16 %, some modes weak at all points, noise of 1 to 5 %
 quiet      1 to 12 FRFs of noise and hum
 squared,   12 FRFs of a simulated equation of motion with a local spring of F = k₂y² or k₃y³ beside the linear structure,
 cubed      half-sine hits of three heights: what answers at sums, differences and multiples of its frequencies is no mode
@@ -20,7 +21,7 @@ All but the last two have hits beside the point, slightly complex shapes, a smoo
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -168,6 +169,19 @@ def wing(seed: int, harsh: Harsh = GOOD, points: int = 18) -> Draw:
     return Draw(_set(hz, values, pairs), f, zeta, f < 0, NONE)
 
 
+def beam(seed: int, harsh: Harsh = GOOD, points: int = 33) -> Draw:
+    """Accelerances to 1 kHz of modes with Rayleigh damping, whose heights differ by e either way at one standard deviation."""
+    rng = np.random.default_rng([11, seed])
+    hz = np.arange(1.0, 1000.1)
+    f = _spread(rng, int(rng.integers(4, 8)), 15, 950, 0.15)
+    zeta = rng.uniform(0.03, 0.16) * f[0] / f + rng.uniform(0.002, 0.03) * f / f[-1]
+    residue = _shapes(rng, f.size, points) * np.exp(rng.standard_normal((f.size, 1))) * np.sqrt(zeta / zeta[0])[:, None]
+    values = _accelerance(hz, f, zeta, residue)
+    white = rng.uniform(0.01, 0.05) * np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True))
+    values = _faults(rng, hz, values, harsh.noise * white, 0.0, 0.0, replace(harsh, errors=0.2 * harsh.errors))
+    return Draw(_set(hz, values, [(Dof(i + 1, 3), Dof(1, 3)) for i in range(points)]), f, zeta, f < 0, NONE)
+
+
 _SECONDS, _RATE, _HEIGHTS = 8.0, 1600, (0.5, 1.0, 2.0)
 
 
@@ -265,6 +279,7 @@ KINDS: dict[str, Callable[..., Draw]] = {
     "aeroplane": aeroplane,
     "wide": wide,
     "wing": wing,
+    "beam": beam,
     "quiet": quiet,
     "squared": squared,
     "cubed": cubed,
@@ -307,7 +322,7 @@ def _faults(
     rng: np.random.Generator,
     hz: np.ndarray,
     values: np.ndarray,
-    white: float,
+    white: np.ndarray | float,
     leak: np.ndarray | float,
     hum: float,
     harsh: Harsh,
