@@ -29,6 +29,13 @@ def api(service: LocalService) -> Iterator[httpx.Client]:
         yield client
 
 
+@pytest.fixture
+def another(service: LocalService) -> Iterator[httpx.Client]:
+    """A client of another user, whose projects the pages of the first do not list."""
+    with client_at(service.url, service.new_key(f"golden {uuid4()}")) as client:
+        yield client
+
+
 @pytest.fixture(scope="module")
 def done(api: httpx.Client, service: LocalService) -> dict[str, Any]:
     """Where the result of the demonstration's job is from."""
@@ -66,9 +73,9 @@ def without_numbers(value: Any) -> Any:
     return value.lstrip("+-") if isinstance(value, str) else 0.0 if isinstance(value, float) else value
 
 
-def test_figures_of_hits(api: httpx.Client) -> None:
-    campaign = hits_campaign(api, "hits-plate-one-point")
-    check("figures-hits", ok(api.get(f"campaigns/{campaign}/figures/hits")))
+def test_figures_of_hits(another: httpx.Client) -> None:
+    campaign = hits_campaign(another, "hits-plate-one-point")
+    check("figures-hits", ok(another.get(f"campaigns/{campaign}/figures/hits")))
 
 
 def test_reports(api: httpx.Client, done: dict[str, Any]) -> None:
@@ -107,10 +114,10 @@ def test_exports_of_what_was_measured(api: httpx.Client, done: dict[str, Any]) -
     check("exports-measured", found)
 
 
-def test_exports_of_time_blocks(api: httpx.Client) -> None:
-    campaign = hits_campaign(api, "hits-plate-one-point")
-    row = ok(api.get(f"campaigns/{campaign}/records"))["items"][0]["id"]
-    answers = {kind: api.get(f"records/{row}/data", params={"format": kind}) for kind in ("npz", "csv")}
+def test_exports_of_time_blocks(another: httpx.Client) -> None:
+    campaign = hits_campaign(another, "hits-plate-one-point")
+    row = ok(another.get(f"campaigns/{campaign}/records"))["items"][0]["id"]
+    answers = {kind: another.get(f"records/{row}/data", params={"format": kind}) for kind in ("npz", "csv")}
     check("exports-records", {kind: answered(each, exact(each.content)) for kind, each in answers.items()})
 
 
@@ -132,6 +139,7 @@ def test_exports_of_what_was_computed(api: httpx.Client, done: dict[str, Any], i
     check("exports-computed", found)
 
 
+@pytest.mark.usefixtures("identified")  # the campaign's page shows it
 def test_pages(api: httpx.Client, service: LocalService, done: dict[str, Any]) -> None:
     campaign, result = done["campaign"], done["update_job"]
     (read,) = ok(api.get(f"campaigns/{campaign}/imports"))["items"]
