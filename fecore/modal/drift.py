@@ -42,8 +42,7 @@ _SPREAD = 5.0  # half their width over the median of the drifts
 _TURNS = 8  # of drift and poles, at most
 _AT_REST = 0.98  # of the misfit that another turn must beat
 _TONE = 0.1  # lines: a half bandwidth below is a tone's
-_UNSEEN = 3e-3  # of the narrowest half bandwidth: a drift that no resonance shows
-_LEAST = 1e-6  # relative drift for which a grid is made
+_LEAST = 1e-6  # relative drift that no resonance shows
 
 
 @dataclass(frozen=True)
@@ -90,7 +89,7 @@ def without_drift(
         lines = _lines(arrangement, terms.frequency_hz[sharp], terms.damping_ratio[sharp])
         narrow = float(np.median(terms.damping_ratio[sharp]))
         more: FloatArray = _drifts(still, terms, weight, lines, tests, grid=grid, narrow=narrow)
-        if not np.any(np.abs(more) > _UNSEEN * narrow):
+        if not np.any(np.abs(more) > _LEAST):
             break
         grid = _finer(more, narrow)
         each += more
@@ -170,14 +169,9 @@ def in_band(arrangement: Arrangement, hz: FloatArray) -> BoolArray:
 
 
 def _moved(arrangement: Arrangement, terms: Terms, drift: float) -> Terms:
-    """The series with its resonances moved.
-
-    Those stay where they are that no lines show to move: a pole much narrower than a line is a tone, and one beyond the band is
-    a residual term there, whose shift the others would cancel.
-    """
-    moves = in_band(arrangement, terms.frequency_hz)
-    moves &= terms.frequency_hz * terms.damping_ratio >= _TONE * arrangement.spacing_hz
-    return replace(terms, frequency_hz=terms.frequency_hz * np.where(moves, 1 + drift, 1.0))
+    """The series with all its resonances moved; a pole much narrower than a line is a tone, which stays where it is."""
+    tone = terms.frequency_hz * terms.damping_ratio < _TONE * arrangement.spacing_hz
+    return replace(terms, frequency_hz=terms.frequency_hz * np.where(tone, 1.0, 1 + drift))
 
 
 def _merged(fit: Level, inside: BoolArray) -> Terms:

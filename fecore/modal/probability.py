@@ -1,15 +1,15 @@
 """One probability for each pole: that it is a mode of the structure.
 
-    logit P = b₀ + Λ(r) + b₁ lg ρ + b₂ lg s - b₃ min(z, 2)² - b₄ t  [- b₅ min(u, 1)² - b₆ min(g, 1)²],    lg = log₁₀,
+    logit P = b₀ + Λ(r) + b₁ lg ρ + b₂ lg s - b₃ min(z, 3)² - b₄ t  [- b₅ min(u, 1)² - b₆ min(g, 1)²],    lg = log₁₀,
 
 with the features of `evidence` and Λ = ln p₁(r)/p₀(r), the densities of the phase for modes and for others,
 
-    p₁ = 0.99 q(1-r) + 0.01/(π√(1-r²)),    p₀ = 0.2/(π√(1-r²)) + 0.2 q(1+r) + 0.6 N(r; 0, 0.4),    q(d) = e^{-d/σ}/√(πσd),
+    p₁ = 0.98 e^{-(1-r)/σ}/√(πσ(1-r)) + 0.02/(π√(1-r²)),    p₀ = 0.3/(π√(1-r²)) + 0.7 N(r; 0, 0.4),
 
-σ = 0.05, or 0.06 with p₀ = 0.8/(π√(1-r²)) + 0.2 q(1+r) for fewer than four FRFs; q(1+r) is for quadratic distortions, whose
-residues are real. All have the same root at r = ±1, so Λ stays finite. The weights b have a covariance;
-`python -m benchmarks calibrate` judges them. A feature that a set cannot give drops out: it takes its mean among poles, and
-its spread, like the weights' own, widens P towards ½ (MacKay 1992): P = σ(a/√(1 + πv/8)).
+σ = 0.1, or 0.06 with p₀ = 1/(π√(1-r²)) for fewer than four FRFs. Both have the same root at r = 1, so Λ stays finite. The
+weights b are a Bayesian fit (`python -m benchmarks calibrate`), with a covariance. A feature that a set cannot give
+drops out: it takes its mean among poles, and its spread, like the weights' own, widens P towards ½ (MacKay 1992): P =
+σ(a/√(1 + πv/8)).
 """
 
 from __future__ import annotations
@@ -24,13 +24,12 @@ from fecore.modal.evidence import Evidence
 from fecore.modal.weights import COVARIANCE, MEAN
 
 _FEW = 4  # FRFs below which a phase is that of single values
-_SIGMA, _SIGMA_OF_FEW = 0.05, 0.06
-_STRAY = 0.01  # share of the modes whose phase is anything
+_SIGMA, _SIGMA_OF_FEW = 0.1, 0.06
+_STRAY = 0.02  # share of the modes whose phase is anything
 _AT_ODDS = 0.4  # standard deviation of r for what is no mode
-_ANY = 0.2  # share of these whose phase is anything
-_REAL = 0.2  # share of these whose residues are real, as a quadratic distortion's
+_ANY = 0.3  # share of these whose phase is anything
 _EDGE = 1e-6  # of r at ±1
-_MOST_DAMPING = 2.0  # of z
+_MOST_DAMPING = 3.0  # of z
 _OVERDAMPED = 0.6  # ζ from which a pole is a trend of the record
 _NO_SHAPE = (0.2, 0.2)  # mean and standard deviation of t where there are no shapes
 
@@ -57,14 +56,9 @@ def phase_ratio(r: FloatArray, frfs: int) -> FloatArray:
     r = np.clip(r, -1 + _EDGE, 1 - _EDGE)
     sigma = _SIGMA if frfs >= _FEW else _SIGMA_OF_FEW
     arcsine = 1 / (np.pi * np.sqrt(1 - r**2))
-
-    def near(off: FloatArray) -> FloatArray:
-        return np.asarray(np.exp(-off / sigma) / np.sqrt(np.pi * sigma * off))
-
-    of_modes = (1 - _STRAY) * near(1 - r) + _STRAY * arcsine
+    of_modes = (1 - _STRAY) * np.exp(-(1 - r) / sigma) / np.sqrt(np.pi * sigma * (1 - r)) + _STRAY * arcsine
     spread = np.exp(-(r**2) / (2 * _AT_ODDS**2)) / (_AT_ODDS * np.sqrt(2 * np.pi))
-    rest = arcsine if frfs < _FEW else (_ANY * arcsine + (1 - _ANY - _REAL) * spread) / (1 - _REAL)
-    of_others = (1 - _REAL) * rest + _REAL * near(1 + r)
+    of_others = arcsine if frfs < _FEW else _ANY * arcsine + (1 - _ANY) * spread
     return np.asarray(np.log(of_modes / of_others))
 
 
