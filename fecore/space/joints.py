@@ -150,8 +150,9 @@ def _missing(
 def _true_start(wall: Wall, walls: tuple[Wall, ...], tangent: FloatArray, zeta: FloatArray) -> FloatArray:
     """(g,) where the wall truly begins along s, at heights ζ along t × s.
 
-    The thickest that passes goes through, and others begin at its face. Where none passes each is mitred with its neighbours,
-    from the line to the corner where their faces meet.
+    The thickest that passes goes through, and others begin at its face. At a corner of two sets the first set's wall goes on to
+    the outer face; where the walls are of one set, or more than two end, each is mitred with its neighbours, from the line to the
+    corner where their faces meet.
     """
     through = max((other for other in walls if other.passes), key=lambda other: other.thickness, default=None)
     if through is not None:
@@ -165,6 +166,9 @@ def _true_start(wall: Wall, walls: tuple[Wall, ...], tangent: FloatArray, zeta: 
     begin = np.empty_like(zeta)
     for side, other in ((1, walls[(number + 1) % len(walls)]), (-1, walls[number - 1])):
         turn = np.arctan2(tangent @ np.cross(wall.away, other.away), wall.away @ other.away) * side % (2 * np.pi)
+        if len(walls) == 2 and wall.rank != other.rank:
+            face = other.thickness / 2 / abs(np.sin(turn))
+            return np.full_like(zeta, -face if wall.rank < other.rank else face)
         corner = (other.thickness / 2 + wall.thickness / 2 * np.cos(turn)) / np.sin(turn)
         here = zeta * side >= 0
         begin[here] = np.abs(zeta[here]) / (wall.thickness / 2) * corner

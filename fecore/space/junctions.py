@@ -28,7 +28,7 @@ class Wall:
 
     Attributes:
         block, element, side: its numbers in the mesh.
-        set: its set.
+        set, rank: its set, and the place of that among the mesh's sets.
         thickness: nominal, m.
         away: (3,) unit direction s.
         passes: whether the wall goes on beyond the edge.
@@ -39,6 +39,7 @@ class Wall:
     element: int
     side: int
     set: str
+    rank: int
     thickness: float
     away: FloatArray
     passes: bool
@@ -117,7 +118,7 @@ def _edge(
     for i in np.argsort(angle % (2 * np.pi)):
         number, element, side = places[i]
         name = mesh.blocks[number].set
-        walls.append(Wall(number, element, side, name, thickness[name], s[i], bool(passes[i]), depths[i]))
+        walls.append(Wall(number, element, side, name, mesh.sets.index(name), thickness[name], s[i], bool(passes[i]), depths[i]))
     return Edge((*ends, *middle), tangent, tuple(walls))
 
 

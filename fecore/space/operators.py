@@ -10,13 +10,18 @@ import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.space.affine import distinct
-from fecore.space.elements.shells import motions
+from fecore.space.elements.shells import drilling, motions
 from fecore.space.mesh import BEAMS, SHELLS, Block
+from fecore.space.sections import ShellSection
 from fecore.space.supports import Link
 
 _STRAIN_POWERS = np.array([1, 1, 1, 3, 3, 3, 1, 1]) / 2
 _MOTION_POWERS = np.array([1, 1, 1, 3, 3, 3, 3]) / 2
 """Of the relative thickness r in rows of strains and motions: so A and S go with r, B with r², D with r³."""
+
+
+_THIN = 10
+"""The drilling of an element wider than so many thicknesses goes down with (t/h)², as bending does: else it locks warped shells."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +55,7 @@ class Operators:
 
 
 def shell_operators(
-    block: Block, nodes: FloatArray, shift: FloatArray, axis: tuple[float, float, float], ratio: FloatArray | None
+    block: Block, nodes: FloatArray, shift: FloatArray, section: ShellSection, ratio: FloatArray | None
 ) -> tuple[Operators, Operators, Operators]:
     """Strains, drilling and motions of a block of shells.
 
@@ -58,7 +63,7 @@ def shell_operators(
         block: the elements.
         nodes: (n, 3) the mesh's nodes.
         shift: (e, n, 3) rigid links from the mesh's nodes to the elements'.
-        axis: axis 1.
+        section: of the set.
         ratio: (n,) thickness at the mesh's nodes by that of the section; None where it is that.
     """
     x = nodes[block.nodes] + shift
@@ -66,18 +71,19 @@ def shell_operators(
     key = np.concatenate([x - x[:, :1], shift, r[..., None] * np.abs(x - x[:, :1]).max(initial=1e-300)], axis=2)
     chosen, which = distinct(key)
     x, shift, r = x[chosen], shift[chosen], r[chosen]
-    shell, along = SHELLS[block.kind], np.array(axis, dtype=float)
-    strains, area, N = shell.strains(x, along)
-    motion, drilling, mass_area, mass_N = motions(shell, x, along)
+    shell, along = SHELLS[block.kind], np.array(section.axis, dtype=float)
 
-    def weighed(rows: FloatArray, area: FloatArray, N: FloatArray, powers: FloatArray) -> Operators:
+    def weighed(found: tuple[FloatArray, FloatArray, FloatArray], powers: FloatArray) -> Operators:
+        rows, area, N = found
         scale = np.sqrt(area)[..., None] * (r @ N.T)[..., None] ** powers
         return Operators(block.nodes, which, _hung(rows * scale[..., None, None], shift))
 
+    twist, area, N = drilling(shell, x, along)
+    thin = np.minimum(1, _THIN * section.thickness / np.sqrt(area.sum(axis=1)))[:, None, None, None, None]
     return (
-        weighed(strains, area, N, _STRAIN_POWERS),
-        weighed(drilling, mass_area, mass_N, _STRAIN_POWERS[:1]),
-        weighed(motion, mass_area, mass_N, _MOTION_POWERS),
+        weighed(shell.strains(x, along), _STRAIN_POWERS),
+        weighed((twist * thin, area, N), _STRAIN_POWERS[:1]),
+        weighed(motions(shell, x, along), _MOTION_POWERS),
     )
 
 

@@ -136,7 +136,7 @@ class Structure:
             section = self.sections[block.set]
             if isinstance(section, ShellSection):
                 strains, drilling, motions = shell_operators(
-                    block, self.mesh.nodes, shift, section.axis, self.thickness.get(block.set)
+                    block, self.mesh.nodes, shift, section, self.thickness.get(block.set)
                 )
                 stiffness = [Part(drilling, np.ones((1, 1, 1)), (f"{block.set}.drilling",), _ONE)]
                 inertia = inertia_matrices(), INERTIAS, inertia_blocks()

@@ -16,7 +16,6 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.space.elements.shells import bent_sides, displacement_strains, surface, with_middles
-from fecore.space.elements.surface import Surface
 
 _CORNERS = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
 
@@ -62,10 +61,6 @@ class Quad8:
         """(p, 2) the nearest natural coordinates inside the square."""
         return np.clip(natural, -1, 1)
 
-    def curl(self, x: FloatArray, own: Surface, natural: FloatArray, axis: FloatArray) -> FloatArray:
-        """Of the displacements."""
-        return own.curl()
-
     def strains(self, x: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """All at 2 × 2 points."""
         return displacement_strains(self, x, axis, gauss(2))
@@ -95,10 +90,6 @@ class Quad4:
     def inside(self, natural: FloatArray) -> FloatArray:
         """(p, 2) the nearest natural coordinates inside the square."""
         return np.clip(natural, -1, 1)
-
-    def curl(self, x: FloatArray, own: Surface, natural: FloatArray, axis: FloatArray) -> FloatArray:
-        """Of the displacements with bent sides."""
-        return bent_sides(self, surface(_QUAD8, with_middles(self, x), natural, axis).curl(), own, x)
 
     def strains(self, x: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Membrane with bent sides, bending, assumed shears, at 2 × 2 points."""

@@ -1,8 +1,7 @@
 """What a shell element is: its shape functions, and its strains at the points where it is integrated.
 
 An element knows no section: it gives rows of eight strains (ε₁₁ ε₂₂ γ₁₂, κ₁₁ κ₂₂ κ₁₂, γ₁₃ γ₂₃) over its degrees of freedom, and
-the area that each of its points stands for, so that ∫BᵀCB dA is a sum of products. The drilling has points of its own: as many as
-products of two shape functions need, or the rotations about the normal would be free to move between them.
+the area that each of its points stands for, so that ∫BᵀCB dA is a sum of products. The drilling has points of its own.
 """
 
 from __future__ import annotations
@@ -49,10 +48,6 @@ class Shell(Protocol):
         """(e, p, 8, n, 6) strains of (e, n, 3) elements, (e, p) areas of the points, and their (p, n) shape functions."""
         ...
 
-    def curl(self, x: FloatArray, own: Surface, natural: FloatArray, axis: FloatArray) -> FloatArray:
-        """(e, p, 1, n, 6) rotation of the surface about its normal at (p, 2) natural points, where it is `own`."""
-        ...
-
 
 def surface(shell: Shell, x: FloatArray, natural: FloatArray, axis: FloatArray) -> Surface:
     """An element's surface at natural points, with its own normals at the nodes as directors."""
@@ -62,11 +57,21 @@ def surface(shell: Shell, x: FloatArray, natural: FloatArray, axis: FloatArray) 
 
 def motions(
     shell: Shell, x: FloatArray, axis: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """(e, p, 7, n, 6) motions, (e, p, 1, n, 6) drilling, (e, p) areas and (p, n) shape functions at the points of the mass."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(e, p, 7, n, 6) motions, (e, p) areas and (p, n) shape functions at the points of the mass."""
     natural, weights = shell.mass_rule
     own = surface(shell, x, natural, axis)
-    return own.motion(), own.spin() - shell.curl(x, own, natural, axis), own.area * weights, own.N
+    return own.motion(), own.area * weights, own.N
+
+
+def drilling(shell: Shell, x: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(e, p, 1, n, 6) rotation about the normal beyond that of the surface, (e, p) areas and (p, n) shape functions.
+
+    At the points of the mass: at fewer, the rotations about the normal could move between them.
+    """
+    natural, weights = shell.mass_rule
+    own = surface(shell, x, natural, axis)
+    return own.drilling(), own.area * weights, own.N
 
 
 def displacement_strains(

@@ -102,16 +102,11 @@ class Surface:
         turned: FloatArray = np.einsum("epia,epanc->epinc", self.inverse, covariant)
         return turned
 
-    def curl(self) -> FloatArray:
-        """(e, p, 1, n, 6) rotation of the surface about its normal, ½ (e₂ · ∂₁u₀ − e₁ · ∂₂u₀)."""
-        rows = np.zeros((*self.area.shape, 1, self.N.shape[1], 6))
+    def drilling(self) -> FloatArray:
+        """(e, p, 1, n, 6) rotation about the normal beyond that of the surface."""
+        rows = np.empty((*self.area.shape, 1, self.N.shape[1], 6))
         first, second = self.by[:, :, 0, :, None], self.by[:, :, 1, :, None]
-        rows[:, :, 0, :, :3] = (first * self.axes[:, :, None, 1] - second * self.axes[:, :, None, 0]) / 2
-        return rows
-
-    def spin(self) -> FloatArray:
-        """(e, p, 1, n, 6) rotation about the normal, θ · n."""
-        rows = np.zeros((*self.area.shape, 1, self.N.shape[1], 6))
+        rows[:, :, 0, :, :3] = (second * self.axes[:, :, None, 0] - first * self.axes[:, :, None, 1]) / 2
         rows[:, :, 0, :, 3:] = self.N[None, :, :, None] * self.normal[:, :, None]
         return rows
 
