@@ -76,50 +76,74 @@ class Junction:
 
 def find_junctions(mesh: Mesh, thickness: Mapping[str, float]) -> tuple[Junction, ...]:
     """The junctions of a mesh of shells, given each set's thickness in m."""
-    at: dict[tuple[int, int], list[tuple[int, int, int]]] = defaultdict(list)
-    for number, block in enumerate(mesh.blocks):
-        if not block.is_shell:
-            continue
-        for side, ends in enumerate(SHELLS[block.kind].sides):
-            for element, (a, b) in enumerate(np.sort(block.nodes[:, ends[:2]], axis=1).tolist()):
-                at[a, b].append((number, element, side))
-    edges = []
-    for ends, places in at.items():
-        if len(places) > 1:
-            edge = _edge(mesh, ends, places, thickness)
-            if len(places) > 2 or not all(wall.passes for wall in edge.walls):
-                edges.append(edge)
+    sides = _sides(mesh)
+    order = np.lexsort(sides.ends.T)
+    ends = sides.ends[order]
+    first = np.flatnonzero(np.any(np.diff(ends, axis=0, prepend=-1) != 0, axis=1))
+    count = np.diff(first, append=len(ends))
+    # Most edges are of two elements of one wall.
+    other = order[np.minimum(first + 1, len(order) - 1)]
+    opposite = np.einsum("ij,ij->i", sides.away[order[first]], sides.away[other]) < -np.cos(np.radians(TURN))
+    chosen = (count > 2) | ((count == 2) & ~opposite)
+    edges = [_edge(mesh, sides, order[a : a + n], thickness) for a, n in zip(first[chosen], count[chosen], strict=True)]
     return tuple(_junction(mesh, group) for group in _lines(edges))
 
 
-def _edge(
-    mesh: Mesh, ends: tuple[int, int], places: Sequence[tuple[int, int, int]], thickness: Mapping[str, float]
-) -> Edge:
+@dataclass(frozen=True)
+class _Sides:
+    """All sides of all shells: (s, 3) block, element and side; (s, 2) ends, rising; (s, 3) away; (s,) depth."""
+
+    places: IntArray
+    ends: IntArray
+    away: FloatArray
+    depth: FloatArray
+
+
+def _sides(mesh: Mesh) -> _Sides:
+    found = []
+    for number, block in enumerate(mesh.blocks):
+        if not block.is_shell:
+            continue
+        corners = len(SHELLS[block.kind].sides)
+        x = mesh.nodes[block.nodes[:, :corners]]
+        for side in range(corners):
+            a, b = x[:, side], x[:, (side + 1) % corners]
+            tangent = _unit(b - a)
+            others = np.delete(x, [side, (side + 1) % corners], axis=1) - a[:, None]
+            reach = others - np.einsum("enk,ek->en", others, tangent)[..., None] * tangent[:, None]
+            places = np.column_stack([np.full(len(x), number), np.arange(len(x)), np.full(len(x), side)])
+            ends = np.sort(block.nodes[:, [side, (side + 1) % corners]], axis=1)
+            found.append((places, ends, _unit(reach.mean(axis=1)), np.linalg.norm(reach, axis=2).min(axis=1)))
+    if not found:
+        return _Sides(np.zeros((0, 3), int), np.zeros((0, 2), int), np.zeros((0, 3)), np.zeros(0))
+    places, ends, away, depth = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    real = ends[:, 0] != ends[:, 1]
+    return _Sides(places[real], ends[real], away[real], depth[real])
+
+
+def _edge(mesh: Mesh, sides: _Sides, around: IntArray, thickness: Mapping[str, float]) -> Edge:
     """The walls around an edge, in the order of their angles about it."""
-    start, end = mesh.nodes[ends[0]], mesh.nodes[ends[1]]
-    tangent = (end - start) / np.linalg.norm(end - start)
-    middle: tuple[int, ...] = ()
-    aways, depths = [], []
-    for number, element, side in places:
-        block = mesh.blocks[number]
-        nodes = block.nodes[element]
-        shell = SHELLS[block.kind]
-        middle = tuple(nodes[list(shell.sides[side][2:])].tolist()) or middle
-        corners = nodes[: len(shell.sides)]
-        others = mesh.nodes[[n for n in corners if n not in ends]] - start
-        reach = others - np.outer(others @ tangent, tangent)
-        mean = reach.mean(axis=0)
-        depths.append(float(np.linalg.norm(reach, axis=1).min()))
-        aways.append(mean / np.linalg.norm(mean))
-    s = np.array(aways)
+    ends = tuple(sides.ends[around[0]].tolist())
+    tangent = _unit(mesh.nodes[ends[1]] - mesh.nodes[ends[0]])
+    s = sides.away[around]
     passes = (s @ s.T < -np.cos(np.radians(TURN))).any(axis=1)
     angle = np.arctan2(s @ np.cross(tangent, s[0]), s @ s[0])
+    middle: tuple[int, ...] = ()
     walls = []
     for i in np.argsort(angle % (2 * np.pi)):
-        number, element, side = places[i]
-        name = mesh.blocks[number].set
-        walls.append(Wall(number, element, side, name, mesh.sets.index(name), thickness[name], s[i], bool(passes[i]), depths[i]))
+        number, element, side = sides.places[around[i]].tolist()
+        block = mesh.blocks[number]
+        middle = tuple(block.nodes[element, list(SHELLS[block.kind].sides[side][2:])].tolist()) or middle
+        rank, depth = mesh.sets.index(block.set), float(sides.depth[around[i]])
+        walls.append(
+            Wall(number, element, side, block.set, rank, thickness[block.set], s[i], bool(passes[i]), depth)
+        )
     return Edge((*ends, *middle), tangent, tuple(walls))
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0, length, 1))
 
 
 def _lines(edges: Sequence[Edge]) -> list[list[Edge]]:

@@ -127,6 +127,8 @@ def _matrix(
         used = rows.any(axis=(0, 1, 3, 4))
         terms = part.terms[:, used][:, :, used]
         acts = terms.any(axis=(1, 2))
+        if not acts.any():  # what moves with dofs that this model has not
+            continue
         for name in np.array(part.names)[acts].tolist():
             number.setdefault(name, len(number))
         coefficients = np.array([number.get(name, -1) for name in part.names])
