@@ -2,9 +2,9 @@
 
     A(c) = Σ_elements Bᵀ C(c) B,     C(c) = Σ_k c_k C_k
 
-An element has one strain operator B, whatever the number of coefficients, and a set has small matrices C_k. So A(c) is one product an
-element, and xᵀA_ky = Σ (Bx)ᵀC_k(By) for all k comes from the strains of x and y; no A_k is kept. Mass, springs and point masses
-are of the same form, with motions in the place of strains. Congruent elements share one operator.
+An element has one strain operator B, whatever the number of coefficients, and a set has small matrices C_k. So A(c) is one
+product an element, and xᵀA_ky = Σ (Bx)ᵀC_k(By) for all k comes from the strains of x and y; no A_k is kept. Mass, springs
+and point masses are of the same form, with motions in the place of strains. Congruent elements share one operator.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ class Group:
 
     Attributes:
         nodes: (e, n) node numbers.
-        operators: (s, p, r, d) rows of strains at p points over the d = n × (dofs of a node) dofs, by the root of a point's weight.
+        operators: (s, p, r, d) rows of strains at p points over the d = n × (dofs of a node) dofs, by the root of a point's
+            weight.
         which: (e,) operator of each element.
         terms: (k, r, r) C_k.
         coefficients: (k,) their numbers among the matrix's coefficients.
@@ -128,7 +129,8 @@ class Pattern:
         within = _by_entry(np.where(self.free, np.cumsum(self.free, axis=1) - 1, nowhere), nodes_of)
         down = self.above[pair].reshape(n, 1, n, e) + within[:, :, None]
         slots = down[:, :, :, None] + first
-        return np.minimum(slots, nowhere, out=slots)
+        np.minimum(slots, nowhere, out=slots)
+        return np.asarray(slots)
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ def spring_parts(mesh: Mesh, surfaces: Surfaces, springs: tuple[Spring, ...]) ->
     return parts
 
 
-def mass_parts(mesh: Mesh, surfaces: Surfaces, masses: tuple[Mass, ...]) -> list[Part]:
+def mass_parts(surfaces: Surfaces, masses: tuple[Mass, ...]) -> list[Part]:
     """Each mass on the motion and turn of its place."""
     parts = []
     for mass in masses:

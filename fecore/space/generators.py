@@ -1,13 +1,14 @@
 """Meshes of bodies extruded along x: strips, profiles, panels with ribs; of 8-node elements on middle surfaces.
 
-x runs from 0 to the length, y and z from the middle of the outer dimensions; z is up, and a flange or a plate lies on top. The node
-sets `start` and `end` are the ends.
+x runs from 0 to the length, y and z from the middle of the outer dimensions; z is up, and a flange or a plate lies on top.
+The node sets `start` and `end` are the ends.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -44,8 +45,10 @@ def profile(
     Args:
         shape: `i`, `box`, `channel` (web on the left), `angle` (flange below, web on the left) or `tee`.
         length: m.
-        height, width: outer dimensions along z and y, m.
-        flange, web: thicknesses, m.
+        height: outer dimension along z, m.
+        width: the same along y.
+        flange: thickness of the flanges, m.
+        web: thickness of the webs, m.
         elements: over the larger side.
 
     Raises:
@@ -80,14 +83,16 @@ def panel(
     plate: float,
     rib: float,
     ribs: Sequence[float],
-    elements: int = 2 * ELEMENTS,
+    elements: int = 3 * ELEMENTS,
 ) -> Mesh:
     """A plate, the set `plate`, with ribs along x below it, the set `rib`.
 
     Args:
-        length, width: m.
+        length: m.
+        width: m.
         height: of plate and ribs together, m.
-        plate, rib: thicknesses, m.
+        plate: thickness of the plate, m.
+        rib: thickness of the ribs, m.
         ribs: y of each, m, rising.
         elements: over the width.
 
@@ -101,7 +106,7 @@ def panel(
     if np.any(np.diff(lines) < 0) or lines[0] > lines[1] or lines[-2] > lines[-1]:
         raise InputError("shape.ribs", f"lie at {list(ribs)} m, expected rising places on a width of {width:g} m")
     z = (height - plate) / 2
-    walls = [Segment("plate", (a, z), (b, z)) for a, b in zip(lines[:-1], lines[1:], strict=True) if b > a]
+    walls = [Segment("plate", (a, z), (b, z)) for a, b in pairwise(lines.tolist()) if b > a]
     walls += [Segment("rib", (y, -height / 2), (y, z)) for y in ribs]
     return extrude(walls, length, width / elements)
 
@@ -114,7 +119,11 @@ def strip(length: float, width: float, along: int = 40, across: int = 4, lines: 
     _check(length=length, width=width)
     stations = _stations(length, along, lines)
     mesh = _extruded([Segment("strip", (-width / 2, 0.0), (width / 2, 0.0))], stations, [across])
-    side = {name: np.flatnonzero(np.abs(mesh.nodes[:, 1] - y) < 1e-9 * width) for name, y in (("lower", -width / 2), ("upper", width / 2))}
+    y = mesh.nodes[:, 1]
+    side = {
+        "lower": np.flatnonzero(y < -width / 2 * (1 - 1e-9)),
+        "upper": np.flatnonzero(y > width / 2 * (1 - 1e-9)),
+    }
     blocks = mesh.blocks
     if lines:
         (block,) = blocks
@@ -147,11 +156,11 @@ def _extruded(segments: Sequence[Segment], stations: FloatArray, counts: Sequenc
     nx = len(stations) - 1
     x = np.interp(np.arange(2 * nx + 1) / 2, np.arange(nx + 1), stations)
     there = np.where(np.arange(2 * nx + 1)[:, None] % 2 == 0, True, real)
-    number = np.cumsum(there).reshape(there.shape) - 1
+    grid: IntArray = np.cumsum(there).reshape(there.shape) - 1
     nodes = np.column_stack([np.repeat(x, there.sum(axis=1)), section[np.nonzero(there)[1]]])
     first = 2 * np.arange(nx)
-    blocks = tuple(Block("quad8", _elements(number, first, np.array(sides)), name) for name, sides in rows.items())
-    ends = {"start": number[0], "end": number[-1]}
+    blocks = tuple(Block("quad8", _elements(grid, first, np.array(sides)), name) for name, sides in rows.items())
+    ends = {"start": grid[0], "end": grid[-1]}
     return Mesh(nodes, blocks, ends)
 
 

@@ -5,10 +5,11 @@ thickness t begins at
 
     d = (T/2) / (1 + 3 (t/T)^p)
 
-from the line, by a rigid link, with T the other wall's thickness over the sine of their angle, and p = 3 for a wall that ends there, 1
-for one that passes. Along the line a bead, a beam, carries what is then missing: the moments of the true area less the modelled
-one, with the walls' modulus along the line and density (so mass is exact); the shear and twist of the strips that were taken away;
-and a torsion 0.1 G t⁴, t⁴ the geometric mean of the walls'. All is linear in E, G and density; dimensions are nominal.
+from the line, by a rigid link, with T the other wall's thickness over the sine of their angle, and p = 3 for a wall that
+ends there, 1 for one that passes. Along the line a bead, a beam, carries what is then missing: the moments of the true area
+less the modelled one, with the walls' modulus along the line and density (so mass is exact); the shear and twist of the
+strips that were taken away; and a torsion 0.1 G t⁴, t⁴ the geometric mean of the walls'. All is linear in E, G and density;
+dimensions are nominal.
 """
 
 from __future__ import annotations
@@ -132,9 +133,7 @@ def _angle(axis: FloatArray, tangent: FloatArray, away: FloatArray) -> float:
     return float(np.radians(round(float(np.degrees(angle)), 1) % 180))
 
 
-def _missing(
-    wall: Wall, walls: tuple[Wall, ...], tangent: FloatArray, s: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _missing(wall: Wall, walls: tuple[Wall, ...], tangent: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(g, 2) places and (g,) weights that integrate over the wall's true area less its modelled one: from b(ζ) to d."""
     points, weights = _GAUSS
     t, d = wall.thickness, start(wall, walls)
@@ -151,8 +150,8 @@ def _true_start(wall: Wall, walls: tuple[Wall, ...], tangent: FloatArray, zeta: 
     """(g,) where the wall truly begins along s, at heights ζ along t × s.
 
     The thickest that passes goes through, and others begin at its face. At a corner of two sets the first set's wall goes on to
-    the outer face; where the walls are of one set, or more than two end, each is mitred with its neighbours, from the line to the
-    corner where their faces meet.
+    the outer face; where the walls are of one set, or more than two end, each is mitred with its neighbours, from the line
+    to the corner where their faces meet.
     """
     through = max((other for other in walls if other.passes), key=lambda other: other.thickness, default=None)
     if through is not None:

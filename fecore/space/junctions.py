@@ -1,8 +1,8 @@
 """Where walls meet: edges of a mesh at which its surface turns, found from the elements alone.
 
-At an edge every element has a direction s, in its surface and away from the edge. Two elements whose directions are opposite within
-`TURN` are one wall that passes; any other element is a wall that ends there. An edge is a junction where a wall ends at another, or
-more than two elements meet. Edges with the same walls that touch make a line.
+At an edge every element has a direction s, in its surface and away from the edge. Two elements whose directions are
+opposite within `TURN` are one wall that passes; any other element is a wall that ends there. An edge is a junction where a
+wall ends at another, or more than two elements meet. Edges with the same walls that touch make a line.
 """
 
 from __future__ import annotations
@@ -135,9 +135,7 @@ def _edge(mesh: Mesh, sides: _Sides, around: IntArray, thickness: Mapping[str, f
         block = mesh.blocks[number]
         middle = tuple(block.nodes[element, list(SHELLS[block.kind].sides[side][2:])].tolist()) or middle
         rank, depth = mesh.sets.index(block.set), float(sides.depth[around[i]])
-        walls.append(
-            Wall(number, element, side, block.set, rank, thickness[block.set], s[i], bool(passes[i]), depth)
-        )
+        walls.append(Wall(number, element, side, block.set, rank, thickness[block.set], s[i], bool(passes[i]), depth))
     return Edge((*ends, *middle), tangent, tuple(walls))
 
 
@@ -180,7 +178,10 @@ def _alike(one: Edge, other: Edge) -> bool:
 
 def _junction(mesh: Mesh, edges: Sequence[Edge]) -> Junction:
     walls = edges[0].walls
-    around = [np.degrees(np.arccos(np.clip(a.away @ b.away, -1, 1))) for a, b in zip(walls, (*walls[1:], walls[0]), strict=True)]
+    around = [
+        np.degrees(np.arccos(np.clip(a.away @ b.away, -1, 1)))
+        for a, b in zip(walls, (*walls[1:], walls[0]), strict=True)
+    ]
     ends = np.array([edge.nodes[:2] for edge in edges])
     return Junction(
         nodes=np.unique([node for edge in edges for node in edge.nodes]),

@@ -80,7 +80,9 @@ class Surfaces:
             if block.is_shell
         )
         leaves = [
-            np.column_stack([np.full(x.shape[0] * (x.shape[1] + 1), number), np.repeat(np.arange(len(x)), x.shape[1] + 1)])
+            np.column_stack(
+                [np.full(x.shape[0] * (x.shape[1] + 1), number), np.repeat(np.arange(len(x)), x.shape[1] + 1)]
+            )
             for number, x in blocks
         ]
         points = [np.concatenate([x, x.mean(axis=1, keepdims=True)], axis=1).reshape(-1, 3) for _, x in blocks]
@@ -119,7 +121,9 @@ class Surfaces:
         shift, foot, normal = np.zeros((len(points), width, 3)), np.zeros((len(points), 3)), np.zeros((len(points), 3))
         block = np.zeros(len(points), dtype=np.int64)
         for number, x in blocks:
-            pairs = np.array([(p, e) for p, row in enumerate(leaves[near]) for b, e in set(map(tuple, row)) if b == number])
+            pairs = np.array(
+                [(p, e) for p, row in enumerate(leaves[near]) for b, e in set(map(tuple, row)) if b == number]
+            )
             if not pairs.size:
                 continue
             p, e = pairs.T

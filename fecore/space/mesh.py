@@ -45,7 +45,8 @@ class Block:
             raise InputError("mesh.kind", f"is {self.kind!r}, expected one of {', '.join(_NODES)}")
         if self.nodes.ndim != 2 or self.nodes.shape[1] != _NODES[self.kind]:
             raise InputError(
-                "mesh.nodes", f"of a block of {self.kind} have the shape {self.nodes.shape}, expected (e, {_NODES[self.kind]})"
+                "mesh.nodes",
+                f"of a block of {self.kind} have the shape {self.nodes.shape}, expected (e, {_NODES[self.kind]})",
             )
 
     @property
@@ -70,13 +71,17 @@ class Mesh:
 
     def __post_init__(self) -> None:
         if self.nodes.ndim != 2 or self.nodes.shape[1] != 3 or not np.all(np.isfinite(self.nodes)):
-            raise InputError("mesh.nodes", f"have the shape {self.nodes.shape}, expected finite (n, 3) coordinates in m")
+            raise InputError(
+                "mesh.nodes", f"have the shape {self.nodes.shape}, expected finite (n, 3) coordinates in m"
+            )
         if not self.blocks:
             raise InputError("mesh.blocks", "is empty, expected elements")
         for block in self.blocks:
             beyond = np.flatnonzero((block.nodes < 0) | (block.nodes >= len(self.nodes)))
             if beyond.size:
-                raise InputError("mesh.nodes", f"of set {block.set} name node {block.nodes.ravel()[beyond[0]]}, which is not there")
+                raise InputError(
+                    "mesh.nodes", f"of set {block.set} name node {block.nodes.ravel()[beyond[0]]}, which is not there"
+                )
 
     @property
     def sets(self) -> tuple[str, ...]:

@@ -2,8 +2,8 @@
 
     K(c) = Σ_k c_k K_k,     M(m) = Σ_j m_j M_j
 
-The coefficients are the sections', set after set, then the joints', then the springs' stiffnesses; those of the mass likewise, with 1
-for masses that are known (`fecore.space.affine`).
+The coefficients are the sections', set after set, then the joints', then the springs' stiffnesses; those of the mass
+likewise, with 1 for masses that are known (`fecore.space.affine`).
 """
 
 from __future__ import annotations
@@ -71,10 +71,14 @@ class Model:
 
     @cached_property
     def motions(self) -> FloatArray:
-        """(dofs, 6) rigid motions, as if nothing held the body: shifts along x, y, z, turns about axes through the nodes' centre."""
+        """(dofs, 6) rigid motions, as if nothing held the body: shifts along x, y, z, turns about axes through the nodes'
+        centre.
+        """
         return np.asarray(rigid_motions(self.mesh.nodes)[:, list(self.dofs)][self.free])
 
-    def observe(self, points: FloatArray, directions: FloatArray, tolerance: float | None = None) -> scipy.sparse.csr_array:
+    def observe(
+        self, points: FloatArray, directions: FloatArray, tolerance: float | None = None
+    ) -> scipy.sparse.csr_array:
         """(p, dofs) displacement at (p, 3) points along (p, 3) unit directions: (u₀ + θ × (p − x₀)) · n.
 
         A point belongs to the nearest point x₀ of the surface, whose element interpolates u₀ and θ.
@@ -117,16 +121,14 @@ def assemble(
     return K, M
 
 
-def _matrix(
-    parts: Sequence[Part], pattern: Pattern, slots: dict[int, IntArray], dofs: tuple[int, ...]
-) -> AffineMatrix:
+def _matrix(parts: Sequence[Part], pattern: Pattern, slots: dict[int, IntArray], dofs: tuple[int, ...]) -> AffineMatrix:
     number: dict[str, int] = {}
     groups, places, blocks = [], [], {}
     for part in parts:
         rows = part.operators.rows[..., list(dofs)]
         used = rows.any(axis=(0, 1, 3, 4))
         terms = part.terms[:, used][:, :, used]
-        acts = terms.any(axis=(1, 2))
+        acts: BoolArray = np.asarray(terms.any(axis=(1, 2)))
         if not acts.any():  # what moves with dofs that this model has not
             continue
         for name in np.array(part.names)[acts].tolist():

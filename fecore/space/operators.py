@@ -21,7 +21,9 @@ _MOTION_POWERS = np.array([1, 1, 1, 3, 3, 3, 3]) / 2
 
 
 _THIN = 10
-"""The drilling of an element wider than so many thicknesses goes down with (t/h)², as bending does: else it locks warped shells."""
+"""The drilling of an element wider than so many thicknesses goes down with (t/h)², as bending does: else it locks warped
+shells.
+"""
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,9 @@ class Operators:
     rows: FloatArray
 
     def linked(self, links: Mapping[int, Link], places: FloatArray) -> list[Operators]:
-        """The same with every led node's dofs in terms of its leaders'; apart where elements have different numbers of nodes."""
+        """The same with every led node's dofs in terms of its leaders'; apart where elements have different numbers of
+        nodes.
+        """
         touched = np.isin(self.nodes, list(links)).any(axis=1)
         if not touched.any():
             return [self]
@@ -101,7 +105,9 @@ def beam_operators(
 
 
 def _hung(rows: FloatArray, shift: FloatArray) -> FloatArray:
-    """Rows over nodes from which the elements hang by (e, n, 3) rigid links r: u + θ × r, of which a · (θ × r) = θ · (r × a)."""
+    """Rows over nodes from which the elements hang by (e, n, 3) rigid links r: u + θ × r, of which a · (θ × r) = θ · (r ×
+    a).
+    """
     if shift.any():
         rows[..., 3:] += np.cross(shift[:, None, None], rows[..., :3])
     return rows

@@ -1,8 +1,8 @@
 """Sections of shells: constants of plies to coefficients, in closed form.
 
-A section belongs to a set of elements. Its constants q are those of its materials in their own axes, its density and its thickness;
-its coefficients c(q) are the entries of A, B, D and S (`fecore.body.laminate`) and of the drilling, γ A66. The closed forms take
-complex constants too, so that their derivatives are complex steps.
+A section belongs to a set of elements. Its constants q are those of its materials in their own axes, its density and its
+thickness; its coefficients c(q) are the entries of A, B, D and S (`fecore.body.laminate`) and of the drilling, γ A66. The
+closed forms take complex constants too, so that their derivatives are complex steps.
 """
 
 from __future__ import annotations
@@ -126,7 +126,9 @@ class ShellSection:
         return np.stack([*parts, DRILLING_INERTIA * parts[0] * t**2 / 12])
 
     def along(self, constants: Mapping[str, FloatArray], angle: float) -> FloatArray:
-        """(4, …) E and G in the plane along a line at an angle from axis 1 (rad), G across it, and density: a wall's as a beam."""
+        """(4, …) E and G in the plane along a line at an angle from axis 1 (rad), G across it, and density: a wall's as a
+        beam.
+        """
         A, _, _, S = self._stiffness(constants)
         t = constants["t"]
         c, s = np.cos(angle), np.sin(angle)
@@ -141,7 +143,7 @@ class ShellSection:
         """(n + 1, …) heights of the plies' faces."""
         thicknesses = np.array([ply.thickness for ply in self.plies])
         shares = np.concatenate([[0.0], np.cumsum(thicknesses)]) / thicknesses.sum() - 0.5
-        return shares.reshape(-1, *(1,) * np.ndim(t)) * t + self.offset
+        return np.asarray(shares.reshape(-1, *(1,) * np.ndim(t)) * t + self.offset)
 
     def _stiffness(self, constants: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """(…, 3, 3) A, B, D and (…, 2, 2) S."""

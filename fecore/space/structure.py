@@ -1,7 +1,7 @@
 """A structure as an engineer describes it, and how its model's coefficients follow from its constants.
 
-Its constants are those of its sections by set, `flange.E1`, `web.t`, and closed forms lead from them to the coefficients c(q) and m(q)
-of its affine model (`fecore.body.specimen.Body`). Sets that share a material have a common prior.
+Its constants are those of its sections by set, `flange.E1`, `web.t`, and closed forms lead from them to the coefficients
+c(q) and m(q) of its affine model (`fecore.body.specimen.Body`). Sets that share a material have a common prior.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ class Structure:
         with_joints: model junctions (`fecore.space.joints`); without, walls meet at their middle surfaces.
         thickness: (nodes,) thickness by that of the section, of sets that taper.
         dofs: numbers of the dofs of a node; a flat strip needs w, θx, θy alone.
-        length: nominal length along x of a body that is extruded along it, with axis 1 along x in all sets: then `length` is an exact
-            constant. None for any other.
+        length: nominal length along x of a body that is extruded along it, with axis 1 along x in all sets: then `length`
+            is an exact constant. None for any other.
     """
 
     mesh: Mesh
@@ -119,7 +119,7 @@ class Structure:
         parts = [*self._walls(joints), *self._beads(joints)]
         springs = self._linked(spring_parts(self.mesh, surfaces, self.springs))
         stiffness = [*self._linked([one for some, _ in parts for one in some]), *springs]
-        mass = self._linked([*(part for _, part in parts), *mass_parts(self.mesh, surfaces, self.masses)])
+        mass = self._linked([*(part for _, part in parts), *mass_parts(surfaces, self.masses)])
         used = np.unique(np.concatenate([part.operators.nodes.ravel() for part in (*stiffness, *mass)]))
         free = free_dofs(self.mesh, self.supports, used, self.dofs)
         K, M = assemble(stiffness, mass, free, self.dofs)
@@ -139,15 +139,15 @@ class Structure:
                     block, self.mesh.nodes, shift, section, self.thickness.get(block.set)
                 )
                 stiffness = [Part(drilling, np.ones((1, 1, 1)), (f"{block.set}.drilling",), _ONE)]
-                inertia = inertia_matrices(), INERTIAS, inertia_blocks()
+                motion = Part(motions, inertia_matrices(), _named(block.set, INERTIAS), inertia_blocks())
             else:
                 arm = shift + np.array(section.offset)
-                strains, motions = beam_operators(
-                    block.nodes, block.kind, self.mesh.nodes, np.array(section.axis), arm
-                )
-                stiffness, inertia = [], (_by_motion(section.mass_matrix), ("density_1", "density"), _TWO)
+                strains, motions = beam_operators(block.nodes, block.kind, self.mesh.nodes, np.array(section.axis), arm)
+                stiffness = []
+                names = _named(block.set, ("density_1", "density"))
+                motion = Part(motions, _by_motion(section.mass_matrix), names, _TWO)
             stiffness.insert(0, Part(strains, section.matrices, _named(block.set, section.terms), section.blocks))
-            yield stiffness, Part(motions, inertia[0], _named(block.set, inertia[1]), inertia[2])
+            yield stiffness, motion
 
     def _beads(self, joints: Joints) -> Iterator[tuple[list[Part], Part]]:
         """Stiffness and mass of the joints' beads, set by set."""
@@ -182,7 +182,8 @@ class Structure:
 
     def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
         """(k, …) coefficients of the model's stiffness, springs apart, from (c, …) constants in the order of `nominal`."""
-        of, values = self._of(constants), {}
+        of = self._of(constants)
+        values: dict[str, FloatArray] = {}
         for name in self.mesh.sets:
             section = self.sections[name]
             terms = (*section.terms, *(("drilling",) if isinstance(section, ShellSection) else ()))
@@ -230,8 +231,8 @@ class Structure:
     def _stretched(self, names: tuple[str, ...], values: Mapping[str, FloatArray], constants: FloatArray) -> FloatArray:
         """Values by name of a body whose mesh has the nominal length.
 
-        With x = αx', u and the rotations about y and z in proportion to 1/α, the strains of a body α times as long are those of the
-        mesh times a power of α each. (Masses at points move along x a little too much: by the square of α.)
+        With x = αx', u and the rotations about y and z in proportion to 1/α, the strains of a body α times as long are
+        those of the mesh times a power of α each. (Masses at points move along x a little too much: by the square of α.)
         """
         if self.length is None:
             return np.stack([values[name] for name in names])
@@ -240,10 +241,27 @@ class Structure:
 
 
 _POWERS = {
-    **{"11": -3, "12": -1, "22": 1, "66": -1, "16": -2, "26": 0},
-    **{"S55": -1, "S44": 1, "S45": 0, "drilling": -1},
-    **{"I0_1": -1, "I0": 1, "I1_1": -1, "I1": 1, "I2_1": -1, "I2": 1},
-    **{"E": -3, "G": -1, "Gt": -1, "density_1": -1, "density": 1},
+    "11": -3,
+    "12": -1,
+    "22": 1,
+    "66": -1,
+    "16": -2,
+    "26": 0,
+    "S55": -1,
+    "S44": 1,
+    "S45": 0,
+    "drilling": -1,
+    "I0_1": -1,
+    "I0": 1,
+    "I1_1": -1,
+    "I1": 1,
+    "I2_1": -1,
+    "I2": 1,
+    "E": -3,
+    "G": -1,
+    "Gt": -1,
+    "density_1": -1,
+    "density": 1,
 }
 """Of the relative length in each coefficient."""
 

@@ -38,7 +38,9 @@ class Support:
         """
         if isinstance(self.how, str):
             if self.how not in get_args(Held):
-                raise InputError("support.how", f"is {self.how!r}, expected {', '.join(get_args(Held))}, or names of dofs")
+                raise InputError(
+                    "support.how", f"is {self.how!r}, expected {', '.join(get_args(Held))}, or names of dofs"
+                )
             return tuple(range(6)) if self.how == "clamped" else (0, 1, 2)
         unknown = [name for name in self.how if name not in DISPLACEMENTS]
         if unknown:
@@ -137,7 +139,9 @@ class Link:
             r = places - w @ places
             J = np.einsum("i,ik,ik->", w, r, r) * np.eye(3) - np.einsum("i,ij,ik->jk", w, r, r)
             if np.linalg.cond(J) > 1e12:
-                raise InputError("links", f"the nodes that lead node {self.node} lie on a line; a mean needs three that do not")
+                raise InputError(
+                    "links", f"the nodes that lead node {self.node} lie on a line; a mean needs three that do not"
+                )
             spin = np.linalg.inv(J) @ -np.array([wi * turning(ri) for wi, ri in zip(w, r, strict=True)])
             found[:, 3:, :3] = spin
             found[:, :3, :3] = w[:, None, None] * np.eye(3) + turning(here - w @ places) @ spin

@@ -4,8 +4,8 @@ With the tangent t, a displacement u of the axis and a rotation θ, along axes (
 
     (ε, γ₁, γ₂) = u' − θ × t,     (τ, κ₁, κ₂) = θ'
 
-which vanish in any rigid motion. One Gauss point with two nodes and two with three avoid shear locking; the mass takes one more.
-The strain of a fibre at r = y n₁ + z n₂ is ε + z κ₁ − y κ₂.
+which vanish in any rigid motion. One Gauss point with two nodes and two with three avoid shear locking; the mass takes one
+more. The strain of a fibre at r = y n₁ + z n₂ is ε + z κ₁ − y κ₂.
 """
 
 from __future__ import annotations
@@ -84,7 +84,9 @@ class Beam:
 
 
 def fibre(place: FloatArray) -> FloatArray:
-    """(…, 3, 6) motion u + θ × r of the fibre at (…, 2) places (y, z) by the rows of u and θ, or its strains by those of a beam."""
+    """(…, 3, 6) motion u + θ × r of the fibre at (…, 2) places (y, z) by the rows of u and θ, or its strains by those of a
+    beam.
+    """
     y, z = place[..., 0], place[..., 1]
     rows = np.zeros((*place.shape[:-1], 3, 6))
     rows[..., 0, 0] = rows[..., 1, 1] = rows[..., 2, 2] = 1

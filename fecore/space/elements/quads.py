@@ -1,11 +1,12 @@
 """Quadrilaterals: of eight nodes with reduced integration, and of four with assumed shears and sides that bend.
 
-Quad8 is the serendipity element with 2 × 2 points for all strains (the family of Abaqus' S8R), which avoids locking of shear and
-membrane and leaves no zero-energy mode that two elements can share (Hughes, *The Finite Element Method*, section 5.3).
+Quad8 is the serendipity element with 2 × 2 points for all strains (the family of Abaqus' S8R), which avoids locking of
+shear and membrane and leaves no zero-energy mode that two elements can share (Hughes, *The Finite Element Method*, section
+5.3).
 
-Quad4 interpolates the shears of the middles of its sides (MITC4: Dvorkin and Bathe, Eng. Comput. 1, 1984), and its sides bend in
-the surface as the rotations about the normal at their ends ask (Allman, Comput. Struct. 19, 1984): it is Quad8 in the membrane,
-its mid-side nodes led by the corners.
+Quad4 interpolates the shears of the middles of its sides (MITC4: Dvorkin and Bathe, Eng. Comput. 1, 1984), and its sides
+bend in the surface as the rotations about the normal at their ends ask (Allman, Comput. Struct. 19, 1984): it is Quad8 in
+the membrane, its mid-side nodes led by the corners.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.space.elements.shells import bent_sides, displacement_strains, surface, with_middles
 
-_CORNERS = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
+_CORNERS: FloatArray = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
 
 
 @cache
@@ -30,7 +31,7 @@ def gauss(order: int) -> tuple[FloatArray, FloatArray]:
 class Quad8:
     """Eight nodes: corners, then the middles of the sides from the first."""
 
-    corners = np.vstack([_CORNERS, [[0.0, -1], [1, 0], [0, 1], [-1, 0]]])
+    corners: FloatArray = np.vstack([_CORNERS, np.array([[0.0, -1], [1, 0], [0, 1], [-1, 0]])])
     sides: tuple[tuple[int, ...], ...] = ((0, 1, 4), (1, 2, 5), (2, 3, 6), (3, 0, 7))
 
     @property
@@ -69,7 +70,7 @@ class Quad8:
 class Quad4:
     """Four nodes, in order around the element."""
 
-    corners = _CORNERS
+    corners: FloatArray = _CORNERS
     sides: tuple[tuple[int, ...], ...] = ((0, 1), (1, 2), (2, 3), (3, 0))
 
     @property

@@ -55,9 +55,7 @@ def surface(shell: Shell, x: FloatArray, natural: FloatArray, axis: FloatArray) 
     return Surface.at(x, shell.functions(natural), shell.derivatives(natural), directors, axis)
 
 
-def motions(
-    shell: Shell, x: FloatArray, axis: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def motions(shell: Shell, x: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(e, p, 7, n, 6) motions, (e, p) areas and (p, n) shape functions at the points of the mass."""
     natural, weights = shell.mass_rule
     own = surface(shell, x, natural, axis)
@@ -86,7 +84,8 @@ def displacement_strains(
 def bent_sides(plain: Shell, rows: FloatArray, own: Surface, x: FloatArray) -> FloatArray:
     """Rows over (e, n, 3) corners alone of rows by displacements, of an element with mid-side nodes, as its sides bend.
 
-    In the surface a side from i to j is a parabola (Allman 1984): u_m = ½(u_i + u_j) + ⅛ (ω_i − ω_j) n × (x_j − x_i), ω = θ · n.
+    In the surface a side from i to j is a parabola (Allman 1984): u_m = ½(u_i + u_j) + ⅛ (ω_i − ω_j) n × (x_j − x_i), ω = θ
+    · n.
     """
     n = x.shape[1]
     found = np.array(rows[..., :n, :])

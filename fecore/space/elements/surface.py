@@ -1,7 +1,7 @@
 """Strains of first-order shear deformation on a curved surface, as rows over the degrees of freedom.
 
-The surface has the middle x₀ and directors d, the body the points x = x₀ + ζd, and the motion u = u₀ + ζ θ × d. To the first order
-in ζ, in the local axes e₁, e₂ and n of the surface with derivatives ∂ᵢ along them,
+The surface has the middle x₀ and directors d, the body the points x = x₀ + ζd, and the motion u = u₀ + ζ θ × d. To the
+first order in ζ, in the local axes e₁, e₂ and n of the surface with derivatives ∂ᵢ along them,
 
     ε_ij = sym(∂ᵢu₀ · e_j),   κ_ij = sym(∂ᵢ(θ × d) · e_j + ∂ᵢu₀ · ∂_jd),   γ_i3 = ∂ᵢu₀ · d + e_i · (θ × d)
 

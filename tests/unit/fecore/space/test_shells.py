@@ -14,7 +14,7 @@ from fecore.space.mesh import Block, Mesh
 from fecore.space.sections import ShellSection
 from fecore.space.structure import Structure
 from fecore.space.supports import Support
-from tests.support.shells import KINDS, gravity, grid, isotropic, matrices, static
+from tests.support.shells import KINDS, cylinder, grid, hemisphere, isotropic, matrices, roof, twisted_beam
 
 GFRP = OrthotropicMaterial(25e9, 9e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
 LAMINATE = ShellSection((Ply(GFRP, 0.004), Ply(GFRP, 0.003, 30.0)))
@@ -82,70 +82,6 @@ def test_free_laminate_has_six_zero_modes(kind, warp) -> None:
     assert np.abs(K @ rigid).max() < 1e-12 * abs(K).max()
 
 
-def roof(kind: str, n: int) -> float:
-    """Scordelis and Lo's roof under its weight: deflection amid the free edge by .3024."""
-    angle = np.radians(40)
-    mesh = grid(kind, n, n, lambda st: np.column_stack([25 * st[:, 0], 25 * np.sin(angle * st[:, 1]), 25 * np.cos(angle * st[:, 1])]))
-    supports = (Support("x0", ("v", "w")), Support("x1", ("u", "ry", "rz")), Support("y0", ("v", "rx", "rz")))
-    structure = Structure(mesh, {"plate": isotropic(4.32e8, 0.0, 0.25, 360.0)}, supports=supports)
-    moved = static(structure, gravity(structure, np.array([0.0, 0, -1])))
-    (corner,) = np.intersect1d(mesh.node_sets["x1"], mesh.node_sets["y1"])
-    return float(-moved[corner, 2] / 0.3024)
-
-
-def cylinder(kind: str, n: int) -> float:
-    """A pinched cylinder with end diaphragms, an eighth: deflection under the force by 1.8248e-5."""
-    mesh = grid(kind, n, n, lambda st: 300 * np.column_stack([st[:, 0], np.sin(np.pi / 2 * st[:, 1]), np.cos(np.pi / 2 * st[:, 1])]))
-    supports = (
-        *(Support("x0", ("v", "w")), Support("x1", ("u", "ry", "rz"))),
-        *(Support("y0", ("v", "rx", "rz")), Support("y1", ("w", "rx", "ry"))),
-    )
-    structure = Structure(mesh, {"plate": isotropic(3e6, 0.3, 3.0)}, supports=supports)
-    (top,) = np.intersect1d(mesh.node_sets["x1"], mesh.node_sets["y0"])
-    force = np.zeros((len(mesh.nodes), 6))
-    force[top, 2] = -0.25
-    return float(-static(structure, force)[top, 2] / 1.8248e-5)
-
-
-def hemisphere(kind: str, n: int) -> float:
-    """A hemisphere with a hole of 18° pulled and pushed, a quarter: the worse deflection by .0940."""
-
-    def place(st: np.ndarray) -> np.ndarray:
-        up, around = np.radians(72) * st[:, 1], np.pi / 2 * st[:, 0]
-        return 10 * np.column_stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
-
-    mesh = grid(kind, n, n, place)
-    at = mesh.node_sets
-    top = np.intersect1d(at["x0"], at["y1"])
-    mesh = replace(mesh, node_sets={**at, "top": top})
-    supports = (Support("x0", ("v", "rx", "rz")), Support("x1", ("u", "ry", "rz")), Support("top", ("w",)))
-    section = replace(isotropic(6.825e7, 0.3, 0.04), axis=(1.0, -1.0, 0.0))
-    (a,), (b,) = np.intersect1d(at["x0"], at["y0"]), np.intersect1d(at["x1"], at["y0"])
-    force = np.zeros((len(mesh.nodes), 6))
-    force[a, 0], force[b, 1] = 1, -1
-    moved = static(Structure(mesh, {"plate": section}, supports=supports), force)
-    return float(min(moved[a, 0], -moved[b, 1]) / 0.0940)
-
-
-def twisted_beam(kind: str, n: int) -> float:
-    """A thin beam twisted by 90°: the worse of two tip loads, by MacNeal and Harder's (Belytschko's for this thickness)."""
-
-    def place(st: np.ndarray) -> np.ndarray:
-        across, angle = 1.1 * (st[:, 1] - 0.5), np.pi / 2 * st[:, 0]
-        return np.column_stack([12 * st[:, 0], across * np.cos(angle), across * np.sin(angle)])
-
-    mesh = grid(kind, 6 * n, n, place)
-    structure = Structure(mesh, {"plate": isotropic(29e6, 0.22, 0.0032)}, supports=(Support("x0"),))
-    end = mesh.node_sets["x1"]
-    tip = end[np.argmin(np.abs(mesh.nodes[end, 2]))]
-    found = []
-    for direction, published in ((2, 5256.0), (1, 1294.0)):
-        force = np.zeros((len(mesh.nodes), 6))
-        force[tip, direction] = 1
-        found.append(static(structure, force)[tip, direction] / published)
-    return float(min(found))
-
-
 # Section 18's figures; the pinched cylinder's quad4 has .989 for its .991.
 @pytest.mark.parametrize(
     ("problem", "elements", "least"),
@@ -196,7 +132,9 @@ def test_closed_forms_have_complex_derivatives(section) -> None:
 
     def forms(values: np.ndarray) -> np.ndarray:
         constants = dict(zip(names, values, strict=True))
-        return np.concatenate([section.coefficients(constants), section.inertia(constants), section.along(constants, 0.3)])
+        return np.concatenate(
+            [section.coefficients(constants), section.inertia(constants), section.along(constants, 0.3)]
+        )
 
     for row in range(len(q)):
         stepped = q.astype(complex)
@@ -246,7 +184,10 @@ def test_offset_is_a_section_moved_along_its_normal() -> None:
         (lambda m: replace(m, blocks=()), "mesh.blocks: is empty"),
         (lambda m: replace(m, nodes=m.nodes[:, :2]), "mesh.nodes: have the shape"),
         (lambda m: replace(m, nodes=m.nodes[:-1]), "name node"),
-        (lambda m: replace(m, blocks=(Block("quad8", m.blocks[0].nodes[:, [0, 0, 0, 0, 0, 0, 0, 0]], "plate"),)), "no area"),
+        (
+            lambda m: replace(m, blocks=(Block("quad8", m.blocks[0].nodes[:, [0, 0, 0, 0, 0, 0, 0, 0]], "plate"),)),
+            "no area",
+        ),
         (lambda m: replace(m, blocks=(Block("quad8", m.blocks[0].nodes, "other"),)), "none for the set other"),
     ],
 )
