@@ -123,9 +123,9 @@ class Structure:
         used = np.unique(np.concatenate([part.operators.nodes.ravel() for part in (*stiffness, *mass)]))
         free = free_dofs(self.mesh, self.supports, used, self.dofs)
         K, M = assemble(stiffness, mass, free, self.dofs)
-        missing = [spring.name for spring in self.springs if spring.name not in K.names]
-        if missing:
-            raise InputError("spring", f"{missing[0]} acts on nothing that moves in this model")
+        for spring in self.springs:
+            if spring.name not in K.names or not K.term(K.names.index(spring.name)).data.any():
+                raise InputError("spring", f"{spring.name} acts on nothing that moves in this model")
         motions = rigid_motions(self.mesh.nodes)[:, list(self.dofs)]
         rigid = unresisted(motions, used, free, K, len(K.names) - len(self.springs))
         return Model(self.mesh, joints, surfaces, self.dofs, K, M, rigid)
@@ -138,7 +138,9 @@ class Structure:
                 strains, drilling, motions = shell_operators(
                     block, self.mesh.nodes, shift, section, self.thickness.get(block.set)
                 )
-                stiffness = [Part(drilling, np.ones((1, 1, 1)), (f"{block.set}.drilling",), _ONE)]
+                stiffness: list[Part] = []
+                if _DRILLING in self.dofs:
+                    stiffness.append(Part(drilling, np.ones((1, 1, 1)), (f"{block.set}.drilling",), _ONE))
                 motion = Part(motions, inertia_matrices(), _named(block.set, INERTIAS), inertia_blocks())
             else:
                 arm = shift + np.array(section.offset)
@@ -265,6 +267,7 @@ _POWERS = {
 }
 """Of the relative length in each coefficient."""
 
+_DRILLING = 5  # a flat body whose nodes do not turn about z has no drilling
 _ONE = (np.array([[0]]),)
 _TWO = (*_ONE, np.array([[1]]))
 _THREE = (*_TWO, np.array([[2]]))
