@@ -93,11 +93,12 @@ class Pattern:
     above: IntArray
 
     @classmethod
-    def of(cls, connectivities: Sequence[IntArray], free: BoolArray) -> Pattern:
-        """The pattern of (e, n) elements of several kinds, found node by node and then spread over the dofs."""
+    def of(cls, connectivities: Sequence[IntArray], free: BoolArray) -> tuple[Pattern, list[IntArray]]:
+        """The pattern of (e, n) elements of several kinds, found node by node and spread over the dofs; and their slots."""
         nodes, dofs = free.shape
         keys = [(c.T[None] * nodes + c.T[:, None]).ravel() for c in connectivities]
-        pairs = np.unique(np.concatenate(keys)) if keys else np.empty(0, dtype=np.int64)
+        pairs = np.sort(np.concatenate(keys))
+        pairs = pairs[np.concatenate([[True], pairs[1:] > pairs[:-1]])]
         column, row = np.divmod(pairs, nodes)
         number = np.cumsum(free).reshape(nodes, dofs) - 1
         # The column of a free dof holds the free dofs of its node's neighbours, one node after the other.
@@ -108,10 +109,10 @@ class Pattern:
         indptr = np.concatenate([[0], np.cumsum(np.repeat(height[:, None], dofs, axis=1)[free])])
         pattern = cls(indptr.astype(np.int32), np.empty(0, np.int32), free, number, pairs, above)
         indices = np.empty(int(indptr[-1]) + 1, dtype=np.int32)
-        for connectivity in connectivities:
-            slots = pattern.slots(connectivity)
-            indices[slots] = _by_entry(number, connectivity.T)[:, :, None, None]
-        return cls(pattern.indptr, indices[:-1], free, number, pairs, above)
+        slots = [pattern.slots(connectivity) for connectivity in connectivities]
+        for own, connectivity in zip(slots, connectivities, strict=True):
+            indices[own] = _by_entry(number, connectivity.T)[:, :, None, None]
+        return cls(pattern.indptr, indices[:-1], free, number, pairs, above), slots
 
     @property
     def size(self) -> int:

@@ -115,8 +115,8 @@ def assemble(
 ) -> tuple[AffineMatrix, AffineMatrix]:
     """K(c) and M(m) of parts, on one pattern over the free dofs of the (nodes, dofs of a node)."""
     different = {id(part.operators.nodes): part.operators.nodes for part in (*stiffness, *mass)}
-    pattern = Pattern.of(list(different.values()), free)
-    slots = {key: pattern.slots(nodes) for key, nodes in different.items()}
+    pattern, found = Pattern.of(list(different.values()), free)
+    slots = dict(zip(different, found, strict=True))
     K, M = (_matrix(parts, pattern, slots, dofs) for parts in (stiffness, mass))
     return K, M
 

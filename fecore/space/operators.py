@@ -59,9 +59,14 @@ class Operators:
 
 
 def shell_operators(
-    block: Block, nodes: FloatArray, shift: FloatArray, section: ShellSection, ratio: FloatArray | None
-) -> tuple[Operators, Operators, Operators]:
-    """Strains, drilling and motions of a block of shells.
+    block: Block,
+    nodes: FloatArray,
+    shift: FloatArray,
+    section: ShellSection,
+    ratio: FloatArray | None,
+    with_drilling: bool,
+) -> tuple[Operators, Operators, Operators | None]:
+    """Strains, motions and drilling of a block of shells.
 
     Args:
         block: the elements.
@@ -69,6 +74,7 @@ def shell_operators(
         shift: (e, n, 3) rigid links from the mesh's nodes to the elements'.
         section: of the set.
         ratio: (n,) thickness at the mesh's nodes by that of the section; None where it is that.
+        with_drilling: whether there are rotations about the normal.
     """
     x = nodes[block.nodes] + shift
     r = np.ones(x.shape[:2]) if ratio is None else ratio[block.nodes]
@@ -82,13 +88,13 @@ def shell_operators(
         scale = np.sqrt(area)[..., None] * (r @ N.T)[..., None] ** powers
         return Operators(block.nodes, which, _hung(rows * scale[..., None, None], shift))
 
+    strains = weighed(shell.strains(x, along), _STRAIN_POWERS)
+    motion = weighed(motions(shell, x, along), _MOTION_POWERS)
+    if not with_drilling:
+        return strains, motion, None
     twist, area, N = drilling(shell, x, along)
     thin = np.minimum(1, _THIN * section.thickness / np.sqrt(area.sum(axis=1)))[:, None, None, None, None]
-    return (
-        weighed(shell.strains(x, along), _STRAIN_POWERS),
-        weighed((twist * thin, area, N), _STRAIN_POWERS[:1]),
-        weighed(motions(shell, x, along), _MOTION_POWERS),
-    )
+    return strains, motion, weighed((twist * thin, area, N), _STRAIN_POWERS[:1])
 
 
 def beam_operators(

@@ -135,12 +135,12 @@ class Structure:
         for block, shift in zip(self.mesh.blocks, joints.shifts, strict=True):
             section = self.sections[block.set]
             if isinstance(section, ShellSection):
-                strains, drilling, motions = shell_operators(
-                    block, self.mesh.nodes, shift, section, self.thickness.get(block.set)
+                ratio = self.thickness.get(block.set)
+                strains, motions, drilling = shell_operators(
+                    block, self.mesh.nodes, shift, section, ratio, _DRILLING in self.dofs
                 )
-                stiffness: list[Part] = []
-                if _DRILLING in self.dofs:
-                    stiffness.append(Part(drilling, np.ones((1, 1, 1)), (f"{block.set}.drilling",), _ONE))
+                one = np.ones((1, 1, 1)), (f"{block.set}.drilling",), _ONE
+                stiffness = [] if drilling is None else [Part(drilling, *one)]
                 motion = Part(motions, inertia_matrices(), _named(block.set, INERTIAS), inertia_blocks())
             else:
                 arm = shift + np.array(section.offset)
