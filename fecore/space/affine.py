@@ -160,16 +160,17 @@ class AffineMatrix:
 
     def at(self, coefficients: FloatArray) -> scipy.sparse.csc_array:
         """The matrix at (k,) coefficients."""
-        data = np.zeros(self.pattern.indices.size + 1)
+        size = self.pattern.indices.size + 1
+        data = np.zeros(size)
         for group, slots in zip(self.groups, self.slots, strict=True):
             if not coefficients[group.coefficients].any():
                 continue
-            entries = group.matrices(coefficients).T
-            used = entries.any(axis=1)  # two thirds of a mass matrix are nothing
-            places = slots.reshape(len(entries), -1)[used]
-            each = entries[used] if len(group.operators) == 1 else entries[used][:, group.which]
-            each = np.broadcast_to(each, places.shape)
-            data += np.bincount(places.ravel(), weights=each.ravel(), minlength=data.size)
+            entries, places = group.matrices(coefficients).T, slots.reshape(group.operators.shape[3] ** 2, -1)
+            used = entries.any(axis=1)
+            if not used.all():  # two thirds of a mass matrix are nothing
+                entries, places = entries[used], places[used]
+            each = entries if len(group.operators) == 1 else entries[:, group.which]
+            data += np.bincount(places.ravel(), weights=np.broadcast_to(each, places.shape).ravel(), minlength=size)
         return self._matrix(data[:-1])
 
     def term(self, k: int) -> scipy.sparse.csc_array:

@@ -114,7 +114,8 @@ class Structure:
         """
         thickness = {n: s.thickness for n, s in self.sections.items() if isinstance(s, ShellSection)}
         axes = {name: section.axis for name, section in self.sections.items()}
-        joints = Joints(self.mesh, find_junctions(self.mesh, thickness) if self.with_joints else (), axes)
+        folded = self.with_joints and len(self.dofs) == 6  # with fewer dofs a body is flat
+        joints = Joints(self.mesh, find_junctions(self.mesh, thickness) if folded else (), axes)
         surfaces = Surfaces(self.mesh, joints.shifts, tuple(thickness.get(b.set, 0.0) for b in self.mesh.blocks))
         parts = [*self._walls(joints), *self._beads(joints)]
         springs = self._linked(spring_parts(self.mesh, surfaces, self.springs))
