@@ -84,9 +84,16 @@ LOOSER: tuple[tuple[re.Pattern[str], float, float, float], ...] = tuple(
         (r"/(bic|cost|discrepancy/\w+|significance)$", 2e-6, 0.0, 0.0),
         (r"_hz\b|/(measured_damping|damping_ratio)$|/stabilisation/", 5e-7, 0.0, 0.0),
         (r"/(refused_poles|doubtful)/", 1e-2, 1e-3, 0.0),
-        (r"/(drift|model_error|probability)$", 1e-4, 1e-8, 0.0),
+        (r"/(drift|model_error|noise_ratio|probability)$", 1e-4, 1e-8, 0.0),
         # Hits leave a few poles beside the modes, which are in the series or not by the last bits.
-        (r"^update-hits-", 2e-2, 1e-2, 1.0),
+        (r"^update-hits-", 2e-2, 0.0, 1.0),
+        (r"^update-hits-.*/(share|correlation|mac_matrix|missed|error_percent|refused_poles)\b", 1e-2, 5e-2, 0.0),
+        (
+            r"^update-hits-.*(_sd(_hz)?$|standard_deviations?\b|discrepancy|significance|memory_lines|refused)",
+            0.6,
+            0.0,
+            0.0,
+        ),
         (r"/(missed|coefficients|budget|bic)\b", 1e-3, 1e-3, 0.0),
         # Made of estimates and their standard deviations.
         (r"/(z|predictive_p|information_nats)$|^plans", 2e-6, 1e-9, 0.0),
