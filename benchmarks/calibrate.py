@@ -152,7 +152,7 @@ def print_kinds(poles: Poles, p: np.ndarray) -> None:
     true, kind, distortion = (np.array(each) for each in (poles.true, poles.kind, poles.distortion))
     sure, open_ = p >= SURE, (p >= REFUSED) & (p < SURE)
     print(
-        "of modes: all, kept, uncertain, refused; of others: kept, uncertain; modes not in the fit; false kept as foretold;"
+        "of modes: all, kept, uncertain, refused; of others: kept, uncertain; modes not in the fit; false kept, expected;"
     )
     print("% of truths in 95 % intervals; CPU seconds, mean and most")
     for name in dict.fromkeys(poles.kind):

@@ -168,9 +168,10 @@ def _delay(terms: Terms, residues: ComplexArray, strength: FloatArray) -> tuple[
     """
     if np.sum(strength > 0) < 3:
         return 0.0, False
-    square = np.sum(_turns(terms, residues) ** 2, axis=0)
+    turns = _turns(terms, residues)
+    square = np.sum(turns**2, axis=0)
     angle, omega = np.angle(square), 2 * np.pi * terms.frequency_hz
-    purity = np.abs(square) / np.maximum(np.sum(np.abs(_turns(terms, residues)) ** 2, axis=0), 1e-300)
+    purity = np.abs(square) / np.maximum(np.sum(np.abs(turns) ** 2, axis=0), 1e-300)
     weight = strength * purity
     weight = weight / weight.sum() * np.sum(strength > 0)
     step = 0.05 / omega[strength > 0].max()

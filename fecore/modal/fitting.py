@@ -14,11 +14,11 @@ from fecore.modal.compression import compress
 from fecore.modal.drift import Drift, in_band, session_of, sessions, without_drift
 from fecore.modal.error_model import memory
 from fecore.modal.evidence import evidence_of
-from fecore.modal.growth import ROUNDS, grow, linear_weight, pruned, with_residual_terms, without_poles
+from fecore.modal.growth import ROUNDS, grow, linear_weight, local_level, pruned, with_residual_terms, without_poles
 from fecore.modal.lscf import LinearPoles, clusters, linear_poles
-from fecore.modal.noise import local_variance, student
+from fecore.modal.noise import student
 from fecore.modal.probability import probability
-from fecore.modal.refinement import Fit, Level, level_at, refine
+from fecore.modal.refinement import Fit, Level, refine
 
 _ALIGN = 4  # turns of drift and growth
 _STILL = 0.1  # of the whole drift: what is left below it is at rest
@@ -107,10 +107,8 @@ class _Data:
 
     def settled(self, terms: Terms) -> Terms:
         """The poles refined on the combinations."""
-        measured = self.few.measured
-        fit = level_at(self.few, terms, local_variance(self.few.values, self.few.values, self.few_noise, measured))
-        fit = level_at(self.few, terms, local_variance(fit.residual, self.few.values, self.few_noise, measured))
-        return refine(self.few, terms, fit.variance, steps=_STEPS, enough=1.0).terms
+        variance = local_level(self.few, terms, self.few_noise).variance
+        return refine(self.few, terms, variance, steps=_STEPS, enough=1.0).terms
 
     def grown(
         self, terms: Terms, pool: ComplexArray, most: int, step: Callable[[int], None], rounds: int = ROUNDS
@@ -120,16 +118,8 @@ class _Data:
 
     def fitted(self, terms: Terms) -> Level:
         """The series with all FRFs, without poles and residual terms that do not pay."""
-        terms, measured = with_residual_terms(self.arrangement, terms), self.arrangement.measured
-        fit = level_at(
-            self.arrangement,
-            terms,
-            local_variance(self.arrangement.values, self.arrangement.values, self.noise, measured),
-        )
-        fit = level_at(
-            self.arrangement, terms, local_variance(fit.residual, self.arrangement.values, self.noise, measured)
-        )
-        return pruned(self.arrangement, fit)
+        terms = with_residual_terms(self.arrangement, terms)
+        return pruned(self.arrangement, local_level(self.arrangement, terms, self.noise))
 
 
 def _steps(report: Report) -> Callable[[int], None]:

@@ -59,10 +59,8 @@ def grow(
         pool: candidates, rad/s; in every round those that the residual shows are added.
         rounds: most rounds.
     """
-    measured, omega, first = arrangement.measured, arrangement.omega, np.append(pool, _beyond(arrangement))
-    fit = level_at(arrangement, start, local_variance(arrangement.values, arrangement.values, noise, measured))
-    fit = level_at(arrangement, start, local_variance(fit.residual, arrangement.values, noise, measured))
-    candidates = first
+    first = np.append(pool, _beyond(arrangement))
+    fit, candidates = local_level(arrangement, start, noise), first
     for number in range(rounds):
         if not fit.terms.pairs and len(fit.residual) <= _FEW:
             fit = _as_all_leave(arrangement, fit, candidates[:most], noise)
@@ -74,14 +72,27 @@ def grow(
         # Not before there are poles, as residual terms would take the place of a broad one; then all of them again, as a better
         # fit may need what a poor one did without.
         whole = level_at(arrangement, with_residual_terms(arrangement, larger.terms), larger.variance)
-        variance = local_variance(whole.residual, arrangement.values, noise, measured)
-        fit = pruned(arrangement, level_at(arrangement, whole.terms, variance))
+        fit = pruned(
+            arrangement, level_at(arrangement, whole.terms, _local_variance(arrangement, whole.residual, noise))
+        )
         step(fit.terms.pairs)
         if number and fit.terms.pairs <= before:
             break
-        left = linear_poles(omega, fit.residual, weights(arrangement, fit.variance), _RESIDUAL_ORDER, (NARROW,))
+        left = linear_poles(
+            arrangement.omega, fit.residual, weights(arrangement, fit.variance), _RESIDUAL_ORDER, (NARROW,)
+        )
         candidates = np.append(clusters(left), first)
     return refine(arrangement, fit.terms, fit.variance)
+
+
+def local_level(arrangement: Arrangement, terms: Terms, noise: FloatArray) -> Level:
+    """The fit at given poles under the variance of its own misfit, at least the noise (N, L)."""
+    fit = level_at(arrangement, terms, _local_variance(arrangement, arrangement.values, noise))
+    return level_at(arrangement, terms, _local_variance(arrangement, fit.residual, noise))
+
+
+def _local_variance(arrangement: Arrangement, residual: ComplexArray, noise: FloatArray) -> FloatArray:
+    return local_variance(residual, arrangement.values, noise, arrangement.measured)
 
 
 def linear_weight(arrangement: Arrangement, noise: FloatArray) -> FloatArray:
@@ -207,8 +218,7 @@ def _as_all_leave(arrangement: Arrangement, fit: Level, pool: ComplexArray, nois
     of the group, and none pays alone.
     """
     whole = level_at(arrangement, with_poles(fit.terms, pool), fit.variance)
-    variance = local_variance(whole.residual, arrangement.values, noise, arrangement.measured)
-    return level_at(arrangement, fit.terms, variance)
+    return level_at(arrangement, fit.terms, _local_variance(arrangement, whole.residual, noise))
 
 
 def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int) -> ComplexArray:

@@ -36,8 +36,8 @@ REFUSED = 0.1
 
 _SAID = 3  # features that are said of a pole
 _FAR = 4.6  # |residual|² over its own variance from which a value has hardly any weight
-_FEW_SPOILT = 0.01  # share of a record that may be spoilt
-_MOST_NOTES = 8  # on spoilt values
+_FEW_OUTLIERS = 0.01  # share of a record that may be outliers
+_MOST_NOTES = 8  # on outliers
 
 
 @dataclass(frozen=True)
@@ -116,13 +116,13 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock)
     verdict = _verdict(arrangement, fit, evidence)
     if not verdict.kept.size:
         raise IdentificationError(_nothing(arrangement, diagram, verdict.refused, fitted.full))
-    worth, toned = gains(fit) / pole_price(fit), _toned(arrangement, fit, evidence)
+    significance, toned = gains(fit) / pole_price(fit), _toned(arrangement, fit, evidence)
     fit, old, parted = part(arrangement, fit, verdict.kept)
     fitted, verdict = replace(fitted, fit=fit), verdict.of(old, fit.terms.frequency_hz)
     kept = verdict.kept
     doubt = tuple(_doubt(verdict, int(k), threshold) for k in kept)
     shapes = _shapes(arrangement, fit, kept)
-    known, spoilt = arrangement.measured & np.isfinite(arrangement.variance), _spoilt(fit)
+    known, outliers = arrangement.measured & np.isfinite(arrangement.variance), _outliers(fit)
     notes = (
         *prepared.said,
         *_of_drift(fitted),
@@ -131,7 +131,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock)
         *(["the search stopped at most_modes; raise it, or leave it out"] if fitted.full else []),
         *parted,
         *remarks(arrangement, fit, kept, shapes, evidence.share[old], doubt),
-        *_of_spoilt(arrangement, spoilt),
+        *_of_outliers(arrangement, outliers),
         *_noise_remarks(arrangement, fit),
         *(f"FRF {r.frf} was not used: {r.reason}" for r in prepared.refused),
     )
@@ -140,7 +140,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock)
         found=Found(
             modes=_modes(fitted, verdict, shapes),
             shapes=shapes,
-            significance=worth[old][kept],
+            significance=significance[old][kept],
             features=tuple(verdict.features[int(k)] for k in kept),
             doubt=doubt,
         ),
@@ -153,7 +153,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock)
         warnings=notes,
         frequency_hz=arrangement.frequency_hz,
         quantity=arrangement.quantity,
-        measured=np.where(arrangement.measured & ~spoilt & ~toned, arrangement.values, np.nan),
+        measured=np.where(arrangement.measured & ~outliers & ~toned, arrangement.values, np.nan),
         predicted=fit.model(arrangement),
         noise_variance=np.where(known, arrangement.variance, fit.variance),
         noise_ratio=_ratio(arrangement, fit),
@@ -245,18 +245,18 @@ def _of_phase(evidence: Evidence) -> list[str]:
     ]
 
 
-def _spoilt(fit: Fit) -> BoolArray:
+def _outliers(fit: Fit) -> BoolArray:
     """(N, L) single values that Student's law has left hardly any weight: |r|² over 4.6 of its variance is u < 0.1."""
     far = np.abs(fit.residual) ** 2 > _FAR * fit.variance
     alone = far.copy()
     alone[:, 1:] &= ~far[:, :-1]
     alone[:, :-1] &= ~far[:, 1:]
-    return np.asarray(alone & (far.sum(axis=1, keepdims=True) <= np.maximum(1, _FEW_SPOILT * far.shape[1])))
+    return np.asarray(alone & (far.sum(axis=1, keepdims=True) <= np.maximum(1, _FEW_OUTLIERS * far.shape[1])))
 
 
-def _of_spoilt(arrangement: Arrangement, spoilt: BoolArray) -> list[str]:
-    rows = np.flatnonzero(spoilt.any(axis=1))
-    words = [lines_in_words(arrangement.frequency_hz[spoilt[row]]) for row in rows]
+def _of_outliers(arrangement: Arrangement, outliers: BoolArray) -> list[str]:
+    rows = np.flatnonzero(outliers.any(axis=1))
+    words = [lines_in_words(arrangement.frequency_hz[outliers[row]]) for row in rows]
     said = "left out, far off what the other lines say"
     notes = [f"{arrangement.label(int(row))}: {lines} {said}" for row, lines in zip(rows, words, strict=True)]
     more = len(notes) - _MOST_NOTES

@@ -9,7 +9,7 @@ and the posterior of the unknowns one over all sets of modes that may be real. G
     w/(1 - w) = P W/(1 - P) · (p(all with k)/p(all without k) + π N(e; 0, σ_π²)),
 
 the evidence with the unknowns and the discrepancy integrated out: the mode itself does not widen what it is judged by. The
-second term is that of a real mode which the model misses by far, e from what the others foretell: of another material, boundary
+second term is that of a real mode which the model misses by far, e from what the others predict: of another material, boundary
 or length than stated. So a mode that is certain is not taken for none where it contradicts a wrong model. The
 estimate is that of the likeliest set, found anew in every turn of the fit (hard expectation maximisation): the data of a mode
 with w < ½ have no weight. The posterior about it holds the sets that differ from it in one mode, each with its Gaussians and by

@@ -53,7 +53,7 @@ def test_the_weight_of_one_mode_is_its_posterior_probability(problem: LinearProb
         for which in ([0, 1, 2, 3, 4], [0, 1, 2, 4])
     )
     others = problem.only(np.arange(COUNT) != 3)
-    step, covariance = others.solve(0.001, 0.0)  # what the others foretell, where the model misses it by five per cent
+    step, covariance = others.solve(0.001, 0.0)  # what the others predict, where the model misses it by five per cent
     spread = np.sqrt(problem.noise[3, 3] + 0.05**2 + problem.sensitivity[3] @ covariance @ problem.sensitivity[3])
     off = scipy.stats.norm.pdf(problem.residual[3] - problem.sensitivity[3] @ step, 0, spread)
     real += 0.01 * off * none
