@@ -24,7 +24,7 @@ from fecore.updating.elastic_findings import HOPELESS_MISS, points_beyond
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import sparse_zones, update_from_several_starts
 from fecore.updating.excursions import excursions, fixed_points
-from fecore.updating.findings import Level, found, remarks
+from fecore.updating.findings import found, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs, tolerance_of
 from fecore.updating.joint import update_jointly
@@ -201,8 +201,8 @@ def _damping(
     if data.fitted is None:
         return _damping_of_ratios(elastic, modes, recipe)
     band = _band(recipe, data.fitted, elastic)
-    errors: list[FecoreError] = []
-    findings: list[Finding] = []
+    first: FecoreError | None = None
+    before: list[Finding] = []
     for tried in _bands(band, elastic):
         said: list[Finding] = []
         try:
@@ -210,27 +210,38 @@ def _damping(
                 data.fitted, tried, elastic, modes, recipe, inputs=inputs, progress=progress, said=said
             )
         except FecoreError as error:
-            if not errors and isinstance(error, InputError):
-                raise
-            findings = findings if errors else said
-            errors.append(error)
-            if not _was_sought(errors[0]):
+            if first is None:
+                if isinstance(error, InputError):
+                    raise
+                first, before = error, said
+            if not _was_sought(first):
                 break
-            continue
-        if errors:
-            said.append(found("damping_narrowed", low=tried[0], high=tried[1], text=_message(errors[0])))
-        return replace(done, findings=tuple(said))
-    message = _message(errors[0])
-    if _was_sought(errors[0]) and elastic.misfit <= HOPELESS_MISS:
+        else:
+            if first is not None:
+                said.append(found("damping_narrowed", low=tried[0], high=tried[1], text=_message(first)))
+            return replace(done, findings=tuple(said))
+    assert first is not None, "the whole band is tried"
+    return _without_fit(elastic, modes, recipe, band, first, before)
+
+
+def _without_fit(
+    elastic: ElasticResult,
+    modes: MeasuredModes,
+    recipe: Recipe,
+    band: tuple[float, float],
+    error: FecoreError,
+    said: list[Finding],
+) -> DampingOutcome:
+    """Where no fit to FRFs ends: laws from the modes' damping ratios, if a fit was sought; else why there is no damping."""
+    message, hopeless = _message(error), elastic.misfit > HOPELESS_MISS
+    if _was_sought(error) and not hopeless:
         done = _damping_of_ratios(elastic, modes, recipe)
         if done.ranking is not None:
-            said = [*findings, *done.findings, found("damping_of_ratios", text=message)]
-            return replace(
-                done, message=f"from the modes' damping ratios, since {message}", band=band, findings=tuple(said)
-            )
-    level: Level | None = "do_not_use" if elastic.misfit > HOPELESS_MISS else None
-    failed = found("damping_failed", level=level, text=message)
-    return DampingOutcome("failed", message, band, findings=(*findings, failed))
+            findings = (*said, *done.findings, found("damping_of_ratios", text=message))
+            why = f"from the modes' damping ratios, since {message}"
+            return replace(done, message=why, band=band, findings=findings)
+    failed = found("damping_failed", level="do_not_use" if hopeless else None, text=message)
+    return DampingOutcome("failed", message, band, findings=(*said, failed))
 
 
 def _was_sought(error: FecoreError) -> bool:
