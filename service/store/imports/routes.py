@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 
 from fecore.frf import Quantity
 from modalbase.formats.recognise import Format
-from service.access import CurrentUser, SessionDep, project_for
+from service.access import CurrentUser, Lookup, SessionDep, User, project_for
 from service.access.lookup import projects
 from service.compute.arrays_of_files import Kind
 from service.errors import Invalid
@@ -201,18 +201,19 @@ def purge_project(project_id: UUID, session: SessionDep, user: CurrentUser) -> N
 @purging.post("/structures/{structure_id}/purge", status_code=204)
 def purge_structure(structure_id: UUID, session: SessionDep, user: CurrentUser) -> None:
     """Remove a deleted structure with its campaigns, results and monitors for good. Nothing brings it back."""
-    structure = structure_for(session, user, structure_id, "owner", deleted=True, lock=True)
-    project_id = structure_for.project_of(session, structure)
-    structure_for.purge(session, user, structure)
-    _forget_more(session, project_id)
+    _purge(session, user, structure_for, structure_id)
 
 
 @purging.post("/campaigns/{campaign_id}/purge", status_code=204)
 def purge_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser) -> None:
     """Remove a deleted campaign with its FRFs, original files and results for good. Nothing brings it back."""
-    campaign = campaign_for(session, user, campaign_id, "owner", deleted=True, lock=True)
-    project_id = campaign_for.project_of(session, campaign)
-    campaign_for.purge(session, user, campaign)
+    _purge(session, user, campaign_for, campaign_id)
+
+
+def _purge(session: Session, user: User, find: Lookup[Any], key: UUID) -> None:
+    row = find(session, user, key, "owner", deleted=True, lock=True)
+    project_id = find.project_of(session, row)
+    find.purge(session, user, row)
     _forget_more(session, project_id)
 
 
