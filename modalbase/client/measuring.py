@@ -262,14 +262,14 @@ def modes(
 
     --keep and --drop make a new mode set; the old one stays as it is.
     """
+    decided = _decided(keep or [], drop or [], why)
     with service_at(url) as service:
         id_ = find_id(service, CAMPAIGN, campaign)
-        options = {
-            name: value for name, value in (("band_hz", band and _band(band)), ("threshold", threshold)) if value
-        }
-        found = _identified(service, id_, options) if identify else find(service, MODE_SET, mode_set, within=id_)
-        if keep or drop:
-            found = _edited(service, found, keep or [], drop or [], why)
+        found = (
+            _identified(service, id_, band, threshold) if identify else find(service, MODE_SET, mode_set, within=id_)
+        )
+        if decided:
+            found = _edited(service, found, decided)
     if as_json:
         print_json(found)
         return
@@ -279,19 +279,24 @@ def modes(
     say_next(f'update "{campaign}" --mode-set {found["id"]} --wait')
 
 
-def _edited(
-    service: Connection, found: dict[str, Any], keep: list[float], drop: list[float], why: str | None
-) -> dict[str, Any]:
-    if why is None:
-        raise ClientError("--keep and --drop need a reason: --why TEXT", Exit.USAGE)
+def _decided(keep: list[float], drop: list[float], why: str | None) -> list[dict[str, Any]]:
+    """What is decided of poles, as the service takes it; asked before anything is computed."""
     poles = [*((hz, True) for hz in keep), *((hz, False) for hz in drop)]
-    decisions = [{"frequency_hz": hz, "keep": kept, "reason": why} for hz, kept in poles]
-    edits = {"name": f"{found['name']}, edited", "decisions": decisions}
-    edited: dict[str, Any] = service.post(f"mode-sets/{found['id']}/edits", edits)
+    if poles and why is None:
+        raise ClientError("--keep and --drop need a reason: --why TEXT", Exit.USAGE)
+    return [{"frequency_hz": hz, "keep": kept, "reason": why} for hz, kept in poles]
+
+
+def _edited(service: Connection, found: dict[str, Any], decisions: list[dict[str, Any]]) -> dict[str, Any]:
+    body = {"name": f"{found['name']}, edited", "decisions": decisions}
+    edited: dict[str, Any] = service.post(f"mode-sets/{found['id']}/edits", body)
     return edited
 
 
-def _identified(service: Connection, campaign: str, options: dict[str, Any]) -> dict[str, Any]:
+def _identified(service: Connection, campaign: str, band: str | None, threshold: float | None) -> dict[str, Any]:
+    options: dict[str, Any] = {} if band is None else {"band_hz": _band(band)}
+    if threshold is not None:
+        options["threshold"] = threshold
     job = service.post(f"campaigns/{campaign}/identifications", options)
     ended = wait_for(service, f"identifications/{job['id']}", "identification")
     require_success(ended, f"identification {job['id']}")
