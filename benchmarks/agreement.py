@@ -11,15 +11,14 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
-import pyuff
 
 from benchmarks.made_frfs import GOOD, KINDS, Harsh
 from fecore.errors import IdentificationError
-from fecore.frf import Dof, FrfSet
+from fecore.frf import FrfSet
 from fecore.modal import Found, Options, identify
+from tests.support.measured import with_coherence
 from tests.support.places import SHARED
 
 SURE = 0.9
@@ -48,23 +47,7 @@ def sets() -> Iterator[tuple[str, FrfSet]]:
     beside = sorted((SHARED / "blind-open").glob("*.uff")) + sorted((SHARED / "blind-open").glob("structures/*.uff"))
     for path in (*beside, SHARED / "measured" / "dam0.unv", SHARED / "uff-corpus" / "pyuff" / "measurement_v1.uff"):
         if path.exists():
-            yield path.stem, _read(path)
-
-
-def _read(path: Path, averages: int = 5) -> FrfSet:
-    """The FRFs of a UFF file, with the variance that their coherences state."""
-    file = pyuff.UFF(str(path))
-    found = [file.read_sets(int(i)) for i in np.flatnonzero(np.asarray(file.get_set_types()) == 58)]
-    frfs, coherences = ([s for s in found if s["func_type"] == kind] for kind in (4, 6))
-    values = np.array([s["data"] for s in frfs], dtype=complex)
-    variance = None
-    if coherences:
-        gamma = np.clip(np.array([s["data"].real for s in coherences]), 1e-6, 1 - 1e-9)
-        variance = np.abs(values) ** 2 * (1 - gamma) / (gamma * averages)
-    responses, references = (
-        tuple(Dof(int(s[f"{side}_node"]), int(s[f"{side}_dir"])) for s in frfs) for side in ("rsp", "ref")
-    )
-    return FrfSet(np.asarray(frfs[0]["x"], float), values, responses, references, "accelerance", variance)
+            yield path.stem, with_coherence(path)
 
 
 def _compared(name: str, frfs: FrfSet) -> np.ndarray:

@@ -6,17 +6,16 @@ import functools
 import json
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyuff
 
 from benchmarks.made_frfs import KINDS, Draw
 from fecore.frf import Dof, FrfSet
 from fecore.modal import Identification, Options, identify
 from tests.corpus.outcomes import Case, Modes
 from tests.support.beams import PAPER_HZ, paper_frfs
+from tests.support.measured import with_coherence
 from tests.support.places import shared_file
 
 HZ, ZETA, LINES = np.array([101.3, 160.7]), np.array([0.01, 0.02]), 60 + np.arange(161.0)
@@ -75,20 +74,6 @@ def tone(hz: float, size: float) -> Callable[[np.ndarray, np.ndarray], np.ndarra
 ONE_ROW = np.arange(12) == 4
 TURNING = np.exp(2j * np.pi * np.arange(12) / 12)  # a shape without a phase of its own
 PRODUCT = np.random.default_rng(3).standard_normal((12, 2))
-
-
-def with_coherence(path: Path, averages: int = 5) -> FrfSet:
-    """The FRFs of a UFF file, with the variance that their coherences state (Bendat and Piersol)."""
-    file = pyuff.UFF(str(path))
-    sets = [file.read_sets(int(i)) for i in np.flatnonzero(np.asarray(file.get_set_types()) == 58)]
-    frfs, coherences = ([s for s in sets if s["func_type"] == kind] for kind in (4, 6))
-    values = np.array([s["data"] for s in frfs], dtype=complex)
-    variance = None
-    if coherences:
-        gamma = np.clip(np.array([s["data"].real for s in coherences]), 1e-6, 1 - 1e-9)
-        variance = np.abs(values) ** 2 * (1 - gamma) / (gamma * averages)
-    dofs = [[Dof(int(s[f"{side}_node"]), int(s[f"{side}_dir"])) for s in frfs] for side in ("rsp", "ref")]
-    return FrfSet(np.asarray(frfs[0]["x"], float), values, tuple(dofs[0]), tuple(dofs[1]), "accelerance", variance)
 
 
 def open_set(kind: str) -> tuple[FrfSet, Draw]:
