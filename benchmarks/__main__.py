@@ -39,6 +39,8 @@ TABLES = {
         Case("wooden_plates", "updates of plates from a handbook's constants"),
         Case("laboratories", "structures, tours, bands, damping and faults at random"),
         Case("independent", "bodies of solid elements by CalculiX"),
+        Case("structures", "shells in space: published shells, joints against solids, size, CalculiX's S8R"),
+        Case("structures_solids", "joints of walls of unlike thickness, by CalculiX's solids"),
         Case("campaigns", "several tests of one material: intervals", ("coverage", "3", "1")),
         Case("campaigns", "the same with bodies by CalculiX", ("solids", "2", "1")),
         Case("campaigns", "which points to hit", ("plans", "12", "17")),
