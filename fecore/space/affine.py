@@ -1,0 +1,208 @@
+"""Matrices that are linear in a few coefficients, made of strains:
+
+    A(c) = Σ_elements Bᵀ C(c) B,     C(c) = Σ_k c_k C_k
+
+An element has one strain operator B, whatever the number of coefficients, and a set has small matrices C_k. So A(c) is one
+product an element, and xᵀA_ky = Σ (Bx)ᵀC_k(By) for all k comes from the strains of x and y; no A_k is kept. Mass, springs
+and point masses are of the same form, with motions in the place of strains. Congruent elements share one operator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from fecore.arrays import BoolArray, FloatArray, IntArray
+
+_ALIKE = 1e-10  # of the largest entry: by how much rounding may part what is congruent
+
+
+@dataclass(frozen=True)
+class Group:
+    """Elements that share their coefficients.
+
+    Attributes:
+        nodes: (e, n) node numbers.
+        operators: (s, p, r, d) rows of strains at p points over the d = n × (dofs of a node) dofs, by the root of a point's
+            weight.
+        which: (e,) operator of each element.
+        terms: (k, r, r) C_k.
+        coefficients: (k,) their numbers among the matrix's coefficients.
+    """
+
+    nodes: IntArray
+    operators: FloatArray
+    which: IntArray
+    terms: FloatArray
+    coefficients: IntArray
+
+    def matrices(self, coefficients: FloatArray) -> FloatArray:
+        """(s, d·d) matrices of the distinct elements at all (k,) coefficients of the whole."""
+        count, points, rows, dofs = self.operators.shape
+        C = np.tensordot(coefficients[self.coefficients], self.terms, 1)
+        stressed = (C @ self.operators).reshape(count, points * rows, dofs)
+        strained = self.operators.reshape(count, points * rows, dofs)
+        return np.asarray((strained.transpose(0, 2, 1) @ stressed).reshape(count, -1))
+
+    def strains(self, motion: FloatArray) -> FloatArray:
+        """(r, e·p, m) strains of (nodes, dofs of a node, m) motions."""
+        count, points, rows, dofs = self.operators.shape
+        local = motion[self.nodes].reshape(len(self.nodes), dofs, -1)
+        flat = self.operators.reshape(count, points * rows, dofs)
+        found = flat[0] @ local if count == 1 else flat[self.which] @ local
+        by_row = found.reshape(len(local), points, rows, -1).transpose(2, 0, 1, 3)
+        return np.ascontiguousarray(by_row).reshape(rows, len(local) * points, -1)
+
+
+def distinct(items: FloatArray) -> tuple[IntArray, IntArray]:
+    """Numbers of the different ones of (e, …) items, and the (e,) place of each item's among them."""
+    flat = items.reshape(len(items), -1)
+    close = _ALIKE * float(np.abs(flat).max(initial=0.0))
+    if np.abs(flat - flat[0]).max() <= close:
+        return np.zeros(1, dtype=np.int64), np.zeros(len(flat), dtype=np.int64)
+    # Alike ones have alike sums under random weights, and sorting numbers is cheap.
+    sums = flat @ np.random.default_rng(0).standard_normal(flat.shape[1])
+    order = np.argsort(sums)
+    first = np.concatenate([[True], np.diff(sums[order]) > close * np.sqrt(flat.shape[1])])
+    which = np.empty(len(flat), dtype=np.int64)
+    which[order] = np.cumsum(first) - 1
+    chosen = order[first]
+    if np.abs(flat - flat[chosen[which]]).max() > 10 * close:  # unlike ones had like sums
+        return np.arange(len(flat)), np.arange(len(flat))
+    return chosen, which
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """The sparsity pattern of the free dofs, and where in it each entry of each element matrix lands.
+
+    Attributes:
+        indptr, indices: the pattern, as in `scipy.sparse.csc_array`.
+        free: (nodes, dofs of a node) whether each dof is free.
+        numbers: (nodes, dofs of a node) number of each free dof.
+    """
+
+    indptr: IntArray
+    indices: IntArray
+    free: BoolArray
+    numbers: IntArray
+    pairs: IntArray
+    above: IntArray
+
+    @classmethod
+    def of(cls, connectivities: Sequence[IntArray], free: BoolArray) -> tuple[Pattern, list[IntArray]]:
+        """The pattern of (e, n) elements of several kinds, found node by node and spread over the dofs; and their slots."""
+        nodes, dofs = free.shape
+        keys = [(c.T[None] * nodes + c.T[:, None]).ravel() for c in connectivities]
+        pairs = np.sort(np.concatenate(keys))
+        pairs = pairs[np.concatenate([[True], pairs[1:] > pairs[:-1]])]
+        column, row = np.divmod(pairs, nodes)
+        number = np.cumsum(free).reshape(nodes, dofs) - 1
+        # The column of a free dof holds the free dofs of its node's neighbours, one node after the other.
+        rows = free.sum(axis=1)[row]
+        before = np.cumsum(rows) - rows
+        above = before - before[np.minimum(np.searchsorted(column, np.arange(nodes)), len(before) - 1)][column]
+        height = np.bincount(column, weights=rows, minlength=nodes).astype(np.int64)
+        indptr = np.concatenate([[0], np.cumsum(np.repeat(height[:, None], dofs, axis=1)[free])])
+        pattern = cls(indptr.astype(np.int32), np.empty(0, np.int32), free, number, pairs, above)
+        indices = np.empty(int(indptr[-1]) + 1, dtype=np.int32)
+        slots = [pattern.slots(connectivity) for connectivity in connectivities]
+        for own, connectivity in zip(slots, connectivities, strict=True):
+            indices[own] = _by_entry(number, connectivity.T)[:, :, None, None]
+        return cls(pattern.indptr, indices[:-1], free, number, pairs, above), slots
+
+    @property
+    def size(self) -> int:
+        """Number of free dofs."""
+        return int(self.indptr.size - 1)
+
+    def slots(self, connectivity: IntArray) -> IntArray:
+        """(n, d, n, d, e) place of each entry of (e, n) elements' matrices in the pattern; of a held dof after the last."""
+        nodes_of = connectivity.T  # (n, e): long arrays innermost
+        n, e = nodes_of.shape
+        nodes = len(self.free)
+        pair = np.searchsorted(self.pairs, nodes_of[None] * nodes + nodes_of[:, None])
+        nowhere = int(self.indptr[-1])
+        first = _by_entry(np.where(self.free, self.indptr[self.numbers], nowhere), nodes_of)
+        within = _by_entry(np.where(self.free, np.cumsum(self.free, axis=1) - 1, nowhere), nodes_of)
+        down = self.above[pair].reshape(n, 1, n, e) + within[:, :, None]
+        slots = down[:, :, :, None] + first
+        np.minimum(slots, nowhere, out=slots)
+        return np.asarray(slots)
+
+
+@dataclass(frozen=True)
+class AffineMatrix:
+    """A(c) over the free dofs, symmetric, on one compressed-column sparsity pattern.
+
+    Attributes:
+        pattern: the pattern.
+        groups: the elements.
+        slots: where each group's entries land.
+        names: the coefficients' names.
+        blocks: index matrices into the coefficients: each is a symmetric matrix C of coefficients, such as
+            [[D11, D12], [D12, D22]], whose part of the sum is ∫BᵀCB. So A(c) ≥ α A(c₀) where every C(c) ≥ α C(c₀).
+    """
+
+    pattern: Pattern
+    groups: tuple[Group, ...]
+    slots: tuple[IntArray, ...]
+    names: tuple[str, ...]
+    blocks: tuple[IntArray, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of rows and columns."""
+        return self.pattern.size
+
+    def at(self, coefficients: FloatArray) -> scipy.sparse.csc_array:
+        """The matrix at (k,) coefficients."""
+        size = self.pattern.indices.size + 1
+        data = np.zeros(size)
+        for group, slots in zip(self.groups, self.slots, strict=True):
+            if not coefficients[group.coefficients].any():
+                continue
+            entries, places = group.matrices(coefficients).T, slots.reshape(group.operators.shape[3] ** 2, -1)
+            used = entries.any(axis=1)
+            if not used.all():  # two thirds of a mass matrix are nothing
+                entries, places = entries[used], places[used]
+            each = entries if len(group.operators) == 1 else entries[:, group.which]
+            data += np.bincount(places.ravel(), weights=np.broadcast_to(each, places.shape).ravel(), minlength=size)
+        return self._matrix(data[:-1])
+
+    def term(self, k: int) -> scipy.sparse.csc_array:
+        """A_k, the derivative of the matrix by its k-th coefficient."""
+        return self.at(np.eye(1, len(self.names), k)[0])
+
+    def project(self, left: FloatArray, right: FloatArray) -> FloatArray:
+        """(k, l, r) leftᵀ A_k right of (size, l) and (size, r) vectors, from their strains."""
+        forms = np.zeros((len(self.names), left.shape[1], right.shape[1]))
+        motions = self.everywhere(left), self.everywhere(right)
+        for group in self.groups:
+            x, y = (group.strains(motion) for motion in motions)
+            for i, j in zip(*np.nonzero(group.terms.any(axis=0)), strict=True):
+                product = x[i].T @ y[j]
+                for k in np.flatnonzero(group.terms[:, i, j]):
+                    forms[group.coefficients[k]] += group.terms[k, i, j] * product
+        return forms
+
+    def everywhere(self, vectors: FloatArray) -> FloatArray:
+        """(nodes, dofs of a node, m) motions of (size, m) vectors over the free dofs; nothing where a dof is held."""
+        motion = np.zeros((*self.pattern.free.shape, vectors.shape[1]))
+        motion[self.pattern.free] = vectors
+        return motion
+
+    def _matrix(self, data: FloatArray) -> scipy.sparse.csc_array:
+        pattern = self.pattern
+        matrix = scipy.sparse.csc_array((data, pattern.indices, pattern.indptr), shape=(self.size, self.size))
+        matrix.has_sorted_indices = True
+        matrix.has_canonical_format = True
+        return matrix
+
+
+def _by_entry(values: IntArray, nodes_of: IntArray) -> IntArray:
+    """(n, d, e) of each element's dofs from (nodes, d) of all, for (n, e) node numbers."""
+    return np.ascontiguousarray(values[nodes_of].transpose(0, 2, 1))

@@ -1,0 +1,168 @@
+"""A mesh with sections, joints, supports, springs and masses as an affine finite element model.
+
+    K(c) = Σ_k c_k K_k,     M(m) = Σ_j m_j M_j
+
+The coefficients are the sections', set after set, then the joints', then the springs' stiffnesses; those of the mass
+likewise, with 1 for masses that are known (`fecore.space.affine`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy
+
+from fecore.arrays import BoolArray, FloatArray, IntArray
+from fecore.errors import InputError
+from fecore.space.affine import AffineMatrix, Group, Pattern
+from fecore.space.joints import Joints
+from fecore.space.locate import Places, Surfaces
+from fecore.space.mesh import Mesh
+from fecore.space.operators import Operators
+from fecore.space.supports import DISPLACEMENTS, rigid_motions
+
+
+@dataclass(frozen=True)
+class Part:
+    """Elements whose coefficients are known by name; parts that share a name share the coefficient.
+
+    Attributes:
+        operators: their rows.
+        terms: (k, r, r) C_k.
+        names: of the k coefficients.
+        blocks: index matrices into the k.
+    """
+
+    operators: Operators
+    terms: FloatArray
+    names: tuple[str, ...]
+    blocks: tuple[IntArray, ...]
+
+
+@dataclass(frozen=True)
+class Model:
+    """An affine finite element model.
+
+    Attributes:
+        mesh: the mesh.
+        joints: the joint model, without junctions where they are left out.
+        surfaces: the shells as they lie in space, on which points are found.
+        dofs: numbers of the dofs of a node among u, v, w, θx, θy, θz.
+        stiffness: K(c) over the free dofs.
+        mass: M(m) over the free dofs.
+        rigid_modes: (dofs, r) exact zero-energy motions of the supported body.
+    """
+
+    mesh: Mesh
+    joints: Joints
+    surfaces: Surfaces
+    dofs: tuple[int, ...]
+    stiffness: AffineMatrix
+    mass: AffineMatrix
+    rigid_modes: FloatArray
+
+    @property
+    def free(self) -> BoolArray:
+        """(nodes, dofs of a node) which dofs are free."""
+        return self.stiffness.pattern.free
+
+    @cached_property
+    def motions(self) -> FloatArray:
+        """(dofs, 6) rigid motions, as if nothing held the body: shifts along x, y, z, turns about axes through the nodes'
+        centre.
+        """
+        return np.asarray(rigid_motions(self.mesh.nodes)[:, list(self.dofs)][self.free])
+
+    def observe(
+        self, points: FloatArray, directions: FloatArray, tolerance: float | None = None
+    ) -> scipy.sparse.csr_array:
+        """(p, dofs) displacement at (p, 3) points along (p, 3) unit directions: (u₀ + θ × (p − x₀)) · n.
+
+        A point belongs to the nearest point x₀ of the surface, whose element interpolates u₀ and θ.
+
+        Args:
+            points: m.
+            directions: unit vectors.
+            tolerance: m, see `Surfaces.find`.
+
+        Raises:
+            OffSpecimenError: a point lies further from the surface than half the wall and the tolerance.
+            InputError: the model has no motion along a direction.
+        """
+        return self.seen(self.surfaces.find(points, tolerance), directions)
+
+    def seen(self, places: Places, directions: FloatArray) -> scipy.sparse.csr_array:
+        """`observe` at places that have been found."""
+        rows = places.rows(directions)[:, :, list(self.dofs)]
+        blind = np.flatnonzero(~rows.any(axis=(1, 2)))
+        if blind.size:
+            names = ", ".join(DISPLACEMENTS[dof] for dof in self.dofs)
+            raise InputError(f"directions[{blind[0]}]", f"is {directions[blind[0]]}; this model has {names} alone")
+        number, n = len(rows), rows.shape[1]
+        free = self.free[places.nodes]
+        columns = self.stiffness.pattern.numbers[places.nodes]
+        points = np.broadcast_to(np.arange(number)[:, None, None], (number, n, len(self.dofs)))
+        kept = free & (rows != 0)
+        shape = (number, self.stiffness.size)
+        return scipy.sparse.csr_array((rows[kept], (points[kept], columns[kept])), shape=shape)
+
+
+def assemble(
+    stiffness: Sequence[Part], mass: Sequence[Part], free: BoolArray, dofs: tuple[int, ...]
+) -> tuple[AffineMatrix, AffineMatrix]:
+    """K(c) and M(m) of parts, on one pattern over the free dofs of the (nodes, dofs of a node)."""
+    different = {id(part.operators.nodes): part.operators.nodes for part in (*stiffness, *mass)}
+    pattern, found = Pattern.of(list(different.values()), free)
+    slots = dict(zip(different, found, strict=True))
+    K, M = (_matrix(parts, pattern, slots, dofs) for parts in (stiffness, mass))
+    return K, M
+
+
+def _matrix(parts: Sequence[Part], pattern: Pattern, slots: dict[int, IntArray], dofs: tuple[int, ...]) -> AffineMatrix:
+    number: dict[str, int] = {}
+    groups, places, blocks = [], [], {}
+    for part in parts:
+        rows = part.operators.rows[..., list(dofs)]
+        used = rows.any(axis=(0, 1, 3, 4))
+        terms = part.terms[:, used][:, :, used]
+        acts: BoolArray = np.asarray(terms.any(axis=(1, 2)))
+        if not acts.any():  # what moves with dofs that this model has not
+            continue
+        for name in np.array(part.names)[acts].tolist():
+            number.setdefault(name, len(number))
+        coefficients = np.array([number.get(name, -1) for name in part.names])
+        for block in part.blocks:
+            index = coefficients[block[np.ix_(acts[block].any(axis=1), acts[block].any(axis=0))]]
+            if index.size:
+                blocks[index.tobytes()] = index
+        operators = rows[:, :, used].reshape(*rows.shape[:2], int(used.sum()), -1)
+        groups.append(Group(part.operators.nodes, operators, part.operators.which, terms[acts], coefficients[acts]))
+        places.append(slots[id(part.operators.nodes)])
+    return AffineMatrix(pattern, tuple(groups), tuple(places), tuple(number), tuple(blocks.values()))
+
+
+def unresisted(motions: FloatArray, used: IntArray, free: BoolArray, stiffness: AffineMatrix, first: int) -> FloatArray:
+    """(dofs, r) combinations of rigid motions that move no held dof and stretch no spring.
+
+    Args:
+        motions: (nodes, d, 6) of all nodes.
+        used: numbers of the nodes that elements use.
+        free: (nodes, d) which dofs are free.
+        stiffness: K; its coefficients from `first` on are springs.
+        first: as said.
+    """
+    everywhere = np.where(free[..., None], motions, 0.0)
+    springs = [group for group in stiffness.groups if np.all(group.coefficients >= first)]
+    stretched = [group.strains(everywhere).reshape(-1, 6) for group in springs]
+    resisted = np.vstack([motions[used][~free[used]], *stretched])
+    moving = motions[free]
+    none = ~moving.any(axis=0)  # of fewer dofs than six a node
+    resisted = np.vstack([resisted, np.eye(6)[none]])
+    if not resisted.any():
+        return np.asarray(moving)
+    _, singular, directions = np.linalg.svd(np.linalg.qr(resisted, mode="r"), full_matrices=True)
+    rank = int(np.sum(singular > 1e-9 * singular[0]))
+    return np.asarray(moving @ directions[rank:].T)

@@ -1,0 +1,297 @@
+"""A structure as an engineer describes it, and how its model's coefficients follow from its constants.
+
+Its constants are those of its sections by set, `flange.E1`, `web.t`, and closed forms lead from them to the coefficients
+c(q) and m(q) of its affine model (`fecore.body.specimen.Body`). Sets that share a material have a common prior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from fecore.arrays import BoolArray, FloatArray
+from fecore.errors import InputError
+from fecore.space.beams import BeamSection
+from fecore.space.carried import KNOWN, mass_parts, spring_parts
+from fecore.space.joints import Joints
+from fecore.space.junctions import Junction, find_junctions
+from fecore.space.locate import Surfaces
+from fecore.space.mesh import Mesh
+from fecore.space.model import Model, Part, assemble, unresisted
+from fecore.space.operators import beam_operators, shell_operators
+from fecore.space.sections import INERTIAS, OF_INERTIAS, ShellSection, inertia_blocks, inertia_matrices
+from fecore.space.supports import Link, Mass, Spring, Support, free_dofs, rigid_motions
+
+COMMON_SD, OWN_SD = 0.30, 0.15
+"""Relative prior of a material, and scatter of the sets that are made of it."""
+
+
+@dataclass(frozen=True)
+class CommonPrior:
+    """Constants of sets that are made of one material: one unknown in common, and a scatter of each.
+
+    Attributes:
+        constants: such as `flange.E1` and `web.E1`.
+        common: relative sd of what they share.
+        own: relative sd of each about it; 0 ties them.
+    """
+
+    constants: tuple[str, ...]
+    common: float = COMMON_SD
+    own: float = OWN_SD
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A mesh with what makes it a body.
+
+    Attributes:
+        mesh: the mesh.
+        sections: of each set.
+        supports: what holds it.
+        springs: elastic supports; their stiffnesses can be updating parameters, by their names.
+        masses: what it carries.
+        links: nodes that others lead.
+        with_joints: model junctions (`fecore.space.joints`); without, walls meet at their middle surfaces.
+        thickness: (nodes,) thickness by that of the section, of sets that taper.
+        dofs: numbers of the dofs of a node; a flat strip needs w, θx, θy alone.
+        length: nominal length along x of a body that is extruded along it, with axis 1 along x in all sets: then `length`
+            is an exact constant. None for any other.
+    """
+
+    mesh: Mesh
+    sections: Mapping[str, ShellSection | BeamSection]
+    supports: tuple[Support, ...] = ()
+    springs: tuple[Spring, ...] = ()
+    masses: tuple[Mass, ...] = ()
+    links: tuple[Link, ...] = ()
+    with_joints: bool = True
+    thickness: Mapping[str, FloatArray] = field(default_factory=dict)
+    dofs: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
+    length: float | None = None
+
+    def __post_init__(self) -> None:
+        for block in self.mesh.blocks:
+            if block.set not in self.sections:
+                raise InputError("sections", f"has none for the set {block.set}; there are {', '.join(self.sections)}")
+            if isinstance(self.sections[block.set], ShellSection) != block.is_shell:
+                raise InputError("sections", f"of the set {block.set} is not one of {block.kind} elements")
+
+    @cached_property
+    def nominal(self) -> dict[str, float]:
+        """Constants by name, SI."""
+        found = {f"{name}.{c}": v for name in self.mesh.sets for c, v in self.sections[name].nominal.items()}
+        return found if self.length is None else {**found, "length": self.length}
+
+    @property
+    def junctions(self) -> tuple[Junction, ...]:
+        """Where walls were found to meet."""
+        return self.model.joints.junctions
+
+    def common_priors(self) -> tuple[CommonPrior, ...]:
+        """Moduli of sets whose first materials are nominally alike, as constants of one material."""
+        sets: dict[object, list[str]] = {}
+        for name in self.mesh.sets:
+            section = self.sections[name]
+            if isinstance(section, ShellSection):
+                sets.setdefault(section.materials[0], []).append(name)
+        return tuple(
+            CommonPrior(tuple(f"{name}.{constant}" for name in names))
+            for names in sets.values()
+            if len(names) > 1
+            for constant in ("E1", "E2", "G12", "G13", "G23", "nu12")
+        )
+
+    @cached_property
+    def model(self) -> Model:
+        """The affine finite element model, which holds for any constants.
+
+        Raises:
+            InputError: the place of a support, spring or mass is wrong, or a spring acts on nothing that can move.
+        """
+        thickness = {n: s.thickness for n, s in self.sections.items() if isinstance(s, ShellSection)}
+        axes = {name: section.axis for name, section in self.sections.items()}
+        folded = self.with_joints and len(self.dofs) == 6  # with fewer dofs a body is flat
+        joints = Joints(self.mesh, find_junctions(self.mesh, thickness) if folded else (), axes)
+        surfaces = Surfaces(self.mesh, joints.shifts, tuple(thickness.get(b.set, 0.0) for b in self.mesh.blocks))
+        parts = [*self._walls(joints), *self._beads(joints)]
+        springs = self._linked(spring_parts(self.mesh, surfaces, self.springs))
+        stiffness = [*self._linked([one for some, _ in parts for one in some]), *springs]
+        mass = self._linked([*(part for _, part in parts), *mass_parts(surfaces, self.masses)])
+        used = np.unique(np.concatenate([part.operators.nodes.ravel() for part in (*stiffness, *mass)]))
+        free = free_dofs(self.mesh, self.supports, used, self.dofs)
+        K, M = assemble(stiffness, mass, free, self.dofs)
+        for spring in self.springs:
+            if spring.name not in K.names or not K.term(K.names.index(spring.name)).data.any():
+                raise InputError("spring", f"{spring.name} acts on nothing that moves in this model")
+        motions = rigid_motions(self.mesh.nodes)[:, list(self.dofs)]
+        rigid = unresisted(motions, used, free, K, len(K.names) - len(self.springs))
+        return Model(self.mesh, joints, surfaces, self.dofs, K, M, rigid)
+
+    def _walls(self, joints: Joints) -> Iterator[tuple[list[Part], Part]]:
+        """Stiffness and mass of each block."""
+        for block, shift in zip(self.mesh.blocks, joints.shifts, strict=True):
+            section = self.sections[block.set]
+            if isinstance(section, ShellSection):
+                ratio = self.thickness.get(block.set)
+                strains, motions, drilling = shell_operators(
+                    block, self.mesh.nodes, shift, section, ratio, _DRILLING in self.dofs
+                )
+                one = np.ones((1, 1, 1)), (f"{block.set}.drilling",), _ONE
+                stiffness = [] if drilling is None else [Part(drilling, *one)]
+                motion = Part(motions, inertia_matrices(), _named(block.set, INERTIAS), inertia_blocks())
+            else:
+                arm = shift + np.array(section.offset)
+                strains, motions = beam_operators(block.nodes, block.kind, self.mesh.nodes, np.array(section.axis), arm)
+                stiffness = []
+                names = _named(block.set, ("density_1", "density"))
+                motion = Part(motions, _by_motion(section.mass_matrix), names, _TWO)
+            stiffness.insert(0, Part(strains, section.matrices, _named(block.set, section.terms), section.blocks))
+            yield stiffness, motion
+
+    def _beads(self, joints: Joints) -> Iterator[tuple[list[Part], Part]]:
+        """Stiffness and mass of the joints' beads, set by set."""
+        for bead in joints.beads:
+            kind = f"beam{bead.nodes.shape[1]}"
+            strains, motions = beam_operators(bead.nodes, kind, self.mesh.nodes, bead.axis)
+            for (name, angle), stiffness, mass in zip(bead.walls, bead.stiffness, bead.mass, strict=True):
+                prefix = _joint(name, angle)
+                yield (
+                    [Part(strains, stiffness, _named(prefix, ("E", "G", "Gt")), _THREE)],
+                    Part(motions, _by_motion(mass), _named(prefix, ("density_1", "density")), _TWO),
+                )
+
+    def _linked(self, parts: list[Part]) -> list[Part]:
+        """Parts with led nodes replaced by their leaders."""
+        links = {link.node: link for link in self.links}
+        if not links:
+            return parts
+        return [
+            Part(operators, part.terms, part.names, part.blocks)
+            for part in parts
+            for operators in part.operators.linked(links, self.mesh.nodes)
+        ]
+
+    def _of(self, constants: FloatArray) -> dict[str, dict[str, FloatArray]]:
+        """Constants by set and name."""
+        found: dict[str, dict[str, FloatArray]] = {}
+        for name, value in zip(self.nominal, constants, strict=True):
+            set_name, _, constant = name.rpartition(".")
+            found.setdefault(set_name, {})[constant] = value
+        return found
+
+    def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
+        """(k, …) coefficients of the model's stiffness, springs apart, from (c, …) constants in the order of `nominal`."""
+        of = self._of(constants)
+        values: dict[str, FloatArray] = {}
+        for name in self.mesh.sets:
+            section = self.sections[name]
+            terms = (*section.terms, *(("drilling",) if isinstance(section, ShellSection) else ()))
+            values |= dict(zip(_named(name, terms), section.coefficients(of[name]), strict=True))
+        for name, angle in self._joint_walls:
+            along = self._shell(name).along(of[name], angle)
+            values |= dict(zip(_named(_joint(name, angle), ("E", "G", "Gt")), along[:3], strict=True))
+        names = self.model.stiffness.names
+        return self._stretched(names[: len(names) - len(self.springs)], values, constants)
+
+    def mass_coefficients(self, constants: FloatArray) -> FloatArray:
+        """(j, …) coefficients of the model's mass."""
+        of, values = self._of(constants), {KNOWN: 1 + 0 * constants[0]}
+        for name in self.mesh.sets:
+            section = self.sections[name]
+            if isinstance(section, ShellSection):
+                inertia = section.inertia(of[name])
+                values |= dict(zip(_named(name, INERTIAS), inertia[list(OF_INERTIAS)], strict=True))
+            else:
+                values |= dict.fromkeys(_named(name, ("density_1", "density")), of[name]["density"])
+        for name, angle in self._joint_walls:
+            values |= dict.fromkeys(_named(_joint(name, angle), ("density_1", "density")), of[name]["density"])
+        values |= {mass.name: 1 + 0 * constants[0] for mass in self.masses}
+        return self._stretched(self.model.mass.names, values, constants)
+
+    def are_physical(self, constants: FloatArray) -> BoolArray:
+        """(…) whether moduli, densities and dimensions are positive and plane-stress stiffnesses positive definite."""
+        names = list(self.nominal)
+        signed = np.array(["nu" in name.rpartition(".")[2] for name in names])
+        good = np.all(constants[~signed] > 0, axis=0)
+        for row in np.flatnonzero(signed):
+            E1, E2 = (constants[names.index(names[row].replace("nu12", E))] for E in ("E1", "E2"))
+            good = good & (constants[row] ** 2 * E2 < 0.99 * E1)
+        return np.asarray(good)
+
+    @cached_property
+    def _joint_walls(self) -> tuple[tuple[str, float], ...]:
+        return tuple(dict.fromkeys(wall for bead in self.model.joints.beads for wall in bead.walls))
+
+    def _shell(self, name: str) -> ShellSection:
+        section = self.sections[name]
+        assert isinstance(section, ShellSection)
+        return section
+
+    def _stretched(self, names: tuple[str, ...], values: Mapping[str, FloatArray], constants: FloatArray) -> FloatArray:
+        """Values by name of a body whose mesh has the nominal length.
+
+        With x = αx', u and the rotations about y and z in proportion to 1/α, the strains of a body α times as long are
+        those of the mesh times a power of α each. (Masses at points move along x a little too much: by the square of α.)
+        """
+        if self.length is None:
+            return np.stack([values[name] for name in names])
+        ratio = constants[-1] / self.length
+        return np.stack([values[name] * ratio ** _POWERS.get(_index(name), 0) for name in names])
+
+
+_POWERS = {
+    "11": -3,
+    "12": -1,
+    "22": 1,
+    "66": -1,
+    "16": -2,
+    "26": 0,
+    "S55": -1,
+    "S44": 1,
+    "S45": 0,
+    "drilling": -1,
+    "I0_1": -1,
+    "I0": 1,
+    "I1_1": -1,
+    "I1": 1,
+    "I2_1": -1,
+    "I2": 1,
+    "E": -3,
+    "G": -1,
+    "Gt": -1,
+    "density_1": -1,
+    "density": 1,
+}
+"""Of the relative length in each coefficient."""
+
+_DRILLING = 5  # a flat body whose nodes do not turn about z has no drilling
+_ONE = (np.array([[0]]),)
+_TWO = (*_ONE, np.array([[1]]))
+_THREE = (*_TWO, np.array([[2]]))
+
+
+def _index(name: str) -> str:
+    """A coefficient's key in `_POWERS`: 11 of flange.A11, E of web.joint.E."""
+    last = name.rpartition(".")[2]
+    return last[1:] if last[0] in "ABD" else last
+
+
+def _named(prefix: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"{prefix}.{name}" for name in names)
+
+
+def _joint(name: str, angle: float) -> str:
+    """Prefix of the coefficients of a set in joints along lines at an angle from its axis 1."""
+    return f"{name}.joint" if not angle else f"{name}.joint at {np.degrees(angle):.1f}°"
+
+
+def _by_motion(mass: FloatArray) -> FloatArray:
+    """(2, 6, 6) the part of a beam's mass that moves along it, and the rest."""
+    found = np.zeros((2, 6, 6))
+    for part, rows in zip(found, ([0, 4, 5], [1, 2, 3]), strict=True):
+        part[np.ix_(rows, rows)] = mass[np.ix_(rows, rows)]
+    return found
