@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import calculix
+from fecore.body.generators import panel, profile
 from fecore.body.laminate import OrthotropicMaterial, Ply
+from fecore.body.mesh import Block, Mesh
+from fecore.body.sections import ShellSection
+from fecore.body.structure import Structure
 from fecore.dynamics.eigen import normal_modes
-from fecore.space.generators import panel, profile
-from fecore.space.mesh import Block, Mesh
-from fecore.space.sections import ShellSection
-from fecore.space.structure import Structure
 from tests.support.places import ROOT
 from tests.support.shells import KINDS, cylinder, hemisphere, roof, twisted_beam
 

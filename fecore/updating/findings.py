@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Literal, NamedTuple
 
-from fecore.body.specimen import UNITS, kind_of
+from fecore.body.constants import UNITS, kind_of
 from fecore.updating.result import Finding, ParameterEstimate, Verdict
 
 Level = Literal["with_care", "do_not_use"]

@@ -28,7 +28,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from fecore.body.specimen import kind_of
+from fecore.body.constants import kind_of
 from fecore.errors import InputError
 
 
@@ -129,6 +129,7 @@ CONSTANT_INPUTS = {
     "nu_xy": "nu_xy",
     "nu": "nu_xy",
     "nu12": "nu_xy",
+    "t": "thickness",
     "angle": "ply_angle",
 }
 """Constants of a specimen that are inputs, without a number at their end, and the name of each tolerance."""

@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
-from fecore.body.specimen import SIGNED, UNITS, Body, kind_of
+from fecore.body.constants import SIGNED, UNITS, Body, kind_of
 from fecore.errors import InputError
 
 DEFAULT_RELATIVE_SD = 0.30

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from examples.plies import CARBON
+from fecore.body.generators import Piece
 from fecore.body.laminate import OrthotropicMaterial
-from fecore.body.profile import Piece
 from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass
 from fecore.updating.forward import ForwardModel

@@ -13,10 +13,10 @@ from scipy.sparse.linalg import splu
 
 from fecore.arrays import FloatArray
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.space.mesh import Block, Mesh
-from fecore.space.sections import ShellSection
-from fecore.space.structure import Structure
-from fecore.space.supports import Support
+from fecore.body.mesh import Block, Mesh
+from fecore.body.sections import ShellSection
+from fecore.body.structure import Structure
+from fecore.body.supports import Support
 
 KINDS = ("quad8", "quad4", "tri6", "tri3")
 

@@ -11,9 +11,10 @@ from uuid import UUID
 
 from sqlalchemy.orm import Session
 
+from fecore.body.constants import Body
 from fecore.body.laminate import OrthotropicMaterial
-from fecore.body.model import PointMass
-from fecore.body.specimen import Body, Specimen
+from fecore.body.specimen import Specimen
+from fecore.body.supports import PointMass
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, CampaignsRecipe, Coupon

@@ -9,8 +9,9 @@ from uuid import UUID
 
 from pydantic import Field
 
-from fecore.body.layered import PLY_CONSTANTS
-from fecore.body.specimen import CONSTANTS, Body, kind_of
+from fecore.body.constants import Body, kind_of
+from fecore.body.sections import PLY_CONSTANTS
+from fecore.body.specimen import CONSTANTS
 from fecore.body.supports import Edge, Spring
 from fecore.modal import Options
 from fecore.updating import recipe as core

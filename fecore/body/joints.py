@@ -21,10 +21,10 @@ from functools import cached_property
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
+from fecore.body.elements.beams import fibre
+from fecore.body.junctions import Edge, Junction, Wall
 from fecore.body.laminate import SHEAR_CORRECTION
-from fecore.space.elements.beams import fibre
-from fecore.space.junctions import Edge, Junction, Wall
-from fecore.space.mesh import Mesh
+from fecore.body.mesh import Mesh
 
 TORSION = 0.1
 """Torsion of a bead by G t⁴."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.space.elements.shells import displacement_strains, surface
+from fecore.body.elements.shells import displacement_strains, surface
 
 _CORNERS = np.array([[0.0, 0], [1, 0], [0, 1]])
 _THREE = np.array([[1, 1], [4, 1], [1, 4]]) / 6, np.full(3, 1 / 6)  # exact to the second degree

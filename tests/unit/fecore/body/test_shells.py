@@ -9,11 +9,11 @@ import pytest
 import scipy
 
 from fecore.body.laminate import OrthotropicMaterial, Ply
+from fecore.body.mesh import Block, Mesh
+from fecore.body.sections import ShellSection
+from fecore.body.structure import Structure
+from fecore.body.supports import Support
 from fecore.errors import InputError
-from fecore.space.mesh import Block, Mesh
-from fecore.space.sections import ShellSection
-from fecore.space.structure import Structure
-from fecore.space.supports import Support
 from tests.support.shells import KINDS, cylinder, grid, hemisphere, isotropic, matrices, roof, twisted_beam
 
 GFRP = OrthotropicMaterial(25e9, 9e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)

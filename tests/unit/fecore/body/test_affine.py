@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fecore.body.affine import distinct
+from fecore.body.generators import profile
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.space.affine import distinct
-from fecore.space.generators import profile
-from fecore.space.sections import ShellSection
-from fecore.space.structure import Structure
+from fecore.body.sections import ShellSection
+from fecore.body.structure import Structure
 
 GFRP = OrthotropicMaterial(25e9, 9e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
 CHANNEL = Structure(

@@ -16,7 +16,7 @@ from functools import cache
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.space.elements.shells import bent_sides, displacement_strains, surface, with_middles
+from fecore.body.elements.shells import bent_sides, displacement_strains, surface, with_middles
 
 _CORNERS: FloatArray = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
-from fecore.space.mesh import SHELLS, Mesh
+from fecore.body.mesh import SHELLS, Mesh
 
 TURN = 20.0
 """Degrees by which the surface turns at a junction, at least."""

@@ -15,7 +15,6 @@ import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.body.laminate import SHEAR_CORRECTION, OrthotropicMaterial, Ply, balanced_shear
-from fecore.body.specimen import turned_stiffness
 from fecore.errors import InputError
 
 PLY_CONSTANTS = ("E1", "E2", "G12", "G13", "G23", "nu12")
@@ -26,6 +25,9 @@ DRILLING = 0.01
 
 DRILLING_INERTIA = 0.1
 """Inertia about the normal by I2: small, and large enough for a definite mass; its own modes lie far above all others."""
+
+MOST_ANGLES = 40
+"""Plies up to which each ply's angle is a constant, `angle_1` from the bottom."""
 
 _OF_MATERIAL = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy")
 _VOIGT = {"11": (0, 0), "12": (0, 1), "22": (1, 1), "66": (2, 2), "16": (0, 2), "26": (1, 2)}
@@ -40,11 +42,13 @@ class ShellSection:
         plies: the stack, with nominal constants; angles are from axis 1 towards axis 2 = normal × axis 1.
         axis: axis 1 in the structure's frame, projected on the surface.
         offset: of the middle of the stack from the mesh along the normal, m.
+        turning: whether angles are constants: `angle` of the whole stack about the normal, and each ply's own, rad.
     """
 
     plies: tuple[Ply, ...]
     axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
     offset: float = 0.0
+    turning: bool = False
 
     def __post_init__(self) -> None:
         if not self.plies:
@@ -64,19 +68,24 @@ class ShellSection:
 
     @cached_property
     def nominal(self) -> dict[str, float]:
-        """Constants by name, SI: of the materials, then `density` (mean) and `t`."""
+        """Constants by name, SI: of the materials, `density` (mean), `t`, a `factor` of all stiffness, and angles."""
         found = {}
         for number, material in enumerate(self.materials, start=1):
             suffix = "" if number == 1 else f"_{number}"
             for name, stored in zip(PLY_CONSTANTS, _OF_MATERIAL, strict=True):
                 found[name + suffix] = float(getattr(material, stored))
         mass = sum(ply.material.density * ply.thickness for ply in self.plies)
-        return {**found, "density": mass / self.thickness, "t": self.thickness}
+        found |= {"density": mass / self.thickness, "t": self.thickness, "factor": 1.0}
+        if not self.turning:
+            return found
+        own = self.plies if len(self.plies) <= MOST_ANGLES else ()
+        angles = {f"angle_{k}": float(np.radians(ply.angle_deg)) for k, ply in enumerate(own, start=1)}
+        return {**found, "angle": 0.0, **angles}
 
     @property
     def is_plain(self) -> bool:
         """Whether axis 1 is an axis of symmetry and the middle surface one too: one ply, not turned, no offset."""
-        return len(self.plies) == 1 and not self.plies[0].angle_deg and not self.offset
+        return len(self.plies) == 1 and not self.plies[0].angle_deg and not self.offset and not self.turning
 
     @cached_property
     def terms(self) -> tuple[str, ...]:
@@ -102,9 +111,14 @@ class ShellSection:
         shears = ((6,), (7,)) if self.is_plain else ((6, 7),)
         return tuple(np.array([[at[i, j] for j in rows] for i in rows]) for rows in (*plane, *shears))
 
-    def coefficients(self, constants: Mapping[str, FloatArray]) -> FloatArray:
-        """(k + 1, …) coefficients of the terms, and of the drilling, from constants (…) by name."""
-        A, B, D, S = self._stiffness(constants)
+    def coefficients(self, constants: Mapping[str, FloatArray], bending_alone: bool = False) -> FloatArray:
+        """(k + 1, …) coefficients of the terms, and of the drilling, from constants (…) by name.
+
+        Where a model bends alone, what little B has enters by the reduced stiffness D − B A⁻¹ B (Reddy, section 5.2).
+        """
+        A, B, D, S = self.stiffness(constants)
+        if bending_alone and not self.is_plain:
+            D = D - B @ np.linalg.inv(A) @ B
         letters = {"A": A, "B": B, "D": D}
         rows = []
         for name in self.terms:
@@ -129,7 +143,7 @@ class ShellSection:
         """(4, …) E and G in the plane along a line at an angle from axis 1 (rad), G across it, and density: a wall's as a
         beam.
         """
-        A, _, _, S = self._stiffness(constants)
+        A, _, _, S = self.stiffness(constants)
         t = constants["t"]
         c, s = np.cos(angle), np.sin(angle)
         strain = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]])
@@ -145,11 +159,12 @@ class ShellSection:
         shares = np.concatenate([[0.0], np.cumsum(thicknesses)]) / thicknesses.sum() - 0.5
         return np.asarray(shares.reshape(-1, *(1,) * np.ndim(t)) * t + self.offset)
 
-    def _stiffness(self, constants: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def stiffness(self, constants: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """(…, 3, 3) A, B, D and (…, 2, 2) S."""
         t = np.asarray(constants["t"])
-        plies = [self._ply(constants, ply) for ply in self.plies]
-        Q, C = np.array([Q for Q, _ in plies]), np.array([C for _, C in plies])
+        plies = [self._ply(constants, number) for number in range(len(self.plies))]
+        factor = np.asarray(constants["factor"])[..., None, None]
+        Q, C = np.array([factor * Q for Q, _ in plies]), np.array([factor * C for _, C in plies])
         levels = self._levels(t)
         low, high = levels[:-1, ..., None, None], levels[1:, ..., None, None]
         A, B, D = (np.sum(Q * (high**n - low**n) / n, axis=0) for n in (1, 2, 3))
@@ -161,12 +176,18 @@ class ShellSection:
         whole = np.block([[own[0], own[1]], [own[1], own[2]]])
         return A, B, D, balanced_shear(Q, C, middle, np.linalg.inv(whole)[..., 3:])
 
-    def _ply(self, constants: Mapping[str, FloatArray], ply: Ply) -> tuple[FloatArray, FloatArray]:
+    @cached_property
+    def _suffixes(self) -> tuple[str, ...]:
+        """Of each ply's material's constants."""
+        numbers = [self.materials.index(replace(ply.material, density=1.0)) for ply in self.plies]
+        return tuple("" if number == 0 else f"_{number + 1}" for number in numbers)
+
+    def _ply(self, constants: Mapping[str, FloatArray], number: int) -> tuple[FloatArray, FloatArray]:
         """(…, 3, 3) plane-stress and (…, 2, 2) transverse shear stiffness of a ply in the section's axes."""
-        number = self.materials.index(replace(ply.material, density=1.0))
-        suffix = "" if number == 0 else f"_{number + 1}"
+        suffix = self._suffixes[number]
         E1, E2, G12, G13, G23, nu = (np.asarray(constants[name + suffix]) for name in PLY_CONSTANTS)
-        angle = np.radians(ply.angle_deg)
+        own = np.radians(self.plies[number].angle_deg)
+        angle = constants.get("angle", 0.0) + constants.get(f"angle_{number + 1}", own)
         rest = E1 - nu**2 * E2
         q11, q12, q22, q66, q16, q26 = turned_stiffness(E1**2 / rest, nu * E1 * E2 / rest, E1 * E2 / rest, G12, angle)
         c, s = np.cos(angle), np.sin(angle)
@@ -174,26 +195,42 @@ class ShellSection:
         return _matrix([[q11, q12, q16], [q12, q22, q26], [q16, q26, q66]]), _matrix([[s55, s45], [s45, s44]])
 
 
-INERTIAS = ("I0_1", "I0", "I1_1", "I1", "I2_1", "I2", "drilling")
-"""Coefficients of a shell's mass; motion along axis 1 has its own, so that a body's length can be a constant."""
+INERTIAS = (*(f"I{n}_{axis}" for n in (0, 1, 2) for axis in (1, 2, 3)), "drilling")
+"""Coefficients of a shell's mass; motion along each axis has its own, so that a body's length and width can be constants."""
 
-OF_INERTIAS = (0, 0, 1, 1, 2, 2, 3)
+OF_INERTIAS = (0, 0, 0, 1, 1, 1, 2, 2, 2, 3)
 """Which of `ShellSection.inertia` each is."""
 
 
 def inertia_matrices() -> FloatArray:
-    """(7, 7, 7) C_j of `INERTIAS` on the motions of a shell: u₀ (3), θ × d (3), θ · d."""
-    found = np.zeros((7, 7, 7))
-    for first, axes in ((0, np.array([0])), (1, np.array([1, 2]))):
-        u, b = axes, axes + 3
-        found[first, u, u] = found[first + 2, u, b] = found[first + 2, b, u] = found[first + 4, b, b] = 1
-    found[6, 6, 6] = 1
+    """(10, 7, 7) C_j of `INERTIAS` on the motions of a shell: u₀ (3), θ × d (3), θ · d."""
+    found = np.zeros((10, 7, 7))
+    for axis in range(3):
+        u, b = axis, axis + 3
+        found[axis, u, u] = found[axis + 3, u, b] = found[axis + 3, b, u] = found[axis + 6, b, b] = 1
+    found[9, 6, 6] = 1
     return found
 
 
 def inertia_blocks() -> tuple[IntArray, ...]:
     """Index matrices of `INERTIAS`."""
-    return np.array([[0, 2], [2, 4]]), np.array([[1, 3], [3, 5]]), np.array([[6]])
+    return (*(np.array([[axis, axis + 3], [axis + 3, axis + 6]]) for axis in range(3)), np.array([[9]]))
+
+
+def turned_stiffness(
+    Q11: FloatArray, Q12: FloatArray, Q22: FloatArray, Q66: FloatArray, angle: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Q̄11, Q̄12, Q̄22, Q̄66, Q̄16 and Q̄26 of a material turned by an angle (Reddy, Eq. 2.4.8)."""
+    c, s = np.cos(angle), np.sin(angle)
+    even, sloped, steep = Q11 + Q22, Q11 - Q12 - 2 * Q66, Q12 - Q22 + 2 * Q66
+    return (
+        Q11 * c**4 + 2 * (Q12 + 2 * Q66) * s**2 * c**2 + Q22 * s**4,
+        (even - 4 * Q66) * s**2 * c**2 + Q12 * (s**4 + c**4),
+        Q11 * s**4 + 2 * (Q12 + 2 * Q66) * s**2 * c**2 + Q22 * c**4,
+        (even - 2 * Q12 - 2 * Q66) * s**2 * c**2 + Q66 * (s**4 + c**4),
+        sloped * s * c**3 + steep * s**3 * c,
+        sloped * s**3 * c + steep * s * c**3,
+    )
 
 
 def _places(name: str) -> list[tuple[int, int]]:

@@ -7,14 +7,14 @@ The node sets `start` and `end` are the ends.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
+from fecore.body.mesh import Block, Mesh
 from fecore.errors import InputError
-from fecore.space.mesh import Block, Mesh
 
 ELEMENTS = 6
 """Elements over the larger side of a section; with 4, 20 modes are within .2 % of a fine mesh."""
@@ -56,7 +56,7 @@ def profile(
     """
     if shape not in _SHAPES:
         raise InputError("shape.kind", f"is {shape!r}, expected one of {', '.join(_SHAPES)} or panel")
-    _check(length=length, height=height, width=width, flange=flange, web=web)
+    _check("shape", length=length, height=height, width=width, flange=flange, web=web)
     if height <= 2 * flange or width <= 2 * web:
         raise InputError("shape", f"of {height:g} × {width:g} m has no room for walls of {flange:g} and {web:g} m")
     y, z, side, top = (width - web) / 2, (height - flange) / 2, width / 2, height / 2
@@ -99,7 +99,7 @@ def panel(
     Raises:
         InputError: a rib lies off the plate, or a dimension leaves no rib.
     """
-    _check(length=length, width=width, height=height, plate=plate, rib=rib)
+    _check("shape", length=length, width=width, height=height, plate=plate, rib=rib)
     if height <= plate:
         raise InputError("shape.height_m", f"is {height:g}, expected more than the plate's {plate:g} m")
     lines = np.array([-width / 2, *ribs, width / 2])
@@ -111,25 +111,105 @@ def panel(
     return extrude(walls, length, width / elements)
 
 
-def strip(length: float, width: float, along: int = 40, across: int = 4, lines: Sequence[float] = ()) -> Mesh:
+def strip(
+    length: float,
+    width: float,
+    along: int = 40,
+    across: int = 4,
+    zones: Sequence[float] = (),
+    pieces: Sequence[Piece] = (),
+    thickness: float = 1.0,
+) -> Mesh:
     """A flat strip at z = 0, the set `strip` or, between lines at some x, `strip_1`, `strip_2` and so on.
 
     Edges are node sets: `start`, `end`, `lower` (y < 0) and `upper`.
+
+    Args:
+        length: m.
+        width: m.
+        along: number of elements along the length, at least.
+        across: number of elements across.
+        zones: x of the lines between sets, m.
+        pieces: steps and tapers of thickness, in the order of x; the middle surface stays plane.
+        thickness: where no piece lies, m.
+
+    Raises:
+        InputError: a dimension or a number of elements is not positive, or pieces overlap or reach beyond the end.
     """
-    _check(length=length, width=width)
-    stations = _stations(length, along, lines)
+    _check("geometry", length=length, width=width)
+    for name, number in (("nx", along), ("ny", across)):
+        if number < 1:
+            raise InputError(f"mesh.{name}", f"is {number}, expected at least one element")
+    ends = {x for piece in pieces for x in (piece.start, piece.end) if 1e-9 * length < x < (1 - 1e-9) * length}
+    stations = _stations(length, along, sorted({*zones, *ends}))
     mesh = _extruded([Segment("strip", (-width / 2, 0.0), (width / 2, 0.0))], stations, [across])
-    y = mesh.nodes[:, 1]
-    side = {
-        "lower": np.flatnonzero(y < -width / 2 * (1 - 1e-9)),
-        "upper": np.flatnonzero(y > width / 2 * (1 - 1e-9)),
-    }
-    blocks = mesh.blocks
-    if lines:
-        (block,) = blocks
-        zone = np.searchsorted(np.array(lines), mesh.nodes[block.nodes, 0].mean(axis=1))
-        blocks = tuple(Block("quad8", block.nodes[zone == k], f"strip_{k + 1}") for k in range(len(lines) + 1))
-    return Mesh(mesh.nodes, blocks, {**mesh.node_sets, **side})
+    if across > along:  # numbered along the side with fewer elements, which keeps the matrices' band narrow
+        mesh = _renumbered(mesh, np.lexsort(mesh.nodes[:, :2].T.round(12)))
+    y, (block,) = mesh.nodes[:, 1], mesh.blocks
+    sides = {"lower": np.flatnonzero(y < -width / 2 * (1 - 1e-9)), "upper": np.flatnonzero(y > width / 2 * (1 - 1e-9))}
+    x = mesh.nodes[block.nodes, 0]
+    ratio = relative_thickness(x, length, thickness, pieces) if pieces else None
+    zone = np.searchsorted(np.array(zones), x.mean(axis=1))
+    blocks = tuple(
+        Block("quad8", block.nodes[own], f"strip_{k + 1}" if zones else "strip", None if ratio is None else ratio[own])
+        for k in range(len(zones) + 1)
+        for own in [zone == k]
+    )
+    return Mesh(mesh.nodes, blocks, {**mesh.node_sets, **sides})
+
+
+@dataclass(frozen=True)
+class Piece:
+    """From x = `start` to `end` in m the thickness goes evenly from `first` to `last`, in m."""
+
+    start: float
+    end: float
+    first: float
+    last: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.start) and np.isfinite(self.end) and 0 <= self.start < self.end):
+            raise InputError("piece", f"goes from {self.start} to {self.end} m, expected 0 ≤ start < end")
+        for value in (self.first, self.last):
+            if not (np.isfinite(value) and value > 0):
+                raise InputError("piece.thickness", f"is {value}, expected a positive number of metres")
+
+
+def relative_thickness(x: FloatArray, length: float, thickness: float, pieces: Sequence[Piece]) -> FloatArray:
+    """(e, n) thickness over the nominal one at (e, n) places x of elements' nodes, each by the piece that its element is in.
+
+    Raises:
+        InputError: as of `check_pieces`.
+    """
+    check_pieces(length, pieces)
+    found, middle = np.ones_like(x), x.mean(axis=1)
+    for piece in pieces:
+        inside = (middle > piece.start) & (middle < piece.end)
+        share = (x[inside] - piece.start) / (piece.end - piece.start)
+        found[inside] = (piece.first + share * (piece.last - piece.first)) / thickness
+    return found
+
+
+def check_pieces(length: float, pieces: Sequence[Piece]) -> None:
+    """Make sure that pieces lie on a specimen, one beyond the other.
+
+    Raises:
+        InputError: pieces overlap, are not in the order of x, or reach beyond the end.
+    """
+    for before, after in pairwise(pieces):
+        if after.start < before.end:
+            raise InputError(
+                "pieces", f"overlap, or are not in the order of x: {before.end:g} m is beyond {after.start:g} m"
+            )
+    if pieces and pieces[-1].end > length * (1 + 1e-9):
+        raise InputError("pieces", f"end at {pieces[-1].end:g} m, beyond the length of {length:g} m")
+
+
+def _renumbered(mesh: Mesh, order: IntArray) -> Mesh:
+    """The mesh with its nodes in another order."""
+    new = np.argsort(order)
+    blocks = tuple(replace(block, nodes=new[block.nodes]) for block in mesh.blocks)
+    return Mesh(mesh.nodes[order], blocks, {name: np.sort(new[nodes]) for name, nodes in mesh.node_sets.items()})
 
 
 def extrude(segments: Sequence[Segment], length: float, size: float) -> Mesh:
@@ -181,7 +261,7 @@ def _stations(length: float, along: int, lines: Sequence[float]) -> FloatArray:
     return np.concatenate([*parts, [length]])
 
 
-def _check(**dimensions: float) -> None:
+def _check(field: str, **dimensions: float) -> None:
     for name, size in dimensions.items():
         if not (np.isfinite(size) and size > 0):
-            raise InputError(f"shape.{name}_m", f"is {size}, expected a positive number of metres")
+            raise InputError(f"{field}.{name}_m", f"is {size}, expected a positive number of metres")

@@ -1,29 +1,30 @@
 """A structure as an engineer describes it, and how its model's coefficients follow from its constants.
 
 Its constants are those of its sections by set, `flange.E1`, `web.t`, and closed forms lead from them to the coefficients
-c(q) and m(q) of its affine model (`fecore.body.specimen.Body`). Sets that share a material have a common prior.
+c(q) and m(q) of its affine model (`fecore.body.constants.Body`). Sets that share a material have a common prior.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
+from fecore.body.beams import BeamSection
+from fecore.body.carried import KNOWN, mass_parts, spring_parts
+from fecore.body.constants import SIGNED, kind_of
+from fecore.body.joints import Joints
+from fecore.body.junctions import Junction, find_junctions
+from fecore.body.locate import TOLERANCE, Surfaces
+from fecore.body.mesh import Mesh
+from fecore.body.model import Model, Part, assemble, unresisted
+from fecore.body.operators import beam_operators, shell_operators
+from fecore.body.sections import INERTIAS, OF_INERTIAS, ShellSection, inertia_blocks, inertia_matrices
+from fecore.body.supports import Clamp, Link, Mass, Spring, Support, free_dofs, rigid_motions
 from fecore.errors import InputError
-from fecore.space.beams import BeamSection
-from fecore.space.carried import KNOWN, mass_parts, spring_parts
-from fecore.space.joints import Joints
-from fecore.space.junctions import Junction, find_junctions
-from fecore.space.locate import Surfaces
-from fecore.space.mesh import Mesh
-from fecore.space.model import Model, Part, assemble, unresisted
-from fecore.space.operators import beam_operators, shell_operators
-from fecore.space.sections import INERTIAS, OF_INERTIAS, ShellSection, inertia_blocks, inertia_matrices
-from fecore.space.supports import Link, Mass, Spring, Support, free_dofs, rigid_motions
 
 COMMON_SD, OWN_SD = 0.30, 0.15
 """Relative prior of a material, and scatter of the sets that are made of it."""
@@ -55,11 +56,12 @@ class Structure:
         springs: elastic supports; their stiffnesses can be updating parameters, by their names.
         masses: what it carries.
         links: nodes that others lead.
-        with_joints: model junctions (`fecore.space.joints`); without, walls meet at their middle surfaces.
-        thickness: (nodes,) thickness by that of the section, of sets that taper.
+        with_joints: model junctions (`fecore.body.joints`); without, walls meet at their middle surfaces.
         dofs: numbers of the dofs of a node; a flat strip needs w, θx, θy alone.
-        length: nominal length along x of a body that is extruded along it, with axis 1 along x in all sets: then `length`
-            is an exact constant. None for any other.
+        size: nominal length along x of a body that is extruded along it, with axis 1 along x in all sets: then `length`
+            is an exact constant; and nominal width of one that is flat too, for `width`.
+        clamps: edges held by springs whose compliance is a constant.
+        reach: m along x, y and z by which a point may lie further from the surface than half the wall.
     """
 
     mesh: Mesh
@@ -69,9 +71,10 @@ class Structure:
     masses: tuple[Mass, ...] = ()
     links: tuple[Link, ...] = ()
     with_joints: bool = True
-    thickness: Mapping[str, FloatArray] = field(default_factory=dict)
     dofs: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
-    length: float | None = None
+    size: tuple[float, ...] = ()
+    clamps: tuple[Clamp, ...] = ()
+    reach: tuple[float, float, float] = (TOLERANCE,) * 3
 
     def __post_init__(self) -> None:
         for block in self.mesh.blocks:
@@ -84,7 +87,8 @@ class Structure:
     def nominal(self) -> dict[str, float]:
         """Constants by name, SI."""
         found = {f"{name}.{c}": v for name in self.mesh.sets for c, v in self.sections[name].nominal.items()}
-        return found if self.length is None else {**found, "length": self.length}
+        found |= dict(zip(("length", "width"), self.size, strict=False))
+        return found | {clamp.name: clamp.compliance for clamp in self.clamps}
 
     @property
     def junctions(self) -> tuple[Junction, ...]:
@@ -116,29 +120,35 @@ class Structure:
         axes = {name: section.axis for name, section in self.sections.items()}
         folded = self.with_joints and len(self.dofs) == 6  # with fewer dofs a body is flat
         joints = Joints(self.mesh, find_junctions(self.mesh, thickness) if folded else (), axes)
-        surfaces = Surfaces(self.mesh, joints.shifts, tuple(thickness.get(b.set, 0.0) for b in self.mesh.blocks))
+        walls = [(s.thickness if isinstance(s, ShellSection) else 2 * s.reach) for s in self._sections]
+        surfaces = Surfaces(self.mesh, joints.shifts, tuple(walls), self.reach)
         parts = [*self._walls(joints), *self._beads(joints)]
-        springs = self._linked(spring_parts(self.mesh, surfaces, self.springs))
+        held = (*(clamp.spring for clamp in self.clamps), *self.springs)
+        springs = self._linked(spring_parts(self.mesh, surfaces, held))
         stiffness = [*self._linked([one for some, _ in parts for one in some]), *springs]
         mass = self._linked([*(part for _, part in parts), *mass_parts(surfaces, self.masses)])
         used = np.unique(np.concatenate([part.operators.nodes.ravel() for part in (*stiffness, *mass)]))
         free = free_dofs(self.mesh, self.supports, used, self.dofs)
         K, M = assemble(stiffness, mass, free, self.dofs)
-        for spring in self.springs:
+        for spring in held:
             if spring.name not in K.names or not K.term(K.names.index(spring.name)).data.any():
                 raise InputError("spring", f"{spring.name} acts on nothing that moves in this model")
         motions = rigid_motions(self.mesh.nodes)[:, list(self.dofs)]
-        rigid = unresisted(motions, used, free, K, len(K.names) - len(self.springs))
+        rigid = unresisted(motions, used, free, K, len(K.names) - len(held))
         return Model(self.mesh, joints, surfaces, self.dofs, K, M, rigid)
+
+    @property
+    def _sections(self) -> list[ShellSection | BeamSection]:
+        """The section of each block."""
+        return [self.sections[block.set] for block in self.mesh.blocks]
 
     def _walls(self, joints: Joints) -> Iterator[tuple[list[Part], Part]]:
         """Stiffness and mass of each block."""
         for block, shift in zip(self.mesh.blocks, joints.shifts, strict=True):
             section = self.sections[block.set]
             if isinstance(section, ShellSection):
-                ratio = self.thickness.get(block.set)
                 strains, motions, drilling = shell_operators(
-                    block, self.mesh.nodes, shift, section, ratio, _DRILLING in self.dofs
+                    block, self.mesh.nodes, shift, section, _DRILLING in self.dofs
                 )
                 one = np.ones((1, 1, 1)), (f"{block.set}.drilling",), _ONE
                 stiffness = [] if drilling is None else [Part(drilling, *one)]
@@ -147,8 +157,8 @@ class Structure:
                 arm = shift + np.array(section.offset)
                 strains, motions = beam_operators(block.nodes, block.kind, self.mesh.nodes, np.array(section.axis), arm)
                 stiffness = []
-                names = _named(block.set, ("density_1", "density"))
-                motion = Part(motions, _by_motion(section.mass_matrix), names, _TWO)
+                names = _named(block.set, section.motions)
+                motion = Part(motions, section.mass_matrices, names, section.motion_blocks)
             stiffness.insert(0, Part(strains, section.matrices, _named(block.set, section.terms), section.blocks))
             yield stiffness, motion
 
@@ -189,37 +199,42 @@ class Structure:
         values: dict[str, FloatArray] = {}
         for name in self.mesh.sets:
             section = self.sections[name]
-            terms = (*section.terms, *(("drilling",) if isinstance(section, ShellSection) else ()))
-            values |= dict(zip(_named(name, terms), section.coefficients(of[name]), strict=True))
+            if isinstance(section, ShellSection):
+                found = section.coefficients(of[name], bending_alone=not {0, 1} & set(self.dofs))
+                values |= dict(zip(_named(name, (*section.terms, "drilling")), found, strict=True))
+            else:
+                values |= dict(zip(_named(name, section.terms), section.coefficients(of[name]), strict=True))
         for name, angle in self._joint_walls:
             along = self._shell(name).along(of[name], angle)
             values |= dict(zip(_named(_joint(name, angle), ("E", "G", "Gt")), along[:3], strict=True))
+        values |= {clamp.name: clamp.stiffness / of[""][clamp.name] for clamp in self.clamps}
         names = self.model.stiffness.names
-        return self._stretched(names[: len(names) - len(self.springs)], values, constants)
+        return self._stretched(names[: len(names) - len(self.springs)], values, of.get("", {}))
 
     def mass_coefficients(self, constants: FloatArray) -> FloatArray:
         """(j, …) coefficients of the model's mass."""
-        of, values = self._of(constants), {KNOWN: 1 + 0 * constants[0]}
+        of, one = self._of(constants), np.ones_like(constants[0])
+        values = {KNOWN: one, **{mass.name: one for mass in self.masses}}
         for name in self.mesh.sets:
             section = self.sections[name]
             if isinstance(section, ShellSection):
                 inertia = section.inertia(of[name])
                 values |= dict(zip(_named(name, INERTIAS), inertia[list(OF_INERTIAS)], strict=True))
             else:
-                values |= dict.fromkeys(_named(name, ("density_1", "density")), of[name]["density"])
+                values |= dict(zip(_named(name, section.motions), section.inertias(of[name]), strict=True))
         for name, angle in self._joint_walls:
             values |= dict.fromkeys(_named(_joint(name, angle), ("density_1", "density")), of[name]["density"])
-        values |= {mass.name: 1 + 0 * constants[0] for mass in self.masses}
-        return self._stretched(self.model.mass.names, values, constants)
+        return self._stretched(self.model.mass.names, values, of.get("", {}))
 
     def are_physical(self, constants: FloatArray) -> BoolArray:
         """(…) whether moduli, densities and dimensions are positive and plane-stress stiffnesses positive definite."""
         names = list(self.nominal)
-        signed = np.array(["nu" in name.rpartition(".")[2] for name in names])
+        signed = np.array([kind_of(name) in SIGNED for name in names])
         good = np.all(constants[~signed] > 0, axis=0)
-        for row in np.flatnonzero(signed):
-            E1, E2 = (constants[names.index(names[row].replace("nu12", E))] for E in ("E1", "E2"))
-            good = good & (constants[row] ** 2 * E2 < 0.99 * E1)
+        for row, name in enumerate(names):
+            if kind_of(name) == "nu12":
+                E1, E2 = (constants[names.index(name.replace("nu12", E))] for E in ("E1", "E2"))
+                good = good & (constants[row] ** 2 * E2 < 0.99 * E1)
         return np.asarray(good)
 
     @cached_property
@@ -231,42 +246,51 @@ class Structure:
         assert isinstance(section, ShellSection)
         return section
 
-    def _stretched(self, names: tuple[str, ...], values: Mapping[str, FloatArray], constants: FloatArray) -> FloatArray:
-        """Values by name of a body whose mesh has the nominal length.
+    def _stretched(
+        self, names: tuple[str, ...], values: Mapping[str, FloatArray], whole: Mapping[str, FloatArray]
+    ) -> FloatArray:
+        """Values by name of a body whose mesh has the nominal length and width.
 
-        With x = αx', u and the rotations about y and z in proportion to 1/α, the strains of a body α times as long are
-        those of the mesh times a power of α each. (Masses at points move along x a little too much: by the square of α.)
+        With x = αx', y = βy', u' = αu, v' = βv, θx' = βθx and θy' = αθy the strains of a body α times as long and β times as
+        wide are those of the mesh times powers of α and β. (Masses at points move along x and y a little too much.)
         """
-        if self.length is None:
+        if not self.size:
             return np.stack([values[name] for name in names])
-        ratio = constants[-1] / self.length
-        return np.stack([values[name] * ratio ** _POWERS.get(_index(name), 0) for name in names])
+        ratios = [whole[name] / size for name, size in zip(("length", "width"), self.size, strict=False)]
+        rows = []
+        for name in names:
+            row = values[name]
+            for ratio, power in zip(ratios, _POWERS.get(_index(name), (0, 0)), strict=False):
+                row = row * ratio**power if power else row
+            rows.append(row)
+        return np.stack(rows)
 
 
 _POWERS = {
-    "11": -3,
-    "12": -1,
-    "22": 1,
-    "66": -1,
-    "16": -2,
-    "26": 0,
-    "S55": -1,
-    "S44": 1,
-    "S45": 0,
-    "drilling": -1,
-    "I0_1": -1,
-    "I0": 1,
-    "I1_1": -1,
-    "I1": 1,
-    "I2_1": -1,
-    "I2": 1,
-    "E": -3,
-    "G": -1,
-    "Gt": -1,
-    "density_1": -1,
-    "density": 1,
+    "11": (-3, 1),
+    "12": (-1, -1),
+    "22": (1, -3),
+    "66": (-1, -1),
+    "16": (-2, 0),
+    "26": (0, -2),
+    "S55": (-1, 1),
+    "S44": (1, -1),
+    "drilling": (-1, -1),
+    **{f"I{n}_{axis}": power for n in (0, 1, 2) for axis, power in ((1, (-1, 1)), (2, (1, -1)), (3, (1, 1)))},
+    "E": (-3, 0),
+    "G": (-1, 0),
+    "Gt": (-1, 0),
+    "density_1": (-1, 0),
+    "density": (1, 0),
+    "EA": (-3, 0),
+    "EI1": (-3, 0),
+    "EI2": (-3, 0),
+    "EI12": (-3, 0),
+    **dict.fromkeys(("GA1", "GA2", "GJ", "m_1", "mI1", "mI2", "mI12"), (-1, 0)),
+    "m": (1, 0),
+    "mJ": (1, 0),
 }
-"""Of the relative length in each coefficient."""
+"""Of the relative length and width in each coefficient."""
 
 _DRILLING = 5  # a flat body whose nodes do not turn about z has no drilling
 _ONE = (np.array([[0]]),)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
+from fecore.body.locate import Surfaces
+from fecore.body.mesh import BEAMS, SHELLS, Mesh
+from fecore.body.model import Part
+from fecore.body.operators import Operators
+from fecore.body.supports import Mass, Spring
 from fecore.errors import InputError
-from fecore.space.locate import Surfaces
-from fecore.space.mesh import BEAMS, SHELLS, Mesh
-from fecore.space.model import Part
-from fecore.space.operators import Operators
-from fecore.space.supports import Mass, Spring
 
 KNOWN = "1"
 """Name of the coefficient of masses that are known."""
@@ -22,10 +22,10 @@ def spring_parts(mesh: Mesh, surfaces: Surfaces, springs: tuple[Spring, ...]) ->
     """Each spring at unit stiffness: nᵀn at its point, or ∫nᵀn ds along its edge."""
     parts = []
     for spring in springs:
-        if isinstance(spring.where, str):
-            nodes, rows = _along(mesh, mesh.select(spring.where), spring.where)
-        else:
-            nodes, rows = _at(surfaces, spring.where)
+        if spring.edge is not None:
+            nodes, rows = _along(mesh, mesh.select(spring.edge), spring.edge)
+        elif spring.point is not None:
+            nodes, rows = _at(surfaces, spring.point)
         one = rows[:, :, [spring.direction - 1]]
         parts.append(Part(Operators(nodes, np.arange(len(nodes)), one), np.ones((1, 1, 1)), (spring.name,), _ONE))
     if len({spring.name for spring in springs}) < len(springs):
@@ -46,9 +46,9 @@ def mass_parts(surfaces: Surfaces, masses: tuple[Mass, ...]) -> list[Part]:
     return parts
 
 
-def _at(surfaces: Surfaces, point: tuple[float, float, float]) -> tuple[IntArray, FloatArray]:
-    """(1, n) nodes and (1, 1, 6, n, 6) rows of u and θ at a point of the surface."""
-    places = surfaces.find(np.array([point]))
+def _at(surfaces: Surfaces, point: tuple[float, ...]) -> tuple[IntArray, FloatArray]:
+    """(1, n) nodes and (1, 1, 6, n, 6) rows of u and θ at a point (x, y) or (x, y, z) of the surface."""
+    places = surfaces.find(np.array([[*point, 0.0][:3]]))
     kept = np.flatnonzero(places.functions[0])
     rows = np.array([places.rows(np.eye(3)[[axis]])[0] for axis in range(3)] + list(places.turns()[0]))
     return places.nodes[:, kept], rows[None, None, :, kept]
@@ -63,7 +63,7 @@ def _along(mesh: Mesh, chosen: IntArray, name: str) -> tuple[IntArray, FloatArra
                 nodes = block.nodes[:, list(side)]
                 sides.extend(nodes[np.isin(nodes, chosen).all(axis=1)])
     if not sides:
-        raise InputError("spring.where", f"{name} has no side of an element; give nodes along an edge")
+        raise InputError("spring.edge", f"{name} has no side of an element; give nodes along an edge")
     unique = np.array(list({tuple(sorted(side.tolist())): side for side in sides}.values()))
     points, weights = np.polynomial.legendre.leggauss(3)
     beam = BEAMS[f"beam{unique.shape[1]}"]

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
-from fecore.space.affine import distinct
-from fecore.space.elements.shells import drilling, motions
-from fecore.space.mesh import BEAMS, SHELLS, Block
-from fecore.space.sections import ShellSection
-from fecore.space.supports import Link
+from fecore.body.affine import distinct
+from fecore.body.elements.shells import drilling, motions
+from fecore.body.mesh import BEAMS, SHELLS, Block
+from fecore.body.sections import ShellSection
+from fecore.body.supports import Link
 
 _STRAIN_POWERS = np.array([1, 1, 1, 3, 3, 3, 1, 1]) / 2
 _MOTION_POWERS = np.array([1, 1, 1, 3, 3, 3, 3]) / 2
@@ -63,7 +63,6 @@ def shell_operators(
     nodes: FloatArray,
     shift: FloatArray,
     section: ShellSection,
-    ratio: FloatArray | None,
     with_drilling: bool,
 ) -> tuple[Operators, Operators, Operators | None]:
     """Strains, motions and drilling of a block of shells.
@@ -73,11 +72,10 @@ def shell_operators(
         nodes: (n, 3) the mesh's nodes.
         shift: (e, n, 3) rigid links from the mesh's nodes to the elements'.
         section: of the set.
-        ratio: (n,) thickness at the mesh's nodes by that of the section; None where it is that.
         with_drilling: whether there are rotations about the normal.
     """
     x = nodes[block.nodes] + shift
-    r = np.ones(x.shape[:2]) if ratio is None else ratio[block.nodes]
+    r = np.ones(x.shape[:2]) if block.thickness is None else block.thickness
     key = np.concatenate([x - x[:, :1], shift, r[..., None] * np.abs(x - x[:, :1]).max(initial=1e-300)], axis=2)
     chosen, which = distinct(key)
     x, shift, r = x[chosen], shift[chosen], r[chosen]

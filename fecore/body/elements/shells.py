@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.space.elements.surface import Surface, normals
+from fecore.body.elements.surface import Surface, normals
 
 
 class Shell(Protocol):

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import scipy
 
+from fecore.body.generators import panel, profile
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.space.generators import panel, profile
-from fecore.space.mesh import Block, Mesh
-from fecore.space.sections import ShellSection
-from fecore.space.structure import Structure
+from fecore.body.mesh import Block, Mesh
+from fecore.body.sections import ShellSection
+from fecore.body.structure import Structure
 from tests.support.shells import grid, isotropic
 
 GFRP = OrthotropicMaterial(25e9, 9e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
@@ -101,7 +101,7 @@ def test_a_curved_surface_has_none() -> None:
 
 def test_length_is_an_exact_constant() -> None:
     sections = {"flange": wall(0.005), "web": wall(0.004)}
-    nominal = Structure(profile("i", 0.3, 0.06, 0.04, 0.005, 0.004, elements=2), sections, length=0.3)
+    nominal = Structure(profile("i", 0.3, 0.06, 0.04, 0.005, 0.004, elements=2), sections, size=(0.3,))
     mesh = nominal.mesh
     longer = Structure(Mesh(mesh.nodes * [1.1, 1, 1], mesh.blocks, mesh.node_sets), sections)
     values = []

@@ -1,1 +1,0 @@
-"""Structures in space: a mesh with sections, junctions and supports to an affine finite element model."""
