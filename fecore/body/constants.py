@@ -16,7 +16,7 @@ UNITS = {
     **dict.fromkeys(("E1", "E2", "G12", "G13", "G23"), "Pa"),
     **dict.fromkeys(("nu_xy", "nu", "nu12", "zone", "factor", "clamp_compliance"), "1"),
     "density": "kg/m³",
-    **dict.fromkeys(("length", "width", "thickness", "t"), "m"),
+    **dict.fromkeys(("length", "width", "height", "thickness", "t"), "m"),
     **dict.fromkeys(("fibre_angle", "angle"), "rad"),
     "area": "m²",
     "I1": "m⁴",
@@ -48,6 +48,11 @@ class Body(Protocol):
     @property
     def springs(self) -> tuple[Spring, ...]:
         """Elastic supports, the last coefficients of the model's stiffness."""
+        ...
+
+    @property
+    def model_error(self) -> float:
+        """Relative error of a natural frequency that the model is known to have, independent from mode to mode."""
         ...
 
     @property

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.body.mesh import SHELLS, Mesh
@@ -87,6 +88,31 @@ def find_junctions(mesh: Mesh, thickness: Mapping[str, float]) -> tuple[Junction
     chosen = (count > 2) | ((count == 2) & ~opposite)
     edges = [_edge(mesh, sides, order[a : a + n], thickness) for a, n in zip(first[chosen], count[chosen], strict=True)]
     return tuple(_junction(mesh, group) for group in _lines(edges))
+
+
+def encloses(mesh: Mesh, junctions: Sequence[Junction]) -> bool:
+    """Whether walls enclose a cell: going from wall to wall over junctions one comes back another way.
+
+    Walls and junctions are the nodes of a graph, and its links their meetings; it has a ring where there are more links than a
+    tree has.
+    """
+    sides = _sides(mesh)
+    lines = {tuple(sorted(edge.nodes[:2])): k for k, junction in enumerate(junctions) for edge in junction.edges}
+    first = np.cumsum([0, *(len(block.nodes) for block in mesh.blocks)])
+    element = first[sides.places[:, 0]] + sides.places[:, 1]
+    at = np.array([lines.get(tuple(ends), -1) for ends in sides.ends.tolist()], dtype=np.int64)
+    _, edge = np.unique(sides.ends[at < 0], axis=0, return_inverse=True)
+    count = int(first[-1])
+    pairs = scipy.sparse.coo_array((np.ones(edge.size), (element[at < 0], edge)), shape=(count, int(edge.max()) + 1))
+    _, wall = scipy.sparse.csgraph.connected_components(pairs @ pairs.T, directed=False)
+    meetings = np.unique(np.column_stack([wall[element[at >= 0]], at[at >= 0]]), axis=0)
+    walls = np.unique(meetings[:, 0], return_inverse=True)[1]
+    size = int(walls.max()) + 1
+    graph = scipy.sparse.coo_array(
+        (np.ones(len(walls)), (walls, size + meetings[:, 1])), shape=(size + len(junctions),) * 2
+    )
+    parts, _ = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    return bool(len(meetings) > size + len(junctions) - parts)
 
 
 @dataclass(frozen=True)

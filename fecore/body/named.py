@@ -33,6 +33,11 @@ class OfStructure:
         raise NotImplementedError
 
     @property
+    def model_error(self) -> float:
+        """0: strips, plates and beams have no joints."""
+        return 0.0
+
+    @property
     def model(self) -> Model:
         """The affine finite element model, which holds for any constants.
 

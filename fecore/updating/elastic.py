@@ -31,7 +31,7 @@ from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.layout import Coupon, Layout
 from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
-from fecore.updating.posterior import DISCREPANCY, LinearProblem
+from fecore.updating.posterior import COMMON, DISCREPANCY, LinearProblem
 from fecore.updating.result import ConvergenceStep
 
 SHAPE_DISCREPANCY = 0.01
@@ -232,7 +232,8 @@ class Misfit:
                 missed.append(off)
                 by.append(of_theta @ chain)
         J, m = np.vstack(by), np.concatenate(missed)
-        others, descent, cost = {}, J.T @ m, float(m @ m)
+        descent: FloatArray = J.T @ m
+        others, cost = dict[str, FloatArray](), float(m @ m)
         if self.use_shapes:
             others["mode shapes"] = J.T @ J
         if self.coupons:
@@ -242,8 +243,10 @@ class Misfit:
             np.add.at(others["coupons"], (place, place), sd**-2)
             np.add.at(descent, place, off / sd**2)
             cost += float(np.sum((off / sd) ** 2))
-        known = residual, noise, sensitivity, x, self.layout.sd, others
-        return LinearProblem(*known, other_descent=descent, other_cost=cost / 2, weight=weight)
+        if (coupling := self.layout.coupling) is not None:
+            others[COMMON], descent = coupling, descent - coupling @ x
+            cost += float(x @ (coupling @ x))
+        return LinearProblem(residual, noise, sensitivity, x, self.layout.sd, others, descent, cost / 2, weight)
 
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
         """The point that a step leads to; None where no specimen could be, or a held partner is lost."""

@@ -20,6 +20,7 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.body.beam_specimen import BeamSpecimen
 from fecore.body.specimen import FlatBody, LayeredSpecimen, Specimen
+from fecore.body.supports import PointMass
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import UNSTATED_SENSOR, Inputs
 
@@ -113,7 +114,7 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
 def _sensor(state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]) -> list[Excursion]:
     """The stated sensor's mass, or that of one that nobody stated."""
     forward, body = state.forward, state.forward.specimen
-    masses = [each for each in getattr(body, "masses", ()) if not each.weighed]
+    masses = [each for each in getattr(body, "masses", ()) if isinstance(each, PointMass) and not each.weighed]
     stated = inputs.is_stated("sensor_mass")
     if masses:
         sds = np.array([inputs.standard_deviation("sensor_mass", each.mass) for each in masses])

@@ -32,7 +32,7 @@ from fecore.updating.laws import identifiable_laws, laws_of, rank_laws
 from fecore.updating.layout import Layout
 from fecore.updating.measured_ratios import paired_ratios
 from fecore.updating.measurement import Measurement, Prepared, prepare
-from fecore.updating.parameters import Parametrisation, parametrise
+from fecore.updating.parameters import Parametrisation, default_parameters, parametrise
 from fecore.updating.plausibility import examine, unstated_window
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import Finding, UpdateResult
@@ -69,7 +69,8 @@ def update(
         UpdatingError: the elastic constants did not converge; it carries the best iterate.
     """
     recipe, inputs = recipe or Recipe(), measurement.inputs
-    parametrisation = _with_inputs(parametrise(specimen, recipe.parameters), inputs)
+    parameters = default_parameters(specimen) if recipe.parameters is None else recipe.parameters
+    parametrisation = _with_inputs(parametrise(specimen, parameters), inputs)
     data = _prepared(measurement, specimen, recipe, progress)
     body, mesh = meshed(specimen, _highest_hz(data))
     forward = _forward(replace(parametrisation, body=body), measurement, data)

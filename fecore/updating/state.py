@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
-from fecore.body.kinds import ModeKind, mode_kinds
+from fecore.body.kinds import mode_kinds
 from fecore.body.mechanisms import mechanism_weights
 from fecore.dynamics.eigen import NormalModes
 from fecore.dynamics.sensitivity import (
@@ -103,7 +103,7 @@ class ForwardState:
         return np.asarray((mass @ motions).T @ self.full_shapes)
 
     @cached_property
-    def kinds(self) -> tuple[ModeKind, ...]:
+    def kinds(self) -> tuple[str, ...]:
         """Kinds of the elastic modes: bending, torsion, in-plane."""
         return mode_kinds(self.forward.specimen.model, self.full_shapes)
 

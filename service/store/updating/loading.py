@@ -230,7 +230,7 @@ def _provenance(job: UpdateJob, campaign: MeasuredCampaign, used: MeasuredFrfs |
 
 def parameters_of(recipe: RecipeIn) -> tuple[Parameter, ...]:
     """The recipe's parameters, or all constants of the material."""
-    return MATERIAL_PARAMETERS if recipe.parameters is None else recipe.to_core().parameters
+    return recipe.to_core().parameters or MATERIAL_PARAMETERS
 
 
 def _names(session: Session, campaigns: list[MeasuredCampaign]) -> list[tuple[str, str]]:
