@@ -82,6 +82,11 @@ class Block:
             return None
         return exponential(self.samples.size, self.window_rate_per_s / sample_rate_hz)
 
+    def shown(self, sample_rate_hz: float) -> int:
+        """Samples from the first on that the analyser's window leaves more than noise of."""
+        rate = self.window_rate_per_s / sample_rate_hz
+        return self.samples.size if rate == 0 else min(int(np.log(1 / _WEAKEST) / rate) + 1, self.samples.size)
+
     def undone(self, sample_rate_hz: float) -> FloatArray:
         """(n,) samples as they were before the analyser's window, where it leaves more than noise."""
         window = self.window(sample_rate_hz)

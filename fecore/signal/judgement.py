@@ -12,8 +12,8 @@ which up to half of them may spoil; c₀, τ, s₀ of `weights` a prior for camp
     logit P = b₀ - b₁ [no hit is beside it] - Σ b_k ln(1 + u_k⁴),
 
 so one number that is far off is enough, and none counts that is as usual. Hits of a point are compared among those that seem
-good by their own numbers; where all of a point's hits lie apart, its scale is drawn to theirs. A hit is refused where P is
-below the level that the user chooses: no refused hit is good with more than this probability.
+good by their own numbers; where all of a point's hits lie apart, or have a louder floor, its scale is drawn to theirs. A hit is
+refused where P is below the level that the user chooses: no refused hit is good with more than this probability.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from fecore.signal.comparison import Point, beside, usual_apart
 from fecore.signal.placing import Position, locate
 from fecore.signal.reasons import Criterion, Finding, finding
 from fecore.signal.traits import OWN, Traits
-from fecore.signal.weights import ALONE, CONSTANT, WEIGHTS, Weight
+from fecore.signal.weights import ALONE, CONSTANT, LEAST, WEIGHTS, Weight
 
 FALSE_DISCOVERY = 0.75
 """Largest probability of being good that a refused hit has."""
@@ -49,7 +49,7 @@ _HEAVY = 3.0  # part of the logit that is a reason by itself
 _REASON = 0.5  # of the weightiest feature's part of the logit, from which another is a reason too
 
 NAMES = (*OWN, "offset", "unlike", "distance", "gain")
-_OFFSET, _DISTANCE = len(OWN), len(OWN) + 2
+_FLOOR, _OFFSET, _DISTANCE = OWN.index("floor"), len(OWN), len(OWN) + 2
 _LOW = {"height": 1, "gain": 1, "floor": 3}  # bad where they are low, too, and how much wider u is there
 
 
@@ -108,24 +108,42 @@ def features_of(points: Sequence[Point], positions: Mapping[int, Position]) -> F
     floor = np.maximum(own[:, OWN.index("floor")], WEIGHTS["floor"].least)
     own[:, OWN.index("early")] /= np.maximum(floor, np.median(floor))
     numbers = np.concatenate((own, np.full((len(own), 4), np.nan)), axis=1)
+    edges = np.cumsum([0, *(len(point.traits) for point in points)])
+    parts = [slice(a, b) for a, b in pairwise(edges)]
+    edges = np.cumsum([0, *(len(point.traits) for point in points)])
+    parts = [slice(a, b) for a, b in pairwise(edges)]
+    common = _in_common(numbers[:, _FLOOR], parts, np.ones(len(own), bool))
+    numbers[:, _FLOOR] /= common
     u = _scaled(numbers)[0]
     seems = _probability(_logit(u, np.zeros(len(own), bool)))
     good = seems > 0.5
-    edges = np.cumsum([0, *(len(point.traits) for point in points)])
-    parts = [slice(a, b) for a, b in pairwise(edges)]
     usual = usual_apart([point.pairs for point in points], [good[part] for part in parts])
     for point, part in zip(points, parts, strict=True):
         found = beside(point.pairs, seems[part], usual)
         numbers[part, -3:] = np.stack((1 - found.likeness, found.distance, found.height), axis=1)
-    shared = np.log(numbers[:, -2])
-    middle = np.nanmedian(shared[good]) if np.isfinite(shared[good]).any() else 0.0
-    for part in parts:
-        known = shared[part][good[part] & np.isfinite(shared[part])]
-        if known.size:
-            numbers[part, -2] /= np.exp((np.median(known) - middle) * known.size / (known.size + _OWN))
+    numbers[:, _DISTANCE] /= _in_common(numbers[:, _DISTANCE], parts, good)
     comparable = good & ~(numbers[:, -3] > 1) & ~(np.abs(np.log(numbers[:, -1])) > _OTHER_RANGE)
     _locate(points, positions, [comparable[part] for part in parts], [numbers[part] for part in parts])
-    return Features(numbers, *_scaled(numbers, good), ~np.isfinite(shared))
+    u, usual_numbers, step = _scaled(numbers, good)
+    numbers[:, _FLOOR] *= common
+    usual_numbers[:, _FLOOR] += np.log(common)
+    return Features(numbers, u, usual_numbers, step, ~np.isfinite(numbers[:, _DISTANCE]))
+
+
+def _in_common(values: FloatArray, parts: Sequence[slice], good: BoolArray) -> FloatArray:
+    """(N,) factor of each hit by which the good ones among the other hits of its point differ from the campaign's, drawn to 1
+    where they are few: what a point's hits share is the point's, not a fault of each.
+    """
+    logs = np.log(np.maximum(values, LEAST))
+    known = good & np.isfinite(values)
+    middle = np.median(logs[known]) if known.any() else 0.0
+    found = np.zeros(len(values))
+    for part in parts:
+        for i in range(part.start, part.stop):
+            others = logs[part][known[part] & (np.arange(part.start, part.stop) != i)]
+            if others.size:
+                found[i] = (np.median(others) - middle) * others.size / (others.size + _OWN)
+    return np.asarray(np.exp(found))
 
 
 def _locate(

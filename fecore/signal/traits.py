@@ -129,7 +129,7 @@ def _traits(hit: Hit) -> Traits:
 
 def _channel(block: Block, pulse: Pulse, rate: float) -> _Channel:
     x = block.undone(rate)
-    level, floor = max(float(x.max()), -float(x.min()), 1e-300), _floor(x)
+    level, floor = max(float(x.max()), -float(x.min()), 1e-300), _floor(x[: block.shown(rate)])
     of_all = (level / block.full_scale if block.full_scale else 0.0, _flat(x, level), _beyond(x, pulse, floor) / level)
     if block.quantity == "force":
         return _Channel("force", *of_all, floor / level)
@@ -182,7 +182,9 @@ def _before(lead: FloatArray, level: float) -> float:
         return np.nan
     rise = np.linspace(-1, 1, before.size)
     before = before - before.mean() - rise * float(rise @ before) / float(rise @ rise)
-    return float(np.sqrt(before @ before / before.size)) / level
+    taper = np.hanning(before.size)
+    loudest = float(np.abs(np.fft.rfft(before * taper)).max())
+    return loudest / float(np.sqrt(taper @ taper * np.log(before.size / 2))) / level
 
 
 def _jump(x: FloatArray, pulse: Pulse) -> float:

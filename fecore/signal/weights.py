@@ -1,4 +1,4 @@
-"""What good hits are like and what each feature of a bad one weighs, by `python -m benchmarks calibrate_hits`, 2026-11-24.
+"""What good hits are like and what each feature of a bad one weighs, by `python -m benchmarks calibrate_hits`, 2026-11-25.
 
 `weight` is b of `judgement`; c₀ is `centre`, s₀ `within`, τ `between`. They are those of the logarithm of a number where it has
 no `unit`.
@@ -22,8 +22,8 @@ class Weight(NamedTuple):
     least: float = LEAST
 
 
-CONSTANT = 5.07  # b₀
-ALONE = 2.08
+CONSTANT = 4.92  # b₀
+ALONE = 1.90
 """What is taken from the logit of a hit that none is beside."""
 
 WEIGHTS = {
@@ -31,14 +31,14 @@ WEIGHTS = {
     "second": Weight(3.00, unit=0.045),
     "swing": Weight(2.85, unit=0.25),
     "turned": Weight(3.00, unit=0.1),
-    "flat": Weight(3.03, unit=1),
-    "beyond": Weight(3.37, unit=0.02, centre=0.005, within=0.01),
-    "height": Weight(2.59, centre=4.24, between=0.96, within=0.28),
-    "early": Weight(2.06, centre=-0.06, between=1.74, within=0.33),
-    "jump": Weight(1.19, centre=1.01, between=0.17, within=0.12),
-    "floor": Weight(0.93, centre=-8.11, between=1.80, within=0.41),
-    "offset": Weight(3.00, unit=7),
-    "unlike": Weight(5.40, unit=1.25),
-    "distance": Weight(1.10, unit=0.5, centre=1, within=0.3),
-    "gain": Weight(0.84, centre=-0.00, between=0.02, within=0.13),
+    "flat": Weight(3.18, unit=1),
+    "beyond": Weight(3.19, unit=0.02, centre=0.005, within=0.01),
+    "height": Weight(2.94, centre=4.25, between=0.96, within=0.28),
+    "early": Weight(1.57, centre=0.06, between=1.53, within=0.35),
+    "jump": Weight(1.25, centre=1.01, between=0.19, within=0.13),
+    "floor": Weight(0.58, centre=-8.06, between=1.30, within=0.38),
+    "offset": Weight(3.00, unit=6.3),
+    "unlike": Weight(4.82, unit=1.25),
+    "distance": Weight(1.21, unit=0.5, centre=1, within=0.3),
+    "gain": Weight(0.38, centre=-0.00, between=0.03, within=0.10),
 }

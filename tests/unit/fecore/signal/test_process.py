@@ -88,11 +88,11 @@ def _with_response(hit: Hit, samples: np.ndarray) -> Hit:
     return replace(hit, responses=(replace(hit.responses[0], samples=samples),))
 
 
-def test_a_body_that_rings_louder_than_the_noise_is_found() -> None:
+def test_a_body_that_rings_twice_as_loud_as_the_noise_is_found() -> None:
     bench = _bench(2, "free", sample_rate_hz=6400.0, samples=8192, pretrigger=380, response_noise=3e-4, hum=1e-5)
     hits = _hits(bench, 6)
     quiet = hits[-1].responses[0].samples[:250]
-    ring = 10 * quiet.std() * np.exp(-np.arange(8192) / 4000) * np.sin(0.4 * np.arange(8192))
+    ring = 2 * quiet.std() * np.exp(-np.arange(8192) / 4000) * np.sin(0.4 * np.arange(8192))
     hits[-1] = _with_response(hits[-1], hits[-1].responses[0].samples + ring)
     verdicts = process(by_point(hits)).verdicts
     (fault,) = verdicts[-1].faults
@@ -123,7 +123,7 @@ def test_a_top_of_three_equal_samples_is_an_overload_where_the_filter_lets_nothi
     *_, fourth, third = np.sort(force)[:-2]
     cut = np.minimum(force, (third + fourth) / 2)
     hits[-1] = replace(hits[-1], force=replace(hits[-1].force, samples=cut))
-    (fault,) = process(by_point(hits)).verdicts[-1].faults
+    fault, *_ = process(by_point(hits)).verdicts[-1].faults
     assert fault.criterion == "overload"
     assert fault.sentence.startswith("The force has 1.4 samples more at its largest value than a round top")
 
@@ -163,7 +163,7 @@ def test_a_hit_at_another_point_is_found() -> None:
     hits = _hits(bench, 5)
     hits[1] = bench.hit(1, (0.4 * bench.body.length_m, -0.2 * bench.body.width_m), 2).hit
     found = process(by_point(hits))
-    assert {f.criterion for f in found.verdicts[1].faults} & {"place", "polarity"}
+    assert [f.criterion for f in found.verdicts[1].faults] in (["place"], ["polarity"])
     assert [v.accepted for v in found.verdicts] == [True, False, True, True, True]
 
 
