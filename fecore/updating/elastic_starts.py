@@ -5,11 +5,11 @@ pairs them in the wrong order ends in a point of its own. So where the first res
 no shapes to say so, draws from the prior are paired with the measured modes, and the update starts again from the best draw of
 each different pairing. The best of the points with other partners stands in the result as its rival.
 
-Without shapes a pairing need not be where the alignment comes to rest: a mode that nobody measured may be tuned onto a measured
-one beside its true partner. So the fit is also made with partners held: those at the prior means, and those of good results with a
-mode's other candidate in place of its partner. With shapes and without, two close modes may exchange their partners for ever:
-then the fit is made with each of the pairings that it went to and fro between held. Every pairing whose evidence is near the
-best one's then takes part in the intervals (`ElasticResult.spanning`).
+Without shapes a pairing need not be where the alignment comes to rest: a mode that nobody measured may be tuned onto a
+measured one beside its true partner. So the fit is also made with partners held: those at the prior means, and those of good
+results with a mode's other candidate in place of its partner. With shapes and without, two close modes may exchange their
+partners for ever: then the fit is made with each of the pairings that it went to and fro between held. Every pairing whose
+evidence is near the best one's then takes part in the intervals (`ElasticResult.spanning`).
 
 Where a body has lost stiffness, stage 1 starts again too: the prior of zones' factors expects nearly all of them to be 1.
 Damage sits in one place or two. A factor of its own for every zone, each with the same wide prior, would spread one zone's loss
