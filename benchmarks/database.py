@@ -5,8 +5,6 @@ many_hits     N: upload and processing, beside reading the same files, one trans
 live_hits     POINTS: how long each answer takes that says whether a hit was good, one request each
 """
 
-from __future__ import annotations
-
 import base64
 import io
 import json

@@ -5,8 +5,6 @@ forms, so truth is known. Where sdypy-EMA is installed it identifies the same da
 true frequencies picked for it, which is more help than an unattended run would have).
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import io

@@ -5,8 +5,6 @@ Targets: started under 100 ms after the POST, stopped under 1 s after the cancel
 workers at least 1.7 times one on two processors.
 """
 
-from __future__ import annotations
-
 import os
 import statistics
 import subprocess

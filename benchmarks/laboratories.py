@@ -5,8 +5,6 @@ a centre line or a few points, by hammer or sensors, with one reference or two; 
 mode, and end between modes or in one. Damping is 0.05 to 8 %, noise 0.1 to 10 %.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, get_args

@@ -5,8 +5,6 @@ pages  N: processor time of the API's process, and elapsed time, the least and t
        the system's Chromium's, which keeps scripts, and is left out where there is none
 """
 
-from __future__ import annotations
-
 import http.client
 import os
 import shutil

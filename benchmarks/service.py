@@ -1,7 +1,5 @@
 """A service of its own for a benchmark, what its processes and PostgreSQL take, and what a laboratory puts into it."""
 
-from __future__ import annotations
-
 import json
 import os
 import tempfile

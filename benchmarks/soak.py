@@ -6,8 +6,6 @@ soak_small  N: every figure and report of campaigns of few FRFs on few lines, wh
 they are read in
 """
 
-from __future__ import annotations
-
 import http.client
 import io
 import json

@@ -7,8 +7,6 @@ service     a running modalbase for the session: API process and worker process,
 api         an httpx client of `service`, with a key of a user of its own: sees nothing of other tests
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import shutil

@@ -1,7 +1,5 @@
 """A backup of a service with jobs that wait, run and were cancelled, restored by the command. `make soak` repeats it."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 

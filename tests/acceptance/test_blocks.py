@@ -5,8 +5,6 @@ that the others name. A block marked `text` is one that nothing can run here: a 
 installs, never ends, or needs a server of containers.
 """
 
-from __future__ import annotations
-
 import configparser
 import json
 import re
@@ -250,7 +248,7 @@ def test_a_reader_of_the_guide_finds_every_command_that_exists() -> None:
 
     from service.app.cli.command import app
 
-    commands: dict[str, Any] = get_command(app).commands  # type: ignore[attr-defined]
+    commands: dict[str, Any] = get_command(app).commands
     for block in BLOCKS:
         if block.language == "text":
             for line in re.findall(r"(?:^|/)modalbase +(.+?)(?: *#.*)?$", block.text, re.MULTILINE):

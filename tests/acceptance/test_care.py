@@ -1,7 +1,5 @@
 """Verify and doctor as an operator meets them, and servers that will not do; backup and restore are in `test_up.py`."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The command `modalbase` as a person meets it."""
 
-from __future__ import annotations
-
 import signal
 import socket
 import subprocess

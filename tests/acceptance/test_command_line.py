@@ -1,7 +1,5 @@
 """From an empty database to a figure, each step one command, things by name."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 from collections.abc import Callable

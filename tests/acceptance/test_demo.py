@@ -1,7 +1,5 @@
 """The demonstration's file and the README's commands; the demonstration itself runs in `test_packages.py`."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

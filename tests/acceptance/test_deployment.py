@@ -3,8 +3,6 @@
 What a container would give is put in place: the name of the database's host, the folder of the secrets, a free port.
 """
 
-from __future__ import annotations
-
 import http.client
 import json
 import re
@@ -97,7 +95,7 @@ def deployment(short_folder: Path, server: str) -> Iterator[Deployment]:
         with psycopg.connect(
             host="127.0.0.1", port=port, user="modalbase", password="placeholder", dbname="modalbase"
         ) as connection:
-            connection.execute(f"ALTER USER modalbase PASSWORD '{password}'")  # type: ignore[arg-type]
+            connection.execute(f"ALTER USER modalbase PASSWORD '{password}'")
         yield Deployment(folder, {"@database/": f"@127.0.0.1:{port}/", "/run/secrets/": f"{secrets}/"})
     shutil.rmtree(folder)
 

@@ -1,7 +1,5 @@
 """The documentation page alone: a stranger who fills in what it proposes runs the main job."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

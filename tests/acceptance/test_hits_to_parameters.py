@@ -1,7 +1,5 @@
 """From a hammer's time blocks to elastic constants and damping: one request, one job."""
 
-from __future__ import annotations
-
 import httpx
 import numpy as np
 

@@ -1,7 +1,5 @@
 """Whatever is cut off or dies, no job is lost and none is done twice; `test_kills.py` kills every process in turn."""
 
-from __future__ import annotations
-
 import signal
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any

@@ -1,7 +1,5 @@
 """The service under kills, in short; `make soak` kills a hundred times and prints what came of it."""
 
-from __future__ import annotations
-
 from benchmarks.soak_kills import soak
 
 

@@ -1,7 +1,5 @@
 """`import modalbase` against the running service, as a script of a laboratory uses it."""
 
-from __future__ import annotations
-
 import json
 import sys
 import types

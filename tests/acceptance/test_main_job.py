@@ -1,7 +1,5 @@
 """The main job as a laboratory does it: over HTTP against a running service, on files of another finite element code."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """A beam that works loose: nine campaigns over HTTP, one alarm, announced once, though a worker dies over it."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
@@ -77,7 +75,7 @@ def kill_while_it_runs(service: LocalService, worker: subprocess.Popen[bytes], k
     running = "SELECT count(*) FROM jobs WHERE state = 'running' AND kind = %s AND stage <> 'starting'"
     with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
         connection.execute(f"LOCK TABLE {stored} IN SHARE MODE")  # its result has to wait, so it is not over
-        until(lambda: connection.execute(running, [kind]).fetchone()[0], f"a running job of kind {kind}")  # type: ignore[index]
+        until(lambda: connection.execute(running, [kind]).fetchone()[0], f"a running job of kind {kind}")
         worker.kill()
         worker.wait()
 

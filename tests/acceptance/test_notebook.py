@@ -1,7 +1,5 @@
 """The examples for a notebook run as they stand: with the service in ten lines, and the core alone."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The wheel and the source archive: what is in them, and that the wheel alone runs the demonstration."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

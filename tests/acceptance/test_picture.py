@@ -1,7 +1,5 @@
 """The README's picture is what the code draws: the updated model lies on the measurement, the initial one does not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

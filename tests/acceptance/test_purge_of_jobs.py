@@ -1,7 +1,5 @@
 """A purge while jobs wait and run: they end as cancelled at once, in one line, and the worker goes on to others."""
 
-from __future__ import annotations
-
 from sqlalchemy import text
 
 from benchmarks.jobs_floor import Floor, floor

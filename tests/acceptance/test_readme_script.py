@@ -1,7 +1,5 @@
 """The README's script runs as it stands in a clone, and again: it says what was found, or why nothing was."""
 
-from __future__ import annotations
-
 import re
 
 import httpx
@@ -29,7 +27,7 @@ def printed(
         capsys.readouterr()
         names: dict[str, object] = {}
         exec(compile(script, "README.md", "exec"), names)
-        names["lab"].connection.close()  # type: ignore[attr-defined]  # a script's end does that
+        names["lab"].connection.close()
     (project,) = api.get("projects").json()["items"]
     (beam,) = api.get(f"projects/{project['id']}/structures").json()["items"]
     (march,) = api.get(f"structures/{beam['id']}/campaigns").json()["items"]

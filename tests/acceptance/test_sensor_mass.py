@@ -1,7 +1,5 @@
 """A campaign that states its sensor's mass, over HTTP: the sensor moved from point to point, or stood still."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import httpx

@@ -1,7 +1,5 @@
 """The tutorial: its files are what its script makes; from the wheel alone, in an empty folder, its commands find the truth."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

@@ -1,7 +1,5 @@
 """`modalbase up` from its first start to its end: in an ordinary folder, when parts of it die, with backup and restore."""
 
-from __future__ import annotations
-
 import io
 import re
 import signal

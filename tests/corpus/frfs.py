@@ -1,7 +1,5 @@
 """FRFs with the faults that measured ones have: no mode is lost, none is invented, and what may be either is uncertain."""
 
-from __future__ import annotations
-
 import functools
 import json
 from collections.abc import Callable
@@ -132,7 +130,7 @@ def measured_bridge(*band_hz: float) -> Case:
 
     def found() -> Identification:
         frfs = with_coherence(shared_file("MEASURED", "measured", "dam0.unv"))
-        return identify(frfs, Options(band_hz=band_hz or None))  # type: ignore[arg-type]
+        return identify(frfs, Options(band_hz=band_hz or None))
 
     return found, modes_of_the_measured_bridge
 

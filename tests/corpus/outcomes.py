@@ -1,7 +1,5 @@
 """What may become of an input: each outcome is called with what the input gave, and asserts."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

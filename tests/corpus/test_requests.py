@@ -1,7 +1,5 @@
 """What a user did wrong, in the words of the answer: each refusal of a well-formed request by its place and its sentence."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """What laboratories get wrong: each fault is left out with a warning, or refused with what to do; none is fitted in silence."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import cache, partial

@@ -1,7 +1,5 @@
 """What the golden documents are made of: structures, campaigns, measurements and jobs, over REST."""
 
-from __future__ import annotations
-
 import io
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Results are what they were: updates, joint updates, identifications, processed hits, plans, coupons, monitors, failures."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta

@@ -1,7 +1,5 @@
 """Rules of access that a database holds: keys, browser's sessions, users, and rows that are found with a role."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
 from typing import Any

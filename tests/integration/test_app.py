@@ -1,7 +1,5 @@
 """The API as a client meets it: problems, limits, health, documentation without internet."""
 
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import json
@@ -85,7 +83,7 @@ def test_of_many_faults_the_first_are_listed_and_the_rest_counted(api: httpx.Cli
     wrong = {"name": "x", **{f"unknown_{i}": i for i in range(900)}}
     answer = api.post("projects", json=wrong)
     problem = is_problem(answer, 422)
-    assert len(problem["errors"]) == 50  # type: ignore[arg-type]
+    assert len(problem["errors"]) == 50
     assert "and 850 more faults" in str(problem["detail"])
     assert len(answer.content) < 20_000
 
@@ -109,7 +107,7 @@ def test_a_body_of_nothing_but_unknown_fields_is_cheap(api: httpx.Client) -> Non
 )
 def test_wrong_parameters_are_422(api: httpx.Client, query: dict[str, str], name: str) -> None:
     problem = is_problem(api.get("projects", params=query), 422)
-    assert problem["errors"][0]["pointer"] == name  # type: ignore[index]
+    assert problem["errors"][0]["pointer"] == name
 
 
 @pytest.mark.parametrize("path", ["nowhere", "projects/1", "projects/01a1fd61-dc65-7a99-9916-7e787830264d"])
@@ -145,7 +143,7 @@ def test_a_body_that_is_not_said_to_be_json_is_415(api: httpx.Client, kind: str 
 )
 def test_without_a_valid_key_401(service: LocalService, header: str | None) -> None:
     headers = {} if header is None else {b"Authorization": header.encode("latin-1")}
-    answer = httpx.get(f"{service.url}/api/v1/projects", headers=headers, trust_env=False, timeout=60)  # type: ignore[arg-type]
+    answer = httpx.get(f"{service.url}/api/v1/projects", headers=headers, trust_env=False, timeout=60)
     is_problem(answer, 401)
     assert answer.headers["www-authenticate"] == "Bearer"
 

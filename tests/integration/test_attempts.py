@@ -3,8 +3,6 @@
 The computation runs here and not in a child, whose ends are what is given.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -157,7 +155,7 @@ def test_what_the_database_refuses_is_a_failure_and_what_passes_is_not(trial: Tr
     with trial.sessions() as session, pytest.raises(DBAPIError) as refused:
         wrong(session)
     with pytest.raises(DBAPIError):
-        Manager._outlive(None, refused.value)  # type: ignore[arg-type]  # nothing of it is asked
+        Manager._outlive(None, refused.value)
 
 
 def test_an_end_waits_for_the_database(trial: Trial, sessions: Sessions) -> None:
@@ -176,7 +174,7 @@ def test_an_end_waits_for_the_database(trial: Trial, sessions: Sessions) -> None
 
     def leave(_: Session) -> None:
         assert trial.attempt is not None
-        trial.attempt.sessions = Away()  # type: ignore[assignment]
+        trial.attempt.sessions = Away()
 
     # What was drained is given back by those who see that this worker is gone.
     assert trial.run(DRAINED, load=leave) == ("abandoned", "running")

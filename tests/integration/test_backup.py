@@ -1,7 +1,5 @@
 """Backup and restore between databases: every row, every schema, every kind of damage."""
 
-from __future__ import annotations
-
 import os
 import threading
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Campaigns and their grid points over HTTP."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

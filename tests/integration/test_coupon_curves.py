@@ -1,7 +1,5 @@
 """Raw curves over HTTP: a testing machine's file and readings in, reduced results, the curve and its file out."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

@@ -1,7 +1,5 @@
 """Coupon batches over HTTP: results in, statistics out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

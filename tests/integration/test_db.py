@@ -1,7 +1,5 @@
 """The database: schema refusal, migrations, drift, keys, the embedded server."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from typing import LiteralString
 

@@ -1,7 +1,5 @@
 """The door before the house, asked as a server asks it: who comes in, what is read of a body, and which slot is free when."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, Sequence
@@ -151,7 +149,7 @@ def front(sessions: Sessions) -> Open:
 
 
 def run(test: Callable[[], Awaitable[None]]) -> None:
-    asyncio.run(test())  # type: ignore[arg-type]
+    asyncio.run(test())
 
 
 async def nothing_comes() -> Message:
@@ -169,7 +167,7 @@ def test_what_is_not_under_a_prefix_passes_by(front: Open) -> None:
         ):
             at.house.error = KeyError("passed")
             with pytest.raises(KeyError, match="passed"):
-                await at.door(scope, nothing_comes, nothing_comes)  # type: ignore[arg-type]
+                await at.door(scope, nothing_comes, nothing_comes)
         assert len(at.house.asked) == 4
 
     run(test)

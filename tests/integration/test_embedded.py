@@ -1,7 +1,5 @@
 """The embedded PostgreSQL in folders of every kind, and who reaches it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import stat

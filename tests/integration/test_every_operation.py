@@ -4,8 +4,6 @@ The operations are taken from the service's own document, so a new one is tested
 same at length and prints what came of it.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 

@@ -3,8 +3,6 @@
 One job, the demonstration's, is shared by all.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import re

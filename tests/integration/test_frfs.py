@@ -1,7 +1,5 @@
 """FRFs over HTTP: from scripts in, in several formats out, and stored bytes that are checked on the way."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -230,7 +228,7 @@ def test_broken_archives_are_refused(api: httpx.Client, campaign: str, checked: 
         np.lib.format.write_array_header_1_0(header, {"descr": "<c16", "fortran_order": False, "shape": (10**6, 10**6)})
         archive.writestr("values.npy", header.getvalue())
     pickled = io.BytesIO()
-    np.savez(pickled, values=np.array([{"a": 1}], dtype=object))  # type: ignore[arg-type]
+    np.savez(pickled, values=np.array([{"a": 1}], dtype=object))
     for content in (b"", b"PK", whole[:-40], whole[: len(whole) // 2], claims.getvalue(), pickled.getvalue(), npz()):
         checked(api.post(f"campaigns/{campaign}/frfs", content=content, headers=NPZ), 422)
     flipped = bytearray(whole)

@@ -1,7 +1,5 @@
 """The guide as the service gives it: without a key, under a policy that lets a browser ask nobody else."""
 
-from __future__ import annotations
-
 import httpx
 
 from service.app.supervisor import LocalService

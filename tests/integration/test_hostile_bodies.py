@@ -1,7 +1,5 @@
 """Bodies that are made to cost: without a key, or with one."""
 
-from __future__ import annotations
-
 import io
 import json
 import urllib.error
@@ -110,7 +108,7 @@ def test_an_array_that_claims_to_be_huge_is_refused(api: httpx.Client, campaign:
 
 def test_many_frfs_in_one_body_are_stored(api: httpx.Client, campaign: str) -> None:
     body = {"content": frfs(2000, 10), "headers": {"Content-Type": "application/x-npz"}}
-    answer = api.post(f"campaigns/{campaign}/frfs", **body)  # type: ignore[arg-type]
+    answer = api.post(f"campaigns/{campaign}/frfs", **body)
     assert answer.status_code == 201, answer.text
     ids = [item["id"] for item in answer.json()["items"]]
     assert len(ids) == 2000

@@ -1,7 +1,5 @@
 """Imports over HTTP: a laboratory's file in, its parts in the tables, and nothing of a file that is broken."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import http.client

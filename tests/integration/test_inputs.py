@@ -1,7 +1,5 @@
 """What a laboratory says of its inputs, over HTTP: structure, campaign and recipe state them, the update job uses them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

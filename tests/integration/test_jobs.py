@@ -1,7 +1,5 @@
 """Jobs on a real queue: real PostgreSQL, a real worker process, real children."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """What can be asked of jobs: turns and limits, cancellation, another try, checkpoints, metrics; and clearing up."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Update jobs over HTTP: events, keys of idempotency, another try, many at once, lists, metrics."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Joint updates over HTTP: strips of one panel at three angles in one job; the source paper's bar in two tests."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 from uuid import uuid4

@@ -1,7 +1,5 @@
 """Keys with scopes and an end, users that are disabled, projects and structures that are archived, deleted and purged."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import Any

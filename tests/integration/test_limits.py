@@ -1,7 +1,5 @@
 """Many clients, streams and slow heads: the concurrency model of docs/limits.md, at ten times its size."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 import threading

@@ -1,7 +1,5 @@
 """Upgrades of databases that hold rows: from every earlier revision, nothing is lost and nothing changes."""
 
-from __future__ import annotations
-
 import re
 from datetime import UTC, datetime
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Mode sets over HTTP."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 from uuid import UUID

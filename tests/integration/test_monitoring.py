@@ -1,7 +1,5 @@
 """Monitors over real HTTP, with a real worker: what becomes of every kind of campaign, and who gets a message."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Judgements and what becomes of alarms when series change; the figure. No worker: these are pure, or one transaction."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
@@ -64,7 +62,7 @@ def judged(
     watch = watch or Watch({"Ex": "fall"}, baseline=6)
     latest = max(o.performed_at for o in observations)
     inputs = JudgementInputs(tuple(observations), watch, as_of or latest, tuple(acknowledged), ())
-    (result,) = judge(inputs, lambda *_: None)  # type: ignore[arg-type, misc]
+    (result,) = judge(inputs, lambda *_: None)
     json.dumps(result.document, allow_nan=False)
     return result
 
@@ -302,7 +300,7 @@ def test_the_figure_is_printed_as_it_is() -> None:
     assert list(chart.get_ydata()) == pytest.approx(drawn, rel=1e-6)  # printed to seven digits
     assert len(above.collections) >= 3  # estimates, their intervals, the alarm, the baseline's band
     for file_format in ("svg", "png", "pdf"):
-        assert render(figure, file_format) == render(figure, file_format)  # type: ignore[arg-type]
+        assert render(figure, file_format) == render(figure, file_format)
 
 
 def test_names_are_drawn_as_they_are() -> None:
@@ -314,7 +312,7 @@ def test_names_are_drawn_as_they_are() -> None:
     assert title == r"$\frac{1 and $x_{ &lt;b&gt; – " + "m" * 49 + "…: Ex (alarm)"
     assert draw(figure).get_suptitle() == title.replace("&lt;", "<").replace("&gt;", ">")
     for file_format in ("svg", "png", "pdf"):
-        assert len(render(figure, file_format)) > 10_000  # type: ignore[arg-type]
+        assert len(render(figure, file_format)) > 10_000
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,6 @@
 `files/result-0.1.0.zip` and `result-0.2.0.zip` have the document and the arrays that these versions stored of the same file.
 """
 
-from __future__ import annotations
-
 import copy
 import json
 from collections.abc import Callable

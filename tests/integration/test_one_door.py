@@ -1,7 +1,5 @@
 """One door for files: every format by `POST …/imports`, read by a job; `POST …/records` and `…/frfs` wait for it."""
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Files of imports in the database: what may be stored of one, and how its bytes come back."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path

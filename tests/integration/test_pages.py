@@ -1,7 +1,5 @@
 """Pages as a browser without scripts gets them: who sees what, what the policy allows, what an error looks like."""
 
-from __future__ import annotations
-
 import gzip
 import re
 from collections.abc import Callable, Iterator

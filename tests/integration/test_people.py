@@ -1,7 +1,5 @@
 """Keys and users at the operator's command line, and what `doctor` says of jobs and disks."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Updates over REST of what is no plain strip: a stack that couples, and steps, a taper and an added mass."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Time blocks over HTTP: take in, list, judge after each hit, process to FRFs, delete."""
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Callable

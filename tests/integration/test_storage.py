@@ -1,7 +1,5 @@
 """How much a project stores, and what happens beyond what it may."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any

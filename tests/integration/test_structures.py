@@ -1,7 +1,5 @@
 """Structures over HTTP: what goes in, what is refused, and that versions never change."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

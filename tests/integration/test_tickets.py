@@ -1,7 +1,5 @@
 """Tickets of the queue: each names its job and changes with it; those of dead workers, of old versions, and lost ones."""
 
-from __future__ import annotations
-
 import psutil
 import pytest
 from sqlalchemy import Engine, text

@@ -1,7 +1,5 @@
 """Numbers in another unit than the contract's are refused with what was probably meant; who means them confirms them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import httpx

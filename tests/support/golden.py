@@ -5,8 +5,6 @@ keys, types, lengths and the order of lists exactly, sentences but for the numbe
 or `SHARE` of their standard deviation, whichever is wider. Ids, times and what depends on the machine are masked.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

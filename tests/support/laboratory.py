@@ -1,7 +1,5 @@
 """What the tests of the measurement database start from: a project, a beam, a campaign; waiting for an import."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -85,6 +83,6 @@ def rows(service: LocalService) -> Callable[..., list[dict[str, Any]]]:
     def ask(query: str, *parameters: Any) -> list[dict[str, Any]]:
         assert service.settings.database_url is not None
         with psycopg.connect(psycopg_url(service.settings.database_url), row_factory=dict_row) as connection:
-            return connection.execute(query, parameters).fetchall()  # type: ignore[arg-type]
+            return connection.execute(query, parameters).fetchall()
 
     return ask

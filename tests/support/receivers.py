@@ -1,7 +1,5 @@
 """Receivers of messages on loopback: a webhook's HTTP server, and a server that takes mail."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import hmac

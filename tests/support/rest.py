@@ -1,7 +1,5 @@
 """REST as the tests use it: a client with a key of its own, answers that must be good, jobs that must end."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import httpx

@@ -1,7 +1,5 @@
 """Waiting for an event, as long as it takes: no test depends on how fast a machine is or on who else works on it."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import TypeVar

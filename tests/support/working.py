@@ -1,7 +1,5 @@
 """Jobs on a real queue: a worker of the tests' kinds of job, jobs to give it, and waiting for what becomes of them."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

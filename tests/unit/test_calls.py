@@ -1,7 +1,5 @@
 """A reader of a call sees what each value is: beyond six arguments, they go by name."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The client alone: what it asks, what it refuses before anything is sent, and tables of points."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable
 from pathlib import Path
@@ -96,7 +94,7 @@ def test_a_download_goes_to_a_file_a_device_or_standard_output(tmp_path: Path, m
 
 def test_a_call_of_the_contract_that_is_wrong_says_what_it_takes() -> None:
     sent: list[httpx.Request] = []
-    rest = Rest(at(lambda request: sent.append(request) or httpx.Response(200, json={})))  # type: ignore[func-returns-value]
+    rest = Rest(at(lambda request: sent.append(request) or httpx.Response(200, json={})))
     with pytest.raises(AttributeError, match=r"the REST contract has no call 'nonsense'; dir\(\) lists them"):
         _ = rest.nonsense
     with pytest.raises(TypeError, match=r"get_campaign\(\) takes campaign_id and got 0"):

@@ -1,7 +1,5 @@
 """FRFs and tables in the words of other libraries, where these are installed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The documents: links lead somewhere, the index is complete, and what they name of the code is there."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What `import fecore` and `import modalbase` give a user, named one by one: a name that goes or comes is a decision."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from types import ModuleType

@@ -1,7 +1,5 @@
 """Ctrl-C and SIGTERM while a process is still being loaded."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

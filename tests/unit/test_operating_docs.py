@@ -1,7 +1,5 @@
 """docs/operating.md names every setting, with its default and its meaning."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What is made from code is what the code makes now: `python -m tools.reference`."""
 
-from __future__ import annotations
-
 import ast
 import itertools
 import re

@@ -1,7 +1,5 @@
 """The pages of updating and of its result name every field of a recipe and of a result document."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import fields
 
@@ -39,7 +37,7 @@ def test_every_field_of_a_result_is_explained(name: str) -> None:
 
 
 def test_defaults_are_as_stated() -> None:
-    recipe = RecipeIn()  # type: ignore[call-arg]
+    recipe = RecipeIn()
     for name in ("method", "weighting", "posterior"):
         assert f'| `{name}` | `"{getattr(recipe, name)}"`' in GUIDE
     assert f"| `damping_models` | {', '.join(recipe.damping_models)} |" in GUIDE

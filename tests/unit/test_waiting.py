@@ -1,7 +1,5 @@
 """Tests wait for events: a sleep, or a time that is measured, stands in no test."""
 
-from __future__ import annotations
-
 import re
 
 from tests.support.places import ROOT

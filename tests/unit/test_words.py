@@ -1,7 +1,5 @@
 """Code, messages and documents use the glossary's words: the private ones of earlier versions do not come back."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path

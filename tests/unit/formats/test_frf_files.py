@@ -1,7 +1,5 @@
 """Files of FRFs that a script writes and reads: nothing is lost on the way, and a fault is named by its place."""
 
-from __future__ import annotations
-
 import io
 import pickle
 import zipfile

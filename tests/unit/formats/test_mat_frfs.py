@@ -1,7 +1,5 @@
 """FRFs and coherences of an analyser's .mat, by a mapping."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Formats are recognised by what is in a file; a name only decides where that could be two."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Rules of access that need no database: roles, keys that are known, the session's cookie."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -168,5 +166,5 @@ def test_what_is_no_request_passes_by() -> None:
     async def app(scope: Any, *_: Any) -> None:
         seen.append(scope)
 
-    asyncio.run(SessionCookie(app)({"type": "lifespan"}, None, None))  # type: ignore[arg-type]  # nothing is received
+    asyncio.run(SessionCookie(app)({"type": "lifespan"}, None, None))
     assert seen == [{"type": "lifespan"}]

@@ -1,7 +1,5 @@
 """The import contracts hold, and they catch what they are there for."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """A thread that goes round while a block runs."""
 
-from __future__ import annotations
-
 import threading
 
 from service.jobs.background import Background

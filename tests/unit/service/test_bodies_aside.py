@@ -1,7 +1,5 @@
 """Files and forms as the service reads them, in the process itself: what comes out, and what is said where nothing does."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import tempfile
@@ -74,7 +72,7 @@ class Dead:
     def messages(self) -> Iterator[Item]:
         """What the function makes, as if it had come through a channel."""
         try:
-            yield from map(Item, self.order.compute(self.order.inputs, None))  # type: ignore[arg-type]
+            yield from map(Item, self.order.compute(self.order.inputs, None))
         except ZeroDivisionError:
             raise ChildEnded(Failure("internal", "ZeroDivisionError", "internal error", trace="the trace")) from None
         except MemoryError:

@@ -1,7 +1,5 @@
 """Numbers of a figure are JSON, whatever was measured."""
 
-from __future__ import annotations
-
 import json
 import math
 

@@ -1,7 +1,5 @@
 """Figures of results that lack something, or have what few have: each panel, curve and mark is there where there is data."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -175,7 +173,7 @@ def many_modes(count: int) -> UpdateFigures:
         for k in range(count)
     ]
     shapes = random.standard_normal((count, 6))
-    data = UpdateFigures(None, None)  # type: ignore[arg-type]  # what they would give is planted
+    data = UpdateFigures(None, None)
     vars(data)["document"] = {"modes": modes, "provenance": {"frfs": []}}
     vars(data)["arrays"] = {
         "shapes_measured": shapes, "shapes_updated": shapes, "shape_pairs": np.array([(k, k) for k in range(count)]),

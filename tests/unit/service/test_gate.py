@@ -1,7 +1,5 @@
 """The gate: slots, turns, and what waits. No slot is ever lost."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any
@@ -13,7 +11,7 @@ from service.web.gate import SLOT, Buckets, Gate, Slot, without_slot
 
 
 def run(test: Callable[[], Awaitable[Any]]) -> None:
-    asyncio.run(test())  # type: ignore[arg-type]
+    asyncio.run(test())
 
 
 async def settle() -> None:

@@ -1,7 +1,5 @@
 """The guide as files: every page is there, every link leads somewhere, and nothing is fetched from another place."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from pathlib import Path

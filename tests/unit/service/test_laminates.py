@@ -1,7 +1,5 @@
 """A structure's plies become the specimen that updating takes: a sandwich gives way in its core."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Routes that are put together when they are first asked for: the same ones as FastAPI's, later."""
 
-from __future__ import annotations
-
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
 from threading import Barrier

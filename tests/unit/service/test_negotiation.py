@@ -1,7 +1,5 @@
 """Which format an answer has, by the parameter `format` and by Accept with its q values (RFC 9110, 12.5.1)."""
 
-from __future__ import annotations
-
 import pytest
 
 from service.errors import Invalid, NotAcceptable

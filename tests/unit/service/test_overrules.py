@@ -1,7 +1,5 @@
 """Which hits a user's decisions mean."""
 
-from __future__ import annotations
-
 import pytest
 
 from fecore.errors import InputError

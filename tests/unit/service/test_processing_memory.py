@@ -1,7 +1,5 @@
 """A processing of records as the child process runs it: what memory it takes."""
 
-from __future__ import annotations
-
 import os
 import tracemalloc
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Results, campaigns and time blocks that lack something: what is left out, and what is said where nothing remains."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -56,7 +54,7 @@ FIBRE = OrthotropicMaterial(Ex=1e10, Ey=1e9, Gxy=1e9, Gxz=1e9, Gyz=1e9, nu_xy=0.
 
 def a_result(arrays: dict[str, Any] | None = None, **document: Any) -> UpdateFigures:
     """What a job's figures are drawn from, as if it had been read."""
-    data = UpdateFigures(None, None)  # type: ignore[arg-type]  # nothing is read
+    data = UpdateFigures(None, None)
     vars(data).update(document=document, light=document, arrays=arrays or {})
     return data
 
@@ -249,7 +247,7 @@ def test_what_a_recipe_or_campaign_states_is_kept_where_hits_would_say_otherwise
     for rate, kept in ((None, 3.0), (5.0, 5.0)):
         hits: Any = SimpleNamespace(inputs=Part(window_rate=rate), frame=None, points={}, roving_mass=0.0)
         made = SimpleNamespace(frfs=Part(), rate_per_s=3.0)
-        assert _measured(hits, made).inputs.window_rate == kept  # type: ignore[arg-type]
+        assert _measured(hits, made).inputs.window_rate == kept
 
 
 @pytest.mark.parametrize(
@@ -303,12 +301,12 @@ def test_a_strip_is_one_of_known_mass_and_stiffness(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(processings, "load_records", lambda *_: None)
     row = SimpleNamespace(campaign_id=HERE, options={})
     with pytest.raises(InputError, match="has no time blocks; POST records first"):
-        processings._load(SimpleNamespace(get_one=lambda *_: row), HERE, None)  # type: ignore[arg-type]
+        processings._load(SimpleNamespace(get_one=lambda *_: row), HERE, None)
 
 
 def test_windows_are_remarked_upon_where_there_are_any() -> None:
     def frfs(*rates: float | None) -> MeasuredFrfs:
-        return MeasuredFrfs(None, (), (), frozenset(rates))  # type: ignore[arg-type]  # its values are not asked for
+        return MeasuredFrfs(None, (), (), frozenset(rates))
 
     assert (frfs(None).window_remark, frfs(None).window_rate) == ([], None)
     assert "an exponential window of 2, 3 per second" in frfs(3.0, 2.0, None).window_remark[0]
@@ -323,13 +321,13 @@ def test_a_parameter_is_watched_where_it_is_worse(name: str, direction: str) -> 
     assert WatchedIn(name=name).watched_direction == direction
     assert WatchedIn(name=name, direction="both").watched_direction == "both"
     with pytest.raises(ValidationError):
-        WatchedIn(name=name, direction="up")  # type: ignore[arg-type]
+        WatchedIn(name=name, direction="up")
 
 
 def test_a_campaign_that_was_held_otherwise_is_not_compared() -> None:
     monitor: Any = SimpleNamespace(boundary=None)
     seen = [SimpleNamespace(campaign=SimpleNamespace(boundary=boundary)) for boundary in ("free", "free", "cantilever")]
-    said = [_held_otherwise(one, monitor) for one in seen]  # type: ignore[arg-type]
+    said = [_held_otherwise(one, monitor) for one in seen]
     assert said[:2] == [None, None]
     assert said[2] == "the specimen was held 'cantilever'; this monitor compares campaigns held 'free'"
 
@@ -380,7 +378,7 @@ def test_a_laminate_is_one_layer_unless_its_plies_are_named(monkeypatch: pytest.
 
         monkeypatch.setattr(bodies, "nominal_specimen", nominal)
         monkeypatch.setattr(bodies, "_layered", lambda *_: "plies")
-        return bodies._named(structure, "free", recipe, ())  # type: ignore[return-value]
+        return bodies._named(structure, "free", recipe, ())
 
     plain, named, ply = (
         SimpleNamespace(parameters=names and [SimpleNamespace(name=name) for name in names])
@@ -436,13 +434,13 @@ def test_what_a_joint_update_does_not_take(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(bodies, "_is_one_material", lambda _: False)
     monkeypatch.setattr(bodies, "nominal_specimen", lambda *_: SimpleNamespace(material="one"))
     with pytest.raises(InputError, match="plies at several angles; a joint update takes one material"):
-        bodies.material_of(SimpleNamespace(laminate=plies), 0)  # type: ignore[arg-type]
+        bodies.material_of(SimpleNamespace(laminate=plies), 0)
     plies.plies[1].angle_deg = 90
-    assert bodies.material_of(SimpleNamespace(laminate=plies), 0) == ("one", 0.0)  # type: ignore[arg-type]
+    assert bodies.material_of(SimpleNamespace(laminate=plies), 0) == ("one", 0.0)
     monkeypatch.setattr(loading, "roving_mass", lambda _: 0.002)
     job, campaign, material = SimpleNamespace(), SimpleNamespace(frf_sets=(1,)), SimpleNamespace()
     with pytest.raises(InputError, match="had a sensor that moved, so its FRFs have no common modes; name a mode set"):
-        loading._campaign(None, 1, job, campaign, ("a", "b"), material, RecipeIn())  # type: ignore[arg-type]
+        loading._campaign(None, 1, job, campaign, ("a", "b"), material, RecipeIn())
 
 
 def test_a_hold_out_leaves_something_to_fit(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -452,7 +450,7 @@ def test_a_hold_out_leaves_something_to_fit(monkeypatch: pytest.MonkeyPatch) -> 
 
     def check(**held: Any) -> None:
         recipe = RecipeIn.model_validate({"hold_out": held})
-        operations._check_data(None, recipe, SimpleNamespace(id=HERE))  # type: ignore[arg-type]
+        operations._check_data(None, recipe, SimpleNamespace(id=HERE))
 
     for held in ({"band_hz": [2, 3]}, {"points": [2]}, {"points": [1]}):
         check(**held)
@@ -495,7 +493,7 @@ def test_predictions_that_no_row_matches(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_a_joint_result_without_anything_to_draw_says_so() -> None:
     with pytest.raises(Conflict, match="no campaign has an estimate of its own"):
-        draw_figure(JOINT_FIGURES, JointFigures(SimpleNamespace(), {"campaigns": [{"alone": {}}]}), "campaigns")  # type: ignore[arg-type]
+        draw_figure(JOINT_FIGURES, JointFigures(SimpleNamespace(), {"campaigns": [{"alone": {}}]}), "campaigns")
 
 
 def test_measured_data_that_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -506,13 +504,13 @@ def test_measured_data_that_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> N
     )
     monkeypatch.setattr(identifications, "load_measured_campaign", lambda *_: a_campaign())
     with pytest.raises(InputError, match="has no FRFs; import a UFF file first"):
-        identifications._load(session, HERE, None)  # type: ignore[arg-type]
+        identifications._load(session, HERE, None)
     placed, lost = Row(1), Row(0)
     vars(lost).update(id=7, label="FRF 7")
     used: list[Any] = []
     monkeypatch.setattr(data, "make_tables", lambda _session, rows, _cut: used.extend(rows) or [])
     warnings: list[str] = []
-    assert data._frf_sets(session, SimpleNamespace(id=HERE), None, warnings) == []  # type: ignore[arg-type]
+    assert data._frf_sets(session, SimpleNamespace(id=HERE), None, warnings) == []
     assert (used, warnings) == ([placed], ["FRF 7 (FRF 7) states no point or direction and is left out"])
     block: Any = SimpleNamespace(
         dataset=3, quantity="acceleration", response_point=0, response_direction=0, reference_point=0,
@@ -537,17 +535,17 @@ def test_a_monitors_values_and_notes_of_what_was_found_otherwise() -> None:
     """Modes that were identified state no deviation; a run of another version is named."""
     row = {"name": "Ex", "comparable": {"estimate": 1.0, "standard_deviation": 0.1}}
     mode = {"number": 1, "measured_hz": 10.0, "measured_damping": 0.01}
-    found = watched_values(None, {"parameters": [row], "provenance": {}, "modes": [mode]})  # type: ignore[arg-type]
+    found = watched_values(None, {"parameters": [row], "provenance": {}, "modes": [mode]})
     assert found == {"parameters": {"Ex": [1.0, 0.1]}, "modes": [[10.0, None, 0.01, None]]}
     pairs: Any = [
         (SimpleNamespace(campaign=SimpleNamespace(id=n)), SimpleNamespace(revision=1, software=software))
         for n, software in enumerate((None, "2", "3", "3"))
     ]
-    notes = list(judgements._notes(SimpleNamespace(software="2"), pairs))  # type: ignore[arg-type]
+    notes = list(judgements._notes(SimpleNamespace(software="2"), pairs))
     assert notes == ["version 2 opened this series, 3 ran campaign 2, 3; a rerun makes a uniform series"]
 
 
 def test_the_report_names_the_largest_parts_of_a_variance() -> None:
     rows = [{"name": "Ey", "budget": []}, {"name": "Ex", "budget": [{"source": "the_prior", "share": 0.25}]}]
     (table,) = update_report._budget(rows)
-    assert table.rows == [["Ex", "the prior 25 %"]]  # type: ignore[union-attr]
+    assert table.rows == [["Ex", "the prior 25 %"]]

@@ -1,7 +1,5 @@
 """Spectra, axes and frames by themselves: what is stored comes back."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

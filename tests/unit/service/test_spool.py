@@ -1,7 +1,5 @@
 """Bodies are received whole, within limits of size and time."""
 
-from __future__ import annotations
-
 import asyncio
 import hashlib
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Starts and ends of what runs, without the processes themselves: systems, users and moments that a test does not have."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
@@ -216,5 +214,5 @@ def test_a_note_of_a_service_that_was_killed_names_nothing(monkeypatch: pytest.M
 
 
 def test_doctor_counts_workers() -> None:
-    found = [doctor._workers(SimpleNamespace(scalar=lambda *_, n=n: n), Settings()) for n in (0, 2)]  # type: ignore[arg-type]
+    found = [doctor._workers(SimpleNamespace(scalar=lambda *_, n=n: n), Settings()) for n in (0, 2)]
     assert [(one.level, one.words[:7]) for one in found] == [("warning", "none is"), ("ok", "2 alive")]

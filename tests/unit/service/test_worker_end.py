@@ -1,7 +1,5 @@
 """The end of a worker's event loop."""
 
-from __future__ import annotations
-
 import asyncio
 
 import pytest

@@ -1,7 +1,5 @@
 """Batches of coupons: statistics, exclusions, failure codes, and the prior with its coverage."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """ASTM D3039: the hand-worked examples of docs/coupons.md, to the digits, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A monitor's judgement of whole series: alarms, missing and late campaigns, covariates, families."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -89,7 +87,7 @@ def test_the_rate_of_a_loss_that_goes_on_is_the_one_since_its_onset() -> None:
             assert trend.rate.since is not None
             low, high = trend.rate.relative_interval_95
             covered.append(low <= truth <= high)
-            line = rate(series, (), trend.baseline.mean)  # type: ignore[union-attr]
+            line = rate(series, (), trend.baseline.mean)
             over_all.append(line.relative_interval_95[0] <= truth <= line.relative_interval_95[1])
     assert len(covered) >= 47
     assert np.mean(covered) >= 0.86  # 95 % of 50 draws less three standard deviations of that share

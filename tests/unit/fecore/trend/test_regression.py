@@ -1,7 +1,5 @@
 """Regression with scatter between campaigns, change points and rates: closed forms and coverage."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Real files: every one of the corpus is read with the right counts, or reported for what it is."""
 
-from __future__ import annotations
-
 from collections import Counter
 from contextlib import suppress
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Damaged files: refused, reported or equal; never a silent change, a hang or a flood of memory."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

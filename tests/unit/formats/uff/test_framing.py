@@ -1,7 +1,5 @@
 """A file whose framing is broken is refused as a whole, by the call itself, before anything is yielded."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable
 from pathlib import Path

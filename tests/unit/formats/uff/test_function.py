@@ -1,7 +1,5 @@
 """Set 58 as programs write it: what the format allows is read, and what it does not allow is refused by name."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -108,7 +106,7 @@ def test_an_abscissa_must_increase(read: Read) -> None:
 
 
 def binary_58(data: bytes, *, order: int = 1, count: int | None = None, tail: bytes = b"", **header: object) -> bytes:
-    lines = header_58(**header)  # type: ignore[arg-type]
+    lines = header_58(**header)
     size = len(data) if count is None else count
     head = f"    58b{order:6d}{2:6d}{11:12d}{size:12d}{0:6d}{0:6d}{0:12d}{0:12d}\n".encode()
     text = b"".join((x if isinstance(x, bytes) else x.encode()) + b"\n" for x in lines)

@@ -1,7 +1,5 @@
 """Grid points and directions in coordinate systems of their own, trace lines, elements, mode shapes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

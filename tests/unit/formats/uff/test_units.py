@@ -1,7 +1,5 @@
 """Units: labels as engineers write them, set 164, and the way from both to SI, with every conversion stated."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest
