@@ -59,8 +59,6 @@ def _spread(values: Sequence[float]) -> str:
 
 
 def _seconds(later: datetime | None, earlier: datetime | None) -> float:
-    assert later is not None
-    assert earlier is not None
     return (later - earlier).total_seconds()
 
 

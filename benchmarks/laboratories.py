@@ -137,7 +137,6 @@ def _spoil(
     fault: str, stated: Specimen, measurement: Measurement, rng: np.random.Generator
 ) -> tuple[Specimen, Measurement]:
     """What the laboratory gets wrong."""
-    assert measurement.frfs is not None
     values, points = measurement.frfs.values.copy(), dict(measurement.points)
     row, level = int(rng.integers(len(values))), np.sqrt(np.mean(np.abs(values) ** 2, axis=1))
     if fault in ("sign", "height", "dead"):

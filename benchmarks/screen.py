@@ -44,7 +44,6 @@ def _start(data: Path) -> tuple[float, float, float]:
     quiet = os.environ | {"MODALBASE_LOG_LEVEL": "warning"}
     began = time.perf_counter()
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=quiet) as up:
-        assert up.stdout is not None
         while not _ready(port):
             if up.poll() is not None:
                 raise RuntimeError("it ended; what it wrote says why")

@@ -35,7 +35,7 @@ from tests.support.rest import client_of, ok
 
 BLOCKS = blocks()
 FIRST = "docs/command-line.md"
-ELSEWHERE = {"README.md": "test_readme_script.py", "docs/tutorial.md": "test_tutorial.py"}
+ELSEWHERE = {"README.md": "test_tutorial.py", "docs/tutorial.md": "test_tutorial.py"}
 """Pages whose blocks another test runs, as it looks at what they print."""
 
 NEEDS = {"xarray": "to_xarray", "pandas": "import pandas", "sdypy": "from sdypy"}
@@ -62,7 +62,7 @@ class Reader:
         self.variables = {
             "MODALBASE_URL": service.url,
             "MODALBASE_API_KEY": key,
-            "MODALBASE_DATABASE_URL": service.settings.database_url or "",
+            "MODALBASE_DATABASE_URL": service.settings.database_url,
             "URL": service.url,
             "KEY": key,
         }

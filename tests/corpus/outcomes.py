@@ -100,7 +100,6 @@ class Modes:
             assert found.modes.damping_ratio.tolist() == pytest.approx(list(self.zeta), rel=0.1)
         doubts = found.doubtful
         for hz, word in self.doubtful:
-            assert doubts is not None
             near = [
                 why
                 for each, why in zip(doubts.modes.frequency_hz, doubts.doubt, strict=True)

@@ -105,8 +105,17 @@ def joint(*recipes: Any, **more: Any) -> dict[str, Any]:
     return {"joint": True, "jobs": jobs, **more}
 
 
+TWICE, SOFT = {"window_rate_per_s": 2.0, "window_time_constant_s": 0.5}, {"clamp_compliance_sd": 100}
+THREE = {**FRF, "real": [1, 2, 3], "imag": [0, 0, 0]}
+OF_OTHER_NAMES = [({"a/b": 1, "~c": 2}, place, "") for place in ("/a~1b", "/~0c")]
+"""RFC 6901: whoever follows the pointer comes to the member that is wrong, whatever it is called."""
 FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
     "POST projects/{project}/structures": [
+        (beam(inputs={"width_sd_m": -1e-3}), "/inputs/width_sd_m", ""),
+        ({"name": "x", "Ex": 33e9}, "/Ex", "did you mean material/Ex_Pa?"),
+        ({"name": "x", "colour": 1}, "/colour", "there is name, geometry, density_kg_m3"),
+        ({"name": "x", "density_kg_m3": 1e6}, "/density_kg_m3", "is 1e6 kg/m³, expected at most 50000 kg/m³"),
+        (beam(geometry={"width_m": 0}), "/geometry/width_m", "is 0 m, expected more than 0 m"),
         (beam(geometry={"length_m": 0}), "/geometry/length_m", ""),
         (beam(geometry={"width_m": -0.04}), "/geometry/width_m", ""),
         (beam(geometry={"thickness_m": 0.6}), "/geometry/thickness_m", ""),
@@ -132,6 +141,12 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({"pieces": [{"from_m": 0.1, "to_m": 0.9, "thickness_m": 0.005}]}, "", ""),
     ],
     "POST structures/{structure}/campaigns": [
+        ({**CAMPAIGN, "temperature_c": "20"}, "/temperature_c", "Input should be a number"),
+        ({**CAMPAIGN, "humidity_percent": True}, "/humidity_percent", "Input should be a number"),
+        ({**CAMPAIGN, "instruments": {"sensor_mass_kg": 0.005, "sensor_point": "3"}}, "/instruments/sensor_point", "a number"),
+        ({**CAMPAIGN, "frame": {"origin_m": [0.0, 0.0, False]}}, "/frame/origin_m/2", "Input should be a number"),
+        ({**CAMPAIGN, "inputs": TWICE}, "/inputs", ""),
+        ({**CAMPAIGN, "boundary": "cantilever", "inputs": SOFT}, "/inputs/clamp_compliance_sd", ""),
         ({**CAMPAIGN, "boundary": "hanging"}, "/boundary", ""),
         ({**CAMPAIGN, "performed_at": "2026-03-02T09:30:00"}, "/performed_at", ""),
         ({**CAMPAIGN, "performed_at": "2026-03-02"}, "/performed_at", ""),
@@ -147,6 +162,7 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({**CAMPAIGN, "weather": "fine"}, "/weather", ""),
     ],
     "PATCH campaigns/{campaign}": [
+        ({"inputs": SOFT}, "/inputs/clamp_compliance_sd", ""),
         ({}, "", "names nothing to change"),
         ({"name": None}, "/name", "cannot be null; leave it out to keep it"),
         ({"boundary": None}, "/boundary", "cannot be null"),
@@ -161,11 +177,18 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({"archived": None}, "/archived", ""),
     ],
     "POST campaigns/{campaign}/frfs": [
+        ({**FRFS, "quantity": "x", "frfs": [THREE]}, "/quantity", ""),
+        ({**FRFS, "frequency_hz": [2, 1, 3], "frfs": [THREE]}, "/frequency_hz", ""),
+        ({**FRFS, "frequency_hz": [1, 2], "frfs": [THREE]}, "/frfs/0/real", ""),
+        ({**FRFS, "frfs": []}, "/frfs", ""),
+        ({**FRFS, "frfs": [{**THREE, "coherence": [0.5]}]}, "/frfs/0/coherence", ""),
+        *OF_OTHER_NAMES,
         ({**FRFS, "frfs": [{**FRF, "real": [1, 2, 3], "imag": [1]}]}, "/frfs/0", "real has 3 values, imag has 1"),
         ({**FRFS, "frfs": [{**FRF, "real": [1, 2, 3], "imag": [0, 0, 0], "coherence": [0, 1, 2]}]}, "/coherence",
          "lies outside 0 to 1"),
     ],
     "POST campaigns/{campaign}/mode-sets": [
+        *OF_OTHER_NAMES,
         ({"name": "x", "modes": []}, "/modes", ""),
         (one(frequency_hz=0), "/modes/0/frequency_hz", ""),
         (one(frequency_hz=-1), "/modes/0/frequency_hz", ""),
@@ -180,7 +203,16 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         (one(frequency_hz=1, shape=[SHAPE, SHAPE]), "/modes/0/shape", "point 1 has direction 3 twice"),
         (one(frequency_hz=1, shape=[{**SHAPE, "real": 0}]), "/modes/0/shape", "is zero everywhere"),
     ],
-    "POST campaigns/{campaign}/identifications": [({"band_hz": [3, 1]}, "/band_hz", "is (3, 1), expected low < high")],
+    "PUT campaigns/{campaign}/grid-points": [
+        ({"items": [{"label": 1.5, "x_m": 0, "y_m": 0}]}, "/items/0/label", ""),
+        ({"items": [{"label": 1, "x_m": 0, "y_m": 0}] * 2}, "/items", ""),
+        ({"points": []}, "/items", ""),
+        *OF_OTHER_NAMES,
+    ],
+    "POST campaigns/{campaign}/identifications": [
+        ({"band_hz": [3, 1]}, "/band_hz", "is (3, 1), expected low < high"),
+        ({"band_hz": [-1, 10]}, "/band_hz/0", "is -1 Hz, expected at least 0 Hz"),
+    ],
     "POST campaigns/{campaign}/records": [
         ({"force": [1]}, "", 'is not {"variables": {name: numbers}, "mapping"'),
         ({"variables": {"a": [[1], [1, 2]]}}, "/variables/a", "is not a number or a regular array of numbers"),
@@ -195,6 +227,9 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({**BATCH, "published": {"Ex": {"mean": 1e9, "standard_deviation": 0}}}, "/published/Ex/standard_deviation", ""),
     ],
     "POST coupon-batches/{batch}/coupons": [
+        ({"specimen": "B", "E": 1e9}, "/E", "did you mean E_Pa?"),
+        ([{"specimen": "B", "strenth_Pa": 1e9}], "/0/strenth_Pa", "did you mean strength_Pa?"),
+        ({"specimen": "B", "E_Pa": 3.3e19}, "/E_Pa", "is 3.3e19 Pa, expected at most 1e13 Pa (10000 GPa)"),
         ([], "", "the list has 0 specimens, expected 1 to 1000"),
         ({"specimen": "B", "E_Pa": 3e10}, "/E_Pa", "record each direction"),
         ([{"specimen": n, "E_Pa": 3e10} for n in "BC"], "/1/E_Pa", "batch gives"),
@@ -212,6 +247,11 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({**MASS, "E_GPa": 33}, "/E_GPa", ""),
     ],
     "POST campaigns/{campaign}/update-jobs": [
+        ({"inputs": TWICE}, "/inputs", ""),
+        ({"inputs": SOFT}, "/inputs/clamp_compliance_sd", ""),
+        ({"band": [1, 2]}, "/band", "is no member here; did you mean band_hz?"),
+        ({"hold_out": {"pionts": [1]}}, "/hold_out/pionts", "did you mean points?"),
+        ({"parameters": [{**EX, "mean": 1}]}, "/parameters/0/mean", "did you mean prior_mean?"),
         ({"mode_set": "{mode_set}"}, "/mode_set", "belongs to another campaign"),
         ({"mode_set": UNKNOWN}, "/mode_set", ""),
         ({"prior_from_coupon_batch": "{foreign_batch}"}, "/prior_from_coupon_batch", "belongs to another structure"),
@@ -237,6 +277,8 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({}, "/structure", "states no geometry, no density_kg_m3, no laminate or material: an update needs them"),
     ],
     "POST update-jobs": [
+        ({"joint": True, "jobs": [{"campaign_id": "{campaign}", "recipe": {"inputs": SOFT}}, {"campaign_id": "{other}"}]},
+         "/jobs/0/recipe/inputs/clamp_compliance_sd", ""),
         ({"jobs": [{"campaign_id": "{structure}"}]}, "/jobs/0/campaign_id", "no campaign"),
         ({"jobs": [{"campaign_id": "{campaign}", "recipe": {"band_hz": [3, 1]}}]}, "/jobs/0/recipe/band_hz", "its low end"),
         ({"jobs": [{"campaign_id": "{campaign}", "angle_deg": 45}]}, "/jobs/0/angle_deg", ""),
@@ -262,6 +304,7 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({"tests": [{"boundary": "free", "highest_hz": 3.0}]}, "/highest_hz", ""),
     ],
     "POST structures/{structure}/monitors": [
+        ({"name": "m", "recipe": {"inputs": SOFT}}, "/inputs/clamp_compliance_sd", ""),
         ({"name": "m", "parameters": [{"name": "Colour"}]}, "/parameters", "Colour is no parameter that a result has"),
         ({"name": "m", "parameters": [{"name": "nu_xy"}]}, "/parameters/0/name",
          "nu_xy is not updated by the recipe, which updates Ex"),
@@ -285,6 +328,7 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({"mail_to": ["a@b.org"]}, "/mail_to", "has set no SMTP server"),
     ],
     "POST monitors/{monitor}/runs": [
+        ({"campaign": "{other}", "rerun": True}, "", ""),
         ({"campaign": "{foreign}"}, "/campaign", "is no campaign of this monitor's structure"),
         ({"campaign": UNKNOWN}, "/campaign", "no campaign of this"),
         ({"campaign": "{campaign}"}, "/campaign", "states no performed_at"),
@@ -295,6 +339,10 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({"project": "{project}", "url": "http://x:port"}, "/url", "is no URL"),
         ({"project": "{project}", "url": "ftp://x"}, "/url", "is no http:// or https:// URL with a host"),
         ({"project": "{project}", "url": "http://a:b@x.org"}, "/url", "holds a user or password"),
+        *(({"project": "{project}", "url": f"http://{host}/"}, "/url", "")
+          for host in ("10.0.0.1", "[::1]", "192.0.0.192", "[64:ff9b::1.1.1.1]", "no-such-name.invalid")),
+        ({"project": "{project}", "url": "http://127.0.0.1/", "events": []}, "/events", ""),
+        ({"project": "{project}", "url": "http://127.0.0.1/", "events": ["alarm.silenced"]}, "/events/0", ""),
     ],
 }
 OTHERS: list[tuple[str, Any, int, str, str]] = [
@@ -344,6 +392,7 @@ def test_a_refusal_says_where_and_what(
     assert answer.headers["content-type"] == "application/problem+json"
     if status == 422:
         assert place in pointers(problem), problem
+        assert "confirmable" not in problem
         assert any(wanted in fault["detail"] for fault in problem["errors"] if fault["pointer"] == place), problem
     assert wanted in problem["detail"]
 

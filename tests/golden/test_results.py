@@ -18,12 +18,11 @@ from examples.plies import plate, simulated
 from service.app.demo.paper import MODES, STRUCTURE, uff_file
 from service.app.demo.run import Laboratory
 from service.app.supervisor import LocalService
-from tests.acceptance import test_sensor_mass as sensor_tests
+from tests.acceptance import test_identification as sensor_tests
 from tests.golden import inputs
 from tests.golden.inputs import hits_campaign, imported, job, modes_of, new_campaign, open_campaign, updated
-from tests.integration import test_coupon_curves as curves
-from tests.integration.test_joint_updates import stored
-from tests.integration.test_plies import ANGLES, EXACT, PLY
+from tests.integration import test_coupons as curves
+from tests.integration.test_updates import ANGLES, EXACT, PLY, stored
 from tests.support.golden import check
 from tests.support.rest import mode_rows, ok, posted
 from tests.support.strips import STRIP, measured

@@ -21,7 +21,7 @@ from service.db.base import Base
 from service.db.engine import make_engine, make_sessions
 from service.db.schema import head_revision, require_head, upgrade
 from service.jobs.tables import Job
-from tests.integration.test_migrations import fill, revisions
+from tests.integration.test_db import fill, revisions
 from tests.support.command import modalbase_here
 
 

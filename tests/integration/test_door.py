@@ -65,7 +65,6 @@ class House:
             body += message.get("body", b"")
             more = message.get("more_body", False)
         self.bodies.append(body)
-        assert self.door is not None
         before = self.door.gate.answering
         await send({"type": "http.response.start", "status": self.status, "headers": []})
         self.busy.append((before, self.door.gate.answering))

@@ -47,8 +47,7 @@ class Done:
         return self.api.base_url.join(item["href"])
 
     def figure(self, name: str, **query: Any) -> dict[str, Any]:
-        found: dict[str, Any] = ok(self.api.get(f"{self.path}/figures/{name}", params=query), 200)
-        return found
+        return ok(self.api.get(f"{self.path}/figures/{name}", params=query), 200)
 
 
 @pytest.fixture(scope="module")
@@ -324,7 +323,7 @@ def test_what_a_browser_opens_and_cannot_be_made_is_said_on_a_page(demo: Done, s
     ]
     with (
         session_client(demo.api, base=service.url) as browser,
-        psycopg.connect(service.settings.database_url or "", autocommit=True) as database,
+        psycopg.connect(service.settings.database_url, autocommit=True) as database,
     ):
         (kept,) = database.execute("SELECT prediction FROM update_results WHERE id = %s", [job]).fetchone() or ()
         damage = "UPDATE update_results SET prediction = %s WHERE id = %s"

@@ -47,7 +47,6 @@ def old_job(
     def replace(version: str) -> str:
         document, prediction = stored_by(version)
         document["provenance"] |= {name: now[name] for name in ("update_job", "campaign", "frfs", "mode_set")}
-        assert service.settings.database_url is not None
         with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
             change = "UPDATE update_results SET document = %s, prediction = %s WHERE id = %s"
             assert connection.execute(change, (Json(document), prediction, job)).rowcount == 1

@@ -29,7 +29,7 @@ from service.store.imports.originals import (
 )
 from service.web.parameters import HEAVIEST_BYTES, paged
 from service.web.uploads import Spooled
-from tests.integration.test_migrations import fill
+from tests.integration.test_db import fill
 
 
 @pytest.fixture

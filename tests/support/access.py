@@ -77,7 +77,7 @@ def operations(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
 def asking_of(service: LocalService) -> Iterator["Round"]:
     """Projects and callers of a service that runs with settings such as `ASKED_FREELY`."""
     with ExitStack() as stack:
-        engine = make_engine(service.settings.database_url or "", pool_size=2)
+        engine = make_engine(service.settings.database_url, pool_size=2)
         stack.callback(engine.dispose)
         line = stack.enter_context(httpx.Client(base_url=service.url, timeout=120, trust_env=False))
         owner, stranger = (

@@ -68,6 +68,16 @@ class Watched:
         self.clicks += 1
         self.page.click(selector)
 
+    def visit(self, path: str) -> None:
+        """Look at another page, in a tab of its own, until nothing more is loaded.
+
+        In one tab the page before would be asked for once more on the way now and then: it loads itself anew where it takes
+        the end of its dark colours, which are the browser's pretence, for the reader's wish.
+        """
+        before, self.page = self.page, self.page.context.new_page()
+        before.close()
+        self.page.goto(path, wait_until="networkidle")
+
 
 @contextmanager
 def watched_page(
@@ -89,20 +99,19 @@ def watched_page(
         reduced_motion="reduce" if still else "no-preference",
     )
     context.set_default_timeout(PATIENCE_MS)
-    page = context.new_page()
-    seen = Watched(page, urlsplit(url).netloc)
+    seen = Watched(context.new_page(), urlsplit(url).netloc)
 
     def on_console(message: ConsoleMessage) -> None:
         if message.type in ("error", "warning"):
-            seen.complaints.append(f"{message.type}: {message.text} ({page.url})")
+            seen.complaints.append(f"{message.type}: {message.text} ({message.location['url']})")
 
     def on_request(request: Request) -> None:
         asked = urlsplit(request.url)
         if asked.scheme not in OWN_SCHEMES and asked.netloc != seen.host:
             seen.strangers.append(request.url)
 
-    page.on("console", on_console)
-    page.on("pageerror", lambda error: seen.complaints.append(f"uncaught: {error} ({page.url})"))
+    context.on("console", on_console)
+    context.on("weberror", lambda found: seen.complaints.append(f"uncaught: {found.error}"))
     context.on("request", on_request)
     try:
         yield seen

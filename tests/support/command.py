@@ -130,7 +130,6 @@ def up(
     process = subprocess.Popen(
         [str(COMMAND), *words], stdout=subprocess.PIPE, stderr=stderr, text=True, env=environment(**env), cwd=cwd
     )
-    assert process.stdout is not None
     try:
         said = ""
         while "API key" not in said:  # its last line

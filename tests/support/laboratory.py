@@ -23,11 +23,6 @@ BEAM: dict[str, Any] = {
 
 
 @pytest.fixture
-def checked() -> Callable[[httpx.Response, int], Any]:
-    return ok
-
-
-@pytest.fixture
 def beam() -> dict[str, Any]:
     """The body of a structure."""
     return {**BEAM, "geometry": dict(BEAM["geometry"]), "material": dict(MATERIAL)}
@@ -81,7 +76,6 @@ def rows(service: LocalService) -> Callable[..., list[dict[str, Any]]]:
     """Asks the running service's database directly."""
 
     def ask(query: str, *parameters: Any) -> list[dict[str, Any]]:
-        assert service.settings.database_url is not None
         with psycopg.connect(psycopg_url(service.settings.database_url), row_factory=dict_row) as connection:
             return connection.execute(query, parameters).fetchall()
 

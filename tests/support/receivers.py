@@ -130,7 +130,6 @@ class MailServer(Controller):
         return AuthResult(success=who == self.account, handled=False)
 
     def _trigger_server(self) -> None:
-        assert self.server is not None
         self.port = self.server.sockets[0].getsockname()[1]
         super()._trigger_server()
 

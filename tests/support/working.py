@@ -127,9 +127,7 @@ def wait(sessions: Sessions, job_id: UUID, condition: Callable[[Job], bool] = la
         job = look(sessions, job_id)
         return job if condition(job) else None
 
-    found = until(so, "the job", lambda: job_state(look(sessions, job_id)))
-    assert found is not None
-    return found
+    return until(so, "the job", lambda: job_state(look(sessions, job_id)))
 
 
 def items(sessions: Sessions, job_id: UUID) -> list[Any]:

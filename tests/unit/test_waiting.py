@@ -10,7 +10,6 @@ ALLOWED = {
     "support/waiting.py",  # looks again and again
     "support/computations.py",  # a job that is held
     "support/receivers.py",  # a signature must be fresh
-    "integration/test_tickets.py",  # ends at many moments; what is asserted holds at each
     "unit/test_waiting.py",
 }
 

@@ -22,18 +22,10 @@ from service.compute.result_arrays import as_npz
 from service.compute.updating import _measured, _within_force
 from service.errors import Conflict, Damaged, Invalid, NotFound
 from service.monitoring import judgements
-from service.monitoring.notifications.messages import as_mail
 from service.monitoring.runs import _held_otherwise, watched_values
 from service.monitoring.schemas import WatchedIn
 from service.show import hits as record_figures
-from service.show.figures.marks import Figure
-from service.show.figures.screen import screen
-from service.show.pages.grid import draw_grid
-from service.show.reports import update_report
-from service.show.results import figure_data, figure_frf, predictions
-from service.show.results.figure_data import JointFigures, UpdateFigures
-from service.show.results.figure_frf import Wanted, _row_at
-from service.show.results.figures import FIGURES, JOINT_FIGURES, _shapes, draw_figure
+from service.show.results import predictions
 from service.store.frfs import data
 from service.store.frfs.data import MeasuredFrfs
 from service.store.imports.intake import Intake
@@ -50,102 +42,6 @@ from service.store.updating.schemas import RecipeIn
 
 HERE = UUID(int=1)
 FIBRE = OrthotropicMaterial(Ex=1e10, Ey=1e9, Gxy=1e9, Gxz=1e9, Gyz=1e9, nu_xy=0.0, density=2000.0)
-
-
-def a_result(arrays: dict[str, Any] | None = None, **document: Any) -> UpdateFigures:
-    """What a job's figures are drawn from, as if it had been read."""
-    data = UpdateFigures(None, None)
-    vars(data).update(document=document, light=document, arrays=arrays or {})
-    return data
-
-
-NO_LINES = {"frequency_hz": np.zeros(0)}
-OLDER = "this result was computed by an earlier version, which kept no data for this figure; run the update again"
-MODES = [{"number": 1, "measured_hz": 10.0}, {"number": 2, "measured_hz": 20.0}]
-
-
-@pytest.mark.parametrize(
-    ("name", "data", "why"),
-    [
-        (
-            "frf",
-            a_result(NO_LINES, outcomes=[]),
-            "this update predicts no FRFs, because its damping was not fitted to any",
-        ),
-        (
-            "frf",
-            a_result(NO_LINES, outcomes=[{"stage": "damping", "message": "no modes"}]),
-            "this update predicts no FRFs, because its damping was not fitted to any: no modes",
-        ),
-        ("csac", a_result({"frequency_hz": np.ones(3)}), OLDER),
-        ("mac", a_result(correlation={"mac_matrix": None}), "the measured modes have no shapes, so there is no MAC"),
-        ("automac", a_result(correlation={"mac_matrix": [[1.0]]}), OLDER),
-        ("shapes", a_result(provenance={"frfs": [{}]}), OLDER),
-        (
-            "shapes",
-            a_result(provenance={"frfs": []}),
-            "there are no FRFs and the modes have no shapes, so there is nothing to draw",
-        ),
-        ("posterior", a_result(posterior={"method": "gaussian"}), OLDER),
-        (
-            "budget",
-            a_result(parameters=[{"budget": []}]),
-            "this result does not say what the variance of its parameters is made of",
-        ),
-        (
-            "damping",
-            a_result(damping_models=[], outcomes=[]),
-            "no damping law was fitted: no measured mode has a damping ratio",
-        ),
-        ("damping", a_result(damping_models=[{"name": "rayleigh", "curve": None}]), OLDER),
-        (
-            "stabilisation",
-            a_result(identification=None),
-            "this update was given its modes and identified none, so there is no stabilisation diagram",
-        ),
-    ],
-)
-def test_a_figure_says_why_there_is_nothing_to_draw(name: str, data: UpdateFigures, why: str) -> None:
-    with pytest.raises(Conflict) as refused:
-        draw_figure(FIGURES, data, name, Wanted())
-    assert str(refused.value) == why
-
-
-def test_lines_modes_and_points_that_a_result_has_not() -> None:
-    two = np.array([[0.9, 0.8], [1.0, 0.9]])
-    arrays = {"band_lines_hz": np.array([10.0, 20.0]), "csac": two, "frequency_hz": np.ones(2)}
-    data = a_result(arrays, modes=MODES)
-    with pytest.raises(NotFound, match="line of the fitted band, 10 to 20 Hz, between 12 and 13 Hz"):
-        draw_figure(FIGURES, data, "csac", Wanted(fmin=12, fmax=13))
-    assert screen(draw_figure(FIGURES, data, "csac", Wanted(fmin=12)))["data"][0]["x"] == [20.0]
-    shapes = {"shapes_updated": np.ones((3, 1)), "shape_pairs": np.array([[0, 0]])}
-    alone = _shapes(a_result(shapes, modes=MODES), Wanted(measured=2))
-    assert "this mode has no partner" in alone.note
-    pairs = a_result(
-        {"responses": np.array([[1, 3], [2, 3], [2, 3]]), "references": np.array([[3, 3], [1, 3], [2, 3]])}
-    )
-    assert [_row_at(pairs, Wanted(point=point, reference=other)) for point, other in ((2, 2), (2, 1), (3, 1))] == [
-        2,
-        1,
-        0,
-    ]
-    with pytest.raises(NotFound, match="FRF at point 1 and 1 in this result; there are points 1, 2, 3"):
-        _row_at(pairs, Wanted(point=1, reference=1))
-
-
-def test_points_are_shown_without_held_out_ones() -> None:
-    arrays = {
-        "frequency_hz": np.ones(1), "fitted": np.array([0]), "held": np.array([1]), "shape_points": np.array([1, 2]),
-        "shape_places_m": np.array([[0.1, 0.0], [0.2, 0.0]]), "responses": np.array([[1, 3], [2, 3]]),
-        "references": np.array([[1, 3], [1, 3]]),
-    }  # fmt: skip
-    found = {"sac": [0.9], "frac": [0.8]}
-    for held, shown in ((None, [[1], [1]]), (found, [[1], [2], [1], [2]])):
-        data = a_result(arrays, correlation=found | {"held_out": {"frfs": held}})
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(UpdateFigures, "plan", (1.0, 0.1))
-            figure = FIGURES["sac"].draw(data, Wanted())
-        assert [trace["customdata"] for trace in screen(figure)["data"]] == shown
 
 
 @dataclass
@@ -347,26 +243,6 @@ def test_a_mode_is_followed_by_its_frequency() -> None:
     assert [followed(number, later) for number in (2, 3)] == [None, None]
 
 
-def test_mail_of_what_is_no_alarm_names_structure_monitor_and_state() -> None:
-    body = (
-        '{"timestamp": "2026-03-02T12:00:00+00:00", "data": {"structure": {"name": "s", "id": "1"},'
-        ' "monitor": {"name": "m", "id": "2", "state": "normal"}}}'
-    )
-    delivery: Any = SimpleNamespace(body=body, recipient="a@b.de", event="ping", message_id="msg_1")
-    mail = as_mail(delivery, "lab@b.de")
-    assert mail.get_content().splitlines() == ["structure   s (1)", "monitor     m (2)", "state       normal"]
-
-
-def test_points_without_a_geometry_are_seen_from_where_they_spread() -> None:
-    flat, upright = ({1: (0.0, 0.0, 0.0), 2: (1.0, y, z)} for y, z in ((0.5, 0.0), (0.0, 0.5)))
-    for points in (flat, upright):
-        drawn = draw_grid(points, None, {2: 3})
-        assert drawn is not None
-        assert drawn.outline is None
-        assert [(mark.label, mark.frfs) for mark in drawn.marks] == [(1, 0), (2, 3)]
-        assert drawn.marks[0].y > drawn.marks[1].y
-
-
 def test_a_laminate_is_one_layer_unless_its_plies_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     structure: Any = SimpleNamespace(laminate="plies")
 
@@ -459,27 +335,6 @@ def test_a_hold_out_leaves_something_to_fit(monkeypatch: pytest.MonkeyPatch) -> 
             check(**held)
 
 
-def test_an_earlier_versions_prediction_has_no_interval(monkeypatch: pytest.MonkeyPatch) -> None:
-    one = np.array([[1, 3]])
-    arrays = {"frequency_hz": np.ones(2), "responses": one, "references": one, "initial": np.ones((1, 2))}
-    stored = type("Stored", (dict,), {"row": lambda self, name, row: self[name][row]})(
-        updated=np.ones((1, 2)), **arrays
-    )
-    data = a_result(stored, band_hz=None, provenance={"recipe": {"hold_out": {"band_hz": None}}})
-    drawn: list[Any] = []
-    monkeypatch.setattr(UpdateFigures, "measured_frf", lambda *_: SimpleNamespace(quantity="accelerance"))
-    monkeypatch.setattr(UpdateFigures, "measured", lambda *_: (np.ones(2, dtype=complex), None))
-    monkeypatch.setattr(figure_frf, "frf_figure", lambda curves: drawn.append(curves) or Figure("", [], []))
-    FIGURES["frf"].draw(data, Wanted())
-    assert drawn[0].spread is None
-    asked: Any = a_result(provenance={"frfs": [{"id": str(HERE)}] * 2})
-    vars(asked).update(job=None, session=None, dofs=[(Dof(1, 3), Dof(1, 3))])
-    monkeypatch.undo()
-    monkeypatch.setattr(figure_data, "frfs_of", lambda *_: ["a", "b"])
-    monkeypatch.setattr(figure_data, "used_frfs", lambda *_: ["b"])
-    assert asked.measured_frf(0) == "b"  # one of the two was left out
-
-
 def test_predictions_that_no_row_matches(monkeypatch: pytest.MonkeyPatch) -> None:
     arrays = {"frequency_hz": np.ones(1), "updated": np.ones((1, 1)), "responses": np.ones((1, 2), int)}
     monkeypatch.setattr(predictions, "result_document", lambda *_: {"provenance": {"frfs": []}})
@@ -489,11 +344,6 @@ def test_predictions_that_no_row_matches(monkeypatch: pytest.MonkeyPatch) -> Non
     job: Any = None
     with pytest.raises(NotFound, match="predicted FRF at these points and in this direction in this result"):
         predictions.predicted_table(job, job, "updated", predictions.Chosen(point=7), predictions.Cut())
-
-
-def test_a_joint_result_without_anything_to_draw_says_so() -> None:
-    with pytest.raises(Conflict, match="no campaign has an estimate of its own"):
-        draw_figure(JOINT_FIGURES, JointFigures(SimpleNamespace(), {"campaigns": [{"alone": {}}]}), "campaigns")
 
 
 def test_measured_data_that_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -543,9 +393,3 @@ def test_a_monitors_values_and_notes_of_what_was_found_otherwise() -> None:
     ]
     notes = list(judgements._notes(SimpleNamespace(software="2"), pairs))
     assert notes == ["version 2 opened this series, 3 ran campaign 2, 3; a rerun makes a uniform series"]
-
-
-def test_the_report_names_the_largest_parts_of_a_variance() -> None:
-    rows = [{"name": "Ey", "budget": []}, {"name": "Ex", "budget": [{"source": "the_prior", "share": 0.25}]}]
-    (table,) = update_report._budget(rows)
-    assert table.rows == [["Ex", "the prior 25 %"]]

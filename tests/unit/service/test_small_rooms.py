@@ -28,6 +28,7 @@ from service.errors import UnsupportedMediaType
 from service.jobs.metrics import _open_metrics
 from service.jobs.process import LOST, SERVER_GONE, Child
 from service.jobs.worker import _clear_if_dead, run_to_end, run_worker
+from service.monitoring.notifications.messages import as_mail
 from service.settings import Settings
 from service.show.guide.markdown import _lead
 from service.show.reports.blocks import Bullets, Heading, PageBreak, Paragraph, Table
@@ -256,14 +257,6 @@ def test_drawings_stay_in_the_original_file() -> None:
     assert _why_unused(uff.GridPoint.__new__(uff.GridPoint)) is None
 
 
-def test_an_axis_of_a_file_keeps_its_lines() -> None:
-    one, even, odd = (
-        _uff_axis(SimpleNamespace(frequency_hz=np.array(hz))) for hz in ([5.0], [1.0, 2.0, 3.0], [1.0, 2.0, 4.0])
-    )
-    assert (one.values, even.values, odd.values.tolist()) == ([5.0], None, [1.0, 2.0, 4.0])
-    assert even.step == 1.0
-
-
 class Answers:
     """A connection that answers from a list."""
 
@@ -313,6 +306,24 @@ def test_the_welcome_names_what_there_is(more: bool, capsys: pytest.CaptureFixtu
     assert [f"{name} " in said for name in ("pages", "guide", "documentation", "API")] == [more, more, more, True]
     assert "API key: mb_1_2  (shown this once" in said
     assert [file.read_text() for file in tmp_path.iterdir()] == ["mb_1_2\n"] * more
+
+
+def test_mail_of_what_is_no_alarm_names_structure_monitor_and_state() -> None:
+    body = (
+        '{"timestamp": "2026-03-02T12:00:00+00:00", "data": {"structure": {"name": "s", "id": "1"},'
+        ' "monitor": {"name": "m", "id": "2", "state": "normal"}}}'
+    )
+    delivery: Any = SimpleNamespace(body=body, recipient="a@b.de", event="ping", message_id="msg_1")
+    mail = as_mail(delivery, "lab@b.de")
+    assert mail.get_content().splitlines() == ["structure   s (1)", "monitor     m (2)", "state       normal"]
+
+
+def test_an_axis_of_a_file_keeps_its_lines() -> None:
+    one, even, odd = (
+        _uff_axis(SimpleNamespace(frequency_hz=np.array(hz))) for hz in ([5.0], [1.0, 2.0, 3.0], [1.0, 2.0, 4.0])
+    )
+    assert (one.values, even.values, odd.values.tolist()) == ([5.0], None, [1.0, 2.0, 4.0])
+    assert even.step == 1.0
 
 
 def a_mode(number: int) -> dict[str, Any]:

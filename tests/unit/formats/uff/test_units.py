@@ -78,7 +78,6 @@ ACCELERATION, VELOCITY, ACCELERANCE, FORCE = (1, 0, -2), (1, 0, -1), (0, -1, 0),
 )
 def test_labels(text: str, factor: float, dimension: tuple[int, int, int]) -> None:
     label = read_label(text)
-    assert label is not None
     assert label.factor == pytest.approx(factor, rel=1e-12)
     assert label.dimension == dimension
 
