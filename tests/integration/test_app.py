@@ -64,6 +64,8 @@ def is_problem(answer: httpx.Response, status: int) -> dict[str, object]:
         (b'{"name": ""}', "/name", "at least 1"),
         (b'{"name": " \\t"}', "/name", "match pattern"),
         (b"[]", "", "valid dictionary"),
+        (b'{"name": NaN, "description": Infinity}', "/name", "is NaN"),
+        (b'{"name": NaN, "description": Infinity}', "/description", "is Infinity"),
     ],
 )
 def test_wrong_bodies_are_422_with_a_pointer(api: httpx.Client, body: bytes, pointer: str, says: str) -> None:
@@ -71,13 +73,6 @@ def test_wrong_bodies_are_422_with_a_pointer(api: httpx.Client, body: bytes, poi
     errors = problem["errors"]
     assert isinstance(errors, list)
     assert any(error["pointer"] == pointer and says in error["detail"] for error in errors), errors
-
-
-def test_every_fault_is_listed(api: httpx.Client) -> None:
-    problem = is_problem(api.post("projects", content=b'{"name": NaN, "description": Infinity}', headers=JSON), 422)
-    errors = problem["errors"]
-    assert isinstance(errors, list)
-    assert {error["pointer"] for error in errors} == {"/name", "/description"}
 
 
 def test_of_many_faults_the_first_are_listed_and_the_rest_counted(api: httpx.Client) -> None:
@@ -363,9 +358,8 @@ def test_documentation_pages_and_metrics_can_be_switched_off(small: LocalService
 def test_a_float_of_integer_value_is_an_integer(api: httpx.Client, structure: str) -> None:
     """As numpy writes them."""
     body = {"name": "c", "boundary": "free", "instruments": {"sensor_mass_kg": 0, "sensor_point": 3.0}}
-    made = api.post(f"structures/{structure}/campaigns", json=body)
-    assert made.status_code == 201, made.text
-    assert made.json()["instruments"]["sensor_point"] == 3
+    made = api.post(f"structures/{structure}/campaigns", json=body).raise_for_status().json()
+    assert made["instruments"]["sensor_point"] == 3
 
 
 def test_openapi_describes_everything_and_lists_every_error(service: LocalService) -> None:

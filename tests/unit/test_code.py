@@ -167,13 +167,6 @@ def of_numbers(value: ast.expr) -> bool:
     return bool(leaves) and all(isinstance(leaf, int | float) for leaf in leaves) and not other
 
 
-def made_of_numbers(value: ast.expr) -> bool:
-    parts = list(ast.walk(value))
-    leaves = [part.value for part in parts if isinstance(part, ast.Constant)]
-    other = any(isinstance(part, ast.Call | ast.Subscript | ast.Attribute) for part in parts)
-    return bool(leaves) and all(isinstance(leaf, int | float) for leaf in leaves) and not other
-
-
 def test_every_number_that_the_core_decides_by_has_its_meaning_beside_it() -> None:
     found = list(constants())
     assert len(found) > 100
