@@ -48,6 +48,7 @@ NUMBERLESS = {"null_directions"}
 VOLATILE_HEADERS = {"content-length", "date", "etag", "server", "x-request-id", "server-timing"}
 _ID = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}")
 _TIME = re.compile(r"20\d\d-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?( UTC|Z|[+-]\d\d:\d\d)?")
+_DATE = re.compile(r"[A-Z][a-z]{2}, \d\d [A-Z][a-z]{2} 20\d\d \d\d:\d\d:\d\d GMT")  # in headers
 _HEX = re.compile(r"(?<![\w.])(mb_)?(?=[a-f]*\d)(?=\d*[a-f])[0-9a-f]{12,64}(?!\w)")
 _NUMBER = re.compile(r"(?<![\w.])[-+−]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 DEVIATIONS = {
@@ -162,7 +163,7 @@ def _list(values: list[Any]) -> Any:
 
 def masked(text: str) -> str:
     """A text without ids, times and digests; a sentence also without its numbers."""
-    for pattern, name in ((_ID, "<id>"), (_TIME, "<time>"), (_HEX, "<hex>")):
+    for pattern, name in ((_ID, "<id>"), (_DATE, "<time>"), (_TIME, "<time>"), (_HEX, "<hex>")):
         text = pattern.sub(name, text)
     return _NUMBER.sub("#", text) if " " in text else text
 
