@@ -1,6 +1,5 @@
-"""Measured structures over HTTP: identification of any body, hits to parameters, sensors of some mass."""
+"""Identification of measured structures over HTTP: any body, large sets, a job that ends when it is asked to."""
 
-from dataclasses import replace
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -10,17 +9,10 @@ import numpy as np
 import pytest
 
 import modalbase
-from fecore.body.specimen import Specimen
-from fecore.body.supports import PointMass
-from fecore.updating.measurement import Measurement
 from modalbase.objects.jobs import ModeSet
-from tests.golden.inputs import hits_campaign, new_campaign, open_file, put_frfs, put_points, truth_of
-from tests.support.cantilever import COUPONS
 from tests.support.command import modalbase_here
-from tests.support.laboratory import MATERIAL
-from tests.support.moved_sensor import LAW, MASS, TRUE, measured
 from tests.support.places import shared_file
-from tests.support.rest import finished, ok, posted, result_of, session_client
+from tests.support.rest import finished, ok, posted, session_client
 from tests.support.waiting import until
 
 
@@ -114,75 +106,3 @@ def assert_doubt_is_seen_with_the_modes(api: httpx.Client, kept: dict[str, Any],
     for text in (printed, command.stdout + command.stderr, unescape(page)):
         for said in (*(mode["reason"] for mode in found["doubtful"]), *found["warnings"]):
             assert said in text
-
-
-# --- from a hammer's time blocks to elastic constants and damping -------------------------------------------------------
-
-WITHIN = {"Ex": 0.01, "Gxy": 0.02, "a0": 0.02, "a1": 0.03}
-
-
-def test_time_blocks_become_parameters_in_one_job(api: httpx.Client) -> None:
-    """Of a free beam whose blocks were multiplied with an exponential window, which damps like the body."""
-    campaign, truth = hits_campaign(api, "hits-free-window"), truth_of(open_file("hits-free-window/hits.npz"))
-    job = f"update-jobs/{posted(api, f'campaigns/{campaign}/update-jobs', {})['id']}"
-    assert finished(api, job)["status"] == "succeeded"
-    result = result_of(api, job)
-    found = {p["name"]: p for p in result["parameters"]}
-    for parameter, share in WITHIN.items():
-        true = truth["config"][parameter]
-        low, high = found[parameter]["interval_95"]
-        assert abs(found[parameter]["estimate"] / true - 1) < share, parameter
-        assert low <= true <= high, parameter
-    frfs = ok(api.get(f"campaigns/{campaign}/frfs"))["items"]
-    assert {f["id"] for f in frfs} == {f["id"] for f in result["provenance"]["frfs"]}
-    rates = {f["window_rate_per_s"] for f in frfs}
-    assert rates == {truth["instruments"]["window_rate_per_s"]}
-    judged = ok(api.get(f"processings/{result['provenance']['processing']}"))["result"]["hits"]
-    assert len(judged) == len(truth["records"])
-    faults = np.array([record["fault"] is not None for record in truth["records"]])
-    accepted = np.array([hit["accepted"] for hit in judged])
-    assert np.mean(accepted[~faults]) > 0.95
-
-
-# --- a campaign that states its sensor's mass, over HTTP ----------------------------------------------------------------
-
-BODY = Specimen(0.5, 0.04, 0.010, replace(COUPONS, **TRUE))
-
-
-def campaign_with(api: httpx.Client, name: str, taken: Measurement) -> str:
-    """A campaign whose sensor has a mass and no stated point."""
-    geometry = {"length_m": BODY.length, "width_m": BODY.width, "thickness_m": BODY.thickness}
-    beam = {"name": "beam", "density_kg_m3": BODY.material.density, "geometry": geometry, "material": MATERIAL}
-    project = posted(api, "projects", {"name": f"sensor {name}"})["id"]
-    campaign = new_campaign(api, beam, project, instruments={"sensor_mass_kg": MASS})
-    put_points(api, campaign, taken.points)
-    put_frfs(api, campaign, taken.frfs)
-    return campaign
-
-
-def moved() -> Measurement:
-    """Four of the points: each is a body of its own to solve, and the core's test has all."""
-    tour = measured(BODY, MASS)
-    return replace(tour, frfs=tour.frfs.select(list(range(5, 33, 9))))
-
-
-def standing() -> Measurement:
-    """The same tour the other way round: the hammer goes about and the sensor stands at point 33."""
-    still = measured(replace(BODY, masses=(PointMass(0.5, 0.02, MASS),)), 0.0)
-    return replace(still, frfs=replace(still.frfs, responses=still.frfs.references, references=still.frfs.responses))
-
-
-@pytest.mark.parametrize(("name", "taken", "roves"), [("moved", moved, True), ("standing", standing, False)])
-def test_the_sensors_mass_is_modelled(api: httpx.Client, name: str, taken, roves: bool) -> None:
-    campaign = campaign_with(api, name, taken())
-    recipe = {"damping_models": ["rayleigh"], "parameters": [{"name": "Ex"}, {"name": "Gxy"}]}
-    location = api.post(f"campaigns/{campaign}/update-jobs", json=recipe).raise_for_status().headers["Location"]
-    job = finished(api, location)
-    assert job["status"] == "succeeded", job
-    result = result_of(api, location)
-    rows = {row["name"]: row for row in result["parameters"]}
-    for parameter, value in {**TRUE, "a0": LAW[0], "a1": LAW[1]}.items():
-        low, high = rows[parameter]["interval_95"]
-        assert low < value < high, parameter
-    assert rows["Ex"]["estimate"] == pytest.approx(TRUE["Ex"], rel=2e-3)  # massless sensors would leave it 2 % low
-    assert any("4.8 g moved with the response" in warning for warning in result["warnings"]) == roves

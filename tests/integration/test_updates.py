@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
-from uuid import uuid4
 
 import httpx
 import numpy as np
@@ -25,7 +24,7 @@ from service.db.base import Base
 from service.errors import NotFinite
 from tests.support.cantilever import MEASURED_HZ
 from tests.support.rest import finished, mode_rows, ok, posted, result_of, session_client
-from tests.support.strips import NOMINAL, STRIP, TRUTH, measured
+from tests.support.strips import NOMINAL, STRIP, measured
 
 A0, A1, TAU = 30.0, 1e-5, 0.5
 NO_DOUBT = {"length_sd_m": 0, "width_sd_m": 0, "density_sd_kg_m3": 0, "nu_xy_sd": 0, "fibre_angle_sd_deg": 0}
@@ -278,62 +277,6 @@ def test_an_update_from_nine_modes_has_its_report_on_paper(api: httpx.Client, jo
     printed = api.get(f"{location}/report", params={"format": "pdf"})
     assert (printed.status_code, printed.content[:4]) == (200, b"%PDF"), printed.text
     assert printed.content.count(b"/Subtype /Image") == page.count("<img")
-
-
-def test_strips_at_three_angles_are_one_material(
-    api: httpx.Client,
-    jobs: list[dict[str, Any]],
-    project: str,
-    new_client: Callable[[], httpx.Client],
-    service: LocalService,
-) -> None:
-    body = {"joint": True, "jobs": jobs}
-    key = {"Idempotency-Key": str(uuid4())}
-    begun = api.post("update-jobs", json=body, headers=key)
-    answer = ok(begun, 202)
-    assert answer["items"] == []
-    again = ok(api.post("update-jobs", json=body, headers=key), 202)
-    assert again["joint"]["id"] == answer["joint"]["id"]
-    other = api.post("update-jobs", json={**body, "scatter": 0}, headers=key)
-    assert ok(other, 422)["errors"][0]["pointer"] == "Idempotency-Key"
-    location = begun.headers["Location"]
-    assert finished(api, location)["status"] == "succeeded"
-    result = ok(api.get(api.base_url.join(f"{location}/result")), 200)
-    found = {row["name"]: row for row in result["parameters"]}
-    for name in ("Ey", "Gxy", "Gxz"):
-        assert found[name]["standard_deviation"] < 0.3 * found[name]["prior_sd"], name
-    held = [row["interval_95"][0] <= TRUTH[name] <= row["interval_95"][1] for name, row in found.items()]
-    assert sum(held) >= 5
-    assert result["odd_one_out"] is None
-    assert [part["campaign_id"] for part in result["campaigns"]] == [job["campaign_id"] for job in jobs]
-    assert [part["angle_deg"] for part in result["campaigns"]] == [0, 90, 45]
-    assert all(part["predictive_p"] > 0.0025 for part in result["campaigns"])
-    assert {own["name"] for own in result["campaigns"][2]["own"]} >= {"length", "thickness", "fibre_angle"}
-    # Every figure of it is drawn, and its page shows them with the numbers of a contradiction.
-    items = ok(api.get(api.base_url.join(f"{location}/figures")), 200)["items"]
-    assert [item["name"] for item in items if not item["available"]] == []
-    figures = {item["name"]: ok(api.get(api.base_url.join(item["href"])), 200) for item in items}
-    for item in items:
-        assert api.get(api.base_url.join(item["href"]), params={"format": "svg"}).content.startswith(b"<?xml")
-    single = [trace for trace in figures["campaigns"]["data"] if trace["name"] != "all together, 95 %"]
-    drawn = sorted(text for trace in single for text in trace["text"])
-    assert drawn == sorted(f"z {a['z']:+.2f}" for part in result["campaigns"] for a in part["alone"].values())
-    updated = [trace for trace in figures["frequencies"]["data"] if trace["marker"]["symbol"] == "circle"]
-    for trace, part in zip(updated, result["campaigns"], strict=True):
-        assert trace["y"] == pytest.approx([mode["error_percent"] for mode in part["modes"]], abs=1e-6)
-    with session_client(api, base=service.url) as browser:
-        page = browser.get(f"/ui/joint-updates/{answer['joint']['id']}").text
-        named = browser.get(f"/ui/projects/{project}").text
-        campaign = browser.get(f"/ui/campaigns/{jobs[0]['campaign_id']}").text
-    for words in (result["verdict"]["sentence"], "strip 45", f"ui/campaigns/{jobs[2]['campaign_id']}"):
-        assert words in page, words
-    assert page.count("data-figure=") == len(items)
-    assert f"ui/joint-updates/{answer['joint']['id']}" in named
-    assert f"ui/joint-updates/{answer['joint']['id']}" in campaign
-    # It is listed for who may see the project, and for nobody else.
-    listed = ok(api.get(f"projects/{project}/joint-updates"), 200)["items"]
-    assert [row["id"] for row in listed] == [answer["joint"]["id"]]
-    ok(new_client().get(api.base_url.join(location)), 404)
 
 
 def test_a_joint_update_without_frfs_says_whose_are_missing(
