@@ -219,6 +219,8 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({}, "/structure", "states no geometry, no density_kg_m3, no laminate or material: an update needs them"),
     ],
     "POST update-jobs": [
+        *(({"jobs": [{"campaign_id": UNKNOWN}, {"campaign_id": "{campaign}", "recipe": {"mode_set": UNKNOWN}}]}, place, "")
+          for place in ("/jobs/0/campaign_id", "/jobs/1/recipe/mode_set")),
         ({"joint": True, "jobs": [{"campaign_id": "{campaign}", "recipe": {"inputs": SOFT}}, {"campaign_id": "{other}"}]},
          "/jobs/0/recipe/inputs/clamp_compliance_sd", ""),
         ({"jobs": [{"campaign_id": "{structure}"}]}, "/jobs/0/campaign_id", "no campaign"),
