@@ -63,6 +63,15 @@ class Watched:
     strangers: list[str] = field(default_factory=list)
     clicks: int = 0
 
+    def listen(self) -> None:
+        """Note what this page complains of."""
+        self.page.on("console", self._heard)
+        self.page.on("pageerror", lambda error: self.complaints.append(f"uncaught: {error} ({self.page.url})"))
+
+    def _heard(self, message: ConsoleMessage) -> None:
+        if message.type in ("error", "warning"):
+            self.complaints.append(f"{message.type}: {message.text} ({self.page.url})")
+
     def click(self, selector: str) -> None:
         """Click, and count it."""
         self.clicks += 1
@@ -76,6 +85,7 @@ class Watched:
         """
         before, self.page = self.page, self.page.context.new_page()
         before.close()
+        self.listen()
         self.page.goto(path, wait_until="networkidle")
 
 
@@ -100,18 +110,13 @@ def watched_page(
     )
     context.set_default_timeout(PATIENCE_MS)
     seen = Watched(context.new_page(), urlsplit(url).netloc)
-
-    def on_console(message: ConsoleMessage) -> None:
-        if message.type in ("error", "warning"):
-            seen.complaints.append(f"{message.type}: {message.text} ({message.location['url']})")
+    seen.listen()
 
     def on_request(request: Request) -> None:
         asked = urlsplit(request.url)
         if asked.scheme not in OWN_SCHEMES and asked.netloc != seen.host:
             seen.strangers.append(request.url)
 
-    context.on("console", on_console)
-    context.on("weberror", lambda found: seen.complaints.append(f"uncaught: {found.error}"))
     context.on("request", on_request)
     try:
         yield seen
