@@ -222,8 +222,9 @@ def _channel(number: int, **changes: Any) -> dict[str, Any]:
     ],
 )
 def test_what_cannot_be_right_is_refused_by_its_place(variables: Variables, mapping: Any, text: str) -> None:
-    with pytest.raises(FormatError, match=text):
+    with pytest.raises(FormatError, match=text) as refused:
         blocks_of(variables, read_mapping(mapping))
+    assert str(refused.value).startswith(f"{refused.value.place}: ")
 
 
 def _damaged_npz(path: Path) -> None:
