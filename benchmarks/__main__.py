@@ -9,8 +9,6 @@ A case is a function of this package that prints a short table, and gives what w
 counts, seeds and words.
 """
 
-from __future__ import annotations
-
 import importlib
 import sys
 import time
