@@ -125,11 +125,12 @@ class CampaignModel:
 
 @dataclass(frozen=True)
 class Coupon:
-    """What static tests say of one of the material's constants: a mean with its standard deviation, SI."""
+    """What static tests say of one of the material's constants: a mean with its standard deviation, SI, of a batch."""
 
     name: str
     mean: float
     standard_deviation: float
+    batch: str = "coupons"
 
 
 @dataclass(frozen=True)
