@@ -279,11 +279,10 @@ class LinearProblem:
 
     def evidence_of_scatter(self, scale: float) -> tuple[float, float]:
         """Logarithm of how much likelier the data are with the scatter's prior than with its scale, and its estimate then."""
-        scatters = scale * _SCATTERS
+        scatters, prior = prior_of_scatter(scale)
         each = np.array([self.log_evidence(float(scatter)) for scatter in scatters])
-        prior = scipy.special.log_softmax(_log_prior(scatters, scale))
-        weight = scipy.special.softmax(each + prior)
-        gain = scipy.special.logsumexp(each + prior) - self.log_evidence(scale)
+        weight = scipy.special.softmax(each + np.log(prior))
+        gain = scipy.special.logsumexp(each, b=prior) - self.log_evidence(scale)
         return float(gain), float(np.sqrt(weight @ scatters**2))
 
     def _solve_all(self, spreads: FloatArray, scatters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -311,6 +310,12 @@ class LinearProblem:
             self.sensitivity.T @ r + self.other_descent,
         )
         return hessian, descent, float(self.residual @ r), counted
+
+
+def prior_of_scatter(scale: float) -> tuple[FloatArray, FloatArray]:
+    """(t,) values of the scatter between specimens and their prior probabilities."""
+    scatters = scale * _SCATTERS
+    return scatters, scipy.special.softmax(_log_prior(scatters, scale))
 
 
 def _log_prior(value: FloatArray, scale: float) -> FloatArray:
