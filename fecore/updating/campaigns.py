@@ -364,7 +364,7 @@ def _explained(check: Check) -> str:
         words.append(
             f"{said.constant + ' ' if several or check.kind == 'coupons' else ''}as {found} instead of {stated}"
         )
-    return f"{check.name} {listed(words, _NAMED)}"
+    return f"{check.name}{': ' if check.kind == 'coupons' else ' '}{listed(words, _NAMED)}"
 
 
 def _findings(elastic: ElasticResult, parts: Sequence[CampaignPart]) -> list[Finding]:
