@@ -195,10 +195,6 @@ class Misfit:
         return tuple(found)
 
     @cached_property
-    def _coupon_terms(self) -> tuple[tuple[int, float, float], ...]:
-        return self.layout.coupon_terms(self.coupons)
-
-    @cached_property
     def _likest(self) -> tuple[Pairing, ...]:
         return tuple(pair_likest(c.modes, c.forward.solve(c.prior.prior_mean)) for c in self.layout.campaigns)
 
@@ -240,12 +236,12 @@ class Misfit:
         if self.use_shapes:
             others["mode shapes"] = J.T @ J
         if self.coupons:
-            place, value, sd = (np.array(column) for column in zip(*self._coupon_terms, strict=True))
-            off = value - x[place]
             others["coupons"] = np.zeros((size, size))
-            np.add.at(others["coupons"], (place, place), sd**-2)
-            np.add.at(descent, place, off / sd**2)
-            cost += float(np.sum((off / sd) ** 2))
+        for place, value, sd in self.layout.coupon_terms(self.coupons):
+            off = value - x[place]
+            others["coupons"][place, place] += sd**-2
+            descent[place] += off / sd**2
+            cost += (off / sd) ** 2
         known = residual, noise, sensitivity, x, self.layout.sd, others
         return LinearProblem(*known, other_descent=descent, other_cost=cost / 2, weight=weight)
 
