@@ -1,7 +1,5 @@
 """Plates and closed forms that several tests share."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
