@@ -9,6 +9,7 @@ import json
 import resource
 import shutil
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +21,17 @@ from fecore.body.mesh import Block, Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from fecore.dynamics.eigen import normal_modes
+from fecore.updating.inputs import Inputs
+from fecore.updating.measurement import Measurement
+from fecore.updating.pipeline import update
+from fecore.updating.recipe import Recipe
+from tests.support.measured import with_coherence
 from tests.support.places import ROOT
 from tests.support.shells import KINDS, cylinder, hemisphere, roof, twisted_beam
 
 OPEN = ROOT.parent / "shared" / "blind-open" / "structures"
 BODIES = ("i", "box", "channel", "angle", "panel")
+CONSTANTS = ("E1", "E2", "G12", "G13", "G23")
 RIBS = (-0.25, 0.25)  # of the width
 
 
@@ -122,8 +129,46 @@ def deck_mesh(text: str) -> Mesh:
     return Mesh(np.array(list(nodes.values())), blocks)
 
 
+def stated(truth: dict, elements: int) -> tuple[Structure, Measurement, dict[str, float]]:
+    """What a user knows of a stored body, its FRFs, and the true constants by name."""
+    d, m, kind = truth["stated"]["dims"], truth["stated"]["material"], truth["kind"]
+    material = OrthotropicMaterial(m["E1"], m["E2"], m["G12"], m["G12"], 0.8 * m["G12"], m["nu12"], m["rho"])
+    names = ("plate", "rib") if kind == "panel" else ("flange", "web")
+    if kind == "panel":
+        ribs = [share * d["b"] for share in RIBS]
+        mesh = panel(d["L"], d["b"], d["h"], d["tf"], d["tw"], ribs, 3 * elements)
+    else:
+        mesh = profile(kind, d["L"], d["h"], d["b"], d["tf"], d["tw"], elements)
+    walls = {name: ShellSection((Ply(material, d[t]),)) for name, t in zip(names, ("tf", "tw"), strict=True)}
+    size = d["L"], d["b"], d["h"]
+    tolerances = dict(zip(("length_sd", "width_sd", "height_sd"), np.array([5e-4, 2e-3, 2e-3]) * size, strict=True))
+    inputs = replace(Inputs.exact(), **tolerances, thickness_sd=0.015 * d["tf"], nu_xy_sd=0.05)
+    points = {point["number"]: tuple(point["xyz"]) for point in truth["points"]}
+    frfs = with_coherence(OPEN / f"{kind}-1.uff")
+    true = {f"{n}.{c}": truth["walls"][w][c] for n, w in zip(names, ("flange", "web"), strict=True) for c in CONSTANTS}
+    return Structure(mesh, walls, size=size), Measurement(frfs, points, inputs=inputs), true | truth["rayleigh"]
+
+
+def updates(*kinds: str) -> None:
+    """Constants of the stored solids from their FRFs with an empty recipe, from what a user knows."""
+    for kind in kinds:
+        body, measurement, true = stated(json.loads((OPEN / f"{kind}-1.truth.json").read_text()), 4)
+        start = time.process_time()
+        result = update(measurement, body, Recipe(damping_models=("rayleigh",)))
+        took = time.process_time() - start
+        print(f"  {kind}: {body.model.stiffness.size} dofs, {took:.0f} s CPU; {result.verdict.level}")
+        for each in (p for p in result.parameters if p.name in true and p.identifiable):
+            value, (low, high) = true[each.name], each.interval_95
+            z = (each.estimate - value) / each.standard_deviation
+            inside = "inside" if low <= value <= high else "OUTSIDE"
+            print(
+                f"    {each.name:12s} {100 * (each.estimate / value - 1):+7.2f} %   z {z:+5.2f}   {inside} 95 %",
+                flush=True,
+            )
+
+
 def main(part: str = "all", *kinds: str) -> None:
-    """Print the tables, or one of `elements`, `joints`, `size` and `s8r`."""
+    """Print the tables, or one of `elements`, `joints`, `size`, `s8r` and `updates`."""
     if not Path(OPEN).exists():
         print("  (the stored solids are absent)")
         kinds, part = (), "elements" if part == "all" else part
@@ -136,3 +181,5 @@ def main(part: str = "all", *kinds: str) -> None:
     if part in ("all", "s8r") and shutil.which("ccx"):
         for kind in kinds or ("panel", "channel"):
             s8r(kind)
+    if part in ("all", "updates"):
+        updates(*(kinds or BODIES))
