@@ -161,7 +161,11 @@ def _edge(mesh: Mesh, sides: _Sides, around: IntArray, thickness: Mapping[str, f
         block = mesh.blocks[number]
         middle = tuple(block.nodes[element, list(SHELLS[block.kind].sides[side][2:])].tolist()) or middle
         rank, depth = mesh.sets.index(block.set), float(sides.depth[around[i]])
-        walls.append(Wall(number, element, side, block.set, rank, thickness[block.set], s[i], bool(passes[i]), depth))
+        t, goes_on = thickness[block.set], bool(passes[i])
+        wall = Wall(
+            number, element, side, set=block.set, rank=rank, thickness=t, away=s[i], passes=goes_on, depth=depth
+        )
+        walls.append(wall)
     return Edge((*ends, *middle), tangent, tuple(walls))
 
 

@@ -143,7 +143,16 @@ class Surfaces:
         carried = on_beam | shift.any(axis=(1, 2))
         arm = np.where(carried[:, None], arm, np.sum(arm * normal, axis=1, keepdims=True) * normal)
         return Places(
-            nodes, functions, shift, foot, arm, best, np.array(self.thickness)[number], number, normal, on_beam
+            nodes,
+            functions,
+            shift,
+            foot=foot,
+            arm=arm,
+            distance=best,
+            thickness=np.array(self.thickness)[number],
+            block=number,
+            normal=normal,
+            on_beam=on_beam,
         )
 
     def _project(self, kind: str, x: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

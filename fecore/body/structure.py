@@ -157,7 +157,7 @@ class Structure:
                 raise InputError("spring", f"{spring.name} acts on nothing that moves in this model")
         motions = rigid_motions(self.mesh.nodes)[:, list(self.dofs)]
         rigid = unresisted(motions, used, free, K, len(K.names) - len(held))
-        return Model(self.mesh, joints, surfaces, self.dofs, K, M, rigid)
+        return Model(self.mesh, joints, surfaces, self.dofs, stiffness=K, mass=M, rigid_modes=rigid)
 
     @property
     def _sections(self) -> list[ShellSection | BeamSection]:

@@ -243,9 +243,9 @@ class Misfit:
             descent[place] += off / sd**2
             cost += (off / sd) ** 2
         if (coupling := self.layout.coupling) is not None:
-            others[COMMON], descent = coupling, descent - coupling @ x
-            cost += float(x @ (coupling @ x))
-        return LinearProblem(residual, noise, sensitivity, x, self.layout.sd, others, descent, cost / 2, weight)
+            others[COMMON], descent, cost = coupling, descent - coupling @ x, cost + float(x @ (coupling @ x))
+        known = residual, noise, sensitivity, x, self.layout.sd, others
+        return LinearProblem(*known, other_descent=descent, other_cost=cost / 2, weight=weight)
 
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
         """The point that a step leads to; None where no specimen could be, or a held partner is lost."""

@@ -328,7 +328,13 @@ def _forward(parametrisation: Parametrisation, measurement: Measurement, data: P
     assert axis is not None, "a measurement has FRFs or modes"
     highest, measured = float(axis.frequency_hz[-1]), 0 if data.modes is None else len(data.modes)
     return ForwardModel.of_dofs(
-        parametrisation, rows, measurement.points, highest, measured, measurement.roving_mass, measurement.axes
+        parametrisation,
+        rows,
+        measurement.points,
+        highest,
+        modes=measured,
+        roving_mass=measurement.roving_mass,
+        axes=measurement.axes,
     )
 
 

@@ -69,7 +69,17 @@ class Surface:
         jacobian = np.einsum("epak,epik->epai", tangents, axes)
         inverse = np.linalg.inv(jacobian)
         by = np.einsum("epia,pan->epin", inverse, natural)
-        return cls(N, by, natural, tangents, inverse, axes, normal, area, directors)
+        return cls(
+            N,
+            by,
+            natural,
+            tangents=tangents,
+            inverse=inverse,
+            axes=axes,
+            normal=normal,
+            area=area,
+            directors=directors,
+        )
 
     def membrane(self) -> FloatArray:
         """ε₁₁, ε₂₂ and γ₁₂."""
