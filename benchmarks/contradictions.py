@@ -1,6 +1,6 @@
 """Which source of a joint update is wrong: two strips and a coupon batch, with one error at a time or none.
 
-The truth is the stored free bar of another code's solid elements (`../shared/blind-open/free-1pct.truth.json`, or
+The truth is the stored free bar of another code's solid elements (`blind-open/free-1pct.truth.json` beside the project, or
 MODALBASE_SOLIDS), carried to each strip's drawn dimensions by the ratio of two of our models, with the frequencies' noise.
 Every input is drawn from a careful laboratory's errors, the moduli of each strip and coupon from a scatter of 2 %.
 """
