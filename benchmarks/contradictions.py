@@ -17,8 +17,8 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.body.laminate import OrthotropicMaterial
-from fecore.body.oriented import OrientedSpecimen
-from fecore.frf import Dof
+from fecore.body.specimen import OrientedSpecimen
+from fecore.frf import Dof, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import Campaign, CampaignsResult, update_campaigns
 from fecore.updating.forward import ForwardModel, ForwardState
@@ -143,4 +143,4 @@ def _solved(body: OrientedSpecimen, constants: Mapping[str, float], shares: Floa
     prior = parametrise(body, [Parameter(key, prior_mean=value) for key, value in constants.items()])
     places = shares * [body.length, body.width]
     labels = tuple(range(1, len(shares) + 1))
-    return ForwardModel(body, prior, labels, places, MODES + 4, reduced=False).solve(prior.prior_mean)
+    return ForwardModel(body, prior, along_z(labels), places, MODES + 4, reduced=False).solve(prior.prior_mean)

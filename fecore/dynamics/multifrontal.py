@@ -5,7 +5,7 @@ What a front leaves to the later rows is added to the front that eliminates them
 1983). So nearly all work is done by LAPACK, only one triangle is kept, and a count of negative pivots keeps nothing.
 
 The order is found on the graph of columns of one pattern, as are the dofs of a node, by SuperLU's minimum degree on a definite
-matrix of that graph, whose factor tells the fill too. Fronts join their parents where that adds few zeros.
+matrix of that graph, whose factor shows the fill too. Fronts join their parents where that adds few zeros.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from itertools import pairwise
 
 import numpy as np
 import scipy
-from scipy.linalg import blas, lapack
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.errors import ModelError
@@ -100,8 +99,10 @@ class Elimination:
         for own, below, negative in self._eliminated(matrix):
             if negative:
                 return None
-            inverse, _ = lapack.dtrtri(own, lower=1)
-            parts.append(np.asfortranarray(np.vstack([inverse, blas.dtrmm(-1.0, inverse, below, side=1, lower=1)])))
+            inverse, _ = scipy.linalg.lapack.dtrtri(own, lower=1)
+            parts.append(
+                np.asfortranarray(np.vstack([inverse, scipy.linalg.blas.dtrmm(-1.0, inverse, below, side=1, lower=1)]))
+            )
         return MultifrontalFactor(self, tuple(parts))
 
     def negative_pivots(self, matrix: scipy.sparse.csc_array) -> int:
@@ -124,14 +125,14 @@ class Elimination:
             for child, at in front.children:
                 _add(entries, left.pop(child), at)
             first, below, rest = entries[:width, :width], entries[width:, :width], entries[width:, width:]
-            own, indefinite = lapack.dpotrf(first, lower=1, clean=1)
+            own, indefinite = scipy.linalg.lapack.dpotrf(first, lower=1, clean=1)
             if indefinite:
                 negative, solved = _indefinite(first, below.T)
                 left[number] = rest - below @ solved
                 yield own, below, negative
                 continue
-            below = blas.dtrsm(1.0, own, below, side=1, lower=1, trans_a=1)
-            left[number] = blas.dsyrk(-1.0, below, beta=1.0, c=rest, lower=1) if rest.size else rest
+            below = scipy.linalg.blas.dtrsm(1.0, own, below, side=1, lower=1, trans_a=1)
+            left[number] = scipy.linalg.blas.dsyrk(-1.0, below, beta=1.0, c=rest, lower=1) if rest.size else rest
             yield own, below, 0
 
 
@@ -163,7 +164,7 @@ class MultifrontalFactor:
         x = np.zeros_like(white)
         for front, part in zip(self.elimination.fronts, self.parts, strict=True):
             width = part.shape[1]
-            own, _ = lapack.dtrtrs(part[:width], white[front.columns], lower=1)
+            own, _ = scipy.linalg.lapack.dtrtrs(part[:width], white[front.columns], lower=1)
             x[front.columns] += own
             x[front.rows] -= part[width:] @ own
         return self._restored(x)
@@ -180,10 +181,10 @@ def _indefinite(matrix: FloatArray, right: FloatArray) -> tuple[int, FloatArray]
 
     Of the pivots of Bunch and Kaufman's LDLᵀ those of two rows have one negative eigenvalue each.
     """
-    factor, pivots, vanishes = lapack.dsytrf(matrix, lower=1, lwork=_BLOCK * len(matrix))
+    factor, pivots, vanishes = scipy.linalg.lapack.dsytrf(matrix, lower=1, lwork=_BLOCK * len(matrix))
     if vanishes:
         raise ModelError("a pivot vanishes: modes cannot be counted at a mode")
-    solved, _ = lapack.dsytrs(factor, pivots, right, lower=1) if right.size else (right, 0)
+    solved, _ = scipy.linalg.lapack.dsytrs(factor, pivots, right, lower=1) if right.size else (right, 0)
     single = pivots > 0
     return int(np.sum(factor.diagonal()[single] < 0) + np.sum(~single) // 2), solved
 

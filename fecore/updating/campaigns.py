@@ -9,8 +9,9 @@ from functools import partial
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.oriented import OrientedSpecimen
+from fecore.body.specimen import OrientedSpecimen
 from fecore.errors import InputError
+from fecore.frf import along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.contradictions import Agreement, Check, Conflict, agreements, conflicts
 from fecore.updating.discretisation import meshed
@@ -287,9 +288,9 @@ def _key(name: str, campaign: Campaign, shared: tuple[str, ...]) -> tuple[str, s
 def _forward(campaign: Campaign, parameters: Sequence[Parameter]) -> ForwardModel:
     parametrisation, modes = _with_own(parametrise(campaign.body, parameters), campaign), campaign.modes
     dofs = modes.dofs if modes.shapes is not None else ()
-    points = tuple(dict.fromkeys([*(dof.point for dof in dofs), *campaign.fixed_points]))
+    rows = tuple(dict.fromkeys([*dofs, *along_z(campaign.fixed_points)]))
     highest = float(modes.frequency_hz[-1])
-    return ForwardModel.of_points(parametrisation, points, campaign.points, highest, len(modes))
+    return ForwardModel.of_dofs(parametrisation, rows, campaign.points, highest, len(modes))
 
 
 def _with_own(parametrisation: Parametrisation, campaign: Campaign) -> Parametrisation:

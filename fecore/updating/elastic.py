@@ -31,7 +31,7 @@ from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.layout import Coupon, Layout
 from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
-from fecore.updating.posterior import DISCREPANCY, LinearProblem
+from fecore.updating.posterior import COMMON, DISCREPANCY, LinearProblem
 from fecore.updating.result import ConvergenceStep
 
 SHAPE_DISCREPANCY = 0.01
@@ -232,9 +232,9 @@ class Misfit:
                 missed.append(off)
                 by.append(of_theta @ chain)
         J, m = np.vstack(by), np.concatenate(missed)
-        others, descent, cost = {}, J.T @ m, float(m @ m)
-        if self.use_shapes:
-            others["mode shapes"] = J.T @ J
+        descent: FloatArray = J.T @ m
+        others: dict[str, FloatArray] = {"mode shapes": J.T @ J} if self.use_shapes else {}
+        cost = float(m @ m)
         if self.coupons:
             others["coupons"] = np.zeros((size, size))
         for place, value, sd in self.layout.coupon_terms(self.coupons):
@@ -242,6 +242,8 @@ class Misfit:
             others["coupons"][place, place] += sd**-2
             descent[place] += off / sd**2
             cost += (off / sd) ** 2
+        if (coupling := self.layout.coupling) is not None:
+            others[COMMON], descent, cost = coupling, descent - coupling @ x, cost + float(x @ (coupling @ x))
         known = residual, noise, sensitivity, x, self.layout.sd, others
         return LinearProblem(*known, other_descent=descent, other_cost=cost / 2, weight=weight)
 

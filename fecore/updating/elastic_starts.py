@@ -31,7 +31,7 @@ from itertools import pairwise
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.specimen import kind_of
+from fecore.body.constants import kind_of
 from fecore.errors import UpdatingError
 from fecore.updating.belief import stray_cost
 from fecore.updating.elastic import NoPartnersError, SwingingError, fit

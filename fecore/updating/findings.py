@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from fecore.body.specimen import UNITS, kind_of
+from fecore.body.constants import UNITS, kind_of
 from fecore.updating.result import Finding, ParameterEstimate, Verdict
 
 Level = Literal["with_care", "do_not_use"]

@@ -26,9 +26,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.oriented import OrientedSpecimen
+from fecore.body.specimen import OrientedSpecimen
 from fecore.body.supports import PointMass
 from fecore.errors import InputError
+from fecore.frf import along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, clamped, lay_out
 from fecore.updating.discretisation import meshed
@@ -236,7 +237,9 @@ class _Simulated:
             body = replace(body, masses=(*body.masses, PointMass(x, y, test.sensor_mass)))
         body, _ = meshed(body, test.highest_hz)
         prior = parametrise(body, parameters)
-        forward = ForwardModel.of_points(prior, range(len(test.points)), dict(enumerate(test.points)), test.highest_hz)
+        forward = ForwardModel.of_dofs(
+            prior, along_z(range(len(test.points))), dict(enumerate(test.points)), test.highest_hz
+        )
         state = forward.solve(_at(prior, theta))
         hz = state.frequency_hz[state.frequency_hz < test.highest_hz]
         if not hz.size:

@@ -33,6 +33,9 @@ DISCREPANCY_DOF = 2.0
 SCATTER = 0.02
 """Prior scale of the scatter τ of a modulus between specimens: what coupons of one panel show."""
 
+COMMON = "common material of the sets"
+"""Name of the information that sets of one material give one another."""
+
 _GRID = np.exp(np.linspace(np.log(0.1), np.log(30.0), 41))  # s over s₀
 _SCATTERS = np.exp(np.linspace(np.log(0.1), np.log(8.0), 9))  # τ over its scale
 _INFORMED = 0.5  # share of the prior's variance below which the data have supplied most of what is known
@@ -178,7 +181,7 @@ class LinearProblem:
 
     Attributes:
         residual: (n,) ln f_measured - ln f.
-        noise: (n, n) covariance of ln f_measured.
+        noise: (n, n) covariance of ln f_measured, and of what the model is known to miss.
         sensitivity: (n, X) derivative of ln f by x.
         x: (X,) the estimate; the prior's mean is 0.
         sd: prior standard deviations (X,) for a scatter.

@@ -13,7 +13,7 @@ from benchmarks.updates import Found, judge
 from fecore.body.supports import Boundary
 from fecore.dynamics.damping_laws import RAYLEIGH, beyond, damping_rate
 from fecore.errors import UpdatingError
-from fecore.frf import Dof, FrfSet
+from fecore.frf import Dof, FrfSet, along_z
 from fecore.modal import set_with_gaps
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel
@@ -137,7 +137,7 @@ def of_another_beam(boundary: Boundary) -> UpdateResult:
     places = [(0.32 * (column + 1) / 11, 0.03 * side) for side in (-1, 0, 1) for column in range(11)]
     own = dict(zip(sorted(measured().points), places, strict=True))
     known = parametrise(other)
-    state = ForwardModel(other, known, tuple(own), np.array(places), 14).solve(known.prior_mean)
+    state = ForwardModel(other, known, along_z(own), np.array(places), 14).solve(known.prior_mean)
     sensor, hammer, lines = measured().frfs.responses, measured().frfs.references, measured().frfs.frequency_hz
     model = state.frf_model(sensor, hammer)
     rate = damping_rate(RAYLEIGH, np.array([20.0, 1e-5]), model.omega)

@@ -11,8 +11,8 @@ from sqlalchemy import JSON, Engine, update
 
 import service.app.composition  # noqa: F401  imports every table
 from examples.plies import CARBON
+from fecore.body.generators import Piece
 from fecore.body.laminate import OrthotropicMaterial
-from fecore.body.profile import Piece
 from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass
 from fecore.updating.campaigns import Campaign

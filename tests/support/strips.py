@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from fecore.body.laminate import OrthotropicMaterial
-from fecore.body.oriented import OrientedSpecimen
-from fecore.frf import Dof
+from fecore.body.specimen import OrientedSpecimen
+from fecore.frf import Dof, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import Campaign
 from fecore.updating.forward import ForwardModel
@@ -61,7 +61,7 @@ def measured(
     x = np.linspace(0.02, 0.98, 9) * size[0]
     places = np.array([(along, across) for along in x for across in np.array([-0.45, 0.0, 0.45]) * size[1]])
     prior = parametrise(fine, [Parameter(key, prior_mean=value) for key, value in constants.items()])
-    forward = ForwardModel(fine, prior, tuple(range(1, len(places) + 1)), places, modes + 8, reduced=False)
+    forward = ForwardModel(fine, prior, along_z(range(1, len(places) + 1)), places, modes + 8, reduced=False)
     state = forward.solve(prior.prior_mean)
     hz = state.frequency_hz[:modes] * (1 + np.hypot(_THEORY, _NOISE) * random.standard_normal(modes))
     order = np.argsort(hz)

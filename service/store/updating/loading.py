@@ -11,9 +11,10 @@ from uuid import UUID
 
 from sqlalchemy.orm import Session
 
+from fecore.body.constants import Body
 from fecore.body.laminate import OrthotropicMaterial
-from fecore.body.model import PointMass
-from fecore.body.specimen import Body, Specimen
+from fecore.body.specimen import Specimen
+from fecore.body.supports import PointMass
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, CampaignsRecipe, Coupon
@@ -229,7 +230,7 @@ def _provenance(job: UpdateJob, campaign: MeasuredCampaign, used: MeasuredFrfs |
 
 def parameters_of(recipe: RecipeIn) -> tuple[Parameter, ...]:
     """The recipe's parameters, or all constants of the material."""
-    return MATERIAL_PARAMETERS if recipe.parameters is None else recipe.to_core().parameters
+    return recipe.to_core().parameters or MATERIAL_PARAMETERS
 
 
 def _names(session: Session, campaigns: list[MeasuredCampaign]) -> list[tuple[str, str]]:

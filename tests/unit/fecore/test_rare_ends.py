@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fecore.body.generators import Piece
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.body.layered import LayeredSpecimen
-from fecore.body.profile import Piece
-from fecore.body.specimen import Specimen
-from fecore.body.supports import Supports
+from fecore.body.specimen import LayeredSpecimen, Specimen
+from fecore.body.supports import edges
 from fecore.errors import UpdatingError
 from fecore.signal import delay, pulse, shares
 from fecore.updating import campaigns, damping_data, plausibility
@@ -123,7 +122,7 @@ def test_a_clamp_gives_way_by_the_stiffness_at_the_root() -> None:
     known = replace(plain, thickness=0.02)
     at_root, everywhere = clamp_shifts(thick)[0], clamp_shifts(known)[0]
     np.testing.assert_allclose(at_root, everywhere, rtol=0.01, atol=1e-12)
-    held = replace(plain, supports=Supports(start="clamped"))
+    held = replace(plain, supports=edges(start="clamped"))
     assert clamp_shifts(held).size == 0
 
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from examples.one_material import paper_bar
-from fecore.body.oriented import OrientedSpecimen
-from fecore.body.specimen import Specimen
+from fecore.body.specimen import OrientedSpecimen, Specimen
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import (
     MATERIAL_PARAMETERS,

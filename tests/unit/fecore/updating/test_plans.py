@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from fecore.body.laminate import OrthotropicMaterial
-from fecore.body.oriented import OrientedSpecimen
+from fecore.body.specimen import OrientedSpecimen
 from fecore.body.supports import PointMass
+from fecore.frf import along_z
 from fecore.updating.campaigns import update_campaigns
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
@@ -92,7 +93,7 @@ def test_eight_points_keep_the_whole_tour_and_beat_effective_independence() -> N
         (whole,) = plan_tests([test]).forecasts
         (chosen,) = plan_tests([test], count=8).forecasts
         prior = parametrise(test.body)
-        forward = ForwardModel(test.body, prior, tuple(range(33)), np.array(test.points), 12)
+        forward = ForwardModel(test.body, prior, along_z(range(33)), np.array(test.points), 12)
         shapes = forward.solve(prior.prior_mean).shapes[: whole.frequencies_hz.size]
         kept = effective_independence(shapes, 8)
         (theirs,) = plan_tests([replace(test, hit=kept)]).forecasts

@@ -12,7 +12,7 @@ import pytest
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
-from fecore.frf import Dof
+from fecore.frf import Dof, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic import SwingingError, fit
 from fecore.updating.elastic_result import REFUTED, ElasticResult
@@ -180,7 +180,7 @@ def test_close_modes_that_exchange_their_partners_for_ever_are_fitted_with_each_
 
     def strip(angle: float) -> ForwardModel:
         body = Specimen(0.5, 0.04, 0.01, material, divisions=(20, 2), fibre_angle=angle)
-        return ForwardModel(body, parametrise(body), tuple(range(len(places))), places, 9)
+        return ForwardModel(body, parametrise(body), along_z(range(len(places))), places, 9)
 
     forward = strip(-np.radians(8))
     truth = forward.parametrisation.prior_mean * np.array([1, 1, 1.2, 1])
