@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
+from fecore.errors import InputError
 from fecore.frf import Quantity
 from modalbase.formats.errors import FormatError
 from modalbase.formats.frfs import Frfs, read_csv, read_npz
@@ -23,6 +24,7 @@ from modalbase.formats.frfs.table import DOFS
 from modalbase.formats.recognise import Format
 from modalbase.formats.records import TimeBlock, Variables, blocks_of, propose, read_mapping, read_variables
 from service.compute.frf_rows import EncodedFrf, encoded
+from service.compute.recordings import channels_of
 from service.errors import Fault, Invalid, pointer
 
 if TYPE_CHECKING:
@@ -71,6 +73,9 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
         Invalid: the file cannot be read, or the mapping is missing or does not fit; each fault with its pointer.
     """
     kind = inputs.kind or _kind_by_names(inputs, form)
+    if isinstance(inputs.mapping, dict) and "recording" in inputs.mapping:
+        yield from _recording(inputs, inputs.mapping, form)
+        return
     with warnings.catch_warnings(record=True) as noticed:
         warnings.simplefilter("always", UserWarning)
         if kind == "frfs" and inputs.mapping is None and form in ("npz", "csv"):
@@ -83,6 +88,23 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
         kind = "frfs" if any(array.dtype.kind == "c" for array in variables.values()) else "hits"
     read = _mapped_frfs if kind == "frfs" else _hits
     yield from read(inputs, form, variables, notes)
+
+
+def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: Format) -> Iterator[Found | TimeBlock]:
+    """The hits of a wav that goes on over many."""
+    if form != "wav":
+        raise Invalid("mapping.recording", f"is for a wav; the file is a {form}")
+    channels = _faults_as(_dotted, lambda: channels_of(inputs.path, mapping, inputs.filename))
+    try:
+        found = channels.survey()
+    except InputError as error:
+        raise Invalid("", str(error)) from None
+    places = _faults_as(_dotted, lambda: channels.places(found.hits))
+    notes = _faults_as(_dotted, lambda: channels.notes(found))
+    count = sum(map(found.fits, found.hits)) * len(channels.mapped)
+    shapes = {f"channel_{row + 1}": f"float32 [{channels.wav.frames}]" for row in range(channels.wav.channels)}
+    yield Found(form, "hits", shapes, mapping, blocks=count, counted=True, notes=notes)
+    yield from channels.blocks(found, places)
 
 
 def limit_of(path: Path) -> int:

@@ -221,7 +221,7 @@ def _full_scale(kind: np.dtype[Any]) -> tuple[float, float]:
     return half, half if kind.kind == "u" else 0.0
 
 
-_UNKNOWN = 0xFFFF_FFFF
+UNKNOWN_LENGTH = 0xFFFF_FFFF
 """Size that a recorder declares, or 0, which writes its file as it measures and never comes back to the head."""
 
 
@@ -241,7 +241,9 @@ def _whole_wav(path: Path) -> Path | io.BytesIO:
             left = size - begin
             if head[:4] == b"fmt ":
                 frame = max(int.from_bytes(file.read(14)[12:], order), 1)
-            if head[:4] == b"data" and (declared == _UNKNOWN or (declared == 0 and not _are_chunks(file, left, order))):
+            if head[:4] == b"data" and (
+                declared == UNKNOWN_LENGTH or (declared == 0 and not are_chunks(file, left, order))
+            ):
                 return _with_length(path, begin, left // frame * frame, order)
             if head[:4] == b"data" and declared > left:
                 raise FormatError(
@@ -251,7 +253,7 @@ def _whole_wav(path: Path) -> Path | io.BytesIO:
     return path
 
 
-def _are_chunks(file: BinaryIO, left: int, order: Literal["little", "big"]) -> bool:
+def are_chunks(file: BinaryIO, left: int, order: Literal["little", "big"]) -> bool:
     """Whether the rest of a file is chunks to its very end, so that those before them are as long as they declare."""
     while left >= 8:
         length = int.from_bytes(file.read(8)[4:], order)

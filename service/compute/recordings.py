@@ -1,0 +1,164 @@
+"""A long wav with many hits, in the child process: the hits are found and their blocks cut, one at a time.
+
+This module imports no database and no web, since the child imports it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fecore.arrays import FloatArray
+from fecore.signal.recording import LEAD, Knock, Survey, cut, survey
+from modalbase.formats.errors import FormatError
+from modalbase.formats.records import ChannelMapping, TimeBlock, read_mapping
+from modalbase.formats.records.recording import Recording, Wav, read_recording, read_wav_head
+from modalbase.formats.records.variables import SAMPLE_RATE
+
+Place = tuple[int, int]
+_MOST_NAMED = 60
+
+
+@dataclass(frozen=True)
+class Channels:
+    """The channels of a recording that a mapping names, the force first, and where each hit was.
+
+    Attributes:
+        wav: the file.
+        mapped: channels of the mapping.
+        rows: of the file, one for each.
+        order: see `Recording`; where it is empty, all hits are at the force's point.
+    """
+
+    wav: Wav
+    mapped: tuple[ChannelMapping, ...]
+    rows: tuple[int, ...]
+    stated: Recording
+
+    @property
+    def full_scales(self) -> list[float | None]:
+        """Of each channel in SI; that of a file of integers is 1 over the sensitivity where none is stated."""
+        return [c.full_scale or (1 / c.sensitivity if self.wav.counts else None) for c in self.mapped]
+
+    def chunks(self) -> Iterator[FloatArray]:
+        """(channels, n) parts in SI."""
+        for chunk in self.wav.chunks():
+            part = chunk[list(self.rows)]
+            for row, channel in zip(part, self.mapped, strict=True):
+                row /= channel.sensitivity
+            yield part
+
+    def survey(self) -> Survey:
+        """Find the hits; see `fecore.signal.recording.survey`."""
+        least = self.stated.least_force
+        return survey(self.chunks(), self.wav.sample_rate_hz, 0, least_force=least, full_scale=self.full_scales)
+
+    def places(self, hits: tuple[Knock, ...]) -> list[Place]:
+        """Where each hit was.
+
+        Raises:
+            FormatError: the order states more or fewer hits; says when each was found.
+        """
+        force, order = self.mapped[0], self.stated.order
+        if not order:
+            return [(int(force.point), int(force.direction))] * len(hits)
+        if order[0][2] == 0:
+            return [order[0][:2]] * len(hits)
+        places = [entry[:2] for entry in order for _ in range(entry[2])]
+        if len(places) != len(hits):
+            raise FormatError(
+                "mapping.recording.order",
+                f"has {len(places)} hits, and {len(hits)} were found, at {self.times(hits)}; correct the order, or state "
+                "least_force where a pulse is none",
+            )
+        return places
+
+    def times(self, hits: tuple[Knock, ...]) -> str:
+        """When hits were, in seconds, with their force."""
+        said = [f"{hit.at / self.wav.sample_rate_hz:.2f} s ({hit.force:.3g} N)" for hit in hits[:_MOST_NAMED]]
+        return ", ".join(said) + (" …" if len(hits) > _MOST_NAMED else "")
+
+    def notes(self, found: Survey) -> list[str]:
+        """Hits that are left out or clipped.
+
+        Raises:
+            FormatError: a channel is clipped in every hit.
+        """
+        said = []
+        if left := tuple(hit for hit in found.hits if not found.fits(hit)):
+            seconds = found.length / self.wav.sample_rate_hz
+            said.append(
+                f"{len(left)} of {len(found.hits)} hits are left out, since the next hit or the end of the recording comes "
+                f"before their {seconds:.3g} s are over, or the recording begins with them: {self.times(left)}"
+            )
+        for row, channel in enumerate(self.mapped):
+            clipped = tuple(hit for hit in found.hits if row in hit.clipped)
+            where = f"at its full scale in {len(clipped)} of {len(found.hits)} hits: {self.times(clipped)}"
+            if len(clipped) == len(found.hits):
+                raise FormatError(channel.variable, f"is clipped, {where}; measure again with a larger range")
+            if clipped:
+                said.append(f"{channel.variable} is clipped, {where}")
+        return said
+
+    def blocks(self, found: Survey, places: list[Place]) -> Iterator[TimeBlock]:
+        """The blocks of each hit, the force first; the label says where in the recording they begin."""
+        seen: Counter[Place] = Counter()
+        numbers = {}
+        for hit, place in zip(found.hits, places, strict=True):
+            seen[place] += 1
+            numbers[hit.at] = place, seen[place]
+        for hit, samples in cut(self.chunks(), found):
+            place, number = numbers[hit.at]
+            begin = hit.at - LEAD
+            where = f"from sample {begin} ({begin / self.wav.sample_rate_hz:.6f} s)"
+            for c, values, full in zip(self.mapped, samples, self.full_scales, strict=True):
+                own = place if c.quantity == "force" else (int(c.point), int(c.direction))
+                label = f"{c.variable} {where}"
+                rate = self.wav.sample_rate_hz
+                yield TimeBlock(c.quantity, *own, *place, number, rate, values, 0.0, full, c.sensitivity, label)
+
+
+def channels_of(path: Path, document: dict[str, Any], filename: str) -> Channels:
+    """A recording and what a mapping with the member `recording` says of it.
+
+    Raises:
+        FormatError: the file is no wav, or the mapping does not fit; names the field.
+    """
+    wav = read_wav_head(path)
+    stated = read_recording(document["recording"], filename)
+    rest = {name: value for name, value in document.items() if name != "recording"}
+    rest.setdefault("sample_rate_hz", {"variable": SAMPLE_RATE})
+    if stated.order and isinstance(rest.get("channels"), list):  # the order says where the hammer hits
+        rest["channels"] = [_placed(channel, stated.order[0][0]) for channel in rest["channels"]]
+    mapping = read_mapping(rest)
+    if mapping.hit is not None:
+        raise FormatError("mapping.hit", "is counted in a recording; leave it out")
+    if mapping.sample_rate_hz not in (SAMPLE_RATE, wav.sample_rate_hz):
+        rate = f"is {mapping.sample_rate_hz}, and the file says {wav.sample_rate_hz:g}; leave it out"
+        raise FormatError("mapping.sample_rate_hz", rate)
+    named = {f"channel_{row + 1}": row for row in range(wav.channels)}
+    for number, c in enumerate(mapping.channels):
+        if c.variable not in named:
+            raise FormatError(
+                f"mapping.channels.{number}.variable", f"is {c.variable!r}; the file has {', '.join(named)}"
+            )
+        for name in ("point", "direction"):
+            value = getattr(c, name)
+            if (
+                isinstance(value, str)
+                or value != int(value)
+                or not (value >= 1 or (name == "direction" and 1 <= -value <= 6))
+            ):
+                raise FormatError(f"mapping.channels.{number}.{name}", f"is {value!r}, expected a whole number")
+        if c.window_rate_per_s:
+            raise FormatError(f"mapping.channels.{number}.window_rate_per_s", "is of blocks; a recording has no window")
+    mapped = tuple(sorted(mapping.channels, key=lambda c: c.quantity != "force"))
+    return Channels(wav, mapped, tuple(named[c.variable] for c in mapped), stated)
+
+
+def _placed(channel: Any, point: int) -> Any:
+    lacks = isinstance(channel, dict) and channel.get("quantity") == "force" and "point" not in channel
+    return {**channel, "point": point} if lacks else channel
