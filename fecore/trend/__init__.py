@@ -1,7 +1,7 @@
 """Trends: whether a structure has changed, judged campaign after campaign with a stated false-alarm rate.
 
 `assess` is the one entry point: series of dated estimates and a `Watch` in, an `Assessment` out. The rooms in the order in
-which data flows: series, charts, autocorrelation, baseline, states, change, assessment, document.
+which data flows: series, charts, autocorrelation, baseline, states, change, common_factor, assessment, document.
 """
 
 from fecore.trend.assessment import Assessment, ParameterTrend, assess

@@ -20,6 +20,7 @@ from fecore.trend.autocorrelation import widened
 from fecore.trend.baseline import Baseline, Scores, complete_campaigns, fit_baseline, score
 from fecore.trend.change import ChangePoint, Rate, change_point, rate, rate_since_onset
 from fecore.trend.charts import KNOWN, Limits, control_limits
+from fecore.trend.common_factor import common_factor
 from fecore.trend.series import SIDES, Direction, Series, Watch, days_since, in_time_order
 from fecore.trend.states import Acknowledgement, Moment, State, timeline, worst
 
@@ -70,9 +71,10 @@ class ParameterTrend:
 
 @dataclass(frozen=True)
 class Assessment:
-    """All watched parameters, judged; `state` is the worst of theirs."""
+    """All watched parameters, judged; `state` is the worst of theirs, `notes` are of all of them together."""
 
     parameters: Mapping[str, ParameterTrend]
+    notes: tuple[str, ...] = ()
 
     @property
     def state(self) -> State:
@@ -104,11 +106,24 @@ def assess(
     for note in acknowledgements:
         if note.parameter not in watch.directions:
             raise InputError("acknowledgements.parameter", f"{note.parameter!r} is not watched")
-    return Assessment(
-        {
-            name: _parameter(series[name], direction, watch, as_of, acknowledgements)
-            for name, direction in watch.directions.items()
-        }
+    trends = {
+        name: _parameter(series[name], direction, watch, as_of, acknowledgements)
+        for name, direction in watch.directions.items()
+    }
+    return Assessment(trends, _together(tuple(trends.values()), watch.covariates))
+
+
+def _together(trends: Sequence[ParameterTrend], covariates: Sequence[str]) -> tuple[str, ...]:
+    """What is said where the residuals of the baselines move together."""
+    based = [(trend.series, trend.baseline) for trend in trends if trend.baseline is not None]
+    found = common_factor(based) if based else None
+    if found is None:
+        return ()
+    unexplained = f" that {' and '.join(covariates)} does not explain" if covariates else ""
+    return (
+        f"the residuals of the baseline move together beyond their noise, {100 * found.share:.0f} % of their variance in one "
+        f"direction{unexplained} (p = {found.p:.1g}): something not regressed out, as the climate (temperature, humidity) or "
+        "the support, moves all parameters; record it, or its changes look like damage",
     )
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fecore.trend import Acknowledgement, Moment, ParameterTrend, Series, State, Watch, assess, worst
+from fecore.trend import Acknowledgement, Assessment, Moment, ParameterTrend, Series, State, Watch, assess, worst
 from fecore.trend.document import describe_change, describe_judged, describe_rate, describe_trend
 from service.jobs.kinds import Report
 
@@ -97,7 +97,9 @@ def judge(inputs: JudgementInputs, report: Report) -> Iterator[Judgement]:
         notes += said
         if found is not None:
             series[name] = found
-    trends = _trends(series, inputs) if series else {}
+    assessment = _assessment(series, inputs) if series else Assessment({})
+    notes += assessment.notes
+    trends = assessment.parameters
     states = [trend.state for trend in trends.values()]
     states += [State.NO_DATA] * (len(inputs.watch.directions) - len(trends))
     state = worst(tuple(states)).value
@@ -105,16 +107,17 @@ def judge(inputs: JudgementInputs, report: Report) -> Iterator[Judgement]:
     yield Judgement(document, tuple(e for trend in trends.values() for e in _episodes(trend)), state)
 
 
-def _trends(series: Mapping[str, Series], inputs: JudgementInputs) -> Mapping[str, ParameterTrend]:
+def _assessment(series: Mapping[str, Series], inputs: JudgementInputs) -> Assessment:
     """All parameters judged, with those acknowledgements that meet an alarm: one that was withdrawn since meets none."""
     watch = replace(inputs.watch, directions={name: inputs.watch.directions[name] for name in series})
     heard: list[Acknowledgement] = []
-    trends = assess(series, watch, inputs.as_of).parameters
+    found = assess(series, watch, inputs.as_of)
     for seen in inputs.acknowledged:
-        if seen.parameter in trends and _state_at(trends[seen.parameter].timeline, seen.date) is State.ALARM:
+        trend = found.parameters.get(seen.parameter)
+        if trend is not None and _state_at(trend.timeline, seen.date) is State.ALARM:
             heard.append(seen)
-            trends = assess(series, watch, inputs.as_of, heard).parameters
-    return trends
+            found = assess(series, watch, inputs.as_of, heard)
+    return found
 
 
 def _state_at(timeline: Sequence[Moment], date: datetime) -> State:
