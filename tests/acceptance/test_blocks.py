@@ -19,6 +19,7 @@ from uuid import uuid4
 
 import numpy as np
 import pytest
+from scipy.io import wavfile
 
 import modalbase
 from modalbase.formats.frfs.mat import frfs_of
@@ -32,6 +33,7 @@ from tests.support.blocks import AT_HAND, PAGES, Block, blocks
 from tests.support.command import modalbase_here, run_as_typed
 from tests.support.places import ROOT
 from tests.support.rest import client_of, ok
+from tests.unit.fecore.signal.test_recording import RATE, recording
 
 BLOCKS = blocks()
 FIRST = "docs/command-line.md"
@@ -58,6 +60,8 @@ class Reader:
         shutil.copytree(ROOT / "examples" / "tutorial", folder, dirs_exist_ok=True)
         (folder / "beam.uff").write_bytes(uff_file())
         (folder / "A1.csv").write_bytes(AT_HAND["docs/coupons.md"]()["data"])
+        long = recording([1.0, 4.0, 7.0, 10.0, 13.0, 16.0], [1.0, 0.5, 2.0, 1.0, 0.7, 1.5], 19.0)
+        wavfile.write(folder / "june.wav", int(RATE), np.round(long.T * 0.25 * 2**31).astype(np.int32))
         self.url = service.url
         self.variables = {
             "MODALBASE_URL": service.url,

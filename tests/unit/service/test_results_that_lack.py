@@ -282,6 +282,7 @@ def test_coupons_are_priors_of_what_is_updated(monkeypatch: pytest.MonkeyPatch) 
     session: Any = None
     batch = a_batch(Ex=(30e9, 2e9, 1e9), Ey=(20e9, 1e9, None))
     monkeypatch.setattr(loading, "batch_prior", lambda *_: batch)
+    monkeypatch.setattr(loading, "batch_name", lambda *_: "A")
     body: Any = None
 
     def filled(*names: str) -> Any:
