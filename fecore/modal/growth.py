@@ -33,7 +33,6 @@ _RESIDUAL_ORDER = 10  # of the linear stage on the residual
 _STEPS = 8  # of the refinement in each round
 _ENOUGH = 1.0  # decrease of χ² that a step is worth before the last round
 _PRICE = 2.0  # of an unknown (Akaike)
-_FAR = 2.0  # times the upper end of the band, or of the lower end over it: poles beyond are residual terms
 _ALONE = 1e-6  # share of a candidate's power that the series leaves: below it nothing new is in it
 _FEW = 2  # FRFs up to which the first round looks at groups: where more differ by a drift, doubles would pay too
 _APART = 0.5  # summed half bandwidths between two poles that are taken in one round
@@ -60,8 +59,9 @@ def grow(
         rounds: most rounds.
     """
     first = np.append(pool, _beyond(arrangement))
-    fit, candidates = local_level(arrangement, start, noise), first
+    fit = local_level(arrangement, start, noise)
     for number in range(rounds):
+        candidates = np.append(_in_residual(arrangement, fit), first) if fit.terms.pairs else first
         if not fit.terms.pairs and len(fit.residual) <= _FEW:
             fit = _as_all_leave(arrangement, fit, candidates[:most], noise)
         added = _chosen(arrangement, fit, candidates, most - fit.terms.pairs)
@@ -78,11 +78,13 @@ def grow(
         step(fit.terms.pairs)
         if number and fit.terms.pairs <= before:
             break
-        left = linear_poles(
-            arrangement.omega, fit.residual, weights(arrangement, fit.variance), _RESIDUAL_ORDER, (NARROW,)
-        )
-        candidates = np.append(clusters(left), first)
     return refine(arrangement, fit.terms, fit.variance)
+
+
+def _in_residual(arrangement: Arrangement, fit: Level) -> ComplexArray:
+    """Candidates that the residual shows, rad/s."""
+    weight = weights(arrangement, fit.variance)
+    return clusters(linear_poles(arrangement.omega, fit.residual, weight, _RESIDUAL_ORDER, (NARROW,)))
 
 
 def local_level(arrangement: Arrangement, terms: Terms, noise: FloatArray) -> Level:
@@ -172,7 +174,7 @@ def pruned(arrangement: Arrangement, fit: Level) -> Level:
     """
     terms, c, C, price = fit.terms, fit.linear.coefficients, fit.linear.covariance, pole_price(fit)
     while terms.pairs:
-        poor = (_gains(c, C, terms.pairs) < price) | _far(arrangement, terms)
+        poor = _gains(c, C, terms.pairs) < price
         if not poor.any():
             break
         k = int(np.argmax(np.where(poor, terms.damping_ratio * terms.frequency_hz, -1.0)))
@@ -187,12 +189,6 @@ def pruned(arrangement: Arrangement, fit: Level) -> Level:
         c, C = _left_out(c, C, [2 * terms.pairs + least])
         terms = replace(terms, exponents=terms.exponents[:least] + terms.exponents[least + 1 :])
     return fit if terms is fit.terms else level_at(arrangement, terms, fit.variance)
-
-
-def _far(arrangement: Arrangement, terms: Terms) -> BoolArray:
-    """(n,) poles so far beyond the band that the lines do not fix their frequency."""
-    low, high = arrangement.frequency_hz[[0, -1]]
-    return np.asarray((terms.frequency_hz > _FAR * high) | (terms.frequency_hz < low / _FAR))
 
 
 def _left_out(c: FloatArray, C: FloatArray, gone: list[int]) -> tuple[FloatArray, FloatArray]:
