@@ -46,6 +46,7 @@ def grow(
     start: Terms,
     pool: ComplexArray,
     rounds: int = ROUNDS,
+    beside: int = 0,
 ) -> Fit:
     """The poles that FRFs, or combinations of them, need.
 
@@ -57,6 +58,7 @@ def grow(
         start: the series to start from.
         pool: candidates, rad/s; in every round those that the residual shows are added.
         rounds: most rounds.
+        beside: FRFs more than the combinations that stand for them.
     """
     first = np.append(pool, _beyond(arrangement))
     fit = local_level(arrangement, start, noise)
@@ -64,7 +66,7 @@ def grow(
         candidates = np.append(_in_residual(arrangement, fit), first) if fit.terms.pairs else first
         if not fit.terms.pairs and len(fit.residual) <= _FEW:
             fit = _as_all_leave(arrangement, fit, candidates[:most], noise)
-        added = _chosen(arrangement, fit, candidates, most - fit.terms.pairs)
+        added = _chosen(arrangement, fit, candidates, most - fit.terms.pairs, beside)
         if not added.size:
             break
         larger = refine(arrangement, with_poles(fit.terms, added), fit.variance, steps=_STEPS, enough=_ENOUGH)
@@ -73,7 +75,9 @@ def grow(
         # fit may need what a poor one did without.
         whole = level_at(arrangement, with_residual_terms(arrangement, larger.terms), larger.variance)
         fit = pruned(
-            arrangement, level_at(arrangement, whole.terms, _local_variance(arrangement, whole.residual, noise))
+            arrangement,
+            level_at(arrangement, whole.terms, _local_variance(arrangement, whole.residual, noise)),
+            beside,
         )
         step(fit.terms.pairs)
         if number and fit.terms.pairs <= before:
@@ -160,19 +164,23 @@ def gain_beside(arrangement: Arrangement, fit: Level, k: int, line: int) -> floa
     return float(_two_by_two(right, *(np.array([each]) for each in (own.T @ own).ravel()[[0, 1, 3]]))[0])
 
 
-def pole_price(fit: Level) -> float:
-    """Akaike's price of a pole, of two unknowns an FRF and two for the pole, and that of having looked for it at every line."""
-    return (_PRICE * (2 * len(fit.residual) + 2) + 2 * float(np.log(fit.residual.shape[1]))) * fit.memory
+def pole_price(fit: Level, beside: int = 0) -> float:
+    """Akaike's price of a pole, of two unknowns an FRF and two for the pole, and that of having looked for it at every line.
+
+    Combinations stand for more FRFs, `beside` them. In each of these a pole has two unknowns too, that gain 1 each from noise.
+    """
+    own = _PRICE * (2 * len(fit.residual) + 2) + 2 * float(np.log(fit.residual.shape[1]))
+    return (own + (_PRICE - 1) * 2 * beside) * fit.memory
 
 
-def pruned(arrangement: Arrangement, fit: Level) -> Level:
+def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
     """The fit without poles that do not pay, the broadest of them first: what a narrower one explains must not outlive it.
 
     A pole far beyond the band looks like a residual term. Both at once are large and cancel, and then a drift of 10⁻⁴ of that
     pole, or rounding, spoils all FRFs: the term is enough. Residual terms that do not pay go after the poles, the least worth
     first.
     """
-    terms, c, C, price = fit.terms, fit.linear.coefficients, fit.linear.covariance, pole_price(fit)
+    terms, c, C, price = fit.terms, fit.linear.coefficients, fit.linear.covariance, pole_price(fit, beside)
     while terms.pairs:
         poor = _gains(c, C, terms.pairs) < price
         if not poor.any():
@@ -184,7 +192,7 @@ def pruned(arrangement: Arrangement, fit: Level) -> Level:
         spread = np.einsum("nii->ni", C)[:, 2 * terms.pairs :]
         worth = np.sum(c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, 1e-300), axis=0)
         least = int(np.argmin(worth))
-        if worth[least] > _PRICE * len(fit.residual) * fit.memory:
+        if worth[least] > (_PRICE * len(fit.residual) + (_PRICE - 1) * beside) * fit.memory:
             break
         c, C = _left_out(c, C, [2 * terms.pairs + least])
         terms = replace(terms, exponents=terms.exponents[:least] + terms.exponents[least + 1 :])
@@ -217,7 +225,7 @@ def _as_all_leave(arrangement: Arrangement, fit: Level, pool: ComplexArray, nois
     return level_at(arrangement, fit.terms, _local_variance(arrangement, whole.residual, noise))
 
 
-def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int) -> ComplexArray:
+def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int, beside: int) -> ComplexArray:
     """The candidates that pay, most gain first, each on top of those before it."""
     if not pool.size or room <= 0:
         return pool[:0]
@@ -235,7 +243,7 @@ def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int)
     right = target @ extra
     one, two = extra[:, 0::2], extra[:, 1::2]
     gram = [np.einsum("lc,lc->c", a, b) for a, b in ((one, one), (one, two), (two, two))]
-    price, basis = pole_price(fit), np.empty((len(extra), 0))
+    price, basis = pole_price(fit, beside), np.empty((len(extra), 0))
     taken: list[int] = []
     open_ = np.ones(pool.size, dtype=bool)
     while len(taken) < room:
