@@ -84,8 +84,8 @@ def without_drift(
     sharp = seen & (terms.damping_ratio <= _ALIKE * np.median(terms.damping_ratio[seen]))
     step = max(_FINE * float(np.median(terms.damping_ratio[sharp])), 2 * _WIDEST / _MOST_STEPS)
     grid: FloatArray = step * np.arange(-np.ceil(_WIDEST / step), np.ceil(_WIDEST / step) + 1)
-    still, left = arrangement, np.inf
     each: FloatArray = np.zeros(len(unmoved.pairs)) if before is None else before.each.copy()
+    still, left = aligned(unmoved, terms, weight, each), np.inf
     for _ in range(_TURNS):
         lines = _lines(arrangement, terms.frequency_hz[sharp], terms.damping_ratio[sharp])
         narrow = float(np.median(terms.damping_ratio[sharp]))

@@ -192,7 +192,7 @@ def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
         spread = np.einsum("nii->ni", C)[:, 2 * terms.pairs :]
         worth = np.sum(c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, 1e-300), axis=0)
         least = int(np.argmin(worth))
-        if worth[least] > (_PRICE * len(fit.residual) + (_PRICE - 1) * beside) * fit.memory:
+        if worth[least] > _PRICE * len(fit.residual) * fit.memory:
             break
         c, C = _left_out(c, C, [2 * terms.pairs + least])
         terms = replace(terms, exponents=terms.exponents[:least] + terms.exponents[least + 1 :])
