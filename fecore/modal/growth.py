@@ -32,6 +32,7 @@ ROUNDS = 5
 _RESIDUAL_ORDER = 10  # of the linear stage on the residual
 _STEPS = 8  # of the refinement in each round
 _ENOUGH = 1.0  # decrease of χ² that a step is worth before the last round
+_SETTLES = 2  # times that a variance and the fit under it follow one another: after one, that of clean data is 30 times too large
 _PRICE = 2.0  # of an unknown (Akaike)
 _ALONE = 1e-6  # share of a candidate's power that the series leaves: below it nothing new is in it
 _FEW = 2  # FRFs up to which the first round looks at groups: where more differ by a drift, doubles would pay too
@@ -94,7 +95,9 @@ def _in_residual(arrangement: Arrangement, fit: Level) -> ComplexArray:
 def local_level(arrangement: Arrangement, terms: Terms, noise: FloatArray) -> Level:
     """The fit at given poles under the variance of its own misfit, at least the noise (N, L)."""
     fit = level_at(arrangement, terms, _local_variance(arrangement, arrangement.values, noise))
-    return level_at(arrangement, terms, _local_variance(arrangement, fit.residual, noise))
+    for _ in range(_SETTLES):
+        fit = level_at(arrangement, terms, _local_variance(arrangement, fit.residual, noise))
+    return fit
 
 
 def _local_variance(arrangement: Arrangement, residual: ComplexArray, noise: FloatArray) -> FloatArray:
