@@ -32,7 +32,9 @@ ROUNDS = 5
 _RESIDUAL_ORDER = 10  # of the linear stage on the residual
 _STEPS = 8  # of the refinement in each round
 _ENOUGH = 1.0  # decrease of χ² that a step is worth before the last round
-_SETTLES = 2  # times that a variance and the fit under it follow one another: after one, that of clean data is 30 times too large
+_SETTLES = (
+    2  # times that a variance follows a fit and a fit the variance: the first fit's own is too large for clean data
+)
 _PRICE = 2.0  # of an unknown (Akaike)
 _ALONE = 1e-6  # share of a candidate's power that the series leaves: below it nothing new is in it
 _FEW = 2  # FRFs up to which the first round looks at groups: where more differ by a drift, doubles would pay too
@@ -67,7 +69,12 @@ def grow(
         candidates = np.append(_in_residual(arrangement, fit), first) if fit.terms.pairs else first
         if not fit.terms.pairs and len(fit.residual) <= _FEW:
             fit = _as_all_leave(arrangement, fit, candidates[:most], noise)
-        added = _chosen(arrangement, fit, candidates, most - fit.terms.pairs, beside)
+        room = most - fit.terms.pairs
+        added = _chosen(arrangement, fit, candidates, room, beside)
+        if (
+            not fit.terms.pairs and not added.size
+        ):  # under the variance of the FRFs themselves nothing gains more than that
+            added = _chosen(arrangement, fit, candidates, room, 0)
         if not added.size:
             break
         larger = refine(arrangement, with_poles(fit.terms, added), fit.variance, steps=_STEPS, enough=_ENOUGH)
@@ -179,9 +186,7 @@ def pole_price(fit: Level, beside: int = 0) -> float:
 def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
     """The fit without poles that do not pay, the broadest of them first: what a narrower one explains must not outlive it.
 
-    A pole far beyond the band looks like a residual term. Both at once are large and cancel, and then a drift of 10⁻⁴ of that
-    pole, or rounding, spoils all FRFs: the term is enough. Residual terms that do not pay go after the poles, the least worth
-    first.
+    Residual terms that do not pay go after the poles, the least worth first.
     """
     terms, c, C, price = fit.terms, fit.linear.coefficients, fit.linear.covariance, pole_price(fit, beside)
     while terms.pairs:
@@ -195,7 +200,7 @@ def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
         spread = np.einsum("nii->ni", C)[:, 2 * terms.pairs :]
         worth = np.sum(c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, 1e-300), axis=0)
         least = int(np.argmin(worth))
-        if worth[least] > _PRICE * len(fit.residual) * fit.memory:
+        if worth[least] > (_PRICE * len(fit.residual) + (_PRICE - 1) * beside) * fit.memory:
             break
         c, C = _left_out(c, C, [2 * terms.pairs + least])
         terms = replace(terms, exponents=terms.exponents[:least] + terms.exponents[least + 1 :])
