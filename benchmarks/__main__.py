@@ -9,8 +9,6 @@ A case is a function of this package that prints a short table, and gives what w
 counts, seeds and words.
 """
 
-from __future__ import annotations
-
 import importlib
 import sys
 import time
@@ -33,6 +31,12 @@ TABLES = {
     "accuracy": (
         Case("hits", "hits", "hits judged: good ones thrown away, bad ones missed, beside pyFRF", quick="3"),
         Case("made_hits", "made_hits", "bad hits of 17 kinds that bias an FRF: missed; good ones refused", quick="2"),
+        Case(
+            "calibrate_hits",
+            "calibrate_hits",
+            "weights of the hits' probability, reliability, worth of each number",
+            quick="4",
+        ),
         Case("hits_habits", "hits", "good hits under the habits of instruments and hands", quick="1"),
         Case("hits_accuracy", "hits", "FRFs of hits against exact ones, variance, damping under windows", quick="1 4"),
         Case("hits_damping", "hits", "from hits to a0 and a1", quick="2"),
@@ -43,8 +47,13 @@ TABLES = {
         Case("wooden_plates", "updates", "updates of plates from a handbook's constants", quick="1"),
         Case("laboratories", "updates", "structures, tours, bands, damping and faults at random", quick="2"),
         Case("independent", "updates", "bodies of solid elements by CalculiX", quick="1"),
+        Case("structures", "structures", "shells in space: published shells, joints against solids, CalculiX's S8R"),
+        Case("structures_solids", "structures_solids", "joints of walls of unlike thickness, by CalculiX's solids"),
         Case("campaigns", "updates", "several tests of one material: intervals", "coverage 3 1", "coverage 1 1"),
         Case("campaigns", "updates", "the same with bodies by CalculiX", "solids 2 1", "solids 1 1"),
+        Case(
+            "contradictions", "contradictions", "the wrong source of a joint update: named, first, cleared", quick="1"
+        ),
         Case("campaigns", "updates", "which points to hit", "plans 12 17", "plans 1 17"),
         Case("cards", "core", "decks of updated models by CalculiX", quick="1"),
         Case("trend", "trend", "false alarms and delays of control charts", quick="2"),

@@ -1,7 +1,5 @@
 """Models that CalculiX solves (the `ccx` process, where it is installed): bodies of solid elements, and a peer of shells."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import tempfile
@@ -10,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fecore.body.mesh import rectangle
+from fecore.body.generators import strip
 from fecore.body.specimen import Specimen
 
 MODES = 10
@@ -110,7 +108,7 @@ def shell(specimen: Specimen) -> np.ndarray:
 
 def shell_frfs(specimen: Specimen, a0: float, a1: float, highest_hz: float, between: int) -> np.ndarray:
     """(lines, 33) receptances by steady state dynamics, which places so many lines between two natural frequencies."""
-    nodes = rectangle(specimen.length, specimen.width, 40, 4).nodes
+    nodes = strip(specimen.length, specimen.width, 40, 4).nodes[:, :2]
     places = [(x, y) for x in np.linspace(0.05, specimen.length, 11) for y in (-0.02, 0.0, 0.02)]
     seen = [int(np.argmin(np.linalg.norm(nodes - place, axis=1))) + 1 for place in places]
     table = ccx(
@@ -129,11 +127,11 @@ def shell_frfs(specimen: Specimen, a0: float, a1: float, highest_hz: float, betw
 
 def _shells(specimen: Specimen) -> list[str]:
     """Mesh, material and clamp."""
-    mesh, m = rectangle(specimen.length, specimen.width, 40, 4), specimen.material
-    lines = ["*NODE, NSET=ALL", *(f"{i + 1},{x:.12g},{y:.12g},0" for i, (x, y) in enumerate(mesh.nodes))]
+    mesh, m = strip(specimen.length, specimen.width, 40, 4), specimen.material
+    lines = ["*NODE, NSET=ALL", *(f"{i + 1},{x:.12g},{y:.12g},0" for i, (x, y, _) in enumerate(mesh.nodes))]
     lines.append("*ELEMENT, TYPE=S8R, ELSET=E")
-    lines += [",".join(map(str, [i + 1, *(e + 1)])) for i, e in enumerate(mesh.elements)]
-    root = ",\n".join(str(node + 1) for node in mesh.nodes_at_x(0))
+    lines += [",".join(map(str, [i + 1, *(e + 1)])) for i, e in enumerate(mesh.blocks[0].nodes)]
+    root = ",\n".join(str(node + 1) for node in mesh.node_sets["start"])
     lines += ["*NSET, NSET=ROOT", root, "*MATERIAL, NAME=M", "*ELASTIC, TYPE=ENGINEERING CONSTANTS"]
     nu = m.nu_xy
     lines += [f"{m.Ex:g},{m.Ey:g},{m.Ey:g},{nu:g},{nu:g},{nu:g},{m.Gxy:g},{m.Gxz:g}", f"{m.Gyz:g}"]

@@ -8,8 +8,6 @@ The peers are optional: `pip install -e '.[bench]'`, and `ccx` where it is insta
 come from one run; a busy machine stretches wall clock, so processor time stands beside it.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import shutil
@@ -25,13 +23,12 @@ from benchmarks.clock import least, median_ms, now, timed
 from examples.paper.published import CANTILEVER_CONVERGED, TABLE_4_COUPONS, TABLE_4_UPDATED, cantilever
 from examples.paper.synthesis import grid, rayleigh_body
 from fecore.body.laminate import OrthotropicMaterial, Ply, section
-from fecore.body.mesh import rectangle
-from fecore.body.model import PlateModel, plate
 from fecore.body.specimen import Specimen
-from fecore.body.supports import PointMass, Supports
+from fecore.body.structure import Structure
+from fecore.body.supports import PointMass, of_boundary
 from fecore.dynamics.damping_laws import RAYLEIGH, damping_rate
 from fecore.dynamics.eigen import normal_modes
-from fecore.frf import Dof
+from fecore.frf import Dof, along_z
 from fecore.modal import identify
 from fecore.updating.damping_data import damping_data
 from fecore.updating.damping_stage import DampingResult, fit_damping, fit_reference
@@ -44,6 +41,7 @@ from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 from modalbase.formats.decks import Deck, write_shells, write_solids
+from tests.support.plates import plate, solve
 
 PAPER = OrthotropicMaterial(31.66e9, 31.80e9, 6.30e9, 5.37e9, 5.37e9, 0.15, 2012.0)
 SPECIMEN = Specimen(0.5, 0.04, 0.01, PAPER)
@@ -68,14 +66,11 @@ def forward(rounds: int = 25) -> None:
 
 
 def _ten_modes(nx: int = 40, ny: int = 4) -> np.ndarray:
-    return _solve(plate(rectangle(0.5, 0.04, nx, ny), Supports.of("cantilever")))
+    return _solve(plate((0.5, 0.04), (nx, ny), of_boundary("cantilever")))
 
 
-def _solve(model: PlateModel) -> np.ndarray:
-    laminate = section([Ply(PAPER, 0.01)])
-    K = model.stiffness.at(model.stiffness_coefficients(laminate))
-    M = model.mass.at(model.mass_coefficients(laminate))
-    return normal_modes(K, M, 10, model.rigid_modes).frequency_hz
+def _solve(body: Structure) -> np.ndarray:
+    return solve(body, section([Ply(PAPER, 0.01)]), 10).frequency_hz
 
 
 def _unproven() -> np.ndarray:
@@ -117,7 +112,7 @@ def _resolves(rounds: int) -> None:
     specimen = replace(SPECIMEN, masses=(PointMass(0.49, 0.015, 0.0048),))
     known = parametrise(specimen)
     draws = known.prior_mean * (1 + 0.02 * np.random.default_rng(0).uniform(-1, 1, (200, len(known.names))))
-    full, reduced = (ForwardModel(specimen, known, tuple(range(33)), PLACES, 8, small) for small in (False, True))
+    full, reduced = (ForwardModel(specimen, known, along_z(range(33)), PLACES, 8, small) for small in (False, True))
     for theta in draws:
         reduced.solve(theta)
     columns = [(m, n, of) for of in ("frequency_hz", "frequency_jacobian") for m, n in ((full, 1), (reduced, 15))]
@@ -126,7 +121,7 @@ def _resolves(rounds: int) -> None:
         some = iter(np.roll(draws, start, axis=0))
         rows.append([median_ms(lambda m=m, of=of: getattr(m.solve(next(some)), of), n) for m, n, of in columns])  # noqa: B023
     took = np.median(rows, axis=0).reshape(2, 2)
-    build = median_ms(lambda: ForwardModel(specimen, known, (0,), PLACES[:1], 8).basis.system, 5)
+    build = median_ms(lambda: ForwardModel(specimen, known, along_z((0,)), PLACES[:1], 8).basis.system, 5)
     size, solves = reduced.basis.basis.shape[1], reduced.basis.full_solves
     print(f"re-solve for new parameters, 8 modes     full ms   reduced ms ({size} vectors)   full/reduced")
     for name, (whole, small) in zip(("natural frequencies", "and their derivatives"), took, strict=True):
@@ -136,7 +131,7 @@ def _resolves(rounds: int) -> None:
 
 def _frfs() -> None:
     """33 FRFs of 3200 lines from a solved state."""
-    model = ForwardModel(SPECIMEN, parametrise(SPECIMEN), tuple(range(33)), PLACES, 10)
+    model = ForwardModel(SPECIMEN, parametrise(SPECIMEN), along_z(range(33)), PLACES, 10)
     state = model.solve(model.parametrisation.prior_mean)
     dofs, frequency = [Dof(point, 3) for point in range(33)], np.linspace(0.3125, 1000, 3200)
     frfs = state.frf_model([dofs[32]] * 33, dofs)
@@ -151,11 +146,10 @@ def _growth(sizes: int) -> None:
     dofs, times = [], []
     print("growth of the solve     dofs   median s   assembly s")
     for nx, ny in ((40, 4), (80, 8), (140, 14), (220, 22), (330, 33))[:sizes]:
-        plate(rectangle(0.5, 0.04, nx, ny), Supports.of("cantilever"))
-        model, (assembly, _) = timed(
-            lambda nx=nx, ny=ny: plate(rectangle(0.5, 0.04, nx, ny), Supports.of("cantilever"))
-        )
-        times.append(median_ms(lambda model=model: _solve(model), 9 if nx < 100 else 3) / 1e3)
+        body, (assembly, _) = timed(lambda nx=nx, ny=ny: plate((0.5, 0.04), (nx, ny), of_boundary("cantilever")))
+        model, (assembled, _) = timed(lambda body=body: body.model)
+        assembly += assembled
+        times.append(median_ms(lambda body=body: _solve(body), 9 if nx < 100 else 3) / 1e3)
         dofs.append(model.stiffness.size)
         print(f"  {nx:4d} x {ny:<3d}        {dofs[-1]:9d} {times[-1]:10.3f} {assembly:11.3f}")
     print(f"  fitted exponent {np.polyfit(np.log(dofs), np.log(times), 1)[0]:.2f} (target 1.3)")
@@ -212,7 +206,7 @@ def _against_least_squares(data: Measurement) -> None:
     specimen, modes = cantilever(TABLE_4_COUPONS), identify(data.frfs).modes
     labels = list(dict.fromkeys([*(dof.point for dof in modes.dofs), *data.points]))
     places = np.array([data.points[label][:2] for label in labels])
-    model = ForwardModel(specimen, parametrise(specimen), tuple(labels), places, 12)
+    model = ForwardModel(specimen, parametrise(specimen), along_z(labels), places, 12)
 
     def second() -> DampingResult:
         given = damping_data(data.frfs, elastic, modes, "noise")

@@ -6,19 +6,17 @@ plate  a free wooden plate that a handbook describes; its modes stand in another
 solid  a beam of CalculiX's solid elements
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from benchmarks.calculix import solid_modes
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
-from fecore.body.supports import PointMass, Spring, Supports
+from fecore.body.supports import PointMass, Spring
 from fecore.dynamics.damping_laws import RAYLEIGH, beyond, damping_rate
-from fecore.frf import Dof, FrfSet
+from fecore.frf import Dof, FrfSet, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import TOLERANCES, UNSTATED_SENSOR, UNSTATED_WINDOW, Inputs
@@ -57,7 +55,7 @@ def solved(body: Specimen, points: Points, modes: int, *, reduced: bool = True) 
     """The body's modes and their shapes at the points."""
     at = np.minimum(np.array(list(points.values()))[:, :2], [body.length, 1.0])
     known = parametrise(body)
-    return ForwardModel(body, known, tuple(points), at, modes, reduced).solve(known.prior_mean)
+    return ForwardModel(body, known, along_z(points), at, modes, reduced).solve(known.prior_mean)
 
 
 def _hit(points: Points, sensor: int = SENSOR) -> tuple[Dofs, Dofs]:
@@ -119,7 +117,7 @@ class Truth:
     boundary: str = "cantilever"
 
     @classmethod
-    def drawn(cls, rng: np.random.Generator) -> Truth:
+    def drawn(cls, rng: np.random.Generator) -> Self:
         """Every deviation from the prior of a careful laboratory."""
         normal = rng.standard_normal(9)
         tolerance = {name: value for name, (value, _) in TOLERANCES.items()}
@@ -144,7 +142,7 @@ def _as_it_is(truth: Truth, material: OrthotropicMaterial, points: Points) -> Sp
     if truth.boundary == "cantilever" and truth.clamp:
         k = material.Ex * t**3 / 12 / (truth.clamp * length)  # per metre of edge
         rows = (("pitch", k, 5), ("roll", k, 4), ("heave", k / t**2, 3))
-        held, springs = Supports(), tuple(Spring(*row, edge="start") for row in rows)
+        held, springs = (), tuple(Spring(*row, edge="start") for row in rows)
     x, y, _ = points[SENSOR]
     material = replace(material, density=material.density * (1 + truth.density), nu_xy=material.nu_xy + truth.nu)
     return replace(

@@ -9,8 +9,6 @@ independent    N beams of CalculiX's solid elements, by a seed
 campaigns      coverage N seed: panels of several tests; solids N seed: those by CalculiX; plans N seed: which points to hit
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import time
@@ -25,7 +23,7 @@ from benchmarks import laboratories as drawing
 from benchmarks.calculix import solid_modes
 from benchmarks.draws import Drawn, Truth
 from fecore.errors import FecoreError
-from fecore.frf import Dof
+from fecore.frf import Dof, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import Campaign, update_campaigns
 from fecore.updating.excursions import REACH_95
@@ -295,7 +293,7 @@ def _plans(beams: int, seed: int) -> None:
         test = random_beam(random)
         (whole,), (chosen,) = plan_tests([test]).forecasts, plan_tests([test], count=8).forecasts
         prior = parametrise(test.body)
-        forward = ForwardModel(test.body, prior, tuple(range(33)), np.array(test.points), 12)
+        forward = ForwardModel(test.body, prior, along_z(range(33)), np.array(test.points), 12)
         shapes = forward.solve(prior.prior_mean).shapes[: whole.frequencies_hz.size]
         (theirs,) = plan_tests([replace(test, hit=effective_independence(shapes, 8))]).forecasts
         near += whole.information - chosen.information < np.log(1.1)

@@ -19,7 +19,7 @@ import numpy as np
 
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
-from fecore.frf import Dof
+from fecore.frf import Dof, along_z
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
 from modalbase.formats.uff.content import Axis, FileHeader, Frf, GridPoint
@@ -52,7 +52,7 @@ def accelerances(points: dict[int, tuple[float, float, float]]) -> np.ndarray:
     """(33, lines) accelerance at the accelerometer for a hammer at each point, m/s² per N, without noise."""
     places = np.array(list(points.values()))[:, :2]
     parametrisation = parametrise(BEAM)
-    forward = ForwardModel(BEAM, parametrisation, tuple(points), places, MODES, reduced=False)
+    forward = ForwardModel(BEAM, parametrisation, along_z(points), places, MODES, reduced=False)
     state = forward.solve(parametrisation.prior_mean)
     hammer = [Dof(point, 3) for point in points]
     model = state.frf_model([Dof(ACCELEROMETER, 3)] * len(hammer), hammer)

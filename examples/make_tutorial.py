@@ -15,7 +15,7 @@ import numpy as np
 
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
-from fecore.frf import Dof
+from fecore.frf import Dof, along_z
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
 from modalbase.formats.uff.content import Axis, FileHeader, Frf, GridPoint
@@ -57,7 +57,7 @@ def accelerances(lines_hz: np.ndarray) -> np.ndarray:
     points = grid_points()
     places = np.array(list(points.values()))[:, :2]
     parametrisation = parametrise(BEAM)
-    state = ForwardModel(BEAM, parametrisation, tuple(points), places, MODES, reduced=False).solve(
+    state = ForwardModel(BEAM, parametrisation, along_z(points), places, MODES, reduced=False).solve(
         parametrisation.prior_mean
     )
     model = state.frf_model([Dof(SENSOR, 3)] * len(points), [Dof(point, 3) for point in points])

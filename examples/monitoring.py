@@ -23,7 +23,7 @@ import numpy as np
 
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
-from fecore.frf import Dof
+from fecore.frf import Dof, along_z
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
 
@@ -67,7 +67,7 @@ def frfs(state: State) -> np.ndarray:
     points = grid_points()
     parameters = parametrise(specimen)
     places = np.array(list(points.values()))[:, :2]
-    solved = ForwardModel(specimen, parameters, tuple(points), places, 12).solve(parameters.prior_mean)
+    solved = ForwardModel(specimen, parameters, along_z(points), places, 12).solve(parameters.prior_mean)
     model = solved.frf_model([Dof(SENSOR, 3)] * len(points), [Dof(point, 3) for point in points])
     rate = state.damping * (A0 + A1 * model.omega**2)
     return model.synthesise(LINES_HZ, rate)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from examples.paper.published import FREE_LENGTH, FREE_MEASURED_HZ, TABLE_3_MEASURED_HZ, TABLE_4_COUPONS, material
-from fecore.body.oriented import OrientedSpecimen
+from fecore.body.specimen import OrientedSpecimen
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, CampaignsRecipe, CampaignsResult, update_campaigns
 from fecore.updating.inputs import Inputs

@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.body.layered import LayeredSpecimen
-from fecore.frf import Dof
+from fecore.body.specimen import LayeredSpecimen
+from fecore.frf import Dof, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
@@ -48,7 +48,7 @@ def simulated(
     along, across = np.meshgrid(np.linspace(0.03, 0.97, 8) * body.length, np.linspace(-0.47, 0.47, 5) * body.width)
     places = np.column_stack([along.ravel(), across.ravel()])
     prior = parametrise(fine, [Parameter(name, prior_mean=value) for name, value in {**fine.nominal, **TRUTH}.items()])
-    forward = ForwardModel(fine, prior, tuple(range(1, len(places) + 1)), places, modes + 14, reduced=False)
+    forward = ForwardModel(fine, prior, along_z(range(1, len(places) + 1)), places, modes + 14, reduced=False)
     state = forward.solve(prior.prior_mean)
     seen = [k for k in range(state.frequency_hz.size) if k not in state.hidden][:modes]
     hz = state.frequency_hz[seen] * (1 + noise * random.standard_normal(modes))

@@ -9,7 +9,7 @@ import numpy as np
 
 from examples.one_material import paper_bar
 from examples.paper.published import TABLE_4_COUPONS, material
-from fecore.body.oriented import OrientedSpecimen
+from fecore.body.specimen import OrientedSpecimen
 from fecore.updating.plans import Plan, PlannedTest, plan_tests
 
 

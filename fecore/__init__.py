@@ -15,8 +15,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from fecore.body.beam_specimen import BeamSpecimen
     from fecore.body.laminate import OrthotropicMaterial, Ply, homogenise, section
-    from fecore.body.specimen import BeamSpecimen, Specimen
+    from fecore.body.specimen import Specimen
     from fecore.body.supports import Edge, PointMass, Spring
     from fecore.correlation import csac, csf, frac, mac, sac
     from fecore.errors import FecoreError, IdentificationError, InputError, ModelError, UpdatingError
@@ -34,7 +35,8 @@ __version__ = "0.2.0"
 
 _HOMES = {
     "body.laminate": ("OrthotropicMaterial", "Ply", "homogenise", "section"),
-    "body.specimen": ("BeamSpecimen", "Specimen"),
+    "body.beam_specimen": ("BeamSpecimen",),
+    "body.specimen": ("Specimen",),
     "body.supports": ("Edge", "PointMass", "Spring"),
     "correlation": ("csac", "csf", "frac", "mac", "sac"),
     "errors": ("FecoreError", "IdentificationError", "InputError", "ModelError", "UpdatingError"),

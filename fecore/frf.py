@@ -7,6 +7,7 @@ accelerance = iω·mobility = -ω²·receptance.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
@@ -67,6 +68,11 @@ class Dof:
     def sign(self) -> int:
         """+1 or -1."""
         return 1 if self.direction > 0 else -1
+
+
+def along_z(points: Iterable[int]) -> tuple[Dof, ...]:
+    """Dofs along +z of some points, which is out of a strip's plane."""
+    return tuple(Dof(point, 3) for point in points)
 
 
 @dataclass(frozen=True)

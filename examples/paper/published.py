@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from fecore.body.beam_specimen import BeamSpecimen
 from fecore.body.laminate import OrthotropicMaterial
-from fecore.body.specimen import BeamSpecimen, Specimen
+from fecore.body.specimen import Specimen
 
 DENSITY = 2012.0
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from fecore.body.specimen import BeamSpecimen, Specimen
+from fecore.body.beam_specimen import BeamSpecimen
+from fecore.body.specimen import Specimen
 from fecore.dynamics.damping_laws import RAYLEIGH, ModalDamping, beyond, damping_rate
-from fecore.frf import Dof, FrfSet
+from fecore.frf import Dof, FrfSet, along_z
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.parameters import Parameter, parametrise
 
@@ -35,7 +36,7 @@ def solve(specimen: Specimen | BeamSpecimen, points: Points | None = None) -> Fo
     """The specimen's modes at given points, or at a strip's 33."""
     points = points or grid(specimen)
     nominal = parametrise(specimen, [Parameter(name) for name in specimen.nominal])
-    forward = ForwardModel(specimen, nominal, tuple(points), np.array(list(points.values()))[:, :2], MODES)
+    forward = ForwardModel(specimen, nominal, along_z(points), np.array(list(points.values()))[:, :2], MODES)
     return forward.solve(nominal.prior_mean)
 
 

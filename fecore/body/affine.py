@@ -1,21 +1,78 @@
-"""Matrices that are linear in a few coefficients, on one sparsity pattern.
+"""Matrices that are linear in a few coefficients, made of strains:
 
-    K(c) = Σ_k c_k K_k
+    A(c) = Σ_elements Bᵀ C(c) B,     C(c) = Σ_k c_k C_k
 
-The K_k are element matrices on one pattern. For a new c the element matrices are summed first and then assembled, once,
-which where all elements are congruent means one element matrix; K_k itself is the derivative by c_k.
+An element has one strain operator B, whatever the number of coefficients, and a set has small matrices C_k. So A(c) is one
+product an element, and xᵀA_ky = Σ (Bx)ᵀC_k(By) for all k comes from the strains of x and y; no A_k is kept. Mass, springs
+and point masses are of the same form, with motions in the place of strains. Congruent elements share one operator.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy
 
-from fecore.arrays import FloatArray, IntArray
+from fecore.arrays import BoolArray, FloatArray, IntArray
+
+_ALIKE = 1e-10  # of the largest entry: by how much rounding may part what is congruent
+
+
+@dataclass(frozen=True)
+class Group:
+    """Elements that share their coefficients.
+
+    Attributes:
+        nodes: (e, n) node numbers.
+        operators: (s, p, r, d) rows of strains at p points over the d = n × (dofs of a node) dofs, by the root of a point's
+            weight.
+        which: (e,) operator of each element.
+        terms: (k, r, r) C_k.
+        coefficients: (k,) their numbers among the matrix's coefficients.
+    """
+
+    nodes: IntArray
+    operators: FloatArray
+    which: IntArray
+    terms: FloatArray
+    coefficients: IntArray
+
+    def matrices(self, coefficients: FloatArray) -> FloatArray:
+        """(s, d·d) matrices of the distinct elements at all (k,) coefficients of the whole."""
+        count, points, rows, dofs = self.operators.shape
+        C = np.tensordot(coefficients[self.coefficients], self.terms, 1)
+        stressed = (C @ self.operators).reshape(count, points * rows, dofs)
+        strained = self.operators.reshape(count, points * rows, dofs)
+        return np.asarray((strained.transpose(0, 2, 1) @ stressed).reshape(count, -1))
+
+    def strains(self, motion: FloatArray) -> FloatArray:
+        """(r, e·p, m) strains of (nodes, dofs of a node, m) motions."""
+        count, points, rows, dofs = self.operators.shape
+        local = motion[self.nodes].reshape(len(self.nodes), dofs, -1)
+        flat = self.operators.reshape(count, points * rows, dofs)
+        found = flat[0] @ local if count == 1 else flat[self.which] @ local
+        by_row = found.reshape(len(local), points, rows, -1).transpose(2, 0, 1, 3)
+        return np.ascontiguousarray(by_row).reshape(rows, len(local) * points, -1)
+
+
+def distinct(items: FloatArray) -> tuple[IntArray, IntArray]:
+    """Numbers of the different ones of (e, …) items, and the (e,) place of each item's among them."""
+    flat = items.reshape(len(items), -1)
+    close = _ALIKE * float(np.abs(flat).max(initial=0.0))
+    if np.abs(flat - flat[0]).max() <= close:
+        return np.zeros(1, dtype=np.int64), np.zeros(len(flat), dtype=np.int64)
+    # Alike ones have alike sums under random weights, and sorting numbers is cheap.
+    sums = flat @ np.random.default_rng(0).standard_normal(flat.shape[1])
+    order = np.argsort(sums)
+    first = np.concatenate([[True], np.diff(sums[order]) > close * np.sqrt(flat.shape[1])])
+    which = np.empty(len(flat), dtype=np.int64)
+    which[order] = np.cumsum(first) - 1
+    chosen = order[first]
+    if np.abs(flat - flat[chosen[which]]).max() > 10 * close:  # unlike ones had like sums
+        return np.arange(len(flat)), np.arange(len(flat))
+    return chosen, which
 
 
 @dataclass(frozen=True)
@@ -24,156 +81,119 @@ class Pattern:
 
     Attributes:
         indptr, indices: the pattern, as in `scipy.sparse.csc_array`.
-        slots: (d·d·e,) place of each entry of the element matrices in the pattern's data, element after element for
-            the first entry, then for the second; where a dof is held, the place after the last.
-        free: numbers of the free dofs among all.
+        free: (nodes, dofs of a node) whether each dof is free.
+        numbers: (nodes, dofs of a node) number of each free dof.
     """
 
     indptr: IntArray
     indices: IntArray
-    slots: IntArray
-    free: IntArray
+    free: BoolArray
+    numbers: IntArray
+    pairs: IntArray
+    above: IntArray
 
     @classmethod
-    def of(cls, elements: IntArray, nodes: int, dofs_per_node: int, free: IntArray) -> Pattern:
-        """The pattern of (e, n) elements on so many nodes, found node by node and then spread over the dofs."""
-        is_free = np.zeros((nodes, dofs_per_node), dtype=bool)
-        is_free.reshape(-1)[free] = True
-        number = np.cumsum(is_free).reshape(nodes, -1) - 1
-        nodes_of = elements.T  # (n, e): long arrays innermost
-        keys, pair = np.unique(nodes_of[None] * nodes + nodes_of[:, None], return_inverse=True)
-        column, row = np.divmod(keys, nodes)
+    def of(cls, connectivities: Sequence[IntArray], free: BoolArray) -> tuple[Pattern, list[IntArray]]:
+        """The pattern of (e, n) elements of several kinds, found node by node and spread over the dofs; and their slots."""
+        nodes, dofs = free.shape
+        keys = [(c.T[None] * nodes + c.T[:, None]).ravel() for c in connectivities]
+        pairs = np.sort(np.concatenate(keys))
+        pairs = pairs[np.concatenate([[True], pairs[1:] > pairs[:-1]])]
+        column, row = np.divmod(pairs, nodes)
+        number = np.cumsum(free).reshape(nodes, dofs) - 1
         # The column of a free dof holds the free dofs of its node's neighbours, one node after the other.
-        rows = is_free.sum(axis=1)[row]
+        rows = free.sum(axis=1)[row]
         before = np.cumsum(rows) - rows
-        above = before - before[np.searchsorted(column, np.arange(nodes))][column]
+        above = before - before[np.minimum(np.searchsorted(column, np.arange(nodes)), len(before) - 1)][column]
         height = np.bincount(column, weights=rows, minlength=nodes).astype(np.int64)
-        indptr = np.concatenate([[0], np.cumsum(np.repeat(height[:, None], dofs_per_node, axis=1)[is_free])])
-        nowhere = int(indptr[-1])
-        first = _by_entry(np.where(is_free, indptr[number], nowhere), nodes_of)
-        within = _by_entry(np.where(is_free, np.cumsum(is_free, axis=1) - 1, nowhere), nodes_of)
+        indptr = np.concatenate([[0], np.cumsum(np.repeat(height[:, None], dofs, axis=1)[free])])
+        pattern = cls(indptr.astype(np.int32), np.empty(0, np.int32), free, number, pairs, above)
+        indices = np.empty(int(indptr[-1]) + 1, dtype=np.int32)
+        slots = [pattern.slots(connectivity) for connectivity in connectivities]
+        for own, connectivity in zip(slots, connectivities, strict=True):
+            indices[own] = _by_entry(number, connectivity.T)[:, :, None, None]
+        return cls(pattern.indptr, indices[:-1], free, number, pairs, above), slots
+
+    @property
+    def size(self) -> int:
+        """Number of free dofs."""
+        return int(self.indptr.size - 1)
+
+    def slots(self, connectivity: IntArray) -> IntArray:
+        """(n, d, n, d, e) place of each entry of (e, n) elements' matrices in the pattern; of a held dof after the last."""
+        nodes_of = connectivity.T  # (n, e): long arrays innermost
         n, e = nodes_of.shape
-        down = above[pair].reshape(n, 1, n, e) + within[:, :, None]
+        nodes = len(self.free)
+        pair = np.searchsorted(self.pairs, nodes_of[None] * nodes + nodes_of[:, None])
+        nowhere = int(self.indptr[-1])
+        first = _by_entry(np.where(self.free, self.indptr[self.numbers], nowhere), nodes_of)
+        within = _by_entry(np.where(self.free, np.cumsum(self.free, axis=1) - 1, nowhere), nodes_of)
+        down = self.above[pair].reshape(n, 1, n, e) + within[:, :, None]
         slots = down[:, :, :, None] + first
         np.minimum(slots, nowhere, out=slots)
-        indices = np.empty(nowhere + 1, dtype=np.int32)
-        indices[slots] = _by_entry(number, nodes_of)[:, :, None, None]
-        return cls(indptr.astype(np.int32), indices[:-1], slots.ravel(), free)
-
-    def assemble(self, elements: FloatArray) -> FloatArray:
-        """Values at the pattern's places of (e, d·d) element matrices, or of (1, d·d) alike for all elements."""
-        slots = self.slots.reshape(elements.shape[1], -1)
-        used = elements.any(axis=0)  # two thirds of a mass matrix are nothing
-        each = np.broadcast_to(elements[:, used].T, (int(used.sum()), slots.shape[1]))
-        summed = np.bincount(slots[used].ravel(), weights=each.ravel(), minlength=self.indices.size + 1)
-        return np.asarray(summed[:-1], dtype=float)
-
-    def find(self, matrix: scipy.sparse.csc_array) -> tuple[IntArray, FloatArray]:
-        """Entries of a sparse matrix over all dofs, which all lie in the pattern: their places in it, and values."""
-        if matrix.nnz == 0:
-            return np.empty(0, dtype=np.int64), np.empty(0)
-        size = self.free.size
-        entries = scipy.sparse.coo_array(scipy.sparse.csc_array(matrix)[self.free][:, self.free])
-        keys = np.repeat(np.arange(size), np.diff(self.indptr)) * size + self.indices
-        return np.searchsorted(keys, entries.col.astype(np.int64) * size + entries.row), entries.data
-
-    def affine(
-        self,
-        terms: FloatArray,
-        names: tuple[str, ...],
-        blocks: tuple[IntArray, ...],
-        extra: Mapping[str, scipy.sparse.csc_array],
-        zone: IntArray | None = None,
-    ) -> AffineMatrix:
-        """Σ_k c_k A_k of (k, e, d, d) element matrices, or (k, 1, d, d) alike for all elements.
-
-        Whole matrices over all dofs are appended as terms of their own. With the (e,) number of each element's zone every zone
-        has coefficients of its own, one zone's after the other's.
-        """
-        count, zones = len(names), 1 if zone is None else int(zone.max()) + 1
-        alone = tuple(np.array([[count * zones + i]]) for i in range(len(extra)))
-        whole = tuple(self.find(matrix) for matrix in extra.values())
-        if zones > 1:
-            names = tuple(f"{name} in zone {z + 1}" for z in range(zones) for name in names)
-            blocks = tuple(block + z * count for z in range(zones) for block in blocks)
-        elements = terms.reshape(*terms.shape[:2], -1)
-        return AffineMatrix(self, elements, whole, (*names, *extra), (*blocks, *alone), zone if zones > 1 else None)
+        return np.asarray(slots)
 
 
 @dataclass(frozen=True)
 class AffineMatrix:
-    """Σ_k c_k A_k, every symmetric A_k on one compressed-column sparsity pattern.
+    """A(c) over the free dofs, symmetric, on one compressed-column sparsity pattern.
 
     Attributes:
         pattern: the pattern.
-        elements: (k, e, d·d) element matrices of the first terms, or (k, 1, d·d) alike for all elements.
-        whole: places in the pattern, and values there, of each of the l last terms, which have few entries.
-        names: the k + l coefficients' names.
+        groups: the elements.
+        slots: where each group's entries land.
+        names: the coefficients' names.
         blocks: index matrices into the coefficients: each is a symmetric matrix C of coefficients, such as
-            [[D11, D12], [D12, D22]], whose part of the sum is ∫BᵀCB. So K(c) ≥ α K(c₀) where every C(c) ≥ α C(c₀).
-        zone: (e,) zone of each element, where zones have coefficients of their own; None else.
+            [[D11, D12], [D12, D22]], whose part of the sum is ∫BᵀCB. So A(c) ≥ α A(c₀) where every C(c) ≥ α C(c₀).
     """
 
     pattern: Pattern
-    elements: FloatArray
-    whole: tuple[tuple[IntArray, FloatArray], ...]
+    groups: tuple[Group, ...]
+    slots: tuple[IntArray, ...]
     names: tuple[str, ...]
     blocks: tuple[IntArray, ...]
-    zone: IntArray | None = None
 
     @property
     def size(self) -> int:
         """Number of rows and columns."""
-        return int(self.pattern.free.size)
+        return self.pattern.size
 
     def at(self, coefficients: FloatArray) -> scipy.sparse.csc_array:
-        """The matrix at (k + l,) coefficients."""
-        own = len(self.names) - len(self.whole)
-        data = self.pattern.assemble(self._summed(coefficients[:own]))
-        for coefficient, (places, values) in zip(coefficients[own:], self.whole, strict=True):
-            data[places] += coefficient * values
-        return self._matrix(data)
-
-    def _summed(self, coefficients: FloatArray) -> FloatArray:
-        """(e, d·d) element matrices at the coefficients of the elements, or (1, d·d) alike for all."""
-        count, e, entries = self.elements.shape
-        if self.zone is None:
-            summed: FloatArray = (coefficients @ self.elements.reshape(count, -1)).reshape(e, entries)
-            return summed
-        of_element = coefficients.reshape(-1, count)[self.zone]
-        if e == 1:
-            return np.asarray(of_element @ self.elements[:, 0])
-        return np.asarray(np.einsum("ek,ked->ed", of_element, self.elements))
+        """The matrix at (k,) coefficients."""
+        size = self.pattern.indices.size + 1
+        data = np.zeros(size)
+        for group, slots in zip(self.groups, self.slots, strict=True):
+            if not coefficients[group.coefficients].any():
+                continue
+            entries, places = group.matrices(coefficients).T, slots.reshape(group.operators.shape[3] ** 2, -1)
+            used = entries.any(axis=1)
+            if not used.all():  # two thirds of a mass matrix are nothing
+                entries, places = entries[used], places[used]
+            each = entries if len(group.operators) == 1 else entries[:, group.which]
+            data += np.bincount(places.ravel(), weights=np.broadcast_to(each, places.shape).ravel(), minlength=size)
+        return self._matrix(data[:-1])
 
     def term(self, k: int) -> scipy.sparse.csc_array:
         """A_k, the derivative of the matrix by its k-th coefficient."""
-        return self._matrix(self._terms[k])
+        return self.at(np.eye(1, len(self.names), k)[0])
 
     def project(self, left: FloatArray, right: FloatArray) -> FloatArray:
-        """(k, l, r) leftᵀ A_k right of (size, l) and (size, r) vectors."""
-        return np.array([left.T @ (term @ right) for term in self._compact])
+        """(k, l, r) leftᵀ A_k right of (size, l) and (size, r) vectors, from their strains."""
+        forms = np.zeros((len(self.names), left.shape[1], right.shape[1]))
+        motions = self.everywhere(left), self.everywhere(right)
+        for group in self.groups:
+            x, y = (group.strains(motion) for motion in motions)
+            for i, j in zip(*np.nonzero(group.terms.any(axis=0)), strict=True):
+                product = x[i].T @ y[j]
+                for k in np.flatnonzero(group.terms[:, i, j]):
+                    forms[group.coefficients[k]] += group.terms[k, i, j] * product
+        return forms
 
-    @cached_property
-    def _terms(self) -> tuple[FloatArray, ...]:
-        """(nnz,) values of each term, made when a derivative is first asked for."""
-        alone = np.zeros((len(self.whole), self.pattern.indices.size))
-        for row, (places, values) in zip(alone, self.whole, strict=True):
-            row[places] = values
-        if self.zone is None:
-            return (*(self.pattern.assemble(term) for term in self.elements), *alone)
-        inside = [(self.zone == z)[:, None] for z in range(int(self.zone.max()) + 1)]
-        return (
-            *(self.pattern.assemble(np.where(part, term, 0.0)) for part in inside for term in self.elements),
-            *alone,
-        )
-
-    @cached_property
-    def _compact(self) -> tuple[scipy.sparse.csc_array, ...]:
-        """The terms without the pattern's places that they leave empty: most of it, where there are membrane dofs."""
-        compact = tuple(self._matrix(values).copy() for values in self._terms)
-        for term in compact:
-            term.eliminate_zeros()
-        return compact
+    def everywhere(self, vectors: FloatArray) -> FloatArray:
+        """(nodes, dofs of a node, m) motions of (size, m) vectors over the free dofs; nothing where a dof is held."""
+        motion = np.zeros((*self.pattern.free.shape, vectors.shape[1]))
+        motion[self.pattern.free] = vectors
+        return motion
 
     def _matrix(self, data: FloatArray) -> scipy.sparse.csc_array:
         pattern = self.pattern

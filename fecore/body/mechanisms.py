@@ -15,7 +15,8 @@ from __future__ import annotations
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.specimen import BeamSpecimen, Body
+from fecore.body.beam_specimen import BeamSpecimen
+from fecore.body.constants import Body, kind_of
 
 SUPPORTS = "supports"
 """The springs of the supports, all together."""
@@ -25,7 +26,7 @@ _STEP = 1e-30  # of a logarithm: a complex step has no cancellation
 
 def mechanism_names(body: Body) -> tuple[str, ...]:
     """The q moduli that store a body's strain energy, and `supports` where it stands on springs."""
-    moduli = ("E", "G") if isinstance(body, BeamSpecimen) else tuple(n for n in body.nominal if n[0] in "EG")
+    moduli = ("E", "G") if isinstance(body, BeamSpecimen) else tuple(n for n in body.nominal if kind_of(n)[0] in "EG")
     return (*moduli, SUPPORTS) if body.springs else moduli
 
 

@@ -1,7 +1,6 @@
-"""Specimens as a laboratory describes them, and how their finite element models follow from constants.
+"""Specimens as a laboratory describes them: flat strips and plates, each a `Structure` whose constants have names of their own.
 
-A specimen has constants q that can be updated, and closed forms from q to the coefficients c(q) and m(q) of its affine model
-K(c), M(m). That is all that updating asks of it (`Body`), so a plate and a beam are updated alike.
+A specimen names its constants as coupons do (`Ex`, `thickness`); `strip.E1` and `strip.t` of its structure follow from them.
 """
 
 from __future__ import annotations
@@ -9,85 +8,90 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
-from fecore.body import beam
-from fecore.body.laminate import SHEAR_CORRECTION, OrthotropicMaterial, Ply, Section, section
-from fecore.body.mesh import RectangleMesh, rectangle
-from fecore.body.model import Model, PlateModel, plate
-from fecore.body.profile import Piece, Profile, profile_of
-from fecore.body.supports import Boundary, PointMass, Spring, Supports
+from fecore.body.generators import Piece, relative_thickness, strip
+from fecore.body.laminate import OrthotropicMaterial, Ply, Section, section
+from fecore.body.named import BEYOND_EDGE, OfStructure
+from fecore.body.sections import PLY_CONSTANTS, ShellSection
+from fecore.body.structure import Structure
+from fecore.body.supports import Boundary, Clamp, Mass, PointMass, Spring, Support, edges, of_boundary
 from fecore.errors import InputError
 
 CONSTANTS = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy", "density", "thickness", "length", "width")
 """Constants of a `Specimen`."""
 
-BEAM_CONSTANTS = ("E", "nu", "density", "width", "thickness", "length")
-"""Constants of a `BeamSpecimen`."""
-
-UNITS = {
-    **dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz", "E"), "Pa"),
-    **dict.fromkeys(("E1", "E2", "G12", "G13", "G23"), "Pa"),
-    **dict.fromkeys(("nu_xy", "nu", "nu12"), "1"),
-    "density": "kg/m³",
-    **dict.fromkeys(("length", "width", "thickness"), "m"),
-    "fibre_angle": "rad",
-    "angle": "rad",
-    "zone": "1",
-    "clamp_compliance": "1",
-}
-"""SI unit of each constant, without a number at its end."""
+EDGE_ROUNDING = 1e-6
+"""Share of a dimension by which rounding moves a point."""
 
 _DIMENSIONS = ("thickness", "length", "width")
-
-SIGNED = frozenset({"nu_xy", "nu", "nu12", "fibre_angle", "angle"})
-"""Constants that may be negative, without a number at their end: Poisson's ratios and angles."""
+_BENDING = (2, 3, 4)  # w, θx, θy
 
 
-def kind_of(constant: str) -> str:
-    """A constant's name without the number of its material or ply: E1 of E1_2, angle of angle_3."""
-    return re.sub(r"_\d+$", "", constant)
+def off_specimen(points: FloatArray, length: float, width: float) -> BoolArray:
+    """Which of (p, 2) points lie off a specimen of these dimensions, further than `BEYOND_EDGE`."""
+    share = points / np.array([length, width]) + np.array([0, 0.5])  # 0 … 1 on the specimen
+    off: BoolArray = np.any((share < -BEYOND_EDGE) | (share > 1 + BEYOND_EDGE), axis=1)
+    return off
 
 
-class Body(Protocol):
-    """What updating asks of a specimen, whatever its model.
+class FlatBody(OfStructure):
+    """What strips and plates of one layer or of plies have in common."""
 
-    Closed forms take (c, …) constants in the order of `nominal`, and complex ones too: their derivatives are complex steps.
-    """
+    length: float
+    width: float
+    thickness: float
+    boundary: Boundary
+    masses: tuple[PointMass, ...]
+    divisions: tuple[int, int] | None
+    supports: tuple[Support, ...] | None
+    fibre_angle: float
+    pieces: tuple[Piece, ...]
+    zones: tuple[float, ...]
+
+    def _structure(self, plies: tuple[Ply, ...], dofs: tuple[int, ...], clamps: tuple[Clamp, ...] = ()) -> Structure:
+        """The structure of plies with the specimen's shape and supports, hinged where a clamp yields."""
+        mesh = strip(*(self.length, self.width, *(self.divisions or (40, 4)), self.zones, self.pieces, self.thickness))
+        held = of_boundary(self.boundary) if self.supports is None else self.supports
+        return Structure(
+            mesh,
+            dict.fromkeys(mesh.sets, ShellSection(plies, turning=True)),
+            edges("simply_supported") if clamps else held,
+            self.springs,
+            tuple(Mass(each.mass, (each.x, each.y, 0.0), each.rotary_inertia) for each in self.masses),
+            dofs=dofs,
+            size=(self.length, self.width),
+            clamps=clamps,
+            reach=(BEYOND_EDGE * self.length, BEYOND_EDGE * self.width, np.inf),
+        )
+
+    def row(self, name: str, own: dict[str, FloatArray]) -> FloatArray | float | None:
+        """A constant of the structure: those of plies have the same name, those of one layer names of the axes x and y."""
+        set_name, _, constant = name.rpartition(".")
+        if constant == "factor":
+            return own.get(set_name.replace("strip", "zone"))
+        if constant == "angle":
+            return own.get("fibre_angle", self.fibre_angle)
+        return own.get(_NAMES.get(constant, constant) if "Ex" in own else _WHOLE.get(constant, constant))
 
     @property
-    def nominal(self) -> dict[str, float]:
-        """Constants that can be parameters, by name, SI."""
-        ...
+    def root_thickness(self) -> float:
+        """Thickness at x = 0 by the specimen's own."""
+        if not self.pieces:
+            return 1.0
+        return float(
+            relative_thickness(np.array([[0.0, 1e-9]]) * self.length, self.length, self.thickness, self.pieces)[0, 0]
+        )
 
-    @property
-    def springs(self) -> tuple[Spring, ...]:
-        """Elastic supports, the last coefficients of the model's stiffness."""
-        ...
 
-    @property
-    def model(self) -> Model:
-        """The affine finite element model, which holds for any constants."""
-        ...
-
-    def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
-        """(k, …) coefficients of the model's stiffness, springs apart."""
-        ...
-
-    def mass_coefficients(self, constants: FloatArray) -> FloatArray:
-        """(j, …) coefficients of the model's mass."""
-        ...
-
-    def are_physical(self, constants: FloatArray) -> BoolArray:
-        """(…) whether the constants are those of a stable material and a real section."""
-        ...
+_WHOLE = {"t": "thickness"}
+_NAMES = {**_WHOLE, "E1": "Ex", "E2": "Ey", "G12": "Gxy", "G13": "Gxz", "G23": "Gyz", "nu12": "nu_xy"}
 
 
 @dataclass(frozen=True)
-class Specimen:
+class Specimen(FlatBody):
     """A strip of a homogenised orthotropic material; x along its length from the clamped end, z out of plane.
 
     Attributes:
@@ -97,7 +101,7 @@ class Specimen:
         masses: what it carries, such as a sensor.
         divisions: elements along the length and across the width; None leaves them to who knows the band, and is 40 × 4 else.
         springs: elastic supports; their stiffnesses can be updating parameters, by their names.
-        supports: held edges, where they are not those of the boundary's name.
+        supports: what holds it, where that is not by the boundary's name.
         fibre_angle: of the material's x axis about z from the specimen's, rad.
         pieces: steps and tapers of thickness along x; the thickness is that where no piece lies.
         zones: x in m of the lines between zones, each with a factor of its stiffness among the constants: `zone_1` and so on.
@@ -111,7 +115,7 @@ class Specimen:
     masses: tuple[PointMass, ...] = ()
     divisions: tuple[int, int] | None = None
     springs: tuple[Spring, ...] = ()
-    supports: Supports | None = None
+    supports: tuple[Support, ...] | None = None
     fibre_angle: float = 0.0
     pieces: tuple[Piece, ...] = ()
     zones: tuple[float, ...] = ()
@@ -139,137 +143,131 @@ class Specimen:
         return replace(self, material=replace(self.material, **values), **dimensions)  # type: ignore[arg-type]
 
     @cached_property
-    def model(self) -> PlateModel:
-        """The affine finite element model, which holds for any constants and thickness.
-
-        Raises:
-            InputError: the geometry, or the place of a mass or a spring, is wrong.
-        """
-        held = Supports.of(self.boundary) if self.supports is None else self.supports
-        profile = profile_of(self.length, self.thickness, self.pieces)
-        mesh = strip_mesh((self.length, self.width), self.divisions, profile, self.zones)
-        return plate(mesh, held, self.masses, self.springs, profile=profile, zones=self.zones)
-
-    def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
-        """(9, …) as `PlateModel.stiffness_coefficients` orders them, once for each zone. With Q = Ex / (Ex - ν² Ey) they are
-
-        D11 = Ex Q t³/12,  D22 = Ey Q t³/12,  D12 = ν D22,  D66 = Gxy t³/12,  S55 = κ Gxz t,  S44 = κ Gyz t,
-
-        turned by the fibres' angle. The mesh keeps its dimensions: with x = αx', y = βy' and rotations θx' = βθx, θy' = αθy
-        the strains of a body α times as long and β times as wide are those of the mesh times powers of α and β.
-        """
-        count = len(CONSTANTS)
-        return in_zones(self.stiffness_at(constants[:count], self.fibre_angle), constants[count:])
-
-    def stiffness_at(self, constants: FloatArray, angle: float | FloatArray) -> FloatArray:
-        """(9, …) the same where the material's axes are turned by an angle (…) about z, rad."""
-        Ex, Ey, Gxy, Gxz, Gyz, nu, _, t, length, width = constants
-        bending, shear, rest = t**3 / 12, SHEAR_CORRECTION * t, Ex - nu**2 * Ey
-        Q11, Q22 = Ex**2 / rest, Ex * Ey / rest
-        turned = turned_stiffness(Q11, nu * Q22, Q22, Gxy, angle)
-        c, s = np.cos(angle), np.sin(angle)
-        a, b = length / self.length, width / self.width
-        powers = (b / a**3, 1 / (a * b), a / b**3, 1 / (a * b), 1 / a**2, 1 / b**2)
-        shears = (Gxz * c**2 + Gyz * s**2) * b / a, (Gyz * c**2 + Gxz * s**2) * a / b, (Gxz - Gyz) * c * s
-        rows = [bending * row * power for row, power in zip(turned, powers, strict=True)]
-        return np.stack([*rows, *(shear * row for row in shears)])
-
-    def mass_coefficients(self, constants: FloatArray) -> FloatArray:
-        """(4, …) as `PlateModel.mass_coefficients` orders them: I0 = ρ t, I2 = ρ t³/12 of the rotations rx and ry, and 1 for
-        the point masses.
-        """
-        density, t, length, width = constants[6:10]
-        a, b = length / self.length, width / self.width
-        rotary = density * t**3 / 12
-        return np.stack([density * t * a * b, rotary * a / b, rotary * b / a, np.ones_like(t)])
-
-    def are_physical(self, constants: FloatArray) -> BoolArray:
-        """(…) all but ν positive, and the plane-stress stiffness positive definite: ν² Ey < Ex."""
-        Ex, Ey, nu = constants[0], constants[1], constants[5]
-        zoned = np.all(constants[len(CONSTANTS) :] > 0, axis=0)
-        physical: BoolArray = _positive(CONSTANTS, constants) & (nu**2 * Ey < 0.99 * Ex) & zoned
-        return physical
+    def structure(self) -> Structure:
+        """The strip with the dofs w, θx and θy."""
+        return self._structure((Ply(self.material, self.thickness),), _BENDING)
 
 
 @dataclass(frozen=True)
-class BeamSpecimen:
-    """An isotropic strip as three-node Timoshenko beam elements, in out-of-plane bending and torsion.
+class OrientedSpecimen(Specimen):
+    """A `Specimen` with the further constants `fibre_angle`, rad, and, where its clamp may yield, `clamp_compliance`.
+
+    Several specimens of one material share its moduli in the material's own axes; each has an angle of its own, which the saw
+    has missed by a degree, and a clamp that yields: a hinge at x = 0 with a rotational spring along the edge.
 
     Attributes:
-        length, width, thickness: m.
-        modulus: nominal Young's modulus E, Pa.
-        poisson: nominal Poisson's ratio ν; the shear modulus is E / 2(1 + ν).
-        density: nominal, kg/m³.
-        boundary: how it is held.
-        masses: what it carries, such as a sensor.
-        elements: along the length.
+        clamp_compliance: nominal EI/kL of the clamped edge; 0 for one that is rigid, or for a body that is not clamped.
+    """
+
+    clamp_compliance: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (np.isfinite(self.clamp_compliance) and self.clamp_compliance >= 0):
+            raise InputError("clamp_compliance", f"is {self.clamp_compliance}, expected EI/kL, not negative")
+        if self.clamp_compliance and self.boundary != "cantilever":
+            raise InputError("clamp_compliance", f"belongs to a clamp; the boundary is {self.boundary}")
+        if self.zones:
+            raise InputError("zones_m", "are of a single update; an oriented specimen has none")
+        if self.springs or self.supports is not None:
+            raise InputError("springs", "and supports of an oriented specimen are those of its boundary and clamp")
+
+    @property
+    def nominal(self) -> dict[str, float]:
+        """The material's constants, the dimensions, the angle, and the clamp's compliance where it has one."""
+        own = {"fibre_angle": self.fibre_angle}
+        if self.clamp_compliance:
+            own["clamp_compliance"] = self.clamp_compliance
+        return {**super().nominal, **own}
+
+    @cached_property
+    def structure(self) -> Structure:
+        """The strip, with a clamp of k = EI/L per width."""
+        if not self.clamp_compliance:
+            return self._structure((Ply(self.material, self.thickness),), _BENDING)
+        per_metre = self.bending_modulus * self.thickness**3 / (12 * self.length)
+        clamps = (Clamp(self.clamp_compliance, per_metre),)
+        return self._structure((Ply(self.material, self.thickness),), _BENDING, clamps)
+
+    @property
+    def bending_modulus(self) -> float:
+        """Nominal Young's modulus along the strip, Pa: 1/E = c⁴/Ex + s⁴/Ey + (1/Gxy - 2ν/Ex) s²c²."""
+        m, c, s = self.material, np.cos(self.fibre_angle), np.sin(self.fibre_angle)
+        return float(1 / (c**4 / m.Ex + s**4 / m.Ey + (1 / m.Gxy - 2 * m.nu_xy / m.Ex) * s**2 * c**2))
+
+
+@dataclass(frozen=True)
+class LayeredSpecimen(FlatBody):
+    """A strip or plate of plies whose own constants are updated, with all couplings of the stack.
+
+    A stack that couples bending with membrane forces (B ≠ 0) gets a model with u and v. A stack that does not by its nominal
+    angles bends alone, and the little B that errors of single plies' angles make enters by the reduced bending stiffness.
+
+    Attributes:
+        length, width, thickness: of the whole, m; the plies' thicknesses are taken in proportion to it.
+        plies: the stack from the bottom to the top, with nominal constants.
+        density: of the whole, kg/m³; the plies' densities say how it is spread over the thickness.
+        boundary, masses, divisions, springs, supports: as of `Specimen`.
+        fibre_angle: of the whole stack about z, beside the plies' angles, rad.
+        pieces: steps and tapers of thickness along x, of all plies alike; the thickness is that where no piece lies.
+        zones: as of `Specimen`.
     """
 
     length: float
     width: float
     thickness: float
-    modulus: float
-    poisson: float
+    plies: tuple[Ply, ...]
     density: float
     boundary: Boundary = "cantilever"
     masses: tuple[PointMass, ...] = ()
-    elements: int = 40
+    divisions: tuple[int, int] | None = None
+    springs: tuple[Spring, ...] = ()
+    supports: tuple[Support, ...] | None = None
+    fibre_angle: float = 0.0
+    pieces: tuple[Piece, ...] = ()
+    zones: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        constants = np.array(list(self.nominal.values()))
-        if not (np.all(np.isfinite(constants)) and self.are_physical(constants)):
-            stated = ", ".join(f"{name} = {value:g}" for name, value in self.nominal.items())
-            raise InputError("beam", f"has {stated}; expected positive numbers and -1 < nu < 0.5")
-
-    @property
-    def nominal(self) -> dict[str, float]:
-        """E, ν, density and section."""
-        values = (self.modulus, self.poisson, self.density, self.width, self.thickness, self.length)
-        return dict(zip(BEAM_CONSTANTS, values, strict=True))
-
-    @property
-    def springs(self) -> tuple[Spring, ...]:
-        """None: the beam model has no elastic supports."""
-        return ()
+        check_zones(self.zones, self.length)
+        for name, unit in (("thickness", "metres"), ("density", "kg/m³")):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise InputError(name, f"is {value}, expected a positive number of {unit}")
+        if not self.plies:
+            raise InputError("laminate.plies", "is empty, expected at least one ply")
 
     @cached_property
-    def model(self) -> beam.BeamModel:
-        """The affine finite element model without in-plane motion.
+    def section(self) -> Section:
+        """The nominal section, with the whole's thickness and density."""
+        ratio = self.thickness / sum(ply.thickness for ply in self.plies)
+        turn = float(np.degrees(self.fibre_angle))
+        plies = [Ply(ply.material, ratio * ply.thickness, ply.angle_deg + turn) for ply in self.plies]
+        stack = section(plies, shear="equilibrium")
+        heavier = self.density * self.thickness / stack.inertia[0]
+        I0, I1, I2 = (heavier * part for part in stack.inertia)
+        return replace(stack, inertia=(I0, I1, I2))
 
-        Raises:
-            InputError: the geometry, or the place of a mass, is wrong.
-        """
-        return beam.beam(self.length, self.elements, self.boundary, self.masses, in_plane=False)
+    @cached_property
+    def nominal(self) -> dict[str, float]:
+        """The materials' constants, density and dimensions, and the plies' angles in rad."""
+        stack = ShellSection(self.plies, turning=True).nominal
+        found = {name: value for name, value in stack.items() if re.sub(r"_\d+$", "", name) in PLY_CONSTANTS}
+        found |= {name: float(getattr(self, name)) for name in ("density", *_DIMENSIONS)}
+        found |= {name: value for name, value in stack.items() if name.startswith("angle_")}
+        return found | zone_factors(self.zones)
 
-    def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
-        """(6, …) EA, GAy, GAz, GJ, EIy, EIz of an isotropic rectangle."""
-        E, nu, _, width, thickness, length = constants
-        shear, a = E / (2 * (1 + nu)), length / self.length
-        plain = beam.section_stiffness(E, shear, shear, width, thickness)
-        return np.stack([row / a**power for row, power in zip(plain, (1, 1, 1, 1, 3, 3), strict=True)])
+    @cached_property
+    def structure(self) -> Structure:
+        """The strip, with u and v where the stack couples."""
+        return self._structure(self.plies, (0, 1, *_BENDING) if self.section.is_coupled else _BENDING)
 
-    def mass_coefficients(self, constants: FloatArray) -> FloatArray:
-        """(5, …) ρA, ρ(Iy + Iz), ρIy, ρIz, and 1 for the point masses."""
-        a = constants[5] / self.length
-        plain = beam.section_inertia(*constants[2:5])
-        return np.stack([row * a**power for row, power in zip(plain, (1, 1, -1, -1, 0), strict=True)])
-
-    def are_physical(self, constants: FloatArray) -> BoolArray:
-        """(…) all but ν positive, and -1 < ν < ½."""
-        physical: BoolArray = _positive(BEAM_CONSTANTS, constants) & (constants[1] > -1) & (constants[1] < 0.5)
-        return physical
-
-
-def strip_mesh(
-    size: tuple[float, float], divisions: tuple[int, int] | None, profile: Profile | None, zones: tuple[float, ...]
-) -> RectangleMesh:
-    """The mesh of a specimen's length and width, with lines where its thickness or its zones change.
-
-    Raises:
-        InputError: the geometry is wrong.
-    """
-    breaks = sorted({*zones, *(profile.breaks if profile else ())})
-    return rectangle(*size, *(divisions or (40, 4)), breaks)
+    def bending_stiffness(self, constants: FloatArray) -> float:
+        """EI = b / d11 of the strip along x in N·m², free to twist and to bend across; d = (D - B A⁻¹ B)⁻¹."""
+        own = dict(zip(self.nominal, constants, strict=True))
+        stack = ShellSection(self.plies, turning=True)
+        of = {name: value if (row := self.row(name, own)) is None else row for name, value in stack.nominal.items()}
+        A, B, D, _ = stack.stiffness({name: np.asarray(value) for name, value in of.items()})
+        return float(own["width"] / np.linalg.inv(D - B @ np.linalg.inv(A) @ B)[0, 0])
 
 
 def check_zones(zones: tuple[float, ...], length: float) -> None:
@@ -286,29 +284,3 @@ def check_zones(zones: tuple[float, ...], length: float) -> None:
 def zone_factors(zones: tuple[float, ...]) -> dict[str, float]:
     """The constants of the zones between such lines, nominally 1; none where there is no line."""
     return {f"zone_{number}": 1.0 for number in range(1, len(zones) + 2)} if zones else {}
-
-
-def in_zones(coefficients: FloatArray, factors: FloatArray) -> FloatArray:
-    """(z·k, …) coefficients of each of z zones, by (k, …) of the section and (z, …) factors; as they are without any."""
-    return np.concatenate([coefficients * factor for factor in factors]) if len(factors) else coefficients
-
-
-def turned_stiffness(
-    Q11: FloatArray, Q12: FloatArray, Q22: FloatArray, Q66: FloatArray, angle: float | FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Q̄11, Q̄12, Q̄22, Q̄66, Q̄16 and Q̄26 of a material turned by an angle (Reddy, Eq. 2.4.8)."""
-    c, s = np.cos(angle), np.sin(angle)
-    even, sloped, steep = Q11 + Q22, Q11 - Q12 - 2 * Q66, Q12 - Q22 + 2 * Q66
-    return (
-        Q11 * c**4 + 2 * (Q12 + 2 * Q66) * s**2 * c**2 + Q22 * s**4,
-        (even - 4 * Q66) * s**2 * c**2 + Q12 * (s**4 + c**4),
-        Q11 * s**4 + 2 * (Q12 + 2 * Q66) * s**2 * c**2 + Q22 * c**4,
-        (even - 2 * Q12 - 2 * Q66) * s**2 * c**2 + Q66 * (s**4 + c**4),
-        sloped * s * c**3 + steep * s**3 * c,
-        sloped * s**3 * c + steep * s * c**3,
-    )
-
-
-def _positive(names: tuple[str, ...], constants: FloatArray) -> BoolArray:
-    positive: BoolArray = np.all(constants[[row for row, name in enumerate(names) if name not in SIGNED]] > 0, axis=0)
-    return positive

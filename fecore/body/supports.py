@@ -1,4 +1,4 @@
-"""What holds a specimen and what it carries: edges, springs, point masses."""
+"""What holds a structure and what it carries: supports, springs, masses, links."""
 
 from __future__ import annotations
 
@@ -7,53 +7,152 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from fecore.arrays import BoolArray, FloatArray, IntArray
+from fecore.body.mesh import Box, Mesh
 from fecore.errors import InputError
 
+Held = Literal["clamped", "simply_supported"]
 EdgeSupport = Literal["free", "clamped", "simply_supported", "simply_supported_normal"]
 Boundary = Literal["cantilever", "free", "simply_supported"]
 Edge = Literal["start", "end", "lower", "upper"]
 
+DISPLACEMENTS = ("u", "v", "w", "rx", "ry", "rz")
+"""Dofs of a node, along and about the axes of the structure."""
+
 
 @dataclass(frozen=True)
-class Supports:
-    """How each edge of the rectangle is held: `start` is x = 0, `end` x = L, `lower` and `upper` y = ∓b/2.
+class Support:
+    """Nodes that are held.
+
+    Attributes:
+        where: a node set, such as the edge `start` of a generated body, or a box of space.
+        how: `clamped` holds all dofs, `simply_supported` the three displacements; or the names of dofs to hold.
+    """
+
+    where: str | Box
+    how: Held | tuple[str, ...] = "clamped"
+
+    @property
+    def dofs(self) -> tuple[int, ...]:
+        """Numbers of the held dofs of a node.
+
+        Raises:
+            InputError: a name is not of a dof.
+        """
+        if isinstance(self.how, str):
+            if self.how not in get_args(Held):
+                raise InputError(
+                    "support.how", f"is {self.how!r}, expected {', '.join(get_args(Held))}, or names of dofs"
+                )
+            return tuple(range(6)) if self.how == "clamped" else (0, 1, 2)
+        unknown = [name for name in self.how if name not in DISPLACEMENTS]
+        if unknown:
+            raise InputError("support.how", f"names {unknown[0]!r}, expected some of {', '.join(DISPLACEMENTS)}")
+        return tuple(DISPLACEMENTS.index(name) for name in self.how)
+
+
+def edges(
+    start: EdgeSupport = "free", end: EdgeSupport = "free", lower: EdgeSupport = "free", upper: EdgeSupport = "free"
+) -> tuple[Support, ...]:
+    """How each edge of a strip or plate is held: `start` is x = 0, `end` x = L, `lower` and `upper` y = ∓b/2.
 
     A simply supported edge holds w and the displacement and rotation along the edge's own direction ("hard" support,
     free to move across the edge in the plane: SS-1 in the literature). One that is `simply_supported_normal` lets the edge
     move along its own direction and holds it across (SS-2), as the closed forms of antisymmetric angle-ply plates have it.
+
+    Raises:
+        InputError: an edge is held in a way that is not known.
+    """
+    found = []
+    for edge, how in (("start", start), ("end", end), ("lower", lower), ("upper", upper)):
+        if how not in get_args(EdgeSupport):
+            raise InputError(f"supports.{edge}", f"is {how!r}, expected {', '.join(get_args(EdgeSupport))}")
+        if how == "clamped":
+            found.append(Support(edge))
+        elif how != "free":
+            along, turn, across = ("v", "rx", "u") if edge in ("start", "end") else ("u", "ry", "v")
+            found.append(Support(edge, ("w", turn, along if how == "simply_supported" else across)))
+    return tuple(found)
+
+
+def of_boundary(boundary: Boundary) -> tuple[Support, ...]:
+    """The supports of a strip by the name of its boundary.
+
+    Raises:
+        InputError: the name is not a known boundary.
+    """
+    if boundary not in get_args(Boundary):
+        raise InputError("boundary", f"is {boundary!r}, expected one of {', '.join(get_args(Boundary))}")
+    if boundary == "cantilever":
+        return edges(start="clamped")
+    return edges("simply_supported", "simply_supported") if boundary == "simply_supported" else ()
+
+
+@dataclass(frozen=True)
+class Spring:
+    """An elastic support, at a point or all along an edge. Its stiffness can be an updating parameter, by its name.
+
+    Attributes:
+        name: such as `root_rotation`.
+        stiffness: at a point N/m, or N·m/rad for a rotation; on an edge the same per metre of edge.
+        direction: 1, 2, 3 for displacements along x, y, z; 4, 5, 6 for rotations about them.
+        edge: a node set along an edge of elements, or None for a spring at a point.
+        point: (x, y) or (x, y, z) in m on the surface, or None for a spring on an edge.
     """
 
-    start: EdgeSupport = "free"
-    end: EdgeSupport = "free"
-    lower: EdgeSupport = "free"
-    upper: EdgeSupport = "free"
+    name: str
+    stiffness: float
+    direction: int
+    edge: str | None = None
+    point: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        for edge in get_args(Edge):
-            if getattr(self, edge) not in get_args(EdgeSupport):
-                raise InputError(
-                    f"supports.{edge}", f"is {getattr(self, edge)!r}, expected {', '.join(get_args(EdgeSupport))}"
-                )
+        if not self.name:
+            raise InputError("spring.name", "is empty; a spring is known by its name")
+        if not (np.isfinite(self.stiffness) and self.stiffness > 0):
+            raise InputError(
+                "spring.stiffness", f"of {self.name} is {self.stiffness}, expected positive; leave out a spring of none"
+            )
+        if not 1 <= self.direction <= 6:
+            raise InputError("spring.direction", f"of {self.name} is {self.direction}, expected 1 … 6")
+        if (self.edge is None) == (self.point is None):
+            raise InputError("spring", f"{self.name} needs a place: either an edge or a point")
+        if self.point is not None and not np.all(np.isfinite(self.point)):
+            raise InputError("spring.point", f"of {self.name} is {self.point}, expected finite x and y in m")
 
-    @classmethod
-    def of(cls, boundary: Boundary) -> Supports:
-        """The supports of a strip by the name of its boundary.
+    @property
+    def unit(self) -> str:
+        """SI unit of the stiffness."""
+        alone = "N/m" if self.direction <= 3 else "N·m/rad"
+        return alone if self.edge is None else {"N/m": "N/m²", "N·m/rad": "N/rad"}[alone]
 
-        Raises:
-            InputError: the name is not a known boundary.
-        """
-        if boundary not in get_args(Boundary):
-            raise InputError("boundary", f"is {boundary!r}, expected one of {', '.join(get_args(Boundary))}")
-        if boundary == "cantilever":
-            return cls(start="clamped")
-        if boundary == "simply_supported":
-            return cls(start="simply_supported", end="simply_supported")
-        return cls()
+
+@dataclass(frozen=True)
+class Clamp:
+    """An edge that is held by a spring whose constant is its compliance C: the stiffness per metre is k/C.
+
+    Attributes:
+        compliance: nominal C; of a strip's clamp EI/kL, so that 0.01 lowers the first bending mode by 2 %.
+        stiffness: k, per metre of edge.
+        edge, direction: as of a `Spring`.
+        name: of the constant.
+    """
+
+    compliance: float
+    stiffness: float
+    edge: str = "start"
+    direction: int = 5
+    name: str = "clamp_compliance"
+
+    @property
+    def spring(self) -> Spring:
+        """The spring of unit compliance."""
+        return Spring(self.name, self.stiffness, self.direction, self.edge)
 
 
 @dataclass(frozen=True)
 class PointMass:
-    """A mass in kg at (x, y) in m, with a rotary inertia in kg·m² about x and y: an accelerometer, say.
+    """A mass in kg at (x, y) in m on a strip, with a rotary inertia in kg·m² about x and y: an accelerometer, say.
 
     One that is `weighed` was put on to be known, with no error that matters; that of a sensor has the error of its cable.
     """
@@ -74,41 +173,104 @@ class PointMass:
 
 
 @dataclass(frozen=True)
-class Spring:
-    """An elastic support, at a point or all along an edge. Its stiffness can be an updating parameter, by its name.
+class Mass:
+    """A mass at a place on the structure, or at a node.
 
     Attributes:
-        name: such as `root_rotation`.
-        stiffness: at a point N/m, or N·m/rad for a rotation; on an edge the same per metre of edge.
-        direction: 1, 2, 3 for displacements along x, y, z; 4, 5, 6 for rotations about them.
-        edge: the edge that it holds, or None for a spring at a point.
-        point: (x, y) in m, or None for a spring on an edge.
+        mass: kg.
+        where: a point (x, y, z) in m on the surface, or a node's number.
+        inertia: (3, 3) rotary inertia about its own centre, kg·m², or one number for all axes.
+        offset: from the place to its centre, m.
+        name: of its mass as a parameter; none where it is known.
     """
 
-    name: str
-    stiffness: float
-    direction: int
-    edge: Edge | None = None
-    point: tuple[float, float] | None = None
+    mass: float
+    where: tuple[float, float, float] | int
+    inertia: tuple[tuple[float, ...], ...] | float = 0.0
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    name: str = ""
 
     def __post_init__(self) -> None:
-        if not self.name:
-            raise InputError("spring.name", "is empty; a spring is known by its name")
-        if not (np.isfinite(self.stiffness) and self.stiffness > 0):
-            raise InputError(
-                "spring.stiffness", f"of {self.name} is {self.stiffness}, expected positive; leave out a spring of none"
-            )
-        if not 1 <= self.direction <= 6:
-            raise InputError("spring.direction", f"of {self.name} is {self.direction}, expected 1 … 6")
-        if (self.edge is None) == (self.point is None):
-            raise InputError("spring", f"{self.name} needs a place: either an edge or a point")
-        if self.edge is not None and self.edge not in get_args(Edge):
-            raise InputError("spring.edge", f"of {self.name} is {self.edge!r}, expected {', '.join(get_args(Edge))}")
-        if self.point is not None and not np.all(np.isfinite(self.point)):
-            raise InputError("spring.point", f"of {self.name} is {self.point}, expected finite x and y in m")
+        if not (np.isfinite(self.mass) and self.mass >= 0):
+            raise InputError("mass", f"is {self.mass}, expected kg, not negative")
 
     @property
-    def unit(self) -> str:
-        """SI unit of the stiffness."""
-        alone = "N/m" if self.direction <= 3 else "N·m/rad"
-        return alone if self.edge is None else {"N/m": "N/m²", "N·m/rad": "N/rad"}[alone]
+    def matrix(self) -> FloatArray:
+        """(6, 6) on u and θ of the place."""
+        own = np.asarray(self.inertia, dtype=float)
+        rigid = np.hstack([np.eye(3), turning(np.array(self.offset))])
+        found = self.mass * rigid.T @ rigid
+        found[3:, 3:] += own if own.ndim else own * np.eye(3)
+        return np.asarray(found)
+
+
+@dataclass(frozen=True)
+class Link:
+    """A node that others lead: RBE2 where one leads it as a rigid body, RBE3 where it is their weighted mean.
+
+    Attributes:
+        node: the node that is led.
+        leaders: one node for a rigid link, three or more that span a plane for a mean.
+        dofs: numbers (0 … 5) of the node's dofs that are led; the others stay its own.
+        weights: of the leaders of a mean; alike where empty.
+    """
+
+    node: int
+    leaders: tuple[int, ...]
+    dofs: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
+    weights: tuple[float, ...] = ()
+
+    def matrices(self, nodes: FloatArray) -> FloatArray:
+        """(leaders, 6, 6) motion of the node by those of its leaders.
+
+        A mean moves as the rigid body that fits the leaders' displacements best, weights w and arms r from their centre:
+        θ = J⁻¹Σw r × u with J = Σw(r²I − rrᵀ), u = Σwu/Σw + θ × (x − centre).
+
+        Raises:
+            InputError: the leaders of a mean lie on a line.
+        """
+        places, here = nodes[list(self.leaders)], nodes[self.node]
+        found = np.zeros((len(places), 6, 6))
+        if len(places) == 1:
+            found[0] = np.eye(6)
+            found[0, :3, 3:] = turning(here - places[0])
+        else:
+            w = np.array(self.weights or (1.0,) * len(places))
+            w = w / w.sum()
+            r = places - w @ places
+            J = np.einsum("i,ik,ik->", w, r, r) * np.eye(3) - np.einsum("i,ij,ik->jk", w, r, r)
+            if np.linalg.cond(J) > 1e12:
+                raise InputError(
+                    "links", f"the nodes that lead node {self.node} lie on a line; a mean needs three that do not"
+                )
+            spin = np.linalg.inv(J) @ -np.array([wi * turning(ri) for wi, ri in zip(w, r, strict=True)])
+            found[:, 3:, :3] = spin
+            found[:, :3, :3] = w[:, None, None] * np.eye(3) + turning(here - w @ places) @ spin
+        kept = np.zeros(6)
+        kept[list(self.dofs)] = 1
+        return np.asarray(kept[:, None] * found)
+
+
+def turning(arm: FloatArray) -> FloatArray:
+    """(…, 3, 3) matrix of θ ↦ θ × arm."""
+    x, y, z = np.moveaxis(np.asarray(arm, dtype=float), -1, 0)
+    none = np.zeros_like(x)
+    rows = [np.stack(row, axis=-1) for row in ((none, z, -y), (-z, none, x), (y, -x, none))]
+    return np.stack(rows, axis=-2)
+
+
+def free_dofs(mesh: Mesh, supports: tuple[Support, ...], used: IntArray, dofs: tuple[int, ...]) -> BoolArray:
+    """(nodes, dofs of a node) which dofs are free: of nodes that elements use, and not held."""
+    free = np.zeros((len(mesh.nodes), 6), dtype=bool)
+    free[used] = True
+    for support in supports:
+        free[mesh.select(support.where)[:, None], list(support.dofs)] = False
+    return free[:, list(dofs)]
+
+
+def rigid_motions(nodes: FloatArray) -> FloatArray:
+    """(n, 6, 6) the six rigid motions of (n, 3) nodes: shifts along x, y, z and turns about axes through the nodes' centre."""
+    found = np.zeros((len(nodes), 6, 6))
+    found[:, :3, :3] = found[:, 3:, 3:] = np.eye(3)
+    found[:, :3, 3:] = turning(nodes - nodes.mean(axis=0))
+    return found

@@ -15,9 +15,8 @@ from typing import TypeVar
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.layered import LayeredSpecimen
-from fecore.body.oriented import OrientedSpecimen
-from fecore.body.specimen import Body, Specimen
+from fecore.body.constants import Body
+from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen
 from fecore.dynamics.eigen import modes_below, normal_modes
 from fecore.errors import InputError
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fecore.body.mesh import EDGE_ROUNDING
+from fecore.body.named import OfStructure
+from fecore.body.specimen import EDGE_ROUNDING
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic_result import BELIEVED, REFUTED, ElasticResult, prior_belief
 from fecore.updating.findings import Level, amount, found, listed, modes_of, remarks
@@ -150,9 +151,11 @@ def points_beyond(forward: ForwardModel, inputs: Inputs, campaign: str = "") -> 
     """Which points of the grid contradict the length or the width; of a campaign that is named where there are several.
 
     A tape, a drawing and a calliper differ by millimetres, so the model has a point that lies a little further out on its edge
-    (`fecore.body.mesh.BEYOND_EDGE`). Beyond what the dimension is known to, the dimension or the point is wrong.
+    (`fecore.body.specimen.BEYOND_EDGE`). Beyond what the dimension is known to, the dimension or the point is wrong.
     """
-    nominal, (x, y) = forward.specimen.nominal, forward.places.T
+    if not isinstance(forward.specimen, OfStructure):
+        return []
+    nominal, (x, y, _) = forward.specimen.nominal, forward.places.T
     where, findings = f"campaign {campaign}: " if campaign else "", []
     for name, out in (
         ("length", np.maximum(-x, x - nominal["length"])),

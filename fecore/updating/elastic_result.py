@@ -14,7 +14,7 @@ from fecore.correlation import Pairing
 from fecore.modes import MeasuredModes
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardState
-from fecore.updating.layout import CampaignModel, Layout
+from fecore.updating.layout import CampaignModel, Coupon, Layout
 from fecore.updating.pairing import Partners, partners_of
 from fecore.updating.parameters import Parametrisation
 from fecore.updating.posterior import (
@@ -31,7 +31,7 @@ from fecore.updating.result import ConvergenceStep, ModeComparison, StartHistory
 REFUTED = 5.0
 """Log evidence by which a pairing must be behind to be ruled out."""
 
-NOISE, DISCREPANCY_OF_MODEL = "measurement noise", "model discrepancy"
+NOISE, DISCREPANCY_OF_MODEL, MODEL_OF_JOINTS = "measurement noise", "model discrepancy", "model of the joints"
 
 BELIEVED = 0.5
 """Weight from which a measured mode is more likely one than none."""
@@ -85,6 +85,7 @@ class ElasticResult:
         held: the partners that the fit held in each campaign; None where it paired the modes anew in every turn.
         torn: campaigns and measured modes, from 0, whose partners changed to and fro in the fit from the prior means.
         unlike: no measured mode was like any of the model's, so the likest were paired, for a comparison alone.
+        coupons: what static tests said of the shared parameters.
     """
 
     layout: Layout
@@ -105,6 +106,7 @@ class ElasticResult:
     held: tuple[Partners, ...] | None = None
     torn: tuple[tuple[int, int], ...] = ()
     unlike: bool = False
+    coupons: tuple[Coupon, ...] = ()
 
     @cached_property
     def inverse(self) -> FloatArray:
@@ -123,8 +125,13 @@ class ElasticResult:
         The estimate is linear in data and prior means, so its error is Gε + Gδ + H⁻¹P(x₀ - x); the variances of these parts,
         the noise's, the discrepancy's and each prior's, add up to H⁻¹.
         """
-        noise = self.gain @ root(self.problem.noise)
+        missed = np.zeros(self.problem.residual.size)
+        for campaign, at in zip(self.layout.campaigns, self.rows, strict=True):
+            missed[at] = campaign.model_error
+        noise = self.gain @ root(self.problem.noise - np.diag(missed**2))
         parts: dict[str, list[FloatArray]] = {NOISE: [noise], DISCREPANCY_OF_MODEL: [self.gain * self.discrepancy]}
+        if missed.any():
+            parts[MODEL_OF_JOINTS] = [self.gain * missed]
         for name, information in self.problem.others.items():
             parts[name] = [self.inverse @ root(information)]
         for place, (unknown, sd) in enumerate(zip(self.layout.unknowns, self.layout.sd(self.scatter), strict=True)):
@@ -134,7 +141,7 @@ class ElasticResult:
     @cached_property
     def identifiability(self) -> tuple[Identifiability, ...]:
         """Of each unknown, whichever of the modes are real and whichever partners that are not ruled out they have."""
-        sd = self.layout.sd(self.scatter)
+        sd = self.layout.marginal_sd(self.scatter)
         known = identifiability(self.layout.labels, self.inverse, sd)
         return spread_over(known, self.spanning.total, sd) if self.standing or self.in_doubt else known
 
@@ -146,12 +153,12 @@ class ElasticResult:
     @property
     def null_directions(self) -> FloatArray:
         """(d, X) unit vectors, in prior standard deviations, of which the data say next to nothing."""
-        return null_directions(self.inverse, self.layout.sd(self.scatter))
+        return null_directions(self.inverse, self.layout.marginal_sd(self.scatter))
 
     @property
     def standing(self) -> tuple[Rival, ...]:
-        """The rivals that are not ruled out, where there are no shapes to say so."""
-        if all(pairing.mac is not None for pairing in self.pairings):
+        """The rivals that are not ruled out, where there are no shapes to say so, or shapes let partners go to and fro."""
+        if not self.torn and all(pairing.mac is not None for pairing in self.pairings):
             return ()
         return tuple(rival for rival in self.rivals if rival.evidence <= REFUTED)
 
@@ -189,7 +196,7 @@ class ElasticResult:
     @property
     def away(self) -> FloatArray:
         """(X,) prior standard deviations between the estimate and the prior means."""
-        away: FloatArray = self.x / self.layout.sd(max(self.scatter, 1e-12))
+        away: FloatArray = self.x / self.layout.marginal_sd(max(self.scatter, 1e-12))
         return away
 
     @property

@@ -22,7 +22,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.updating.damping_stage import AGAINST_MODES, OF_LAW, DampingResult
-from fecore.updating.elastic_result import DISCREPANCY_OF_MODEL, NOISE, ElasticResult
+from fecore.updating.elastic_result import DISCREPANCY_OF_MODEL, MODEL_OF_JOINTS, NOISE, ElasticResult
 from fecore.updating.excursions import REACH_95, Excursion
 from fecore.updating.findings import found
 from fecore.updating.inputs import Inputs, tolerance_of
@@ -262,6 +262,8 @@ def _provenance(elastic: ElasticResult, inputs: Inputs, damping: DampingResult |
         NOISE: "covariance of the measured modes",
         DISCREPANCY_OF_MODEL: f"{100 * elastic.discrepancy:.2g} % of a frequency, from the residuals and its prior",
     }
+    if error := elastic.prior.body.model_error:
+        words[MODEL_OF_JOINTS] = f"{100 * error:.2g} % of a frequency, independent from mode to mode, fixed beforehand"
     if elastic.standing:
         words[OTHER_PARTNERS] = f"{len(elastic.standing)} other pairings that the frequencies do not rule out"
     if elastic.in_doubt:

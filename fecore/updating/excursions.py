@@ -18,9 +18,9 @@ from typing import Literal
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.layered import LayeredSpecimen
-from fecore.body.profile import profile_of
-from fecore.body.specimen import BeamSpecimen, Specimen
+from fecore.body.beam_specimen import BeamSpecimen
+from fecore.body.specimen import FlatBody, LayeredSpecimen, Specimen
+from fecore.body.supports import PointMass
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import UNSTATED_SENSOR, Inputs
 
@@ -81,14 +81,14 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
     body = state.forward.specimen
     sd = inputs.standard_deviation("clamp_compliance")
     if (
-        not isinstance(body, Specimen | LayeredSpecimen | BeamSpecimen)
+        not isinstance(body, FlatBody | BeamSpecimen)
         or body.boundary != "cantilever"
         or body.springs
         or "clamp_compliance" in body.nominal  # it is a parameter, and no excursion
         or not sd
     ):
         return []
-    if isinstance(body, Specimen | LayeredSpecimen) and body.supports is not None:
+    if isinstance(body, FlatBody) and body.supports is not None:
         return []
     constants = dict(zip(state.forward.parametrisation.constant_names, state.constants, strict=True))
     t, L, b = constants["thickness"], constants["length"], constants["width"]
@@ -96,11 +96,10 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
         EI = body.bending_stiffness(state.constants)
     else:
         EI = constants["Ex" if "Ex" in constants else "E"] * b * t**3 / 12
-    if isinstance(body, Specimen | LayeredSpecimen) and (
-        profile := profile_of(body.length, body.thickness, body.pieces)
-    ):
-        EI *= float(profile.ratio(np.zeros(1))[0]) ** 3
-    heave, roll, pitch = state.participation(body.model.start_motions)
+    if isinstance(body, FlatBody):
+        EI *= body.root_thickness**3
+    heave, roll, pitch = state.participation(body.model.motions[:, 2:5])
+    pitch = pitch - body.model.mesh.nodes[:, 0].mean() * heave  # about the edge x = 0
     value = state.modes.eigenvalue[state.modes.rigid :]
     across = sd * (t / L) ** 2 * L**3 / EI
     rotation = -value * pitch**2 * sd * L / EI / 2
@@ -115,21 +114,19 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
 def _sensor(state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]) -> list[Excursion]:
     """The stated sensor's mass, or that of one that nobody stated."""
     forward, body = state.forward, state.forward.specimen
-    masses = [each for each in getattr(body, "masses", ()) if not each.weighed]
+    masses = [each for each in getattr(body, "masses", ()) if isinstance(each, PointMass) and not each.weighed]
     stated = inputs.is_stated("sensor_mass")
     if masses:
         sds = np.array([inputs.standard_deviation("sensor_mass", each.mass) for each in masses])
-        places = np.array([[each.x, each.y] for each in masses])
-        shapes = state.deflection(places)
+        places = np.array([[each.x, each.y, 0.0] for each in masses])
         kind: Literal["both", "one-sided"] = "both"
     elif fixed_points and not forward.roving_mass:
         sds = np.full(len(fixed_points), inputs.sensor_mass_sd if stated else UNSTATED_SENSOR)
-        rows = [forward.points.index(point) for point in fixed_points]
-        shapes = state.shapes[:, rows]
+        places = forward.places[[forward.points.index(point) for point in fixed_points]]
         kind = "one-sided"
     else:
         return []
-    shift = -(shapes**2) @ sds / 2
+    shift = -np.sum(state.displacement(places) ** 2, axis=2) @ sds / 2
     return [Excursion("sensor_mass", shift, kind, stated, f"{1e3 * sds.max():.2g} g")]
 
 

@@ -7,15 +7,15 @@ model; `state` has what a solved model offers.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import scipy
 
 from fecore.arrays import FloatArray, IntArray
-from fecore.body.model import deflection_at
-from fecore.body.specimen import Body
+from fecore.body.constants import Body
+from fecore.body.model import observed_at
 from fecore.dynamics.eigen import modes_below, normal_modes
 from fecore.dynamics.reduction import ReducedModel
 from fecore.errors import InputError
@@ -23,10 +23,7 @@ from fecore.frf import Dof
 from fecore.updating.parameters import Parametrisation
 from fecore.updating.state import ForwardState
 
-__all__ = ["EXTRA_MODES", "OUT_OF_PLANE", "ForwardModel", "ForwardState", "modes_to_cover"]
-
-OUT_OF_PLANE = 3
-"""Direction code of z, which a bending model predicts."""
+__all__ = ["EXTRA_MODES", "ForwardModel", "ForwardState", "modes_to_cover"]
 
 EXTRA_MODES = 3
 """Modes beyond the measured ones, at least, so that neighbours can be paired."""
@@ -39,53 +36,66 @@ class ForwardModel:
     Attributes:
         specimen: nominal specimen.
         parametrisation: from θ to coefficients.
-        points: labels of the p measured points.
-        places: (p, 2) their coordinates on the specimen, m.
+        dofs: the r measured rows: a point and a direction each, without sign.
+        places: (r, 3) coordinates of their points, m; (r, 2) where z = 0.
         count: how many modes to solve for.
         reduced: solve on a reduced basis (frequencies within 1e-6 of the full model), or the full model each time.
         roving_mass: of a sensor that sits at the response point of each FRF, kg. The modes are those without it.
+        axes: (3, 3) directions 1, 2 and 3 of points that have axes of their own, as rows.
         verified: check the reduced basis and let it grow; without, far from where it was made it is some per cent off.
     """
 
     specimen: Body
     parametrisation: Parametrisation
-    points: tuple[int, ...]
+    dofs: tuple[Dof, ...]
     places: FloatArray
     count: int
     reduced: bool = True
     roving_mass: float = 0.0
     verified: bool = True
+    axes: Mapping[int, FloatArray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.places.shape[1] == 2:
+            object.__setattr__(self, "places", np.column_stack([self.places, np.zeros(len(self.places))]))
 
     @classmethod
-    def of_points(
+    def of_dofs(
         cls,
         parametrisation: Parametrisation,
-        points: Sequence[int],
+        dofs: Sequence[Dof],
         coordinates: Mapping[int, Sequence[float]],
         highest_hz: float,
         modes: int = 0,
         roving_mass: float = 0.0,
+        axes: Mapping[int, FloatArray] | None = None,
     ) -> ForwardModel:
-        """The model at some points, with the modes below twice a frequency and some more than are measured.
+        """The model at some dofs, with the modes below twice a frequency and some more than are measured.
 
         Under a roving sensor a basis would have to hold the static deflections of every point: the full model is quicker.
         """
-        places = np.array([coordinates[point][:2] for point in points]).reshape(-1, 2)
+        places = np.array([[*coordinates[dof.point], 0.0][:3] for dof in dofs]).reshape(-1, 3)
         count, reduced = modes_to_cover(parametrisation, highest_hz, modes + EXTRA_MODES), not roving_mass
         return cls(
             parametrisation.body,
             parametrisation,
-            tuple(points),
+            tuple(dofs),
             places,
             count,
             reduced=reduced,
             roving_mass=roving_mass,
+            axes=axes or {},
         )
+
+    @property
+    def points(self) -> tuple[int, ...]:
+        """Labels of the rows' points."""
+        return tuple(dof.point for dof in self.dofs)
 
     @cached_property
     def observation(self) -> scipy.sparse.csr_array:
-        """(p, dofs) interpolation of the deflection w at the points."""
-        return deflection_at(self.specimen.model, self.points, self.places)
+        """(r, dofs) displacement of the rows' points along their directions."""
+        return observed_at(self.specimen.model, self.points, self.places, directions_of(self.dofs, self.axes))
 
     @cached_property
     def basis(self) -> ReducedModel:
@@ -109,22 +119,22 @@ class ForwardModel:
 
     @cached_property
     def _covered(self) -> set[int]:
-        """Rows of the points whose static deflections the basis holds."""
+        """Rows under whose forces the basis holds the static deflections."""
         return set()
 
     def rows(self, dofs: Sequence[Dof]) -> tuple[IntArray, FloatArray]:
-        """(N,) numbers of the points of some dofs along ±z, and (N,) their signs.
+        """(N,) numbers of the rows of some dofs, and (N,) their signs.
 
         Raises:
-            InputError: a dof is not out of plane, or its point is not among the model's.
+            InputError: a dof is not among the model's.
         """
-        number = {point: row for row, point in enumerate(self.points)}
+        number = {(dof.point, dof.axis): row for row, dof in enumerate(self.dofs)}
         for dof in dofs:
-            if dof.axis != OUT_OF_PLANE:
-                raise InputError("direction", f"{dof.direction} at point {dof.point} is not out of plane (±3)")
-            if dof.point not in number:
+            if dof.point not in self.points:
                 raise InputError("point", f"{dof.point} has no coordinates; give it a grid point")
-        return np.array([number[dof.point] for dof in dofs]), np.array([float(dof.sign) for dof in dofs])
+            if (dof.point, dof.axis) not in number:
+                raise InputError("direction", f"{dof.direction} at point {dof.point} is none of the model's rows")
+        return np.array([number[dof.point, dof.axis] for dof in dofs]), np.array([float(dof.sign) for dof in dofs])
 
     def solve(self, theta: FloatArray) -> ForwardState:
         """Modes at parameters θ.
@@ -158,7 +168,7 @@ class ForwardModel:
         return modes.frequency_hz[modes.rigid :]
 
     def holding(self, state: ForwardState, rows: IntArray) -> ForwardState:
-        """The same state on a basis that holds the static deflections under forces at the given points."""
+        """The same state on a basis that holds the static deflections under forces along the given rows."""
         missing = sorted(set(rows.tolist()) - self._covered)
         if state.basis is not None and missing:
             loads = self.observation[missing].T.toarray()
@@ -167,6 +177,12 @@ class ForwardModel:
         if state.basis is None or state.basis is self.basis.system.basis:
             return state
         return self.solve(state.theta)
+
+
+def directions_of(dofs: Sequence[Dof], axes: Mapping[int, FloatArray]) -> FloatArray:
+    """(r, 3) unit vectors of dofs: along x, y and z, or along the (3, 3) axes of their own that some points have."""
+    whole = np.eye(3)
+    return np.array([axes.get(dof.point, whole)[dof.axis - 1] for dof in dofs]).reshape(-1, 3)
 
 
 def modes_to_cover(parametrisation: Parametrisation, highest_hz: float, at_least: int) -> int:

@@ -28,7 +28,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from fecore.body.specimen import kind_of
+from fecore.body.constants import kind_of
 from fecore.errors import InputError
 
 
@@ -37,7 +37,7 @@ class Inputs:
     """Standard deviations of the inputs, SI: None is a careful laboratory's, 0 means exactly known.
 
     Attributes:
-        length_sd, width_sd, thickness_sd: m.
+        length_sd, width_sd, thickness_sd, height_sd: m.
         density_sd: kg/m³.
         nu_xy_sd: of Poisson's ratio.
         fibre_angle_sd: rad, about the stated angle.
@@ -56,6 +56,7 @@ class Inputs:
     length_sd: float | None = None
     width_sd: float | None = None
     thickness_sd: float | None = None
+    height_sd: float | None = None
     density_sd: float | None = None
     nu_xy_sd: float | None = None
     fibre_angle_sd: float | None = None
@@ -100,6 +101,7 @@ class Inputs:
 TOLERANCES: dict[str, tuple[float, bool]] = {
     "length": (0.5e-3, False),
     "width": (0.2e-3, False),
+    "height": (0.2e-3, False),
     "thickness": (0.012, True),
     "density": (0.015, True),
     "nu_xy": (0.05, False),
@@ -124,11 +126,13 @@ UNSTATED_WINDOW = 4.0
 CONSTANT_INPUTS = {
     "length": "length",
     "width": "width",
+    "height": "height",
     "thickness": "thickness",
     "density": "density",
     "nu_xy": "nu_xy",
     "nu": "nu_xy",
     "nu12": "nu_xy",
+    "t": "thickness",
     "angle": "ply_angle",
 }
 """Constants of a specimen that are inputs, without a number at their end, and the name of each tolerance."""

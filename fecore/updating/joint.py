@@ -24,14 +24,14 @@ from fecore.arrays import ComplexArray, FloatArray
 from fecore.dynamics.damping_laws import DampingLaw
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.errors import UpdatingError
-from fecore.frf import Dof, FrfSet
+from fecore.frf import FrfSet
 from fecore.modal.noise import residual_variance
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic import update_elastic
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import even_draws
 from fecore.updating.excursions import Excursion
-from fecore.updating.forward import OUT_OF_PLANE, ForwardModel, ForwardState
+from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.law_fit import DampingFit, fit_law
 from fecore.updating.law_problem import Nuisance
 from fecore.updating.measured_ratios import nearest_positive
@@ -225,5 +225,4 @@ def _modes_through(
         )
     order = np.argsort(omega, kind="stable")
     shapes = state.all_shapes[inside][order]
-    dofs = tuple(Dof(point, OUT_OF_PLANE) for point in forward.points)
-    return MeasuredModes(omega[order] / (2 * np.pi), measured[order], shapes + 0j, dofs), fit, misfit
+    return MeasuredModes(omega[order] / (2 * np.pi), measured[order], shapes + 0j, forward.dofs), fit, misfit

@@ -31,8 +31,8 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.body.constants import Body, kind_of
 from fecore.body.mechanisms import SUPPORTS, mechanism_names
-from fecore.body.specimen import Body, kind_of
 from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, DampingLaw, GeneralisedProportional, ModalDamping
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.errors import InputError

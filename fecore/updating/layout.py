@@ -57,6 +57,11 @@ class Unknown:
         return self.name.startswith(_SCATTER)
 
     @property
+    def constant(self) -> str:
+        """Name of the constant, also where this is a specimen's deviation of it."""
+        return self.name.removeprefix(_SCATTER)
+
+    @property
     def label(self) -> str:
         """Such as `Ex`, or `thickness of strip 90`."""
         return self.name if not self.owner else f"{self.name} of {self.owner}"
@@ -100,12 +105,18 @@ class CampaignModel:
         return bool(self.prior.are_believable((self.prior.xi_mean + self.pick @ x)[None])[0])
 
     def noise(self, rows: list[int]) -> FloatArray:
-        """(n, n) covariance of the logarithms of some measured frequencies by noise."""
+        """(n, n) covariance of the logarithms of some measured frequencies, and of what the model is known to miss."""
+        missed = self.model_error**2 * np.eye(len(rows))
         if self.modes.covariance is None:
-            return np.eye(len(rows)) * UNKNOWN_FREQUENCY_SD**2
+            return np.eye(len(rows)) * UNKNOWN_FREQUENCY_SD**2 + missed
         hz = self.modes.frequency_hz[rows]
-        covariance: FloatArray = self.modes.covariance[np.ix_(rows, rows)] / np.outer(hz, hz)
+        covariance: FloatArray = self.modes.covariance[np.ix_(rows, rows)] / np.outer(hz, hz) + missed
         return covariance
+
+    @property
+    def model_error(self) -> float:
+        """Known relative error of a frequency of the model, beside the discrepancy that the residuals show."""
+        return self.forward.specimen.model_error
 
     def probability(self, rows: Sequence[int]) -> FloatArray:
         """(n,) probabilities that some measured modes are modes of the structure; 1 where nobody doubts it."""
@@ -125,11 +136,12 @@ class CampaignModel:
 
 @dataclass(frozen=True)
 class Coupon:
-    """What static tests say of one of the material's constants: a mean with its standard deviation, SI."""
+    """What static tests say of one of the material's constants: a mean with its standard deviation, SI, of a batch."""
 
     name: str
     mean: float
     standard_deviation: float
+    batch: str = "coupons"
 
 
 @dataclass(frozen=True)
@@ -139,10 +151,12 @@ class Layout:
     Attributes:
         campaigns: models whose parametrisations have the shared parameters first and the same.
         unknowns: entries of x, those that all campaigns share first.
+        coupling: (X, X) prior precision beside that of the unknowns by themselves: of what sets of one material have in common.
     """
 
     campaigns: tuple[CampaignModel, ...]
     unknowns: tuple[Unknown, ...]
+    coupling: FloatArray | None = None
 
     @classmethod
     def of_one(
@@ -154,8 +168,9 @@ class Layout:
         """The unknowns of one campaign: its parameters and inputs."""
         prior = forward.parametrisation
         owners = [None if name in prior.reported else "" for name in prior.names]
-        unknowns = tuple(Unknown(*each) for each in zip(prior.names, owners, map(float, prior.xi_sd), strict=True))
-        return cls((CampaignModel("", forward, modes, np.eye(len(prior.names)), seek_excursions),), unknowns)
+        sd, coupling = _with_common(prior)
+        unknowns = tuple(Unknown(*each) for each in zip(prior.names, owners, map(float, sd), strict=True))
+        return cls((CampaignModel("", forward, modes, np.eye(len(prior.names)), seek_excursions),), unknowns, coupling)
 
     @property
     def shared(self) -> tuple[str, ...]:
@@ -188,6 +203,13 @@ class Layout:
     def sd(self, scatter: float) -> FloatArray:
         """(X,) prior standard deviations, where specimens scatter by so much."""
         return np.array([scatter if unknown.is_scatter else unknown.sd for unknown in self.unknowns])
+
+    def marginal_sd(self, scatter: float) -> FloatArray:
+        """(X,) the same with what is known of several unknowns together."""
+        sd = self.sd(scatter)
+        if self.coupling is None:
+            return sd
+        return np.asarray(np.sqrt(np.diag(np.linalg.inv(np.diag(sd**-2.0) + self.coupling))))
 
     def material(self, x: FloatArray) -> FloatArray:
         """(q,) the shared parameters at x, without any specimen's scatter."""
@@ -228,3 +250,20 @@ class Layout:
         (only,) = self.campaigns
         parametrisation = replace(only.prior, prior_sd=np.asarray(sd))
         return Layout.of_one(replace(only.forward, parametrisation=parametrisation), only.modes, only.seek_excursions)
+
+
+def _with_common(prior: Parametrisation) -> tuple[FloatArray, FloatArray | None]:
+    """(p,) standard deviations of ξ by themselves, and the precision that couples constants with a common prior.
+
+    n constants that share a deviation of variance c² and have o² each of their own have the covariance c²11ᵀ + o²I. Its inverse
+    is that of independent ones of variance o² + nc², and k/o² (nI - 11ᵀ) with k = c²/(o² + nc²).
+    """
+    sd, coupling = prior.xi_sd.copy(), np.zeros((len(prior.names),) * 2)
+    for each in prior.common:
+        rows = [prior.names.index(name) for name in each.constants]
+        n, whole = len(rows), np.log1p(each.common**2 + each.own**2)
+        shared = whole * each.common**2 / (each.common**2 + each.own**2)
+        own = whole - shared
+        sd[rows] = np.sqrt(own + n * shared)
+        coupling[np.ix_(rows, rows)] = shared / (own + n * shared) / own * (n * np.eye(n) - 1)
+    return sd, coupling if prior.common else None

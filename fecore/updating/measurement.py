@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fecore.body.model import deflection_at
-from fecore.body.specimen import Body
+from fecore.arrays import FloatArray
+from fecore.body.constants import Body
+from fecore.body.model import Model, observed_at
 from fecore.correlation import pair_modes
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import Dof, FrfSet
 from fecore.modal import Identification, identify, shapes_at_poles
 from fecore.modal.screening import Screened, screen
 from fecore.modes import MeasuredModes
-from fecore.updating.forward import OUT_OF_PLANE
+from fecore.updating.forward import directions_of
 from fecore.updating.inputs import Inputs
 from fecore.updating.recipe import HoldOut, Recipe
 
@@ -36,6 +37,7 @@ class Measurement:
         roving_mass: of a sensor that sat at the response point of each FRF in turn, kg; 0 where none did. One that stood
             still is a `PointMass` of the specimen.
         inputs: how well the laboratory knows what else it hands in.
+        axes: (3, 3) directions 1, 2 and 3 of points that have axes of their own, as rows of unit vectors.
     """
 
     frfs: FrfSet | None
@@ -43,6 +45,7 @@ class Measurement:
     modes: MeasuredModes | None = None
     roving_mass: float = 0.0
     inputs: Inputs = field(default_factory=Inputs)
+    axes: Mapping[int, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.frfs is None and self.modes is None:
@@ -60,7 +63,7 @@ class Prepared:
         fitted: those that the fits see; fitted_rows: their rows among all.
         held: those that are held out, or None.
         held_rows: their places among `frfs`.
-        modes: measured modes, with shapes along +z where the data give them; None where none were asked for.
+        modes: measured modes, with shapes where the data give them; None where none were asked for.
         identification: how the modes were found; None where they were handed in.
         warnings: what a user must know.
     """
@@ -97,8 +100,8 @@ def prepare(
         IdentificationError: no modes were handed in and the FRFs support none, or doubtful ones only.
     """
     if measurement.frfs is None:
-        return _of_modes_alone(measurement)
-    frfs, warnings = _out_of_plane(measurement.frfs, measurement)
+        return _of_modes_alone(measurement, specimen.model)
+    frfs, warnings = _seen(measurement.frfs, measurement, specimen.model)
     frfs, still = _moving(frfs, measurement, specimen)
     rows = _split(frfs, recipe.hold_out)
     screened = screen(frfs)
@@ -117,7 +120,7 @@ def prepare(
         fitted, warnings = _without_outliers(fitted, found), (*warnings, *found.warnings)
         found = replace(found, refused=(*screened.refused, *found.refused))
     elif find_modes and measurement.modes is not None:
-        modes, more = _with_shapes(fitted, measurement.modes)
+        modes, more = _with_shapes(fitted, measurement, specimen.model)
         warnings = (*warnings, *more)
     return Prepared(
         frfs=frfs,
@@ -144,16 +147,18 @@ def _without_outliers(frfs: FrfSet, found: Identification) -> FrfSet:
 
 
 def _moving(frfs: FrfSet, measurement: Measurement, specimen: Body) -> tuple[FrfSet, list[str]]:
-    """The FRFs between points that the supports let move; what was left out, in words."""
-    points = sorted({dof.point for dof in (*frfs.responses, *frfs.references)})
-    places = np.array([measurement.points[point][:2] for point in points])
-    observed = abs(deflection_at(specimen.model, points, places)).sum(axis=1)
-    still = {point for point, reach in zip(points, observed, strict=True) if reach < _STILL}
+    """The FRFs between dofs that the supports let move; what was left out, in words."""
+    dofs = sorted({Dof(dof.point, dof.axis) for dof in (*frfs.responses, *frfs.references)})
+    points = [dof.point for dof in dofs]
+    places = np.array([measurement.points[point] for point in points])
+    seen = observed_at(specimen.model, points, places, directions_of(dofs, measurement.axes))
+    still = {dof for dof, reach in zip(dofs, abs(seen).sum(axis=1), strict=True) if reach < _STILL}
     pairs = list(zip(frfs.responses, frfs.references, strict=True))
-    moving = [i for i, pair in enumerate(pairs) if not still & {dof.point for dof in pair}]
+    moving = [i for i, pair in enumerate(pairs) if not still & {Dof(dof.point, dof.axis) for dof in pair}]
     if len(moving) == len(pairs):
         return frfs, []
-    names, one = ", ".join(map(str, sorted(still))), len(still) == 1
+    held = sorted({dof.point for dof in still})
+    names, one = ", ".join(map(str, held)), len(held) == 1
     where = (
         f"{'point' if one else 'points'} {names} {'lies' if one else 'lie'} on a support that holds still in the model"
     )
@@ -163,13 +168,13 @@ def _moving(frfs: FrfSet, measurement: Measurement, specimen: Body) -> tuple[Frf
     return frfs.select(moving), [f"{where}: {left} FRFs at them were left out; is the boundary right?"]
 
 
-def _of_modes_alone(measurement: Measurement) -> Prepared:
-    """Modes without FRFs, with their out-of-plane shapes at points that have coordinates."""
+def _of_modes_alone(measurement: Measurement, model: Model) -> Prepared:
+    """Modes without FRFs, with their shapes at points that have coordinates."""
     assert measurement.modes is not None, "a measurement has FRFs or modes"
     modes = measurement.modes
     warnings: tuple[str, ...] = ()
     if modes.shapes is not None:
-        modes, warnings = _out_of_plane_shapes(set(measurement.points), modes)
+        modes, warnings = _seen_shapes(set(measurement.points), modes, measurement, model)
     return Prepared(
         frfs=None,
         fitted=None,
@@ -182,21 +187,36 @@ def _of_modes_alone(measurement: Measurement) -> Prepared:
     )
 
 
-def _out_of_plane(frfs: FrfSet, measurement: Measurement) -> tuple[FrfSet, tuple[str, ...]]:
-    """The FRFs between ±z directions of known points, without a line at 0 Hz; what was left out, in words."""
+def _moves(dofs: Sequence[Dof], measurement: Measurement, model: Model) -> list[bool]:
+    """Which dofs are displacements along directions in which the model moves."""
+    along = model.moves_along(directions_of([Dof(dof.point, (dof.axis - 1) % 3 + 1) for dof in dofs], measurement.axes))
+    return [dof.axis <= 3 and bool(moves) for dof, moves in zip(dofs, along, strict=True)]
+
+
+def _predicted(model: Model) -> tuple[str, str]:
+    """Directions in which a model moves, and its name, in words."""
+    if {0, 1, 2} <= set(model.dofs):
+        return "between translations", "model"
+    return "out of plane (±Z to ±Z)", "bending model"
+
+
+def _seen(frfs: FrfSet, measurement: Measurement, model: Model) -> tuple[FrfSet, tuple[str, ...]]:
+    """The FRFs along directions in which the model moves, without a line at 0 Hz; what was left out, in words."""
     pairs = list(zip(frfs.responses, frfs.references, strict=True))
-    flat = [i for i, pair in enumerate(pairs) if all(dof.axis == OUT_OF_PLANE for dof in pair)]
-    missing = sorted({dof.point for i in flat for dof in pairs[i]} - set(measurement.points))
+    moves = (_moves(dofs, measurement, model) for dofs in (frfs.responses, frfs.references))
+    chosen = [i for i, both in enumerate(zip(*moves, strict=True)) if all(both)]
+    missing = sorted({dof.point for i in chosen for dof in pairs[i]} - set(measurement.points))
     if missing:
         raise InputError("grid_points", f"points {', '.join(map(str, missing))} have FRFs but no coordinates; add them")
-    if not flat:
-        raise InputError("frfs", "none is out of plane (±Z to ±Z), which is what the bending model predicts")
-    left = len(pairs) - len(flat)
-    warnings = (f"{left} FRFs are not out of plane (±Z to ±Z) and were left out",) if left else ()
-    chosen = frfs.select(flat)
-    if chosen.frequency_hz[0] == 0:
-        chosen = chosen.band(float(np.nextafter(0, 1)), float(chosen.frequency_hz[-1]))
-    return chosen, warnings
+    along, name = _predicted(model)
+    if not chosen:
+        raise InputError("frfs", f"none is {along}, which is what the {name} predicts")
+    left = len(pairs) - len(chosen)
+    warnings = (f"{left} FRFs are not {along} and were left out",) if left else ()
+    kept = frfs.select(chosen)
+    if kept.frequency_hz[0] == 0:
+        kept = kept.band(float(np.nextafter(0, 1)), float(kept.frequency_hz[-1]))
+    return kept, warnings
 
 
 def _split(frfs: FrfSet, hold_out: HoldOut) -> tuple[list[int], list[int]]:
@@ -228,14 +248,17 @@ def _is_driving(frfs: FrfSet, row: int) -> bool:
     return frfs.responses[row].point == frfs.references[row].point
 
 
-def _with_shapes(frfs: FrfSet, modes: MeasuredModes) -> tuple[MeasuredModes, tuple[str, ...]]:
+def _with_shapes(frfs: FrfSet, measurement: Measurement, model: Model) -> tuple[MeasuredModes, tuple[str, ...]]:
     """Modes that were handed in, with shapes: their own, or those that the FRFs have at their poles.
 
     Poles that the FRFs show but that were not typed in, also beyond the band, take part in that fit, so that they do not
     bend the shapes. Where a typed pole is one that the FRFs show, the residues are taken at the latter.
     """
+    modes = measurement.modes
+    assert modes is not None, "modes were handed in"
     if modes.shapes is not None:
-        return _out_of_plane_shapes({dof.point for dof in (*frfs.responses, *frfs.references)}, modes)
+        points = {dof.point for dof in (*frfs.responses, *frfs.references)}
+        return _seen_shapes(points, modes, measurement, model)
     frequency, ratio = modes.frequency_hz.copy(), modes.damping_ratio.copy()
     try:
         seen = identify(frfs).terms
@@ -261,12 +284,16 @@ def _with_shapes(frfs: FrfSet, modes: MeasuredModes) -> tuple[MeasuredModes, tup
     return replace(modes, shapes=found.shapes[places], dofs=found.dofs), ()
 
 
-def _out_of_plane_shapes(points: set[int], modes: MeasuredModes) -> tuple[MeasuredModes, tuple[str, ...]]:
-    """The modes with their shapes along +z at known points; without such dofs the shapes are of no use."""
-    columns = [i for i, dof in enumerate(modes.dofs) if dof.axis == OUT_OF_PLANE and dof.point in points]
+def _seen_shapes(
+    points: set[int], modes: MeasuredModes, measurement: Measurement, model: Model
+) -> tuple[MeasuredModes, tuple[str, ...]]:
+    """The modes with their shapes at known points where the model moves; without such dofs the shapes are of no use."""
+    moves = _moves(modes.dofs, measurement, model)
+    columns = [i for i, dof in enumerate(modes.dofs) if moves[i] and dof.point in points]
     if not columns or modes.shapes is None:
-        warning = "modes were paired by frequency: their shapes have no out-of-plane value at a known point"
+        where = "out-of-plane value" if {0, 1, 2} - set(model.dofs) else "translation"
+        warning = f"modes were paired by frequency: their shapes have no {where} at a known point"
         return replace(modes, shapes=None, dofs=()), (warning,)
     sign = np.array([modes.dofs[i].sign for i in columns])
-    dofs = tuple(Dof(modes.dofs[i].point, OUT_OF_PLANE) for i in columns)
+    dofs = tuple(Dof(modes.dofs[i].point, modes.dofs[i].axis) for i in columns)
     return replace(modes, shapes=modes.shapes[:, columns] * sign, dofs=dofs), ()

@@ -20,7 +20,8 @@ from functools import cached_property
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
-from fecore.body.specimen import SIGNED, UNITS, Body, kind_of
+from fecore.body.constants import SIGNED, UNITS, Body, kind_of
+from fecore.body.structure import CommonPrior, Structure
 from fecore.errors import InputError
 
 DEFAULT_RELATIVE_SD = 0.30
@@ -79,6 +80,7 @@ class Parametrisation:
         base: (c + s,) constants and springs at θ = 0: the fixed ones.
         spread: (c + s, p) their derivative by θ; a tied constant has its ratio there.
         ties: of each tied constant, how far it may be off its tie: standard deviation over its prior mean.
+        common: constants that share a prior; `prior_sd` is that of each alone.
     """
 
     body: Body
@@ -89,6 +91,7 @@ class Parametrisation:
     spread: FloatArray
     inputs: int = 0
     ties: Mapping[str, float] = field(default_factory=dict)
+    common: tuple[CommonPrior, ...] = ()
 
     @property
     def reported(self) -> tuple[str, ...]:
@@ -240,6 +243,13 @@ class Coefficients:
 
 def default_parameters(body: Body) -> tuple[Parameter, ...]:
     """What is updated of a body when a recipe names nothing."""
+    if isinstance(body, Structure):
+        sets = [name for name in body.mesh.sets if f"{name}.E1" in body.nominal]
+        return tuple(
+            replace(each, name=f"{name}.{each.name}", tied_to=each.tied_to and f"{name}.{each.tied_to}")
+            for name in sets
+            for each in PLY_PARAMETERS
+        )
     own = PLY_PARAMETERS if "E1" in body.nominal else DEFAULT_PARAMETERS
     return (*own, *(Parameter(name) for name in body.nominal if kind_of(name) == "zone"))
 
@@ -272,13 +282,20 @@ def parametrise(specimen: Body, parameters: Sequence[Parameter] = DEFAULT_PARAME
     prior_mean = np.array([mean[p.name] for p in free])
     prior_sd = np.array([DEFAULT_RELATIVE_SD * mean[p.name] if p.prior_sd is None else p.prior_sd for p in free])
     names = tuple(p.name for p in free)
+    unstated = {p.name for p in free if p.prior_sd is None and p.prior_mean is None}
+    common = (
+        [c for c in specimen.common_priors() if set(c.constants) <= unstated] if isinstance(specimen, Structure) else []
+    )
+    for each in common:
+        rows = [names.index(name) for name in each.constants]
+        prior_sd[rows] = np.hypot(each.common, each.own) * prior_mean[rows]
     fixed = np.array([base[name] for name in constant_names])
     ties = {
         p.name: DEFAULT_RELATIVE_SD if p.prior_sd is None else p.prior_sd / abs(mean[p.name])
         for p in parameters
         if p.tied_to is not None
     }
-    result = Parametrisation(specimen, names, prior_mean, prior_sd, fixed, spread, ties=ties)
+    result = Parametrisation(specimen, names, prior_mean, prior_sd, fixed, spread, ties=ties, common=tuple(common))
     if not result.is_physical(prior_mean):
         raise InputError(
             "parameters", "the prior means are not those of a positive definite material; look at Poisson's ratio"

@@ -11,10 +11,10 @@ from functools import partial
 
 import numpy as np
 
-from fecore.body.specimen import Body
+from fecore.body.constants import Body
 from fecore.dynamics.damping_laws import DampingLaw, ModalDamping
 from fecore.errors import FecoreError, InputError, UpdatingError
-from fecore.frf import FrfSet
+from fecore.frf import Dof, FrfSet
 from fecore.modes import MeasuredModes
 from fecore.updating.damping_data import damping_data
 from fecore.updating.damping_stage import fit_damping, fit_reference
@@ -32,7 +32,7 @@ from fecore.updating.laws import identifiable_laws, laws_of, rank_laws
 from fecore.updating.layout import Layout
 from fecore.updating.measured_ratios import paired_ratios
 from fecore.updating.measurement import Measurement, Prepared, prepare
-from fecore.updating.parameters import Parametrisation, parametrise
+from fecore.updating.parameters import Parametrisation, default_parameters, parametrise
 from fecore.updating.plausibility import examine, unstated_window
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import Finding, UpdateResult
@@ -69,7 +69,8 @@ def update(
         UpdatingError: the elastic constants did not converge; it carries the best iterate.
     """
     recipe, inputs = recipe or Recipe(), measurement.inputs
-    parametrisation = _with_inputs(parametrise(specimen, recipe.parameters), inputs)
+    parameters = default_parameters(specimen) if recipe.parameters is None else recipe.parameters
+    parametrisation = _with_inputs(parametrise(specimen, parameters), inputs)
     data = _prepared(measurement, specimen, recipe, progress)
     body, mesh = meshed(specimen, _highest_hz(data))
     forward = _forward(replace(parametrisation, body=body), measurement, data)
@@ -319,15 +320,21 @@ def _unasked(asked: DampingLaw, law: DampingLaw, modes: int) -> list[Finding]:
 
 
 def _forward(parametrisation: Parametrisation, measurement: Measurement, data: Prepared) -> ForwardModel:
-    """The forward model at all measured points, those of the modes' shapes first and in their order."""
-    first = [] if data.modes is None else [dof.point for dof in data.modes.dofs]
+    """The forward model at all measured dofs, those of the modes' shapes first and in their order."""
+    first = () if data.modes is None else data.modes.dofs
     dofs = () if data.frfs is None else (*data.frfs.responses, *data.frfs.references)
-    points = (*first, *sorted({dof.point for dof in dofs} - set(first)))
+    rows = (*first, *sorted({Dof(dof.point, dof.axis) for dof in dofs} - set(first)))
     axis = data.modes if data.frfs is None else data.frfs
     assert axis is not None, "a measurement has FRFs or modes"
     highest, measured = float(axis.frequency_hz[-1]), 0 if data.modes is None else len(data.modes)
-    return ForwardModel.of_points(
-        parametrisation, points, measurement.points, highest, measured, measurement.roving_mass
+    return ForwardModel.of_dofs(
+        parametrisation,
+        rows,
+        measurement.points,
+        highest,
+        modes=measured,
+        roving_mass=measurement.roving_mass,
+        axes=measurement.axes,
     )
 
 

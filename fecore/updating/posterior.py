@@ -33,6 +33,9 @@ DISCREPANCY_DOF = 2.0
 SCATTER = 0.02
 """Prior scale of the scatter τ of a modulus between specimens: what coupons of one panel show."""
 
+COMMON = "common material of the sets"
+"""Name of the information that sets of one material give one another."""
+
 _GRID = np.exp(np.linspace(np.log(0.1), np.log(30.0), 41))  # s over s₀
 _SCATTERS = np.exp(np.linspace(np.log(0.1), np.log(8.0), 9))  # τ over its scale
 _INFORMED = 0.5  # share of the prior's variance below which the data have supplied most of what is known
@@ -178,7 +181,7 @@ class LinearProblem:
 
     Attributes:
         residual: (n,) ln f_measured - ln f.
-        noise: (n, n) covariance of ln f_measured.
+        noise: (n, n) covariance of ln f_measured, and of what the model is known to miss.
         sensitivity: (n, X) derivative of ln f by x.
         x: (X,) the estimate; the prior's mean is 0.
         sd: prior standard deviations (X,) for a scatter.
@@ -270,6 +273,21 @@ class LinearProblem:
         mixture = Mixture(weight, step.reshape(-1, size), covariance.reshape(-1, size, size), scale)
         return mixture, np.repeat(scatters, spreads.size)
 
+    def at_scatter(self, scatter: float) -> Mixture:
+        """The posterior about the estimate where specimens scatter by so much."""
+        spreads = DISCREPANCY * _GRID
+        step, covariance, evidence = (part[0] for part in self._solve_all(spreads, np.array([scatter])))
+        weight: FloatArray = scipy.special.softmax(evidence + _log_prior(spreads, DISCREPANCY))
+        return Mixture(weight, step, covariance, spreads)
+
+    def evidence_of_scatter(self, scale: float) -> tuple[float, float]:
+        """Logarithm of how much likelier the data are with the scatter's prior than with its scale, and its estimate then."""
+        scatters, prior = prior_of_scatter(scale)
+        each = np.array([self.log_evidence(float(scatter)) for scatter in scatters])
+        weight = scipy.special.softmax(each + np.log(prior))
+        gain = scipy.special.logsumexp(each, b=prior) - self.log_evidence(scale)
+        return float(gain), float(np.sqrt(weight @ scatters**2))
+
     def _solve_all(self, spreads: FloatArray, scatters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(t, s, X) steps, (t, s, X, X) covariances and (t, s) evidence at every pair of t scatters and s discrepancies."""
         data = [self._of_data(float(spread)) for spread in spreads]
@@ -295,6 +313,12 @@ class LinearProblem:
             self.sensitivity.T @ r + self.other_descent,
         )
         return hessian, descent, float(self.residual @ r), counted
+
+
+def prior_of_scatter(scale: float) -> tuple[FloatArray, FloatArray]:
+    """(t,) values of the scatter between specimens and their prior probabilities."""
+    scatters = scale * _SCATTERS
+    return scatters, scipy.special.softmax(_log_prior(scatters, scale))
 
 
 def _log_prior(value: FloatArray, scale: float) -> FloatArray:

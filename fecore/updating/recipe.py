@@ -7,7 +7,7 @@ from typing import Literal
 
 from fecore.modal import Options
 from fecore.updating.misfit import Weighting
-from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
+from fecore.updating.parameters import Parameter
 
 DEFAULT_LAWS = ("rayleigh", "caughey3", "caughey4", "generalised", "mechanism", "mechanism_viscous", "modal")
 """The ladder of damping laws that is ranked where a recipe names none; the first is fitted."""
@@ -32,7 +32,7 @@ class Recipe:
 
     Attributes:
         method: "two_stage", or "joint": constants and damping together from the FRFs, without modes.
-        parameters: elastic parameters with their priors.
+        parameters: elastic parameters with their priors; None for `default_parameters` of the body.
         use_shapes: fit the mode shapes too, not the frequencies alone.
         damping_models: names of the damping laws to rank; the first is reported as parameters.
         weighting: residual of the damping update.
@@ -45,7 +45,7 @@ class Recipe:
     """
 
     method: Literal["two_stage", "joint"] = "two_stage"
-    parameters: tuple[Parameter, ...] = DEFAULT_PARAMETERS
+    parameters: tuple[Parameter, ...] | None = None
     use_shapes: bool = False
     damping_models: tuple[str, ...] = DEFAULT_LAWS
     weighting: Weighting = "noise"

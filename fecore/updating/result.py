@@ -245,11 +245,11 @@ class Prediction:
 
 @dataclass(frozen=True)
 class ModeShapes:
-    """Shapes along +z at the measured points, measured beside those of the updated model.
+    """Shapes at the measured dofs, measured beside those of the updated model.
 
     Attributes:
-        points: (P,) labels of the points; those of the measured shapes come first.
-        places: (P, 2) their x and y, m.
+        points: (P,) labels of the dofs' points; those of the measured shapes come first.
+        places: (P, 3) their coordinates, m.
         measured: (n, p) complex shapes of the measured modes at the first p points; (n, 0) where they have none.
         updated: (m, P) real shapes of the model.
         frequency_hz, kinds: (m,) of the model's modes.

@@ -15,8 +15,8 @@ import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
+from fecore.body.kinds import mode_kinds
 from fecore.body.mechanisms import mechanism_weights
-from fecore.body.model import ModeKind
 from fecore.dynamics.eigen import NormalModes
 from fecore.dynamics.sensitivity import (
     Matrix,
@@ -32,6 +32,7 @@ from fecore.updating.parameters import Coefficients
 if TYPE_CHECKING:
     from fecore.updating.forward import ForwardModel
 
+_UNSEEN = 0.05  # of the square of the motion at the measured points
 _SHARE_STEP = 1e-5  # relative, of differences of the parts of the section's coefficients, which are nearly linear
 
 
@@ -68,7 +69,7 @@ class ForwardState:
 
     @cached_property
     def observation(self) -> FloatArray | scipy.sparse.csr_array:
-        """From the system's unknowns, dofs or basis, to the deflections of the measured points."""
+        """From the system's unknowns, dofs or basis, to the displacements of the measured rows."""
         observation = self.forward.observation
         return observation if self.basis is None else observation @ self.basis
 
@@ -91,10 +92,10 @@ class ForwardState:
         shapes = self.modes.shapes[:, self.modes.rigid :]
         return shapes if self.basis is None else self.basis @ shapes
 
-    def deflection(self, places: FloatArray) -> FloatArray:
-        """(n, p) deflection w of the elastic modes at (p, 2) places, m."""
-        observed = self.forward.specimen.model.deflection(places)
-        return np.asarray((observed @ self.full_shapes).T)
+    def displacement(self, places: FloatArray) -> FloatArray:
+        """(n, p, 3) displacement of the middle surface in the elastic modes at (p, 3) places, m."""
+        moved = self.forward.specimen.model.displacement(places) @ self.full_shapes
+        return np.asarray(moved.T.reshape(-1, len(places), 3))
 
     def participation(self, motions: FloatArray) -> FloatArray:
         """(m, n) rᵀMφ of (dofs, m) motions and the elastic modes."""
@@ -102,16 +103,19 @@ class ForwardState:
         return np.asarray((mass @ motions).T @ self.full_shapes)
 
     @cached_property
-    def kinds(self) -> tuple[ModeKind, ...]:
+    def kinds(self) -> tuple[str, ...]:
         """Kinds of the elastic modes: bending, torsion, in-plane."""
-        return self.forward.specimen.model.kinds(self.full_shapes)
+        return mode_kinds(self.forward.specimen.model, self.full_shapes)
 
     @cached_property
     def hidden(self) -> tuple[int, ...]:
-        """Elastic modes that move in the plane, which nothing measured out of plane shows."""
-        if not self.forward.specimen.model.has_membrane:
+        """Elastic modes that no measured row sees: their points move across the measured directions."""
+        forward = self.forward
+        if not forward.dofs or len({0, 1, 2} & set(forward.specimen.model.dofs)) == 1:
             return ()
-        return tuple(number for number, kind in enumerate(self.kinds) if kind == "in-plane")
+        _, first = np.unique(forward.points, return_index=True)
+        all_of_it = np.sum(self.displacement(forward.places[first]) ** 2, axis=(1, 2))
+        return tuple(np.flatnonzero(np.sum(self.shapes**2, axis=1) < _UNSEEN * all_of_it).tolist())
 
     # --- strain energy
 

@@ -288,7 +288,7 @@ class Summary:
         if not forward.points:
             return None
         return ModeShapes(
-            points=tuple(forward.points),
+            points=forward.points,
             places=forward.places,
             measured=np.zeros((len(modes), 0), dtype=complex) if modes.shapes is None else modes.shapes,
             updated=state.shapes,

@@ -7,9 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from fecore.body.layered import LayeredSpecimen
-from fecore.body.oriented import OrientedSpecimen
-from fecore.body.specimen import Specimen
+from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen
 from fecore.modes import MeasuredModes
 from fecore.signal import Processed
 from fecore.updating.campaigns import Campaign, CampaignsRecipe, CampaignsResult, update_campaigns

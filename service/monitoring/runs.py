@@ -22,7 +22,7 @@ from sqlalchemy.dialects.postgresql import distinct_on
 from sqlalchemy.orm import Session
 
 from fecore import __version__
-from fecore.body.specimen import UNITS, kind_of
+from fecore.body.constants import UNITS, kind_of
 from fecore.dynamics.damping_laws import CaugheySeries
 from fecore.errors import FecoreError
 from fecore.updating.parameters import parametrise

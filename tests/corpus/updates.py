@@ -1,7 +1,5 @@
 """What laboratories get wrong: each fault is left out with a warning, or refused with what to do; none is fitted in silence."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import cache, partial
@@ -15,7 +13,7 @@ from benchmarks.updates import Found, judge
 from fecore.body.supports import Boundary
 from fecore.dynamics.damping_laws import RAYLEIGH, beyond, damping_rate
 from fecore.errors import UpdatingError
-from fecore.frf import Dof, FrfSet
+from fecore.frf import Dof, FrfSet, along_z
 from fecore.modal import set_with_gaps
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel
@@ -108,10 +106,8 @@ def bit_for_bit(result: UpdateResult) -> None:
 
 def left_out(result: UpdateResult) -> None:
     assert len(result.prediction.responses) == 31
-    assert result.identification is not None
     assert {"33Z/4Z", "33Z/1Z"} == {refused.frf for refused in result.identification.refused}
     assert result.correlation.updated.sac.min() > 0.98
-    assert result.correlation.held_out_frfs is not None
     assert result.correlation.held_out_frfs.coverage_95 > 0.9
     assert len([text for text in result.warnings if "overload" in text]) == 1  # one of two alike
 
@@ -141,7 +137,7 @@ def of_another_beam(boundary: Boundary) -> UpdateResult:
     places = [(0.32 * (column + 1) / 11, 0.03 * side) for side in (-1, 0, 1) for column in range(11)]
     own = dict(zip(sorted(measured().points), places, strict=True))
     known = parametrise(other)
-    state = ForwardModel(other, known, tuple(own), np.array(places), 14).solve(known.prior_mean)
+    state = ForwardModel(other, known, along_z(own), np.array(places), 14).solve(known.prior_mean)
     sensor, hammer, lines = measured().frfs.responses, measured().frfs.references, measured().frfs.frequency_hz
     model = state.frf_model(sensor, hammer)
     rate = damping_rate(RAYLEIGH, np.array([20.0, 1e-5]), model.omega)
@@ -220,7 +216,6 @@ def of_noise() -> MeasuredModes | None:
 
 def shape_of_four(modes: MeasuredModes) -> None:
     assert modes.frequency_hz.tolist() == [100.0]
-    assert modes.shapes is not None
     assert modes.shapes.shape == (1, 4)
 
 

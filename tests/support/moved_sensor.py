@@ -1,12 +1,10 @@
 """A tour whose sensor has a mass and goes from point to point while the hammer stays."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fecore.body.specimen import Specimen
 from fecore.dynamics.damping_laws import RAYLEIGH, beyond, damping_rate
-from fecore.frf import Dof, FrfSet
+from fecore.frf import Dof, FrfSet, along_z
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter, parametrise
@@ -23,7 +21,7 @@ def forward(specimen: Specimen, count: int = 14, *, mass: float = MASS, reduced:
     points = grid()
     places = np.array(list(points.values()))[:, :2]
     parametrisation = parametrise(specimen, [Parameter(name) for name in ("Ex", "Gxy", "Gxz", "thickness")])
-    return ForwardModel(specimen, parametrisation, tuple(points), places, count, reduced, mass)
+    return ForwardModel(specimen, parametrisation, along_z(points), places, count, reduced, mass)
 
 
 def sensor_tour() -> tuple[tuple[Dof, ...], tuple[Dof, ...]]:

@@ -1,11 +1,14 @@
 """Plates and closed forms that several tests share."""
 
-from __future__ import annotations
+from collections.abc import Sequence
 
 import numpy as np
 
+from fecore.body.generators import strip
 from fecore.body.laminate import OrthotropicMaterial, Ply, Section, section
-from fecore.body.model import PlateModel
+from fecore.body.sections import ShellSection
+from fecore.body.structure import Structure
+from fecore.body.supports import Mass, PointMass, Spring, Support
 from fecore.dynamics.eigen import NormalModes, normal_modes
 
 PAPER = OrthotropicMaterial(31.66e9, 31.80e9, 6.30e9, 5.37e9, 5.37e9, 0.15, 2012.0)
@@ -16,10 +19,40 @@ def paper_section(thickness: float = 0.010) -> Section:
     return section([Ply(PAPER, thickness)])
 
 
-def solve(model: PlateModel, laminate: Section, count: int) -> NormalModes:
-    K = model.stiffness.at(model.stiffness_coefficients(laminate))
-    M = model.mass.at(model.mass_coefficients(laminate))
-    return normal_modes(K, M, count, model.rigid_modes)
+def plate(
+    size: tuple[float, float],
+    divisions: tuple[int, int],
+    supports: tuple[Support, ...] = (),
+    masses: Sequence[PointMass] = (),
+    springs: Sequence[Spring] = (),
+    *,
+    membrane: bool = False,
+) -> Structure:
+    """A rectangle for any laminate, whose coefficients `matrices` sets."""
+    mesh = strip(*size, *divisions)
+    stack = ShellSection((Ply(PAPER, 0.01),), turning=True)
+    carried = tuple(Mass(each.mass, (each.x, each.y, 0.0), each.rotary_inertia) for each in masses)
+    dofs = (0, 1, 2, 3, 4) if membrane else (2, 3, 4)
+    return Structure(mesh, {"strip": stack}, supports, tuple(springs), carried, dofs=dofs)
+
+
+def coefficients(body: Structure, laminate: Section) -> tuple[np.ndarray, np.ndarray]:
+    """Of stiffness and mass, with those of a laminate by their names."""
+    own = laminate.coefficients() | {spring.name: spring.stiffness for spring in body.springs}
+    inertia = {f"I{n}_{axis}": value for n, value in enumerate(laminate.inertia) for axis in (1, 2, 3)} | {"1": 1.0}
+    model = body.model
+    stiffness = np.array([own[name.rpartition(".")[2]] for name in model.stiffness.names])
+    return stiffness, np.array([inertia[name.rpartition(".")[2]] for name in model.mass.names])
+
+
+def matrices(body: Structure, laminate: Section):
+    """K and M with a laminate."""
+    stiffness, mass = coefficients(body, laminate)
+    return body.model.stiffness.at(stiffness), body.model.mass.at(mass)
+
+
+def solve(body: Structure, laminate: Section, count: int) -> NormalModes:
+    return normal_modes(*matrices(body, laminate), count, body.model.rigid_modes)
 
 
 def navier_hz(laminate: Section, a: float, b: float, count: int) -> np.ndarray:

@@ -4,15 +4,13 @@ The truth is solved on a finer mesh than updating takes, on a full model, with i
 (dimensions, density, angle, a clamp that yields), every frequency off by the error of a plate theory, and noise.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 
 from fecore.body.laminate import OrthotropicMaterial
-from fecore.body.oriented import OrientedSpecimen
-from fecore.frf import Dof
+from fecore.body.specimen import OrientedSpecimen
+from fecore.frf import Dof, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import Campaign
 from fecore.updating.forward import ForwardModel
@@ -49,7 +47,7 @@ def measured(
     """One campaign: the modes of a body drawn about what the laboratory believes of it."""
     coarse = (14, 10) if size[1] > 0.1 else (16, 3)
     turned = float(np.radians(angle))
-    body = OrientedSpecimen(*size, NOMINAL, boundary, divisions=coarse, fibre_angle=turned)  # type: ignore[arg-type]
+    body = OrientedSpecimen(*size, NOMINAL, boundary, divisions=coarse, fibre_angle=turned)
     inputs = Inputs()
     own = {name: inputs.standard_deviation(name, value) for name, value in body.nominal.items() if name in _DRAWN}
     drawn = {key: body.nominal[key] + sd * random.standard_normal() for key, sd in own.items()}
@@ -63,7 +61,7 @@ def measured(
     x = np.linspace(0.02, 0.98, 9) * size[0]
     places = np.array([(along, across) for along in x for across in np.array([-0.45, 0.0, 0.45]) * size[1]])
     prior = parametrise(fine, [Parameter(key, prior_mean=value) for key, value in constants.items()])
-    forward = ForwardModel(fine, prior, tuple(range(1, len(places) + 1)), places, modes + 8, reduced=False)
+    forward = ForwardModel(fine, prior, along_z(range(1, len(places) + 1)), places, modes + 8, reduced=False)
     state = forward.solve(prior.prior_mean)
     hz = state.frequency_hz[:modes] * (1 + np.hypot(_THEORY, _NOISE) * random.standard_normal(modes))
     order = np.argsort(hz)

@@ -1,1 +1,3 @@
-"""Finite elements, one a file. An element turns node coordinates into matrices; it knows no mesh and no material."""
+"""Finite elements in space, a family a file. An element makes rows of strains of coordinates; it knows no mesh and no
+section.
+"""

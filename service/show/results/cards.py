@@ -12,7 +12,7 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from fecore import __version__
-from fecore.body.layered import LayeredSpecimen
+from fecore.body.specimen import LayeredSpecimen
 from fecore.updating.parameters import parametrise
 from modalbase.formats.decks import Deck, Mass, write_nastran, write_shells, write_solids
 from service.errors import Conflict, Invalid

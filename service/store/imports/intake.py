@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 if TYPE_CHECKING:
     from service.store.imports.operations import Import
 
-from fecore.body.mesh import off_specimen
+from fecore.body.specimen import off_specimen
 from modalbase.formats.records import TimeBlock
 from modalbase.formats.uff import DatasetReport, Function, GridPoint, ModeShape, TimeResponse
 from service.compute.arrays_of_files import Found

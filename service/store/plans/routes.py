@@ -13,7 +13,7 @@ from pydantic import Field
 from sqlalchemy.orm import Session
 
 from fecore.body.laminate import OrthotropicMaterial
-from fecore.body.oriented import OrientedSpecimen
+from fecore.body.specimen import OrientedSpecimen
 from fecore.body.supports import PointMass
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign
 from fecore.updating.plans import PlannedTest

@@ -13,7 +13,7 @@ from uuid import UUID
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from fecore.body import profile as core
+from fecore.body import generators as core
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.laminate import Ply as CorePly
 from fecore.errors import InputError
@@ -199,7 +199,7 @@ class StructureIn(StrictModel):
                 raise PydanticCustomError("pieces_of_nothing", "pieces belong to a geometry; state it too")
             try:
                 pieces = tuple(piece.to_core() for piece in self.pieces)
-                core.Profile(self.geometry.length_m, self.geometry.thickness_m, pieces)
+                core.check_pieces(self.geometry.length_m, pieces)
             except InputError as error:
                 raise PydanticCustomError("pieces_do_not_fit", "{why}", {"why": str(error)}) from None
         return self

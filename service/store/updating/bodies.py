@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from fecore.body.constants import kind_of
 from fecore.body.laminate import OrthotropicMaterial, homogenise, section
-from fecore.body.layered import PLY_CONSTANTS, LayeredSpecimen
-from fecore.body.model import PointMass
-from fecore.body.oriented import OrientedSpecimen
-from fecore.body.specimen import Specimen, kind_of
+from fecore.body.sections import PLY_CONSTANTS
+from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen
+from fecore.body.supports import PointMass
 from fecore.errors import InputError
 from service.store.structures.schemas import Geometry, Laminate, Material, StructureIn
 from service.store.updating.schemas import RecipeIn

@@ -11,9 +11,10 @@ from uuid import UUID
 
 from sqlalchemy.orm import Session
 
+from fecore.body.constants import Body
 from fecore.body.laminate import OrthotropicMaterial
-from fecore.body.model import PointMass
-from fecore.body.specimen import Body, Specimen
+from fecore.body.specimen import Specimen
+from fecore.body.supports import PointMass
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, CampaignsRecipe, Coupon
@@ -26,7 +27,7 @@ from service.compute.updating import Hits, JointCampaign, JointInputs, UpdateInp
 from service.jobs.child import PURGED
 from service.jobs.process import ChildEnded
 from service.store.campaigns.operations import campaign_of, campaigns_of, frame_of
-from service.store.coupons.operations import batch_prior
+from service.store.coupons.operations import batch_name, batch_prior
 from service.store.frfs.data import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
 from service.store.modes.operations import load_modes
 from service.store.records.processings import load_records
@@ -229,7 +230,7 @@ def _provenance(job: UpdateJob, campaign: MeasuredCampaign, used: MeasuredFrfs |
 
 def parameters_of(recipe: RecipeIn) -> tuple[Parameter, ...]:
     """The recipe's parameters, or all constants of the material."""
-    return MATERIAL_PARAMETERS if recipe.parameters is None else recipe.to_core().parameters
+    return recipe.to_core().parameters or MATERIAL_PARAMETERS
 
 
 def _names(session: Session, campaigns: list[MeasuredCampaign]) -> list[tuple[str, str]]:
@@ -302,5 +303,6 @@ def _coupons(session: Session, request: UpdateBatchIn, *, scatter: bool) -> tupl
         for name, prior in summary.priors.items():
             if name in wanted:
                 pieces = (summary.constants[name].n or 1) if scatter else 0
-                found.append(Coupon(name, prior.mean, prior.standard_deviation / math.sqrt(pieces + 1)))
+                sd = prior.standard_deviation / math.sqrt(pieces + 1)
+                found.append(Coupon(name, prior.mean, sd, f"coupon batch {batch_name(session, key)}"))
     return tuple(found), tuple(warnings)

@@ -9,14 +9,15 @@ from uuid import UUID
 
 from pydantic import Field
 
-from fecore.body.layered import PLY_CONSTANTS
-from fecore.body.specimen import CONSTANTS, Body, kind_of
+from fecore.body.constants import Body, kind_of
+from fecore.body.sections import PLY_CONSTANTS
+from fecore.body.specimen import CONSTANTS
 from fecore.body.supports import Edge, Spring
 from fecore.modal import Options
 from fecore.updating import recipe as core
 from fecore.updating.inputs import Inputs
 from fecore.updating.misfit import Weighting
-from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter, default_parameters
+from fecore.updating.parameters import Parameter, default_parameters
 from service.jobs.resource import JobOut
 from service.store.campaigns.schemas import CampaignInputs
 from service.store.records.schemas import ProcessingIn
@@ -223,13 +224,13 @@ class RecipeIn(StrictModel):
 
     def parameters_of(self, body: Body) -> tuple[Parameter, ...]:
         """The recipe's parameters, or what is updated of such a body when a recipe names none."""
-        return default_parameters(body) if self.parameters is None else self.to_core().parameters
+        return self.to_core().parameters or default_parameters(body)
 
     def to_core(self) -> core.Recipe:
         """The recipe as the core takes it; priors of a coupon batch are put in by who loads the batch."""
         return core.Recipe(
             method=self.method,
-            parameters=DEFAULT_PARAMETERS
+            parameters=None
             if self.parameters is None
             else tuple(Parameter(**parameter.model_dump()) for parameter in self.parameters),
             use_shapes=self.use_shapes,

@@ -12,22 +12,18 @@ from scipy.linalg import eigh
 from scipy.sparse.linalg import eigsh
 
 import fecore.dynamics.factor
+from fecore.body.kinds import mode_kinds
 from fecore.body.laminate import OrthotropicMaterial, Ply, section
-from fecore.body.mesh import rectangle
-from fecore.body.model import plate
-from fecore.body.supports import Supports
+from fecore.body.supports import edges, of_boundary
 from fecore.dynamics.dense import largest_eigenpairs
 from fecore.dynamics.eigen import modes_below, normal_modes
+from fecore.dynamics.multifrontal import Elimination
 from fecore.errors import InputError, ModelError
-from tests.support.plates import PAPER, paper_section, solve
-
-
-def matrices(model, laminate):
-    return model.stiffness.at(model.stiffness_coefficients(laminate)), model.mass.at(model.mass_coefficients(laminate))
+from tests.support.plates import PAPER, matrices, paper_section, plate, solve
 
 
 def test_agrees_with_arpack() -> None:
-    K, M = matrices(plate(rectangle(0.5, 0.04, 20, 3), Supports.of("cantilever")), paper_section())
+    K, M = matrices(plate((0.5, 0.04), (20, 3), of_boundary("cantilever")), paper_section())
     ours = normal_modes(K, M, 15)
     theirs = np.sort(eigsh(K, 15, M, sigma=0.0)[0])
     # Solves with K are good to its condition (10¹¹) times round-off, at the lowest mode.
@@ -38,9 +34,9 @@ def test_agrees_with_arpack() -> None:
 
 
 def test_rigid_body_modes_are_exact_and_the_rest_orthogonal_to_them() -> None:
-    model = plate(rectangle(0.5, 0.04, 20, 3), Supports(), membrane=True)
-    K, M = matrices(model, paper_section())
-    modes = normal_modes(K, M, 14, model.rigid_modes)
+    body = plate((0.5, 0.04), (20, 3), (), membrane=True)
+    K, M = matrices(body, paper_section())
+    modes = normal_modes(K, M, 14, body.model.rigid_modes)
     assert modes.rigid == 6
     assert np.all(modes.eigenvalue[:6] == 0)
     assert modes.eigenvalue[6] > 1e5
@@ -51,8 +47,8 @@ def test_rigid_body_modes_are_exact_and_the_rest_orthogonal_to_them() -> None:
 
 def test_repeated_roots_of_a_square_plate_are_complete() -> None:
     square = OrthotropicMaterial(10e9, 10e9, 4e9, 4e9, 4e9, 0.3, 1000.0)
-    held = Supports("simply_supported", "simply_supported", "simply_supported", "simply_supported")
-    modes = solve(plate(rectangle(0.3, 0.3, 10, 10), held), section([Ply(square, 0.005)]), 9)
+    held = edges("simply_supported", "simply_supported", "simply_supported", "simply_supported")
+    modes = solve(plate((0.3, 0.3), (10, 10), held), section([Ply(square, 0.005)]), 9)
     # (1,2) = (2,1), (1,3) = (3,1), (2,3) = (3,2): alike to the accuracy of the solves.
     for first in (1, 4, 6):
         assert modes.eigenvalue[first + 1] == pytest.approx(modes.eigenvalue[first], rel=1e-9)
@@ -77,12 +73,12 @@ def test_a_root_of_high_multiplicity_is_complete() -> None:
 
 @pytest.mark.parametrize("ratio", [0.999, 1.0, 1.001])
 def test_a_bending_and_a_torsion_mode_that_cross_are_both_found(ratio) -> None:
-    model = plate(rectangle(0.5, 0.04, 20, 2), Supports.of("cantilever"))
+    body = plate((0.5, 0.04), (20, 2), of_boundary("cantilever"))
 
     def gap(shear: float) -> tuple[float, tuple[str, ...]]:
         material = OrthotropicMaterial(PAPER.Ex, PAPER.Ey, shear, 5.37e9, 5.37e9, 0.15, 2012.0)
-        modes = solve(model, section([Ply(material, 0.01)]), 5)
-        kinds = model.kinds(modes.shapes)
+        modes = solve(body, section([Ply(material, 0.01)]), 5)
+        kinds = mode_kinds(body.model, modes.shapes)
         torsion = modes.frequency_hz[kinds.index("torsion")]
         return torsion - modes.frequency_hz[[i for i, k in enumerate(kinds) if k == "bending"][2]], kinds
 
@@ -93,7 +89,7 @@ def test_a_bending_and_a_torsion_mode_that_cross_are_both_found(ratio) -> None:
     distance, kinds = gap(low * ratio) if ratio != 1 else (None, None)
     if ratio == 1:  # at the crossing any two combinations are modes, so neither has a kind of its own
         material = OrthotropicMaterial(PAPER.Ex, PAPER.Ey, low, 5.37e9, 5.37e9, 0.15, 2012.0)
-        pair = solve(model, section([Ply(material, 0.01)]), 5).frequency_hz[2:4]
+        pair = solve(body, section([Ply(material, 0.01)]), 5).frequency_hz[2:4]
         assert pair[1] / pair[0] - 1 < 1e-8
         return
     assert sorted(kinds) == ["bending"] * 4 + ["torsion"]
@@ -101,9 +97,9 @@ def test_a_bending_and_a_torsion_mode_that_cross_are_both_found(ratio) -> None:
 
 
 def test_sturm_counts_modes() -> None:
-    model = plate(rectangle(0.5, 0.04, 20, 2), Supports())
-    K, M = matrices(model, paper_section())
-    modes = normal_modes(K, M, 10, model.rigid_modes)
+    body = plate((0.5, 0.04), (20, 2), ())
+    K, M = matrices(body, paper_section())
+    modes = normal_modes(K, M, 10, body.model.rigid_modes)
     for number in range(4, 9):
         between = (modes.eigenvalue[number] + modes.eigenvalue[number + 1]) / 2
         assert modes_below(K, M, between) == number + 1
@@ -131,16 +127,62 @@ def test_a_wide_matrix_has_its_negative_eigenvalues_counted_by_sparse_pivots(mon
         assert counted == np.sum(np.linalg.eigvalsh(full) < 0)
 
 
-def test_a_pivot_of_zero_is_refused() -> None:
+@pytest.mark.parametrize("widest", [0, 10**6])
+def test_a_pivot_of_zero_is_refused(widest, monkeypatch) -> None:
+    monkeypatch.setattr(fecore.dynamics.factor, "_WIDEST_BAND", widest)
     with pytest.raises(ModelError, match="a pivot vanishes"):
-        fecore.dynamics.factor.negative_eigenvalues(sparse.csc_array(np.array([[0.0, 1.0], [1.0, 0.0]])))
+        fecore.dynamics.factor.negative_eigenvalues(sparse.csc_array(np.array([[0.0, 0.0], [0.0, 1.0]])))
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_any_pattern_is_eliminated_front_by_front(seed) -> None:
+    """Random graphs of nodes with some dofs each, also in pieces; definite and indefinite, with one elimination."""
+    random = np.random.default_rng(seed)
+    nodes, dofs = int(random.integers(1, 60)), int(random.integers(1, 7))
+    ends = random.integers(0, nodes, (2, int(random.integers(0, 3 * nodes))))
+    graph = sparse.coo_array((np.ones(ends.shape[1]), tuple(ends)), shape=(nodes, nodes)).toarray()
+    full = np.kron(graph + graph.T + np.eye(nodes) > 0, np.ones((dofs, dofs)))
+    size = len(full)
+    full *= random.uniform(-1, 1, full.shape)
+    full = full + full.T
+    elimination = Elimination.of(sparse.csc_array(full))
+    assert np.all(np.sort(elimination.order) == np.arange(size))
+    lowest = float(np.linalg.eigvalsh(full)[0])
+    definite = sparse.csc_array(full + (1 - lowest) * np.eye(size))
+    assert elimination.suits(definite)
+    factor = elimination.factorise(definite)
+    assert factor is not None
+    right = random.standard_normal(size)
+    np.testing.assert_allclose(definite @ factor.solve(right), right, atol=1e-11 * size)
+    L = factor.colour(np.eye(size))
+    np.testing.assert_allclose(L @ L.T, definite.toarray(), atol=1e-13 * size * size)
+    assert elimination.negative_pivots(sparse.csc_array(full)) == np.sum(np.linalg.eigvalsh(full) < 0)
+    assert elimination.factorise(sparse.csc_array(full - (1 + lowest) * np.eye(size))) is None
+
+
+def test_a_free_body_of_many_dofs_has_its_modes_by_either_factorisation(monkeypatch) -> None:
+    body = plate((0.5, 0.3), (16, 12), membrane=True)
+    K, M = matrices(body, paper_section())
+    modes = []
+    for widest in (10**6, 0):
+        monkeypatch.setattr(fecore.dynamics.factor, "_WIDEST_BAND", widest)
+        modes.append(normal_modes(K, M, 20, body.model.rigid_modes))
+    np.testing.assert_allclose(modes[1].eigenvalue, modes[0].eigenvalue, rtol=1e-8)
+
+
+def test_a_negative_mass_is_named_by_its_dof() -> None:
+    K, M = matrices(plate((0.5, 0.04), (2, 1)), paper_section())
+    M = M.tolil()
+    M[4, 4] = -1e-9
+    with pytest.raises(ModelError, match=r"mass matrix is not positive definite.*At dof 4 it has -1e-09"):
+        normal_modes(K, sparse.csc_array(M), 5)
 
 
 def test_a_missing_mode_is_noticed(monkeypatch) -> None:
     import fecore.dynamics.eigen
 
-    model = plate(rectangle(0.5, 0.04, 10, 2), Supports.of("cantilever"))
-    K, M = matrices(model, paper_section())
+    body = plate((0.5, 0.04), (10, 2), of_boundary("cantilever"))
+    K, M = matrices(body, paper_section())
     whole = fecore.dynamics.eigen._lanczos
 
     def forgetful(*arguments):
@@ -157,7 +199,7 @@ def test_a_missing_mode_is_noticed(monkeypatch) -> None:
 @pytest.mark.parametrize("widest", [0, 10**6])
 def test_both_factorisations_solve_and_colour(widest, monkeypatch) -> None:
     monkeypatch.setattr(fecore.dynamics.factor, "_WIDEST_BAND", widest)
-    K, _ = matrices(plate(rectangle(0.5, 0.04, 6, 2), Supports.of("cantilever")), paper_section())
+    K, _ = matrices(plate((0.5, 0.04), (6, 2), of_boundary("cantilever")), paper_section())
     factor = fecore.dynamics.factor.factorise(K)
     right = np.random.default_rng(0).standard_normal((K.shape[0], 3))
     solution = factor.solve(right)
@@ -170,14 +212,14 @@ def test_both_factorisations_solve_and_colour(widest, monkeypatch) -> None:
 
 
 def test_bad_requests_are_refused() -> None:
-    K, M = matrices(plate(rectangle(0.5, 0.04, 2, 1), Supports.of("cantilever")), paper_section())
+    K, M = matrices(plate((0.5, 0.04), (2, 1), of_boundary("cantilever")), paper_section())
     with pytest.raises(InputError, match="count"):
         normal_modes(K, M, 0)
     with pytest.raises(InputError, match="count"):
         normal_modes(K, M, K.shape[0] + 1)
     with pytest.raises(ModelError, match="the mass matrix is not positive definite"):
         normal_modes(K, -M, 3)
-    free = plate(rectangle(0.5, 0.04, 2, 1), Supports())
+    free = plate((0.5, 0.04), (2, 1), ())
     K, M = matrices(free, paper_section())
     with pytest.raises(ModelError):  # a free body whose rigid motions were not named
         normal_modes(sparse.csc_array(K - 1e3 * M), M, 3)

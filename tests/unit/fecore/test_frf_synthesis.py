@@ -10,7 +10,7 @@ from fecore.body.supports import PointMass
 from fecore.dynamics.damping_laws import RAYLEIGH, beyond, damping_rate
 from fecore.dynamics.direct import direct_frf
 from fecore.dynamics.synthesis import ModalFrfModel
-from fecore.frf import Dof
+from fecore.frf import Dof, along_z
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
 from tests.support.plates import PAPER
@@ -22,7 +22,7 @@ A = np.array([42.25, 1.10e-5])  # the paper's
 
 def forward(boundary: str, count: int, *, reduced: bool) -> ForwardModel:
     specimen = Specimen(0.5, 0.04, 0.01, PAPER, boundary, (PointMass(0.49, 0.015, 0.0048),), divisions=(20, 2))
-    return ForwardModel(specimen, parametrise(specimen), (0, 1, 2, 3), PLACES, count, reduced)
+    return ForwardModel(specimen, parametrise(specimen), along_z((0, 1, 2, 3)), PLACES, count, reduced)
 
 
 @pytest.mark.parametrize("boundary", ["cantilever", "free"])

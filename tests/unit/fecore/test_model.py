@@ -4,41 +4,41 @@ import numpy as np
 import pytest
 
 from fecore.body.laminate import Ply, section
-from fecore.body.mesh import rectangle
-from fecore.body.model import plate
 from fecore.body.specimen import Specimen
-from fecore.body.supports import PointMass, Spring, Supports
+from fecore.body.supports import PointMass, Spring, edges, of_boundary
 from fecore.dynamics.eigen import normal_modes
+from fecore.frf import along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic import update_elastic
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import Parameter, parametrise
-from tests.support.plates import PAPER, paper_section, solve
+from tests.support.plates import PAPER, coefficients, matrices, paper_section, plate, solve
 
-MESH = rectangle(0.5, 0.04, 20, 2)
+MESH = (0.5, 0.04), (20, 2)
 
 
 def test_points_are_interpolated_by_shape_functions_in_every_direction() -> None:
-    model = plate(MESH, Supports(), membrane=True)
-    x, y = MESH.nodes.T
+    model = plate(*MESH, (), membrane=True).model
+    x, y = model.mesh.nodes[:, :2].T
     field = np.column_stack([1 + x * y, y**2, x**2 - x * y, 3 * x, 2 - y])  # all within the element's polynomials
-    points = np.random.default_rng(0).uniform([0, -0.02], [0.5, 0.02], (15, 2))
-    px, py = points.T
-    exact = [1 + px * py, py**2, px**2 - px * py, 3 * px, 2 - py]
-    for direction, values in enumerate(exact, start=1):
-        seen = model.observation(points, np.full(15, direction)) @ field.ravel()
+    points = np.random.default_rng(0).uniform([0, -0.02, 0.003], [0.5, 0.02, 0.003], (15, 3))
+    px, py, pz = points.T
+    # On a face a point moves by the wall's rotation too: θ × z.
+    exact = [1 + px * py + pz * (2 - py), py**2 - pz * 3 * px, px**2 - px * py]
+    for axis, values in enumerate(exact):
+        seen = model.observe(points, np.tile(np.eye(3)[axis], (15, 1))) @ field.ravel()
         np.testing.assert_allclose(seen, values, rtol=1e-12, atol=1e-14)
 
 
 def test_stiff_springs_are_a_clamp_and_soft_ones_carry_a_rigid_body() -> None:
-    clamped = solve(plate(MESH, Supports.of("cantilever")), paper_section(), 4).frequency_hz
+    clamped = solve(plate(*MESH, of_boundary("cantilever")), paper_section(), 4).frequency_hz
     springs = [Spring(f"root_{d}", 1e13 if d == 3 else 1e10, d, edge="start") for d in (3, 4, 5)]
-    held = plate(MESH, Supports(), springs=springs)
-    assert held.rigid_modes.shape[1] == 0
+    held = plate(*MESH, (), springs=springs)
+    assert held.model.rigid_modes.shape[1] == 0
     np.testing.assert_allclose(solve(held, paper_section(), 4).frequency_hz, clamped, rtol=1e-4)
     # One soft spring under the centre of a free strip: ω² = k/m, and two rigid rotations are left.
-    soft = plate(MESH, Supports(), springs=[Spring("thread", 100.0, 3, point=(0.25, 0.0))])
-    assert soft.rigid_modes.shape[1] == 2
+    soft = plate(*MESH, (), springs=[Spring("thread", 100.0, 3, point=(0.25, 0.0))])
+    assert soft.model.rigid_modes.shape[1] == 2
     mass = 0.5 * 0.04 * 0.01 * PAPER.density
     heave = solve(soft, paper_section(), 3).omega[2]
     assert heave == pytest.approx(np.sqrt(100.0 / mass), rel=5e-4)  # the strip itself bends a little
@@ -48,10 +48,9 @@ def test_a_rotational_spring_is_the_elastically_clamped_beam() -> None:
     """Frequency equation of a slender beam with w = 0 and a moment kθ at one end (Blevins): see the residual below."""
     thin = section([Ply(PAPER, 0.002)])
     length, k = 0.5, 0.5  # N·m/rad for the whole edge
-    mesh = rectangle(length, 0.01, 30, 1)
     spring = Spring("root_rotation", k / 0.01, 5, edge="start")
-    model = plate(mesh, Supports(start="simply_supported"), springs=[spring])
-    omega = solve(model, thin, 1).omega[0]
+    body = plate((length, 0.01), (30, 1), edges(start="simply_supported"), springs=[spring])
+    omega = solve(body, thin, 1).omega[0]
     compliance = np.linalg.inv(thin.D)[0, 0]
     bending = 0.01 / compliance
     beta = (omega**2 * thin.inertia[0] * 0.01 / bending) ** 0.25 * length
@@ -63,32 +62,32 @@ def test_a_rotational_spring_is_the_elastically_clamped_beam() -> None:
 
 def test_spring_stiffness_is_a_coefficient_with_an_exact_derivative() -> None:
     spring = Spring("root", 2e4, 5, edge="start")
-    model = plate(MESH, Supports(start="simply_supported"), springs=[spring])
-    assert model.stiffness.names[-1] == "root"
-    c = model.stiffness_coefficients(paper_section())
-    M = model.mass.at(model.mass_coefficients(paper_section()))
-    modes = solve(model, paper_section(), 2)
-    exact = modes.shapes[:, 0] @ (model.stiffness.term(len(c) - 1) @ modes.shapes[:, 0])
+    body = plate(*MESH, edges(start="simply_supported"), springs=[spring])
+    assert body.model.stiffness.names[-1] == "root"
+    c = coefficients(body, paper_section())[0]
+    _, M = matrices(body, paper_section())
+    modes = solve(body, paper_section(), 2)
+    exact = modes.shapes[:, 0] @ (body.model.stiffness.term(len(c) - 1) @ modes.shapes[:, 0])
     values = []
     for factor in (0.99, 1.01):
         moved = c.copy()
         moved[-1] *= factor
-        values.append(normal_modes(model.stiffness.at(moved), M, 2).eigenvalue[0])
+        values.append(normal_modes(body.model.stiffness.at(moved), M, 2).eigenvalue[0])
     assert exact == pytest.approx((values[1] - values[0]) / (0.02 * 2e4), rel=1e-4)
 
 
 def test_sensor_mass_lowers_the_papers_modes() -> None:
-    bare = solve(plate(MESH, Supports.of("cantilever")), paper_section(), 5).frequency_hz
-    laden = plate(MESH, Supports.of("cantilever"), [PointMass(0.5, 0.02, 0.0048, 1e-7)])
+    bare = solve(plate(*MESH, of_boundary("cantilever")), paper_section(), 5).frequency_hz
+    laden = plate(*MESH, of_boundary("cantilever"), [PointMass(0.5, 0.02, 0.0048, 1e-7)])
     drop = 1 - solve(laden, paper_section(), 5).frequency_hz / bare
     assert np.all((drop > 0.015) & (drop < 0.038))  # 4.8 g of 402 g, at the point that moves most
 
 
 def test_rigid_body_motions_of_a_laden_free_strip_are_exact() -> None:
     masses = [PointMass(0.5, 0.02, 0.0048, 1e-6), PointMass(0.1, -0.01, 0.002)]
-    model = plate(MESH, Supports(), masses)
-    M = model.mass.at(model.mass_coefficients(paper_section()))
-    heave, roll, pitch = (model.rigid_modes[:, i] for i in range(3))
+    body = plate(*MESH, (), masses)
+    _, M = matrices(body, paper_section())
+    heave, roll, pitch = (body.model.rigid_modes[:, i] for i in range(3))
     total = 0.5 * 0.04 * 0.01 * PAPER.density
     assert heave @ M @ heave == pytest.approx(total + 0.0068, rel=1e-12)
     inertia = total * (0.04**2 + 0.01**2) / 12 + 0.0048 * 0.02**2 + 1e-6 + 0.002 * 0.01**2
@@ -101,10 +100,10 @@ def test_a_root_spring_is_an_updating_parameter() -> None:
     """Synthetic frequencies of an elastically held strip give the spring back."""
     root = Spring("root_rotation", 4e4, 5, edge="start")
     specimen = Specimen(
-        0.5, 0.04, 0.01, PAPER, "cantilever", divisions=(20, 2), springs=(root,), supports=Supports("simply_supported")
+        0.5, 0.04, 0.01, PAPER, "cantilever", divisions=(20, 2), springs=(root,), supports=edges("simply_supported")
     )
     parametrisation = parametrise(specimen, [Parameter("Ex"), Parameter("root_rotation", prior_sd=4e4)])
-    forward = ForwardModel(specimen, parametrisation, (1,), np.array([[0.5, 0.0]]), 5)
+    forward = ForwardModel(specimen, parametrisation, along_z([1]), np.array([[0.5, 0.0]]), 5)
     truth = np.array([31.0e9, 2.5e4])
     measured = MeasuredModes(forward.solve(truth).frequency_hz, np.full(5, np.nan))
     result = update_elastic(forward, measured)

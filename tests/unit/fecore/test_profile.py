@@ -10,11 +10,11 @@ import pytest
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
+from fecore.body.generators import Piece
+from fecore.body.kinds import mode_kinds
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.body.layered import LayeredSpecimen
-from fecore.body.profile import Piece
-from fecore.body.specimen import Specimen
-from fecore.body.supports import PointMass
+from fecore.body.specimen import LayeredSpecimen, Specimen
+from fecore.body.supports import PointMass, Spring
 from fecore.dynamics.eigen import normal_modes
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
@@ -33,7 +33,7 @@ def bending_hz(body: Specimen | LayeredSpecimen, count: int) -> np.ndarray:
     model, q = body.model, np.array(list(body.nominal.values()))
     K, M = model.stiffness.at(body.stiffness_coefficients(q)), model.mass.at(body.mass_coefficients(q))
     modes = normal_modes(K, M, count + 3, model.rigid_modes)
-    bending = [kind == "bending" for kind in model.kinds(modes.shapes)]
+    bending = [kind == "bending" for kind in mode_kinds(model, modes.shapes)]
     return modes.frequency_hz[bending][:count]
 
 
@@ -93,7 +93,7 @@ def test_a_piece_all_along_is_another_thickness(angles) -> None:
     body = LayeredSpecimen(0.3, 0.1, T, plies, 1600.0, divisions=(10, 4))
     thick = replace(body, thickness=1.5 * T)
     piece = replace(body, pieces=(Piece(0.0, 0.12, 1.5 * T, 1.5 * T), Piece(0.12, 0.3, 1.5 * T, 1.5 * T)))
-    assert 0.12 in piece.model.mesh.lines
+    assert 0.12 in piece.model.mesh.nodes[:, 0]
     # 1e-8: the same matrices by sums in another order, through an eigenproblem.
     np.testing.assert_allclose(bending_hz(piece, 4), bending_hz(thick, 4), rtol=1e-8)
 
@@ -113,13 +113,19 @@ def test_zones_of_a_stepped_body_each_scale_their_own_stiffness() -> None:
 
 
 @pytest.mark.parametrize("edge", ["start", "end", "lower", "upper"])
-def test_points_along_an_edge_lie_on_it_and_weigh_its_length(edge) -> None:
-    places, weights = replace(NARROW, divisions=(4, 2)).model.mesh.edge_quadrature(edge)
-    axis, value = {"start": (0, 0.0), "end": (0, L), "lower": (1, -0.5), "upper": (1, 0.5)}[edge]
-    np.testing.assert_allclose(places[:, axis], value * (NARROW.width if axis else 1.0), atol=1e-15)
-    assert weights.sum() == pytest.approx(L if axis else NARROW.width, rel=1e-14)
-    centre = weights @ places[:, 1 - axis] / weights.sum()
-    assert centre == pytest.approx(L / 2 if axis else 0.0, abs=1e-15)
+def test_a_spring_along_an_edge_weighs_its_length(edge) -> None:
+    """Pushed all along by a unit field, and by one that is linear along it: ∫1 ds and ∫s ds."""
+    body = replace(NARROW, divisions=(4, 2), boundary="free", springs=(Spring("k", 1.0, 3, edge=edge),))
+    model = body.model
+    K = model.stiffness.term(model.stiffness.names.index("k"))
+    w, x, y = np.zeros((3, len(model.mesh.nodes), 3))
+    w[:, 0], x[:, 0], y[:, 0] = 1, model.mesh.nodes[:, 0], model.mesh.nodes[:, 1]
+    w, x, y = (field[model.free] for field in (w, x, y))
+    along_x = edge in ("lower", "upper")
+    length = L if along_x else NARROW.width
+    assert w @ K @ w == pytest.approx(length, rel=1e-12)
+    assert w @ K @ x == pytest.approx(length * (L / 2 if along_x else L * (edge == "end")), rel=1e-12, abs=1e-15)
+    assert w @ K @ y == pytest.approx(length * (0.5 if edge == "upper" else -0.5) * B if along_x else 0.0, abs=1e-15)
 
 
 def test_a_zone_that_has_lost_stiffness_is_found() -> None:
@@ -134,7 +140,8 @@ def test_a_zone_that_has_lost_stiffness_is_found() -> None:
     hz = modes.frequency_hz * (1 + 2e-4 * np.random.default_rng(3).standard_normal(8))
     x = np.linspace(0.05, 0.98, 11) * L
     places = np.array([(a, b) for a in x for b in (-0.019, 0.0, 0.019)])
-    shapes = (model.deflection(places) @ modes.shapes).T
+    at = np.column_stack([places, np.zeros(len(places))])
+    shapes = (model.observe(at, np.tile([0.0, 0, 1], (len(at), 1))) @ modes.shapes).T
     points = {n: (float(a), float(b), 0.0) for n, (a, b) in enumerate(places, start=1)}
     covariance = np.diag(np.concatenate([(2e-4 * hz) ** 2, np.full(8, 1e-8)]))
     measured = MeasuredModes(hz, np.full(8, 0.01), shapes + 0j, tuple(Dof(n, 3) for n in points), covariance)

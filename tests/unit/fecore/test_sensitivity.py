@@ -21,7 +21,7 @@ from fecore.dynamics.sensitivity import (
     same_cluster,
     static_series,
 )
-from fecore.frf import Dof
+from fecore.frf import Dof, along_z
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import Parameter, parametrise
 from tests.support.plates import PAPER
@@ -144,7 +144,7 @@ def test_forward_models_derivatives_against_complex_steps(boundary, reduced) -> 
     """All eight constants; the oracle steps the element terms themselves, over the dofs or over the basis."""
     specimen = Specimen(0.3, 0.05, 0.01, PAPER, boundary, SPECIMEN.masses, divisions=(3, 1))
     parametrisation = parametrise(specimen, [Parameter(name) for name in CONSTANTS])
-    forward = ForwardModel(specimen, parametrisation, (0, 1, 2), PLACES, 7, reduced)
+    forward = ForwardModel(specimen, parametrisation, along_z((0, 1, 2)), PLACES, 7, reduced)
     theta = parametrisation.prior_mean * 1.02
     state = forward.solve(theta)
     stiffness, mass = (

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fecore.body.specimen import Specimen
+from fecore.frf import along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
@@ -21,7 +22,7 @@ def nominal() -> Specimen:
 def forward(nominal: Specimen) -> ForwardModel:
     points = grid()
     places = np.array(list(points.values()))[:, :2]
-    return ForwardModel(nominal, parametrise(nominal, PARAMETERS), tuple(points), places, 12)
+    return ForwardModel(nominal, parametrise(nominal, PARAMETERS), along_z(points), places, 12)
 
 
 @pytest.fixture(scope="session")

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from fecore.body.beam import BeamSection
+from fecore.body.beam_specimen import BEAM_CONSTANTS, BeamSpecimen
+from fecore.body.beams import rectangle_torsion
 from fecore.body.laminate import OrthotropicMaterial
-from fecore.body.specimen import BEAM_CONSTANTS, BeamSpecimen, Specimen
-from fecore.frf import Dof
+from fecore.body.specimen import Specimen
+from fecore.frf import Dof, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic import update_elastic
 from fecore.updating.forward import ForwardModel
@@ -18,6 +19,7 @@ from tests.support.cantilever import grid
 
 BEAM = BeamSpecimen(0.5, 0.04, 0.010, modulus=30e9, poisson=0.3, density=2012.0)
 EVERYTHING = [Parameter(name) for name in BEAM_CONSTANTS]
+NAMES = BEAM.model.stiffness.names, BEAM.model.mass.names
 
 
 def isotropic(modulus: float, poisson: float, density: float) -> OrthotropicMaterial:
@@ -28,15 +30,27 @@ def isotropic(modulus: float, poisson: float, density: float) -> OrthotropicMate
 def forward(parameters: list[Parameter]) -> ForwardModel:
     points = grid()
     places = np.array(list(points.values()))[:, :2]
-    return ForwardModel(BEAM, parametrise(BEAM, parameters), tuple(points), places, 9)
+    return ForwardModel(BEAM, parametrise(BEAM, parameters), along_z(points), places, 9)
 
 
 def test_coefficients_are_those_of_the_section() -> None:
     theta = np.array([70e9, 0.33, 2700.0, 0.03, 0.004, 0.5])
     found = parametrise(BEAM, EVERYTHING).coefficients(theta)
-    section = BeamSection(0.03, 0.004, isotropic(70e9, 0.33, 2700.0))
-    np.testing.assert_allclose(found.stiffness, section.coefficients(), rtol=1e-14)
-    np.testing.assert_allclose(found.mass, section.inertias(), rtol=1e-14)
+    E, nu, density, b, t, _ = theta
+    G = E / (2 * (1 + nu))
+    torsion = float(rectangle_torsion(*map(np.array, (G, G, b, t))))
+    stiffness, mass = (dict(zip(names, range(len(names)), strict=True)) for names in NAMES)
+    np.testing.assert_allclose(
+        found.stiffness[[stiffness[f"beam.{name}"] for name in ("GA2", "GJ", "EI1")]],
+        [5 / 6 * G * b * t, torsion, E * b * t**3 / 12],
+        rtol=1e-14,
+    )
+    polar = b * t * (b**2 + t**2) / 12
+    np.testing.assert_allclose(
+        found.mass[[mass[f"beam.{name}"] for name in ("m", "mJ", "mI1")]],
+        density * np.array([b * t, polar, b * t**3 / 12]),
+        rtol=1e-14,
+    )
 
 
 def test_derivatives_agree_with_closed_forms_and_differences() -> None:
@@ -44,10 +58,13 @@ def test_derivatives_agree_with_closed_forms_and_differences() -> None:
     E, nu, density, width, thickness, _ = theta
     parametrisation = parametrise(BEAM, EVERYTHING)
     found = parametrisation.coefficients(theta)
+    bends = NAMES[0].index("beam.EI1")
+    shears = [row for row, name in enumerate(NAMES[0]) if "G" in name]
     np.testing.assert_allclose(found.stiffness_by[:, 0], found.stiffness / E, rtol=1e-14)
-    np.testing.assert_allclose(found.stiffness_by[1:4, 1], -found.stiffness[1:4] / (1 + nu), rtol=1e-14)
-    np.testing.assert_allclose(found.stiffness_by[4, 3:5], found.stiffness[4] * np.array([1 / width, 3 / thickness]))
-    np.testing.assert_allclose(found.mass_by[:4, 2], found.mass[:4] / density, rtol=1e-14)
+    np.testing.assert_allclose(found.stiffness_by[shears, 1], -found.stiffness[shears] / (1 + nu), rtol=1e-14)
+    by_size = found.stiffness[bends] * np.array([1 / width, 3 / thickness])
+    np.testing.assert_allclose(found.stiffness_by[bends, 3:5], by_size)
+    np.testing.assert_allclose(found.mass_by[:, 2], found.mass / density, rtol=1e-14)
     for p, value in enumerate(theta):  # the torsion series, which has no short derivative
         step = 1e-5 * value * np.eye(6)[p]
         up, down = (parametrisation.coefficients(theta + sign * step) for sign in (1, -1))
@@ -62,7 +79,7 @@ def test_in_plane_motion_is_left_out_and_the_plate_agrees() -> None:
     state = forward([Parameter("E")]).solve(np.array([30e9]))
     assert set(state.kinds) == {"bending", "torsion"}
     plate = Specimen(0.5, 0.04, 0.010, isotropic(30e9, 0.3, 2012.0))
-    shell = ForwardModel(plate, parametrise(plate), (1,), np.array([[0.5, 0.0]]), 4)
+    shell = ForwardModel(plate, parametrise(plate), along_z((1,)), np.array([[0.5, 0.0]]), 4)
     bending = state.frequency_hz[np.array(state.kinds) == "bending"]
     theirs = shell.solve(shell.parametrisation.prior_mean)
     other = theirs.frequency_hz[np.array(theirs.kinds) == "bending"]
@@ -84,7 +101,7 @@ def test_bending_and_torsion_give_both_constants_back() -> None:
 
 
 def test_points_of_the_axis_see_no_torsion() -> None:
-    model = replace(forward([Parameter("E")]), places=np.array([[0.25, 0.0], [0.5, 0.0]]), points=(1, 2))
+    model = replace(forward([Parameter("E")]), places=np.array([[0.25, 0.0], [0.5, 0.0]]), dofs=along_z((1, 2)))
     state = model.solve(np.array([30e9]))
     twisted = np.array(state.kinds) == "torsion"
     assert twisted.any()

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from examples.one_material import paper_bar
-from fecore.body.oriented import OrientedSpecimen
-from fecore.body.specimen import Specimen
+from fecore.body.specimen import OrientedSpecimen, Specimen
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import (
     MATERIAL_PARAMETERS,
@@ -124,7 +123,7 @@ def test_the_odd_one_out_is_named_with_a_number(campaigns: list[Campaign]) -> No
     assert part.predictive_p is not None
     assert part.predictive_p < 1e-3
     assert result.verdict.level == "do_not_use"
-    assert "strip 45 contradicts the others" in result.verdict.reasons[0]
+    assert "campaign strip 45 as one of another material" in result.verdict.reasons[0]
 
 
 def test_scatter_widens_and_coupons_narrow(campaigns: list[Campaign], together: CampaignsResult) -> None:

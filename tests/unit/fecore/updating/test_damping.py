@@ -8,7 +8,7 @@ import pytest
 from fecore.body.specimen import Specimen
 from fecore.dynamics.damping_laws import RAYLEIGH, damping_rate
 from fecore.errors import InputError, UpdatingError
-from fecore.frf import FrfSet
+from fecore.frf import FrfSet, along_z
 from fecore.updating import law_problem
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.law_fit import fit_law
@@ -27,7 +27,7 @@ FREE = Nuisance.of_exact_law(np.arange(5), np.zeros(5))
 def state(updated_by_paper: Specimen) -> ForwardState:
     points = grid()
     places = np.array(list(points.values()))[:, :2]
-    forward = ForwardModel(updated_by_paper, parametrise(updated_by_paper), tuple(points), places, 12)
+    forward = ForwardModel(updated_by_paper, parametrise(updated_by_paper), along_z(points), places, 12)
     return forward.solve(forward.parametrisation.prior_mean)
 
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from benchmarks.draws import BEAM, beam
-from fecore.body.specimen import BeamSpecimen, Specimen
-from fecore.body.supports import Spring, Supports
+from fecore.body.beam_specimen import BeamSpecimen
+from fecore.body.specimen import Specimen
+from fecore.body.supports import Spring, edges
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
@@ -70,9 +71,9 @@ def test_a_clamps_rotation_is_that_of_a_spring(nominal: Specimen) -> None:
     share = 1e-4
     EI = nominal.material.Ex * nominal.width * nominal.thickness**3 / 12
     per_metre = EI / (share * nominal.length) / nominal.width
-    held = replace(nominal, supports=Supports(start="clamped"))
+    held = replace(nominal, supports=edges(start="clamped"))
     sprung = replace(
-        nominal, supports=Supports(start="simply_supported"), springs=(Spring("root", per_metre, 5, edge="start"),)
+        nominal, supports=edges(start="simply_supported"), springs=(Spring("root", per_metre, 5, edge="start"),)
     )
     forward = ForwardModel(nominal, parametrise(nominal), (), np.zeros((0, 2)), 12)
     state = forward.solve(forward.parametrisation.prior_mean)

@@ -12,12 +12,12 @@ from benchmarks.draws import BEAM
 from examples import mechanisms
 from examples.paper.published import TABLE_4_UPDATED, cantilever, simulated
 from fecore.arrays import FloatArray
+from fecore.body.constants import Body
 from fecore.body.mechanisms import SUPPORTS, mechanism_names, mechanism_weights
-from fecore.body.specimen import Body
 from fecore.body.supports import Spring
 from fecore.dynamics.damping_laws import RAYLEIGH, ModalDamping, beyond, damping_rate
 from fecore.errors import InputError
-from fecore.frf import FrfSet
+from fecore.frf import FrfSet, along_z
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import Inputs
 from fecore.updating.law_fit import DampingFit, fit_law
@@ -39,7 +39,7 @@ LOSS = np.array([45.0, 0.015, 0.031])  # a0 in 1/s, and loss factors of a glass 
 def solved(body: Body, count: int = 8, parameters: tuple[Parameter, ...] | None = None) -> ForwardState:
     prior = parametrise(body) if parameters is None else parametrise(body, parameters)
     places = np.array(list(grid().values()))[:, :2]
-    forward = ForwardModel(body, prior, tuple(grid()), places, count)
+    forward = ForwardModel(body, prior, along_z(grid()), places, count)
     return forward.solve(prior.prior_mean)
 
 

@@ -15,7 +15,7 @@ from benchmarks import draws
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
-from fecore.frf import Dof
+from fecore.frf import Dof, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating import pairing
 from fecore.updating.forward import ForwardModel, ForwardState
@@ -199,7 +199,7 @@ def test_one_frf_and_priors_a_third_off() -> None:
     body = Specimen(0.4, 0.25, 0.003, SPRUCE, "free", divisions=(8, 6))
     known = parametrise(body)
     place = np.array([[0.015, -0.11]])
-    state = ForwardModel(body, known, (7,), place, 12, reduced=False).solve(known.prior_mean)
+    state = ForwardModel(body, known, along_z((7,)), place, 12, reduced=False).solve(known.prior_mean)
     height = np.abs(state.shapes[:8, 0])
     visible = np.flatnonzero(height > SEEN * height.max())
     hz = state.frequency_hz[visible] * (1 + 0.001 * np.random.default_rng(3).standard_normal(visible.size))

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.draws import LAW, NOMINAL, STATED, Truth, measured
 from fecore.body.supports import Boundary
-from fecore.frf import Quantity
+from fecore.frf import Quantity, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel
 from fecore.updating.measurement import Measurement
@@ -33,7 +33,7 @@ def test_a_plate_of_another_poissons_ratio_lies_within_its_intervals() -> None:
     body = replace(stated, material=replace(NOMINAL, nu_xy=0.33))
     points = {i + 1: (0.3 * x, 0.25 * (y - 0.5), 0.0) for i, (x, y) in enumerate(np.argwhere(np.ones((5, 5))) / 4)}
     places = np.array(list(points.values()))[:, :2]
-    truth = ForwardModel(body, parametrise(body, [Parameter("Ex")]), tuple(points), places, 12)
+    truth = ForwardModel(body, parametrise(body, [Parameter("Ex")]), along_z(points), places, 12)
     hz = truth.solve(truth.parametrisation.prior_mean).frequency_hz[:8]
     result = update(Measurement(None, {}, MeasuredModes(hz, np.full(8, 0.01))), stated)
     for p in result.parameters[:3]:

@@ -11,7 +11,7 @@ import pytest
 from fecore.body.specimen import Specimen
 from fecore.body.supports import Spring
 from fecore.dynamics.damping_laws import RAYLEIGH, damping_rate
-from fecore.frf import Dof, FrfSet
+from fecore.frf import Dof, FrfSet, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.measurement import Measurement
@@ -34,7 +34,7 @@ def hanging(updated_by_paper: Specimen) -> Specimen:
 def solved(specimen: Specimen) -> ForwardState:
     points = grid()
     places = np.array(list(points.values()))[:, :2]
-    forward = ForwardModel(specimen, parametrise(specimen), tuple(points), places, 14)
+    forward = ForwardModel(specimen, parametrise(specimen), along_z(points), places, 14)
     return forward.solve(forward.parametrisation.prior_mean)
 
 

@@ -1,0 +1,185 @@
+"""Structures of shells in space: elements on published shells, joint model against solids, size, and CalculiX's S8R.
+
+The solids are quadratic bricks by another code, with true dimensions and constants (`shared/blind-open/structures`).
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import shutil
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks import calculix
+from fecore.body.generators import panel, profile
+from fecore.body.laminate import OrthotropicMaterial, Ply
+from fecore.body.mesh import Block, Mesh
+from fecore.body.sections import ShellSection
+from fecore.body.structure import Structure
+from fecore.dynamics.eigen import normal_modes
+from fecore.updating.inputs import Inputs
+from fecore.updating.measurement import Measurement
+from fecore.updating.pipeline import update
+from fecore.updating.recipe import Recipe
+from tests.support.measured import with_coherence
+from tests.support.places import ROOT
+from tests.support.shells import KINDS, cylinder, hemisphere, roof, twisted_beam
+
+OPEN = ROOT.parent / "shared" / "blind-open" / "structures"
+BODIES = ("i", "box", "channel", "angle", "panel")
+CONSTANTS = ("E1", "E2", "G12", "G13", "G23")
+RIBS = (-0.25, 0.25)  # of the width
+
+
+def frequencies(structure: Structure, count: int) -> np.ndarray:
+    """The lowest elastic natural frequencies at nominal constants, Hz."""
+    q, model = np.array(list(structure.nominal.values())), structure.model
+    K = model.stiffness.at(structure.stiffness_coefficients(q))
+    M = model.mass.at(structure.mass_coefficients(q))
+    rigid = model.rigid_modes
+    return normal_modes(K, M, count + rigid.shape[1], rigid).frequency_hz[rigid.shape[1] :]
+
+
+def body(truth: dict, elements: int, with_joints: bool) -> Structure:
+    """A stored solid's dimensions and constants as a structure of shells."""
+    d, kind = truth["true_dims"], truth["kind"]
+    if kind == "panel":
+        ribs = [share * d["b"] for share in RIBS]
+        mesh, names = panel(d["L"], d["b"], d["h"], d["tf"], d["tw"], ribs, 3 * elements), ("plate", "rib")
+    else:
+        mesh, names = profile(kind, d["L"], d["h"], d["b"], d["tf"], d["tw"], elements), ("flange", "web")
+    sections = {}
+    for name, wall, t in zip(names, ("flange", "web"), (d["tf"], d["tw"]), strict=True):
+        w = truth["walls"][wall]
+        material = OrthotropicMaterial(w["E1"], w["E2"], w["G12"], w["G13"], w["G23"], w["nu12"], w["rho"])
+        sections[name] = ShellSection((Ply(material, t),))
+    return Structure(mesh, sections, with_joints=with_joints)
+
+
+def elements() -> None:
+    """Section 18's table of published shells."""
+    print("deflection / published       " + "".join(f"{kind:>8}" for kind in KINDS))
+    for name, problem, n in (
+        ("Scordelis-Lo roof, 16", roof, 16),
+        ("pinched cylinder, 32", cylinder, 32),
+        ("hemisphere, 16", hemisphere, 16),
+        ("twisted beam, thin, 2 × 12", twisted_beam, 2),
+    ):
+        print(f"  {name:27s}" + "".join(f"{problem(kind, n):8.3f}" for kind in KINDS))
+
+
+def joints(*kinds: str) -> None:
+    """Section 19's table: 20 modes against the stored solids, naive and with the joint model, on two meshes."""
+    print("20 modes against solids, rms / worst %      naive, 6         joints, 6        joints, 4    6 to 4: worst")
+    for kind in kinds:
+        truth = json.loads((OPEN / f"{kind}-1.truth.json").read_text())
+        solid = np.array([mode["f_hz"] for mode in truth["modes"]])[:20]
+        found = [frequencies(body(truth, n, on), len(solid)) for n, on in ((6, False), (6, True), (4, True))]
+        errors = [100 * (f / solid - 1) for f in found]
+        row = "".join(f"   {np.sqrt(np.mean(e**2)):6.2f} /{np.abs(e).max():5.2f}" for e in errors)
+        print(f"  {kind:36s}{row}   {100 * np.abs(found[2] / found[1] - 1).max():8.2f}", flush=True)
+
+
+def size() -> None:
+    """A ribbed panel of growing size: dofs, CPU seconds of set-up, of 26 modes, and peak memory."""
+    material = OrthotropicMaterial(25e9, 9e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
+    print("      dofs   set-up s   26 modes s   peak GB   (CPU)")
+    for n in (20, 33, 47):
+        start = time.process_time()
+        mesh = panel(1.0, 0.5, 0.05, 0.006, 0.006, (-0.125, 0.125), n)
+        structure = Structure(mesh, {name: ShellSection((Ply(material, 0.006),)) for name in ("plate", "rib")})
+        dofs = structure.model.stiffness.size
+        built = time.process_time()
+        frequencies(structure, 20)
+        solved = time.process_time()
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+        print(f"  {dofs:8d} {built - start:10.2f} {solved - built:12.2f} {peak:9.2f}", flush=True)
+
+
+def s8r(kind: str) -> None:
+    """A user's deck by CalculiX and by our shells without joints, on the same nodes and elements."""
+    text = (OPEN / f"{kind}-1.inp").read_text()
+    truth = json.loads((OPEN / f"{kind}-1.truth.json").read_text())
+    d, m = truth["stated"]["dims"], truth["stated"]["material"]
+    material = OrthotropicMaterial(m["E1"], m["E2"], m["G12"], m["G12"], 0.8 * m["G12"], m["nu12"], m["rho"])
+    sections = {s: ShellSection((Ply(material, t),)) for s, t in (("FLANGE", d["tf"]), ("WEB", d["tw"]))}
+    ours = frequencies(Structure(deck_mesh(text), sections, with_joints=False), 12)
+    theirs = calculix.frequencies(calculix.ccx(text.replace("*NODE PRINT,NSET=NALL\nU\n", "").splitlines()))[6:18]
+    ratio = 100 * (ours[: len(theirs)] / theirs - 1)
+    print(f"  {kind}: ours by S8R, % of each of {len(theirs)} modes: {np.array2string(ratio, precision=2)}")
+
+
+def deck_mesh(text: str) -> Mesh:
+    """Nodes and S8R elements of one of these decks."""
+    nodes, sets, card = {}, {}, ""
+    for line in text.splitlines():
+        if line.startswith("*"):
+            card = line
+        elif card.startswith("*NODE,"):
+            number, *place = line.split(",")
+            nodes[int(number)] = [float(x) for x in place]
+        elif card.startswith("*ELEMENT"):
+            sets.setdefault(card.partition("ELSET=")[2], []).append([int(x) for x in line.split(",")[1:]])
+    row = {number: k for k, number in enumerate(nodes)}
+    blocks = tuple(Block("quad8", np.array([[row[n] for n in e] for e in rows]), name) for name, rows in sets.items())
+    return Mesh(np.array(list(nodes.values())), blocks)
+
+
+def stated(truth: dict, elements: int) -> tuple[Structure, Measurement, dict[str, float]]:
+    """What a user knows of a stored body, its FRFs, and the true constants by name."""
+    d, m, kind = truth["stated"]["dims"], truth["stated"]["material"], truth["kind"]
+    material = OrthotropicMaterial(m["E1"], m["E2"], m["G12"], m["G12"], 0.8 * m["G12"], m["nu12"], m["rho"])
+    names = ("plate", "rib") if kind == "panel" else ("flange", "web")
+    if kind == "panel":
+        ribs = [share * d["b"] for share in RIBS]
+        mesh = panel(d["L"], d["b"], d["h"], d["tf"], d["tw"], ribs, 3 * elements)
+    else:
+        mesh = profile(kind, d["L"], d["h"], d["b"], d["tf"], d["tw"], elements)
+    walls = {name: ShellSection((Ply(material, d[t]),)) for name, t in zip(names, ("tf", "tw"), strict=True)}
+    size = d["L"], d["b"], d["h"]
+    tolerances = dict(zip(("length_sd", "width_sd", "height_sd"), np.array([5e-4, 2e-3, 2e-3]) * size, strict=True))
+    inputs = replace(Inputs.exact(), **tolerances, thickness_sd=0.015 * d["tf"], nu_xy_sd=0.05)
+    points = {point["number"]: tuple(point["xyz"]) for point in truth["points"]}
+    frfs = with_coherence(OPEN / f"{kind}-1.uff")
+    true = {f"{n}.{c}": truth["walls"][w][c] for n, w in zip(names, ("flange", "web"), strict=True) for c in CONSTANTS}
+    return Structure(mesh, walls, size=size), Measurement(frfs, points, inputs=inputs), true | truth["rayleigh"]
+
+
+def updates(*kinds: str) -> None:
+    """Constants of the stored solids from their FRFs with an empty recipe, from what a user knows."""
+    for kind in kinds:
+        body, measurement, true = stated(json.loads((OPEN / f"{kind}-1.truth.json").read_text()), 4)
+        start = time.process_time()
+        result = update(measurement, body, Recipe(damping_models=("rayleigh",)))
+        took = time.process_time() - start
+        print(f"  {kind}: {body.model.stiffness.size} dofs, {took:.0f} s CPU; {result.verdict.level}")
+        for each in (p for p in result.parameters if p.name in true and p.identifiable):
+            value, (low, high) = true[each.name], each.interval_95
+            z = (each.estimate - value) / each.standard_deviation
+            inside = "inside" if low <= value <= high else "OUTSIDE"
+            print(
+                f"    {each.name:12s} {100 * (each.estimate / value - 1):+7.2f} %   z {z:+5.2f}   {inside} 95 %",
+                flush=True,
+            )
+
+
+def main(part: str = "all", *kinds: str) -> None:
+    """Print the tables, or one of `elements`, `joints`, `size`, `s8r` and `updates`."""
+    if not Path(OPEN).exists():
+        print("  (the stored solids are absent)")
+        kinds, part = (), "elements" if part == "all" else part
+    if part in ("all", "elements"):
+        elements()
+    if part in ("all", "joints"):
+        joints(*(kinds or BODIES))
+    if part in ("all", "size"):
+        size()
+    if part in ("all", "s8r") and shutil.which("ccx"):
+        for kind in kinds or ("panel", "channel"):
+            s8r(kind)
+    if part in ("all", "updates"):
+        updates(*(kinds or BODIES))

@@ -1,0 +1,184 @@
+"""Points on surfaces: the nearest point of the shells and beams, and what moves there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fecore.arrays import BoolArray, FloatArray, IntArray
+from fecore.body.mesh import BEAMS, SHELLS, Mesh
+from fecore.body.supports import turning
+from fecore.errors import OffSpecimenError
+
+TOLERANCE = 0.002
+"""m beyond half the wall by which a point may lie off the middle surface, unless stated: tapes differ from callipers."""
+
+_STEPS = 12  # of Gauss and Newton: a point on a flat element is found in one
+
+
+@dataclass(frozen=True)
+class Places:
+    """Points found on the surface.
+
+    Attributes:
+        nodes: (p, n) nodes of each point's element; beyond an element's own its first with no weight.
+        functions: (p, n) shape functions.
+        shift: (p, n, 3) rigid links from the nodes to the element.
+        foot: (p, 3) the nearest places themselves.
+        arm: (p, 3) from there to the point, m; from a shell's free edge along its normal alone.
+        distance: (p,) from the surface, m.
+        thickness: (p,) nominal thickness of the wall, m.
+        block: (p,) number of the element's block.
+        normal: (p, 3) of the surface.
+        on_beam: (p,) whether it is a beam.
+    """
+
+    nodes: IntArray
+    functions: FloatArray
+    shift: FloatArray
+    foot: FloatArray
+    arm: FloatArray
+    distance: FloatArray
+    thickness: FloatArray
+    block: IntArray
+    normal: FloatArray
+    on_beam: BoolArray
+
+    def rows(self, directions: FloatArray) -> FloatArray:
+        """(p, n, 6) displacement of the points along (p, 3) directions by the nodes' dofs."""
+        arms = turning(self.shift + self.arm[:, None])
+        moved = np.concatenate([np.broadcast_to(np.eye(3), arms.shape), arms], axis=-1)
+        return np.asarray(self.functions[..., None] * np.einsum("pk,pnkd->pnd", directions, moved))
+
+    def turns(self) -> FloatArray:
+        """(p, 3, n, 6) rotations at the points by the nodes' dofs."""
+        found = np.zeros((*self.functions.shape[:1], 3, self.functions.shape[1], 6))
+        found[..., 3:] = self.functions[:, None, :, None] * np.eye(3)[:, None]
+        return found
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """The shells and beams of a mesh as they lie in space.
+
+    Attributes:
+        mesh: the mesh.
+        shifts: (e, n, 3) of each block: from the mesh's nodes to where its elements begin.
+        thickness: nominal thickness of each block, m; of beams twice how far material lies from the axis.
+        reach: m along x, y and z by which a point may lie further away than half the wall.
+    """
+
+    mesh: Mesh
+    shifts: tuple[FloatArray, ...]
+    thickness: tuple[float, ...]
+    reach: tuple[float, float, float] = (TOLERANCE,) * 3
+
+    @cached_property
+    def _elements(self) -> tuple[tuple[FloatArray, ...], IntArray, FloatArray, FloatArray]:
+        """Coordinates of each block's elements; of all elements (e, 2) block and number, centres and radii of balls around."""
+        x = tuple(
+            self.mesh.nodes[block.nodes] + shift for block, shift in zip(self.mesh.blocks, self.shifts, strict=True)
+        )
+        numbers = np.concatenate([np.column_stack([np.full(len(e), k), np.arange(len(e))]) for k, e in enumerate(x)])
+        centres = [e.mean(axis=1) for e in x]
+        # A curved element's surface may leave the ball of its nodes by some share of its size.
+        radii = [1.1 * np.linalg.norm(e - c[:, None], axis=2).max(axis=1) for e, c in zip(x, centres, strict=True)]
+        return x, numbers, np.concatenate(centres), np.concatenate(radii)
+
+    def find(self, points: FloatArray, tolerance: float | None = None) -> Places:
+        """The nearest points of the surface to (p, 3) points. One beyond an edge counts as on it.
+
+        Args:
+            points: m.
+            tolerance: m by which a point may lie further from the surface than half the wall; `reach` if not stated.
+
+        Raises:
+            OffSpecimenError: a point lies further.
+        """
+        found = self.nearest(points)
+        wall = found.thickness[:, None] / 2 * np.where(found.on_beam[:, None], 1.0, np.abs(found.normal))
+        reach = np.array(self.reach if tolerance is None else (tolerance,) * 3)
+        off = np.any(np.abs(points - found.foot) > wall + reach * (1 + 1e-9), axis=1)
+        if np.any(off):
+            index = int(np.flatnonzero(off)[0])
+            place = ", ".join(f"{x:g}" for x in points[index])
+            low, high = self.mesh.nodes.min(axis=0), self.mesh.nodes.max(axis=0)
+            spans = ", ".join(f"{n} {a:g} … {b:g} m" for n, a, b in zip("xyz", low, high, strict=True) if b > a)
+            raise OffSpecimenError(
+                index,
+                f"({place}) m lies {1000 * found.distance[index]:.3g} mm off the specimen, which spans {spans}",
+            )
+        return found
+
+    def nearest(self, points: FloatArray) -> Places:
+        """The nearest points of the surface, however far."""
+        blocks, numbers, centres, radii = self._elements
+        width = max(x.shape[1] for x in blocks)
+        near = [np.linalg.norm(centres - point, axis=1) for point in points]
+        close = [np.flatnonzero(away - radii <= away.min()) for away in near]
+        p = np.repeat(np.arange(len(points)), [each.size for each in close])
+        e = np.concatenate([np.zeros(0, dtype=np.int64), *close])
+        best = np.full(len(points), np.inf)
+        nodes, functions = np.zeros((len(points), width), dtype=np.int64), np.zeros((len(points), width))
+        shift, foot, normal = np.zeros((len(points), width, 3)), np.zeros((len(points), 3)), np.zeros((len(points), 3))
+        number = np.zeros(len(points), dtype=np.int64)
+        for k, x in enumerate(blocks):
+            own = numbers[e, 0] == k
+            who, element = p[own], numbers[e[own], 1]
+            N, place, n = self._project(self.mesh.blocks[k].kind, x[element], points[who])
+            distance = np.linalg.norm(points[who] - place, axis=1)
+            order = np.argsort(-distance, kind="stable")  # the nearest is written last
+            order = order[distance[order] < best[who[order]]]
+            at, count = who[order], x.shape[1]
+            nodes[at] = self.mesh.blocks[k].nodes[element[order], :1]
+            functions[at], shift[at] = 0, 0
+            nodes[at, :count], functions[at, :count] = self.mesh.blocks[k].nodes[element[order]], N[order]
+            shift[at, :count], foot[at], normal[at] = self.shifts[k][element[order]], place[order], n[order]
+            best[at], number[at] = distance[order], k
+        on_beam = np.array([not block.is_shell for block in self.mesh.blocks])[number]
+        arm = points - foot
+        # Beside a shell's edge a point counts as on it; beside a junction's rigid link, as what the link carries.
+        carried = on_beam | shift.any(axis=(1, 2))
+        arm = np.where(carried[:, None], arm, np.sum(arm * normal, axis=1, keepdims=True) * normal)
+        return Places(
+            nodes,
+            functions,
+            shift,
+            foot=foot,
+            arm=arm,
+            distance=best,
+            thickness=np.array(self.thickness)[number],
+            block=number,
+            normal=normal,
+            on_beam=on_beam,
+        )
+
+    def _project(self, kind: str, x: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Shape functions at, and place and normal of, the point of each element nearest to each point (Gauss and Newton).
+
+        Of a beam the normal points to the point.
+        """
+        if kind in BEAMS:
+            beam, along = BEAMS[kind], np.zeros(len(x))
+            for _ in range(_STEPS):
+                tangent = np.einsum("en,enk->ek", beam.derivatives(along), x)
+                missing = points - np.einsum("en,enk->ek", beam.functions(along), x)
+                step = np.einsum("ek,ek->e", tangent, missing) / np.einsum("ek,ek->e", tangent, tangent)
+                along = np.clip(along + step, -1, 1)
+            N = beam.functions(along)
+            place = np.einsum("en,enk->ek", N, x)
+            return N, place, (points - place) / np.maximum(np.linalg.norm(points - place, axis=1), 1e-300)[:, None]
+        shell = SHELLS[kind]
+        natural = np.tile(shell.corners[: len(shell.sides)].mean(axis=0), (len(x), 1))
+        for _ in range(_STEPS):
+            tangents = np.einsum("ean,enk->eak", shell.derivatives(natural), x)
+            missing = points - np.einsum("en,enk->ek", shell.functions(natural), x)
+            gram = tangents @ tangents.transpose(0, 2, 1)
+            step = np.linalg.solve(gram, np.einsum("eak,ek->ea", tangents, missing)[..., None])[..., 0]
+            natural = shell.inside(natural + step)
+        N = shell.functions(natural)
+        tangents = np.einsum("ean,enk->eak", shell.derivatives(natural), x)
+        normal = np.cross(tangents[:, 0], tangents[:, 1])
+        return N, np.einsum("en,enk->ek", N, x), normal / np.linalg.norm(normal, axis=1, keepdims=True)

@@ -1,0 +1,68 @@
+"""Bodies that are structures by other names of their constants."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fecore.arrays import BoolArray, FloatArray
+from fecore.body.model import Model
+from fecore.body.structure import Structure
+from fecore.body.supports import Spring
+
+BEYOND_EDGE = 0.02
+"""Share of a dimension by which a point may lie beyond the edge and count as on it: tapes differ from callipers."""
+
+
+class OfStructure:
+    """A body that is a structure by other names of its constants: `row` gives each of the structure's from one's own."""
+
+    springs: tuple[Spring, ...]
+
+    @property
+    def nominal(self) -> dict[str, float]:
+        """Constants that can be parameters, by name, SI."""
+        raise NotImplementedError
+
+    @property
+    def structure(self) -> Structure:
+        """The structure at nominal constants."""
+        raise NotImplementedError
+
+    def row(self, name: str, own: dict[str, FloatArray]) -> FloatArray | float | None:
+        """A constant of the structure by its name; None where it is nominal."""
+        raise NotImplementedError
+
+    @property
+    def model_error(self) -> float:
+        """0: strips, plates and beams have no joints."""
+        return 0.0
+
+    @property
+    def model(self) -> Model:
+        """The affine finite element model, which holds for any constants.
+
+        Raises:
+            InputError: the geometry, or the place of a mass or a spring, is wrong.
+        """
+        return self.structure.model
+
+    def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
+        """(k, …) coefficients of the model's stiffness, springs apart."""
+        return self.structure.stiffness_coefficients(self._spread(constants))
+
+    def mass_coefficients(self, constants: FloatArray) -> FloatArray:
+        """(j, …) coefficients of the model's mass."""
+        return self.structure.mass_coefficients(self._spread(constants))
+
+    def are_physical(self, constants: FloatArray) -> BoolArray:
+        """(…) whether the constants are those of a stable material and a real section."""
+        return self.structure.are_physical(self._spread(constants))
+
+    def _spread(self, constants: FloatArray) -> FloatArray:
+        """(c', …) the structure's constants."""
+        own = dict(zip(self.nominal, constants, strict=True))
+        found = np.empty((len(self.structure.nominal), *constants.shape[1:]), dtype=constants.dtype)
+        for place, (name, value) in enumerate(self.structure.nominal.items()):
+            row = self.row(name, own)
+            found[place] = value if row is None else row
+        return found

@@ -1,0 +1,143 @@
+"""From blocks of elements to operators over the dofs of nodes: geometry, areas, thickness, rigid links."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fecore.arrays import FloatArray, IntArray
+from fecore.body.affine import distinct
+from fecore.body.elements.shells import drilling, motions
+from fecore.body.mesh import BEAMS, SHELLS, Block
+from fecore.body.sections import ShellSection
+from fecore.body.supports import Link
+
+_STRAIN_POWERS = np.array([1, 1, 1, 3, 3, 3, 1, 1]) / 2
+_MOTION_POWERS = np.array([1, 1, 1, 3, 3, 3, 3]) / 2
+"""Of the relative thickness r in rows of strains and motions: so A and S go with r, B with r², D with r³."""
+
+
+_THIN = 10
+"""The drilling of an element wider than so many thicknesses goes down with (t/h)², as bending does: else it locks warped
+shells.
+"""
+
+
+@dataclass(frozen=True)
+class Operators:
+    """Operators of elements, alike ones once.
+
+    Attributes:
+        nodes: (e, n) node numbers.
+        which: (e,) operator of each element.
+        rows: (s, p, r, n, 6) rows over the nodes' dofs, times the root of what a point stands for.
+    """
+
+    nodes: IntArray
+    which: IntArray
+    rows: FloatArray
+
+    def linked(self, links: Mapping[int, Link], places: FloatArray) -> list[Operators]:
+        """The same with every led node's dofs in terms of its leaders'; apart where elements have different numbers of
+        nodes.
+        """
+        touched = np.isin(self.nodes, list(links)).any(axis=1)
+        if not touched.any():
+            return [self]
+        found = [Operators(self.nodes[~touched], self.which[~touched], self.rows)] if not touched.all() else []
+        alone: dict[int, list[tuple[list[int], FloatArray]]] = defaultdict(list)
+        for element in np.flatnonzero(touched):
+            nodes, rows = _led(self.nodes[element].tolist(), self.rows[self.which[element]], links, places)
+            alone[len(nodes)].append((nodes, rows))
+        for group in alone.values():
+            rows = np.array([rows for _, rows in group])
+            found.append(Operators(np.array([nodes for nodes, _ in group]), np.arange(len(group)), rows))
+        return found
+
+
+def shell_operators(
+    block: Block,
+    nodes: FloatArray,
+    shift: FloatArray,
+    section: ShellSection,
+    with_drilling: bool,
+) -> tuple[Operators, Operators, Operators | None]:
+    """Strains, motions and drilling of a block of shells.
+
+    Args:
+        block: the elements.
+        nodes: (n, 3) the mesh's nodes.
+        shift: (e, n, 3) rigid links from the mesh's nodes to the elements'.
+        section: of the set.
+        with_drilling: whether there are rotations about the normal.
+    """
+    x = nodes[block.nodes] + shift
+    r = np.ones(x.shape[:2]) if block.thickness is None else block.thickness
+    key = np.concatenate([x - x[:, :1], shift, r[..., None] * np.abs(x - x[:, :1]).max(initial=1e-300)], axis=2)
+    chosen, which = distinct(key)
+    x, shift, r = x[chosen], shift[chosen], r[chosen]
+    shell, along = SHELLS[block.kind], np.array(section.axis, dtype=float)
+
+    def weighed(found: tuple[FloatArray, FloatArray, FloatArray], powers: FloatArray) -> Operators:
+        rows, area, N = found
+        scale = np.sqrt(area)[..., None] * (r @ N.T)[..., None] ** powers
+        return Operators(block.nodes, which, _hung(rows * scale[..., None, None], shift))
+
+    strains = weighed(shell.strains(x, along), _STRAIN_POWERS)
+    motion = weighed(motions(shell, x, along), _MOTION_POWERS)
+    if not with_drilling:
+        return strains, motion, None
+    twist, area, N = drilling(shell, x, along)
+    thin = np.minimum(1, _THIN * section.thickness / np.sqrt(area.sum(axis=1)))[:, None, None, None, None]
+    return strains, motion, weighed((twist * thin, area, N), _STRAIN_POWERS[:1])
+
+
+def beam_operators(
+    nodes: IntArray, kind: str, places: FloatArray, axis: FloatArray, shift: FloatArray | None = None
+) -> tuple[Operators, Operators]:
+    """Strains and motions of (e, n) beams; `axis` is n₁, `shift` (e, n, 3) rigid links to the beam's own axis."""
+    arm = np.zeros((*nodes.shape, 3)) if shift is None else shift
+    x = places[nodes] + arm
+    chosen, which = distinct(np.concatenate([x - x[:, :1], arm], axis=2))
+    found = []
+    for rows, length, _ in (BEAMS[kind].strains(x[chosen], axis), BEAMS[kind].motions(x[chosen], axis)):
+        found.append(Operators(nodes, which, _hung(rows * np.sqrt(length)[..., None, None, None], arm[chosen])))
+    return found[0], found[1]
+
+
+def _hung(rows: FloatArray, shift: FloatArray) -> FloatArray:
+    """Rows over nodes from which the elements hang by (e, n, 3) rigid links r: u + θ × r, of which a · (θ × r) = θ · (r ×
+    a).
+    """
+    if shift.any():
+        rows[..., 3:] += np.cross(shift[:, None, None], rows[..., :3])
+    return rows
+
+
+def _led(
+    nodes: list[int], rows: FloatArray, links: Mapping[int, Link], places: FloatArray
+) -> tuple[list[int], FloatArray]:
+    """One element's nodes and (p, r, n, 6) rows, with each led node replaced by its leaders, as long as there is one."""
+    while any(node in links for node in nodes):
+        columns: dict[int, FloatArray] = {}
+        for place, node in enumerate(nodes):
+            own = rows[:, :, place]
+            parts = [(node, np.eye(6))]
+            if node in links:
+                link = links[node]
+                stays = np.eye(6)
+                stays[list(link.dofs)] = 0
+                parts = list(zip(link.leaders, link.matrices(places), strict=True))
+                if stays.any():
+                    parts.append((_OWN + node, stays))
+            for target, matrix in parts:
+                columns[target] = columns.get(target, 0) + own @ matrix
+        nodes = list(columns)
+        rows = np.stack([columns[node] for node in nodes], axis=2)
+    return [node % _OWN for node in nodes], rows
+
+
+_OWN = 1 << 40  # marks the dofs that a led node keeps

@@ -1,0 +1,358 @@
+"""A structure as an engineer describes it, and how its model's coefficients follow from its constants.
+
+Its constants are those of its sections by set, `flange.E1`, `web.t`, and closed forms lead from them to the coefficients
+c(q) and m(q) of its affine model (`fecore.body.constants.Body`). Sets that share a material have a common prior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fecore.arrays import BoolArray, FloatArray
+from fecore.body.beams import BeamSection
+from fecore.body.carried import KNOWN, mass_parts, spring_parts
+from fecore.body.constants import SIGNED, kind_of
+from fecore.body.joints import Joints
+from fecore.body.junctions import Junction, encloses, find_junctions
+from fecore.body.locate import TOLERANCE, Surfaces
+from fecore.body.mesh import Mesh
+from fecore.body.model import Model, Part, assemble, unresisted
+from fecore.body.operators import beam_operators, shell_operators
+from fecore.body.sections import INERTIAS, OF_INERTIAS, ShellSection, inertia_blocks, inertia_matrices
+from fecore.body.supports import Clamp, Link, Mass, Spring, Support, free_dofs, rigid_motions
+from fecore.errors import InputError
+
+COMMON_SD, OWN_SD = 0.30, 0.15
+"""Relative prior of a material, and scatter of the sets that are made of it."""
+
+JOINTS_ERROR, HARD_JOINTS_ERROR, NAIVE_ERROR, UNLIKE_WALLS = 0.003, 0.0045, 0.016, 1.5
+"""Relative errors of a frequency by joints, as `Structure.model_error`, and from which ratio of thicknesses they are hard."""
+
+
+@dataclass(frozen=True)
+class CommonPrior:
+    """Constants of sets that are made of one material: one unknown in common, and a scatter of each.
+
+    Attributes:
+        constants: such as `flange.E1` and `web.E1`.
+        common: relative sd of what they share.
+        own: relative sd of each about it; 0 ties them.
+    """
+
+    constants: tuple[str, ...]
+    common: float = COMMON_SD
+    own: float = OWN_SD
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A mesh with what makes it a body.
+
+    Attributes:
+        mesh: the mesh.
+        sections: of each set.
+        supports: what holds it.
+        springs: elastic supports; their stiffnesses can be updating parameters, by their names.
+        masses: what it carries.
+        links: nodes that others lead.
+        with_joints: model junctions (`fecore.body.joints`); without, walls meet at their middle surfaces.
+        dofs: numbers of the dofs of a node; a flat strip needs w, θx, θy alone.
+        size: nominal length, width and height along x, y and z of a body whose walls lie along these, with axis 1 along x:
+            they are constants then. Or the length alone, or length and width.
+        clamps: edges held by springs whose compliance is a constant.
+        reach: m along x, y and z by which a point may lie further from the surface than half the wall.
+    """
+
+    mesh: Mesh
+    sections: Mapping[str, ShellSection | BeamSection]
+    supports: tuple[Support, ...] = ()
+    springs: tuple[Spring, ...] = ()
+    masses: tuple[Mass, ...] = ()
+    links: tuple[Link, ...] = ()
+    with_joints: bool = True
+    dofs: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
+    size: tuple[float, ...] = ()
+    clamps: tuple[Clamp, ...] = ()
+    reach: tuple[float, float, float] = (TOLERANCE,) * 3
+
+    def __post_init__(self) -> None:
+        for block in self.mesh.blocks:
+            if block.set not in self.sections:
+                raise InputError("sections", f"has none for the set {block.set}; there are {', '.join(self.sections)}")
+            if isinstance(self.sections[block.set], ShellSection) != block.is_shell:
+                raise InputError("sections", f"of the set {block.set} is not one of {block.kind} elements")
+
+    @cached_property
+    def nominal(self) -> dict[str, float]:
+        """Constants by name, SI."""
+        found = {f"{name}.{c}": v for name in self.mesh.sets for c, v in self.sections[name].nominal.items()}
+        found |= dict(zip(_SIZES, self.size, strict=False))
+        return found | {clamp.name: clamp.compliance for clamp in self.clamps}
+
+    @property
+    def junctions(self) -> tuple[Junction, ...]:
+        """Where walls were found to meet."""
+        return self.model.joints.junctions
+
+    @property
+    def model_error(self) -> float:
+        """Relative error of a natural frequency by the model of joints, independent from mode to mode; 0 without any.
+
+        Fixed beforehand, by solids of another code: .3 %, and .45 % where walls enclose a cell or their thicknesses differ by
+        more than half. Where walls meet at their middle surfaces instead it is 1.6 %.
+        """
+        if not self.with_joints:
+            return NAIVE_ERROR if len(self.dofs) == 6 and find_junctions(self.mesh, self._thickness) else 0.0
+        junctions = self.junctions
+        if not junctions:
+            return 0.0
+        ratios = [max(t) / min(t) for t in ([wall[1] for wall in junction.walls] for junction in junctions)]
+        return HARD_JOINTS_ERROR if max(ratios) > UNLIKE_WALLS or encloses(self.mesh, junctions) else JOINTS_ERROR
+
+    @property
+    def _thickness(self) -> dict[str, float]:
+        return {name: part.thickness for name, part in self.sections.items() if isinstance(part, ShellSection)}
+
+    def common_priors(self) -> tuple[CommonPrior, ...]:
+        """Moduli of sets whose first materials are nominally alike, as constants of one material."""
+        sets: dict[object, list[str]] = {}
+        for name in self.mesh.sets:
+            section = self.sections[name]
+            if isinstance(section, ShellSection):
+                sets.setdefault(section.materials[0], []).append(name)
+        return tuple(
+            CommonPrior(tuple(f"{name}.{constant}" for name in names))
+            for names in sets.values()
+            if len(names) > 1
+            for constant in ("E1", "E2", "G12", "G13", "G23", "nu12")
+        )
+
+    @cached_property
+    def model(self) -> Model:
+        """The affine finite element model, which holds for any constants.
+
+        Raises:
+            InputError: the place of a support, spring or mass is wrong, or a spring acts on nothing that can move.
+        """
+        thickness = self._thickness
+        axes = {name: section.axis for name, section in self.sections.items()}
+        folded = self.with_joints and len(self.dofs) == 6  # with fewer dofs a body is flat
+        joints = Joints(self.mesh, find_junctions(self.mesh, thickness) if folded else (), axes)
+        walls = [(s.thickness if isinstance(s, ShellSection) else 2 * s.reach) for s in self._sections]
+        surfaces = Surfaces(self.mesh, joints.shifts, tuple(walls), self.reach)
+        parts = [*self._walls(joints), *self._beads(joints)]
+        held = (*(clamp.spring for clamp in self.clamps), *self.springs)
+        springs = self._linked(spring_parts(self.mesh, surfaces, held))
+        stiffness = [*self._linked([one for some, _ in parts for one in some]), *springs]
+        mass = self._linked([*(part for _, part in parts), *mass_parts(surfaces, self.masses)])
+        used = np.unique(np.concatenate([part.operators.nodes.ravel() for part in (*stiffness, *mass)]))
+        free = free_dofs(self.mesh, self.supports, used, self.dofs)
+        K, M = assemble(stiffness, mass, free, self.dofs)
+        for spring in held:
+            if spring.name not in K.names or not K.term(K.names.index(spring.name)).data.any():
+                raise InputError("spring", f"{spring.name} acts on nothing that moves in this model")
+        motions = rigid_motions(self.mesh.nodes)[:, list(self.dofs)]
+        rigid = unresisted(motions, used, free, K, len(K.names) - len(held))
+        return Model(self.mesh, joints, surfaces, self.dofs, stiffness=K, mass=M, rigid_modes=rigid)
+
+    @property
+    def _sections(self) -> list[ShellSection | BeamSection]:
+        """The section of each block."""
+        return [self.sections[block.set] for block in self.mesh.blocks]
+
+    def _walls(self, joints: Joints) -> Iterator[tuple[list[Part], Part]]:
+        """Stiffness and mass of each block."""
+        for block, shift in zip(self.mesh.blocks, joints.shifts, strict=True):
+            section = self.sections[block.set]
+            if isinstance(section, ShellSection):
+                strains, motions, drilling = shell_operators(
+                    block, self.mesh.nodes, shift, section, _DRILLING in self.dofs
+                )
+                one = np.ones((1, 1, 1)), (f"{block.set}.drilling",), _ONE
+                stiffness = [] if drilling is None else [Part(drilling, *one)]
+                motion = Part(motions, inertia_matrices(), _named(block.set, INERTIAS), inertia_blocks())
+            else:
+                arm = shift + np.array(section.offset)
+                strains, motions = beam_operators(block.nodes, block.kind, self.mesh.nodes, np.array(section.axis), arm)
+                stiffness = []
+                names = _named(block.set, section.motions)
+                motion = Part(motions, section.mass_matrices, names, section.motion_blocks)
+            stiffness.insert(0, Part(strains, section.matrices, _named(block.set, section.terms), section.blocks))
+            yield stiffness, motion
+
+    def _beads(self, joints: Joints) -> Iterator[tuple[list[Part], Part]]:
+        """Stiffness and mass of the joints' beads, set by set."""
+        for bead in joints.beads:
+            kind = f"beam{bead.nodes.shape[1]}"
+            strains, motions = beam_operators(bead.nodes, kind, self.mesh.nodes, bead.axis)
+            for (name, angle), stiffness, mass in zip(bead.walls, bead.stiffness, bead.mass, strict=True):
+                prefix = _joint(name, angle)
+                yield (
+                    [Part(strains, stiffness, _named(prefix, ("E", "G", "Gt")), _THREE)],
+                    Part(motions, _by_motion(mass), _named(prefix, ("density_1", "density")), _TWO),
+                )
+
+    def _linked(self, parts: list[Part]) -> list[Part]:
+        """Parts with led nodes replaced by their leaders."""
+        links = {link.node: link for link in self.links}
+        if not links:
+            return parts
+        return [
+            Part(operators, part.terms, part.names, part.blocks)
+            for part in parts
+            for operators in part.operators.linked(links, self.mesh.nodes)
+        ]
+
+    def _of(self, constants: FloatArray) -> dict[str, dict[str, FloatArray]]:
+        """Constants by set and name."""
+        found: dict[str, dict[str, FloatArray]] = {}
+        for name, value in zip(self.nominal, constants, strict=True):
+            set_name, _, constant = name.rpartition(".")
+            found.setdefault(set_name, {})[constant] = value
+        return found
+
+    def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
+        """(k, …) coefficients of the model's stiffness, springs apart, from (c, …) constants in the order of `nominal`."""
+        of = self._of(constants)
+        values: dict[str, FloatArray] = {}
+        for name in self.mesh.sets:
+            section = self.sections[name]
+            if isinstance(section, ShellSection):
+                found = section.coefficients(of[name], bending_alone=not {0, 1} & set(self.dofs))
+                values |= dict(zip(_named(name, (*section.terms, "drilling")), found, strict=True))
+            else:
+                values |= dict(zip(_named(name, section.terms), section.coefficients(of[name]), strict=True))
+        for name, angle in self._joint_walls:
+            along = self._shell(name).along(of[name], angle)
+            values |= dict(zip(_named(_joint(name, angle), ("E", "G", "Gt")), along[:3], strict=True))
+        values |= {clamp.name: clamp.stiffness / of[""][clamp.name] for clamp in self.clamps}
+        names = self.model.stiffness.names
+        return self._stretched(names[: len(names) - len(self.springs)], values, of.get("", {}))
+
+    def mass_coefficients(self, constants: FloatArray) -> FloatArray:
+        """(j, …) coefficients of the model's mass."""
+        of, one = self._of(constants), np.ones_like(constants[0])
+        values = {KNOWN: one, **{mass.name: one for mass in self.masses}}
+        for name in self.mesh.sets:
+            section = self.sections[name]
+            if isinstance(section, ShellSection):
+                inertia = section.inertia(of[name])
+                values |= dict(zip(_named(name, INERTIAS), inertia[list(OF_INERTIAS)], strict=True))
+            else:
+                values |= dict(zip(_named(name, section.motions), section.inertias(of[name]), strict=True))
+        for name, angle in self._joint_walls:
+            values |= dict.fromkeys(_named(_joint(name, angle), ("density_1", "density")), of[name]["density"])
+        return self._stretched(self.model.mass.names, values, of.get("", {}))
+
+    def are_physical(self, constants: FloatArray) -> BoolArray:
+        """(…) whether moduli, densities and dimensions are positive and plane-stress stiffnesses positive definite."""
+        names = list(self.nominal)
+        signed = np.array([kind_of(name) in SIGNED for name in names])
+        good = np.all(constants[~signed] > 0, axis=0)
+        for row, name in enumerate(names):
+            if kind_of(name) == "nu12":
+                E1, E2 = (constants[names.index(name.replace("nu12", E))] for E in ("E1", "E2"))
+                good = good & (constants[row] ** 2 * E2 < 0.99 * E1)
+        return np.asarray(good)
+
+    @cached_property
+    def _joint_walls(self) -> tuple[tuple[str, float], ...]:
+        return tuple(dict.fromkeys(wall for bead in self.model.joints.beads for wall in bead.walls))
+
+    def _shell(self, name: str) -> ShellSection:
+        section = self.sections[name]
+        assert isinstance(section, ShellSection)
+        return section
+
+    def _stretched(
+        self, names: tuple[str, ...], values: Mapping[str, FloatArray], whole: Mapping[str, FloatArray]
+    ) -> FloatArray:
+        """Values by name of a body whose mesh has the nominal dimensions.
+
+        Where x = αx', y = βy', z = γz', take u' = αu, v' = βv, w' = γw, and θx' = βγθx and so on. Then the strains of the
+        stretched body are those of the mesh times powers of the stretches along a wall's axes 1 and 2 and its normal. Walls
+        keep their thickness. (Joints follow the length alone, and masses at points move a little too much.)
+        """
+        if not self.size:
+            return np.stack([values[name] for name in names])
+        ratios = [whole[name] / size for name, size in zip(_SIZES, self.size, strict=False)]
+        rows = []
+        for name in names:
+            set_name, _, last = name.rpartition(".")
+            row = values[name]
+            for axis, power in zip(self._axes.get(set_name, (0, 1, 2)), _powers(last), strict=True):
+                if power and axis < len(ratios):
+                    row = row * ratios[axis] ** power
+            rows.append(row)
+        return np.stack(rows)
+
+    @cached_property
+    def _axes(self) -> dict[str, tuple[int, int, int]]:
+        """Of each set of shells, which of x, y and z its axes 1 and 2 and its normal lie along.
+
+        Raises:
+            InputError: a wall lies askew, so that the body cannot be stretched.
+        """
+        found: dict[str, tuple[int, int, int]] = {}
+        for block in self.mesh.blocks:
+            if block.is_shell:
+                flat = [
+                    axis for axis in (1, 2) if not np.ptp(self.mesh.nodes[block.nodes][..., axis], axis=1).max() > 1e-9
+                ]
+                if not flat or found.setdefault(block.set, (0, 3 - flat[0], flat[0])) != (0, 3 - flat[0], flat[0]):
+                    raise InputError("size", f"of a body whose set {block.set} does not lie along x and y or x and z")
+        return found
+
+
+_SIZES = ("length", "width", "height")
+
+
+def _powers(name: str) -> tuple[int, int, int]:
+    """Of the stretches along axis 1, axis 2 and the normal in a coefficient: A11, I0_1, or E of a joint."""
+    if name in _ALONG:
+        return _ALONG[name], 0, 0
+    if name[0] in "ABD":
+        return *_PLANE[name[1:]], -"ABD".index(name[0])
+    return _OTHERS.get(name, (0, 0, 0))
+
+
+_PLANE = {"11": (-3, 1), "12": (-1, -1), "22": (1, -3), "66": (-1, -1), "16": (-2, 0), "26": (0, -2)}
+_OTHERS = {
+    "S55": (-1, 1, -2),
+    "S44": (1, -1, -2),
+    "S45": (0, 0, -2),
+    "drilling": (-1, -1, 0),
+    **{f"I{n}_{axis}": (*power, -n) for n in (0, 1, 2) for axis, power in ((1, (-1, 1)), (2, (1, -1)))},
+    **{f"I{n}_3": (1, 1, -2) for n in (0, 1, 2)},
+}
+_ALONG = {
+    **dict.fromkeys(("E", "EA", "EI1", "EI2", "EI12"), -3),
+    **dict.fromkeys(("G", "Gt", "density_1", "GA1", "GA2", "GJ", "m_1", "mI1", "mI2", "mI12"), -1),
+    **dict.fromkeys(("density", "m", "mJ"), 1),
+}
+
+_DRILLING = 5  # a flat body whose nodes do not turn about z has no drilling
+_ONE = (np.array([[0]]),)
+_TWO = (*_ONE, np.array([[1]]))
+_THREE = (*_TWO, np.array([[2]]))
+
+
+def _named(prefix: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"{prefix}.{name}" for name in names)
+
+
+def _joint(name: str, angle: float) -> str:
+    """Prefix of the coefficients of a set in joints along lines at an angle from its axis 1."""
+    return f"{name}.joint" if not angle else f"{name}.joint at {np.degrees(angle):.1f}°"
+
+
+def _by_motion(mass: FloatArray) -> FloatArray:
+    """(2, 6, 6) the part of a beam's mass that moves along it, and the rest."""
+    found = np.zeros((2, 6, 6))
+    for part, rows in zip(found, ([0, 4, 5], [1, 2, 3]), strict=True):
+        part[np.ix_(rows, rows)] = mass[np.ix_(rows, rows)]
+    return found

@@ -1,0 +1,146 @@
+"""Junctions: found on any mesh, and a joint model that has the body's mass."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy
+
+from fecore.body.generators import panel, profile
+from fecore.body.laminate import OrthotropicMaterial, Ply
+from fecore.body.mesh import Block, Mesh
+from fecore.body.sections import ShellSection
+from fecore.body.structure import Structure
+from tests.support.shells import grid, isotropic
+
+GFRP = OrthotropicMaterial(25e9, 9e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
+
+
+def wall(t: float) -> ShellSection:
+    return ShellSection((Ply(GFRP, t),))
+
+
+def mass(structure: Structure) -> np.ndarray:
+    """(6, 6) mass matrix of the rigid body about its nodes' centre."""
+    q = np.array(list(structure.nominal.values()))
+    motions = structure.model.motions
+    return motions.T @ (structure.model.mass.at(structure.mass_coefficients(q)) @ motions)
+
+
+@pytest.mark.parametrize(
+    ("shape", "lines", "area"),
+    [
+        ("i", 2, 2 * 0.04 * 0.005 + 0.05 * 0.004),
+        ("box", 4, 2 * 0.04 * 0.005 + 2 * 0.05 * 0.004),
+        ("channel", 2, 2 * 0.04 * 0.005 + 0.05 * 0.004),
+        ("angle", 1, 0.04 * 0.005 + 0.055 * 0.004),
+        ("tee", 1, 0.04 * 0.005 + 0.055 * 0.004),
+    ],
+)
+def test_profiles_have_their_lines_and_their_mass(shape, lines, area) -> None:
+    mesh = profile(shape, 0.3, 0.06, 0.04, 0.005, 0.004, elements=3)
+    structure = Structure(mesh, {"flange": wall(0.005), "web": wall(0.004)})
+    found = structure.junctions
+    assert len(found) == lines
+    for junction in found:
+        assert junction.length == pytest.approx(0.3)
+        assert {name for name, _, _ in junction.walls} == {"flange", "web"}
+        passing = [name for name, _, passes in junction.walls if passes]
+        assert passing == (["flange", "flange"] if shape in ("i", "tee") else [])
+    assert mass(structure)[0, 0] == pytest.approx(1850 * 0.3 * area, rel=1e-10)  # alike elements are alike to 1e-10
+
+
+def test_moments_of_inertia_are_the_solids() -> None:
+    # An I of full rectangles: its rotary inertia about x is ρL (Iy + Iz), that of shells' overlapping walls is not.
+    h, b, tf, tw, L = 0.06, 0.04, 0.005, 0.004, 0.3
+    mesh = profile("i", L, h, b, tf, tw, elements=6)
+    sections = {"flange": wall(tf), "web": wall(tw)}
+    Iy = b * h**3 / 12 - (b - tw) * (h - 2 * tf) ** 3 / 12
+    Iz = 2 * tf * b**3 / 12 + (h - 2 * tf) * tw**3 / 12
+    exact = 1850 * L * (Iy + Iz)
+    with_joints, without = (mass(Structure(mesh, sections, with_joints=on))[3, 3] for on in (True, False))
+    # The drilling inertia is a little more than none.
+    assert with_joints == pytest.approx(exact, rel=3e-4)
+    assert abs(without / exact - 1) > 5e-3
+
+
+def test_ribs_end_at_the_plate() -> None:
+    mesh = panel(0.4, 0.3, 0.05, 0.004, 0.006, (-0.08, 0.08), elements=6)
+    structure = Structure(mesh, {"plate": wall(0.004), "rib": wall(0.006)})
+    assert [sorted(j.walls) for j in structure.junctions] == [
+        [("plate", 0.004, True), ("plate", 0.004, True), ("rib", 0.006, False)]
+    ] * 2
+    assert structure.junctions[0].angles == pytest.approx((90, 180, 90), abs=1e-6) or sorted(
+        structure.junctions[0].angles
+    ) == pytest.approx([90, 90, 180], abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["quad4", "tri3", "tri6"])
+def test_junctions_are_found_on_users_meshes(kind) -> None:
+    floor = grid(kind, 4, 3, lambda st: np.column_stack([st, 0 * st[:, 0]]), "floor")
+    side = grid(kind, 4, 2, lambda st: np.column_stack([st[:, 0], 0 * st[:, 0], 0.5 * st[:, 1]]), "side")
+    number = np.concatenate([np.arange(len(floor.nodes)), len(floor.nodes) + np.arange(len(side.nodes))])
+    for node, place in enumerate(side.nodes):
+        same = np.flatnonzero(np.abs(floor.nodes - place).max(axis=1) < 1e-12)
+        if same.size:
+            number[len(floor.nodes) + node] = same[0]
+    blocks = (*floor.blocks, Block(kind, number[side.blocks[0].nodes + len(floor.nodes)], "side"))
+    mesh = Mesh(np.concatenate([floor.nodes, side.nodes]), blocks)
+    structure = Structure(mesh, {"floor": isotropic(70e9, 0.3, 0.02), "side": isotropic(70e9, 0.3, 0.01)})
+    (junction,) = structure.junctions
+    assert junction.length == pytest.approx(1)
+    assert junction.angles == pytest.approx((90, 90))
+    assert structure.model.rigid_modes.shape[1] == 6
+
+
+def test_a_curved_surface_has_none() -> None:
+    mesh = grid("quad4", 12, 2, lambda st: np.column_stack([np.cos(3 * st[:, 0]), np.sin(3 * st[:, 0]), st[:, 1]]))
+    section = ShellSection((Ply(GFRP, 0.01),), axis=(0.0, 0.0, 1.0))
+    assert Structure(mesh, {"plate": section}).junctions == ()
+
+
+def test_length_is_an_exact_constant() -> None:
+    sections = {"flange": wall(0.005), "web": wall(0.004)}
+    nominal = Structure(profile("i", 0.3, 0.06, 0.04, 0.005, 0.004, elements=2), sections, size=(0.3,))
+    mesh = nominal.mesh
+    longer = Structure(Mesh(mesh.nodes * [1.1, 1, 1], mesh.blocks, mesh.node_sets), sections)
+    values = []
+    for structure, stretch in ((nominal, True), (longer, False)):
+        q = np.array(list(structure.nominal.values()))
+        if stretch:
+            q[-1] *= 1.1
+        K = structure.model.stiffness.at(structure.stiffness_coefficients(q))
+        M = structure.model.mass.at(structure.mass_coefficients(q))
+        values.append(scipy.linalg.eigh(K.toarray(), M.toarray(), eigvals_only=True, subset_by_index=[6, 15]))
+    np.testing.assert_allclose(values[0], values[1], rtol=1e-6)
+
+
+def test_width_and_height_are_constants_of_a_body_along_the_axes() -> None:
+    """Exact but for the joints, whose sections are nominal: .1 % of a frequency at stretches of 2 %."""
+    sections = {"flange": wall(0.005), "web": wall(0.004)}
+    nominal = Structure(profile("box", 0.3, 0.06, 0.04, 0.005, 0.004, elements=2), sections, size=(0.3, 0.04, 0.06))
+    stretch = np.array([1.01, 0.98, 1.02])
+    mesh = Mesh(nominal.mesh.nodes * stretch, nominal.mesh.blocks, nominal.mesh.node_sets)
+    values = []
+    for joints, rtol in ((False, 1e-6), (True, 3e-3)):
+        for body, factor in ((nominal, stretch), (Structure(mesh, sections), None)):
+            body = replace(body, with_joints=joints)
+            q = np.array(list(body.nominal.values()))
+            if factor is not None:
+                q[-3:] *= factor
+            K = body.model.stiffness.at(body.stiffness_coefficients(q))
+            M = body.model.mass.at(body.mass_coefficients(q))
+            values.append(scipy.linalg.eigh(K.toarray(), M.toarray(), eigvals_only=True, subset_by_index=[6, 15]))
+        np.testing.assert_allclose(values[-2], values[-1], rtol=rtol)
+
+
+def test_a_box_encloses_a_cell_and_has_the_larger_error() -> None:
+    sections = {"flange": wall(0.005), "web": wall(0.004)}
+    for shape, error in (("i", 0.003), ("box", 0.0045), ("channel", 0.003), ("angle", 0.003), ("tee", 0.003)):
+        body = Structure(profile(shape, 0.3, 0.06, 0.04, 0.005, 0.004, elements=2), sections)
+        assert body.model_error == error
+        assert replace(body, with_joints=False).model_error == 0.016
+    thick = {"flange": wall(0.008), "web": wall(0.004)}
+    assert Structure(profile("i", 0.3, 0.06, 0.04, 0.008, 0.004, elements=2), thick).model_error == 0.0045

@@ -1,0 +1,94 @@
+"""A structure of walls goes through the same updating: rows along any direction, common priors, the joints' error."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fecore.arrays import FloatArray
+from fecore.body.generators import profile
+from fecore.body.laminate import OrthotropicMaterial, Ply
+from fecore.body.sections import ShellSection
+from fecore.body.structure import Structure
+from fecore.errors import InputError
+from fecore.frf import Dof
+from fecore.modes import MeasuredModes
+from fecore.updating.forward import ForwardModel
+from fecore.updating.inputs import Inputs
+from fecore.updating.layout import Layout
+from fecore.updating.measurement import Measurement
+from fecore.updating.parameters import Parameter, default_parameters, parametrise
+from fecore.updating.pipeline import update
+from fecore.updating.recipe import Recipe
+
+GFRP = OrthotropicMaterial(23e9, 8.5e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
+WALLS = {name: ShellSection((Ply(GFRP, 0.006),)) for name in ("flange", "web")}
+BEAM = Structure(profile("i", 0.9, 0.12, 0.06, 0.006, 0.006, elements=2), WALLS)
+MODES = 8
+
+
+def measured(truth: dict[str, float], direction: FloatArray) -> tuple[MeasuredModes, dict[int, tuple[float, ...]]]:
+    """Modes of the model with other constants, at points on the faces of flange and web: normal to these, or along one."""
+    x = np.linspace(0.05, 0.85, 7)
+    top, side = ([(u, 0.02, 0.06) for u in x], [(u, 0.003, 0.01) for u in x])
+    points = {n: tuple(map(float, place)) for n, place in enumerate([*top, *side], start=1)}
+    dofs = tuple(Dof(n, 3 if n <= x.size else 2) for n in points)
+    own = dict.fromkeys(points, direction) if direction.size else {}
+    prior = parametrise(BEAM, [Parameter(name, prior_mean=value) for name, value in truth.items()])
+    forward = ForwardModel(BEAM, prior, dofs, np.array(list(points.values())), MODES + 10, axes=own)
+    state = forward.solve(prior.prior_mean)
+    hz = state.frequency_hz[:MODES]
+    covariance = np.diag(np.concatenate([(1e-4 * hz) ** 2, np.full(MODES, 1e-8)]))
+    return MeasuredModes(hz, np.full(MODES, 0.01), state.shapes[:MODES] + 0j, dofs, covariance), points
+
+
+@pytest.mark.parametrize("askew", [False, True])
+def test_constants_of_each_wall_come_back_from_rows_along_any_direction(askew) -> None:
+    angle = 0.5 if askew else 0.0
+    c, s = np.cos(angle), np.sin(angle)
+    axes = np.array([[1.0, 0, 0], [0, c, s], [0, -s, c]])
+    truth = {"flange.E1": 25e9, "web.E1": 22e9, "flange.G12": 2.7e9, "web.G12": 3.3e9}
+    modes, points = measured(truth, axes)
+    data = Measurement(None, points, modes, inputs=Inputs.exact(), axes=dict.fromkeys(points, axes))
+    found = update(
+        data, BEAM, Recipe(parameters=tuple(Parameter(name) for name in truth), damping_models=("rayleigh",))
+    )
+    assert [mode.mac is not None and mode.mac > 0.99 for mode in found.modes] == [True] * MODES
+    for each in found.parameters:
+        if each.name in truth:
+            assert each.interval_95[0] < truth[each.name] < each.interval_95[1]
+            sources = {entry.source for entry in each.budget}
+            assert {"model of the joints", "common material of the sets"} <= sources
+    flange = next(each for each in found.parameters if each.name == "flange.E1")
+    assert flange.identifiable
+    assert flange.estimate == pytest.approx(25e9, rel=0.02)
+
+
+def test_sets_of_one_material_have_what_they_share_and_their_own() -> None:
+    names = [each.name for each in default_parameters(BEAM)]
+    assert names == [f"{s}.{c}" for s in ("flange", "web") for c in ("E1", "E2", "G12", "G13", "G23")]
+    prior = parametrise(BEAM, [Parameter("flange.E1"), Parameter("web.E1"), Parameter("web.G12")])
+    layout = Layout.of_one(
+        ForwardModel(BEAM, prior, (), np.zeros((0, 3)), 3), MeasuredModes(np.ones(1), np.ones(1) / 9)
+    )
+    covariance = np.linalg.inv(np.diag(layout.sd(0.0) ** -2) + layout.coupling)
+    whole = np.log1p(0.3**2 + 0.15**2)
+    shared = whole * 0.3**2 / (0.3**2 + 0.15**2)
+    alone = np.log1p(0.3**2)
+    np.testing.assert_allclose(covariance, [[whole, shared, 0], [shared, whole, 0], [0, 0, alone]], atol=1e-12)
+    np.testing.assert_allclose(layout.marginal_sd(0.0) ** 2, np.diag(covariance), rtol=1e-12)
+    stated = parametrise(BEAM, [Parameter("flange.E1", prior_sd=1e9), Parameter("web.E1")])
+    assert stated.common == ()
+
+
+def test_rows_that_a_body_does_not_move_along_are_named() -> None:
+    forward = ForwardModel(
+        BEAM, parametrise(BEAM, [Parameter("web.E1")]), (Dof(1, 2),), np.array([[0.1, 0.003, 0.0]]), 3
+    )
+    assert forward.rows([Dof(1, -2)])[1].tolist() == [-1.0]
+    with pytest.raises(InputError, match="direction: 3 at point 1 is none of the model's rows"):
+        forward.rows([Dof(1, 3)])
+    with pytest.raises(InputError, match="off the specimen, which spans x 0"):
+        _ = replace(forward, places=np.array([[0.1, 0.02, 0.0]])).observation
