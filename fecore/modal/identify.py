@@ -219,11 +219,12 @@ def _of_drift(fitted: Fitted) -> list[str]:
 
 
 def _toned(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> BoolArray:
-    """(N, L) values of which a tone is a larger part than their noise: it is no answer to the force."""
+    """(N, L) values of which a tone is the larger part, and larger than their noise: they are no answer to the force."""
     pairs, tone = slice(0, 2 * fit.terms.pairs), np.repeat(evidence.tone, 2)
     own = columns(arrangement.omega, fit.terms, arrangement.power)[:, pairs][:, tone]
     part = real_times(fit.linear.coefficients[:, pairs][:, tone], own.T)
-    return np.asarray(np.abs(part) ** 2 > fit.variance)
+    rest = np.abs(arrangement.values - part) ** 2
+    return np.asarray(np.abs(part) ** 2 > np.maximum(fit.variance, rest))
 
 
 def _of_tones(arrangement: Arrangement, toned: BoolArray) -> list[str]:

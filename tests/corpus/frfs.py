@@ -83,9 +83,8 @@ def open_set(kind: str) -> tuple[FrfSet, Draw]:
     frfs = with_coherence(path)
     if kind == "aeroplane":
         frfs = frfs.select([i for i in range(222) if i // 3 % 2 == 0])
-    return frfs, Draw(
-        frfs, *(np.array([mode[key] for mode in modes]) for key in ("f_hz", "zeta_seen", "suspension")), np.empty(0)
-    )
+    f, zeta, optional = (np.array([mode[key] for mode in modes]) for key in ("f_hz", "zeta_seen", "suspension"))
+    return frfs, Draw(frfs, f, zeta, residue=np.empty((f.size, 0)), optional=optional, distortions=np.empty(0))
 
 
 def true_to(draw: Draw, found: Identification, *, says: str = "") -> None:
