@@ -42,12 +42,12 @@ FIRST = int(os.environ.get("CALIBRATE_FIRST_SEED", "5000"))
 SURE, REFUSED = 0.9, 0.1
 _FOLDS = 5
 _NEAR = 0.004  # relative distance within which a pole is a distortion, or half a bandwidth where that is more
-NAMES = ("constant", "rise", "share", "damping", "apart", "reach", "repeat", "growth")
+NAMES = ("constant", "rise", "share", "damping", "apart", "reach")
 
 
 @dataclass
 class Poles:
-    """Features of poles with the truth: Λ (n,), design (n, 8), the mode of each or why it is none, kind and seed of its draw.
+    """Features of poles with the truth: Λ (n,), design (n, 6), the mode of each or why it is none, kind and seed of its draw.
 
     Of each kind: modes that no pole is; whether truths lie in their 95 % intervals, of f and of ζ; CPU seconds.
     """
@@ -198,7 +198,7 @@ def report(poles: Poles) -> None:
     print_scores("in use", used, true)
     print_scores("prior", judged(ratio, x, PRIOR_MEAN, np.diag(PRIOR_SD**2) * 0.04), true)
     print_scores("held out", held_out(ratio, x, true, draw), true)
-    for number, name in enumerate(("phase", *NAMES[1:6])):
+    for number, name in enumerate(("phase", *NAMES[1:])):
         less = np.where(np.arange(x.shape[1]) == number, 0.0, x) if number else x
         print_scores(f"without {name}", held_out(ratio * bool(number), less, true, draw), true)
     print_reliability(used, true)

@@ -11,8 +11,6 @@ apart   d = √(1 - C), at least 0.01, C = 4σ_kσ_j/|s_k + s̄_j|² the MAC of 
         structure, the fit has several poles for it, with shapes of their own and far nearer than modes are.
 reach   n = 1 - max|R|²/Σ|R|², at least 0.01, the share of it that other FRFs show than the strongest: a sensor or hammer that
         rings is seen in one. Not for fewer than four FRFs.
-repeat  where FRFs of single hits are there: how far the pole's residue scatters between them over the root of their number.
-growth  where their heights differ: |d ln|R| / d ln(height)|, 0 for a linear structure, 1 and 2 for quadratic and cubic springs.
 
 A delay d of a channel turns the phase of residues by -ωd, and a wrong quantity by 90°: both are found first, from the strong
 poles.
@@ -57,7 +55,8 @@ class Evidence:
     """Features of n poles, NaN where the set cannot give one.
 
     Attributes:
-        phase, rise, share, damping, apart, reach, repeat, growth: (n,) see above.
+        phase, rise, share, damping, apart, reach: (n,) see above.
+        height: (n,) of its part in the FRFs at its frequency, root of the sum of squares over them.
         neighbour: (n,) number of the larger pole that it is nearest to; any where there is none.
         trend: (n,) ζ_t.
         tone: (n,) whether the pole rests on a single line, as interference does, and shows neither damping nor delay.
@@ -70,8 +69,7 @@ class Evidence:
     damping: FloatArray
     apart: FloatArray
     reach: FloatArray
-    repeat: FloatArray
-    growth: FloatArray
+    height: FloatArray
     neighbour: IntArray
     trend: FloatArray
     tone: BoolArray
@@ -79,15 +77,9 @@ class Evidence:
     turned: bool
 
 
-def evidence_of(arrangement: Arrangement, fit: Level, hits: tuple[FloatArray, FloatArray] | None = None) -> Evidence:
-    """The features of all poles of a fit.
-
-    Args:
-        arrangement: the FRFs.
-        fit: the series fitted to them.
-        hits: repeat and growth of each pole (n,), where single hits are there.
-    """
-    terms, n = fit.terms, fit.terms.pairs
+def evidence_of(arrangement: Arrangement, fit: Level) -> Evidence:
+    """The features of all poles of a series fitted to FRFs."""
+    terms = fit.terms
     residues = residues_of(fit)
     rise = _rise(arrangement, fit)
     height, share = _share(arrangement, fit)
@@ -98,8 +90,6 @@ def evidence_of(arrangement: Arrangement, fit: Level, hits: tuple[FloatArray, Fl
     phase = _phase(terms, residues, delay, turned)
     trend = _trend(terms, strength * np.maximum(phase, 0.1))
     neighbour, apart = _nearest(terms, height)
-    unknown = np.full(n, np.nan)
-    repeat, growth = hits if hits is not None else (unknown, unknown)
     return Evidence(
         phase=phase,
         rise=rise,
@@ -107,8 +97,7 @@ def evidence_of(arrangement: Arrangement, fit: Level, hits: tuple[FloatArray, Fl
         damping=np.abs(np.log(terms.damping_ratio / trend)),
         apart=apart,
         reach=_reach(residues),
-        repeat=repeat,
-        growth=growth,
+        height=height,
         neighbour=neighbour,
         trend=trend,
         tone=tone,

@@ -17,7 +17,7 @@ from fecore.modal.evidence import evidence_of
 from fecore.modal.growth import ROUNDS, grow, linear_weight, local_level, pruned, with_residual_terms, without_poles
 from fecore.modal.lscf import LinearPoles, clusters, linear_poles
 from fecore.modal.noise import student
-from fecore.modal.probability import probability
+from fecore.modal.probability import doubled, probability
 from fecore.modal.refinement import Fit, Level, refine
 
 _ALIGN = 4  # turns of drift and growth
@@ -42,6 +42,7 @@ class Fitted:
         linear: the linear poles.
         drift: None where there is none.
         full: whether the search had as many poles as it may.
+        doubled: (2, n) variances of ln f and ζ by poles that are the same mode once more.
     """
 
     arrangement: Arrangement
@@ -50,11 +51,12 @@ class Fitted:
     linear: LinearPoles
     drift: Drift | None
     full: bool
+    doubled: FloatArray
 
     @property
     def covariance(self) -> FloatArray:
         """(2n, 2n) covariance of (ln f, ζ); the mean of as many drifts as there are tests is common to all frequencies."""
-        covariance, n = self.fit.parameter_covariance.copy(), self.fit.terms.pairs
+        covariance, n = self.fit.parameter_covariance + np.diag(self.doubled.ravel()), self.fit.terms.pairs
         if self.drift is not None:
             covariance[:n, :n] += self.drift.sd**2 / sessions(self.arrangement)
         return covariance
@@ -88,7 +90,9 @@ def fit_series(arrangement: Arrangement, noise: FloatArray, highest: int, most: 
     full = fit.terms.pairs >= most
     fit = _without_company(still, fit)
     report("refining with all FRFs", 0.8)
-    return Fitted(still.arrangement, _last(still, fit), noise, linear, drift, full)
+    last = _last(still, fit)
+    twice = doubled(still.arrangement, evidence_of(still.arrangement, last), last.terms)
+    return Fitted(still.arrangement, last, noise, linear, drift, full, twice)
 
 
 @dataclass(frozen=True)

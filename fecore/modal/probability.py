@@ -1,6 +1,6 @@
 """One probability for each pole: that it is a mode of the structure.
 
-    logit P = b₀ + Λ(r) + b₁ lg ρ + b₂ lg s - b₃ ln(1 + (z/0.3)²) + b₄ lg d + b₅ lg n  [- b₆ min(u, 1)² - b₇ min(g, 1)²],
+    logit P = b₀ + Λ(r) + b₁ lg ρ + b₂ lg s - b₃ ln(1 + (z/0.3)²) + b₄ lg d + b₅ lg n,
 
 lg = log₁₀, with the features of `evidence` and Λ = ln p₁(r)/p₀(r), the densities of the phase for modes and for others,
 
@@ -20,6 +20,7 @@ import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.modal.arrangement import Arrangement
+from fecore.modal.basis import Terms
 from fecore.modal.evidence import FEW, USUAL, Evidence
 from fecore.modal.weights import COVARIANCE, MEAN
 
@@ -29,6 +30,7 @@ _AT_ODDS = 0.4  # standard deviation of r for what is no mode
 _ANY = 0.3  # share of these whose phase is anything
 _EDGE = 1e-6  # of r at ±1
 _OVERDAMPED = 0.6  # ζ from which a pole is a trend of the record
+_APART = 4  # number of lg d in the design
 _ALONE = 0.99  # distance from which a pole is alone
 
 
@@ -37,7 +39,7 @@ class Feature:
     """One reason for or against a pole.
 
     Attributes:
-        name: `phase`, `rise`, `share`, `damping`, `apart`, `reach`, `repeat` or `growth`.
+        name: `phase`, `rise`, `share`, `damping`, `apart` or `reach`.
         value: the feature.
         weight: what it adds to the logit of P.
         words: what it says, in words of the field.
@@ -54,16 +56,15 @@ def phase_ratio(r: FloatArray, frfs: int) -> FloatArray:
     r = np.clip(r, -1 + _EDGE, 1 - _EDGE)
     sigma = _SIGMA if frfs >= FEW else _SIGMA_OF_FEW
     arcsine = 1 / (np.pi * np.sqrt(1 - r**2))
-    of_modes = (1 - _STRAY) * np.exp(-(1 - r) / sigma) / np.sqrt(np.pi * sigma * (1 - r)) + _STRAY * arcsine * (
-        1 + r
-    ) / 2
+    of_modes = (1 - _STRAY) * np.exp(-(1 - r) / sigma) / np.sqrt(np.pi * sigma * (1 - r))
+    of_modes += _STRAY * arcsine * (1 + r) / 2
     spread = np.exp(-(r**2) / (2 * _AT_ODDS**2)) / (_AT_ODDS * np.sqrt(2 * np.pi))
     of_others = arcsine if frfs < FEW else _ANY * arcsine + (1 - _ANY) * spread
     return np.asarray(np.log(of_modes / of_others))
 
 
 def design(arrangement: Arrangement, evidence: Evidence) -> tuple[FloatArray, FloatArray]:
-    """(n,) Λ, and (n, 8) what the weights multiply."""
+    """(n,) Λ, and (n, 6) what the weights multiply."""
     frfs = len(arrangement.pairs)
     x = np.stack(
         [
@@ -73,8 +74,6 @@ def design(arrangement: Arrangement, evidence: Evidence) -> tuple[FloatArray, Fl
             -np.log1p((evidence.damping / USUAL) ** 2),
             np.log10(evidence.apart),
             np.log10(evidence.reach),
-            -(np.minimum(evidence.repeat, 1.0) ** 2),
-            -(np.minimum(evidence.growth, 1.0) ** 2),
         ],
         axis=1,
     )
@@ -97,12 +96,28 @@ def judged(ratio: FloatArray, x: FloatArray, mean: FloatArray, covariance: Float
     return predictive(ratio + x @ mean, np.einsum("ni,ij,nj->n", x, covariance, x))
 
 
+def doubled(arrangement: Arrangement, evidence: Evidence, terms: Terms) -> FloatArray:
+    """(2, n) variances of ln f and ζ of the poles that have doubles: poles j that would be modes but for their distance.
+
+    With q_j = P_j, were it alone, less P_j, the mode is not at its pole k but between it and j, at their mean by power: the
+    variance is Σ_j q_j (w_j Δ_jk)², w_j = h_j²/(h_j² + h_k²).
+    """
+    ratio, x = design(arrangement, evidence)
+    alone = np.where(np.arange(x.shape[1]) == _APART, 0.0, x)
+    q = judged(ratio, alone, MEAN, COVARIANCE) - judged(ratio, x, MEAN, COVARIANCE)
+    q = np.where(no_mode(evidence, terms.damping_ratio), 0.0, np.maximum(q, 0.0))
+    k, power = evidence.neighbour, evidence.height**2
+    share = power / np.maximum(power + power[k], np.finfo(float).tiny)
+    off = np.stack([np.log(terms.frequency_hz / terms.frequency_hz[k]), terms.damping_ratio - terms.damping_ratio[k]])
+    return np.stack([np.bincount(k, each, terms.pairs) for each in q * (share * off) ** 2])
+
+
 def predictive(logit: FloatArray, variance: FloatArray) -> FloatArray:
     """P for a logit that is known with a variance."""
     return np.asarray(1 / (1 + np.exp(-logit / np.sqrt(1 + np.pi * variance / 8))))
 
 
-NAMES = ("phase", "rise", "share", "damping", "apart", "reach", "repeat", "growth")
+NAMES = ("phase", "rise", "share", "damping", "apart", "reach")
 
 
 def features(
@@ -149,10 +164,6 @@ def _words(name: str, evidence: Evidence, k: int, frequency_hz: FloatArray, damp
             return "no larger pole is beside it"
         return (
             f"the larger pole at {frequency_hz[other]:.2f} Hz is {abs(frequency_hz[k] - frequency_hz[other]) / width:.2g}"
-            " bandwidths away, as a mode that moves from test to test has them"
+            " bandwidths away; the nearer, the likelier both are one mode that moves from test to test"
         )
-    if name == "reach":
-        return f"the FRF that shows it best has {100 - 100 * evidence.reach[k]:.0f} % of it"
-    if name == "repeat":
-        return f"its residue scatters by {100 * evidence.repeat[k]:.0f} % between hits"
-    return f"its residue grows with the height of the hit to the power of {evidence.growth[k]:.1f}"
+    return f"the FRF that shows it best has {100 - 100 * evidence.reach[k]:.0f} % of it"
