@@ -27,6 +27,7 @@ _CLEARLY = 5.0  # prices of its unknowns by which a series without drift must be
 _CULLS = 2  # turns of probability and refinement
 _STEPS, _LAST = 8, 3  # of the refinement, and with all FRFs and a weight for each value
 _COMPANY = 1.5  # summed half bandwidths within which a refused pole only bends its neighbour
+_ONE = 0.05  # distance below which the residues of two poles cancel, and have no phase of their own
 _COMPANY_BELOW = 0.3  # probability below which a pole beside a better one is its company
 
 Report = Callable[[str, float], None]
@@ -174,12 +175,13 @@ def _better(rival: Level, fit: Level) -> bool:
 
 
 def _without_company(data: _Data, fit: Level) -> Level:
-    """The fit without refused poles that only bend a better one beside them."""
+    """The fit without refused poles that only bend a better one beside them, or that no distance parts from a larger one."""
     for _ in range(_CULLS):
         if not fit.terms.pairs:
             break
-        p = probability(data.arrangement, evidence_of(data.arrangement, fit), fit.terms.damping_ratio)
-        gone = _company(data.arrangement, fit.terms, p)
+        evidence = evidence_of(data.arrangement, fit)
+        p = probability(data.arrangement, evidence, fit.terms.damping_ratio)
+        gone = _company(data.arrangement, fit.terms, p) | (evidence.apart < _ONE)
         if not gone.any():
             break
         fit = data.fitted(data.settled(without_poles(fit.terms, gone)))

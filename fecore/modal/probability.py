@@ -1,6 +1,6 @@
 """One probability for each pole: that it is a mode of the structure.
 
-    logit P = b₀ + Λ(r) + b₁ lg ρ + b₂ lg s - b₃ ln(1 + (z/0.3)²) + b₄ lg d + b₅ lg n,
+    logit P = b₀ + Λ(r) + b₁ lg ρ + b₂ lg s - b₃ ln(1 + (z/0.3)²) - b₄ ln(1 + (0.15/d)²) + b₅ lg n,
 
 lg = log₁₀, with the features of `evidence` and Λ = ln p₁(r)/p₀(r), the densities of the phase for modes and for others,
 
@@ -30,7 +30,8 @@ _AT_ODDS = 0.4  # standard deviation of r for what is no mode
 _ANY = 0.3  # share of these whose phase is anything
 _EDGE = 1e-6  # of r at ±1
 _OVERDAMPED = 0.6  # ζ from which a pole is a trend of the record
-_APART = 4  # number of lg d in the design
+_APART = 4  # number of the distance in the design
+_DOUBLE = 0.15  # distance below which two poles are rather one mode
 _ALONE = 0.99  # distance from which a pole is alone
 
 
@@ -72,7 +73,7 @@ def design(arrangement: Arrangement, evidence: Evidence) -> tuple[FloatArray, Fl
             np.log10(evidence.rise),
             np.log10(evidence.share),
             -np.log1p((evidence.damping / USUAL) ** 2),
-            np.log10(evidence.apart),
+            -np.log1p((_DOUBLE / evidence.apart) ** 2),
             np.log10(evidence.reach),
         ],
         axis=1,
