@@ -16,9 +16,9 @@ from fecore.errors import IdentificationError, InputError
 from fecore.frf import Dof, FrfSet
 from fecore.modal import Identification, Options, identify
 from fecore.modal.basis import Terms
-from fecore.modal.evidence import evidence_of
+from fecore.modal.evidence import Evidence
 from fecore.modal.preparation import prepare
-from fecore.modal.probability import doubled, phase_ratio, predictive
+from fecore.modal.probability import doubled, phase_ratio, predictive, probability
 from fecore.modal.refinement import level_at
 
 SURE = 0.9
@@ -147,20 +147,26 @@ def test_a_sensor_that_rings_in_one_of_twelve_frfs_is_no_mode(seed: int) -> None
 
 
 def test_an_interval_holds_both_poles_of_a_mode() -> None:
-    """Two poles of equal power a tenth of a bandwidth apart: the mode is half-way, so the variance is q Δ²/4."""
-    draw = KINDS["bridge"](5)
-    arrangement = prepare(draw.frfs, None).arrangement
-    f, zeta = draw.frequency_hz, draw.zeta
-    terms = Terms(np.append(f, f[0] * (1 + 0.2 * zeta[0])), np.append(zeta, zeta[0]), (-2, 0))
-    evidence = evidence_of(arrangement, level_at(arrangement, terms, np.full(arrangement.values.shape, 1e-4)))
-    height = np.array(evidence.height)
-    height[[0, -1]] = height[0], height[0] * (1 - 1e-9)
-    spread = doubled(arrangement, replace(evidence, height=height), terms)
-    most = (0.2 * zeta[0]) ** 2 / 4
-    larger = int(np.argmax(spread[0]))
-    assert larger in (0, len(f))
-    assert 0.1 * most < spread[0, larger] <= most
-    assert np.all(np.delete(spread[0], larger) < 0.01 * most)
+    """Two poles of equal power: the mode is half-way as probably as the second one is no mode for its distance alone."""
+    arrangement = prepare(KINDS["bridge"](5).frfs, None).arrangement
+    terms = Terms(np.array([3.0, 3.001]), np.array([0.01, 0.012]), (-2, 0))
+    both = {"phase": 1.0, "rise": 1e3, "share": 0.7, "damping": 0.0, "reach": 0.7, "height": 2.0, "trend": 0.01}
+    evidence = Evidence(
+        **{name: np.full(2, value) for name, value in both.items()},
+        apart=np.array([np.inf, 0.05]),
+        neighbour=np.array([1, 0]),
+        tone=np.zeros(2, dtype=bool),
+        delay=0.0,
+        turned=False,
+    )
+    near = probability(arrangement, evidence, terms.damping_ratio)[1]
+    alone = probability(arrangement, replace(evidence, apart=np.full(2, np.inf)), terms.damping_ratio)[1]
+    assert near < 0.1 < 0.99 < alone
+    half = np.array([np.log(3.001 / 3.0), 0.002]) / 2
+    expected = np.stack([(alone - near) * half**2, np.zeros(2)], axis=1)
+    np.testing.assert_allclose(doubled(arrangement, evidence, terms), expected, rtol=1e-9)
+    tone = replace(evidence, tone=np.array([False, True]))
+    assert not np.any(doubled(arrangement, tone, terms))
 
 
 def test_a_truth_has_one_pole_and_a_second_one_is_said_to_be_one() -> None:
