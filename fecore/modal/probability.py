@@ -100,13 +100,13 @@ def judged(ratio: FloatArray, x: FloatArray, mean: FloatArray, covariance: Float
 def doubled(arrangement: Arrangement, evidence: Evidence, terms: Terms) -> FloatArray:
     """(2, n) variances of ln f and ζ of the poles that have doubles: poles j that would be modes but for their distance.
 
-    With q_j = P_j, were it alone, less P_j, the mode is not at its pole k but between it and j, at their mean by power: the
-    variance is Σ_j q_j (w_j Δ_jk)², w_j = h_j²/(h_j² + h_k²).
+    With q_j = P_j, were it alone, less P_j, the mode is not at its pole k but between it and j, at their mean by power: where
+    that is the likelier case, q_j > ½, the variance is q_j (w_j Δ_jk)², w_j = h_j²/(h_j² + h_k²).
     """
     ratio, x = design(arrangement, evidence)
     alone = np.where(np.arange(x.shape[1]) == _APART, 0.0, x)
     q = judged(ratio, alone, MEAN, COVARIANCE) - judged(ratio, x, MEAN, COVARIANCE)
-    q = np.where(no_mode(evidence, terms.damping_ratio), 0.0, np.maximum(q, 0.0))
+    q = np.where(no_mode(evidence, terms.damping_ratio) | (q < 0.5), 0.0, q)
     k, power = evidence.neighbour, evidence.height**2
     share = power / np.maximum(power + power[k], np.finfo(float).tiny)
     off = np.stack([np.log(terms.frequency_hz / terms.frequency_hz[k]), terms.damping_ratio - terms.damping_ratio[k]])
