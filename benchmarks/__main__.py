@@ -33,6 +33,12 @@ TABLES = {
     "accuracy": (
         Case("hits", "hits", "hits judged: good ones thrown away, bad ones missed, beside pyFRF", quick="3"),
         Case("made_hits", "made_hits", "bad hits of 17 kinds that bias an FRF: missed; good ones refused", quick="2"),
+        Case(
+            "calibrate_hits",
+            "calibrate_hits",
+            "weights of the hits' probability, reliability, worth of each number",
+            quick="4",
+        ),
         Case("hits_habits", "hits", "good hits under the habits of instruments and hands", quick="1"),
         Case("hits_accuracy", "hits", "FRFs of hits against exact ones, variance, damping under windows", quick="1 4"),
         Case("hits_damping", "hits", "from hits to a0 and a1", quick="2"),

@@ -109,10 +109,8 @@ def made(seed: int) -> Made:
     rng = np.random.default_rng([35, seed])
     habit = str(rng.choice(HABITS[:-1])) if rng.random() < 0.4 else "as simulated"
     body = random_body(rng, ("clamped", "free", "plate")[seed % 3])
-    bench = MadeBench(
-        body, instruments(random_laboratory(rng), habit, rng), (0.96 * body.length_m, 0.45 * body.width_m), rng
-    )
-    bench.habit = habit
+    sensor = 0.96 * body.length_m, 0.45 * body.width_m
+    bench = MadeBench(body, instruments(random_laboratory(rng), habit, rng), sensor, rng, habit)
     points, hits, faulty = int(rng.integers(3, 9)), int(rng.integers(1, 6)), rng.uniform(0.0, 0.4)
     bench.places = {
         n + 1: (rng.uniform(0.1, 0.98) * body.length_m, rng.uniform(-0.48, 0.48) * body.width_m) for n in range(points)

@@ -1,5 +1,5 @@
-"""Time blocks of hammer hits to FRFs with variance: blocks, pulse, traits, comparison, judgement, heights, windows,
-estimators, process.
+"""Time blocks of hammer hits to FRFs with variance: blocks, pulse, traits, comparison, judgement, windows, estimators,
+process.
 """
 
 from fecore.signal.blocks import Block, ChannelQuantity, Hit
@@ -9,13 +9,15 @@ from fecore.signal.document import Averages, Findings, Processed, Processing
 from fecore.signal.each_hit import EachHit, each_hit
 from fecore.signal.estimators import Estimate, Estimator, estimate
 from fecore.signal.heights import Strip
-from fecore.signal.judgement import Criterion, Finding, Limits, Verdict, overrule
+from fecore.signal.judgement import FALSE_DISCOVERY, Verdict, overrule
 from fecore.signal.look import Look, look
 from fecore.signal.process import Shelf, process, process_in_parts
+from fecore.signal.reasons import Criterion, Finding
 from fecore.signal.spectra import Source, by_point
 from fecore.signal.windows import Windows, remove_window
 
 __all__ = [
+    "FALSE_DISCOVERY",
     "Averages",
     "Block",
     "ChannelQuantity",
@@ -28,7 +30,6 @@ __all__ = [
     "Finding",
     "Findings",
     "Hit",
-    "Limits",
     "Look",
     "Processed",
     "Processing",

@@ -23,6 +23,8 @@ FRF_QUANTITY: dict[ChannelQuantity, Quantity] = {
 FEWEST_SAMPLES = 64
 """Samples below which a block holds neither a pulse with its surroundings nor a spectrum."""
 
+_WEAKEST = 0.03  # of an analyser's window, that is undone: below it there is noise alone
+
 
 @lru_cache(maxsize=16)
 def exponential(samples: int, rate_per_sample: float) -> FloatArray:
@@ -79,6 +81,16 @@ class Block:
         if self.window_rate_per_s == 0:
             return None
         return exponential(self.samples.size, self.window_rate_per_s / sample_rate_hz)
+
+    def shown(self, sample_rate_hz: float) -> int:
+        """Samples from the first on that the analyser's window leaves more than noise of."""
+        rate = self.window_rate_per_s / sample_rate_hz
+        return self.samples.size if rate == 0 else min(int(np.log(1 / _WEAKEST) / rate) + 1, self.samples.size)
+
+    def undone(self, sample_rate_hz: float) -> FloatArray:
+        """(n,) samples as they were before the analyser's window, where it leaves more than noise."""
+        window = self.window(sample_rate_hz)
+        return np.asarray(self.samples if window is None else self.samples / np.maximum(window, _WEAKEST), dtype=float)
 
 
 @dataclass(frozen=True)

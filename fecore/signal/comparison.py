@@ -1,16 +1,13 @@
 """How far a hit's FRF lies from those of the other hits of its point.
 
 A hit at x + δ beside its point x excites mode k with φ_k(x) + ∇φ_k(x)·δ in place of φ_k(x): the poles stay, each mode's share
-changes by another amount. So a misplaced hit differs from a noisy one by deviations in many bands at once, and from a strong or
-a weak one by bands that change unlike one another. Each hit i is held against the median H̄_i of the point's other hits (real
-and imaginary parts apart; a median with the hit itself would follow it half-way where hits are few), and |H_i - H̄_i|² is summed
-in bands b. A band is measured by what it usually is over all hits of the campaign, U_b; a point where shapes are steep scatters
-more than others, so the other hits of the point count too, with the campaign's word worth ten hits:
+changes by another amount. So a misplaced hit differs from a noisy one by deviations in many bands at once. Two hits i, j are
+apart in band b, after one of opposite sign is turned, by r_ijb = Σ|H_i - H_j|² / ½Σ(|H_i|² + |H_j|²), and
 
-    distance_i = mean over b of √(E_ib / V_b),    V_b = (10 U_b + Σ_j E_jb) / (10 + n),
+    distance_ij = mean over b of √(r_ijb / u_b),    u_b the campaign's median of r_ijb between hits that seem good.
 
-over the point's n other hits but the farthest, in units of its median over the campaign. The mean of roots lets no single band,
-such as one line of hum, speak for all.
+The mean of roots lets no single band, such as one line of hum, speak for all. A hit's distance is the median of
+those to the others, each weighted by its probability of being good: what most agree on is right.
 """
 
 from __future__ import annotations
@@ -20,63 +17,68 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.frf import Dof
+from fecore.signal.traits import Traits
 
 BANDS = 32  # of an FRF, compared one by one
-FEWEST = 3
-"""Hits of one point below which nobody can say which is wrong."""
-
-HIGHEST = 4.0
-"""Height over the point's median hit from which a sensitivity or range was another; a place 12 mm off changes it by tenths."""
-
-_MOST_EXCHANGED = 12  # rows that are sorted by exchanges
 MOST_LINES = 2048  # that are compared; of more, every k-th
-_CAMPAIGN = 10.0  # hits of its own point that what is usual in the campaign is worth
-_TRIM = 0.8  # share of the hits, the best alike, that say what is usual
-_FEW = 3.0  # by which the unit grows, over the number of hits
+_PARTNERS = 8  # hits of its point that a hit is compared with, the following ones and then from the first on
+_WEAKEST = 1e-4  # of the force's largest power, below which a line is drawn to zero
+_SIGNS = 2  # partners below which no sign is decided
+_HALF = 0.42  # of the weight: a median, but of two that weigh nearly the same not the larger
+_FEWEST = 1.2  # partners that seem good, each by its probability, below which nobody can say which hit is wrong
 
 
 @dataclass(frozen=True)
-class Deviation:
-    """One hit beside the others of its point.
+class Pairs:
+    """The hits of a point beside one another.
 
     Attributes:
-        likeness: correlation of its FRF with the median, -1 to 1; negative is the opposite sign.
-        height: its FRF over that of the point's median hit, as geometric mean over the bands.
-        energy: (BANDS,) sum of |H_i - H̄_i|² in each band, times (h - 1)/h.
+        partner: (h, m) the hits that each is compared with.
+        apart: (h, m, BANDS) r_ijb, of the sensor that objects most.
+        likeness: (h, m) correlation of the FRFs, -1 to 1, of the sensor that objects most.
+        level: (r, h) ln |H| of each response, mean over the bands.
     """
 
-    likeness: float
-    height: float
-    energy: FloatArray
-
-    @property
-    def comparable(self) -> bool:
-        """Whether its distance says where it was hit: neither its sign nor its height is another."""
-        return self.likeness > 0 and 1 / HIGHEST < self.height < HIGHEST
+    partner: IntArray
+    apart: FloatArray
+    likeness: FloatArray
+    level: FloatArray
 
 
 @dataclass(frozen=True)
-class Offset:
-    """How far a hit landed from the others of its point: `distance_m` ± `sd_m`; a limit below `usual_m` would refuse hits
-    that land as the campaign's usually do.
+class Point:
+    """What the first pass keeps of a point.
+
+    Attributes:
+        force: where it was hit.
+        responses: where the sensors stood.
+        numbers: of its hits.
+        traits: the hits' own numbers.
+        pairs: the hits beside one another.
+        shares: (h, K) what each resonance has in each hit; None where places are not asked for.
+        used: the hits that seemed good.
     """
 
-    distance_m: float
-    sd_m: float
-    usual_m: float = 0.0
+    force: Dof
+    responses: tuple[Dof, ...]
+    numbers: tuple[int, ...]
+    traits: tuple[Traits, ...]
+    pairs: Pairs
+    shares: FloatArray | None
+    used: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """The same on the campaign's scale: `distance` in typical distances, see the module; `offset` in metres where the hit
-    could be located.
+class Beside:
+    """What the other hits of its point say of each hit: (h,) distance, likeness, and the height of its FRF over theirs; NaN
+    where too few others seem good.
     """
 
-    likeness: float
-    height: float
-    distance: float
-    offset: Offset | None = None
+    distance: FloatArray
+    likeness: FloatArray
+    height: FloatArray
 
 
 def compare_lines(start: int, stop: int) -> slice:
@@ -84,103 +86,61 @@ def compare_lines(start: int, stop: int) -> slice:
     return slice(start, stop, max(1, -(-(stop - start) // MOST_LINES)))
 
 
-def deviations(forces: ComplexArray, responses: ComplexArray) -> list[Deviation]:
-    """Each of the (h, L) hits of a point beside the others.
+def pairs(forces: ComplexArray, responses: Sequence[ComplexArray]) -> Pairs:
+    """All hits of a point beside one another, from the (h, L) spectra of the force and of each response."""
+    count, lines = forces.shape
+    step = np.arange(1, min(count - 1, _PARTNERS) + 1)
+    partner = (np.arange(count)[:, None] + step) % count
+    edges = np.linspace(0, lines, BANDS + 1).astype(int)[:-1]
+    apart, likeness = np.zeros((*partner.shape, BANDS)), np.ones(partner.shape)
+    level = np.empty((len(responses), count))
+    excited = forces.real**2 + forces.imag**2
+    least = excited + np.maximum(
+        _WEAKEST * excited.max(axis=1, keepdims=True), 1e-300
+    )  # not divided by next to nothing
+    for r, response in enumerate(responses):
+        frf = response * forces.conj() / least
+        power = np.maximum(np.add.reduceat(frf.real**2 + frf.imag**2, edges, axis=1), 1e-300)
+        level[r] = np.log(power).mean(axis=1) / 2
+        for m in range(partner.shape[1]):
+            other, beside = frf[partner[:, m]], power[partner[:, m]]
+            both = np.add.reduceat(frf.real * other.real + frf.imag * other.imag, edges, axis=1)
+            alike = both.sum(axis=1) / (np.sqrt(power.sum(axis=1)) * np.sqrt(beside.sum(axis=1)))
+            both = np.where(alike < 0, -1, 1)[:, None] * both  # a reversed cable is no other place
+            own = np.maximum(2 * (power + beside - 2 * both) / (power + beside), 0.0)
+            more = own.mean(axis=1) > apart[:, m].mean(axis=1)
+            apart[more, m] = own[more]
+            likeness[:, m] = np.minimum(likeness[:, m], alike)
+    return Pairs(partner, apart.astype(np.float32), likeness, level)
 
-    Args:
-        forces: (h, L) spectra of the force.
-        responses: (h, L) spectra of one response.
+
+def usual_apart(found: Sequence[Pairs], good: Sequence[BoolArray]) -> FloatArray:
+    """(BANDS,) u_b of a campaign."""
+    known = [p.apart[g][g[p.partner[g]]] for p, g in zip(found, good, strict=True) if p.partner.size]
+    rows = np.concatenate(known) if known else np.zeros((0, BANDS))
+    return np.maximum(np.median(rows, axis=0), 1e-12) if len(rows) else np.ones(BANDS)
+
+
+def beside(own: Pairs, probability: FloatArray, usual: FloatArray) -> Beside:
+    """What a point's hits say of each other, each by its (h,) probability of being good by its own numbers. Most faults
+    leave the sign as it is, so it is asked of all hits.
     """
-    frf = responses / np.where(forces == 0, 1e-300, forces)
-    parts = np.ascontiguousarray(frf.real), np.ascontiguousarray(frf.imag)
-    order = [_sorted(part) for part in parts]
-    usual = [_median(rows) for rows in order]
-    edges = np.linspace(0, frf.shape[1], BANDS + 1).astype(int)[:-1]
-    off = sum((part - _median_of_others(part, rows)) ** 2 for part, rows in zip(parts, order, strict=True))
-    energy = np.add.reduceat(off, edges, axis=1) * (len(frf) - 1) / len(frf)
-    power, own, both = (
-        np.add.reduceat(values, edges, axis=-1)
-        for values in (
-            usual[0] ** 2 + usual[1] ** 2,
-            parts[0] ** 2 + parts[1] ** 2,
-            parts[0] * usual[0] + parts[1] * usual[1],
-        )
-    )
-    weight = 1 / np.maximum(power, 1e-300)  # each band counts alike
-    likeness = both @ weight / np.maximum(np.sqrt((own @ weight) * (power @ weight)), 1e-300)
-    level = np.log(np.maximum(own, 1e-300)) / 2
-    height = np.exp((level - _median(_sorted(level))).mean(axis=1))
-    return [Deviation(float(a), float(s), e) for a, s, e in zip(likeness, height, energy, strict=True)]
+    distance = np.sqrt(own.apart / usual).mean(axis=2)
+    found = np.full((3, len(probability)), np.nan)
+    for i, partner in enumerate(own.partner):
+        weight = probability[partner]
+        if partner.size >= _SIGNS:
+            found[1, i] = (0.5 + 0.5 * weight) @ own.likeness[i] / partner.size
+        if weight.sum() >= _FEWEST:
+            off = own.level[:, i : i + 1] - own.level[:, partner]
+            off = np.array([row[_middle(np.abs(row), weight)] for row in off])
+            found[0, i] = distance[i, _middle(distance[i], weight)]
+            found[2, i] = np.exp(off[np.argmax(np.abs(off))])
+    return Beside(*found)
 
 
-def _sorted(values: FloatArray) -> FloatArray:
-    """(h, L) each line's values in rising order. Few rows are sorted by exchanges of whole rows, which is many times as
-    fast as a sort of each short column.
-    """
-    if len(values) > _MOST_EXCHANGED:
-        return np.sort(values, axis=0)
-    spare, *rows = np.concatenate((values[:1], values))
-    for end in range(len(rows) - 1, 0, -1):
-        for i in range(end):
-            low = np.minimum(rows[i], rows[i + 1], out=spare)
-            np.maximum(rows[i], rows[i + 1], out=rows[i + 1])
-            spare, rows[i] = rows[i], low
-    return np.array(rows)
-
-
-def _median(order: FloatArray) -> FloatArray:
-    """(L,) median of rows in rising order."""
-    middle: FloatArray = (order[(len(order) - 1) // 2] + order[len(order) // 2]) / 2
-    return middle
-
-
-def _median_of_others(values: FloatArray, order: FloatArray) -> FloatArray:
-    """(h, L) for each row the median of the others, from the order of all.
-
-    Of the two values in the middle of an even number of rows, or the three of an odd one, a row takes one away: its own,
-    or the outer one on its side. What is left is the median of the others, or its double.
-    """
-    low, high = (len(order) - 2) // 2, (len(order) - 1) // 2 + 1
-    middle: FloatArray = order[low : high + 1].sum(axis=0) - np.clip(values, order[low], order[high])
-    if high - low == 2:
-        middle /= 2
-    return middle
-
-
-def compare(found: Sequence[Sequence[Deviation | None]]) -> list[list[Comparison | None]]:
-    """The deviations of all hits of a campaign, point by point, on one scale.
-
-    Few hits make an uncertain scale: the distance is lessened by 1 + 3/h for h hits in all. Where half of a point's
-    hits would be far, nobody can say which of them are right, and none of them is far.
-    """
-    known = [d for point in found for d in point if d is not None and d.comparable]
-    if not known:
-        return [[None if d is None else Comparison(d.likeness, d.height, 0.0) for d in point] for point in found]
-    energies = np.sort(np.array([d.energy for d in known]), axis=0)
-    usual = energies[: max(int(_TRIM * len(known)), 2)].mean(axis=0)
-    usual = np.maximum(usual, 1e-12 * max(float(usual.max()), 1e-300))
-    far = [_roots([None if d is None else d.energy / usual for d in point]) for point in found]
-    middle = [
-        f for point, ds in zip(far, found, strict=True) for f, d in zip(point, ds, strict=True) if d and d.comparable
-    ]
-    unit = float(np.median(middle)) * (1 + _FEW / len(known))
-    return [
-        [
-            None if d is None else Comparison(d.likeness, d.height, f / unit if unit > 0 else 0.0)
-            for d, f in zip(ds, point, strict=True)
-        ]
-        for ds, point in zip(found, far, strict=True)
-    ]
-
-
-def _roots(shares: Sequence[FloatArray | None]) -> list[float]:
-    """The distance of each hit of a point, of its energies as shares of the campaign's; 0 where it was not compared."""
-    found = []
-    means = {j: float(s.mean()) for j, s in enumerate(shares) if s is not None}
-    order = sorted(means, key=means.__getitem__)
-    for i, own in enumerate(shares):
-        others = [shares[j] for j in order if j != i]
-        near = np.array(others[: max(len(others) - 1, 1)]).reshape(-1, BANDS)
-        scale = (_CAMPAIGN + near.sum(axis=0)) / (_CAMPAIGN + len(near))
-        found.append(0.0 if own is None else float(np.mean(np.sqrt(own / scale))))
-    return found
+def _middle(values: FloatArray, weight: FloatArray) -> int:
+    """Where the weighted median lies; of two values of about one weight, the smaller."""
+    order = np.argsort(values, kind="stable")
+    sums = np.cumsum(weight[order])
+    return int(order[np.searchsorted(sums, _HALF * sums[-1])])

@@ -12,9 +12,12 @@ from fecore.signal.coupling import Coupling
 from fecore.signal.delay import Delay
 from fecore.signal.estimators import Estimator, check_estimator
 from fecore.signal.heights import Strip
-from fecore.signal.judgement import Limits, Verdict
+from fecore.signal.judgement import FALSE_DISCOVERY, Verdict
 from fecore.signal.placing import Position
 from fecore.signal.windows import Windows
+
+MOST_REFUSED = 0.9
+"""Largest `false_discovery`: a hit that nothing is said against, and none is beside, has little more."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class Processing:
         band_hz: lines that are kept, both ends included; None: from the first line above 0 Hz to the sampling rate
         over 2.56.
         delay_s: time by which the response lags the force, to be taken out of the FRFs.
-        limits: what a hit may show.
+        false_discovery: largest probability of being good that a refused hit may have, 0 to 0.9; 0 refuses none.
         overrules: a user's decisions by hit (force dof, number): True uses it, False leaves it out.
         strip: what is known of the body, where it is a strip: its FRFs' height is then checked.
         positions: where the grid's points lie, by label, m, x and y along the body's edges: hits are then located in mm.
@@ -37,13 +40,15 @@ class Processing:
     windows: Windows | None = None
     band_hz: tuple[float, float] | None = None
     delay_s: float = 0.0
-    limits: Limits = field(default_factory=Limits)
+    false_discovery: float = FALSE_DISCOVERY
     overrules: Mapping[tuple[Dof, int], bool] = field(default_factory=dict)
     strip: Strip | None = None
     positions: Mapping[int, Position] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_estimator(self.estimator)
+        if not 0 <= self.false_discovery <= MOST_REFUSED:
+            raise InputError("false_discovery", f"is {self.false_discovery}, expected 0 to {MOST_REFUSED}")
         if not abs(self.delay_s) < 1:
             raise InputError("delay_s", f"is {self.delay_s}, expected less than a second")
         if self.band_hz is not None and not 0 <= self.band_hz[0] < self.band_hz[1]:

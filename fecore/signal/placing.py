@@ -16,16 +16,17 @@ to all others.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.signal.comparison import FEWEST, Offset
 from fecore.signal.slopes import plane, slopes
 
 FEWEST_POINTS = 5
 """Points under the same sensors below which slopes are not asked for."""
 
+_FEWEST_HITS = 3  # of a point, below which nobody can say which is wrong
 _KNOWN_M = 0.003  # standard deviation along the best known direction up to which a hit is located
 _PRIOR_M = 0.006  # τ: displacements are not expected to be many times that
 _CHARGED_M = 0.003  # δ₀: displacement that an unknown slope is charged with
@@ -39,6 +40,17 @@ _MEDIAN = 1.1774  # median of |δ| over the standard deviation along one axis
 
 
 Position = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Offset:
+    """How far a hit landed from the others of its point: `distance_m` ± `sd_m`; `usual_m` is as far as hits of the campaign
+    that nothing is said against land.
+    """
+
+    distance_m: float
+    sd_m: float
+    usual_m: float = 0.0
 
 
 def locate(places: Sequence[Position | None], shares: Sequence[Mapping[int, FloatArray]]) -> list[dict[int, Offset]]:
@@ -55,7 +67,7 @@ def locate(places: Sequence[Position | None], shares: Sequence[Mapping[int, Floa
     grid = plane(np.array([places[i] for i in known]))
     middle = np.array([np.median(np.array(list(shares[i].values())), axis=0) for i in known])
     for row, i in enumerate(known):
-        if len(shares[i]) < FEWEST:
+        if len(shares[i]) < _FEWEST_HITS:
             continue
         own = np.array(list(shares[i].values())) - middle[row]
         at = slopes(grid, middle, row)

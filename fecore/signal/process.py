@@ -20,12 +20,13 @@ from fecore.errors import InputError
 from fecore.frf import FrfSet
 from fecore.signal.abreast import abreast
 from fecore.signal.blocks import FRF_QUANTITY
+from fecore.signal.comparison import Point
 from fecore.signal.delay import Delay, DelaySearch
 from fecore.signal.document import Averages, Findings, Processed, Processing
 from fecore.signal.estimators import Estimate
 from fecore.signal.heights import Heights
 from fecore.signal.judgement import Verdict
-from fecore.signal.points import FirstLook, Point, first_look, judge_points, second_look
+from fecore.signal.points import FirstLook, first_look, judge_points, second_look
 from fecore.signal.spectra import Source, Spectra
 
 _PART_BYTES = 4 * 2**20

@@ -19,7 +19,7 @@ from fecore.signal.comparison import compare_lines
 from fecore.signal.coupling import find_coupling, impulse
 from fecore.signal.document import Processing
 from fecore.signal.shares import MOST_SENSORS, Basis, find_basis, hit_frfs
-from fecore.signal.traits import Traits, find_traits, parts
+from fecore.signal.traits import Traits, find_traits
 from fecore.signal.windows import force_window, total_rate, windowed
 
 USABLE_SHARE = 1 / 2.56
@@ -34,6 +34,7 @@ SAME_RATE = 1e-4
 _FEWEST_LINES = 2  # that make a band
 _LOOKED_AT = 12  # hits from which windows are chosen
 _COUPLED = 36  # and the force channel's coupling
+_AT_ONCE = 2**18  # samples that are transformed together: fast, and within a processor's cache
 
 
 class Source(Protocol):
@@ -195,13 +196,14 @@ class Spectra:
     ) -> tuple[ComplexArray, list[ComplexArray]]:
         """(h, L) spectra of the force of the chosen hits, and of each response; a few hits at a time."""
         found: ComplexArray = np.empty((1 + len(hits[0].responses), len(chosen), self.lines.size), dtype=complex)
-        for part in parts(len(chosen), self.samples * len(found)):
-            some = chosen[part]
+        step = max(1, _AT_ONCE // (self.samples * len(found)))
+        for start in range(0, len(chosen), step):
+            part, some = slice(start, start + step), chosen[start : start + step]
             blocks, spectra = self._room(len(found), len(some))
             for row, i in enumerate(some):
                 self._force(hits[i], traits[i], blocks[0, row])
-                for channel, (block, before) in enumerate(zip(hits[i].responses, traits[i].before, strict=True), 1):
-                    windowed(block, before.offset, self.sample_rate, self.rate, blocks[channel, row])
+                for channel, (block, offset) in enumerate(zip(hits[i].responses, traits[i].offsets, strict=True), 1):
+                    windowed(block, offset, self.sample_rate, self.rate, blocks[channel, row])
             np.fft.rfft(blocks, out=spectra)
             found[:, part] = spectra[..., self.lines[0] : self.lines[-1] + 1]
         if self.delay is not None:

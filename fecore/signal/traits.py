@@ -1,306 +1,207 @@
-"""Numbers of hits that their judgement needs, each from its own blocks alone; no number depends on another hit."""
+"""Numbers of a hit that its judgement needs, each from its own blocks alone; they take its place once its samples are gone.
+
+| name | what it is |
+|---|---|
+| lost | 1 where the block holds no pulse above its noise, or not its beginning, or most of the response is lost; else 0 |
+| second | largest other pulse of the force over the first, where it stands out of its noise |
+| swing | the force's largest value against the sign of its pulse, over the pulse |
+| turned | 1 where the pulse points down; `judgement` makes it 1 where it points the other way than most |
+| flat | (n - 1)(n/m - 0.3), n samples within 0.03 % of a channel's largest value, m within 3 %: a round top has n/m = 0.1 |
+| beyond | part of a channel above the anti-alias filter's cut about the pulse and the noise, over its largest value |
+| height | peak force, N |
+| early | root mean square of the response before the pulse over its largest value; `judgement` takes it over the floor |
+| jump | largest third difference of the response in 64 samples over their mean: a spark, a loose cable, a cut record |
+| floor | mean step from sample to sample over the largest value, in the quietest part of the response |
+
+Of several channels the one that objects most speaks: the smallest `floor`, the largest of all else.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from itertools import groupby
 
 import numpy as np
 
-from fecore.arrays import FloatArray, IntArray
+from fecore.arrays import FloatArray
 from fecore.frf import Dof
-from fecore.signal.blocks import Block, ChannelQuantity, Hit
-from fecore.signal.estimators import squared
-from fecore.signal.pulse import Pulse, find_pulse, smallest_gap
+from fecore.signal.blocks import Block, Hit
+from fecore.signal.pulse import MEAN_TO_SD, Pulse, find_pulse, ringing
 
-_NEAR_TOP = 0.97  # share of the largest value from which a sample is near it
-_EQUAL = 1e-4  # of the largest value, within which two samples are the same
-REBOUND = 0.5
-"""Share of its largest value that a force may swing back: a pulse behind AC coupling comes to a fifth."""
-_SHARE_AT_TOP = 0.4  # of the samples near the top that are the same where a channel is cut off; of a round one 0.06
+OWN = ("lost", "second", "swing", "turned", "flat", "beyond", "height", "early", "jump", "floor")
+"""The names of the numbers, in their order."""
+
+_CLEAR = 8.0  # standard deviations of the noise that a pulse, and a second one, must reach
 _STOP_BAND = 0.475  # of the sampling rate: above it every anti-alias filter cuts
-_STOP_SAMPLES, _STOP_LEAD = 256, 32
-_AT_ONCE = 2**18
-"""Samples that are worked on together: enough for fast passes, few enough for a processor's cache."""
-_WEAKEST = 0.03  # of an analyser's window, that is undone: below it there is noise alone
-_SPECTRUM = 256  # samples before the pulse whose lines are taken
-LINES = 160
-"""Lines before the pulse, up to 0.31 of the sampling rate: above it the filter rings where the lead is short."""
-_SMOOTHING = (0.125, 0.375)  # outer and inner weights of four samples: 0.01 at 0.43 of the sampling rate
-_FILTER_REACH = 64  # samples before the pulse that the ringing of a linear-phase filter may reach
-
-
-@dataclass(frozen=True)
-class Top:
-    """How a channel's largest samples lie: many equal ones are an overload.
-
-    Attributes:
-        level: largest magnitude, unit of the block, the analyser's window undone.
-        equal: samples that reach it within 0.01 %.
-        near: samples that reach 97 % of it.
-        lopsided: for exactly two equal samples: how unlike the samples beside them are, as a share of the level.
-        stop_band: what lies above the anti-alias filter's cut about the pulse, as the magnitude of a single sample
-        with that
-            spectrum. A cut top is cut after the filter, so it has a part there that nothing else has.
-    """
-
-    level: float
-    equal: int
-    near: int
-    lopsided: float
-    stop_band: float
-
-    def flat(self, pulse: bool) -> bool:
-        """Whether the channel was cut off: three equal samples, or two on the top of an unsymmetrical pulse."""
-        if self.equal >= 3:
-            return self.equal > _SHARE_AT_TOP * self.near
-        return pulse and self.equal == 2 and self.near == 2 and self.lopsided > 0.1
-
-
-@dataclass(frozen=True)
-class Before:
-    """A response before the pulse: its offset, and how loud it is about it.
-
-    Attributes:
-        offset: mean, unit of the block, as it was before the analyser's window.
-        level: standard deviation about a straight line, smoothed over four samples with 1, 3, 3, 1: where the lead is short
-        the anti-alias filter of linear phase rings in it, near half of the sampling rate.
-        samples: how many it rests on; 0 where nothing lies before the pulse.
-        lines: (160,) |Σ x_j exp(-2πi j k/512)|² / n at k = 1 to 160, of its last n samples, up to 256, about their mean.
-        after: the same of as many samples behind the pulse.
-    """
-
-    offset: float
-    level: float
-    samples: int
-    lines: FloatArray = field(compare=False)
-    after: FloatArray = field(compare=False)
-
-
-@dataclass(frozen=True)
-class Channel:
-    """What a block was, without its samples."""
-
-    dof: Dof
-    quantity: ChannelQuantity
-    full_scale: float | None
-
-    @property
-    def name(self) -> str:
-        """What a sentence calls it."""
-        return "force" if self.quantity == "force" else f"{self.quantity} at point {self.dof.point}"
+_FEWEST = 16  # samples before the pulse that say something
+_ABOUT = 256  # samples about the pulse, and on either side of it, whose spectra are taken
+_REACH = 64  # samples that the ringing of a linear-phase filter may reach
 
 
 @dataclass(frozen=True)
 class Traits:
-    """Numbers of one hit; they take its place once its samples are gone.
+    """Numbers of one hit.
 
     Attributes:
         number: which hit of its point it is.
-        sample_rate_hz: samples a second.
-        samples: length of the blocks.
-        channels: force first, then the responses.
+        force: where it was hit.
         pulse: the hammer's pulse.
-        tops: of each channel, how its largest samples lie.
-        before: of each response, what lay before the pulse.
-        rebound: the force's largest value against the sign of its largest one, as a share of that.
-        lasting: of each channel, how many samples it lasts, (Σx²)²/Σx⁴ about its mean, 0 where it holds nothing; empty for
-        a force that swings back by less than half, which is a pulse.
+        offsets: of each response, its mean before the pulse, as it was before the analyser's window.
+        own: the numbers of `OWN`; NaN where the blocks do not show one.
+        cut: the channel whose top speaks most for an overload.
+        overload: largest share of its stated full scale that a channel reaches, and which; 0 where none is stated.
+        samples: length of the blocks.
+        sample_rate_hz: samples a second.
     """
 
     number: int
-    sample_rate_hz: float
-    samples: int
-    channels: tuple[Channel, ...]
+    force: Dof
     pulse: Pulse
-    tops: tuple[Top, ...]
-    before: tuple[Before, ...]
-    rebound: float
-    lasting: tuple[float, ...]
+    offsets: tuple[float, ...]
+    own: FloatArray = field(compare=False)
+    cut: str
+    overload: tuple[float, str]
+    samples: int
+    sample_rate_hz: float
 
     @property
-    def force(self) -> Dof:
-        """Where it was hit."""
-        return self.channels[0].dof
+    def clear(self) -> bool:
+        """Whether the force holds a pulse above its noise."""
+        return abs(self.pulse.height) > _CLEAR * self.pulse.noise
 
     @property
-    def responses(self) -> tuple[Dof, ...]:
-        """Where the sensors stood."""
-        return tuple(channel.dof for channel in self.channels[1:])
-
-
-def parts(hits: int, values: int) -> Iterator[slice]:
-    """Hits of so many values each, in parts that are worked on together."""
-    step = max(1, min(hits, _AT_ONCE // values))
-    return (slice(start, min(start + step, hits)) for start in range(0, hits, step))
+    def second_s(self) -> float:
+        """How long after the first pulse the second one comes, s."""
+        return (self.pulse.second_at - self.pulse.peak) / self.sample_rate_hz
 
 
 def find_traits(hits: Sequence[Hit]) -> tuple[Traits, ...]:
-    """The numbers that judge hits of one length, sampling rate and set of sensors, in their order."""
-    found: list[Traits] = []
-    for _, alike in groupby(hits, lambda hit: [block.window_rate_per_s for block in (hit.force, *hit.responses)]):
-        same = list(alike)
-        for part in parts(len(same), same[0].samples):
-            found += _traits(same[part])
-    return tuple(found)
-
-
-def _traits(hits: Sequence[Hit]) -> Iterator[Traits]:
-    rate = hits[0].sample_rate_hz
-    pulses = [find_pulse(hit.force, rate) for hit in hits]
-    by_channel = list(zip(*((hit.force, *hit.responses) for hit in hits), strict=True))
-    beyond = iter(
-        _stop_bands(
-            [_about(block, pulse, rate) for blocks in by_channel for block, pulse in zip(blocks, pulses, strict=True)]
-        )
-    )
-    channels = [[_largest(block, rate, next(beyond)) for block in blocks] for blocks in by_channel]
-    before = [_before(blocks, pulses, rate) for blocks in by_channel[1:]]
-    for i, (hit, pulse) in enumerate(zip(hits, pulses, strict=True)):
-        blocks = (hit.force, *hit.responses)
-        rebound = _rebound(hit.force, pulse, rate, channels[0][i].sides)
-        yield Traits(
-            number=hit.number,
-            sample_rate_hz=rate,
-            samples=hit.samples,
-            channels=tuple(Channel(block.dof, block.quantity, block.full_scale) for block in blocks),
-            pulse=pulse,
-            tops=tuple(channel[i].top for channel in channels),
-            before=tuple(channel[i] for channel in before),
-            rebound=rebound,
-            lasting=tuple(_lasting(block.samples) for block in blocks) if rebound > REBOUND else (),
-        )
+    """The numbers of hits, in their order."""
+    return tuple(_traits(hit) for hit in hits)
 
 
 @dataclass(frozen=True)
-class _Largest:
-    """Of one block: its top, and its largest magnitudes to either side."""
+class _Channel:
+    """Numbers of one channel, and the mean of a response before the pulse."""
 
-    top: Top
-    sides: tuple[float, float]
+    name: str
+    share: float
+    flat: float
+    beyond: float
+    floor: float
+    early: float = np.nan
+    jump: float = np.nan
+    offset: float = 0.0
 
 
-def _largest(block: Block, rate: float, beyond: float) -> _Largest:
-    """How a block's largest samples lie, in few passes, for a campaign has thousands of blocks. `beyond` is what it has in
-    the stop band.
+def _traits(hit: Hit) -> Traits:
+    rate, pulse = hit.sample_rate_hz, find_pulse(hit.force, hit.sample_rate_hz)
+    channels = [_channel(block, pulse, rate) for block in (hit.force, *hit.responses)]
+    responses = channels[1:]
+    height = max(abs(pulse.height), 1e-300)
+    lost = pulse.peak > 0.5 * hit.samples or pulse.start < max(0.1 * pulse.width, 2.0)
+    own = {
+        "lost": float(lost or abs(pulse.height) <= _CLEAR * pulse.noise),
+        "second": pulse.second if pulse.second_z > _CLEAR else 0.0,
+        "swing": _swing(hit.force, pulse, rate) / height,
+        "turned": float(pulse.height < 0),
+        "flat": max(channel.flat for channel in channels),
+        "beyond": max(channel.beyond for channel in channels),
+        "height": height,
+        "early": max(channel.early for channel in responses),
+        "jump": max(channel.jump for channel in responses),
+        "floor": min(channel.floor for channel in responses),
+    }
+    fullest = max(channels, key=lambda channel: channel.share)
+    return Traits(
+        number=hit.number,
+        force=hit.force.dof,
+        pulse=pulse,
+        offsets=tuple(channel.offset for channel in responses),
+        own=np.array([own[name] for name in OWN]),
+        cut=max(channels, key=lambda channel: (channel.flat, channel.beyond)).name,
+        overload=(fullest.share, fullest.name),
+        samples=hit.samples,
+        sample_rate_hz=rate,
+    )
+
+
+def _channel(block: Block, pulse: Pulse, rate: float) -> _Channel:
+    x = block.undone(rate)
+    level, floor = max(float(x.max()), -float(x.min()), 1e-300), _floor(x[: block.shown(rate)])
+    of_all = (level / block.full_scale if block.full_scale else 0.0, _flat(x, level), _beyond(x, pulse, floor) / level)
+    if block.quantity == "force":
+        return _Channel("force", *of_all, floor / level)
+    lead = _lead(x, pulse)
+    offset = float(lead.mean()) if lead.size >= _FEWEST else 0.0
+    name = f"{block.quantity} at point {block.dof.point}"
+    return _Channel(name, *of_all, floor / level, _before(lead, level), _jump(x, pulse), offset)
+
+
+def _lead(samples: FloatArray, pulse: Pulse) -> FloatArray:
+    """Samples before the pulse and the ringing of the filter."""
+    return samples[: max(pulse.start - min(_REACH + 2 * pulse.width, pulse.start // 2), 0)]
+
+
+def _swing(force: Block, pulse: Pulse, rate: float) -> float:
+    """Largest force against the sign of the pulse."""
+    x = (force.undone(rate) - pulse.baseline) * np.sign(pulse.height)
+    return max(-float(x.min()), 0.0)
+
+
+def _flat(x: FloatArray, level: float) -> float:
+    size = np.abs(x)
+    equal, near = (int(np.count_nonzero(size >= share * level)) for share in (1 - 3e-4, 0.97))
+    return (equal - 1) * max(equal / max(near, 1) - 0.3, 0.0)
+
+
+def _beyond(x: FloatArray, pulse: Pulse, floor: float) -> float:
+    """Root mean square of the spectrum above the filter's cut about the pulse, the size of a sample with that spectrum, beyond
+    twice what the noise has.
     """
-    samples = size = block.samples
-    window, step = block.window(rate), 0.0
-    sides = high, low = abs(samples.max()), abs(samples.min())
-    if window is not None:  # which may have come before the converter
-        few = np.abs(samples[:: max(1, samples.size // 512)])
-        step = smallest_gap(few, 1e-6 * float(max(sides)))
-        window = np.maximum(window, _WEAKEST)
-        size = samples / window
-        high, low = abs(size.max()), abs(size.min())
-    near = _NEAR_TOP * max(high, low)
-    reach = size >= near
-    if low >= near:
-        reach |= size <= -near
-    top = _top(size, np.flatnonzero(reach), window, step=step, stop_band=beyond)
-    return _Largest(top, (float(sides[0]), float(sides[1])))
-
-
-def _rebound(force: Block, pulse: Pulse, rate: float, sides: tuple[float, float]) -> float:
-    """How far a force swings back, over its largest value. The block's own extremes say it for nearly all hits; where they
-    are far on both sides, an offset of the channel may be in them.
-    """
-    small, large = sorted(sides)
-    if small > REBOUND * large and pulse.baseline:
-        window = force.window(rate)
-        x = force.samples - (pulse.baseline if window is None else pulse.baseline * window)
-        small, large = sorted((abs(float(x.max())), abs(float(x.min()))))
-    return small / large if large > 0 else 0.0
-
-
-def _lasting(samples: FloatArray) -> float:
-    largest = float(np.abs(samples).max())
-    if largest == 0:
-        return 0.0
-    power = ((samples - samples.mean()) / largest) ** 2
-    fourth = float(power @ power)
-    return float(power.sum()) ** 2 / fourth if fourth > 0 else 0.0
-
-
-def _top(x: FloatArray, high: IntArray, window: FloatArray | None, *, step: float, stop_band: float) -> Top:
-    """Of one block, the window undone, and its samples that reach 97 % of the largest magnitude."""
-    size = np.abs(x[high])
-    level = float(size.max())
-    slack: float | FloatArray = _EQUAL * level
-    if window is not None:
-        slack = np.minimum(np.maximum(slack, step / window[high]), 10 * _EQUAL * level)
-    equal = high[size >= level - slack]
-    lopsided = 0.0
-    if equal.size == 2 and equal[1] == equal[0] + 1 and equal[0] > 0 and equal[1] + 1 < x.size and level > 0:
-        lopsided = float(abs(abs(x[equal[0] - 1]) - abs(x[equal[1] + 1]))) / level
-    return Top(level, int(equal.size), int(high.size), lopsided, stop_band)
-
-
-def _about(block: Block, pulse: Pulse, rate: float) -> FloatArray:
-    """Samples about the pulse, the window undone."""
-    start = max(pulse.start - _STOP_LEAD, 0)
-    cut = slice(start, start + _STOP_SAMPLES)
-    part = np.asarray(block.samples[cut], dtype=float)
-    window = block.window(rate)
-    return part if window is None else part / np.maximum(window[cut], _WEAKEST)
-
-
-def _stop_bands(parts: Sequence[FloatArray]) -> list[float]:
-    """Root mean square of the spectrum above the filter's cut, of the samples about each pulse."""
-    if len({part.size for part in parts}) > 1:  # a pulse at the end of its block has fewer behind it
-        return [value for part in parts for value in _stop_bands([part])]
-    table = np.array(parts)
-    table = (table - table[:, :1]) * _taper(table.shape[1])
-    high = np.fft.rfft(table)[:, int(np.ceil(_STOP_BAND * table.shape[1])) :]
-    values: list[float] = np.sqrt(np.mean(high.real**2 + high.imag**2, axis=1)).tolist()
-    return values
+    start = max(pulse.start - _ABOUT // 8, 0)
+    part = x[start : start + _ABOUT]
+    taper = _taper(part.size)
+    high = np.fft.rfft((part - part[0]) * taper)[int(np.ceil(_STOP_BAND * part.size)) :]
+    power = float(np.mean(high.real**2 + high.imag**2)) - (2 * MEAN_TO_SD * floor) ** 2 * float(taper @ taper)
+    return float(np.sqrt(max(power, 0.0)))
 
 
 @lru_cache(maxsize=8)
 def _taper(samples: int) -> FloatArray:
     """(n,) 1 over the lead and the first quarter, then a raised cosine down to 0."""
     ramp = np.clip((np.arange(samples) - samples / 4) / (0.75 * samples), 0, 1)
-    weights: FloatArray = 0.5 + 0.5 * np.cos(np.pi * ramp)
-    return weights
+    return np.asarray(0.5 + 0.5 * np.cos(np.pi * ramp))
 
 
-def _level(values: FloatArray) -> float:
-    """Standard deviation about a straight line of (n,) values, smoothed over four samples: neither a drift nor the slow swing
-    of a body on its cords is a body that rings.
-    """
-    outer, inner = _SMOOTHING
-    smooth = outer * (values[3:] + values[:-3]) + inner * (values[2:-1] + values[1:-2])
-    count = smooth.size
-    rise = float(np.arange(count) @ smooth) - (count - 1) / 2 * float(smooth.sum())
-    power = float(smooth @ smooth) - float(smooth.sum()) ** 2 / count - 12 * rise**2 / (count * (count**2 - 1))
-    return float(np.sqrt(max(power, 0.0) / count))
+def _before(lead: FloatArray, level: float) -> float:
+    """`early`; NaN where too little lies before the pulse. A drift is no body that rings: the straight line is taken out."""
+    before = lead[-_ABOUT:]
+    if before.size < _FEWEST:
+        return np.nan
+    rise = np.linspace(-1, 1, before.size)
+    before = before - before.mean() - rise * float(rise @ before) / float(rise @ rise)
+    taper = np.hanning(before.size)
+    loudest = float(np.abs(np.fft.rfft(before * taper)).max())
+    return loudest / float(np.sqrt(taper @ taper * np.log(before.size / 2))) / level
 
 
-def _before(blocks: Sequence[Block], pulses: Sequence[Pulse], sample_rate_hz: float) -> list[Before]:
-    """What lies before the pulse in one response of several hits; the transforms of all are one call."""
-    found, beside = [], np.zeros((2, len(blocks), 2 * _SPECTRUM))
-    for row, (block, pulse) in enumerate(zip(blocks, pulses, strict=True)):
-        reach = min(_FILTER_REACH + 2 * pulse.width, pulse.start // 2)
-        part = np.asarray(block.samples[: max(pulse.start - reach, 0)], dtype=float)
-        if part.size < 8:
-            found.append((0.0, 0.0, 0))
-            continue
-        window = block.window(sample_rate_hz)
-        if window is not None:
-            part = part / window[: part.size]
-        offset = float(part.sum()) / part.size
-        found.append((offset, _level(part - offset), int(part.size)))
-        end = part[-_SPECTRUM:]
-        behind = slice(pulse.stop + _FILTER_REACH, pulse.stop + _FILTER_REACH + end.size)
-        ringing = np.asarray(block.samples[behind], dtype=float)
-        if window is not None:
-            ringing = ringing / window[behind]
-        for side, values in enumerate((end, ringing)):
-            beside[side, row, : values.size] = values - float(values.sum()) / max(values.size, 1)
-    powers = squared(np.fft.rfft(beside)[..., 1 : LINES + 1])
-    return [
-        Before(offset, level, samples, *(power / max(min(samples, _SPECTRUM), 1)).astype(np.float32))
-        for (offset, level, samples), power in zip(found, powers.swapaxes(0, 1), strict=True)
-    ]
+def _jump(x: FloatArray, pulse: Pulse) -> float:
+    third = np.abs(np.diff(x, 3))
+    parts = third[: third.size // _REACH * _REACH].reshape(-1, _REACH)
+    if not len(parts) or third.max() == 0:
+        return 1.0
+    guard = ringing(pulse.start, pulse.stop) + _REACH
+    number = np.arange(len(parts)) * _REACH
+    away = (number + _REACH < pulse.start - guard) | (number > pulse.stop + guard)
+    if not away.any():
+        return 1.0
+    return float((parts.max(axis=1) / (parts.mean(axis=1) + 0.01 * third.max()))[away].max())
+
+
+def _floor(x: FloatArray) -> float:
+    steps = np.abs(np.diff(x))
+    size = max(steps.size // 32, 16)
+    count = steps.size // size
+    return float(steps[: count * size].reshape(count, size).mean(axis=1).min())

@@ -204,6 +204,9 @@ def hits(
         Path | None, typer.Option(help="JSON that says which variable is what; without it one is proposed", exists=True)
     ] = None,
     process: Annotated[bool, typer.Option("--process", help="Make FRFs of the good hits then")] = False,
+    false_discovery: Annotated[
+        float | None, typer.Option(help="With --process: refuse hits whose probability of being good is below")
+    ] = None,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
@@ -223,7 +226,9 @@ def hits(
             judged += service.get(f"imports/{sent['id']}/records")["hits"]
         placed = bool(service.get(f"{path}/grid-points")["items"])
         if process:
-            job = wait_for(service, f"processings/{service.post(f'{path}/processings', {})['id']}", "processing")
+            options = {} if false_discovery is None else {"false_discovery": false_discovery}
+            made = service.post(f"{path}/processings", options)
+            job = wait_for(service, f"processings/{made['id']}", "processing")
             require_success(job, "processing")
     if as_json:
         print_json(judged)

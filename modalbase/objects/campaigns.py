@@ -211,7 +211,7 @@ class Campaign(Editable):
 
         Args:
             wait: for its end.
-            options: `estimator`, `windows`, `band_hz`, `delay_s`, `overrules`.
+            options: `estimator`, `windows`, `band_hz`, `delay_s`, `false_discovery`, `overrules`.
 
         Raises:
             JobFailed: it did not succeed.

@@ -95,12 +95,13 @@ def describe_verdict(verdict: Verdict) -> dict[str, Any]:
         "direction": verdict.force.direction,
         "hit": verdict.number,
         "accepted": verdict.accepted,
+        "probability": round(float(verdict.probability), 6),
         "overruled": verdict.overruled,
         "findings": [
             {
                 "criterion": f.criterion,
                 "number": float(f.number) if np.isfinite(f.number) else None,
-                "limit": float(f.limit),
+                "limit": float(f.limit) if np.isfinite(f.limit) else None,
                 "failed": bool(f.failed),
                 "sentence": f.sentence,
             }

@@ -162,6 +162,7 @@ def _document(found: Findings, frfs: list[dict[str, Any]], left_out: Sequence[st
             "windows": windows and {"force_length_s": windows.force_length_s, "rate_per_s": windows.rate_per_s},
             "band_hz": found.processing.band_hz,
             "delay_s": found.processing.delay_s,
+            "false_discovery": found.processing.false_discovery,
         },
         "force_coupling": found.coupling
         and {"amplitude_per_s": found.coupling.amplitude_per_s, "rate_per_s": found.coupling.rate_per_s},

@@ -26,7 +26,6 @@ from fecore.modal import Options, identify
 from fecore.modes import MeasuredModes
 from fecore.signal import Block, Hit, Processing, process
 from fecore.signal.estimators import check_estimator
-from fecore.signal.judgement import Limits
 from fecore.signal.windows import Windows, remove_window
 from fecore.trend.baseline import fit_baseline
 from fecore.trend.change import ChangePoint, rate_since_onset
@@ -145,7 +144,7 @@ MEASUREMENTS: list[tuple[Callable[[], object], str]] = [
     (lambda: Processing(delay_s=1.0), "delay_s: is 1.0, expected less than a second"),
     (lambda: Processing(band_hz=(3, 1)), "band_hz: is (3, 1), expected two increasing frequencies in Hz"),
     (lambda: check_estimator("H3"), "estimator: is 'H3', expected one of H1, H2, Hv"),
-    (lambda: Limits(second_pulse=0.0), "limits.second_pulse: is 0.0, expected 0.03 or more"),
+    (lambda: Processing(false_discovery=1.0), "false_discovery: is 1.0, expected 0 to 0.9"),
     (lambda: Windows(0.0), "windows.force_length_s: is 0.0, expected a positive number of seconds"),
     (lambda: Windows(rate_per_s=-1.0), "windows.rate_per_s: is -1.0, expected 0 or more per second"),
     (lambda: remove_window(LINES, LINES, -1.0), "rate_per_s: is -1.0, expected 0 or more per second"),

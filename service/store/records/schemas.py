@@ -9,7 +9,7 @@ from uuid import UUID
 import numpy as np
 from pydantic import Field
 
-from fecore.signal import Estimator, Processing, Windows
+from fecore.signal import FALSE_DISCOVERY, Estimator, Processing, Windows
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records import Mapping, TimeBlock, Variables, blocks_of, propose, read_mapping
 from service.errors import Fault, Invalid, pointer
@@ -50,11 +50,11 @@ class RecordOut(StrictModel):
 class HitFindingOut(StrictModel):
     """One criterion of one hit."""
 
-    criterion: Literal["double", "overload", "quiet", "late", "early", "place", "polarity", "height", "swapped"]
-    number: float | None = Field(
-        description="null where it is infinite; of `place`, in mm where the hit could be located, as its sentence says"
-    )
-    limit: float
+    criterion: Literal[
+        "double", "overload", "quiet", "hard", "late", "early", "cut", "place", "polarity", "height", "swapped"
+    ]
+    number: float | None = Field(description="null where it is infinite")
+    limit: float | None = Field(description="the number that alone would refuse the hit; null where none would")
     failed: bool
     sentence: str
 
@@ -66,6 +66,9 @@ class HitOut(StrictModel):
     direction: int
     hit: int
     accepted: bool
+    probability: float | None = Field(
+        None, description="that the hit is good; null in a judgement of an earlier version"
+    )
     overruled: bool | None = Field(description="what a user decided against the findings")
     findings: list[HitFindingOut]
 
@@ -122,6 +125,9 @@ class ProcessingIn(StrictModel):
     )
     band_hz: tuple[Annotated[float, Field(ge=0, le=1e7)], Annotated[float, Field(gt=0, le=1e7)]] | None = None
     delay_s: float = Field(0.0, gt=-1, lt=1, description="lag of the response, to be taken out; at most half a block")
+    false_discovery: float = Field(
+        FALSE_DISCOVERY, ge=0, le=0.9, description="a hit is refused where its probability of being good is below"
+    )
     overrules: list[OverruleIn] = Field(default_factory=list, max_length=100_000)
 
     def processing(self) -> Processing:
@@ -131,7 +137,7 @@ class ProcessingIn(StrictModel):
             InputError: the band is empty.
         """
         windows = None if self.windows is None else Windows(self.windows.force_length_s, self.windows.rate_per_s)
-        return Processing(self.estimator, windows, self.band_hz, self.delay_s)
+        return Processing(self.estimator, windows, self.band_hz, self.delay_s, self.false_discovery)
 
 
 class ProcessingOut(JobOut):

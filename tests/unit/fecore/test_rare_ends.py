@@ -15,12 +15,7 @@ from fecore.body.profile import Piece
 from fecore.body.specimen import Specimen
 from fecore.body.supports import Supports
 from fecore.errors import UpdatingError
-from fecore.frf import Dof
-from fecore.signal import delay, judgement, points, pulse, shares
-from fecore.signal.comparison import Comparison, Offset
-from fecore.signal.judgement import Finding, Limits, Verdict
-from fecore.signal.traits import Before
-from fecore.signal.usual import Lines, Ordinary
+from fecore.signal import delay, pulse, shares
 from fecore.updating import campaigns, damping_data, plausibility
 from fecore.updating.excursions import excursions
 from fecore.updating.findings import MOST_WARNINGS, warnings
@@ -38,29 +33,7 @@ def test_numbers_of_hits_that_have_little_to_say() -> None:
     assert [line for line, _ in delay._peaks(size, None)] == [20]
     assert delay._peaks(size, np.ones(41)) == []
     assert shares._strongest(np.zeros((4, 6))) == []
-    assert pulse._second(np.ones(50), None, 10, 5, 45, 1.0) == (0.0, 0.0, 10)
-    quiet = Before(0.0, 1.0, 100, np.ones(3), np.ones(3))
-    assert judgement._loudest_line(quiet, Lines(np.zeros(3), 1.0), Limits()) == (0.0, Limits().before_line)
-    loud = Before(0.0, 9.0, 100, np.full(3, 1e-6), np.array([1.0, 1.0, 0.0]))
-    limits = Limits()
-    kept = judgement._still_rings(loud, 1.0, Ordinary(1e-3, 1e-3), Lines(np.full(3, 1e-9), 1.0), limits)
-    assert "of what the hit excites there, so the hit is not refused" in kept.sentence
-    assert not kept.failed
-    moved = judgement._placed(Offset(1.0, 0.0), 0.5 * limits.alike, limits)
-    assert moved.sentence.endswith("so it is not refused.")
-    assert not moved.failed
-
-
-def test_of_few_hits_apart_nobody_can_say_which() -> None:
-    far = Finding("place", 9.0, 3.0, True, "It lies elsewhere.")
-    near = Finding("place", 1.0, 3.0, False, "It lies here.")
-    verdicts = [Verdict(Dof(1, 3), n, (finding,)) for n, finding in enumerate((far, far, near, near, near))]
-    alike = Comparison(0.9, 0.0, 1.0)
-    assert points._undecided(verdicts, [alike] * 5) == verdicts  # two of five
-    found = points._undecided(verdicts[1:3], [alike] * 2)
-    assert [f.failed for verdict in found for f in verdict.findings] == [False, False]
-    (said,) = found[0].findings
-    assert said.sentence.endswith("As 1 of the point's 2 hits lie apart, it is open which were hit at the right place.")
+    assert pulse._second(np.ones(50), 10, 5, 45) == (0.0, 0.0, 10)
 
 
 def test_remarks_beyond_a_dozen_are_counted() -> None:

@@ -64,9 +64,9 @@ TOUR = {point: (0.1 * point, 0.0) for point in range(1, 8)}
         (DEAD, None, "The force block holds no pulse above its noise"),
         (np.full(SAMPLES, 3.0), None, "The force block holds no pulse above its noise"),
         (pulse(at=SAMPLES - 6), None, "The pulse lies at 100% of the block; most of the response is lost."),
-        (None, DEAD, "2048 samples of the acceleration at point 9 stand at its largest level, 0"),
-        (LOUD, DEAD, "its top was cut off behind the filter"),
-        (LOUD, LOUD, "its top was cut off behind the filter"),
+        (None, DEAD, "The channel lost its signal, or holds noise alone."),
+        (LOUD, DEAD, "The channel lost its signal, or holds noise alone."),
+        (LOUD, LOUD, "The channels seem swapped."),
     ],
 )
 def test_a_hit_of_almost_nothing_is_refused_beside_good_ones(

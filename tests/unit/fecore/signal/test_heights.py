@@ -59,9 +59,8 @@ def test_two_hits_of_five_under_another_range_are_named_and_left_out(factor: flo
     hits = [_scaled(one.hit, factor) if n in (1, 3) else one.hit for n, one in enumerate(simulated)]
     verdicts = process(by_point(hits)).verdicts
     assert [v.accepted for v in verdicts[:5]] == [True, False, True, False, True]
-    assert all(v.faults[-1].criterion == "height" for v in (verdicts[1], verdicts[3]))  # its noise may be louder too
-    fault = verdicts[1].faults[-1]
-    assert fault.number == pytest.approx(factor, rel=0.3)
+    fault, other = (next(f for f in verdicts[k].faults if f.criterion == "height") for k in (1, 3))
+    assert np.log([fault.number, other.number]) == pytest.approx(np.log(factor), abs=0.5)  # hits differ by place, too
     assert "sensitivity" in fault.sentence
 
 
